@@ -1,0 +1,1 @@
+"""From vendors' sockets to normalised forecasts: the receiving half of the service."""

@@ -1,0 +1,73 @@
+"""Counts, levels and distributions that a role keeps of itself, by metric name.
+
+State lives here once; `metrics/exposition.py` derives the Prometheus text from it. A role sends its measures to
+another process as the dictionary of `as_document`.
+"""
+
+from bisect import bisect_left
+from collections import defaultdict
+from collections.abc import Iterable
+from typing import Any
+
+Labels = tuple[str, ...]
+
+LATENCY_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0)
+
+
+class Histogram:
+    """Observations counted by upper bound, as Prometheus counts them."""
+
+    def __init__(self, bounds: tuple[float, ...] = LATENCY_BOUNDS_S) -> None:
+        self.bounds = bounds
+        self.counts = [0] * (len(bounds) + 1)
+        self.total = 0.0
+
+    def observe(self, value: float) -> None:
+        self.counts[bisect_left(self.bounds, value)] += 1
+        self.total += value
+
+    def quantile(self, share: float) -> float:
+        """The upper bound of the bucket in which the `share` quantile lies; inf beyond the last bound."""
+        wanted, seen = share * sum(self.counts), 0
+        for bound, count in zip((*self.bounds, float("inf")), self.counts, strict=True):
+            seen += count
+            if seen >= wanted and seen:
+                return bound
+        return 0.0
+
+
+class Measures:
+    """One role's measures. Label values are bounded sets: vendors, rules, states, never robots."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, dict[Labels, float]] = defaultdict(dict)
+        self.histograms: dict[str, dict[Labels, Histogram]] = defaultdict(dict)
+
+    def count(self, name: str, *labels: str, by: float = 1) -> None:
+        series = self.values[name]
+        series[labels] = series.get(labels, 0) + by
+
+    def level(self, name: str, series: dict[Labels, float]) -> None:
+        """Replace every series of a gauge, so that what no longer exists is no longer shown."""
+        self.values[name] = dict(series)
+
+    def observe(self, name: str, values: Iterable[float], *labels: str) -> None:
+        histogram = self.histograms[name].setdefault(labels, Histogram())
+        for value in values:
+            histogram.observe(value)
+
+    def as_document(self) -> dict[str, Any]:
+        """JSON-ready: `values` and `histograms`, each name to a list of `[labels, ...]` rows."""
+        return {
+            "values": {
+                name: [[list(labels), value] for labels, value in sorted(series.items())]
+                for name, series in sorted(self.values.items())
+            },
+            "histograms": {
+                name: [
+                    [list(labels), list(one.bounds), list(one.counts), one.total]
+                    for labels, one in sorted(series.items())
+                ]
+                for name, series in sorted(self.histograms.items())
+            },
+        }

@@ -1,0 +1,144 @@
+"""Settings of the receiving half: datums, vendors and their maps, sockets, clocks, recording.
+
+Each is a frozen section of the site file (`deconflict/site.py` composes and loads the file). An unknown key is
+an error. Every field has a unit in its name or a word on what it means.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+NIL_DATUM = "00000000-0000-0000-0000-000000000000"
+
+Metres = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(allow_inf_nan=False)]
+DatumId = Annotated[str, AfterValidator(str.lower)]
+Envelope = tuple[
+    Annotated[float, Field(gt=0, allow_inf_nan=False)],
+    Annotated[float, Field(gt=0, allow_inf_nan=False)],
+    Metres,
+]
+"""Length along the heading, width across it and height, metres; height 0 means unknown."""
+
+
+class Section(BaseModel):
+    """A part of the site file: frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class ReferencePoint(Section):
+    """A datum reference point (standard 3.1): a mark on the floor that every vendor can survey."""
+
+    id: str
+    name: str = ""
+    x: Coordinate
+    y: Coordinate
+
+
+class Datum(Section):
+    """A planar datum (standard 3.2): one floor's common frame."""
+
+    id: DatumId
+    name: str
+    level: int = 0
+    coordinates: Literal["metres", "latlon", "latlon-relative"] = "metres"
+    """What x and y are: metres; latitude and longitude in degrees; or both relative to `reference_location`."""
+    reference_location: tuple[Coordinate, Coordinate] | None = None
+    """Latitude and longitude of the floor's origin, degrees; needed by both `latlon` readings."""
+    reference_points: tuple[ReferencePoint, ...] = ()
+
+
+class VendorMap(Section):
+    """A vendor's own map: its own readings of a datum's reference points."""
+
+    datum: DatumId
+    """The datum id this vendor sends when it speaks in this map."""
+    site_datum: DatumId
+    """The site's datum these readings belong to."""
+    readings: dict[str, tuple[Coordinate, Coordinate]]
+    """Reference point id to the x, y the vendor's map gives it."""
+    mirrored: bool = False
+    """True if the vendor's frame is left-handed as seen from above."""
+    tolerance_m: Metres = 0.25
+    """Largest residual accepted at a reference point."""
+
+
+class Model(Section):
+    """What the standard cannot say about a robot model."""
+
+    envelope_m: Envelope | None = None
+    """Replaces the envelope the robot reports."""
+    offset_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    """Envelope centre relative to the reported location, along the heading and to its left."""
+    loaded_envelope_m: Envelope | None = None
+    """Envelope while any load is carried."""
+    loaded_offset_m: tuple[Coordinate, Coordinate] | None = None
+
+
+class Vendor(Section):
+    """One vendor: how to know its robots and how to read them."""
+
+    name: str
+    manufacturers: tuple[str, ...] = ()
+    """Values of `manufacturerName` that mean this vendor; its own name always does. Case is ignored."""
+    participant: Literal["robot", "person"] = "robot"
+    default_envelope_m: Envelope | None = None
+    """Envelope of a robot that has not identified itself; the site's default if absent."""
+    models: dict[str, Model] = {}
+    maps: tuple[VendorMap, ...] = ()
+    robots: tuple[str, ...] = ()
+    """UUIDs that belong to this vendor whether or not they identify themselves."""
+    names_as_uuid: bool = False
+    """Accept robot names where a UUID belongs, each under a UUID derived from vendor and name."""
+    dial: tuple[str, ...] = ()
+    """`ws://` addresses of fleet managers to connect to."""
+
+
+class Receiver(Section):
+    """The robots' port."""
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535)] = 3000
+    """0 takes any free port."""
+    max_message_bytes: Annotated[int, Field(gt=0)] = 65536
+    open_timeout_s: Seconds = 5.0
+    idle_timeout_s: Seconds = 120.0
+    """A connection that has sent nothing for this long is closed; unanswered pings never close one."""
+    max_connections: Annotated[int, Field(gt=0)] = 12000
+    max_connections_per_peer: Annotated[int, Field(gt=0)] = 10000
+    dial_backoff_s: tuple[Seconds, Seconds] = (0.5, 30.0)
+    """First and longest wait between attempts to reach a fleet manager."""
+
+
+class Recorder(Section):
+    """The append-only log of every message and tick."""
+
+    enabled: bool = True
+    segment_bytes: Annotated[int, Field(gt=0)] = 64 * 1024 * 1024
+    total_bytes: Annotated[int, Field(gt=0)] = 4 * 1024 * 1024 * 1024
+    """The oldest segments go when the log grows beyond this."""
+
+
+class Reading(Section):
+    """How messages are read where the standard leaves it open."""
+
+    horizon_s: Seconds = 10.0
+    """How far ahead a path is used (standard 5.3.3)."""
+    destination_horizon_s: Seconds = 900.0
+    """How far ahead destinations are used (standard 5.2.3)."""
+    default_envelope_m: Envelope = (1.0, 1.0, 0.0)
+    """Envelope of a robot that has not identified itself and whose vendor has no default."""
+    quiet_after_s: Seconds = 30.0
+    silent_after_s: Seconds = 60.0
+    forget_after_s: Seconds = 86400.0
+    """A robot silent for this long leaves the floor, logged and counted; until then it is an obstacle."""
+    clock_tolerance_s: Seconds = 0.25
+    """A sender whose clock seems off by less is taken to be right and its messages to be delayed."""
+    lost_doubt_m: Metres = 1.0
+    """How far off the position of a robot that reports itself lost may be."""
+    blocking_errors: tuple[str, ...] = ("stuck", "safety stop", "estop", "e-stop", "emergency stop")
+    """Error codes containing one of these (case ignored) make the robot an obstacle where it stands."""
+    lost_errors: tuple[str, ...] = ("lost",)
+    """Error codes containing one of these make the robot's position doubtful."""

@@ -1,0 +1,56 @@
+"""Imports run one way: ingest <- deconflict <- metrics; only the composition root may look right."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+FORBIDDEN = {"ingest": {"deconflict", "metrics"}, "deconflict": {"metrics"}, "metrics": set[str]()}
+COMPOSITION_ROOT = Path("deconflict/__main__.py")
+
+
+def imported_packages(source: str) -> set[str]:
+    modules: list[str] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            modules += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            modules.append(node.module)
+    return {name.split(".")[0] for name in modules}
+
+
+@pytest.mark.parametrize("package", sorted(FORBIDDEN))
+def test_package_imports_only_what_lies_to_its_left(package: str) -> None:
+    files = [path for path in (ROOT / package).rglob("*.py") if path.relative_to(ROOT) != COMPOSITION_ROOT]
+    assert files
+    offenders = {
+        str(path.relative_to(ROOT)): wrong
+        for path in files
+        if (wrong := imported_packages(path.read_text()) & FORBIDDEN[package])
+    }
+    assert not offenders
+
+
+def test_nothing_imports_the_composition_root() -> None:
+    offenders = [
+        str(path)
+        for package in FORBIDDEN
+        for path in (ROOT / package).rglob("*.py")
+        if "deconflict.__main__" in path.read_text()
+    ]
+    assert not offenders
+
+
+@pytest.mark.parametrize(
+    ("library", "home"),
+    [("fcl", "deconflict/exact.py"), ("prometheus_client", "metrics/exposition.py")],
+)
+def test_a_library_with_traps_is_imported_in_one_file(library: str, home: str) -> None:
+    importers = {
+        str(path.relative_to(ROOT))
+        for package in FORBIDDEN
+        for path in (ROOT / package).rglob("*.py")
+        if library in imported_packages(path.read_text())
+    }
+    assert importers <= {home}
