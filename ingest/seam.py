@@ -4,8 +4,11 @@ A `Batch` holds every robot that changed since the last one, its forecast normal
 of its floor. Nothing else passes from the vendors' sockets to the engine.
 """
 
-from dataclasses import dataclass
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
 from enum import IntEnum
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +60,34 @@ class Forecasts:
     def __len__(self) -> int:
         return len(self.start) - 1
 
+    @classmethod
+    def empty(cls) -> Self:
+        none, no_int = np.empty(0), np.empty(0, np.int64)
+        return cls(np.zeros(1, np.int64), none, none, none, none, no_int, none, none, none, none)
+
+    def take(self, rows: Sequence[int] | Ints) -> Self:
+        """The forecasts of `rows`, in that order."""
+        rows = np.asarray(rows, np.int64)
+        counts = np.diff(self.start)[rows]
+        start = np.concatenate([[0], np.cumsum(counts)])
+        knots = np.repeat(self.start[rows] - start[:-1], counts) + np.arange(start[-1])
+        by_knot = {name: getattr(self, name)[knots] for name in _BY_KNOT}
+        return type(self)(start=start, **by_knot, **{name: getattr(self, name)[rows] for name in _BY_ROBOT})
+
+    @classmethod
+    def joined(cls, parts: Iterable[Self]) -> Self:
+        """All the robots of `parts`, in order."""
+        all_parts = [cls.empty(), *parts]
+        counts = np.concatenate([np.diff(part.start) for part in all_parts])
+        columns = {
+            name: np.concatenate([getattr(part, name) for part in all_parts]) for name in (*_BY_KNOT, *_BY_ROBOT)
+        }
+        return cls(start=np.concatenate([[0], np.cumsum(counts)]), **columns)
+
+
+_BY_KNOT = ("t_s", "x_m", "y_m", "yaw_rad", "floor")
+_BY_ROBOT = ("length_m", "width_m", "bottom_m", "top_m")
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Batch:
@@ -85,3 +116,35 @@ class Batch:
     """n robots, in the same order."""
     gone: tuple[str, ...]
     """UUIDs of robots that were forgotten."""
+
+    def __len__(self) -> int:
+        return len(self.robots)
+
+    def to_bytes(self) -> bytes:
+        """A line of JSON with the words and the layout of the arrays, then the arrays' bytes in that order."""
+        arrays = {name: np.ascontiguousarray(getattr(self, name)) for name in _ARRAYS}
+        arrays |= {f"forecasts.{one.name}": getattr(self.forecasts, one.name) for one in fields(Forecasts)}
+        head = {name: getattr(self, name) for name in _WORDS}
+        head["layout"] = [(name, array.dtype.str, len(array)) for name, array in arrays.items()]
+        body = [np.ascontiguousarray(array).tobytes() for array in arrays.values()]
+        return b"".join([json.dumps(head).encode(), b"\n", *body])
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Self:
+        """The batch that `to_bytes` wrote. The arrays are views of `data` and can't be written to."""
+        head, _, body = data.partition(b"\n")
+        words: dict[str, Any] = json.loads(head)
+        arrays: dict[str, Any] = {}
+        offset = 0
+        for name, kind, length in words.pop("layout"):
+            arrays[name] = np.frombuffer(body, kind, length, offset)
+            offset += arrays[name].nbytes
+        forecasts = Forecasts(**{one.name: arrays.pop(f"forecasts.{one.name}") for one in fields(Forecasts)})
+        now_s = words.pop("now_s")
+        return cls(
+            now_s=now_s, forecasts=forecasts, **arrays, **{name: tuple(value) for name, value in words.items()}
+        )
+
+
+_WORDS = ("now_s", "floors", "robots", "vendors", "names", "states", "gone")
+_ARRAYS = ("arrival_s", "event_s", "basis", "doubt_m")

@@ -1,0 +1,69 @@
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from ingest.seam import Basis, Batch, Forecasts
+
+
+def forecasts(*knots: int, seed: int = 1) -> Forecasts:
+    random = np.random.default_rng(seed)
+    n, k = len(knots), sum(knots)
+    return Forecasts(
+        start=np.concatenate([[0], np.cumsum(knots)]).astype(np.int64),
+        t_s=np.sort(random.uniform(0, 10, k)),
+        x_m=random.normal(size=k),
+        y_m=random.normal(size=k),
+        yaw_rad=random.normal(size=k),
+        floor=random.integers(0, 3, k),
+        length_m=random.uniform(1, 2, n),
+        width_m=random.uniform(1, 2, n),
+        bottom_m=np.full(n, -np.inf),
+        top_m=np.full(n, np.inf),
+    )
+
+
+def assert_same(a: Forecasts, b: Forecasts) -> None:
+    for field in fields(Forecasts):
+        np.testing.assert_array_equal(getattr(a, field.name), getattr(b, field.name), err_msg=field.name)
+
+
+def test_taking_every_robot_and_joining_gives_the_same_forecasts() -> None:
+    whole = forecasts(3, 1, 4)
+    assert_same(Forecasts.joined(whole.take([row]) for row in range(3)), whole)
+
+
+def test_take_reorders_knots_with_their_robots() -> None:
+    whole = forecasts(3, 1, 4)
+    swapped = whole.take([2, 0])
+    np.testing.assert_array_equal(swapped.x_m, np.concatenate([whole.x_m[4:8], whole.x_m[0:3]]))
+    np.testing.assert_array_equal(swapped.length_m, whole.length_m[[2, 0]])
+
+
+def test_joining_nothing_is_empty() -> None:
+    assert len(Forecasts.joined([])) == 0
+
+
+@pytest.mark.parametrize("knots", [(), (1,), (2, 11)])
+def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
+    n = len(knots)
+    batch = Batch(
+        now_s=1792000000.123456,
+        floors=("a", "ü\n"),
+        robots=tuple(f"r{i}" for i in range(n)),
+        vendors=("Vendor\n1",) * n,
+        names=("N",) * n,
+        states=("navigating",) * n,
+        arrival_s=np.arange(n) + 0.1,
+        event_s=np.arange(n) + 0.2,
+        basis=np.full(n, int(Basis.PATH)),
+        doubt_m=np.zeros(n),
+        forecasts=forecasts(*knots),
+        gone=("g",),
+    )
+    back = Batch.from_bytes(batch.to_bytes())
+    assert_same(back.forecasts, batch.forecasts)
+    for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone"):
+        assert getattr(back, name) == getattr(batch, name)
+    for name in ("arrival_s", "event_s", "basis", "doubt_m"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(batch, name))
