@@ -29,7 +29,7 @@ class EncounterClass(StrEnum):
 class Location(BaseModel):
     """A place on a floor."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
     datum: str = Field(description="UUID of the planar datum whose frame x and y are in")
     x: float = Field(description="metres")
@@ -39,7 +39,7 @@ class Location(BaseModel):
 class Advisory(BaseModel):
     """One revision of an advisory. It advises; it is not safety rated and moves no robot."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
     id: str = Field(description="the same from raised to cleared, through every revision and restart")
     revision: int = Field(ge=1, description="1 when raised, one more with each change")

@@ -1,0 +1,296 @@
+"""The advisories on disk: every published revision, numbered once, in one SQLite file.
+
+A revision is stored before anybody is told of it. Its sequence number is never given to another revision, neither
+after a crash nor after old advisories are removed. The write-ahead log is synchronised at each commit
+(`synchronous=FULL`): what `append` has returned survives the death of the process and, on a drive that keeps its
+promise to flush, the loss of power. A drive that does not may lose the last commits, but not the file.
+"""
+
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from threading import Lock
+from typing import Literal
+
+from deconflict.advisory import Advisory, AdvisoryState
+
+FILE_NAME = "advisories.db"
+BUSY_TIMEOUT_S = 5.0
+PRUNE_STEP = 500
+
+StateFilter = Literal["open", "cleared", "all"]
+
+_OPEN_VALUES: dict[StateFilter, tuple[int, int]] = {"open": (1, 1), "cleared": (0, 0), "all": (0, 1)}
+
+UPGRADES: tuple[tuple[str, ...], ...] = (
+    (
+        """CREATE TABLE revisions (
+            seq INTEGER PRIMARY KEY AUTOINCREMENT,
+            id TEXT NOT NULL,
+            revision INTEGER NOT NULL,
+            document TEXT NOT NULL,
+            UNIQUE (id, revision))""",
+        """CREATE TABLE advisories (
+            id TEXT PRIMARY KEY,
+            revision INTEGER NOT NULL,
+            seq INTEGER NOT NULL,
+            open INTEGER NOT NULL,
+            updated_s REAL NOT NULL,
+            kind TEXT NOT NULL,
+            robot_a TEXT NOT NULL,
+            robot_b TEXT NOT NULL,
+            vendor_a TEXT NOT NULL,
+            vendor_b TEXT NOT NULL) WITHOUT ROWID""",
+        "CREATE INDEX advisories_by_seq ON advisories (open, seq)",
+        "CREATE INDEX advisories_by_age ON advisories (open, updated_s)",
+        """CREATE TABLE encounters (
+            robot_a TEXT NOT NULL,
+            robot_b TEXT NOT NULL,
+            ordinal INTEGER NOT NULL,
+            PRIMARY KEY (robot_a, robot_b)) WITHOUT ROWID""",
+    ),
+)
+"""Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1."""
+
+
+class StoreError(Exception):
+    """The advisories can't be read or written; the message says what to do about it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """The newest revision of each of some advisories, newest first, and the stream's position at that moment."""
+
+    seq: int
+    advisories: list[Advisory]
+    more: bool
+    """True where the limit left some out."""
+
+
+class Store:
+    """The advisories of one directory. Every method may be called from any thread and may block on the disk."""
+
+    def __init__(self, directory: Path) -> None:
+        """Open or create the file in `directory`. Raises `StoreError` where that can't be done."""
+        self.path = directory / FILE_NAME
+        with self._explained():
+            directory.mkdir(parents=True, exist_ok=True)
+            self._writer = self._connect()
+            self._reader = self._connect()
+        self._write_lock, self._read_lock = Lock(), Lock()
+        try:
+            self._upgrade()
+            self._reader.execute("PRAGMA query_only = ON")
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        with self._write_lock, self._read_lock:
+            self._reader.close()
+            self._writer.close()
+
+    def append(self, advisories: Sequence[Advisory]) -> list[Advisory]:
+        """Store revisions in one transaction and return them as stored, each with its sequence number.
+
+        A revision that is there already (same advisory id and revision) is returned as it was first stored, with
+        the number it had, so a sender that does not know whether it was heard may send again.
+        """
+        with self._writing() as db:
+            seq = _last_seq(db)
+            stored = []
+            for advisory in advisories:
+                known = _revision(db, advisory.id, advisory.revision)
+                if known is None:
+                    seq += 1
+                    known = advisory.model_copy(update={"seq": seq})
+                    _insert(db, known)
+                stored.append(known)
+        return stored
+
+    def after(self, seq: int, limit: int = 100) -> list[Advisory]:
+        """Up to `limit` stored revisions with a number above `seq`, ascending."""
+        with self._reading() as db:
+            rows = db.execute(
+                "SELECT document FROM revisions WHERE seq > ? ORDER BY seq LIMIT ?", (seq, limit)
+            ).fetchall()
+        return [_advisory(document) for (document,) in rows]
+
+    def latest(
+        self,
+        state: StateFilter = "open",
+        *,
+        kind: str | None = None,
+        vendor: str | None = None,
+        robot: str | None = None,
+        limit: int | None = None,
+    ) -> Listing:
+        """The newest revision of each advisory that matches, newest first, at most `limit` of them."""
+        chosen = {"kind": kind, "vendor": vendor, "robot": robot, "limit": -1 if limit is None else limit + 1}
+        chosen["low"], chosen["high"] = _OPEN_VALUES[state]
+        with self._reading() as db:
+            seq = _last_seq(db)
+            rows = db.execute(
+                """SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq
+                WHERE a.open IN (:low, :high)
+                AND (:kind IS NULL OR a.kind = :kind)
+                AND (:vendor IS NULL OR :vendor IN (a.vendor_a, a.vendor_b))
+                AND (:robot IS NULL OR :robot IN (a.robot_a, a.robot_b))
+                ORDER BY a.seq DESC LIMIT :limit""",
+                chosen,
+            ).fetchall()
+        found = [_advisory(document) for (document,) in rows[:limit]]
+        return Listing(seq=seq, advisories=found, more=len(found) < len(rows))
+
+    def open(self) -> list[Advisory]:
+        """The newest revision of every open advisory: what an engine goes on with after a restart."""
+        return self.latest("open").advisories
+
+    def get(self, advisory_id: str) -> list[Advisory]:
+        """Every stored revision of one advisory, ascending; empty where there is none."""
+        with self._reading() as db:
+            rows = db.execute(
+                "SELECT document FROM revisions WHERE id = ? ORDER BY revision", (advisory_id,)
+            ).fetchall()
+        return [_advisory(document) for (document,) in rows]
+
+    def last_seq(self) -> int:
+        """The highest number ever given; 0 before the first."""
+        with self._reading() as db:
+            return _last_seq(db)
+
+    def encounters(self) -> dict[tuple[str, str], int]:
+        """The highest encounter ordinal of each pair of robots; kept when advisories are pruned."""
+        with self._reading() as db:
+            rows = db.execute("SELECT robot_a, robot_b, ordinal FROM encounters").fetchall()
+        return {(a, b): ordinal for a, b, ordinal in rows}
+
+    def prune(self, before: datetime) -> int:
+        """Remove cleared advisories last changed before `before`, with every revision; how many went.
+
+        Goes in steps of `PRUNE_STEP` advisories, so that a revision to store never waits for all of it.
+        """
+        pruned = 0
+        while gone := self._prune_step(before.timestamp()):
+            pruned += gone
+        return pruned
+
+    def _prune_step(self, before_s: float) -> int:
+        with self._writing() as db:
+            old = db.execute(
+                "SELECT id FROM advisories WHERE open = 0 AND updated_s < ? LIMIT ?", (before_s, PRUNE_STEP)
+            ).fetchall()
+            db.executemany("DELETE FROM revisions WHERE id = ?", old)
+            db.executemany("DELETE FROM advisories WHERE id = ?", old)
+        return len(old)
+
+    def _connect(self) -> sqlite3.Connection:
+        db = sqlite3.connect(self.path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False)
+        db.execute("PRAGMA journal_mode = WAL")
+        db.execute("PRAGMA synchronous = FULL")
+        return db
+
+    def _upgrade(self) -> None:
+        with self._writing() as db:
+            (version,) = db.execute("PRAGMA user_version").fetchone()
+            if version > len(UPGRADES):
+                raise StoreError(
+                    f"{self.path} has format {version} and this release reads up to {len(UPGRADES)}: "
+                    "run the newer release that wrote it, or choose another directory"
+                )
+            for statement in (one for step in UPGRADES[version:] for one in step):
+                db.execute(statement)
+            db.execute(f"PRAGMA user_version = {len(UPGRADES)}")
+
+    def _writing(self) -> AbstractContextManager[sqlite3.Connection]:
+        return self._transaction(self._writer, self._write_lock, "BEGIN IMMEDIATE")
+
+    def _reading(self) -> AbstractContextManager[sqlite3.Connection]:
+        return self._transaction(self._reader, self._read_lock, "BEGIN")
+
+    @contextmanager
+    def _transaction(self, db: sqlite3.Connection, lock: Lock, begin: str) -> Iterator[sqlite3.Connection]:
+        with lock, self._explained():
+            db.execute(begin)
+            try:
+                yield db
+                db.execute("COMMIT")
+            except BaseException:
+                if db.in_transaction:
+                    db.execute("ROLLBACK")
+                raise
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path}: {error}: {_remedy(error)}") from error
+        except OSError as error:
+            raise StoreError(f"{self.path}: {error}: choose a directory this user can write to") from error
+
+
+def _last_seq(db: sqlite3.Connection) -> int:
+    row = db.execute("SELECT seq FROM sqlite_sequence WHERE name = 'revisions'").fetchone()
+    return int(row[0]) if row else 0
+
+
+def _revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> Advisory | None:
+    row = db.execute(
+        "SELECT document FROM revisions WHERE id = ? AND revision = ?", (advisory_id, revision)
+    ).fetchone()
+    return _advisory(row[0]) if row else None
+
+
+def _insert(db: sqlite3.Connection, advisory: Advisory) -> None:
+    db.execute(
+        "INSERT INTO revisions (seq, id, revision, document) VALUES (?, ?, ?, ?)",
+        (advisory.seq, advisory.id, advisory.revision, advisory.model_dump_json()),
+    )
+    db.execute(
+        """INSERT INTO advisories VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
+        ON CONFLICT (id) DO UPDATE SET
+            revision = excluded.revision, seq = excluded.seq, open = excluded.open, updated_s = excluded.updated_s
+        WHERE excluded.revision > revision""",
+        (
+            advisory.id,
+            advisory.revision,
+            advisory.seq,
+            advisory.state is not AdvisoryState.CLEARED,
+            advisory.updated_at.timestamp(),
+            advisory.kind,
+            *advisory.robots,
+            *advisory.vendors,
+        ),
+    )
+    db.execute(
+        """INSERT INTO encounters VALUES (?, ?, ?)
+        ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = max(ordinal, excluded.ordinal)""",
+        (*advisory.robots, advisory.encounter),
+    )
+
+
+def _advisory(document: str) -> Advisory:
+    try:
+        return Advisory.model_validate_json(document)
+    except ValueError as error:
+        raise StoreError(
+            f"a stored advisory is not readable by this release ({error}): run the release that wrote it, "
+            "or move the file aside to start a new one"
+        ) from error
+
+
+def _remedy(error: sqlite3.Error) -> str:
+    name = getattr(error, "sqlite_errorname", "")
+    if name.startswith(("SQLITE_NOTADB", "SQLITE_CORRUPT")):
+        return f"move it aside together with {FILE_NAME}-wal and {FILE_NAME}-shm, or restore a copy"
+    if name.startswith("SQLITE_FULL"):
+        return "free some space on its disk"
+    if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+        return "stop the other process that is writing to it"
+    if name.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_IOERR", "SQLITE_PERM")):
+        return "make the directory and the file readable and writable by this user"
+    return "this is a fault of the program, or the file was changed by another one"

@@ -1,0 +1,44 @@
+"""Advisories made for tests."""
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from deconflict.advisory import Advisory, AdvisoryState, EncounterClass, Location, Severity
+
+START = datetime(2024, 5, 1, 8, 0, tzinfo=UTC)
+ROBOTS = ("0c5b4a7e-0000-4000-8000-000000000001", "0c5b4a7e-0000-4000-8000-000000000002")
+
+
+def made(number: int, revision: int = 1, **fields: Any) -> Advisory:
+    """Revision of the advisory with this number; revision 1 is raised, others updated a second later each."""
+    updated_at = START + timedelta(minutes=number, seconds=revision - 1)
+    state = AdvisoryState.RAISED if revision == 1 else AdvisoryState.UPDATED
+    whole: dict[str, Any] = {
+        "id": f"advisory-{number}",
+        "revision": revision,
+        "state": state,
+        "severity": Severity.WARNING,
+        "encounter": 1,
+        "encounter_class": EncounterClass.CROSSING,
+        "robots": ROBOTS,
+        "names": ("Tug 1", "Lift 2"),
+        "vendors": ("Acme", "Borealis"),
+        "basis": ("path", "velocity"),
+        "raised_at": START + timedelta(minutes=number),
+        "updated_at": updated_at,
+        "predicted_at": updated_at + timedelta(seconds=4.25),
+        "time_to_conflict_s": 4.25,
+        "clearance_m": 0.3,
+        "min_separation_m": 0.1,
+        "closing_speed_mps": 1.5,
+        "location": Location(datum="5f1d0000-0000-4000-8000-00000000000a", x=1.0 / 3.0, y=-2.5),
+        "summary": "Tug 1 and Lift 2 cross in 4 s",
+    }
+    return Advisory(**(whole | fields))
+
+
+def cleared(number: int, revision: int = 2, **fields: Any) -> Advisory:
+    """The revision that clears the advisory with this number."""
+    when = START + timedelta(minutes=number, seconds=revision - 1)
+    ended = {"state": AdvisoryState.CLEARED, "cleared_at": when, "cleared_because": "they passed"}
+    return made(number, revision, **(ended | fields))
