@@ -1,0 +1,250 @@
+"""The operator face: advisories, robots, rejected messages, health and metrics over HTTP, as an ASGI application.
+
+It reads the store itself and asks everything else of its `Sources` when it is asked. The stream is in
+`deconflict/stream.py`; how the application is served, in `deconflict/asgi.py`.
+"""
+
+from collections.abc import Callable
+from html import escape
+from importlib.metadata import version
+from typing import Annotated, Any, Literal, Protocol
+
+from fastapi import FastAPI, HTTPException, Query, Request, Response, WebSocket
+from fastapi.responses import HTMLResponse
+from pydantic import BaseModel, Field
+from pydantic_core import to_json
+
+from deconflict.advisory import Advisory
+from deconflict.publisher import Publisher
+from deconflict.store import StateFilter, Store, StoreError
+from deconflict.stream import Stream
+from ingest.measures import Measures
+
+Document = dict[str, Any]
+Exposition = Callable[[list[Document]], tuple[bytes, str]]
+"""Documents of `Measures.as_document()` to the text of a scrape and its content type."""
+
+MOST_LISTED = 1000
+
+DESCRIPTION = """Predicted conflicts between the robots of many vendors on shared floors.
+**Advisory, not safety rated**: nothing here stops a robot or replaces a safety function.
+
+Live advisories come over a WebSocket at `/advisories/stream`; with `?after=SEQ` it first replays every revision
+with a higher number."""
+
+
+class SourceUnavailableError(Exception):
+    """A role that was asked did not answer."""
+
+    def __init__(self, role: str) -> None:
+        super().__init__(f"the {role} does not answer")
+        self.role = role
+
+
+class Sources(Protocol):
+    """What the other roles know. Each call raises `SourceUnavailableError` where a role does not answer."""
+
+    async def robots(self) -> list[Document]:
+        """Everything each robot said and what was derived from it, with at least `uuid` and `vendor`."""
+
+    async def quarantine(self) -> list[Document]:
+        """The rejected messages that are kept."""
+
+    async def measures(self) -> list[Document]:
+        """`Measures.as_document()` of each role that answers, the operator face left out."""
+
+    async def health(self) -> Document:
+        """`status`, "ok" or "degraded", and `roles`."""
+
+
+class FaceSettings(Protocol):
+    """The part of the site's `operator` section that concerns the application."""
+
+    @property
+    def stream_send_timeout_s(self) -> float:
+        """A subscriber that has not taken a message for this long is dropped."""
+
+
+class AdvisoryList(BaseModel):
+    """The newest revision of each advisory that matches, newest first."""
+
+    seq: int = Field(description="the newest number when this was read: `/advisories/stream?after=` it goes on")
+    advisories: list[Advisory]
+    more: bool = Field(description="true where `limit` left some out")
+
+
+class RevisionList(BaseModel):
+    """Every stored revision of one advisory, in order."""
+
+    advisories: list[Advisory]
+
+
+class RobotList(BaseModel):
+    """Every robot that was heard, as it described itself and as it is understood."""
+
+    robots: list[Document]
+
+
+class QuarantineList(BaseModel):
+    """The rejected messages that are kept, each with its rule and reason."""
+
+    rejected: list[Document]
+
+
+class Problem(BaseModel):
+    """Why an answer can't be given, and which role is the cause."""
+
+    detail: str
+    role: str
+
+
+class Face:
+    """The routes' common state; each method answers one route."""
+
+    def __init__(self, store: Store, sources: Sources, exposition: Exposition, measures: Measures) -> None:
+        self._store, self._sources, self._exposition, self._measures = store, sources, exposition, measures
+
+    def advisories(
+        self,
+        state: Annotated[StateFilter, Query(description="which advisories")] = "open",
+        kind: Annotated[Literal["conflict"] | None, Query(description="of this kind")] = None,
+        vendor: Annotated[str | None, Query(description="with a robot of this vendor")] = None,
+        robot: Annotated[str | None, Query(description="with this robot (UUID)")] = None,
+        limit: Annotated[int, Query(ge=1, le=MOST_LISTED, description="at most so many")] = 100,
+    ) -> Response:
+        """The newest revision of each advisory, newest first."""
+        listing = self._store.latest(state, kind=kind, vendor=vendor, robot=robot and robot.lower(), limit=limit)
+        return _json(AdvisoryList(seq=listing.seq, advisories=listing.advisories, more=listing.more))
+
+    def advisory(self, advisory_id: str) -> Response:
+        """Every revision of one advisory."""
+        revisions = self._store.get(advisory_id)
+        if not revisions:
+            raise HTTPException(404, f"no advisory {advisory_id!r} is stored; cleared ones are removed in time")
+        return _json(RevisionList(advisories=revisions))
+
+    async def robots(
+        self, vendor: Annotated[str | None, Query(description="only robots of this vendor")] = None
+    ) -> Response:
+        """Everything each robot said, and how it is understood."""
+        robots = await self._sources.robots()
+        return _json({"robots": [one for one in robots if vendor in (None, one["vendor"])]})
+
+    async def robot(self, uuid: str) -> Response:
+        """Everything one robot said."""
+        for one in await self._sources.robots():
+            if one["uuid"] == uuid.lower():
+                return _json(one)
+        raise HTTPException(404, f"no robot {uuid!r} has been heard")
+
+    async def quarantine(self) -> Response:
+        """Rejected messages, each with its rule and reason."""
+        return _json({"rejected": await self._sources.quarantine()})
+
+    async def healthz(self) -> Response:
+        """200 if every role and the store answer, else 503 with the same document."""
+        try:
+            health = await self._sources.health()
+        except SourceUnavailableError as error:
+            health = {"status": "degraded", "roles": {error.role: "down"}}
+        try:
+            stored = {"status": "ok", "seq": self._store.last_seq()}
+        except StoreError as error:
+            stored = {"status": "failing", "reason": str(error)}
+        if stored["status"] != "ok":
+            health = health | {"status": "degraded"}
+        return _json(health | {"store": stored}, 200 if health["status"] == "ok" else 503)
+
+    async def metrics(self) -> Response:
+        """Prometheus text; what a role that does not answer would have said is left out."""
+        try:
+            documents = await self._sources.measures()
+        except SourceUnavailableError as error:
+            down = Measures()
+            down.level("deconflict_role_up", {(error.role,): 0})
+            documents = [down.as_document()]
+        body, content_type = self._exposition([*documents, self._measures.as_document()])
+        return Response(body, headers={"content-type": content_type})
+
+    def schema(self) -> Response:
+        """JSON Schema of an advisory."""
+        return _json(Advisory.model_json_schema(mode="serialization"), media_type="application/schema+json")
+
+
+def create_app(store: Store, sources: Sources, exposition: Exposition, settings: FaceSettings) -> FastAPI:
+    """The application. `app.state.publisher` publishes advisories, `app.state.measures` are the face's own."""
+    app = FastAPI(
+        title="amr-deconflict",
+        version=version("amr-deconflict"),
+        description=DESCRIPTION,
+        docs_url=None,
+        redoc_url=None,
+    )
+    measures = Measures()
+    measures.level("deconflict_build_info", {(app.version,): 1})
+    publisher = Publisher(store, measures)
+    app.state.publisher, app.state.measures = publisher, measures
+    _add_routes(app, Face(store, sources, exposition, measures))
+    stream = Stream(store, publisher, measures, settings.stream_send_timeout_s)
+
+    @app.websocket("/advisories/stream")
+    async def follow(websocket: WebSocket) -> None:
+        await stream.serve(websocket)
+
+    @app.get("/", include_in_schema=False)
+    async def index() -> HTMLResponse:
+        return HTMLResponse(_index(app))
+
+    app.add_exception_handler(SourceUnavailableError, _source_unavailable)
+    app.add_exception_handler(StoreError, _store_failed)
+    return app
+
+
+def _add_routes(app: FastAPI, face: Face) -> None:
+    unavailable: dict[int | str, Document] = {503: {"model": Problem, "description": "A role does not answer"}}
+    missing: dict[int | str, Document] = {404: {"description": "There is none"}}
+    degraded: dict[int | str, Document] = {503: {"description": "A role or the store does not answer"}}
+    text: dict[int | str, Document] = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
+
+    get = app.get
+    get("/advisories", response_model=AdvisoryList, responses=unavailable)(face.advisories)
+    get("/advisories/{advisory_id}", response_model=RevisionList, responses=unavailable | missing)(face.advisory)
+    get("/robots", response_model=RobotList, responses=unavailable)(face.robots)
+    get("/robots/{uuid}", response_model=Document, responses=unavailable | missing)(face.robot)
+    get("/quarantine", response_model=QuarantineList, responses=unavailable)(face.quarantine)
+    get("/healthz", response_model=Document, responses=degraded)(face.healthz)
+    get("/metrics", response_class=Response, responses=text)(face.metrics)
+    get("/schema/advisory", response_model=Document)(face.schema)
+
+
+def _json(content: object, status: int = 200, media_type: str = "application/json") -> Response:
+    """Numbers that JSON does not know become null."""
+    return Response(to_json(content, inf_nan_mode="null"), status, media_type=media_type)
+
+
+async def _source_unavailable(_: Request, error: Exception) -> Response:
+    role = error.role if isinstance(error, SourceUnavailableError) else "unknown"
+    return _json(Problem(detail=f"{error}; try again shortly, or see /healthz", role=role), 503)
+
+
+async def _store_failed(_: Request, error: Exception) -> Response:
+    return _json(Problem(detail=str(error), role="store"), 503)
+
+
+def _index(app: FastAPI) -> str:
+    rows = [
+        f"<dt><code>{_linked(path)}</code></dt><dd>{escape(methods['get']['description'])}</dd>"
+        for path, methods in app.openapi()["paths"].items()
+    ]
+    return f"""<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>{escape(app.title)}</title>
+<h1>{escape(app.title)} {escape(app.version)}</h1>
+<p>Predicted conflicts between robots. <strong>Advisory, not safety rated.</strong></p>
+<dl>{"".join(rows)}
+<dt><code>/advisories/stream?after=SEQ</code></dt><dd>WebSocket: each revision as it is published.</dd>
+<dt><code>{_linked("/openapi.json")}</code></dt><dd>The description of this interface.</dd></dl></html>
+"""
+
+
+def _linked(path: str) -> str:
+    return escape(path) if "{" in path else f'<a href="{escape(path)}">{escape(path)}</a>'
