@@ -1,0 +1,194 @@
+"""Prometheus text from the measures of every role. `docs/metrics.md` shows the catalogue of what there is."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import accumulate
+from typing import Any, Literal
+
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
+from prometheus_client.metrics_core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    Metric,
+)
+
+from ingest.measures import Labels
+
+Kind = Literal["counter", "gauge", "histogram"]
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One metric. Two roles that tell the same series add up, except where the largest is meant."""
+
+    kind: Kind
+    labels: Labels
+    help: str
+    across_roles: Literal["sum", "largest"] = "sum"
+
+
+CATALOGUE: dict[str, Entry] = {
+    "deconflict_messages_total": Entry(
+        "counter", ("vendor", "result"), "Messages received, by what became of them."
+    ),
+    "deconflict_deviations_total": Entry(
+        "counter", ("vendor", "rule"), "Departures from the standard in messages that were understood."
+    ),
+    "deconflict_rejections_total": Entry(
+        "counter", ("vendor", "rule"), "Messages that could not be used, by the rule they broke."
+    ),
+    "deconflict_robots": Entry("gauge", ("vendor", "state"), "Robots on the floors, by operational state."),
+    "deconflict_connections": Entry("gauge", (), "Open connections of robots and fleet managers."),
+    "deconflict_connections_refused_total": Entry("counter", ("reason",), "Connections refused or closed by us."),
+    "deconflict_clock_offset_seconds": Entry(
+        "gauge", ("vendor",), "How far the vendor's clocks are ahead of ours, as estimated.", "largest"
+    ),
+    "deconflict_clock_delay_seconds": Entry(
+        "gauge",
+        ("vendor",),
+        "Time from a pose being true to its arrival, median of the vendor's robots.",
+        "largest",
+    ),
+    "deconflict_forecast_age_seconds": Entry(
+        "gauge", ("vendor",), "Age of the poses that forecasts rest on, median of the vendor's robots.", "largest"
+    ),
+    "deconflict_statuses_superseded_total": Entry(
+        "counter", ("vendor",), "Status messages replaced by a newer one before the engine read them."
+    ),
+    "deconflict_robots_forgotten_total": Entry(
+        "counter", ("vendor",), "Robots that left the floor after being silent for too long."
+    ),
+    "deconflict_recorded_bytes_total": Entry("counter", (), "Bytes written to the recording."),
+    "deconflict_recorded_lines_dropped_total": Entry("counter", (), "Lines the recording could not take."),
+    "deconflict_ticks_total": Entry("counter", (), "Ticks at which the engine was handed what had changed."),
+    "deconflict_sweep_duration_seconds": Entry("histogram", (), "Duration of one step of the engine."),
+    "deconflict_message_to_advisory_seconds": Entry(
+        "histogram", (), "Time from the arrival of a message to the publishing of the advisories that reflect it."
+    ),
+    "deconflict_advisories_open": Entry("gauge", ("kind", "severity"), "Advisories raised and not yet cleared."),
+    "deconflict_advisories_total": Entry(
+        "counter", ("kind", "event"), "Revisions of advisories decided, by what happened."
+    ),
+    "deconflict_conflicts": Entry("gauge", (), "Pairs of robots in predicted conflict, confirmed or not."),
+    "deconflict_invalid_forecasts_total": Entry(
+        "counter", ("reason",), "Forecasts the engine could not use; the robot stands where it was."
+    ),
+    "deconflict_sweep_segment_pairs_total": Entry(
+        "counter", (), "Pairs of path segments that passed the sweep's bounding boxes."
+    ),
+    "deconflict_sweep_fcl_calls_total": Entry("counter", (), "Pairs of shapes decided by the collision library."),
+    "deconflict_advisories_stored_total": Entry("counter", (), "Revisions of advisories stored and published."),
+    "deconflict_store_failures_total": Entry("counter", (), "Attempts to store advisories that failed."),
+    "deconflict_stream_subscribers": Entry("gauge", (), "Open subscriptions to the advisory stream."),
+    "deconflict_stream_dropped_total": Entry("counter", (), "Subscribers dropped because they stopped reading."),
+    "deconflict_role_up": Entry("gauge", ("role",), "1 if this role of the service answers, else 0.", "largest"),
+    "deconflict_role_restarts_total": Entry("counter", ("role",), "Times this role's process was restarted."),
+    "deconflict_build_info": Entry("gauge", ("version",), "1 for the release that runs.", "largest"),
+}
+"""Every metric by name. Label values are bounded sets: vendors, rules, states, roles, never robots."""
+
+UNCATALOGUED = "deconflict_uncatalogued_measures"
+UNCATALOGUED_HELP = "Series that a role tells and that do not fit the catalogue; a fault of the program."
+
+
+@dataclass(slots=True)
+class Buckets:
+    """Observations by bucket, not cumulated; the last bucket is above every bound."""
+
+    bounds: list[float]
+    counts: list[int]
+    total: float
+
+
+@dataclass(slots=True)
+class Combined:
+    """Every role's series together, those that fit the catalogue and, by name, how many do not."""
+
+    values: dict[str, dict[Labels, float]] = field(default_factory=dict)
+    histograms: dict[str, dict[Labels, Buckets]] = field(default_factory=dict)
+    uncatalogued: dict[str, int] = field(default_factory=dict)
+
+    def add_value(self, name: str, labels: Labels, value: float) -> None:
+        entry = CATALOGUE.get(name)
+        if entry is None or entry.kind == "histogram" or len(labels) != len(entry.labels):
+            self._leave_out(name)
+            return
+        series = self.values.setdefault(name, {})
+        known = series.get(labels)
+        if known is None:
+            series[labels] = value
+        else:
+            series[labels] = max(known, value) if entry.across_roles == "largest" else known + value
+
+    def add_histogram(self, name: str, labels: Labels, buckets: Buckets) -> None:
+        entry = CATALOGUE.get(name)
+        if entry is None or entry.kind != "histogram" or len(labels) != len(entry.labels):
+            self._leave_out(name)
+            return
+        series = self.histograms.setdefault(name, {})
+        known = series.setdefault(labels, Buckets(buckets.bounds, [0] * len(buckets.counts), 0.0))
+        if known.bounds != buckets.bounds:
+            self._leave_out(name)
+            return
+        known.counts = [a + b for a, b in zip(known.counts, buckets.counts, strict=True)]
+        known.total += buckets.total
+
+    def collect(self) -> Iterator[Metric]:
+        """The metric families, in the catalogue's order; those without a series are left out."""
+        for name, entry in CATALOGUE.items():
+            if name in self.values:
+                yield _family(name, entry, self.values[name])
+            elif name in self.histograms:
+                yield _histogram_family(name, entry, self.histograms[name])
+        left_out = GaugeMetricFamily(UNCATALOGUED, UNCATALOGUED_HELP, labels=["measure"])
+        for name, count in sorted(self.uncatalogued.items()):
+            left_out.add_metric([name], count)
+        yield left_out
+
+    def _leave_out(self, name: str) -> None:
+        self.uncatalogued[name] = self.uncatalogued.get(name, 0) + 1
+
+
+def combine(documents: Iterable[dict[str, Any]]) -> Combined:
+    """The series of several roles, each a dictionary of `Measures.as_document`."""
+    combined = Combined()
+    for document in documents:
+        for name, rows in document["values"].items():
+            for labels, value in rows:
+                combined.add_value(name, tuple(labels), value)
+        for name, rows in document["histograms"].items():
+            for labels, *buckets in rows:
+                combined.add_histogram(name, tuple(labels), Buckets(*buckets))
+    return combined
+
+
+def render(documents: list[dict[str, Any]]) -> tuple[bytes, str]:
+    """The text of a scrape and its content type. What does not fit the catalogue is counted, never an error."""
+    return generate_latest(combine(documents)), CONTENT_TYPE_PLAIN_0_0_4
+
+
+def table() -> str:
+    """The catalogue as the Markdown table of `docs/metrics.md`."""
+    rows = ["| metric | kind | labels | meaning |", "| --- | --- | --- | --- |"]
+    for name, entry in CATALOGUE.items():
+        labels = ", ".join(f"`{label}`" for label in entry.labels)
+        rows.append(f"| `{name}` | {entry.kind} | {labels} | {entry.help} |")
+    rows.append(f"| `{UNCATALOGUED}` | gauge | `measure` | {UNCATALOGUED_HELP} |")
+    return "\n".join(rows) + "\n"
+
+
+def _family(name: str, entry: Entry, series: dict[Labels, float]) -> Metric:
+    kind = CounterMetricFamily if entry.kind == "counter" else GaugeMetricFamily
+    family = kind(name, entry.help, labels=entry.labels)
+    for labels, value in sorted(series.items()):
+        family.add_metric(labels, value)
+    return family
+
+
+def _histogram_family(name: str, entry: Entry, series: dict[Labels, Buckets]) -> Metric:
+    family = HistogramMetricFamily(name, entry.help, labels=entry.labels)
+    for labels, one in sorted(series.items()):
+        bounds = [*map(str, one.bounds), "+Inf"]
+        family.add_metric(labels, list(zip(bounds, accumulate(one.counts), strict=True)), one.total)
+    return family
