@@ -5,10 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from deconflict.advisory import Advisory
 from deconflict.publisher import STEP, TAIL_LENGTH, Line, Publisher
 from deconflict.store import Store, StoreError
 from ingest.measures import Measures
 from tests.deconflict.made_advisories import START, cleared, made
+from tests.deconflict.served_face import until
 
 
 @pytest.fixture
@@ -85,13 +87,38 @@ async def test_publishing_again_wakes_nobody_and_counts_nothing(store: Store) ->
     assert measures.values["deconflict_advisories_stored_total"] == {(): 2}
 
 
-async def test_a_follower_whose_place_was_pruned_to_the_end_waits_for_news(store: Store) -> None:
+class CountingStore(Store):
+    """A store that counts how often it is read from."""
+
+    reads = 0
+
+    def after(self, seq: int, limit: int = 100) -> list[Advisory]:
+        self.reads += 1
+        return super().after(seq, limit)
+
+
+async def test_a_follower_whose_place_was_pruned_to_the_end_looks_once_and_waits_for_news(tmp_path: Path) -> None:
+    store = CountingStore(tmp_path)
     store.append([made(1), cleared(1), made(2), cleared(2)])
     store.prune(START + timedelta(days=1))
     publisher = Publisher(store, Measures())
     following = asyncio.create_task(publisher.after(1))
+    await until(lambda: store.reads)
     (news,) = await publisher.publish([made(5)])
     assert [line.seq for line in await following] == [news.seq] == [5]
+    assert store.reads == 1
+    store.close()
+
+
+async def test_followers_that_keep_up_share_what_was_published_and_leave_the_store_alone(tmp_path: Path) -> None:
+    store = CountingStore(tmp_path)
+    publisher = Publisher(store, Measures())
+    for number in range(1, 4):
+        followers = [asyncio.create_task(publisher.after(number - 1)) for _ in range(3)]
+        await publisher.publish([made(number)])
+        assert await asyncio.gather(*followers) == [made_many(number, 1)] * 3
+    assert store.reads == 0
+    store.close()
 
 
 async def test_what_could_not_be_stored_is_not_made_known_and_counted(store: Store) -> None:
