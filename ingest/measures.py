@@ -7,11 +7,11 @@ another process as the dictionary of `as_document`.
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Self
 
 Labels = tuple[str, ...]
 
-LATENCY_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0)
+LATENCY_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.75, 1.0, 2.5, 5.0, 10.0)
 
 
 class Histogram:
@@ -22,18 +22,25 @@ class Histogram:
         self.counts = [0] * (len(bounds) + 1)
         self.total = 0.0
 
+    @classmethod
+    def of(cls, bounds: Iterable[float], counts: Iterable[int], total: float) -> Self:
+        """The histogram that a row of `Measures.as_document` describes."""
+        histogram = cls(tuple(bounds))
+        histogram.counts, histogram.total = list(counts), total
+        return histogram
+
     def observe(self, value: float) -> None:
         self.counts[bisect_left(self.bounds, value)] += 1
         self.total += value
 
     def quantile(self, share: float) -> float:
-        """The upper bound of the bucket in which the `share` quantile lies; inf beyond the last bound."""
-        wanted, seen = share * sum(self.counts), 0
-        for bound, count in zip((*self.bounds, float("inf")), self.counts, strict=True):
-            seen += count
-            if seen >= wanted and seen:
-                return bound
-        return 0.0
+        """The `share` quantile, interpolated within its bucket; the last bound where it lies beyond."""
+        wanted, seen, low = share * sum(self.counts), 0, 0.0
+        for bound, count in zip(self.bounds, self.counts, strict=False):
+            if count and seen + count >= wanted:
+                return low + (bound - low) * (wanted - seen) / count
+            seen, low = seen + count, bound
+        return low
 
 
 class Measures:

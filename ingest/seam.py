@@ -141,9 +141,8 @@ class Batch:
             offset += arrays[name].nbytes
         forecasts = Forecasts(**{one.name: arrays.pop(f"forecasts.{one.name}") for one in fields(Forecasts)})
         now_s = words.pop("now_s")
-        return cls(
-            now_s=now_s, forecasts=forecasts, **arrays, **{name: tuple(value) for name, value in words.items()}
-        )
+        told: dict[str, Any] = {name: tuple(value) for name, value in words.items()}
+        return cls(now_s=now_s, forecasts=forecasts, **arrays, **told)
 
 
 _WORDS = ("now_s", "floors", "robots", "vendors", "names", "states", "gone")

@@ -1,0 +1,110 @@
+"""Calls between the service's own processes, over Unix sockets in a directory that only its user can enter.
+
+A frame is four bytes of length, big end first, and that many bytes. A request is a name, a newline and a payload;
+the reply to it is a payload. Calls on one connection are answered in turn.
+"""
+
+import asyncio
+import socket
+import struct
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+
+HEADER = struct.Struct(">I")
+CALL_TIMEOUT_S = 10.0
+
+Handler = Callable[[bytes], Awaitable[bytes]]
+
+
+class LinkDownError(ConnectionError):
+    """The role at the other end does not answer."""
+
+    def __init__(self, role: str) -> None:
+        super().__init__(f"the {role} does not answer")
+        self.role = role
+
+
+async def listen(path: Path, handlers: Mapping[str, Handler]) -> asyncio.Server:
+    """Answer calls at `path`, replacing what an earlier process left there."""
+
+    async def converse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            while True:
+                name, _, payload = (await _read(reader)).partition(b"\n")
+                reply = await handlers[name.decode()](payload)
+                writer.write(HEADER.pack(len(reply)) + reply)
+                await writer.drain()
+        except (asyncio.IncompleteReadError, ConnectionError):
+            pass
+        finally:
+            writer.close()
+
+    path.unlink(missing_ok=True)
+    return await asyncio.start_unix_server(converse, path)
+
+
+async def _read(reader: asyncio.StreamReader) -> bytes:
+    (length,) = HEADER.unpack(await reader.readexactly(HEADER.size))
+    return await reader.readexactly(length)
+
+
+class Caller:
+    """Calls a role and waits for the answer; connects when first needed and again after a failure."""
+
+    def __init__(self, directory: Path, role: str) -> None:
+        self._path, self._role = socket_path(directory, role), role
+        self._socket: socket.socket | None = None
+
+    def call(self, name: str, payload: bytes = b"") -> bytes:
+        """Raises `LinkDownError`; a call that failed may or may not have been carried out."""
+        try:
+            if self._socket is None:
+                self._socket = socket.socket(socket.AF_UNIX)
+                self._socket.settimeout(CALL_TIMEOUT_S)
+                self._socket.connect(str(self._path))
+            body = name.encode() + b"\n" + payload
+            self._socket.sendall(HEADER.pack(len(body)) + body)
+            (length,) = HEADER.unpack(self._receive(self._socket, HEADER.size))
+            return self._receive(self._socket, length)
+        except OSError as error:
+            self.close()
+            raise LinkDownError(self._role) from error
+
+    def close(self) -> None:
+        if self._socket:
+            self._socket.close()
+        self._socket = None
+
+    def _receive(self, connected: socket.socket, length: int) -> bytes:
+        received = bytearray()
+        while len(received) < length:
+            part = connected.recv(min(length - len(received), 1 << 20))
+            if not part:
+                raise ConnectionResetError
+            received += part
+        return bytes(received)
+
+
+class AsyncCaller:
+    """The same for an event loop; each call has a connection of its own."""
+
+    def __init__(self, directory: Path, role: str) -> None:
+        self._path, self._role = socket_path(directory, role), role
+
+    async def call(self, name: str, payload: bytes = b"") -> bytes:
+        """Raises `LinkDownError`."""
+        try:
+            async with asyncio.timeout(CALL_TIMEOUT_S):
+                reader, writer = await asyncio.open_unix_connection(self._path)
+                try:
+                    body = name.encode() + b"\n" + payload
+                    writer.write(HEADER.pack(len(body)) + body)
+                    return await _read(reader)
+                finally:
+                    writer.close()
+        except (OSError, TimeoutError, asyncio.IncompleteReadError) as error:
+            raise LinkDownError(self._role) from error
+
+
+def socket_path(directory: Path, role: str) -> Path:
+    return directory / f"{role}.sock"

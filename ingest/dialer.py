@@ -1,0 +1,67 @@
+"""Dial out to a fleet manager's server, again and again, and receive from it as from those who connect to us."""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from random import Random
+
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidHandshake, InvalidURI
+
+from ingest.receiver import Receiver
+from ingest.settings import Receiver as Settings
+
+log = logging.getLogger(__name__)
+
+STEADY_S = 30.0
+"""A connection that lasted this long starts the back-off afresh."""
+
+
+class Dialer:
+    """One address of one vendor."""
+
+    def __init__(
+        self,
+        receiver: Receiver,
+        settings: Settings,
+        url: str,
+        vendor: str,
+        clock: Callable[[], float],
+        random: Random,
+    ) -> None:
+        self._receiver, self._settings = receiver, settings
+        self._url, self._vendor = url, vendor
+        self._clock, self._random = clock, random
+        self.failures = 0
+        """Attempts in a row that reached nobody, or nobody for long."""
+
+    async def run(self) -> None:
+        """Dial until cancelled."""
+        while True:
+            began_s = self._clock()
+            try:
+                await self._converse()
+            except (OSError, TimeoutError, InvalidHandshake) as error:
+                log.warning("%s at %s can't be reached: %s", self._vendor, self._url, error)
+            except InvalidURI as error:
+                log.error("%s; mend the vendor's dial address", error)
+                return
+            self.failures = 0 if self._clock() - began_s > STEADY_S else self.failures + 1
+            await asyncio.sleep(self._wait_s())
+
+    async def _converse(self) -> None:
+        async with connect(
+            self._url,
+            compression=None,
+            max_size=self._settings.max_message_bytes,
+            open_timeout=self._settings.open_timeout_s,
+            ping_timeout=None,
+            logger=logging.getLogger("websockets.quiet"),
+        ) as socket:
+            await self._receiver.listen(socket, self._receiver.new_connection(self._url, "/", self._vendor))
+
+    def _wait_s(self) -> float:
+        """Twice as long each time, within bounds, and a random share less, so that many do not come at once."""
+        least_s, most_s = self._settings.dial_backoff_s
+        full_s = min(least_s * 2.0 ** min(self.failures, 30), most_s)
+        return full_s * self._random.uniform(0.5, 1.0)

@@ -1,0 +1,364 @@
+"""The state of every robot as its messages tell it: bytes in, batches of forecasts out.
+
+Pure: `receive` takes a message and when it arrived, `cut` takes the time of a tick. The same calls in the same
+order give the same batches, whether they come from sockets or from a recording.
+"""
+
+from collections import OrderedDict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import hypot, isnan, nan
+from typing import Any
+
+import numpy as np
+
+from ingest import messages, watch
+from ingest.angles import turn_between
+from ingest.clocks import SenderClock, vendor_offset
+from ingest.connection import Connection
+from ingest.forecast import Body, Forecast, Sighting, View, body_of, forecast, matches
+from ingest.frames import Frame, Frames
+from ingest.measures import Labels, Measures
+from ingest.messages import Identity, Rejection, Status
+from ingest.quarantine import Quarantine, rejected
+from ingest.seam import Basis, Batch, Forecasts
+from ingest.settings import Reading
+from ingest.vendors import UNKNOWN, Vendors
+
+NOWHERE = -1
+"""Floor index of a frame that is compared with nothing."""
+
+
+@dataclass(slots=True, eq=False)
+class Robot:
+    """What one robot said last, and what was made of it."""
+
+    uuid: str
+    vendor: str
+    clock: SenderClock
+    identity: Identity | None = None
+    identity_raw: bytes = b""
+    status_raw: bytes = b""
+    state: str = ""
+    known_state: bool = True
+    arrival_s: float = nan
+    seen: Sighting | None = None
+    """The newest sighting, headings and speeds reconciled with the one before it."""
+    frame: Frame | None = None
+    forecast: Forecast | None = None
+    doubt_m: float = 0.0
+    deviations: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """What a person calls the robot."""
+        serial = self.identity.serial if self.identity else self.uuid[:8]
+        return serial if serial.casefold().startswith(self.vendor.casefold()) else f"{self.vendor} {serial}"
+
+
+class Fleet:
+    """All robots. Counts what it accepts, rejects and finds in `measures`; rejects go to `quarantine`."""
+
+    def __init__(
+        self, vendors: Vendors, frames: Frames, reading: Reading, measures: Measures, quarantine: Quarantine
+    ) -> None:
+        self.vendors, self.reading, self.measures, self.quarantine = vendors, reading, measures, quarantine
+        self._frames = frames
+        self._robots: OrderedDict[str, Robot] = OrderedDict()
+        """By UUID, those heard from longest ago first."""
+        self._changed: dict[str, None] = {}
+        self._floors: dict[str, int] = {}
+        self._speaking: dict[int, set[str]] = {}
+
+    def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
+        """Take one message; the code of the rule that rejected it, or None where it was accepted."""
+        message = messages.read(raw, names_as_uuid=self._namer(connection))
+        if isinstance(message, Rejection):
+            vendor = self._vendor_of(message.uuid or "", connection)
+            self._count(vendor, message.findings, None)
+            self.refuse(message.rule, message.reason, raw, arrival_s, connection, vendor=vendor)
+            return message.rule
+        robot = self._robots.get(message.uuid) or self._admit(message.uuid, connection)
+        if isinstance(message, Identity):
+            findings = self._identify(robot, message, raw, arrival_s, connection)
+        else:
+            findings = self._report(robot, message, raw, arrival_s)
+        if connection.vendor and robot.identity and robot.vendor != connection.vendor:
+            findings += ("uuid-of-another-vendor",)
+        self._speaking.setdefault(connection.id, set()).add(robot.vendor)
+        self._count(robot.vendor, message.findings + findings, robot)
+        self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
+        return None
+
+    def refuse(
+        self,
+        rule: str,
+        reason: str,
+        raw: bytes,
+        arrival_s: float,
+        connection: Connection,
+        *,
+        vendor: str | None = None,
+    ) -> None:
+        """Count and quarantine a message that can't be understood."""
+        vendor = vendor or connection.vendor or UNKNOWN
+        self.measures.count("deconflict_messages_total", vendor, "rejected")
+        self.measures.count("deconflict_rejections_total", vendor, rule)
+        self.quarantine.add(rejected(raw, rule, reason, connection.id, arrival_s), vendor)
+
+    def closed(self, connection: Connection) -> None:
+        """Forget who spoke on a connection; its robots stay."""
+        self._speaking.pop(connection.id, None)
+
+    def cut(self, now_s: float, everything: bool = False) -> Batch:
+        """The robots that changed since the last cut, or all of them, and those forgotten."""
+        gone = self._forget(now_s)
+        changed = self._robots if everything else self._changed
+        robots = [robot for uuid in changed if (robot := self._robots[uuid]).forecast]
+        self._changed = {}
+        return Batch(
+            now_s=now_s,
+            floors=tuple(self._floors),
+            robots=tuple(robot.uuid for robot in robots),
+            vendors=tuple(robot.vendor for robot in robots),
+            names=tuple(robot.name for robot in robots),
+            states=tuple(robot.state for robot in robots),
+            arrival_s=np.array([robot.arrival_s for robot in robots], np.float64),
+            event_s=np.array([robot.seen.t_s for robot in robots if robot.seen], np.float64),
+            basis=np.array([robot.forecast.basis for robot in robots if robot.forecast], np.int64),
+            doubt_m=np.array([robot.doubt_m for robot in robots], np.float64),
+            forecasts=_layout([robot.forecast for robot in robots if robot.forecast]),
+            gone=gone,
+        )
+
+    def documents(self, now_s: float) -> list[dict[str, Any]]:
+        """Everything each robot said and what was made of it, JSON-ready, by UUID."""
+        return [self._document(self._robots[uuid], now_s) for uuid in sorted(self._robots)]
+
+    def measure(self, now_s: float) -> None:
+        """Bring the levels in `measures` up to date."""
+        robots: dict[tuple[str, ...], float] = {}
+        ages: dict[str, list[float]] = {}
+        clocks: dict[str, list[SenderClock]] = {}
+        for robot in self._robots.values():
+            key = (robot.vendor, self._shown_state(robot, now_s))
+            robots[key] = robots.get(key, 0) + 1
+            if robot.seen:
+                clocks.setdefault(robot.vendor, []).append(robot.clock)
+                ages.setdefault(robot.vendor, []).append(now_s - robot.seen.t_s)
+        level = self.measures.level
+        level("deconflict_robots", robots)
+        level("deconflict_forecast_age_seconds", {(name,): float(np.median(age)) for name, age in ages.items()})
+        level("deconflict_clock_offset_seconds", {(name,): vendor_offset(all_) for name, all_ in clocks.items()})
+        delays: dict[Labels, float] = {
+            (name,): float(np.median([one.delay_s for one in all_])) for name, all_ in clocks.items()
+        }
+        level("deconflict_clock_delay_seconds", delays)
+
+    def presence(self, robot: Robot, now_s: float) -> str:
+        """`present`, `quiet` or `silent`, by how long ago it was last heard."""
+        age_s = now_s - robot.arrival_s
+        if age_s > self.reading.silent_after_s:
+            return "silent"
+        return "quiet" if age_s > self.reading.quiet_after_s else "present"
+
+    def _namer(self, connection: Connection) -> str | None:
+        vendor = connection.vendor
+        return vendor if vendor and self.vendors.settings(vendor).names_as_uuid else None
+
+    def _vendor_of(self, uuid: str, connection: Connection) -> str:
+        robot = self._robots.get(uuid)
+        if robot:
+            return robot.vendor
+        speaking = self._speaking.get(connection.id, set())
+        only = next(iter(speaking)) if len(speaking) == 1 else UNKNOWN
+        return self.vendors.of_robot(uuid) or connection.vendor or only
+
+    def _admit(self, uuid: str, connection: Connection) -> Robot:
+        robot = Robot(uuid, self._vendor_of(uuid, connection), SenderClock(self.reading.clock_tolerance_s))
+        self._robots[uuid] = robot
+        return robot
+
+    def _identify(
+        self, robot: Robot, identity: Identity, raw: bytes, arrival_s: float, connection: Connection
+    ) -> tuple[str, ...]:
+        before = robot.identity
+        robot.identity, robot.identity_raw = identity, raw
+        robot.vendor = (
+            self.vendors.of_robot(robot.uuid)
+            or connection.vendor
+            or self.vendors.of_manufacturer(identity.manufacturer)
+        )
+        if isnan(robot.arrival_s):
+            robot.arrival_s = arrival_s
+        if robot.seen:
+            status = messages.read(robot.status_raw, names_as_uuid=self._namer(connection))
+            if isinstance(status, Status):
+                self._place(robot, status, robot.seen.t_s, None)
+        changed = before is not None and _who(before) != _who(identity)
+        return ("identity-changed",) if changed else ()
+
+    def _report(self, robot: Robot, status: Status, raw: bytes, arrival_s: float) -> tuple[str, ...]:
+        robot.clock.update(status.stamp_s, arrival_s, status.stamp_resolution_s)
+        event_s = robot.clock.event_s(status.stamp_s, arrival_s)
+        findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
+        if abs(robot.clock.offset_s) > self.reading.clock_tolerance_s:
+            findings += ("clock-off",)
+        if robot.seen:
+            findings += watch.frequency(arrival_s - robot.arrival_s, self.reading.quiet_after_s)
+            if event_s < robot.seen.t_s:
+                return (*findings, "stamp-not-increasing")
+        robot.status_raw, robot.arrival_s = raw, arrival_s
+        robot.state, robot.known_state = status.state, status.known_state
+        if robot.uuid in self._changed:
+            self.measures.count("deconflict_statuses_superseded_total", robot.vendor)
+        findings += self._place(robot, status, event_s, robot.seen)
+        self._robots.move_to_end(robot.uuid)
+        return findings
+
+    def _place(self, robot: Robot, status: Status, event_s: float, before: Sighting | None) -> tuple[str, ...]:
+        """Put the robot on its floor and forecast it from there."""
+        frame, floor = self._frame(robot.vendor, status.datum)
+        view = View(
+            self._body(robot, status),
+            robot.clock.offset_s,
+            self._frame_of(robot.vendor, status.datum),
+            self.reading,
+        )
+        robot.frame = frame
+        robot.seen, findings = watch.reconcile(before, _sight(status, frame, floor, event_s))
+        robot.forecast = forecast(status, robot.seen, view)
+        lost = matches(status.error_codes, self.reading.lost_errors)
+        robot.doubt_m = self.reading.lost_doubt_m if lost else 0.0
+        self._changed[robot.uuid] = None
+        unknown = () if frame.known else ("datum-unknown",)
+        return (*findings, *robot.forecast.findings, *unknown)
+
+    def _body(self, robot: Robot, status: Status) -> Body:
+        vendor = self.vendors.settings(robot.vendor)
+        loaded = bool(status.load_used_pct)
+        if robot.identity is None:
+            default = vendor.default_envelope_m or self.reading.default_envelope_m
+            return Body(default)
+        model = self.vendors.model(robot.vendor, robot.identity.model)
+        return body_of(model, robot.identity.envelope_m, loaded, robot.identity.max_speed_mps)
+
+    def _frame(self, vendor: str, datum: str) -> tuple[Frame, int]:
+        frame = self._frames.frame(vendor, datum)
+        if not frame.comparable:
+            return frame, NOWHERE
+        return frame, self._floors.setdefault(frame.floor, len(self._floors))
+
+    def _frame_of(self, vendor: str, own_datum: str) -> "_FrameOf":
+        return _FrameOf(self, vendor, own_datum)
+
+    def _forget(self, now_s: float) -> tuple[str, ...]:
+        gone = []
+        for uuid, robot in self._robots.items():
+            if not now_s - robot.arrival_s > self.reading.forget_after_s:
+                break
+            gone.append(uuid)
+        for uuid in gone:
+            self.measures.count("deconflict_robots_forgotten_total", self._robots.pop(uuid).vendor)
+            self._changed.pop(uuid, None)
+        return tuple(gone)
+
+    def _count(self, vendor: str, findings: Iterable[str], robot: Robot | None) -> None:
+        for rule in findings:
+            self.measures.count("deconflict_deviations_total", vendor, rule)
+            if robot:
+                robot.deviations[rule] = robot.deviations.get(rule, 0) + 1
+
+    def _shown_state(self, robot: Robot, now_s: float) -> str:
+        if self.presence(robot, now_s) == "silent":
+            return "silent"
+        return robot.state if robot.state and robot.known_state else "other"
+
+    def _document(self, robot: Robot, now_s: float) -> dict[str, Any]:
+        return {
+            "uuid": robot.uuid,
+            "name": robot.name,
+            "vendor": robot.vendor,
+            "participant": self.vendors.settings(robot.vendor).participant,
+            "identified": robot.identity is not None,
+            "presence": self.presence(robot, now_s),
+            "age_s": round(now_s - robot.arrival_s, 3),
+            "state": robot.state,
+            "clock": {"offset_s": round(robot.clock.offset_s, 3), "delay_s": round(robot.clock.delay_s, 3)},
+            "deviations": dict(sorted(robot.deviations.items())),
+            "identity": messages.document(robot.identity_raw) if robot.identity_raw else None,
+            "status": messages.document(robot.status_raw) if robot.status_raw else None,
+            **_placed(robot),
+        }
+
+
+class _FrameOf:
+    """Frames as one vendor's robot names them; "" is the datum the robot itself is on."""
+
+    def __init__(self, fleet: Fleet, vendor: str, own_datum: str) -> None:
+        self._fleet, self._vendor, self._own = fleet, vendor, own_datum
+
+    def __call__(self, datum: str) -> tuple[Frame, int]:
+        return self._fleet._frame(self._vendor, datum or self._own)
+
+
+def _who(identity: Identity) -> tuple[Any, ...]:
+    return identity.manufacturer, identity.model, identity.serial, identity.envelope_m
+
+
+def _sight(status: Status, frame: Frame, floor: int, event_s: float) -> Sighting:
+    """Where the status puts the robot, in the floor's frame; a turn keeps its sense in a left-handed map."""
+    turn_radps = status.turn_rad_per_s or 0.0
+    yaw_rad = 0.0 if isnan(status.yaw_rad) else status.yaw_rad
+    poses = np.array(
+        [[status.x, status.y, status.yaw_rad], [status.x, status.y, yaw_rad], [status.x, status.y, yaw_rad + 0.1]]
+    )
+    here, a, b = frame.to_floor(poses)
+    sense = 1.0 if turn_between(a[2], b[2]) > 0 else -1.0
+    return Sighting(
+        event_s, floor, float(here[0]), float(here[1]), float(here[2]), status.linear_mps, sense * turn_radps
+    )
+
+
+def _layout(forecasts: list[Forecast]) -> Forecasts:
+    if not forecasts:
+        return Forecasts.empty()
+    poses = np.concatenate([one.poses for one in forecasts])
+    sizes = np.array([(one.length_m, one.width_m, one.bottom_m, one.top_m) for one in forecasts])
+    return Forecasts(
+        start=np.concatenate([[0], np.cumsum([len(one.poses) for one in forecasts])]),
+        t_s=poses[:, 0].copy(),
+        x_m=poses[:, 1].copy(),
+        y_m=poses[:, 2].copy(),
+        yaw_rad=poses[:, 3].copy(),
+        floor=np.array([floor for one in forecasts for floor in one.floors], np.int64),
+        length_m=sizes[:, 0].copy(),
+        width_m=sizes[:, 1].copy(),
+        bottom_m=sizes[:, 2].copy(),
+        top_m=sizes[:, 3].copy(),
+    )
+
+
+def _placed(robot: Robot) -> dict[str, Any]:
+    """The floor-frame part of a robot's document; absent before its first status."""
+    if not (robot.seen and robot.frame and robot.forecast):
+        return {"floor": None, "location": None, "envelope": None, "forecast": None}
+    one, seen = robot.forecast, robot.seen
+    tall = np.isfinite(one.top_m)
+    return {
+        "floor": robot.frame.floor,
+        "comparable": robot.frame.comparable,
+        "location": {"x": seen.x_m, "y": seen.y_m, "yaw_rad": None if isnan(seen.yaw_rad) else seen.yaw_rad},
+        "event_s": seen.t_s,
+        "doubt_m": robot.doubt_m,
+        "envelope": {
+            "length_m": one.length_m,
+            "width_m": one.width_m,
+            "height_m": one.top_m - one.bottom_m if tall else None,
+        },
+        "forecast": {
+            "basis": Basis(one.basis).name.lower(),
+            "reach_m": round(float(hypot(*(one.poses[-1, 1:3] - one.poses[0, 1:3]))), 3),
+            "knots": [[round(float(value), 3) for value in pose] for pose in one.poses],
+        },
+    }

@@ -1,0 +1,116 @@
+"""The common frame: from where a robot says it is to where that is on its floor.
+
+A floor's frame is in metres and right-handed. A datum in metres is that frame; one in degrees is projected; a
+vendor that keeps to its own map comes in by its readings of the datum's reference points.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ingest.fits import Fit, FitError, Transform, fit, flipped
+from ingest.geographic import Projection
+from ingest.seam import Floats
+from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
+
+STEP = 1e-3
+"""In the vendor's units: how far ahead a heading is followed through a map to find its heading on the floor."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """What one vendor means by one datum."""
+
+    floor: str
+    """Id of the floor."""
+    known: bool
+    """Whether the site file has it."""
+    comparable: bool = True
+    """False for a frame that nobody else shares."""
+    projection: Projection | None = None
+    transform: Transform | None = None
+
+    def to_floor(self, poses: Floats) -> Floats:
+        """`(p, 3)` x, y, yaw_rad as sent, to metres and radians in the floor's frame. An unknown yaw stays nan."""
+        if self.transform is not None:
+            return _through(self.transform, poses)
+        if self.projection is not None:
+            placed = np.empty_like(poses)
+            placed[:, :2] = self.projection.points(poses[:, :2])
+            placed[:, 2] = self.projection.yaw(poses[:, 2])
+            return placed
+        return poses
+
+
+class Frames:
+    """Every frame that the site knows, and those that messages bring."""
+
+    def __init__(self, datums: Sequence[Datum], vendors: Sequence[Vendor]) -> None:
+        """Raises `FitError` for readings that fit nothing, naming the vendor and the datum."""
+        by_id = {datum.id: datum for datum in datums}
+        self._datums = {datum.id: _of_datum(datum) for datum in datums}
+        self._maps = {
+            (vendor.name, one.datum): _of_map(vendor, one, by_id[one.site_datum])
+            for vendor in vendors
+            for one in vendor.maps
+        }
+
+    def frame(self, vendor: str, datum: str) -> Frame:
+        """The vendor's own map of that name, else the site's datum, else a floor of its own.
+
+        A datum that the site does not know names a floor that all who name it share, since by the standard its id
+        is the frame's. A nil or missing datum names no frame and is compared with nothing.
+        """
+        found = self._maps.get((vendor, datum)) or self._datums.get(datum)
+        if found:
+            return found
+        if datum in ("", NIL_DATUM):
+            return Frame(f"unknown:{vendor}", known=False, comparable=False)
+        return Frame(datum, known=False)
+
+
+def fit_map(one: VendorMap, datum: Datum) -> Fit:
+    """The fit of a vendor's readings to the datum's reference points, in floor metres. Raises `FitError`."""
+    known = {point.id: (point.x, point.y) for point in datum.reference_points}
+    missing = sorted(set(one.readings) - set(known))
+    if missing:
+        raise FitError(f"reads {', '.join(missing)}, which datum {datum.name!r} does not have")
+    readings = np.array([one.readings[point] for point in one.readings], np.float64).reshape(-1, 2)
+    reference = np.array([known[point] for point in one.readings], np.float64).reshape(-1, 2)
+    if datum.coordinates != "metres":
+        reference = Projection(datum).points(reference)
+    if one.mirrored and len(readings) == 2:
+        return _mirrored_pair(readings, reference)
+    return fit(readings, reference)
+
+
+def _mirrored_pair(readings: Floats, reference: Floats) -> Fit:
+    """Two points cannot show a mirroring: the site file's word is taken, and the vendor's plane flipped first."""
+    found = fit(readings * (1.0, -1.0), reference)
+    turned = flipped(found.affine)
+    return Fit(found.method, turned, turned, found.residuals_m, found.left_out_m)
+
+
+def _of_datum(datum: Datum) -> Frame:
+    projection = None if datum.coordinates == "metres" else Projection(datum)
+    return Frame(datum.id, known=True, projection=projection)
+
+
+def _of_map(vendor: Vendor, one: VendorMap, datum: Datum) -> Frame:
+    try:
+        return Frame(datum.id, known=True, transform=fit_map(one, datum).transform)
+    except FitError as error:
+        raise FitError(f"vendor {vendor.name!r}, map of {datum.name!r}: {error}") from error
+
+
+def _through(transform: Transform, poses: Floats) -> Floats:
+    """Positions through the map; headings by where a short step along them leads, so a mirrored map turns them."""
+    placed = np.empty_like(poses)
+    ahead = poses[:, :2] + STEP * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    known = ~np.isnan(poses[:, 2])
+    both = transform(np.vstack([poses[:, :2], np.where(known[:, None], ahead, poses[:, :2])]))
+    placed[:, :2] = both[: len(poses)]
+    steps = both[len(poses) :] - placed[:, :2]
+    placed[:, 2] = np.where(known, np.arctan2(steps[:, 1], steps[:, 0]), np.nan)
+    return placed

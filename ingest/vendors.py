@@ -1,0 +1,49 @@
+"""Which vendor a robot belongs to, and what the site says of that vendor."""
+
+from collections.abc import Sequence
+
+from ingest.settings import Model, Vendor
+
+UNKNOWN = "unknown"
+"""The vendor of a robot that has not identified itself and that nothing else gives away."""
+OTHER = "other"
+MAX_UNCONFIGURED = 64
+MAX_NAME = 40
+
+
+class Vendors:
+    """The site's vendors, and those that only identity reports name.
+
+    Vendor names are label values of metrics, so those the site does not know are bounded: the first
+    `MAX_UNCONFIGURED` keep their own names, later ones share `OTHER`.
+    """
+
+    def __init__(self, vendors: Sequence[Vendor]) -> None:
+        self._configured = {vendor.name: vendor for vendor in vendors}
+        self._by_manufacturer = {
+            manufacturer.casefold(): vendor.name
+            for vendor in vendors
+            for manufacturer in (vendor.name, *vendor.manufacturers)
+        }
+        self._by_robot = {uuid.lower(): vendor.name for vendor in vendors for uuid in vendor.robots}
+        self._met: dict[str, Vendor] = {}
+
+    def of_manufacturer(self, manufacturer: str) -> str:
+        known = self._by_manufacturer.get(manufacturer.strip().casefold())
+        if known:
+            return known
+        name = manufacturer.strip()[:MAX_NAME] or UNKNOWN
+        if name in self._met or len(self._met) < MAX_UNCONFIGURED:
+            self._met.setdefault(name, Vendor(name=name))
+            return name
+        return OTHER
+
+    def of_robot(self, uuid: str) -> str | None:
+        """The vendor that the site file gives this robot to."""
+        return self._by_robot.get(uuid)
+
+    def settings(self, name: str) -> Vendor:
+        return self._configured.get(name) or self._met.get(name) or Vendor(name=name)
+
+    def model(self, vendor: str, model: str) -> Model:
+        return self.settings(vendor).models.get(model) or Model()

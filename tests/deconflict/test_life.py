@@ -1,0 +1,239 @@
+from dataclasses import dataclass, field
+from math import hypot
+
+import pytest
+
+from deconflict.advisory import Advisory, AdvisoryState, EncounterClass, Severity
+from deconflict.encounter import Encounter
+from deconflict.life import Lives, Pair, Party, Prediction, Scene
+from deconflict.site import Conflict
+
+PAIR: Pair = ("a", "b")
+SETTINGS = Conflict(
+    clearance_m=0.3,
+    confirm=(2, 3),
+    urgent_s=2.0,
+    clear_after_s=3.0,
+    clear_margin_m=0.1,
+    warning_s=5.0,
+    critical_s=2.0,
+)
+ABSENT_AFTER_S = 60.0
+
+
+@dataclass
+class Story:
+    """Two robots, told pass by pass, a second apart."""
+
+    lives: Lives = field(default_factory=lambda: Lives(SETTINGS, ABSENT_AFTER_S))
+    now_s: float = 1000.0
+    apart_m: float | None = 5.0
+    floor: dict[str, Party] = field(
+        default_factory=lambda: {
+            "a": Party("Alder 1", "Alder", "path", standing=False),
+            "b": Party("Corvid 2", "Corvid", "path", standing=False),
+        }
+    )
+    x_m: float = 3.0
+
+    def scene(self) -> Scene:
+        return Scene(
+            party=self.floor.get,
+            meet=lambda _, __: Encounter(EncounterClass.CROSSING, 1.2, self.x_m, 4.0, 0),
+            separation_m=lambda _, __: self.apart_m,
+            place_name=lambda _: ("datum-1", "Hall"),
+        )
+
+    def quiet(self, told: bool = True) -> list[Advisory]:
+        """A pass in which no conflict is predicted."""
+        return self._step([], told)
+
+    def predicted(
+        self, in_s: float, separation_m: float = 0.0, start_m: float = 5.0, fresh: bool = True
+    ) -> list[Advisory]:
+        self.apart_m = start_m
+        return self._step([Prediction(PAIR, self.now_s + 1 + in_s, separation_m, start_m, fresh)], fresh)
+
+    def _step(self, predictions: list[Prediction], told: bool) -> list[Advisory]:
+        self.now_s += 1.0
+        return self.lives.step(self.now_s, predictions, {"a"} if told else set(), self.scene())
+
+    def raised(self, in_s: float = 8.0) -> Advisory:
+        self.predicted(in_s)
+        (advisory,) = self.predicted(in_s - 1)
+        assert advisory.state is AdvisoryState.RAISED
+        return advisory
+
+
+def test_two_looks_of_three_raise() -> None:
+    story = Story()
+    assert story.predicted(9) == []
+    assert story.quiet() == []
+    (advisory,) = story.predicted(7)
+    assert advisory.state is AdvisoryState.RAISED
+    assert advisory.robots == PAIR
+    assert advisory.time_to_conflict_s == pytest.approx(7)
+    assert advisory.summary == "Alder 1 and Corvid 2 cross in 7 s near (3.0, 4.0) on Hall"
+
+
+def test_one_look_of_three_does_not() -> None:
+    story = Story()
+    assert [*story.predicted(9), *story.quiet(), *story.quiet(), *story.predicted(9)] == []
+
+
+def test_an_old_forecast_repeated_confirms_nothing() -> None:
+    story = Story()
+    assert story.predicted(9) == []
+    assert [story.predicted(8 - i, fresh=False) for i in range(5)] == [[]] * 5
+
+
+def test_an_urgent_conflict_needs_no_confirmation() -> None:
+    (advisory,) = Story().predicted(1.5)
+    assert advisory.severity is Severity.CRITICAL
+
+
+def test_a_pair_that_begins_close_and_draws_apart_does_not_alert() -> None:
+    story = Story()
+    for _ in range(5):
+        assert story.predicted(0, separation_m=0.2, start_m=0.2) == []
+
+
+def test_a_pair_that_begins_close_and_is_about_to_touch_does() -> None:
+    (advisory,) = Story().predicted(0, separation_m=0.0, start_m=0.25)
+    assert advisory.state is AdvisoryState.RAISED
+
+
+def test_hovering_at_the_clearance_is_one_encounter() -> None:
+    story = Story()
+    story.predicted(0, separation_m=0.2, start_m=0.2)
+    for start_m in (0.35, 0.25, 0.35, 0.38):
+        assert story.predicted(0.5, separation_m=0.2, start_m=start_m) == []
+
+
+def test_severity_rises_as_the_conflict_nears_and_is_said_at_once() -> None:
+    story = Story()
+    assert story.raised().severity is Severity.CAUTION
+    told = [one for in_s in (6, 5, 4, 3, 2, 1) for one in story.predicted(in_s)]
+    assert [one.severity for one in told] == [Severity.WARNING, Severity.CRITICAL]
+    assert [one.revision for one in told] == [2, 3]
+
+
+def test_a_pass_with_room_to_spare_is_one_level_lower() -> None:
+    story = Story()
+    story.predicted(8, separation_m=0.25)
+    (advisory,) = story.predicted(4, separation_m=0.25)
+    assert advisory.severity is Severity.CAUTION
+
+
+def test_an_unchanged_prediction_is_not_repeated() -> None:
+    story = Story()
+    story.raised(9)
+    assert story.predicted(7) == []
+    assert story.predicted(6.2) == []
+
+
+@pytest.mark.parametrize(("in_s", "x_m", "separation_m"), [(9.0, 3.0, 0.0), (6.0, 4.5, 0.0), (6.0, 3.0, 0.2)])
+def test_a_changed_prediction_is_an_update(in_s: float, x_m: float, separation_m: float) -> None:
+    story = Story()
+    first = story.raised()
+    story.x_m = x_m
+    (update,) = story.predicted(in_s, separation_m=separation_m)
+    assert update.state is AdvisoryState.UPDATED
+    assert (update.id, update.raised_at, update.revision) == (first.id, first.raised_at, 2)
+
+
+def test_it_clears_when_not_predicted_for_long_enough() -> None:
+    story = Story()
+    first = story.raised()
+    told = [story.quiet() for _ in range(3)]
+    assert told[:2] == [[], []]
+    (cleared,) = told[2]
+    assert (cleared.id, cleared.state, cleared.cleared_because) == (
+        first.id,
+        AdvisoryState.CLEARED,
+        "no longer predicted",
+    )
+    assert cleared.cleared_at is not None
+    assert story.lives.open() == []
+
+
+def test_a_prediction_that_comes_back_keeps_the_advisory() -> None:
+    story = Story()
+    story.raised(12)
+    assert [*story.quiet(), *story.quiet(), *story.predicted(8.2, fresh=False)] == []
+    assert len(story.lives.open()) == 1
+
+
+def test_it_stays_until_they_have_drawn_apart() -> None:
+    story = Story()
+    story.raised()
+    story.predicted(0, start_m=0.1)
+    story.apart_m = 0.35
+    assert [story.quiet() for _ in range(6)] == [[]] * 6
+    story.apart_m = 0.45
+    (cleared,) = story.quiet()
+    assert cleared.cleared_because == "they have passed each other"
+
+
+def test_a_second_encounter_is_a_new_advisory_with_the_next_ordinal() -> None:
+    story = Story()
+    first = story.raised()
+    while story.lives.open():
+        story.quiet()
+    second = story.raised()
+    assert (first.encounter, second.encounter) == (1, 2)
+    assert first.id != second.id
+
+
+def test_two_that_met_and_both_stand_are_cleared_and_not_raised_again_when_they_part() -> None:
+    story = Story()
+    story.raised()
+    story.predicted(0, start_m=0.1)
+    for uuid, party in story.floor.items():
+        story.floor[uuid] = Party(party.name, party.vendor, "stationary", standing=True)
+    told = [one for _ in range(6) for one in story.predicted(0, separation_m=0.1, start_m=0.1)]
+    assert [one.cleared_because for one in told] == ["both stand still"]
+    assert [one for _ in range(4) for one in story.predicted(0, separation_m=0.1, start_m=0.1)] == []
+
+
+def test_a_robot_that_left_the_floor_ends_the_advisory() -> None:
+    story = Story()
+    story.raised()
+    del story.floor["b"]
+    (cleared,) = story.quiet()
+    assert cleared.cleared_because == "Corvid 2 left the floor"
+
+
+def test_a_restored_advisory_waits_for_its_robots_and_keeps_its_id() -> None:
+    first = Story().raised()
+    later = Story(lives=Lives(SETTINGS, ABSENT_AFTER_S, {PAIR: 1}), now_s=1100.0)
+    later.lives.restore([first])
+    known, later.floor = later.floor, {}
+    assert [one for _ in range(50) for one in later.quiet()] == []
+    later.floor = known
+    (update,) = later.predicted(4)
+    assert (update.id, update.revision, update.encounter) == (first.id, 2, 1)
+
+
+def test_a_restored_advisory_whose_robots_never_return_is_cleared_in_time() -> None:
+    later = Story(lives=Lives(SETTINGS, ABSENT_AFTER_S), now_s=1100.0, floor={})
+    later.lives.restore([Story().raised()])
+    told = [one for _ in range(70) for one in later.quiet(told=False)]
+    assert [one.state for one in told] == [AdvisoryState.CLEARED]
+
+
+def test_pairs_no_longer_of_interest_are_forgotten() -> None:
+    story = Story()
+    story.predicted(9)
+    for _ in range(3):
+        story.quiet()
+    assert story.lives.tracks == {}
+
+
+def test_the_same_story_gives_the_same_advisories() -> None:
+    def tell() -> list[Advisory]:
+        story = Story()
+        return [one for in_s in (9, 8, 6, 3, 2, 1) for one in story.predicted(in_s)]
+
+    assert tell() == tell()
+    assert hypot(tell()[0].location.x, tell()[0].location.y) == pytest.approx(5.0)

@@ -1,0 +1,47 @@
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from deconflict.link import AsyncCaller, Caller, LinkDownError, listen, socket_path
+
+
+async def _shout(payload: bytes) -> bytes:
+    return payload.upper()
+
+
+async def test_both_callers_get_the_answer(tmp_path: Path) -> None:
+    async with await listen(socket_path(tmp_path, "role"), {"shout": _shout}):
+        assert await AsyncCaller(tmp_path, "role").call("shout", b"a\nb") == b"A\nB"
+        blocking = Caller(tmp_path, "role")
+        large = b"x" * 3_000_000
+        assert await asyncio.to_thread(blocking.call, "shout", large) == large.upper()
+        assert await asyncio.to_thread(blocking.call, "shout") == b""
+        blocking.close()
+
+
+def test_a_role_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(LinkDownError, match="receiver"):
+        Caller(tmp_path, "receiver").call("anything")
+
+
+async def test_a_caller_finds_the_role_again_after_it_restarted(tmp_path: Path) -> None:
+    path, caller = socket_path(tmp_path, "role"), Caller(tmp_path, "role")
+    first = await listen(path, {"shout": _shout})
+    assert await asyncio.to_thread(caller.call, "shout", b"one") == b"ONE"
+    first.close()
+    caller.close()
+    await first.wait_closed()
+    path.unlink()
+    with pytest.raises(LinkDownError):
+        await asyncio.to_thread(caller.call, "shout", b"two")
+    async with await listen(path, {"shout": _shout}):
+        assert await asyncio.to_thread(caller.call, "shout", b"three") == b"THREE"
+        caller.close()
+
+
+async def test_an_unknown_call_ends_the_conversation_and_not_the_role(tmp_path: Path) -> None:
+    async with await listen(socket_path(tmp_path, "role"), {"shout": _shout}):
+        with pytest.raises(LinkDownError):
+            await AsyncCaller(tmp_path, "role").call("whisper")
+        assert await AsyncCaller(tmp_path, "role").call("shout", b"still") == b"STILL"

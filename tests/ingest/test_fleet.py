@@ -1,0 +1,243 @@
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ingest.connection import Connection
+from ingest.fleet import NOWHERE, Fleet
+from ingest.frames import Frames
+from ingest.measures import Measures
+from ingest.quarantine import Quarantine
+from ingest.seam import Basis
+from ingest.settings import Datum, Model, Reading, Vendor
+from ingest.vendors import OTHER, UNKNOWN, Vendors
+from tests.saying import HALL, LOFT, identity, points, robot, status
+
+NOW_S = 1_790_000_000.0
+LINE = Connection(1)
+NIL = "00000000-0000-0000-0000-000000000000"
+
+
+def fleet(*vendors: Vendor, datums: tuple[Datum, ...] = (Datum(id=HALL, name="Hall"),), **reading: Any) -> Fleet:
+    measures = Measures()
+    return Fleet(Vendors(vendors), Frames(datums, vendors), Reading(**reading), measures, Quarantine())
+
+
+def counted(of: Fleet, name: str) -> dict[tuple[str, ...], float]:
+    return of.measures.values[f"deconflict_{name}"]
+
+
+def document(of: Fleet, name: str, now_s: float = NOW_S) -> dict[str, Any]:
+    (found,) = [one for one in of.documents(now_s) if one["uuid"] == robot(name)]
+    return found
+
+
+def test_a_status_becomes_a_row_of_the_next_batch_and_only_of_that() -> None:
+    one = fleet()
+    assert one.receive(identity("A-1", NOW_S - 1), NOW_S - 1, LINE) is None
+    assert one.receive(status("A-1", NOW_S, 3.0, 4.0), NOW_S + 0.05, LINE) is None
+    batch = one.cut(NOW_S + 0.1)
+    assert (batch.robots, batch.vendors, batch.names) == ((robot("A-1"),), ("Alder",), ("Alder A-1",))
+    assert batch.floors == (HALL,)
+    assert batch.forecasts.x_m[0] == 3.0
+    assert batch.event_s[0] == pytest.approx(NOW_S)
+    assert len(one.cut(NOW_S + 0.2)) == 0
+    assert one.cut(NOW_S + 0.3, everything=True).robots == (robot("A-1"),)
+
+
+def test_a_robot_is_accepted_before_it_identifies_itself_with_its_vendors_envelope() -> None:
+    one = fleet(Vendor(name="Alder", default_envelope_m=(2.0, 1.5, 0.0)))
+    line = Connection(1, vendor="Alder")
+    one.receive(status("A-1", NOW_S), NOW_S, line)
+    assert one.cut(NOW_S).forecasts.length_m[0] == 2.0
+    assert document(one, "A-1")["identified"] is False
+    assert counted(one, "deviations_total")["Alder", "identity-missing"] == 1
+    one.receive(identity("A-1", NOW_S), NOW_S, line)
+    assert one.cut(NOW_S).forecasts.length_m[0] == 1.0
+    assert document(one, "A-1")["identified"] is True
+
+
+def test_identity_may_come_late_and_on_another_connection() -> None:
+    one = fleet(Vendor(name="Alder Robotics", manufacturers=("ALDER",)))
+    one.receive(status("A-1", NOW_S), NOW_S, LINE)
+    assert document(one, "A-1")["vendor"] == UNKNOWN
+    one.receive(identity("A-1", NOW_S), NOW_S, Connection(2))
+    assert document(one, "A-1")["vendor"] == "Alder Robotics"
+
+
+def test_an_unidentified_robot_is_of_the_vendor_that_alone_speaks_on_its_connection() -> None:
+    one = fleet()
+    one.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    one.receive(status("A-2", NOW_S), NOW_S, LINE)
+    assert document(one, "A-2")["vendor"] == "Alder"
+
+
+def test_the_site_may_say_whose_a_robot_is() -> None:
+    one = fleet(Vendor(name="Basalt", robots=(robot("A-1").upper(),)))
+    one.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    assert document(one, "A-1")["vendor"] == "Basalt"
+
+
+def test_vendors_that_only_messages_name_are_bounded() -> None:
+    one = fleet()
+    for i in range(80):
+        one.receive(identity(f"R-{i}", NOW_S, manufacturerName=f"Maker {i}"), NOW_S, Connection(i))
+    names = {each["vendor"] for each in one.documents(NOW_S)}
+    assert OTHER in names
+    assert len(names) == 65
+
+
+def test_a_rejected_message_is_counted_and_kept_for_a_person() -> None:
+    one = fleet()
+    rule = one.receive(b'{"uuid": 3}', NOW_S, LINE)
+    assert rule is not None
+    assert counted(one, "messages_total")[UNKNOWN, "rejected"] == 1
+    assert counted(one, "rejections_total")[UNKNOWN, rule] == 1
+    (kept,) = one.quarantine.documents()
+    assert kept["rule"] == rule
+    assert len(one.cut(NOW_S)) == 0
+
+
+def test_the_newest_status_wins_and_what_it_replaced_is_counted() -> None:
+    one = fleet()
+    for i in range(3):
+        one.receive(status("A-1", NOW_S + i, float(i)), NOW_S + i, LINE)
+    assert one.cut(NOW_S + 3).forecasts.x_m[0] == 2.0
+    assert counted(one, "statuses_superseded_total")[UNKNOWN,] == 2
+
+
+def test_a_status_that_is_older_than_the_last_is_counted_and_does_not_move_the_robot() -> None:
+    one = fleet()
+    one.receive(status("A-1", NOW_S, 5.0), NOW_S + 0.1, LINE)
+    one.receive(status("A-1", NOW_S - 1.0, 4.0), NOW_S + 0.2, LINE)
+    assert document(one, "A-1")["location"]["x"] == 5.0
+    assert document(one, "A-1")["deviations"]["stamp-not-increasing"] == 1
+
+
+def test_a_clock_three_seconds_off_is_shown_and_corrected() -> None:
+    one = fleet()
+    for i in range(5):
+        path = points((NOW_S + i + 4, 1.0, 0.0, 0.0))
+        one.receive(status("A-1", NOW_S + i + 3.0, path=path), NOW_S + i + 0.05, LINE)
+    batch = one.cut(NOW_S + 5)
+    assert batch.event_s[0] == pytest.approx(NOW_S + 4, abs=0.3)
+    assert batch.forecasts.t_s[1] == pytest.approx(NOW_S + 5, abs=0.3)
+    assert document(one, "A-1")["clock"]["offset_s"] == pytest.approx(-3.0, abs=0.3)
+    assert document(one, "A-1")["deviations"]["clock-off"] == 5
+
+
+def test_an_unknown_datum_is_a_floor_of_its_own_and_found() -> None:
+    one = fleet()
+    one.receive(status("A-1", NOW_S), NOW_S, LINE)
+    one.receive(status("B-1", NOW_S, location=_at(LOFT)), NOW_S, LINE)
+    batch = one.cut(NOW_S)
+    floors = dict(zip(batch.robots, batch.forecasts.floor.tolist(), strict=True))
+    assert floors[robot("A-1")] != floors[robot("B-1")]
+    assert document(one, "B-1")["deviations"]["datum-unknown"] == 1
+    assert "datum-unknown" not in document(one, "A-1")["deviations"]
+
+
+@pytest.mark.parametrize("datum", [NIL, ""])
+def test_no_datum_at_all_is_compared_with_nothing(datum: str) -> None:
+    one = fleet()
+    one.receive(status("A-1", NOW_S, location=_at(datum)), NOW_S, LINE)
+    assert one.cut(NOW_S).forecasts.floor.tolist() == [NOWHERE]
+    assert document(one, "A-1")["comparable"] is False
+
+
+def test_a_lost_robot_is_doubtful() -> None:
+    one = fleet(lost_doubt_m=1.5)
+    one.receive(status("A-1", NOW_S, errorCodes=["Robot Lost"]), NOW_S, LINE)
+    assert one.cut(NOW_S).doubt_m[0] == 1.5
+
+
+def test_the_load_changes_the_envelope() -> None:
+    model = Model(loaded_envelope_m=(1.5, 1.2, 1.8))
+    one = fleet(Vendor(name="Alder", models={"A1": model}))
+    one.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    one.receive(status("A-1", NOW_S, loadPercentageStillAvailable=100), NOW_S, LINE)
+    assert one.cut(NOW_S).forecasts.length_m[0] == 1.0
+    one.receive(status("A-1", NOW_S + 1, loadPercentageStillAvailable=40), NOW_S + 1, LINE)
+    assert one.cut(NOW_S + 1).forecasts.length_m[0] == 1.5
+
+
+def test_silence_never_removes_a_robot_until_it_is_forgotten_and_counted() -> None:
+    one = fleet(forget_after_s=3600.0)
+    one.receive(status("A-1", NOW_S), NOW_S, LINE)
+    one.cut(NOW_S)
+    assert [document(one, "A-1", NOW_S + t)["presence"] for t in (1, 31, 61)] == ["present", "quiet", "silent"]
+    assert one.cut(NOW_S + 3599).gone == ()
+    assert one.cut(NOW_S + 3601).gone == (robot("A-1"),)
+    assert counted(one, "robots_forgotten_total")[UNKNOWN,] == 1
+    assert one.documents(NOW_S + 3601) == []
+
+
+def test_everything_the_standard_lets_a_robot_say_is_served() -> None:
+    one = fleet()
+    optional = {
+        "maxSpeed": 1.5,
+        "maxRunTime": 8,
+        "emergencyContactInformation": "+1 555 0100",
+        "chargerType": "inductive",
+        "supportVendorName": "Alder Care",
+        "supportVendorContactInformation": "care",
+        "productDocumentation": "about:blank",
+        "thumbnailImage": "about:blank",
+        "cargoType": "totes",
+        "cargoMaxVolume": {"x": 1, "y": 1, "z": 1},
+        "cargoMaxWeight": "4000",
+    }
+    said: dict[str, Any] = {
+        "batteryPercentage": 81.5,
+        "remainingRunTime": 3.2,
+        "loadPercentageStillAvailable": 60,
+        "errorCodes": ["battery low"],
+        "velocity": {"linear": 0.5},
+    }
+    one.receive(identity("A-1", NOW_S, **optional), NOW_S, LINE)
+    one.receive(status("A-1", NOW_S, destinations=points((NOW_S + 60, 9.0, 9.0, 0.0)), **said), NOW_S, LINE)
+    served = json.loads(json.dumps(document(one, "A-1")))
+    assert {key: served["identity"][key] for key in optional} == optional
+    assert {key: served["status"][key] for key in said} == said
+    assert served["status"]["destinations"][0]["x"] == 9.0
+    assert served["forecast"]["basis"] == "velocity"
+
+
+def test_levels_are_by_vendor_and_state() -> None:
+    one = fleet()
+    one.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    one.receive(status("A-1", NOW_S), NOW_S, LINE)
+    one.receive(status("A-2", NOW_S, operationalState="dancing"), NOW_S, LINE)
+    one.measure(NOW_S + 2)
+    assert counted(one, "robots") == {("Alder", "navigating"): 1, ("Alder", "other"): 1}
+    assert counted(one, "forecast_age_seconds")["Alder",] == pytest.approx(2.0)
+    one.measure(NOW_S + 100)
+    assert counted(one, "robots") == {("Alder", "silent"): 2}
+
+
+def test_the_same_messages_give_the_same_batches() -> None:
+    def told() -> bytes:
+        one = fleet()
+        random = np.random.default_rng(3)
+        for i in range(200):
+            name = f"R-{random.integers(10)}"
+            x, y, yaw_rad = random.uniform(-3, 20, 3).tolist()
+            raw = status(name, NOW_S + i, x, y, yaw_rad)
+            one.receive(raw, NOW_S + i + 0.1, LINE)
+        return one.cut(NOW_S + 201).to_bytes()
+
+    assert told() == told()
+
+
+def test_basis_of_a_robot_that_only_sends_where_it_is_comes_from_its_motion() -> None:
+    one = fleet()
+    one.receive(status("A-1", NOW_S, 0.0), NOW_S, LINE)
+    one.receive(status("A-1", NOW_S + 1, 1.0), NOW_S + 1, LINE)
+    batch = one.cut(NOW_S + 1)
+    assert batch.basis.tolist() == [Basis.VELOCITY]
+    assert batch.forecasts.x_m[-1] == pytest.approx(11.0)
+
+
+def _at(datum: str) -> dict[str, Any]:
+    return {"x": 0.0, "y": 0.0, "angle": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}, "planarDatum": datum}
