@@ -16,6 +16,8 @@ from pydantic_core import to_json
 
 from deconflict.advisory import Advisory
 from deconflict.publisher import Publisher
+from deconflict.schema import SCHEMAS
+from deconflict.site import Operator
 from deconflict.store import StateFilter, Store, StoreError
 from deconflict.stream import Stream
 from ingest.measures import Measures
@@ -55,14 +57,6 @@ class Sources(Protocol):
 
     async def health(self) -> Document:
         """`status`, "ok" or "degraded", and `roles`."""
-
-
-class FaceSettings(Protocol):
-    """The part of the site's `operator` section that concerns the application."""
-
-    @property
-    def stream_send_timeout_s(self) -> float:
-        """A subscriber that has not taken a message for this long is dropped."""
 
 
 class AdvisoryList(BaseModel):
@@ -168,10 +162,10 @@ class Face:
 
     def schema(self) -> Response:
         """JSON Schema of an advisory."""
-        return _json(Advisory.model_json_schema(mode="serialization"), media_type="application/schema+json")
+        return _json(SCHEMAS["advisory"](), media_type="application/schema+json")
 
 
-def create_app(store: Store, sources: Sources, exposition: Exposition, settings: FaceSettings) -> FastAPI:
+def create_app(store: Store, sources: Sources, exposition: Exposition, settings: Operator) -> FastAPI:
     """The application. `app.state.publisher` publishes advisories, `app.state.measures` are the face's own."""
     app = FastAPI(
         title="amr-deconflict",

@@ -13,6 +13,7 @@ from fastapi import FastAPI
 from deconflict.advisory import Advisory
 from deconflict.asgi import FaceServer, face_server
 from deconflict.operator import SourceUnavailableError, create_app
+from deconflict.site import Operator
 from deconflict.store import Store
 from ingest.measures import Measures
 from metrics.exposition import render
@@ -54,13 +55,6 @@ class GivenSources:
 
 
 @dataclass
-class Given:
-    """Settings of the face."""
-
-    stream_send_timeout_s: float = 10.0
-
-
-@dataclass
 class Served:
     """A face that is being served."""
 
@@ -94,7 +88,7 @@ class Served:
 @asynccontextmanager
 async def served(directory: Path, *, stream_send_timeout_s: float = 10.0) -> AsyncIterator[Served]:
     store, sources = Store(directory), GivenSources()
-    app = create_app(store, sources, render, Given(stream_send_timeout_s))
+    app = create_app(store, sources, render, Operator(stream_send_timeout_s=stream_send_timeout_s))
     server = face_server(app)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         serving = asyncio.create_task(server.serve([listening]))

@@ -156,6 +156,14 @@ async def stuck_subscriber(face: Served) -> socket.socket:
     return raw
 
 
+async def test_small_messages_are_sent_without_waiting_for_more(face: Served) -> None:
+    async with connect(face.stream()):
+        await until(lambda: face.measured("deconflict_stream_subscribers") == 1)
+        (connection,) = face.server.server_state.connections
+        served_socket = connection.transport.get_extra_info("socket")
+        assert served_socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
 async def test_a_store_that_fails_ends_the_stream_with_the_reason(face: Served) -> None:
     await face.publish(made(1))
     face.store.close()
