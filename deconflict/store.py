@@ -239,9 +239,7 @@ def _last_seq(db: sqlite3.Connection) -> int:
 
 
 def _revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> Advisory | None:
-    row = db.execute(
-        "SELECT document FROM revisions WHERE id = ? AND revision = ?", (advisory_id, revision)
-    ).fetchone()
+    row = db.execute("SELECT document FROM revisions WHERE id = ? AND revision = ?", (advisory_id, revision)).fetchone()
     return _advisory(row[0]) if row else None
 
 

@@ -29,9 +29,7 @@ class Entry:
 
 
 CATALOGUE: dict[str, Entry] = {
-    "deconflict_messages_total": Entry(
-        "counter", ("vendor", "result"), "Messages received, by what became of them."
-    ),
+    "deconflict_messages_total": Entry("counter", ("vendor", "result"), "Messages received, by what became of them."),
     "deconflict_deviations_total": Entry(
         "counter", ("vendor", "rule"), "Departures from the standard in messages that were understood."
     ),

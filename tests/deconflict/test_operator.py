@@ -44,9 +44,7 @@ async def test_advisories_are_the_open_ones_newest_first_with_the_place_in_the_s
 
 
 async def test_advisories_by_state_kind_vendor_robot_and_limit(face: Served, client: httpx.AsyncClient) -> None:
-    await face.publish(
-        made(1), made(2, vendors=("Acme", "Cargo")), made(3, robots=("a", "b")), made(4), cleared(4)
-    )
+    await face.publish(made(1), made(2, vendors=("Acme", "Cargo")), made(3, robots=("a", "b")), made(4), cleared(4))
     assert await ids(client, "?state=cleared") == ["advisory-4"]
     assert await ids(client, "?state=all") == ["advisory-4", "advisory-3", "advisory-2", "advisory-1"]
     assert await ids(client, "?vendor=Cargo") == ["advisory-2"]
@@ -56,9 +54,7 @@ async def test_advisories_by_state_kind_vendor_robot_and_limit(face: Served, cli
 
 
 @pytest.mark.parametrize("query", ["state=shut", "kind=collision", "limit=0", "limit=100000", "limit=many"])
-async def test_a_question_that_is_not_understood_names_the_parameter(
-    client: httpx.AsyncClient, query: str
-) -> None:
+async def test_a_question_that_is_not_understood_names_the_parameter(client: httpx.AsyncClient, query: str) -> None:
     answer = await client.get(f"/advisories?{query}")
     assert answer.status_code == 422
     assert answer.json()["detail"][0]["loc"] == ["query", query.split("=", maxsplit=1)[0]]
@@ -124,9 +120,7 @@ async def test_health_is_200_only_while_every_role_and_the_store_answer(
         assert answer.json()["roles"][role] == "down"
 
 
-async def test_a_store_that_fails_is_told_by_health_and_by_advisories(
-    face: Served, client: httpx.AsyncClient
-) -> None:
+async def test_a_store_that_fails_is_told_by_health_and_by_advisories(face: Served, client: httpx.AsyncClient) -> None:
     face.store.close()
     answer = await client.get("/healthz")
     assert (answer.status_code, answer.json()["status"]) == (503, "degraded")
@@ -146,9 +140,7 @@ async def test_metrics_are_those_of_the_roles_and_of_the_face(face: Served, clie
     assert not [line for line in lines if line.startswith("deconflict_uncatalogued_measures{")]
 
 
-async def test_metrics_are_served_while_a_role_is_silent_and_say_so(
-    face: Served, client: httpx.AsyncClient
-) -> None:
+async def test_metrics_are_served_while_a_role_is_silent_and_say_so(face: Served, client: httpx.AsyncClient) -> None:
     face.sources.down = {"receiver"}
     answer = await client.get("/metrics")
     assert answer.status_code == 200

@@ -71,9 +71,7 @@ def test_histograms_are_cumulative_and_add_up_over_roles() -> None:
     roles[1].observe("deconflict_sweep_duration_seconds", [0.2, 99.0])
     seen = scraped(*roles)
     buckets = {
-        float(labels[0][1]): value
-        for (name, labels), value in seen.items()
-        if name.endswith("duration_seconds_bucket")
+        float(labels[0][1]): value for (name, labels), value in seen.items() if name.endswith("duration_seconds_bucket")
     }
     assert (buckets[0.005], buckets[0.15], buckets[0.25], buckets[10.0], buckets[float("inf")]) == (1, 1, 3, 3, 4)
     assert seen["deconflict_sweep_duration_seconds_count", ()] == 4
