@@ -1,19 +1,152 @@
 """The command line and the composition root: the one place that sees ingest, deconflict and metrics together."""
 
 import argparse
+import asyncio
+import json
+import logging
+import signal
 import sys
+import threading
 from importlib.metadata import version
+from pathlib import Path
+
+from deconflict import demo, schema, site
+from deconflict.check import check
+from deconflict.roles.operator import PortTakenError
+from deconflict.service import Supervisor, run_role, runtime_directory
+from deconflict.simulation.senders import simulate
+from metrics.exposition import render
+
+FAILED, MISUSED = 1, 2
 
 
 def parser() -> argparse.ArgumentParser:
-    root = argparse.ArgumentParser(prog="deconflict", description="Advisory traffic deconfliction. Not safety rated.")
+    root = argparse.ArgumentParser(
+        prog="deconflict",
+        description="Traffic deconfliction for floors shared by robots of many vendors. Advisory, not safety rated.",
+    )
     root.add_argument("--version", action="version", version=f"deconflict {version('amr-deconflict')}")
+    commands = root.add_subparsers(dest="command", required=True)
+
+    serve = commands.add_parser("serve", help="run the service")
+    serve.add_argument("site", nargs="?", type=Path, metavar="SITE.toml", help="without it, each datum is a floor")
+    _add_ports(serve)
+    serve.add_argument("--data", type=Path, help="directory for recordings and advisories")
+    serve.set_defaults(run=_serve)
+
+    show = commands.add_parser("demo", help="run the service with simulated vendors on a bundled site")
+    show.add_argument("--robots", type=_positive, default=demo.ROBOTS, metavar="N")
+    show.add_argument("--seconds", type=float, metavar="S", help="stop after this time; without a terminal, 60")
+    show.add_argument("--seed", type=int, default=1)
+    _add_ports(show)
+    show.add_argument("--data", type=Path, help="keep recordings and advisories here; else they are discarded")
+    show.set_defaults(run=_demo)
+
+    verify = commands.add_parser("check", help="check a site file and each vendor's fit to the common frame")
+    verify.add_argument("site", type=Path, metavar="SITE.toml")
+    verify.set_defaults(run=lambda args: check(args.site, sys.stdout))
+
+    pretend = commands.add_parser("simulate", help="simulated vendors that talk to a running service")
+    pretend.add_argument("--url", default="ws://127.0.0.1:3000", help="the service's robots' port")
+    pretend.add_argument("--robots", type=_positive, default=demo.ROBOTS, metavar="N")
+    pretend.add_argument("--seconds", type=float, metavar="S", help="stop after this time")
+    pretend.add_argument("--seed", type=int, default=1)
+    pretend.set_defaults(run=_simulate)
+
+    describe = commands.add_parser("schema", help="print a JSON Schema")
+    describe.add_argument("name", choices=sorted(schema.SCHEMAS))
+    describe.set_defaults(run=_schema)
+
+    role = commands.add_parser("role")
+    role.add_argument("name")
+    role.add_argument("runtime", type=Path)
+    role.add_argument("data", type=Path)
+    role.set_defaults(run=_role)
     return root
 
 
-def main() -> int:
-    parser().parse_args()
+def _add_ports(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--host", help="address that both ports listen on")
+    command.add_argument("--robots-port", type=int, metavar="PORT")
+    command.add_argument("--operator-port", type=int, metavar="PORT")
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return number
+
+
+def _settings(args: argparse.Namespace, path: Path | None) -> site.Site:
+    """The site file with what the command line says instead."""
+    settings = site.load(path) if path else site.DEFAULT
+    receiver = {"host": args.host, "port": args.robots_port}
+    operator = {"host": args.host, "port": args.operator_port}
+    return settings.model_copy(
+        update={
+            "receiver": settings.receiver.model_copy(update=_given(receiver)),
+            "operator": settings.operator.model_copy(update=_given(operator)),
+        }
+    )
+
+
+def _given(values: dict[str, object]) -> dict[str, object]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _serve(args: argparse.Namespace) -> int:
+    settings = _settings(args, args.site)
+    problems = site.problems(settings)
+    if problems:
+        raise site.SiteError(problems)
+    if args.site is None:
+        logging.getLogger("deconflict").warning("no site file: every datum is taken as a floor of its own")
+    data = args.data or Path(settings.store.directory)
+    data.mkdir(parents=True, exist_ok=True)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    with runtime_directory() as runtime:
+        Supervisor(settings, data, Path(runtime)).run(stop)
     return 0
+
+
+def _demo(args: argparse.Namespace) -> int:
+    settings = _settings(args, demo.demo_site())
+    return demo.demo(settings, args.robots, args.seconds, args.seed, args.data)
+
+
+def _simulate(args: argparse.Namespace) -> int:
+    async def run() -> dict[str, int]:
+        stop, loop = asyncio.Event(), asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, stop.set)
+        return await simulate(args.url, args.robots, args.seconds, args.seed, stop=stop)
+
+    sys.stdout.write(json.dumps(asyncio.run(run())) + "\n")
+    return 0
+
+
+def _schema(args: argparse.Namespace) -> int:
+    sys.stdout.write(json.dumps(schema.SCHEMAS[args.name](), indent=2) + "\n")
+    return 0
+
+
+def _role(args: argparse.Namespace) -> int:
+    run_role(args.name, args.runtime, args.data, render)
+    return 0
+
+
+def main() -> int:
+    """Run one command; its exit code."""
+    args = parser().parse_args()
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    try:
+        return int(args.run(args))
+    except (site.SiteError, PortTakenError) as error:
+        sys.stderr.write(f"deconflict: {error}\n")
+        return MISUSED
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """How far a sender's clock is off, and how long its messages take.
 
 One way only, arrival less stamp is the delay less what the clock is fast by; the two cannot be told apart, but the
-least of it over a while is that of the quickest message. A clock that seems off by less than the tolerance is taken to be
-right and its messages to be delayed; a clock that is off by more is corrected as if its quickest message had
+least of it over a while is that of the quickest message. A clock that seems off by less than the tolerance is taken
+to be right and its messages to be delayed; one that is off by more is corrected as if its quickest message had
 taken no time, so a forecast may be early by the least delay, never late.
 """
 

@@ -87,7 +87,9 @@ class Adjusted:
         frames = self.triangles.transform[simplex]
         weights = np.einsum("pij,pj->pi", frames[:, :2], nearest - frames[:, 2])
         weights = np.column_stack([weights, 1 - weights.sum(axis=1)])
-        return np.einsum("pi,pij->pj", weights, self.residuals[self.triangles.simplices[simplex]])
+        at_corners = self.residuals[self.triangles.simplices[simplex]]
+        corrections: Floats = np.einsum("pi,pij->pj", weights, at_corners)
+        return corrections
 
     def _onto_hull(self, points: Floats, inside: Floats) -> Floats:
         """Each point outside moved to the nearest of the hull, and a hair within."""

@@ -2,16 +2,16 @@
 
 import re
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 EARLIEST_S, LATEST_S = 0.0, 4102444800.0
 """1970 and 2100: a message's own stamp outside them is absurd."""
 
-_STRICT = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|[+-]\d\d:\d\d)")
-_LOOSE = re.compile(
-    r"\s*(\d{4}-\d\d-\d\d)[Tt ](\d\d:\d\d:\d\d)(?:[.,](\d+))?\s*(?:([Zz])|([+-]\d\d)(:?)(\d\d)|([+-]\d\d))?\s*"
-)
-_EPOCH = re.compile(r"\s*(\d{1,11})(?:[. ](\d{1,9}))?\s*")
+_DATE, _TIME = r"(\d{4}-\d\d-\d\d)", r"(\d\d:\d\d:\d\d)"
+_OFFSET = r"(?:([Zz])|([+-]\d\d)(:?)(\d\d)?)?"
+_DATE_TIME = re.compile(rf"\s*{_DATE}([Tt ]){_TIME}(?:([.,])(\d+))?\s*{_OFFSET}\s*", re.ASCII)
+_EPOCH = re.compile(r"\s*(\d{1,20})(?:([. ])(\d{1,9}))?\s*", re.ASCII)
+_FINEST_S = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,11 +25,24 @@ class Stamp:
     findings: tuple[str, ...] = ()
 
 
+def seconds(text: str) -> float | None:
+    """Seconds since the epoch if `text` is plain RFC 3339 with a Z, else None: the fast way for `parse`."""
+    if text[10:11] != "T" or text[-1:] != "Z" or text[4:5] != "-" or text[13:14] != ":":
+        return None
+    if text[19] != "Z" and not (text[19] == "." and text[20:-1].isdecimal()):
+        return None
+    try:
+        return datetime.fromisoformat(text).timestamp()
+    except ValueError:
+        return None
+
+
 def parse(text: str) -> Stamp | None:
     """The moment that `text` names, or None where it names none."""
-    if _STRICT.fullmatch(text):
-        return _strict(text)
-    return _loose(text) or _epoch(text)
+    t_s = seconds(text)
+    if t_s is not None:
+        return Stamp(t_s, _resolution_s(len(text) - 21))
+    return _date_time(text) or _epoch(text)
 
 
 def write(t_s: float) -> str:
@@ -37,43 +50,43 @@ def write(t_s: float) -> str:
     return datetime.fromtimestamp(t_s, UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
 
 
-def _strict(text: str) -> Stamp | None:
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        return None
-    dot = text.find(".", 19, 20)
-    digits = len(re.match(r"\d*", text[20:]).group()) if dot == 19 else 0  # type: ignore[union-attr]
-    utc = text[-1] == "Z" or text[-6:] in ("+00:00", "-00:00")
-    return Stamp(moment.timestamp(), 10.0**-digits, () if utc else ("stamp-not-utc",))
-
-
-def _loose(text: str) -> Stamp | None:
-    found = _LOOSE.fullmatch(text)
+def _date_time(text: str) -> Stamp | None:
+    found = _DATE_TIME.fullmatch(text)
     if not found:
         return None
-    date, time, fraction, zulu, hours, colon, minutes, hours_only = found.groups()
-    offset = "+00:00" if zulu else f"{hours or hours_only or '+00'}:{minutes or '00'}"
+    date, letter, time, point, fraction, zulu, hours, colon, minutes = found.groups()
+    offset = f"{hours}:{minutes or '00'}" if hours else "+00:00"
+    leap_s = 1 if time.endswith(":60") else 0
+    time = time[:-2] + "59" if leap_s else time
     try:
         moment = datetime.fromisoformat(f"{date}T{time}.{(fraction or '0')[:6]:0<6}{offset}")
-    except ValueError:
+        t_s = (moment + timedelta(seconds=leap_s)).timestamp()
+    except (ValueError, OverflowError):
         return None
-    findings = []
-    if not (zulu or hours or hours_only):
-        findings.append("stamp-no-offset")
-    if (hours and not colon) or hours_only:
-        findings.append("stamp-offset-no-colon")
-    if offset[1:] != "00:00":
-        findings.append("stamp-not-utc")
-    if text[10:11] != "T" or zulu == "z" or text != text.strip() or "," in text:
-        findings.append("stamp-space")
-    return Stamp(moment.timestamp(), 10.0 ** -len(fraction or ""), tuple(findings))
+    findings = {
+        "stamp-no-offset": not (zulu or hours),
+        "stamp-offset-no-colon": hours and not (colon and minutes),
+        "stamp-not-utc": offset[1:] != "00:00",
+        "stamp-spelling": letter != "T" or zulu == "z" or point == "," or text != "".join(text.split()),
+    }
+    return Stamp(t_s, _resolution_s(len(fraction or "")), tuple(rule for rule, broken in findings.items() if broken))
 
 
 def _epoch(text: str) -> Stamp | None:
+    """Seconds with a fraction, seconds and nanoseconds, or a whole number of s, ms, us or ns by its size."""
     found = _EPOCH.fullmatch(text)
     if not found:
         return None
-    seconds, fraction = found.group(1), found.group(2) or ""
-    nanoseconds = fraction.rjust(9, "0") if " " in text.strip() else fraction.ljust(9, "0")
-    return Stamp(int(seconds) + int(nanoseconds) * 1e-9, 10.0 ** -len(fraction), ("stamp-epoch",))
+    whole, separator, fraction = found.groups()
+    thousandths = max(0, (len(whole) - 9) // 3)
+    if separator == " ":
+        t_s, resolution_s = int(whole) + int(fraction) * 1e-9, _FINEST_S
+    elif separator == ".":
+        t_s, resolution_s = float(f"{whole}.{fraction}"), _resolution_s(len(fraction))
+    else:
+        t_s, resolution_s = int(whole) / 1000**thousandths, _resolution_s(3 * thousandths)
+    return Stamp(t_s, resolution_s, ("stamp-epoch",))
+
+
+def _resolution_s(digits: int) -> float:
+    return max(10.0 ** -min(max(digits, 0), 9), _FINEST_S)

@@ -1,0 +1,145 @@
+"""The engine: batches in, advisory revisions out.
+
+Pure: `receive` takes a batch, `step` the time of a tick. The live service, tests and replay drive the same engine,
+and the same calls give the same advisories.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from heapq import heappop, heappush
+from math import floor
+
+import numpy as np
+
+from deconflict.advisory import Advisory, AdvisoryState
+from deconflict.encounter import Encounter, encounter, separation_m
+from deconflict.life import Lives, Pair, Party, Prediction, Scene
+from deconflict.live import Live, LiveRobot
+from deconflict.site import Site
+from deconflict.sweeper import PairConflicts, Sweeper
+from ingest.measures import Measures
+from ingest.seam import Basis, Batch, Floats, Forecasts
+
+GROWTH_STEP_M = 0.1
+"""The uncertainty of a quiet robot grows in steps, so that it is swept again only when it matters."""
+
+
+class Engine:
+    """Live state, the sweep, and the life of advisories. Keeps its own `measures`."""
+
+    def __init__(self, site: Site, restored: Iterable[Advisory] = (), ordinals: dict[Pair, int] | None = None) -> None:
+        self.site = site
+        self.measures = Measures()
+        self.live = Live()
+        self._floor_names = {datum.id: datum.name for datum in site.datums}
+        self._sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s)
+        self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
+        self._lives.restore(restored)
+        self._told: set[str] = set()
+        """Robots with a new forecast since the last step."""
+        self._quiet: list[tuple[float, str]] = []
+        """A heap of when a robot's silence is next looked at, and its UUID; one entry a robot."""
+
+    def receive(self, batch: Batch) -> None:
+        """Take in the robots that changed; a batch may be the whole floor."""
+        for row, uuid in enumerate(batch.robots):
+            if uuid not in self.live.robots:
+                heappush(self._quiet, (float(batch.event_s[row]) + self.site.reading.quiet_after_s, uuid))
+            self.live.put(batch, row)
+            self._told.add(uuid)
+        for uuid in batch.gone:
+            self.live.robots.pop(uuid, None)
+            self._told.discard(uuid)
+        self._sweeper.discard(batch.gone)
+
+    def step(self, now_s: float) -> list[Advisory]:
+        """Sweep what changed, and say what that changes for people."""
+        self._sweep_again(self._told | self._grown(now_s))
+        told, self._told = self._told, set()
+        conflicts = self._sweeper.step(now_s)
+        scene = Scene(self._party, self._meet, self._separation_m, self._place_name)
+        revisions = self._lives.step(now_s, _predictions(conflicts), told, scene)
+        self._measure(conflicts, revisions)
+        return revisions
+
+    def _sweep_again(self, uuids: set[str]) -> None:
+        keys = [uuid for uuid in sorted(uuids) if uuid in self.live.robots]
+        if not keys:
+            return
+        robots = [self.live.robots[uuid] for uuid in keys]
+        grown = 2 * np.array([robot.doubt_m + robot.growth_m for robot in robots])
+        bare = Forecasts.joined(robot.forecast for robot in robots)
+        for _, reason in self._sweeper.update(keys, _widened(bare, grown)):
+            self.measures.count("deconflict_invalid_forecasts_total", reason)
+
+    def _grown(self, now_s: float) -> set[str]:
+        """Robots not heard from for so long that their uncertainty grows a step."""
+        grown = set()
+        while self._quiet and self._quiet[0][0] <= now_s:
+            _, uuid = heappop(self._quiet)
+            robot = self.live.robots.get(uuid)
+            if robot is None:
+                continue
+            next_s = robot.event_s + self.site.reading.quiet_after_s
+            if next_s <= now_s:
+                next_s = self._grow(robot, now_s - next_s, next_s)
+                grown.add(uuid)
+            heappush(self._quiet, (next_s, uuid))
+        return grown
+
+    def _grow(self, robot: LiveRobot, quiet_for_s: float, since_s: float) -> float:
+        """Grow a quiet robot's uncertainty to what it is now; when to look again."""
+        rate_mps, limit_m = self.site.conflict.silent_growth_mps, self.site.conflict.silent_growth_limit_m
+        steps = floor(quiet_for_s * rate_mps / GROWTH_STEP_M) + 1
+        robot.growth_m = min(steps * GROWTH_STEP_M, limit_m)
+        if rate_mps == 0 or robot.growth_m >= limit_m:
+            return since_s + quiet_for_s + self.site.reading.forget_after_s
+        return since_s + steps * GROWTH_STEP_M / rate_mps
+
+    def _party(self, uuid: str) -> Party | None:
+        robot = self.live.robots.get(uuid)
+        if robot is None:
+            return None
+        return Party(robot.name, robot.vendor, robot.basis.name.lower(), robot.basis is Basis.STATIONARY)
+
+    def _both(self, pair: Pair) -> Forecasts:
+        return Forecasts.joined(self.live.robots[uuid].forecast for uuid in pair)
+
+    def _meet(self, pair: Pair, contact_s: float) -> Encounter:
+        return encounter(self._both(pair), 0, 1, contact_s)
+
+    def _separation_m(self, pair: Pair, now_s: float) -> float | None:
+        return separation_m(self._both(pair), 0, 1, now_s)
+
+    def _place_name(self, floor: int) -> tuple[str, str]:
+        datum = self.live.floors[floor]
+        return datum, self._floor_names.get(datum, datum)
+
+    def _measure(self, conflicts: PairConflicts, revisions: list[Advisory]) -> None:
+        for one in revisions:
+            event = AdvisoryState(one.state).value
+            self.measures.count("deconflict_advisories_total", one.kind, event)
+        open_now: dict[tuple[str, ...], float] = {}
+        for one in self._lives.open():
+            key = (one.kind, one.severity.value)
+            open_now[key] = open_now.get(key, 0) + 1
+        self.measures.level("deconflict_advisories_open", open_now)
+        self.measures.level("deconflict_conflicts", {(): len(conflicts.pairs)})
+        self.measures.count("deconflict_sweep_segment_pairs_total", by=conflicts.segment_pairs)
+        self.measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)
+
+
+def _widened(forecasts: Forecasts, by_m: Floats) -> Forecasts:
+    return replace(forecasts, length_m=forecasts.length_m + by_m, width_m=forecasts.width_m + by_m)
+
+
+def _predictions(conflicts: PairConflicts) -> list[Prediction]:
+    columns = zip(
+        conflicts.pairs,
+        conflicts.contact_s.tolist(),
+        conflicts.separation_m.tolist(),
+        conflicts.start_separation_m.tolist(),
+        conflicts.fresh.tolist(),
+        strict=True,
+    )
+    return [Prediction(*row) for row in columns]

@@ -1,0 +1,117 @@
+"""Forecasts cut into segments: straight, evenly turning pieces of motion, none longer than a slab.
+
+A slab is one whole second of absolute time. Cutting a linear motion at a slab's edge or at a knot is exact, so
+segments say just what the forecast said. Times within a segment count from the start of its slab: small numbers that
+keep their digits, whatever the date.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.seam import Floats, Forecasts, Ints
+
+Bools = NDArray[np.bool_]
+
+ROW_SPAN = 1 << 14
+"""Seconds that separate one robot's times from the next one's in a sort key."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segments:
+    """n pieces of motion, ordered by robot and time. Arrays are (n,)."""
+
+    robot: Ints
+    """Row of the robot."""
+    slab: Ints
+    """Whole seconds since the epoch."""
+    t0: Floats
+    """Start and end, seconds into the slab."""
+    t1: Floats
+    x: Floats
+    """Centre at t0."""
+    y: Floats
+    yaw: Floats
+    vx: Floats
+    """Rates a second."""
+    vy: Floats
+    turn: Floats
+    floor: Ints
+
+    def __len__(self) -> int:
+        return len(self.robot)
+
+
+def faults(forecasts: Forecasts) -> dict[int, str]:
+    """Row to the reason why that robot can't be swept. The others may be."""
+    found: dict[int, str] = {}
+    sizes = np.column_stack([forecasts.length_m, forecasts.width_m])
+    heights_wrong = np.isnan(forecasts.bottom_m) | np.isnan(forecasts.top_m) | (forecasts.bottom_m > forecasts.top_m)
+    counts = np.diff(forecasts.start)
+    finite = np.isfinite(forecasts.t_s) & np.isfinite(forecasts.x_m)
+    finite &= np.isfinite(forecasts.y_m) & np.isfinite(forecasts.yaw_rad)
+    owner = np.repeat(np.arange(len(forecasts)), counts)
+    later = np.ones(len(owner), bool)
+    later[1:] = (np.diff(forecasts.t_s) > 0) | (owner[1:] != owner[:-1])
+    for rows, reason in (
+        (np.flatnonzero(heights_wrong), "heights-not-ordered"),
+        (np.unique(owner[~later]), "times-not-increasing"),
+        (np.unique(owner[~finite]), "not-finite"),
+        (np.flatnonzero(~(sizes > 0).all(axis=1)), "size-not-positive"),
+        (np.flatnonzero(~np.isfinite(sizes).all(axis=1)), "size-not-finite"),
+        (np.flatnonzero(counts < 1), "no-knots"),
+    ):
+        found |= dict.fromkeys(rows.tolist(), reason)
+    return found
+
+
+def segments(forecasts: Forecasts, first_slab: int, slabs: int) -> Segments:
+    """Valid forecasts cut for slabs `first_slab` to `first_slab + slabs - 1`; floor -1 is left out."""
+    n, counts = len(forecasts), np.diff(forecasts.start)
+    owner = np.repeat(np.arange(n), counts)
+    since = np.clip(forecasts.t_s - first_slab, -ROW_SPAN / 4, ROW_SPAN / 4)
+    edges = np.tile(np.arange(slabs + 1, dtype=np.float64), n)
+    edge_owner = np.repeat(np.arange(n), slabs + 1)
+    keys = np.concatenate([owner * float(ROW_SPAN) + since, edge_owner * float(ROW_SPAN) + edges])
+    order = np.argsort(keys, kind="stable")
+    is_knot = order < len(owner)
+    robot = np.concatenate([owner, edge_owner])[order]
+    t = np.concatenate([forecasts.t_s - first_slab, edges])[order]
+    knot = np.cumsum(is_knot) - 1
+    begins = (robot[1:] == robot[:-1]) & (t[1:] > t[:-1]) & (t[:-1] >= 0) & (t[1:] <= slabs)
+    begins &= knot[:-1] >= forecasts.start[robot[:-1]]
+    at = np.flatnonzero(begins)
+    at = at[forecasts.floor[knot[at]] >= 0]
+    return _moving(forecasts, first_slab, robot[at], t[at], t[at + 1], knot[at])
+
+
+def _moving(forecasts: Forecasts, first_slab: int, robot: Ints, begin: Floats, end: Floats, knot: Ints) -> Segments:
+    """Segments from `begin` to `end`, seconds since `first_slab`, each after knot `knot`."""
+    following = np.minimum(knot + 1, len(forecasts.t_s) - 1)
+    goes_on = (knot + 1 < forecasts.start[robot + 1]) & (forecasts.floor[following] == forecasts.floor[knot])
+    span = np.where(goes_on, forecasts.t_s[following] - forecasts.t_s[knot], 1.0)
+    turn = (forecasts.yaw_rad[following] - forecasts.yaw_rad[knot] + np.pi) % (2 * np.pi) - np.pi
+    rates = [
+        np.where(goes_on, change / span, 0.0)
+        for change in (
+            forecasts.x_m[following] - forecasts.x_m[knot],
+            forecasts.y_m[following] - forecasts.y_m[knot],
+            turn,
+        )
+    ]
+    into = begin - (forecasts.t_s[knot] - first_slab)
+    slab = np.floor(begin)
+    return Segments(
+        robot,
+        slab.astype(np.int64) + first_slab,
+        begin - slab,
+        end - slab,
+        forecasts.x_m[knot] + rates[0] * into,
+        forecasts.y_m[knot] + rates[1] * into,
+        forecasts.yaw_rad[knot] + rates[2] * into,
+        rates[0],
+        rates[1],
+        rates[2],
+        forecasts.floor[knot],
+    )

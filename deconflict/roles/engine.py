@@ -1,0 +1,120 @@
+"""The engine's process: asks the receiver for a batch, steps, hands what it decided to the operator face."""
+
+import json
+import queue
+import threading
+import time
+from pathlib import Path
+
+from deconflict.advisory import Advisory
+from deconflict.engine import Engine
+from deconflict.link import Caller, LinkDownError
+from deconflict.site import Site
+from ingest.measures import Measures
+from ingest.seam import Batch, Floats
+
+RETRY_S = 0.2
+MEASURES_EVERY_S = 1.0
+
+
+class EngineRole:
+    """Computes. Holds no socket of the network, waits for no disk: a thread of its own delivers what it decided."""
+
+    def __init__(self, site: Site, runtime: Path) -> None:
+        self._site = site
+        self._receiver = Caller(runtime, "receiver")
+        self._outbox = Outbox(runtime)
+
+    def run(self, stop: threading.Event) -> None:
+        """Step until `stop` is set."""
+        engine = self._restored(stop)
+        if engine is None:
+            return
+        self._outbox.start()
+        ask = b"everything"
+        while not stop.is_set():
+            try:
+                batch = Batch.from_bytes(self._receiver.call("batch", ask))
+            except LinkDownError:
+                ask = b"everything"
+                stop.wait(RETRY_S)
+                continue
+            ask = b""
+            self._step(engine, batch)
+        self._outbox.stop()
+
+    def _restored(self, stop: threading.Event) -> Engine | None:
+        """An engine that goes on with the stored advisories; None if stopped before they could be had."""
+        operator = Caller(self._outbox.runtime, "operator")
+        while not stop.is_set():
+            try:
+                stored = json.loads(operator.call("restore"))
+            except LinkDownError:
+                stop.wait(RETRY_S)
+                continue
+            operator.close()
+            ordinals = {(a, b): count for a, b, count in stored["encounters"]}
+            return Engine(self._site, [Advisory.model_validate(one) for one in stored["open"]], ordinals)
+        return None
+
+    def _step(self, engine: Engine, batch: Batch) -> None:
+        began_s = time.perf_counter()
+        engine.receive(batch)
+        revisions = engine.step(batch.now_s)
+        engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
+        self._outbox.put(revisions, batch.arrival_s, engine.measures)
+
+
+class Outbox:
+    """Delivers revisions in order, again and again until the operator face has stored them."""
+
+    def __init__(self, runtime: Path) -> None:
+        self.runtime = runtime
+        self.measures = Measures()
+        self._operator = Caller(runtime, "operator")
+        self._waiting: queue.Queue[bytes | None] = queue.Queue()
+        self._arrivals: queue.Queue[Floats] = queue.Queue()
+        self._thread = threading.Thread(target=self._deliver, name="outbox")
+        self._stopping = threading.Event()
+        self._measured_s = 0.0
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Deliver what waits, once, and end."""
+        self._stopping.set()
+        self._waiting.put(None)
+        self._thread.join()
+        self._operator.close()
+
+    def put(self, revisions: list[Advisory], arrival_s: Floats, measures: Measures) -> None:
+        """Queue one step: its revisions, and the arrivals of the messages it reflects."""
+        self._arrivals.put(arrival_s)
+        due = time.monotonic() - self._measured_s >= MEASURES_EVERY_S
+        if due:
+            self._measured_s = time.monotonic()
+        parcel = {
+            "advisories": [one.model_dump(mode="json") for one in revisions],
+            "measures": [measures.as_document(), self.measures.as_document()] if due else None,
+        }
+        self._waiting.put(json.dumps(parcel).encode() if revisions or due else b"")
+
+    def _deliver(self) -> None:
+        while (parcel := self._waiting.get()) is not None:
+            if parcel:
+                self._publish(parcel)
+            now_s = time.time()
+            self.measures.observe(
+                "deconflict_message_to_advisory_seconds", (now_s - self._arrivals.get()).clip(0).tolist()
+            )
+
+    def _publish(self, parcel: bytes) -> None:
+        while True:
+            try:
+                self._operator.call("publish", parcel)
+            except LinkDownError:
+                if self._stopping.wait(RETRY_S):
+                    return
+            else:
+                return

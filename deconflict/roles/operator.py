@@ -1,0 +1,140 @@
+"""The operator face's process: stores what the engine decides, serves the API, the stream and the metrics."""
+
+import asyncio
+import json
+import socket
+import time
+from pathlib import Path
+from typing import Any
+
+from deconflict.advisory import Advisory
+from deconflict.asgi import face_server
+from deconflict.link import AsyncCaller, LinkDownError, listen, socket_path
+from deconflict.operator import Exposition, SourceUnavailableError, create_app
+from deconflict.site import Site
+from deconflict.store import Store
+from ingest.measures import Measures
+
+ENGINE_STALE_S = 5.0
+"""An engine not heard from for this long counts as down; it reports every second."""
+ROLES_FILE = "roles.json"
+"""What the supervisor says of its processes: role to restarts, in the runtime directory."""
+
+
+class OperatorRole:
+    """Owns the store. Everything else it serves, it asks of the other roles when asked itself."""
+
+    def __init__(self, site: Site, runtime: Path, data: Path, exposition: Exposition) -> None:
+        self._site, self._runtime = site, runtime
+        self._receiver = AsyncCaller(runtime, "receiver")
+        self._engine_measures: list[dict[str, Any]] = []
+        self._engine_heard_s = float("-inf")
+        self.ready = asyncio.Event()
+        """Set once its port is open."""
+        self.port = 0
+        self._store = Store(data)
+        self._app = create_app(self._store, self, exposition, site.operator)
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Serve until `stop` is set."""
+        link = await listen(
+            socket_path(self._runtime, "operator"),
+            {"restore": self._restore, "publish": self._publish, "measures": self._measures},
+        )
+        server = face_server(self._app)
+        with self._bound() as bound:
+            self.port = bound.getsockname()[1]
+            serving = asyncio.create_task(server.serve([bound]))
+            waiting = asyncio.create_task(stop.wait())
+            self.ready.set()
+            try:
+                await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                waiting.cancel()
+                server.should_exit = True
+                await serving
+                link.close()
+                self._store.close()
+
+    def _bound(self) -> socket.socket:
+        host, port = self._site.operator.host, self._site.operator.port
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        try:
+            return socket.create_server((host, port), family=family)
+        except OSError as error:
+            raise PortTakenError("operator", host, port) from error
+
+    async def robots(self) -> list[dict[str, Any]]:
+        robots: list[dict[str, Any]] = await self._ask("robots")
+        return robots
+
+    async def quarantine(self) -> list[dict[str, Any]]:
+        rejected: list[dict[str, Any]] = await self._ask("quarantine")
+        return rejected
+
+    async def measures(self) -> list[dict[str, Any]]:
+        """The measures of every role that answers; what the others said last is left out."""
+        up = await self._up()
+        own = Measures()
+        own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
+        for role, restarts in self._restarts().items():
+            own.count("deconflict_role_restarts_total", role, by=restarts)
+        documents = [own.as_document(), *self._engine_measures]
+        if up["receiver"]:
+            documents.append(await self._ask("measures"))
+        return documents
+
+    async def health(self) -> dict[str, Any]:
+        up = await self._up()
+        return {
+            "status": "ok" if all(up.values()) else "degraded",
+            "roles": {role: "up" if alive else "down" for role, alive in up.items()},
+            "restarts": self._restarts(),
+        }
+
+    async def _up(self) -> dict[str, bool]:
+        try:
+            await self._receiver.call("measures")
+            receiver = True
+        except LinkDownError:
+            receiver = False
+        engine = time.monotonic() - self._engine_heard_s < ENGINE_STALE_S
+        return {"receiver": receiver, "engine": engine, "operator": True}
+
+    async def _ask(self, name: str) -> Any:
+        try:
+            return json.loads(await self._receiver.call(name))
+        except LinkDownError as error:
+            raise SourceUnavailableError("receiver") from error
+
+    def _restarts(self) -> dict[str, int]:
+        path = self._runtime / ROLES_FILE
+        restarts: dict[str, int] = json.loads(path.read_text()) if path.exists() else {}
+        return restarts
+
+    async def _restore(self, _: bytes) -> bytes:
+        """What an engine needs to go on where the last one stopped."""
+        stored = {
+            "open": [one.model_dump(mode="json") for one in self._store.open()],
+            "encounters": [[*pair, count] for pair, count in self._store.encounters().items()],
+        }
+        return json.dumps(stored).encode()
+
+    async def _measures(self, _: bytes) -> bytes:
+        return json.dumps(await self.measures()).encode()
+
+    async def _publish(self, payload: bytes) -> bytes:
+        parcel = json.loads(payload)
+        self._engine_heard_s = time.monotonic()
+        self._engine_measures = parcel["measures"] or self._engine_measures
+        if parcel["advisories"]:
+            advisories = [Advisory.model_validate(one) for one in parcel["advisories"]]
+            await self._app.state.publisher.publish(advisories)
+        return b"stored"
+
+
+class PortTakenError(OSError):
+    """A port that the service needs can't be had."""
+
+    def __init__(self, section: str, host: str, port: int) -> None:
+        super().__init__(f"{host}:{port} can't be listened on; is it in use? Set another {section}.port")

@@ -1,0 +1,116 @@
+"""The receiver: vendors' sockets in, batches out at each tick, everything recorded in the order it happened."""
+
+import asyncio
+import json
+import time
+from pathlib import Path
+from random import Random
+
+from deconflict.link import listen, socket_path
+from deconflict.site import Site
+from ingest.connection import Connection
+from ingest.dialer import Dialer
+from ingest.fleet import Fleet
+from ingest.frames import Frames
+from ingest.measures import Measures
+from ingest.quarantine import Quarantine
+from ingest.receiver import Receiver
+from ingest.recording import Recorder, quantise
+from ingest.vendors import Vendors
+
+
+def fleet_of(site: Site, measures: Measures) -> Fleet:
+    """An empty fleet that reads messages as the site says."""
+    frames = Frames(site.datums, site.vendors)
+    return Fleet(Vendors(site.vendors), frames, site.reading, measures, Quarantine())
+
+
+class ReceiverRole:
+    """Holds the robots' port, the fleet's state and the recording. The engine paces it by asking for batches."""
+
+    def __init__(self, site: Site, runtime: Path, log: Path) -> None:
+        self.site, self._runtime = site, runtime
+        self.measures = Measures()
+        self.fleet = fleet_of(site, self.measures)
+        self.recorder = Recorder(site.recorder, log, self.measures, _now_s)
+        self.receiver = Receiver(
+            site.receiver,
+            tuple(vendor.name for vendor in site.vendors),
+            self._deliver,
+            self._refuse,
+            self._closed,
+            measures=self.measures,
+            clock=_now_s,
+        )
+        self.ready = asyncio.Event()
+        """Set once its ports are open."""
+        self._tick_s = 0.0
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Serve until `stop` is set."""
+        link = await listen(
+            socket_path(self._runtime, "receiver"),
+            {
+                "batch": self._batch,
+                "robots": self._robots,
+                "quarantine": self._quarantine,
+                "measures": self._measures,
+            },
+        )
+        await self.receiver.start()
+        self.ready.set()
+        dialers = [
+            asyncio.create_task(self._dialer(url, vendor.name).run())
+            for vendor in self.site.vendors
+            for url in vendor.dial
+        ]
+        try:
+            await stop.wait()
+        finally:
+            for dialer in dialers:
+                dialer.cancel()
+            await asyncio.gather(*dialers, return_exceptions=True)
+            await self.receiver.close()
+            link.close()
+            self.recorder.close()
+
+    def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
+        rule = self.fleet.receive(raw, arrival_s, connection)
+        self.recorder.received(raw, arrival_s, connection, rule)
+
+    def _refuse(self, rule: str, reason: str, arrival_s: float, connection: Connection) -> None:
+        self.fleet.refuse(rule, reason, b"", arrival_s, connection)
+        self.recorder.received(b"", arrival_s, connection, rule)
+
+    def _closed(self, connection: Connection) -> None:
+        self.fleet.closed(connection)
+        self.recorder.closed(connection, _now_s())
+
+    def _dialer(self, url: str, vendor: str) -> Dialer:
+        return Dialer(self.receiver, self.site.receiver, url, vendor, time.monotonic, Random())
+
+    async def _batch(self, payload: bytes) -> bytes:
+        """The next tick's batch. The first call of an engine asks for everything."""
+        everything = payload == b"everything"
+        await asyncio.sleep(max(self._tick_s + self.site.engine.tick_s - _now_s(), 0.0))
+        now_s = quantise(max(_now_s(), self._tick_s))
+        self._tick_s = now_s
+        if everything:
+            self.recorder.engine_started(now_s)
+        self.recorder.tick(now_s)
+        self.measures.count("deconflict_ticks_total")
+        return self.fleet.cut(now_s, everything).to_bytes()
+
+    async def _robots(self, _: bytes) -> bytes:
+        return json.dumps(self.fleet.documents(_now_s())).encode()
+
+    async def _quarantine(self, _: bytes) -> bytes:
+        return json.dumps(self.fleet.quarantine.documents()).encode()
+
+    async def _measures(self, _: bytes) -> bytes:
+        self.fleet.measure(_now_s())
+        return json.dumps(self.measures.as_document()).encode()
+
+
+def _now_s() -> float:
+    return quantise(time.time())

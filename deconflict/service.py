@@ -1,0 +1,159 @@
+"""The whole service: one process a role, watched and restarted; or all roles in one process."""
+
+import asyncio
+import json
+import logging
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from deconflict.operator import Exposition
+from deconflict.roles.engine import EngineRole
+from deconflict.roles.operator import ROLES_FILE, OperatorRole
+from deconflict.roles.receiver import ReceiverRole
+from deconflict.site import Site
+
+log = logging.getLogger(__name__)
+
+ROLES = ("operator", "receiver", "engine")
+SITE_FILE = "site.json"
+"""The settings in force, in the runtime directory, for each role to read."""
+STOP_WITHIN_S = 10.0
+BACKOFF_S = (0.2, 10.0)
+STEADY_S = 30.0
+"""A role that ran for this long is restarted at once."""
+
+
+@dataclass(slots=True, eq=False)
+class Watched:
+    """One role's process. It ends when its standard input does, so it never outlives its supervisor."""
+
+    role: str
+    command: list[str]
+    process: subprocess.Popen[bytes] | None = None
+    restarts: int = 0
+    started_s: float = field(default=float("-inf"))
+    backoff_s: float = BACKOFF_S[0]
+    due_s: float = float("-inf")
+
+    def ensure(self, now_s: float) -> bool:
+        """Start or restart the process if it is not running and due; whether it did."""
+        if self.process and self.process.poll() is None:
+            return False
+        if self.process:
+            self._ended(now_s, self.process)
+        if now_s < self.due_s:
+            return False
+        self.process = subprocess.Popen(self.command, stdin=subprocess.PIPE, start_new_session=True)  # noqa: S603
+        self.started_s = now_s
+        return True
+
+    def _ended(self, now_s: float, process: subprocess.Popen[bytes]) -> None:
+        log.warning("the %s ended with code %s and is restarted", self.role, process.returncode)
+        steady = now_s - self.started_s > STEADY_S
+        self.backoff_s = BACKOFF_S[0] if steady else min(self.backoff_s * 2, BACKOFF_S[1])
+        self.due_s = now_s if steady else now_s + self.backoff_s
+        self.restarts += 1
+        self.process = None
+
+    def stop(self) -> None:
+        if self.process is None:
+            return
+        if self.process.stdin:
+            self.process.stdin.close()
+        try:
+            self.process.wait(STOP_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            log.warning("the %s did not stop in %s s and is killed", self.role, STOP_WITHIN_S)
+            self.process.kill()
+            self.process.wait()
+
+
+class Supervisor:
+    """Keeps a process for each role running."""
+
+    def __init__(self, site: Site, data: Path, runtime: Path) -> None:
+        self._runtime = runtime
+        (runtime / SITE_FILE).write_text(site.model_dump_json())
+        self.roles = [
+            Watched(role, [sys.executable, "-m", "deconflict", "role", role, str(runtime), str(data)]) for role in ROLES
+        ]
+
+    def run(self, stop: threading.Event) -> None:
+        """Watch the roles until `stop` is set, then end them."""
+        try:
+            while not stop.is_set():
+                started = [role.role for role in self.roles if role.ensure(time.monotonic())]
+                if started:
+                    self._tell_restarts()
+                stop.wait(0.1)
+        finally:
+            for role in reversed(self.roles):
+                role.stop()
+
+    def _tell_restarts(self) -> None:
+        told = self._runtime / (ROLES_FILE + ".new")
+        told.write_text(json.dumps({role.role: role.restarts for role in self.roles}))
+        told.replace(self._runtime / ROLES_FILE)
+
+
+def runtime_directory() -> tempfile.TemporaryDirectory[str]:
+    """A directory for links that only this user can enter, with a path short enough for a Unix socket."""
+    return tempfile.TemporaryDirectory(prefix="deconflict-")
+
+
+@asynccontextmanager
+async def in_one_process(
+    site: Site, data: Path, exposition: Exposition
+) -> AsyncIterator[tuple[ReceiverRole, OperatorRole]]:
+    """The same three roles on one event loop, the engine on a thread: for tests and small runs."""
+    with runtime_directory() as name:
+        runtime, stop, stop_engine = Path(name), asyncio.Event(), threading.Event()
+        data.mkdir(parents=True, exist_ok=True)
+        operator = OperatorRole(site, runtime, data, exposition)
+        receiver = ReceiverRole(site, runtime, data / "log")
+        engine = EngineRole(site, runtime)
+        async with asyncio.TaskGroup() as roles:
+            roles.create_task(operator.run(stop))
+            roles.create_task(receiver.run(stop))
+            computing = asyncio.create_task(asyncio.to_thread(engine.run, stop_engine))
+            try:
+                await asyncio.gather(receiver.ready.wait(), operator.ready.wait())
+                yield receiver, operator
+            finally:
+                stop_engine.set()
+                await computing
+                stop.set()
+
+
+def run_role(role: str, runtime: Path, data: Path, exposition: Exposition) -> None:
+    """Be one role until standard input ends, as a supervisor's child."""
+    site = Site.model_validate_json((runtime / SITE_FILE).read_text())
+    if role == "engine":
+        ended = threading.Event()
+        threading.Thread(target=_call_at_end_of_input, args=(ended.set,), daemon=True).start()
+        EngineRole(site, runtime).run(ended)
+        return
+    asyncio.run(_run_async_role(role, site, runtime, data, exposition))
+
+
+async def _run_async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Exposition) -> None:
+    stop, loop = asyncio.Event(), asyncio.get_running_loop()
+    ended = partial(loop.call_soon_threadsafe, stop.set)
+    threading.Thread(target=_call_at_end_of_input, args=(ended,), daemon=True).start()
+    if role == "receiver":
+        await ReceiverRole(site, runtime, data / "log").run(stop)
+    else:
+        await OperatorRole(site, runtime, data, exposition).run(stop)
+
+
+def _call_at_end_of_input(then: Callable[[], object]) -> None:
+    sys.stdin.buffer.read()
+    then()

@@ -1,0 +1,56 @@
+"""The sweep: which envelopes come within the clearance in the horizon, when first, and how close.
+
+Usable by itself: arrays in, arrays out. `sweep` looks once at a whole floor; `deconflict.sweeper.Sweeper` keeps what
+has not changed from one pass to the next and gives the same answer. Method and limits: docs/sweep.md.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deconflict.sweeper import Sweeper
+from ingest.seam import Floats, Forecasts, Ints
+
+
+@dataclass(frozen=True, slots=True)
+class Invalid:
+    """A robot that was left out."""
+
+    robot: int
+    """Row of the forecasts."""
+    reason: str
+    """A word of `deconflict.motion.faults`, such as `not-finite` or `times-not-increasing`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conflicts:
+    """c pairs of robots that come within the clearance, ascending by rows."""
+
+    pairs: Ints
+    """(c, 2) rows, the lower first."""
+    contact_s: Floats
+    """(c,) first time within the clearance, to a millimetre and never late; `now_s` where they begin so."""
+    separation_m: Floats
+    """(c,) smallest distance of the envelopes over the horizon, to a millimetre; 0 where they overlap."""
+    separation_at_s: Floats
+    """(c,) a time at which it is reached."""
+    start_separation_m: Floats
+    """(c,) distance at `now_s`, or when the later of the two appears."""
+    invalid: tuple[Invalid, ...]
+
+
+def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, clearance_m: float) -> Conflicts:
+    """All conflicts of a floor in [`now_s`, `now_s + horizon_s`].
+
+    Takes the forecasts of n robots (see `ingest.seam.Forecasts`), times in seconds since one epoch. Robots that can't
+    be swept are left out and named in `invalid`; nothing is raised for them. Raises `ValueError` for a negative
+    clearance or a horizon that is not above 0.
+    """
+    sweeper = Sweeper(clearance_m=clearance_m, horizon_s=horizon_s)
+    keys = [f"{row:012d}" for row in range(len(forecasts))]
+    invalid = [Invalid(int(key), reason) for key, reason in sweeper.update(keys, forecasts)]
+    found = sweeper.step(now_s)
+    rows = np.array([(int(a), int(b)) for a, b in found.pairs], np.int64).reshape(-1, 2)
+    return Conflicts(
+        rows, found.contact_s, found.separation_m, found.separation_at_s, found.start_separation_m, tuple(invalid)
+    )
