@@ -12,7 +12,7 @@ from pathlib import Path
 
 from deconflict import demo, schema, site
 from deconflict.check import check
-from deconflict.roles.operator import PortTakenError
+from deconflict.link import PortTakenError
 from deconflict.service import Supervisor, run_role, runtime_directory
 from deconflict.simulation.senders import simulate
 from metrics.exposition import render

@@ -5,10 +5,15 @@ the reply to it is a payload. Calls on one connection are answered in turn.
 """
 
 import asyncio
+import logging
 import socket
 import struct
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
+
+log = logging.getLogger(__name__)
 
 HEADER = struct.Struct(">I")
 CALL_TIMEOUT_S = 10.0
@@ -24,23 +29,45 @@ class LinkDownError(ConnectionError):
         self.role = role
 
 
-async def listen(path: Path, handlers: Mapping[str, Handler]) -> asyncio.Server:
-    """Answer calls at `path`, replacing what an earlier process left there."""
+class PortTakenError(OSError):
+    """A port that the service needs can't be had."""
+
+    def __init__(self, section: str, host: str, port: int) -> None:
+        super().__init__(f"{host}:{port} can't be listened on; is it in use? Set another {section}.port")
+
+
+@asynccontextmanager
+async def listening(path: Path, handlers: Mapping[str, Handler]) -> AsyncIterator[None]:
+    """Answer calls at `path`, replacing what an earlier process left there; ends every conversation on the way out."""
+    conversing: set[asyncio.Task[Any]] = set()
 
     async def converse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        if task:
+            conversing.add(task)
+            task.add_done_callback(conversing.discard)
         try:
             while True:
                 name, _, payload = (await _read(reader)).partition(b"\n")
                 reply = await handlers[name.decode()](payload)
                 writer.write(HEADER.pack(len(reply)) + reply)
                 await writer.drain()
-        except (asyncio.IncompleteReadError, ConnectionError):
-            pass
+        except (asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):
+            pass  # the caller has gone, or this role ends
+        except Exception:
+            log.exception("a call failed; its caller will try again")
         finally:
             writer.close()
 
     path.unlink(missing_ok=True)
-    return await asyncio.start_unix_server(converse, path)
+    server = await asyncio.start_unix_server(converse, path)
+    try:
+        yield
+    finally:
+        server.close()
+        for task in list(conversing):
+            task.cancel()
+        await asyncio.gather(*conversing, return_exceptions=True)
 
 
 async def _read(reader: asyncio.StreamReader) -> bytes:

@@ -9,9 +9,13 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
-from ingest.fits import MAX_DISTORTION, Fit, FitError, Method
+from ingest.fits import Fit, FitError, Method
 from ingest.frames import fit_map
 from ingest.settings import Datum, Metres, Reading, Receiver, Recorder, Seconds, Section, Vendor, VendorMap
+
+
+MAX_DISTORTION = 0.05
+"""Largest share by which a fit may stretch one direction more than another: survey errors stay below."""
 
 
 class Conflict(Section):
@@ -139,9 +143,8 @@ def _fit_problems(found: Fit, one: VendorMap) -> Iterator[str]:
     if worst_m > one.tolerance_m:
         point = list(one.readings)[int(found.residuals_m.argmax())]
         yield f"reference point {point} is off by {worst_m:.3f} m, more than tolerance_m = {one.tolerance_m}"
-    large, small = found.affine.scales
-    if found.method is not Method.SIMILARITY and large / small - 1 > MAX_DISTORTION:
-        share = 100 * (large / small - 1)
+    if found.method is not Method.SIMILARITY and found.affine.distortion > MAX_DISTORTION:
+        share = 100 * found.affine.distortion
         yield f"the fit stretches one direction {share:.0f} % more than another; a reading is wrong"
 
 

@@ -42,6 +42,7 @@ class EngineRole:
             ask = b""
             self._step(engine, batch)
         self._outbox.stop()
+        self._receiver.close()
 
     def _restored(self, stop: threading.Event) -> Engine | None:
         """An engine that goes on with the stored advisories; None if stopped before they could be had."""

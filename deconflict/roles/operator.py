@@ -9,7 +9,7 @@ from typing import Any
 
 from deconflict.advisory import Advisory
 from deconflict.asgi import face_server
-from deconflict.link import AsyncCaller, LinkDownError, listen, socket_path
+from deconflict.link import AsyncCaller, LinkDownError, PortTakenError, listening, socket_path
 from deconflict.operator import Exposition, SourceUnavailableError, create_app
 from deconflict.site import Site
 from deconflict.store import Store
@@ -37,13 +37,10 @@ class OperatorRole:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
-        link = await listen(
-            socket_path(self._runtime, "operator"),
-            {"restore": self._restore, "publish": self._publish, "measures": self._measures},
-        )
-        server = face_server(self._app)
-        with self._bound() as bound:
-            self.port = bound.getsockname()[1]
+        calls = {"restore": self._restore, "publish": self._publish, "measures": self._measures}
+        server, bound = face_server(self._app), self._bound()
+        self.port = bound.getsockname()[1]
+        async with listening(socket_path(self._runtime, "operator"), calls):
             serving = asyncio.create_task(server.serve([bound]))
             waiting = asyncio.create_task(stop.wait())
             self.ready.set()
@@ -53,8 +50,8 @@ class OperatorRole:
                 waiting.cancel()
                 server.should_exit = True
                 await serving
-                link.close()
-                self._store.close()
+                bound.close()
+        self._store.close()
 
     def _bound(self) -> socket.socket:
         host, port = self._site.operator.host, self._site.operator.port
@@ -121,7 +118,7 @@ class OperatorRole:
         return json.dumps(stored).encode()
 
     async def _measures(self, _: bytes) -> bytes:
-        return json.dumps(await self.measures()).encode()
+        return json.dumps([*await self.measures(), self._app.state.measures.as_document()]).encode()
 
     async def _publish(self, payload: bytes) -> bytes:
         parcel = json.loads(payload)
@@ -131,10 +128,3 @@ class OperatorRole:
             advisories = [Advisory.model_validate(one) for one in parcel["advisories"]]
             await self._app.state.publisher.publish(advisories)
         return b"stored"
-
-
-class PortTakenError(OSError):
-    """A port that the service needs can't be had."""
-
-    def __init__(self, section: str, host: str, port: int) -> None:
-        super().__init__(f"{host}:{port} can't be listened on; is it in use? Set another {section}.port")

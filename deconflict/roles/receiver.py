@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from random import Random
 
-from deconflict.link import listen, socket_path
+from deconflict.link import PortTakenError, listening, socket_path
 from deconflict.site import Site
 from ingest.connection import Connection
 from ingest.dialer import Dialer
@@ -48,31 +48,35 @@ class ReceiverRole:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
-        link = await listen(
-            socket_path(self._runtime, "receiver"),
-            {
-                "batch": self._batch,
-                "robots": self._robots,
-                "quarantine": self._quarantine,
-                "measures": self._measures,
-            },
-        )
-        await self.receiver.start()
-        self.ready.set()
+        calls = {
+            "batch": self._batch,
+            "robots": self._robots,
+            "quarantine": self._quarantine,
+            "measures": self._measures,
+        }
+        await self._open_port()
         dialers = [
             asyncio.create_task(self._dialer(url, vendor.name).run())
             for vendor in self.site.vendors
             for url in vendor.dial
         ]
         try:
-            await stop.wait()
+            async with listening(socket_path(self._runtime, "receiver"), calls):
+                self.ready.set()
+                await stop.wait()
         finally:
             for dialer in dialers:
                 dialer.cancel()
             await asyncio.gather(*dialers, return_exceptions=True)
             await self.receiver.close()
-            link.close()
             self.recorder.close()
+
+    async def _open_port(self) -> None:
+        settings = self.site.receiver
+        try:
+            await self.receiver.start()
+        except OSError as error:
+            raise PortTakenError("receiver", settings.host, settings.port) from error
 
     def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         rule = self.fleet.receive(raw, arrival_s, connection)

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.link import AsyncCaller, Caller, LinkDownError, listen, socket_path
+from deconflict.link import AsyncCaller, Caller, LinkDownError, listening, socket_path
 
 
 async def _shout(payload: bytes) -> bytes:
@@ -11,7 +11,7 @@ async def _shout(payload: bytes) -> bytes:
 
 
 async def test_both_callers_get_the_answer(tmp_path: Path) -> None:
-    async with await listen(socket_path(tmp_path, "role"), {"shout": _shout}):
+    async with listening(socket_path(tmp_path, "role"), {"shout": _shout}):
         assert await AsyncCaller(tmp_path, "role").call("shout", b"a\nb") == b"A\nB"
         blocking = Caller(tmp_path, "role")
         large = b"x" * 3_000_000
@@ -27,21 +27,17 @@ def test_a_role_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 async def test_a_caller_finds_the_role_again_after_it_restarted(tmp_path: Path) -> None:
     path, caller = socket_path(tmp_path, "role"), Caller(tmp_path, "role")
-    first = await listen(path, {"shout": _shout})
-    assert await asyncio.to_thread(caller.call, "shout", b"one") == b"ONE"
-    first.close()
-    caller.close()
-    await first.wait_closed()
-    path.unlink()
+    async with listening(path, {"shout": _shout}):
+        assert await asyncio.to_thread(caller.call, "shout", b"one") == b"ONE"
     with pytest.raises(LinkDownError):
         await asyncio.to_thread(caller.call, "shout", b"two")
-    async with await listen(path, {"shout": _shout}):
+    async with listening(path, {"shout": _shout}):
         assert await asyncio.to_thread(caller.call, "shout", b"three") == b"THREE"
         caller.close()
 
 
 async def test_an_unknown_call_ends_the_conversation_and_not_the_role(tmp_path: Path) -> None:
-    async with await listen(socket_path(tmp_path, "role"), {"shout": _shout}):
+    async with listening(socket_path(tmp_path, "role"), {"shout": _shout}):
         with pytest.raises(LinkDownError):
             await AsyncCaller(tmp_path, "role").call("whisper")
         assert await AsyncCaller(tmp_path, "role").call("shout", b"still") == b"STILL"

@@ -1,0 +1,167 @@
+"""The service end to end: real sockets in, the stored and streamed advisories and the metrics out."""
+
+import asyncio
+import json
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import httpx
+from websockets.asyncio.client import connect
+
+from deconflict.advisory import Advisory, AdvisoryState
+from deconflict.engine import Engine
+from deconflict.roles.operator import OperatorRole
+from deconflict.roles.receiver import ReceiverRole, fleet_of
+from deconflict.service import in_one_process
+from deconflict.site import Conflict, Operator, Site
+from ingest.measures import Measures
+from ingest.playback import EngineStarted, Reader, Received, Tick
+from ingest.settings import Datum, Receiver
+from metrics.exposition import combine, render
+from tests.saying import HALL, identity, points, status
+
+SITE = Site(
+    name="Test hall",
+    datums=(Datum(id=HALL, name="Hall"),),
+    receiver=Receiver(port=0),
+    operator=Operator(port=0),
+    conflict=Conflict(clear_after_s=1.0),
+)
+
+Course = Callable[[float], tuple[float, float, float]]
+CROSSING: dict[str, Course] = {
+    "A-1": lambda t: (-4.0 + t, 0.0, 0.0),
+    "B-1": lambda t: (0.0, -4.0 + t, pi / 2),
+}
+
+
+class Running:
+    """A service in this process, and where to find it."""
+
+    def __init__(self, receiver: ReceiverRole, operator: OperatorRole) -> None:
+        self.robots_url = f"ws://127.0.0.1:{receiver.receiver.port}"
+        self.face = f"127.0.0.1:{operator.port}"
+
+    async def get(self, path: str) -> httpx.Response:
+        async with httpx.AsyncClient() as client:
+            return await client.get(f"http://{self.face}{path}")
+
+    async def until(self, path: str, wanted: Callable[[Any], bool]) -> Any:
+        """The answer at `path` once it is as wanted."""
+        async with asyncio.timeout(20):
+            while True:
+                answer = await self.get(path)
+                if answer.status_code == 200 and wanted(answer.json()):
+                    return answer.json()
+                await asyncio.sleep(0.05)
+
+
+@asynccontextmanager
+async def running(data: Path, site: Site = SITE) -> AsyncIterator[Running]:
+    async with in_one_process(site, data, render) as (receiver, operator):
+        yield Running(receiver, operator)
+
+
+async def drive(url: str, courses: dict[str, Course], seconds: float, start_s: float | None = None) -> None:
+    """Robots that report twice a second, at their word."""
+    began_s = time.time() if start_s is None else start_s
+    async with connect(url) as socket:
+        for name in courses:
+            await socket.send(identity(name, began_s))
+        while (now_s := time.time()) < began_s + seconds:
+            for name, course in courses.items():
+                t = now_s - began_s
+                x, y, yaw = course(t)
+                path = points(*((now_s + i, *course(t + i)) for i in range(1, 11)))
+                await socket.send(status(name, now_s, x, y, yaw, path=path))
+            await asyncio.sleep(0.5)
+
+
+async def test_robots_that_cross_are_told_of_from_raised_to_cleared(tmp_path: Path) -> None:
+    async with running(tmp_path) as service, connect(f"ws://{service.face}/advisories/stream?after=0") as stream:
+        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
+        told = []
+        async with asyncio.timeout(20):
+            async for message in stream:
+                told.append(Advisory.model_validate_json(message))
+                if told[-1].state is AdvisoryState.CLEARED:
+                    break
+        driving.cancel()
+        assert {one.id for one in told} == {told[0].id}
+        assert told[0].state is AdvisoryState.RAISED
+        assert told[0].vendors == ("Alder", "Alder")
+        assert told[0].location.datum == HALL
+        assert [one.seq for one in told] == list(range(1, len(told) + 1))
+        listed = (await service.get("/advisories?state=cleared")).json()["advisories"]
+        assert [one["id"] for one in listed] == [told[0].id]
+
+
+async def test_robots_health_and_metrics_are_served(tmp_path: Path) -> None:
+    async with running(tmp_path) as service, connect(service.robots_url) as socket:
+        await socket.send(identity("A-1", time.time()))
+        await socket.send(status("A-1", time.time(), 1.0, 2.0, batteryPercentage=55.5))
+        await socket.send("nonsense")
+        await service.until("/healthz", lambda health: health["status"] == "ok")
+        robots = await service.until("/robots", lambda answer: len(answer["robots"]) == 1)
+        (one,) = robots["robots"]
+        assert one["status"]["batteryPercentage"] == 55.5
+        assert one["location"] == {"x": 1.0, "y": 2.0, "yaw_rad": 0.0}
+        rejected = await service.until("/quarantine", lambda answer: len(answer["rejected"]) == 1)
+        assert rejected["rejected"][0]["message"] == "nonsense"
+        text = (await service.get("/metrics")).text
+        assert 'deconflict_messages_total{result="accepted",vendor="Alder"} 2.0' in text
+        assert 'deconflict_role_up{role="engine"} 1.0' in text
+
+
+async def test_every_measure_is_catalogued(tmp_path: Path) -> None:
+    async with in_one_process(SITE, tmp_path, render) as (receiver, operator):
+        url = f"ws://127.0.0.1:{receiver.receiver.port}"
+        await drive(url, CROSSING, 4)
+        documents = await operator.measures()
+        names = {name for document in documents for name in (*document["values"], *document["histograms"])}
+        assert {"deconflict_sweep_duration_seconds", "deconflict_robots"} <= names
+        assert not combine(documents).uncatalogued
+
+
+async def test_an_open_advisory_survives_a_restart_with_its_id(tmp_path: Path) -> None:
+    meeting: dict[str, Course] = {"A-1": lambda t: (-20.0 + t, 0.0, 0.0), "B-1": lambda t: (20.0 - t, 0.0, pi)}
+    start_s = time.time() - 13.0
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(drive(service.robots_url, meeting, 60, start_s))
+        first = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
+        driving.cancel()
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(drive(service.robots_url, meeting, 60, start_s))
+        again = await service.until(
+            "/advisories",
+            lambda answer: any(one["revision"] > first["advisories"][0]["revision"] for one in answer["advisories"]),
+        )
+        driving.cancel()
+        assert [one["id"] for one in again["advisories"]] == [first["advisories"][0]["id"]]
+
+
+async def test_the_recording_replays_to_the_same_advisories(tmp_path: Path) -> None:
+    async with running(tmp_path) as service:
+        await drive(service.robots_url, CROSSING, 9)
+        listed = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
+        live = (await service.get(f"/advisories/{listed['advisories'][0]['id']}")).json()["advisories"]
+    assert [replayed | {"seq": 0} for replayed in replay(tmp_path / "log")] == [one | {"seq": 0} for one in live]
+
+
+def replay(log: Path) -> list[dict[str, Any]]:
+    fleet, engine, told = fleet_of(SITE, Measures()), Engine(SITE), []
+    everything = False
+    for event in Reader().read([log]):
+        if isinstance(event, Received):
+            fleet.receive(event.raw, event.arrival_s, event.connection)
+        elif isinstance(event, EngineStarted):
+            everything = True
+        elif isinstance(event, Tick):
+            engine.receive(fleet.cut(event.now_s, everything))
+            everything = False
+            told += engine.step(event.now_s)
+    return [json.loads(one.model_dump_json()) for one in told]
