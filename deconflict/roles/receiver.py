@@ -2,7 +2,9 @@
 
 import asyncio
 import json
+import logging
 import time
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 
@@ -13,16 +15,41 @@ from ingest.dialer import Dialer
 from ingest.fleet import Fleet
 from ingest.frames import Frames
 from ingest.measures import Measures
+from ingest.playback import Reader, Received, segments
 from ingest.quarantine import Quarantine
 from ingest.receiver import Receiver
 from ingest.recording import Recorder, quantise
 from ingest.vendors import Vendors
+
+logger = logging.getLogger(__name__)
+
+RECOVERED_SEGMENTS = 2
+"""Newest segments of the log that are read back at a start."""
 
 
 def fleet_of(site: Site, measures: Measures) -> Fleet:
     """An empty fleet that reads messages as the site says."""
     frames = Frames(site.datums, site.vendors)
     return Fleet(Vendors(site.vendors), frames, site.reading, measures, Quarantine())
+
+
+def recover(fleet: Fleet, log: Path, now_s: float) -> int:
+    """Bring a fleet back from the end of the log; how many messages that took.
+
+    Identities count whatever their age, statuses as far back as a robot is not yet silent. What is only repeated here
+    was counted when it came, so nothing is counted again.
+    """
+    counted, fleet.measures = fleet.measures, Measures()
+    since_s, messages = now_s - fleet.reading.silent_after_s, 0
+    for event in Reader().read(segments(log)[-RECOVERED_SEGMENTS:] if log.is_dir() else []):
+        if not isinstance(event, Received) or event.refused or event.arrival_s > now_s:
+            continue
+        if event.arrival_s >= since_s or b'"operationalState"' not in event.raw:
+            earlier = replace(event.connection, id=-event.connection.id)
+            fleet.receive(event.raw, event.arrival_s, earlier)
+            messages += 1
+    fleet.measures = counted
+    return messages
 
 
 class ReceiverRole:
@@ -45,6 +72,9 @@ class ReceiverRole:
         self.ready = asyncio.Event()
         """Set once its ports are open."""
         self._tick_s = 0.0
+        found = recover(self.fleet, log, _now_s())
+        if found:
+            logger.info("the floor is as it was: %s messages read back from the recording", found)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""

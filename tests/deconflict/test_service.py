@@ -165,3 +165,17 @@ def replay(log: Path) -> list[dict[str, Any]]:
             everything = False
             told += engine.step(event.now_s)
     return [json.loads(one.model_dump_json()) for one in told]
+
+
+async def test_the_floor_is_as_it_was_after_a_restart(tmp_path: Path) -> None:
+    async with running(tmp_path) as service:
+        async with connect(service.robots_url) as socket:
+            await socket.send(identity("A-1", time.time()))
+            await socket.send(status("A-1", time.time(), 1.0, 2.0))
+        await service.until("/robots", lambda answer: len(answer["robots"]) == 1 and answer["robots"][0]["status"])
+    async with running(tmp_path) as service:
+        (one,) = (await service.until("/robots", lambda answer: answer["robots"]))["robots"]
+        assert one["identified"]
+        assert one["location"] == {"x": 1.0, "y": 2.0, "yaw_rad": 0.0}
+        text = (await service.get("/metrics")).text
+        assert 'deconflict_messages_total{result="accepted",vendor="Alder"}' not in text
