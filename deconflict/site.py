@@ -1,21 +1,28 @@
 """The site file: everything a person sets, in one TOML file, validated with errors that name the key."""
 
 import difflib
+import json
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
-from ingest.fits import Fit, FitError, Method
-from ingest.frames import fit_map
-from ingest.settings import Datum, Metres, Reading, Receiver, Recorder, Seconds, Section, Vendor, VendorMap
-
-
-MAX_DISTORTION = 0.05
-"""Largest share by which a fit may stretch one direction more than another: survey errors stay below."""
+from deconflict.fitness import datum_problems, map_problems
+from ingest.settings import (
+    NIL_DATUM,
+    Datum,
+    Metres,
+    Reading,
+    Receiver,
+    Recorder,
+    Seconds,
+    Section,
+    Vendor,
+    VendorMap,
+)
 
 
 class Conflict(Section):
@@ -24,36 +31,37 @@ class Conflict(Section):
     clearance_m: Metres = 0.3
     """Envelopes that come nearer than this are in conflict. Too large floods people, too small warns late."""
     horizon_s: Seconds = 10.0
-    """How far ahead conflicts are looked for; a path reaches ten seconds."""
+    """How far ahead conflicts are looked for, at most `reading.horizon_s`. Too short warns late."""
     confirm: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] = (2, 3)
-    """An advisory is raised when so many of so many looks predict it. [1, 1] raises at the first."""
+    """An advisory is raised when so many of so many looks predict it. [1, 1] raises at the first, also false ones."""
     urgent_s: Seconds = 2.0
-    """A conflict nearer than this needs no confirmation."""
+    """A conflict nearer than this needs no confirmation. Too long and single false looks raise advisories."""
     clear_after_s: Seconds = 3.0
     """An advisory is cleared when it has not been predicted for this long. Too short makes advisories flicker."""
     clear_margin_m: Metres = 0.1
-    """How far beyond the clearance a pair must draw apart before its encounter is over."""
+    """How far beyond the clearance a pair must draw apart before its encounter is over. 0 makes advisories flicker."""
     warning_s: Seconds = 5.0
     """A conflict nearer than this is a warning; before, a caution."""
     critical_s: Seconds = 2.0
-    """A conflict nearer than this is critical."""
+    """A conflict nearer than this is critical. Not above `warning_s`."""
     silent_growth_mps: Metres = 0.05
-    """How fast the uncertainty of a quiet robot grows on every side, metres a second."""
+    """How fast the uncertainty of a quiet robot grows on every side, metres a second. 0 trusts old poses for ever."""
     silent_growth_limit_m: Metres = 1.0
-    """Where that growth ends."""
+    """Where that growth ends. Too large and one silent robot is in conflict with a whole aisle."""
 
 
 class Engine(Section):
     """The pace of the engine."""
 
     tick_s: Seconds = 0.1
-    """Shortest time between two passes. Half of it is the mean wait of a message before it is looked at."""
+    """Shortest time between two passes. Half of it is a message's mean wait; too short only burns processor time."""
 
 
 class Operator(Section):
     """The operators' port: API, stream, metrics."""
 
     host: str = "127.0.0.1"
+    """Address to listen on; "0.0.0.0" for all of this machine's."""
     port: Annotated[int, Field(ge=0, le=65535)] = 8080
     """0 takes any free port."""
     stream_send_timeout_s: Seconds = 10.0
@@ -64,12 +72,16 @@ class StoreSettings(Section):
     """Where recordings and advisories are kept."""
 
     directory: str = "data"
+    """Relative to where the service is started. Two services must not share one."""
+    keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 30.0
+    """How long a cleared advisory is kept; open ones stay."""
 
 
 class Site(Section):
     """One site. Without a file every default holds, and every datum that robots name is a floor of its own."""
 
     name: str = "site"
+    """What a person calls the site."""
     datums: tuple[Datum, ...] = ()
     vendors: tuple[Vendor, ...] = ()
     receiver: Receiver = Receiver()
@@ -93,7 +105,10 @@ class SiteError(ValueError):
 
 
 def load(path: Path) -> Site:
-    """The site in a TOML file. Raises `SiteError` naming each wrong key."""
+    """The site in a TOML file. Raises `SiteError` naming each wrong key.
+
+    Readings that fit nothing pass: `problems` judges those.
+    """
     try:
         told = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
@@ -101,7 +116,7 @@ def load(path: Path) -> Site:
     except tomllib.TOMLDecodeError as error:
         raise SiteError([f"{path} is not TOML: {error}"]) from error
     try:
-        site = Site.model_validate(told)
+        site = Site.model_validate_json(json.dumps(told, default=str), strict=True)
     except ValidationError as error:
         raise SiteError(_explained(one) for one in error.errors(include_url=False)) from error
     contradictions = list(_contradictions(site))
@@ -111,12 +126,15 @@ def load(path: Path) -> Site:
 
 
 def problems(site: Site) -> list[str]:
-    """What is wrong with the vendors' maps, a sentence each; empty where every one fits."""
+    """What is wrong with reference points and with vendors' readings of them, a sentence each; empty if nothing."""
     return [
-        f"{_map_key(row, column)}: {sentence}"
-        for row, vendor in enumerate(site.vendors)
-        for column, one in enumerate(vendor.maps)
-        for sentence in _map_problems(one, datum_of(site, one))
+        *(f"datums[{row}].{one}" for row, datum in enumerate(site.datums) for one in datum_problems(datum)),
+        *(
+            f"vendors[{row}].maps[{column}].{one}"
+            for row, vendor in enumerate(site.vendors)
+            for column, vendors_map in enumerate(vendor.maps)
+            for one in map_problems(vendors_map, datum_of(site, vendors_map))
+        ),
     ]
 
 
@@ -125,102 +143,119 @@ def datum_of(site: Site, one: VendorMap) -> Datum:
     return next(datum for datum in site.datums if datum.id == one.site_datum)
 
 
-def _map_problems(one: VendorMap, datum: Datum) -> Iterator[str]:
-    try:
-        found = fit_map(one, datum)
-    except FitError as error:
-        yield str(error)
-        return
-    yield from _fit_problems(found, one)
-
-
-def _fit_problems(found: Fit, one: VendorMap) -> Iterator[str]:
-    if found.affine.mirrored and not one.mirrored:
-        yield "the readings are mirrored; set mirrored = true if that map is left-handed, else swap its x and y back"
-    if one.mirrored and not found.affine.mirrored:
-        yield "mirrored = true, but the readings are not mirrored"
-    worst_m = float(found.residuals_m.max())
-    if worst_m > one.tolerance_m:
-        point = list(one.readings)[int(found.residuals_m.argmax())]
-        yield f"reference point {point} is off by {worst_m:.3f} m, more than tolerance_m = {one.tolerance_m}"
-    if found.method is not Method.SIMILARITY and found.affine.distortion > MAX_DISTORTION:
-        share = 100 * found.affine.distortion
-        yield f"the fit stretches one direction {share:.0f} % more than another; a reading is wrong"
-
-
-def _explained(error: Any) -> str:
+def _explained(error: Mapping[str, Any]) -> str:
     """One validation error as the key in TOML terms, what was found and what was expected."""
-    key = _key(error["loc"])
+    location = error["loc"]
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
     if error["type"] == "extra_forbidden":
-        known = _known_keys(error["loc"][:-1])
-        near = difflib.get_close_matches(str(error["loc"][-1]), known, 1)
-        hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
-        return f"{key}: there is no such key; {hint}"
+        known = list(_schema_at(location[:-1]).get("properties", {}))
+        return f"{key}: there is no such key; {_nearest(str(location[-1]), known)}"
     if error["type"] == "missing":
-        return f"{key}: is missing"
-    return f"{key}: {error['msg'].lower()}; found {str(error['input'])[:80]!r}"
+        what = _schema_at(location)
+        return f"{key}: is missing; expected {what.get('description') or what.get('type', 'a value')}"
+    message = error["msg"][0].lower() + error["msg"][1:]
+    return f"{key}: {message}; found {str(error['input'])[:80]!r}"
 
 
-def _key(location: Iterable[Any]) -> str:
-    text = ""
-    for part in location:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text
+def _nearest(found: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(found, known, 1)
+    return f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known) or 'none'}"
 
 
-def _known_keys(location: Iterable[Any]) -> list[str]:
-    """The keys of the section at `location`, from the schema."""
+def _schema_at(location: Iterable[Any]) -> Any:
+    """What the schema says of the key at `location`."""
     schema = Site.model_json_schema()
     at: Any = schema
     for part in location:
-        at = (
-            at.get("items", at)
-            if isinstance(part, int)
-            else at.get("properties", {}).get(part, at.get("additionalProperties", {}))
-        )
+        inner = at.get("items", {}) if isinstance(part, int) else at.get("properties", {}).get(part)
+        at = at.get("additionalProperties", {}) if inner is None else inner
         at = schema["$defs"][at["$ref"].rsplit("/", 1)[1]] if "$ref" in at else at
-    return list(at.get("properties", {}))
+    return at
 
 
 def _contradictions(site: Site) -> Iterator[str]:
-    """What each key alone does not show."""
-    yield from _repeated("datums", "id", (datum.id for datum in site.datums))
-    yield from _repeated("vendors", "name", (vendor.name for vendor in site.vendors))
-    yield from _repeated("vendors", "robots", (uuid.lower() for vendor in site.vendors for uuid in vendor.robots))
-    for row, datum in enumerate(site.datums):
-        yield from _repeated(f"datums[{row}].reference_points", "id", (point.id for point in datum.reference_points))
-        if datum.coordinates != "metres" and datum.reference_location is None:
-            yield f"datums[{row}].reference_location: is missing; coordinates in degrees need it"
-    for row, vendor in enumerate(site.vendors):
-        yield from _repeated(f"vendors[{row}].maps", "datum", (one.datum for one in vendor.maps))
-        for column, one in enumerate(vendor.maps):
-            yield from _map_contradictions(site, _map_key(row, column), one)
-    if site.conflict.confirm[0] > site.conflict.confirm[1]:
-        yield f"conflict.confirm: {list(site.conflict.confirm)} asks for more looks than it counts"
-    if site.conflict.critical_s > site.conflict.warning_s:
-        yield "conflict.critical_s: must not be above conflict.warning_s"
+    """What no key shows alone."""
+    yield from _datum_contradictions(site)
+    yield from _vendor_contradictions(site)
+    conflict, reading, recorder = site.conflict, site.reading, site.recorder
+    if conflict.confirm[0] > conflict.confirm[1]:
+        yield f"conflict.confirm: {list(conflict.confirm)} asks for more looks than it counts"
+    yield from _not_above("conflict.critical_s", conflict.critical_s, "conflict.warning_s", conflict.warning_s)
+    yield from _not_above("conflict.horizon_s", conflict.horizon_s, "reading.horizon_s", reading.horizon_s)
+    yield from _not_above(
+        "reading.quiet_after_s", reading.quiet_after_s, "reading.silent_after_s", reading.silent_after_s
+    )
+    yield from _not_above(
+        "reading.silent_after_s", reading.silent_after_s, "reading.forget_after_s", reading.forget_after_s
+    )
+    yield from _not_above(
+        "recorder.segment_bytes", recorder.segment_bytes, "recorder.total_bytes", recorder.total_bytes
+    )
+    first_s, longest_s = site.receiver.dial_backoff_s
+    yield from _not_above("receiver.dial_backoff_s[0]", first_s, "receiver.dial_backoff_s[1]", longest_s)
     if site.receiver.port == site.operator.port != 0:
-        yield f"operator.port: {site.operator.port} is the receiver's port too; set another"
+        yield f"operator.port: {site.operator.port} is receiver.port too; set another"
+
+
+def _not_above(low_key: str, low: float, high_key: str, high: float) -> Iterator[str]:
+    if low > high:
+        yield f"{low_key}: found {low}; expected at most {high_key} = {high}"
+
+
+def _datum_contradictions(site: Site) -> Iterator[str]:
+    yield from _repeated((f"datums[{row}].id", datum.id) for row, datum in enumerate(site.datums))
+    for row, datum in enumerate(site.datums):
+        key = f"datums[{row}]"
+        if datum.id in ("", NIL_DATUM):
+            yield f"{key}.id: {datum.id!r} names no datum; expected a UUID of its own"
+        points = enumerate(datum.reference_points)
+        yield from _repeated((f"{key}.reference_points[{column}].id", point.id) for column, point in points)
+        if datum.coordinates == "metres":
+            continue
+        if datum.reference_location is None:
+            yield f"{key}.reference_location: is missing; coordinates in degrees need [latitude, longitude]"
+        elif not (abs(datum.reference_location[0]) <= 90 and abs(datum.reference_location[1]) <= 180):
+            yield f"{key}.reference_location: found {list(datum.reference_location)}; expected [latitude, longitude]"
+
+
+def _vendor_contradictions(site: Site) -> Iterator[str]:
+    yield from _repeated((f"vendors[{row}].name", vendor.name) for row, vendor in enumerate(site.vendors))
+    yield from _repeated(
+        (f"vendors[{row}].manufacturers[{column}]", manufacturer.casefold())
+        for row, vendor in enumerate(site.vendors)
+        for column, manufacturer in enumerate(vendor.manufacturers)
+    )
+    yield from _repeated(
+        (f"vendors[{row}].robots[{column}]", uuid.lower())
+        for row, vendor in enumerate(site.vendors)
+        for column, uuid in enumerate(vendor.robots)
+    )
+    for row, vendor in enumerate(site.vendors):
+        keys = [f"vendors[{row}].maps[{column}]" for column in range(len(vendor.maps))]
+        yield from _repeated((f"{key}.datum", one.datum) for key, one in zip(keys, vendor.maps, strict=True))
+        for key, one in zip(keys, vendor.maps, strict=True):
+            yield from _map_contradictions(site, key, one)
+        for column, address in enumerate(vendor.dial):
+            if not address.startswith(("ws://", "wss://")):
+                yield f"vendors[{row}].dial[{column}]: found {address!r}; expected ws://HOST:PORT/PATH"
 
 
 def _map_contradictions(site: Site, key: str, one: VendorMap) -> Iterator[str]:
-    datum = next((datum for datum in site.datums if datum.id == one.site_datum), None)
+    datums = {datum.id: datum for datum in site.datums}
+    datum = datums.get(one.site_datum)
     if datum is None:
-        yield f"{key}.site_datum: no datum has the id {one.site_datum!r}"
+        yield f"{key}.site_datum: no datum has the id {one.site_datum!r}; {_nearest(one.site_datum, list(datums))}"
         return
-    known = {point.id for point in datum.reference_points}
+    known = [point.id for point in datum.reference_points]
     for point in one.readings:
         if point not in known:
-            near = difflib.get_close_matches(point, known, 1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            yield f"{key}.readings.{point}: datum {datum.name!r} has no such reference point{hint}"
+            yield f"{key}.readings.{point}: datum {datum.name!r} has no such point; {_nearest(point, known)}"
 
 
-def _map_key(row: int, column: int) -> str:
-    return f"vendors[{row}].maps[{column}]"
-
-
-def _repeated(section: str, key: str, values: Iterable[str]) -> Iterator[str]:
-    for value, count in Counter(values).items():
+def _repeated(values: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """A problem for each value that several keys share."""
+    told = list(values)
+    for value, count in Counter(value for _, value in told).items():
         if count > 1:
-            yield f"{section}: {key} {value!r} is given {count} times"
+            keys = [key for key, other in told if other == value]
+            yield f"{keys[-1]}: {value!r} is given by {' and '.join(keys[:-1])} too; expected it once"

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ingest.fits import Fit, FitError, Transform, fit, flipped
+from ingest.fits import Fit, FitError, fit
 from ingest.geographic import Projection
 from ingest.seam import Floats
 from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
-
-STEP = 1e-3
-"""In the vendor's units: how far ahead a heading is followed through a map to find its heading on the floor."""
+from ingest.transforms import Transform
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +30,10 @@ class Frame:
     transform: Transform | None = None
 
     def to_floor(self, poses: Floats) -> Floats:
-        """`(p, 3)` x, y, yaw_rad as sent, to metres and radians in the floor's frame. An unknown yaw stays nan."""
+        """`(p, 3)` x, y, yaw_rad as sent, to metres and radians in the floor's frame.
+
+        An unknown yaw stays nan. Degrees that are nowhere on Earth become inf.
+        """
         if self.transform is not None:
             return _through(self.transform, poses)
         if self.projection is not None:
@@ -76,20 +77,13 @@ def fit_map(one: VendorMap, datum: Datum) -> Fit:
     missing = sorted(set(one.readings) - set(known))
     if missing:
         raise FitError(f"reads {', '.join(missing)}, which datum {datum.name!r} does not have")
-    readings = np.array([one.readings[point] for point in one.readings], np.float64).reshape(-1, 2)
+    readings = np.array(list(one.readings.values()), np.float64).reshape(-1, 2)
     reference = np.array([known[point] for point in one.readings], np.float64).reshape(-1, 2)
     if datum.coordinates != "metres":
         reference = Projection(datum).points(reference)
-    if one.mirrored and len(readings) == 2:
-        return _mirrored_pair(readings, reference)
-    return fit(readings, reference)
-
-
-def _mirrored_pair(readings: Floats, reference: Floats) -> Fit:
-    """Two points cannot show a mirroring: the site file's word is taken, and the vendor's plane flipped first."""
-    found = fit(readings * (1.0, -1.0), reference)
-    turned = flipped(found.affine)
-    return Fit(found.method, turned, turned, found.residuals_m, found.left_out_m)
+    if not np.isfinite(reference).all():
+        raise FitError(f"the reference points of datum {datum.name!r} are nowhere on Earth; x is latitude")
+    return fit(readings, reference, tuple(one.readings), mirrored=one.mirrored)
 
 
 def _of_datum(datum: Datum) -> Frame:
@@ -105,12 +99,10 @@ def _of_map(vendor: Vendor, one: VendorMap, datum: Datum) -> Frame:
 
 
 def _through(transform: Transform, poses: Floats) -> Floats:
-    """Positions through the map; headings by where a short step along them leads, so a mirrored map turns them."""
+    """Positions through the map, headings through its linear part there, so that a mirrored map turns them over."""
     placed = np.empty_like(poses)
-    ahead = poses[:, :2] + STEP * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-    known = ~np.isnan(poses[:, 2])
-    both = transform(np.vstack([poses[:, :2], np.where(known[:, None], ahead, poses[:, :2])]))
-    placed[:, :2] = both[: len(poses)]
-    steps = both[len(poses) :] - placed[:, :2]
-    placed[:, 2] = np.where(known, np.arctan2(steps[:, 1], steps[:, 0]), np.nan)
+    placed[:, :2], linear = transform.place(poses[:, :2])
+    headings = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    turned = np.einsum("pij,pj->pi", linear, headings)
+    placed[:, 2] = np.arctan2(turned[:, 1], turned[:, 0])
     return placed

@@ -23,46 +23,54 @@ Envelope = tuple[
 
 
 class Section(BaseModel):
-    """A part of the site file: frozen, and an unknown key is an error."""
+    """A part of the site file: frozen, and an unknown key is an error. Field docstrings go into its JSON Schema."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class ReferencePoint(Section):
     """A datum reference point (standard 3.1): a mark on the floor that every vendor can survey."""
 
     id: str
+    """The UUID, or whatever else the vendors' readings call the point by."""
     name: str = ""
+    """What a person calls the point."""
     x: Coordinate
+    """In the datum's `coordinates`; latitude where they are degrees."""
     y: Coordinate
+    """In the datum's `coordinates`; longitude where they are degrees."""
 
 
 class Datum(Section):
     """A planar datum (standard 3.2): one floor's common frame."""
 
     id: DatumId
+    """The UUID that messages name it by; case is ignored."""
     name: str
+    """What a person calls the floor."""
     level: int = 0
+    """The floor of the building; 0 is the ground floor."""
     coordinates: Literal["metres", "latlon", "latlon-relative"] = "metres"
     """What x and y are: metres; latitude and longitude in degrees; or both relative to `reference_location`."""
     reference_location: tuple[Coordinate, Coordinate] | None = None
     """Latitude and longitude of the floor's origin, degrees; needed by both `latlon` readings."""
     reference_points: tuple[ReferencePoint, ...] = ()
+    """Marks that vendors with a map of their own have surveyed: at least two, better four, spread over the floor."""
 
 
 class VendorMap(Section):
     """A vendor's own map: its own readings of a datum's reference points."""
 
     datum: DatumId
-    """The datum id this vendor sends when it speaks in this map."""
+    """The datum id this vendor sends when it speaks in this map; "" if it sends none."""
     site_datum: DatumId
     """The site's datum these readings belong to."""
     readings: dict[str, tuple[Coordinate, Coordinate]]
-    """Reference point id to the x, y the vendor's map gives it."""
+    """Reference point id to the x, y the vendor's map gives it, in that map's own unit of length."""
     mirrored: bool = False
-    """True if the vendor's frame is left-handed as seen from above."""
+    """True if the vendor's frame is left-handed as seen from above (y to the right of x)."""
     tolerance_m: Metres = 0.25
-    """Largest residual accepted at a reference point."""
+    """Largest residual of the global fit accepted at a reference point, metres on the floor."""
 
 
 class Model(Section):
@@ -75,19 +83,24 @@ class Model(Section):
     loaded_envelope_m: Envelope | None = None
     """Envelope while any load is carried."""
     loaded_offset_m: tuple[Coordinate, Coordinate] | None = None
+    """Centre of `loaded_envelope_m`; `offset_m` if absent."""
 
 
 class Vendor(Section):
     """One vendor: how to know its robots and how to read them."""
 
     name: str
+    """A short name; it labels metrics and advisories."""
     manufacturers: tuple[str, ...] = ()
     """Values of `manufacturerName` that mean this vendor; its own name always does. Case is ignored."""
     participant: Literal["robot", "person"] = "robot"
+    """What moves: robots, or people who carry a device."""
     default_envelope_m: Envelope | None = None
     """Envelope of a robot that has not identified itself; the site's default if absent."""
     models: dict[str, Model] = {}
+    """By `robotModel` as identity reports spell it."""
     maps: tuple[VendorMap, ...] = ()
+    """Maps of its own that it speaks in; without any, it sends in the datums' coordinates."""
     robots: tuple[str, ...] = ()
     """UUIDs that belong to this vendor whether or not they identify themselves."""
     names_as_uuid: bool = False
@@ -100,14 +113,19 @@ class Receiver(Section):
     """The robots' port."""
 
     host: str = "127.0.0.1"
+    """Address to listen on; "0.0.0.0" for all of this machine's."""
     port: Annotated[int, Field(ge=0, le=65535)] = 3000
     """0 takes any free port."""
     max_message_bytes: Annotated[int, Field(gt=0)] = 65536
+    """A longer message is refused and its connection closed."""
     open_timeout_s: Seconds = 5.0
+    """How long a connection may take to open."""
     idle_timeout_s: Seconds = 120.0
     """A connection that has sent nothing for this long is closed; unanswered pings never close one."""
     max_connections: Annotated[int, Field(gt=0)] = 12000
+    """Fewer where the limit of open files is lower."""
     max_connections_per_peer: Annotated[int, Field(gt=0)] = 10000
+    """The same for one address; a sender that never closes its connections is stopped here."""
     dial_backoff_s: tuple[Seconds, Seconds] = (0.5, 30.0)
     """First and longest wait between attempts to reach a fleet manager."""
 
@@ -116,7 +134,9 @@ class Recorder(Section):
     """The append-only log of every message and tick."""
 
     enabled: bool = True
+    """Without it nothing can be replayed, and a restart begins with an empty floor."""
     segment_bytes: Annotated[int, Field(gt=0)] = 64 * 1024 * 1024
+    """The size at which a new segment is begun."""
     total_bytes: Annotated[int, Field(gt=0)] = 4 * 1024 * 1024 * 1024
     """The oldest segments go when the log grows beyond this."""
 
@@ -131,7 +151,9 @@ class Reading(Section):
     default_envelope_m: Envelope = (1.0, 1.0, 0.0)
     """Envelope of a robot that has not identified itself and whose vendor has no default."""
     quiet_after_s: Seconds = 30.0
+    """A robot not heard of for this long is quiet (standard 5.4)."""
     silent_after_s: Seconds = 60.0
+    """And for this long, silent."""
     forget_after_s: Seconds = 86400.0
     """A robot silent for this long leaves the floor, logged and counted; until then it is an obstacle."""
     clock_tolerance_s: Seconds = 0.25
