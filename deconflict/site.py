@@ -219,12 +219,7 @@ def _datum_contradictions(site: Site) -> Iterator[str]:
 
 
 def _vendor_contradictions(site: Site) -> Iterator[str]:
-    yield from _repeated((f"vendors[{row}].name", vendor.name) for row, vendor in enumerate(site.vendors))
-    yield from _repeated(
-        (f"vendors[{row}].manufacturers[{column}]", manufacturer.casefold())
-        for row, vendor in enumerate(site.vendors)
-        for column, manufacturer in enumerate(vendor.manufacturers)
-    )
+    yield from _repeated(told for row, vendor in enumerate(site.vendors) for told in _manufacturers(row, vendor))
     yield from _repeated(
         (f"vendors[{row}].robots[{column}]", uuid.lower())
         for row, vendor in enumerate(site.vendors)
@@ -238,6 +233,14 @@ def _vendor_contradictions(site: Site) -> Iterator[str]:
         for column, address in enumerate(vendor.dial):
             if not address.startswith(("ws://", "wss://")):
                 yield f"vendors[{row}].dial[{column}]: found {address!r}; expected ws://HOST:PORT/PATH"
+
+
+def _manufacturers(row: int, vendor: Vendor) -> Iterator[tuple[str, str]]:
+    """Each key by which a `manufacturerName` is this vendor's, and that name as it is compared."""
+    yield f"vendors[{row}].name", vendor.name.casefold()
+    for column, manufacturer in enumerate(vendor.manufacturers):
+        if manufacturer.casefold() != vendor.name.casefold():
+            yield f"vendors[{row}].manufacturers[{column}]", manufacturer.casefold()
 
 
 def _map_contradictions(site: Site, key: str, one: VendorMap) -> Iterator[str]:

@@ -1,0 +1,76 @@
+"""A site file that holds, to be spoiled one key at a time."""
+
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+MARKS = {"door": (0.0, 0.0), "dock": (40.0, 1.0), "pillar": (38.0, 25.0), "gate": (2.0, 24.0)}
+HALL = "a0eebc99-9c0b-4ef8-bb6d-6bb9bd380a11"
+
+_SOUND: dict[str, Any] = {
+    "name": "works",
+    "datums": [
+        {
+            "id": HALL,
+            "name": "Hall",
+            "reference_points": [{"id": one, "x": x, "y": y} for one, (x, y) in MARKS.items()],
+        },
+        {
+            "id": "yard",
+            "name": "Yard",
+            "coordinates": "latlon",
+            "reference_location": [42.36, -71.06],
+            "reference_points": [{"id": "post", "x": 42.361, "y": -71.059}],
+        },
+    ],
+    "vendors": [
+        {"name": "acme", "robots": ["1c0e7d6e-1111-4f6f-8000-000000000001"]},
+        {
+            "name": "bolt",
+            "manufacturers": ["Bolt Robotics"],
+            "models": {"b1": {"offset_m": [1.1, 0.0]}},
+            "maps": [
+                {
+                    "datum": "own",
+                    "site_datum": HALL,
+                    "readings": {one: [y, -x] for one, (x, y) in MARKS.items()},
+                }
+            ],
+        },
+    ],
+}
+
+
+def sound() -> dict[str, Any]:
+    return deepcopy(_SOUND)
+
+
+def put(told: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
+    """`told` with what lies at a path such as `vendors.1.name` set; None takes it away."""
+    *way, last = [int(part) if part.isdigit() else part for part in path.split(".")]
+    at: Any = told
+    for part in way:
+        at = at.setdefault(part, {}) if isinstance(at, dict) else at[part]
+    if value is None:
+        del at[last]
+    elif isinstance(at, list) and last == len(at):
+        at.append(value)
+    else:
+        at[last] = value
+    return told
+
+
+def written(told: dict[str, Any], folder: Path) -> Path:
+    path = folder / "site.toml"
+    path.write_text("".join(f"{key} = {_toml(value)}\n" for key, value in told.items()), encoding="utf-8")
+    return path
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f'"{key}" = {_toml(one)}' for key, one in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(one) for one in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else repr(value)
