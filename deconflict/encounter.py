@@ -27,10 +27,10 @@ class Encounter:
     floor: int
 
 
-def encounter(forecasts: Forecasts, a: int, b: int, contact_s: float) -> Encounter:
-    """How robots in rows `a` and `b` meet at `contact_s`; the place is midway between their envelopes there."""
-    pose_a, pose_b = pose_at(forecasts, a, contact_s), pose_at(forecasts, b, contact_s)
-    gap = shortest_line(envelope(forecasts, a, pose_a), envelope(forecasts, b, pose_b))
+def encounter(a: Forecasts, b: Forecasts, contact_s: float) -> Encounter:
+    """How two robots, one forecast each, meet at `contact_s`; the place is midway between their envelopes there."""
+    pose_a, pose_b = pose_at(a, contact_s), pose_at(b, contact_s)
+    gap = shortest_line(envelope(a, pose_a), envelope(b, pose_b))
     place = gap.interpolate(0.5, normalized=True)
     return Encounter(
         encounter_class=_class_of(pose_a, pose_b),
@@ -41,12 +41,12 @@ def encounter(forecasts: Forecasts, a: int, b: int, contact_s: float) -> Encount
     )
 
 
-def separation_m(forecasts: Forecasts, a: int, b: int, t_s: float) -> float | None:
+def separation_m(a: Forecasts, b: Forecasts, t_s: float) -> float | None:
     """Distance of the two envelopes at `t_s`, 0 where they overlap; None where they are on different floors."""
-    pose_a, pose_b = pose_at(forecasts, a, t_s), pose_at(forecasts, b, t_s)
+    pose_a, pose_b = pose_at(a, t_s), pose_at(b, t_s)
     if pose_a.floor != pose_b.floor or pose_a.floor < 0:
         return None
-    return float(envelope(forecasts, a, pose_a).distance(envelope(forecasts, b, pose_b)))
+    return float(envelope(a, pose_a).distance(envelope(b, pose_b)))
 
 
 def _class_of(a: Pose, b: Pose) -> EncounterClass:

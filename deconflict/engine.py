@@ -102,14 +102,11 @@ class Engine:
             return None
         return Party(robot.name, robot.vendor, robot.basis.name.lower(), robot.basis is Basis.STATIONARY)
 
-    def _both(self, pair: Pair) -> Forecasts:
-        return Forecasts.joined(self.live.robots[uuid].forecast for uuid in pair)
-
     def _meet(self, pair: Pair, contact_s: float) -> Encounter:
-        return encounter(self._both(pair), 0, 1, contact_s)
+        return encounter(*(self.live.robots[uuid].forecast for uuid in pair), contact_s)
 
     def _separation_m(self, pair: Pair, now_s: float) -> float | None:
-        return separation_m(self._both(pair), 0, 1, now_s)
+        return separation_m(*(self.live.robots[uuid].forecast for uuid in pair), now_s)
 
     def _place_name(self, floor: int) -> tuple[str, str]:
         datum = self.live.floors[floor]

@@ -154,9 +154,10 @@ class Lives:
         scene: Scene,
     ) -> Advisory | None:
         if prediction is None:
-            if not updated.isdisjoint(pair):
+            news = not updated.isdisjoint(pair)
+            if news:
                 track.looks.append(False)
-            return self._unpredicted(track, pair, now_s, scene)
+            return self._unpredicted(track, pair, now_s, scene) if news or track.advisory else None
         alerting = self._alerting(track, prediction, now_s)
         if prediction.fresh:
             track.looks.append(alerting)

@@ -38,7 +38,7 @@ class Live:
             basis=Basis(int(batch.basis[row])),
             event_s=float(batch.event_s[row]),
             doubt_m=float(batch.doubt_m[row]),
-            forecast=batch.forecasts.take([row]),
+            forecast=batch.forecasts.one(row),
         )
         self.robots[batch.robots[row]] = robot
         return robot

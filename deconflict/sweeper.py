@@ -123,7 +123,7 @@ class Sweeper:
                 self.discard([key])
                 continue
             self._regrouped |= key not in self._forecasts
-            self._forecasts[key] = forecasts.take([row])
+            self._forecasts[key] = forecasts.one(row)
             self._told.add(key)
         return tuple((keys[row], reason) for row, reason in sorted(wrong.items()))
 

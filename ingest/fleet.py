@@ -64,7 +64,7 @@ class Fleet:
     ) -> None:
         self.vendors, self.reading, self.measures, self.quarantine = vendors, reading, measures, quarantine
         self._frames = frames
-        self._robots: OrderedDict[str, Robot] = OrderedDict()
+        self.robots: OrderedDict[str, Robot] = OrderedDict()
         """By UUID, those heard from longest ago first."""
         self._changed: dict[str, None] = {}
         self._floors: dict[str, int] = {}
@@ -78,7 +78,7 @@ class Fleet:
             self._count(vendor, message.findings, None)
             self.refuse(message.rule, message.reason, raw, arrival_s, connection, vendor=vendor)
             return message.rule
-        robot = self._robots.get(message.uuid) or self._admit(message.uuid, connection)
+        robot = self.robots.get(message.uuid) or self._admit(message.uuid, connection)
         if isinstance(message, Identity):
             findings = self._identify(robot, message, raw, arrival_s, connection)
         else:
@@ -113,8 +113,8 @@ class Fleet:
     def cut(self, now_s: float, everything: bool = False) -> Batch:
         """The robots that changed since the last cut, or all of them, and those forgotten."""
         gone = self._forget(now_s)
-        changed = self._robots if everything else self._changed
-        robots = [robot for uuid in changed if (robot := self._robots[uuid]).forecast]
+        changed = self.robots if everything else self._changed
+        robots = [robot for uuid in changed if (robot := self.robots[uuid]).forecast]
         self._changed = {}
         return Batch(
             now_s=now_s,
@@ -133,14 +133,14 @@ class Fleet:
 
     def documents(self, now_s: float) -> list[dict[str, Any]]:
         """Everything each robot said and what was made of it, JSON-ready, by UUID."""
-        return [self._document(self._robots[uuid], now_s) for uuid in sorted(self._robots)]
+        return [self._document(self.robots[uuid], now_s) for uuid in sorted(self.robots)]
 
     def measure(self, now_s: float) -> None:
         """Bring the levels in `measures` up to date."""
         robots: dict[tuple[str, ...], float] = {}
         ages: dict[str, list[float]] = {}
         clocks: dict[str, list[SenderClock]] = {}
-        for robot in self._robots.values():
+        for robot in self.robots.values():
             key = (robot.vendor, self._shown_state(robot, now_s))
             robots[key] = robots.get(key, 0) + 1
             if robot.seen:
@@ -167,7 +167,7 @@ class Fleet:
         return vendor if vendor and self.vendors.settings(vendor).names_as_uuid else None
 
     def _vendor_of(self, uuid: str, connection: Connection) -> str:
-        robot = self._robots.get(uuid)
+        robot = self.robots.get(uuid)
         if robot:
             return robot.vendor
         speaking = self._speaking.get(connection.id, set())
@@ -176,7 +176,7 @@ class Fleet:
 
     def _admit(self, uuid: str, connection: Connection) -> Robot:
         robot = Robot(uuid, self._vendor_of(uuid, connection), SenderClock(self.reading.clock_tolerance_s))
-        self._robots[uuid] = robot
+        self.robots[uuid] = robot
         return robot
 
     def _identify(
@@ -213,7 +213,7 @@ class Fleet:
         if robot.uuid in self._changed:
             self.measures.count("deconflict_statuses_superseded_total", robot.vendor)
         findings += self._place(robot, status, event_s, robot.seen)
-        self._robots.move_to_end(robot.uuid)
+        self.robots.move_to_end(robot.uuid)
         return findings
 
     def _place(self, robot: Robot, status: Status, event_s: float, before: Sighting | None) -> tuple[str, ...]:
@@ -254,12 +254,12 @@ class Fleet:
 
     def _forget(self, now_s: float) -> tuple[str, ...]:
         gone = []
-        for uuid, robot in self._robots.items():
+        for uuid, robot in self.robots.items():
             if not now_s - robot.arrival_s > self.reading.forget_after_s:
                 break
             gone.append(uuid)
         for uuid in gone:
-            self.measures.count("deconflict_robots_forgotten_total", self._robots.pop(uuid).vendor)
+            self.measures.count("deconflict_robots_forgotten_total", self.robots.pop(uuid).vendor)
             self._changed.pop(uuid, None)
         return tuple(gone)
 

@@ -74,11 +74,19 @@ class Forecasts:
         by_knot = {name: getattr(self, name)[knots] for name in _BY_KNOT}
         return type(self)(start=start, **by_knot, **{name: getattr(self, name)[rows] for name in _BY_ROBOT})
 
+    def one(self, row: int) -> Self:
+        """The forecast of one robot, as views."""
+        first, end = self.start[row], self.start[row + 1]
+        by_knot = [getattr(self, name)[first:end] for name in _BY_KNOT]
+        return type(self)(
+            np.array([0, end - first]), *by_knot, *(getattr(self, name)[row : row + 1] for name in _BY_ROBOT)
+        )
+
     @classmethod
     def joined(cls, parts: Iterable[Self]) -> Self:
         """All the robots of `parts`, in order."""
         all_parts = [cls.empty(), *parts]
-        counts = np.concatenate([np.diff(part.start) for part in all_parts])
+        counts = np.concatenate([part.start[1:] - part.start[:-1] for part in all_parts])
         columns = {
             name: np.concatenate([getattr(part, name) for part in all_parts]) for name in (*_BY_KNOT, *_BY_ROBOT)
         }

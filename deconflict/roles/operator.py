@@ -2,8 +2,10 @@
 
 import asyncio
 import json
+import logging
 import socket
 import time
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +14,14 @@ from deconflict.asgi import face_server
 from deconflict.link import AsyncCaller, LinkDownError, PortTakenError, listening, socket_path
 from deconflict.operator import Exposition, SourceUnavailableError, create_app
 from deconflict.site import Site
-from deconflict.store import Store
+from deconflict.store import Store, StoreError
 from ingest.measures import Measures
+
+log = logging.getLogger(__name__)
 
 ENGINE_STALE_S = 5.0
 """An engine not heard from for this long counts as down; it reports every second."""
+PRUNE_EVERY_S = 3600.0
 ROLES_FILE = "roles.json"
 """What the supervisor says of its processes: role to restarts, in the runtime directory."""
 
@@ -43,11 +48,13 @@ class OperatorRole:
         async with listening(socket_path(self._runtime, "operator"), calls):
             serving = asyncio.create_task(server.serve([bound]))
             waiting = asyncio.create_task(stop.wait())
+            pruning = asyncio.create_task(self._prune())
             self.ready.set()
             try:
                 await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
             finally:
                 waiting.cancel()
+                pruning.cancel()
                 server.should_exit = True
                 await serving
                 bound.close()
@@ -108,6 +115,19 @@ class OperatorRole:
         path = self._runtime / ROLES_FILE
         restarts: dict[str, int] = json.loads(path.read_text()) if path.exists() else {}
         return restarts
+
+    async def _prune(self) -> None:
+        """Forget advisories that were cleared long ago, now and every hour."""
+        while True:
+            before = datetime.now(UTC) - timedelta(days=self._site.store.keep_days)
+            try:
+                forgotten = await asyncio.to_thread(self._store.prune, before)
+            except StoreError as error:
+                log.warning("old advisories can't be removed: %s", error)
+            else:
+                if forgotten:
+                    log.info("%s advisories cleared before %s are forgotten", forgotten, before)
+            await asyncio.sleep(PRUNE_EVERY_S)
 
     async def _restore(self, _: bytes) -> bytes:
         """What an engine needs to go on where the last one stopped."""

@@ -1,0 +1,131 @@
+"""`deconflict serve` as a user runs it: processes that are killed, and what is left of them."""
+
+import asyncio
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.deconflict.test_service import Course, drive
+
+MEETING: dict[str, Course] = {"A-1": lambda t: (-30.0 + t, 0.0, 0.0), "B-1": lambda t: (30.0 - t, 0.0, pi)}
+"""Head-on after thirty seconds."""
+
+
+def free_ports(count: int) -> list[int]:
+    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
+    ports = [one.getsockname()[1] for one in sockets]
+    for one in sockets:
+        one.close()
+    return ports
+
+
+class Served:
+    """A service in processes of its own."""
+
+    def __init__(self, data: Path) -> None:
+        self.robots_port, self.operator_port = free_ports(2)
+        self._data = data
+        self.process: subprocess.Popen[bytes] | None = None
+
+    @contextmanager
+    def running(self) -> Iterator[int]:
+        command = [sys.executable, "-m", "deconflict", "serve", "--data", str(self._data)]
+        ports = ["--robots-port", str(self.robots_port), "--operator-port", str(self.operator_port)]
+        with subprocess.Popen([*command, *ports], stderr=subprocess.DEVNULL) as process:
+            try:
+                yield process.pid
+            finally:
+                process.send_signal(signal.SIGTERM)
+                process.wait(30)
+
+    @property
+    def robots_url(self) -> str:
+        return f"ws://127.0.0.1:{self.robots_port}"
+
+    async def until(self, path: str, wanted: Any) -> Any:
+        """The JSON at `path` once it is as wanted, whatever the status."""
+        async with httpx.AsyncClient() as client, asyncio.timeout(40):
+            while True:
+                try:
+                    answer = (await client.get(f"http://127.0.0.1:{self.operator_port}{path}")).json()
+                    if wanted(answer):
+                        return answer
+                except (httpx.TransportError, json.JSONDecodeError):
+                    pass
+                await asyncio.sleep(0.1)
+
+    @asynccontextmanager
+    async def with_robots(self, start_s: float) -> AsyncIterator[None]:
+        driving = asyncio.create_task(drive(self.robots_url, MEETING, 120, start_s))
+        try:
+            yield
+        finally:
+            driving.cancel()
+            await asyncio.gather(driving, return_exceptions=True)
+
+
+def children(pid: int) -> dict[str, int]:
+    """Role to process id."""
+    pids = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    commands = {int(one): Path(f"/proc/{one}/cmdline").read_bytes().split(b"\0") for one in pids}
+    return {command[4].decode(): one for one, command in commands.items()}
+
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
+
+
+def healthy(health: dict[str, Any]) -> bool:
+    return bool(health.get("status") == "ok")
+
+
+async def test_an_engine_that_is_killed_is_told_of_and_goes_on_with_its_advisory(tmp_path: Path) -> None:
+    service = Served(tmp_path)
+    with service.running() as pid:
+        await service.until("/healthz", healthy)
+        async with service.with_robots(time.time() - 21.0):
+            before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
+            os.kill(children(pid)["engine"], signal.SIGKILL)
+            await service.until("/healthz", lambda health: health["restarts"].get("engine") == 1 and healthy(health))
+            revision = before["advisories"][0]["revision"]
+            after = await service.until(
+                "/advisories?state=all", lambda answer: answer["advisories"][0]["revision"] > revision
+            )
+        assert [one["id"] for one in after["advisories"]] == [before["advisories"][0]["id"]]
+
+
+async def test_a_service_that_is_killed_loses_no_stored_advisory_and_leaves_no_process(tmp_path: Path) -> None:
+    service, start_s = Served(tmp_path), time.time() - 20.0
+    with service.running() as pid:
+        await service.until("/healthz", healthy)
+        async with service.with_robots(start_s):
+            before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
+            orphans = children(pid)
+            os.kill(pid, signal.SIGKILL)
+            os.kill(orphans["operator"], signal.SIGKILL)
+    async with asyncio.timeout(20):
+        while any(Path(f"/proc/{one}/cmdline").exists() and _is_role(one) for one in orphans.values()):
+            await asyncio.sleep(0.05)
+    with service.running():
+        after = await service.until("/advisories?state=all", lambda answer: answer["seq"] >= before["seq"])
+        assert [one["id"] for one in after["advisories"]] == [before["advisories"][0]["id"]]
+        robots = await service.until("/robots", lambda answer: len(answer.get("robots", [])) == 2)
+        assert all(one["location"] for one in robots["robots"])
+
+
+def _is_role(pid: int) -> bool:
+    try:
+        return b"role" in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    except FileNotFoundError:
+        return False
