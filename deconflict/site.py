@@ -83,7 +83,9 @@ class Site(Section):
     name: str = "site"
     """What a person calls the site."""
     datums: tuple[Datum, ...] = ()
+    """Floors that several vendors share."""
     vendors: tuple[Vendor, ...] = ()
+    """Vendors that need more said of them than their messages say."""
     receiver: Receiver = Receiver()
     recorder: Recorder = Recorder()
     reading: Reading = Reading()

@@ -53,7 +53,7 @@ class Datum(Section):
     coordinates: Literal["metres", "latlon", "latlon-relative"] = "metres"
     """What x and y are: metres; latitude and longitude in degrees; or both relative to `reference_location`."""
     reference_location: tuple[Coordinate, Coordinate] | None = None
-    """Latitude and longitude of the floor's origin, degrees; needed by both `latlon` readings."""
+    """Latitude and longitude of the floor's origin, degrees; needed where `coordinates` are degrees."""
     reference_points: tuple[ReferencePoint, ...] = ()
     """Marks that vendors with a map of their own have surveyed: at least two, better four, spread over the floor."""
 
@@ -98,7 +98,7 @@ class Vendor(Section):
     default_envelope_m: Envelope | None = None
     """Envelope of a robot that has not identified itself; the site's default if absent."""
     models: dict[str, Model] = {}
-    """By `robotModel` as identity reports spell it."""
+    """What the standard cannot say of each model, by `robotModel` as identity reports spell it."""
     maps: tuple[VendorMap, ...] = ()
     """Maps of its own that it speaks in; without any, it sends in the datums' coordinates."""
     robots: tuple[str, ...] = ()
@@ -123,7 +123,7 @@ class Receiver(Section):
     idle_timeout_s: Seconds = 120.0
     """A connection that has sent nothing for this long is closed; unanswered pings never close one."""
     max_connections: Annotated[int, Field(gt=0)] = 12000
-    """Fewer where the limit of open files is lower."""
+    """Most connections at once; fewer where the limit of open files is lower."""
     max_connections_per_peer: Annotated[int, Field(gt=0)] = 10000
     """The same for one address; a sender that never closes its connections is stopped here."""
     dial_backoff_s: tuple[Seconds, Seconds] = (0.5, 30.0)
