@@ -117,7 +117,7 @@ _AMOUNTS = (
     Rule("battery-fraction", "The battery lies between 0 and 1, perhaps a fraction; read as percent.", "5.3.1"),
     Rule("run-time-negative", "A run time is negative; read as zero.", "5.3.2"),
     Rule("load-out-of-range", "The load is not within 0 to 100 %; clamped.", "5.3.4"),
-    Rule("load-used-key", "The load used stands in place of the load still available; read.", "5.3.4"),
+    Rule("load-used-key", "The load used is told, not what is left; read where that is missing.", "5.3.4"),
     Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "5.2.1"),
     Rule("speed-limit-not-positive", "The greatest speed is not above zero; ignored.", "4.2.1"),
 )

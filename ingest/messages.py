@@ -1,71 +1,34 @@
 """One message: bytes in; an identity, a status or a counted rejection out. Never raises on what a sender sent.
 
 A conforming message is validated once, from bytes. One that does not validate is parsed, mended where its meaning
-is plain, and validated again. Duplicate keys: the last one holds.
+is plain, and validated again; then optional values that still do not fit are left out. Duplicate keys: the last one
+holds.
 """
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from math import atan2, isfinite, isnan, nan
+from math import isnan, nan
 from typing import Any
-from uuid import UUID, uuid5
 
-import numpy as np
 from pydantic import ValidationError
 from pydantic_core import from_json
 
-from ingest import mending, stamps
-from ingest.reports import IdentityReport, PredictedLocation, Quaternion, Report, StatusReport
-from ingest.seam import Floats
-from ingest.settings import NIL_DATUM
+from ingest import mending, paths, stamps, words
+from ingest.conformance import Findings, RejectedError
+from ingest.paths import Path
+from ingest.reports import IdentityReport, PredictedLocation, Report, StatusReport, Velocity
 
-NAMED_ROBOTS = UUID("b7f0f4f1-3a3c-5d52-9a63-2b2c8a0f9d10")
-"""Namespace of the UUIDs of robots that are known by name."""
-MAX_POSITION = 1e7
-"""Metres, or degrees: beyond it a location is absurd."""
+__all__ = ["Identity", "Path", "Rejection", "Status", "document", "read"]
+
 MAX_ENVELOPE_M = 100.0
+MAX_SPEED_MPS = 100.0
 MAX_REASON = 300
-PATH_S, DESTINATIONS_S = 10.0, 900.0
-"""How far ahead the standard lets a path and destinations reach."""
-MOST_POINTS = 10
-SLACK_S = 1.0
-"""Allowed beyond those before it is a finding: stamps are rounded."""
-
-STATES = frozenset(
-    (
-        "navigating",
-        "idle",
-        "disabled",
-        "offline",
-        "charging",
-        "waitingHumanEvent",
-        "waitingExternalEvent",
-        "waitingInternalEvent",
-        "manualOverride",
-    )
-)
-_ALIASES = {state.casefold(): state for state in STATES} | {
-    "manual": "manualOverride",
-    "manualmode": "manualOverride",
-    "waiting": "waitingInternalEvent",
-    "waitinghuman": "waitingHumanEvent",
-    "waitingforhumanevent": "waitingHumanEvent",
-    "waitingonexternalevent": "waitingExternalEvent",
-    "waitingoninternalevent": "waitingInternalEvent",
-    "loadingunloading": "waitingExternalEvent",
-    "moving": "navigating",
-}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Path:
-    """Timed poses as sent: `poses` (p, 5) as t_s, x, y, z, yaw_rad, nan where the heading is unknown."""
-
-    poses: Floats
-    datums: tuple[str, ...]
-    """(p,) lower case; "" is the robot's own."""
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+LOAD_USED_KEY = "loadPercentageUsed"
+"""A key after the text of the standard (5.3.4), whose schema asks for what is still available."""
+_IDENTITY_KEYS = frozenset(("baseRobotEnvelope", "manufacturerName", "robotModel", "robotSerialNumber"))
+_STATUS_KEYS = frozenset(("operationalState", "location"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,6 +65,7 @@ class Status:
     """Lower case; "" where none was sent."""
     linear_mps: float | None
     turn_rad_per_s: float | None
+    """The rotation made in one second."""
     load_used_pct: float | None
     battery_pct: float | None
     error_codes: tuple[str, ...]
@@ -117,267 +81,289 @@ class Rejection:
     rule: str
     reason: str
     uuid: str | None = None
+    """Of the robot, where that much could be read."""
     findings: tuple[str, ...] = ()
-
-
-class _RejectedError(Exception):
-    def __init__(self, rule: str, reason: str) -> None:
-        super().__init__(reason)
-        self.rule, self.reason = rule, reason[:MAX_REASON]
 
 
 def read(raw: bytes, *, names_as_uuid: str | None = None) -> Identity | Status | Rejection:
     """What one message says. `names_as_uuid` is the vendor whose robots may go by name instead of a UUID."""
-    findings: dict[str, None] = {}
-    uuid: str | None = None
+    findings: Findings = {}
+    said_uuid: object = None
     try:
         report = _report(raw, findings)
-        uuid = _uuid(report.uuid, names_as_uuid, findings)
-        _note_extras(report, findings)
+        said_uuid = report.uuid
+        uuid = words.robot_uuid(report.uuid, names_as_uuid, findings)
         if isinstance(report, StatusReport):
             return _status(report, uuid, findings)
         return _identity(report, uuid, findings)
-    except _RejectedError as rejected:
-        return Rejection(rejected.rule, rejected.reason, uuid, tuple(findings))
+    except RejectedError as rejected:
+        uuid_read = _uuid_if_read(rejected.said_uuid or said_uuid, names_as_uuid)
+        return Rejection(rejected.rule, rejected.reason[:MAX_REASON], uuid_read, tuple(findings))
 
 
 def document(raw: bytes) -> dict[str, Any]:
-    """Everything an accepted message said, mended, JSON-ready; keys as the standard spells them."""
-    return _report(raw, {}).model_dump(mode="json", exclude_none=True)
+    """Everything an accepted message said, JSON-ready, spelt and keyed as the standard does, unknown keys included.
+
+    Times are in UTC. Raises `RejectedError` for a message that `read` rejects.
+    """
+    report = _report(raw, {})
+    told = report.model_dump(mode="json", exclude_none=True)
+    if words.is_uuid(report.uuid):
+        told["uuid"] = words.robot_uuid(report.uuid, None, {})
+    told["timestamp"] = stamps.write(_stamp(report.timestamp, {}).t_s)
+    if isinstance(report, StatusReport):
+        _spell_status(told, report)
+    elif report.maxRunTime is not None:
+        told["maxRunTime"] = _run_time(report.maxRunTime, {})
+    return told
 
 
-def _report(raw: bytes, findings: dict[str, None]) -> IdentityReport | StatusReport:
-    model: type[IdentityReport | StatusReport] = StatusReport if b'"operationalState"' in raw else IdentityReport
-    try:
-        return model.model_validate_json(raw)
-    except ValidationError:
-        return _mended(raw, findings)
+def _spell_status(told: dict[str, Any], report: StatusReport) -> None:
+    told["operationalState"] = words.state(report.operationalState, {})[0]
+    amounts = {
+        "batteryPercentage": _share(report.batteryPercentage, "battery-out-of-range", {}),
+        "loadPercentageStillAvailable": _load_available(report, {}),
+        "remainingRunTime": _run_time(report.remainingRunTime, {}),
+    }
+    told.update((key, amount) for key, amount in amounts.items() if amount is not None)
+    _spell_datum(told["location"], "planarDatum")
+    for point in (*told.get("path", ()), *told.get("destinations", ())):
+        _spell_datum(point, "planarDatumUUID")
+        stamp = stamps.parse(point["timestamp"])
+        if stamp and stamp.t_s <= stamps.LATEST_S:
+            point["timestamp"] = stamps.write(stamp.t_s)
 
 
-def _mended(raw: bytes, findings: dict[str, None]) -> IdentityReport | StatusReport:
-    told = _parsed(raw)
-    if not isinstance(told, dict):
-        raise _RejectedError("not-object", "send one JSON object a message")
-    status = "operationalState" in told or "location" in told
-    if not status and not {"baseRobotEnvelope", "manufacturerName", "robotModel"} & told.keys():
-        raise _RejectedError("report-unknown", f"keys {_shown(sorted(map(str, told)))} are of neither report")
-    noted, mended = mending.mend(told, status=status)
-    findings.update(dict.fromkeys(noted))
-    try:
-        return (StatusReport if status else IdentityReport).model_validate(mended)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-        where = ".".join(map(str, first["loc"]))[:100]
-        rule = {"missing": "key-missing", "finite_number": "number-not-finite"}.get(first["type"], "type-wrong")
-        raise _RejectedError(rule, f"{where}: {first['msg']}") from None
+def _spell_datum(location: dict[str, Any], key: str) -> None:
+    """Put the datum, in lower case, where the schema has it."""
+    keys = (key, *({"planarDatum", "planarDatumUUID"} - {key}))
+    said = [location.pop(each) for each in keys if each in location]
+    if said:
+        location[key] = words.datum(said[0], None, {}, empty="datum-empty")
 
 
-def _parsed(raw: bytes) -> Any:
-    try:
-        return from_json(raw, allow_inf_nan=True)
-    except ValueError as error:
+def _report(raw: bytes, findings: Findings) -> IdentityReport | StatusReport:
+    if b"null" not in raw:
         try:
-            raw.decode()
-        except UnicodeDecodeError as broken:
-            raise _RejectedError("not-utf8", f"byte {broken.start} is not UTF-8; send JSON text in UTF-8") from None
-        raise _RejectedError("not-json", f"{error}") from None
+            return (StatusReport if b'"operationalState"' in raw else IdentityReport).model_validate_json(raw)
+        except ValidationError:
+            pass
+    return _mended(raw, findings)
 
 
-def _shown(keys: Sequence[str]) -> str:
-    return json.dumps([key[:30] for key in keys[:8]])
-
-
-def _uuid(text: str, names_as_uuid: str | None, findings: dict[str, None]) -> str:
+def _mended(raw: bytes, findings: Findings) -> IdentityReport | StatusReport:
+    told = _parsed(raw, findings)
+    model = _model(told)
+    mended = mending.mend(told, model, findings)
     try:
-        parsed = UUID(text)
-    except ValueError:
-        if names_as_uuid and text.strip():
-            findings["uuid-is-name"] = None
-            return str(uuid5(NAMED_ROBOTS, f"{names_as_uuid}/{text}"))
-        reason = f"{text[:60]!r} is no UUID; send one, or set names_as_uuid for this vendor"
-        raise _RejectedError("uuid-unreadable", reason) from None
-    plain = str(parsed)
-    if text != plain:
-        findings["uuid-upper-case" if text.lower() == plain else "uuid-no-dashes"] = None
-    if parsed.variant != "specified in RFC 4122" or not 1 <= (parsed.version or 0) <= 8:
-        findings["uuid-not-rfc4122"] = None
-    return plain
+        return model.model_validate(mended)
+    except ValidationError:
+        if not mending.finite(mended):
+            reason = "a number is NaN, infinite or too large; leave out what is not known"
+            raise RejectedError("number-not-finite", reason, told.get("uuid")) from None
+    try:
+        return model.model_validate(mending.without_misfits(mended, model, findings))
+    except ValidationError as error:
+        errors = error.errors(include_url=False, include_context=False, include_input=False)
+        reasons = (f"{'.'.join(map(str, one['loc']))[:60]}: {one['msg'][:80]}" for one in errors[:2])
+        rule = "key-missing" if errors[0]["type"] == "missing" else "type-wrong"
+        raise RejectedError(rule, "; ".join(reasons), told.get("uuid")) from None
 
 
-def _note_extras(report: Report, findings: dict[str, None]) -> None:
-    if report.model_extra:
-        findings["key-unknown"] = None
+def _parsed(raw: bytes, findings: Findings) -> dict[str, Any]:
+    if raw.startswith(BYTE_ORDER_MARK):
+        findings["byte-order-mark"] = None
+        raw = raw.removeprefix(BYTE_ORDER_MARK)
+    try:
+        told = from_json(raw)
+    except ValueError as error:
+        raise _unparsed(raw, str(error)) from None
+    if not isinstance(told, dict):
+        raise RejectedError("not-object", f"JSON {_KINDS[type(told)]}; send one JSON object a message")
+    return told
 
 
-def _stamp(text: str, findings: dict[str, None]) -> stamps.Stamp:
-    stamp = stamps.parse(text)
-    if stamp is None:
-        raise _RejectedError("stamp-unreadable", f"timestamp {text[:60]!r} is no RFC 3339 date-time in UTC")
-    if not stamps.EARLIEST_S <= stamp.t_s <= stamps.LATEST_S:
-        raise _RejectedError("stamp-absurd", f"timestamp {text[:60]!r} lies outside 1970 to 2100")
-    findings.update(dict.fromkeys(stamp.findings))
-    return stamp
+_KINDS = {
+    list: "array",
+    str: "string",
+    bool: "true or false",
+    int: "number",
+    float: "number",
+    type(None): "null",
+}
 
 
-def _identity(report: IdentityReport, uuid: str, findings: dict[str, None]) -> Identity:
+def _unparsed(raw: bytes, why: str) -> RejectedError:
+    try:
+        raw.decode()
+    except UnicodeDecodeError as broken:
+        return RejectedError("not-utf8", f"byte {broken.start} is not UTF-8; send JSON text in UTF-8")
+    if why.startswith("recursion limit"):
+        return RejectedError("too-deep", f"{why}; no report nests so deep")
+    return RejectedError("not-json", f"{why}; send one JSON object a message")
+
+
+def _model(told: dict[str, Any]) -> type[IdentityReport | StatusReport]:
+    if told.keys() & _STATUS_KEYS:
+        return StatusReport
+    if told.keys() & _IDENTITY_KEYS:
+        return IdentityReport
+    shown = json.dumps([key[:30] for key in sorted(told)[:5]])
+    reason = f"keys {shown} are of neither an identity report nor a status report"
+    raise RejectedError("report-unknown", reason, told.get("uuid"))
+
+
+def _uuid_if_read(said: object, names_as_uuid: str | None) -> str | None:
+    try:
+        return words.robot_uuid(said, names_as_uuid, {}) if isinstance(said, str) else None
+    except RejectedError:
+        return None
+
+
+def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity:
     stamp = _stamp(report.timestamp, findings)
+    _note_extras((report, report.baseRobotEnvelope, report.cargoMaxVolume), findings)
     size = report.baseRobotEnvelope
-    _note_extras(size, findings)
     if size.x <= 0 or size.y <= 0 or size.z < 0:
-        raise _RejectedError("envelope-not-positive", f"baseRobotEnvelope {size.x} x {size.y} m; send its size")
+        raise RejectedError("envelope-not-positive", f"baseRobotEnvelope is {size.x:g} x {size.y:g} m; send its size")
     if max(size.x, size.y, size.z) > MAX_ENVELOPE_M:
-        raise _RejectedError("envelope-absurd", f"baseRobotEnvelope {size.x} x {size.y} m; sizes are in metres")
-    if not all((report.manufacturerName.strip(), report.robotModel.strip(), report.robotSerialNumber.strip())):
+        reason = f"baseRobotEnvelope is {size.x:g} x {size.y:g} x {size.z:g}; send metres"
+        raise RejectedError("envelope-absurd", reason)
+    if not all(text.strip() for text in (report.manufacturerName, report.robotModel, report.robotSerialNumber)):
         findings["text-empty"] = None
-    max_speed_mps = report.maxSpeed
+    _run_time(report.maxRunTime, findings)
+    max_speed_mps = _speed(report.maxSpeed, findings)
     if max_speed_mps is not None and max_speed_mps <= 0:
-        findings["speed-limit-negative"] = None
+        findings["speed-limit-not-positive"] = None
         max_speed_mps = None
     return Identity(
-        uuid,
-        stamp.t_s,
-        report.manufacturerName,
-        report.robotModel,
-        report.robotSerialNumber,
-        (size.x, size.y, size.z),
-        max_speed_mps,
-        tuple(findings),
+        uuid=uuid,
+        stamp_s=stamp.t_s,
+        manufacturer=report.manufacturerName,
+        model=report.robotModel,
+        serial=report.robotSerialNumber,
+        envelope_m=(size.x, size.y, size.z),
+        max_speed_mps=max_speed_mps,
+        findings=tuple(findings),
     )
 
 
-def _status(report: StatusReport, uuid: str, findings: dict[str, None]) -> Status:
+def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
     stamp = _stamp(report.timestamp, findings)
     here = report.location
-    if not (abs(here.x) <= MAX_POSITION and abs(here.y) <= MAX_POSITION and abs(here.z) <= MAX_POSITION):
-        raise _RejectedError("position-absurd", f"location {here.x}, {here.y}; send metres on the datum")
-    _note_extras(here, findings)
-    if report.velocity:
-        _note_extras(report.velocity, findings)
-    state, known = _state(report.operationalState, findings)
-    datum = _datum(here.planarDatum, here.planarDatumUUID, findings)
-    if datum in ("", NIL_DATUM):
-        findings["datum-missing"] = None
-    angular = report.velocity.angular if report.velocity else None
-    turn = _yaw(angular, findings) if angular else None
-    available = _share(report.loadPercentageStillAvailable, "load-out-of-range", findings)
-    if report.remainingRunTime is not None and report.remainingRunTime < 0:
-        findings["run-time-negative"] = None
-    codes = tuple(report.errorCodes or ())
-    if len(set(codes)) < len(codes):
-        findings["duplicate-items"] = None
+    if paths.absurd(here.x, here.y, here.z):
+        reason = f"location {here.x:g}, {here.y:g}, {here.z:g} is off any floor; send metres on the datum"
+        raise RejectedError("position-absurd", reason)
+    _note_extras((report, here, here.angle), findings)
+    _note_extras_of_points(report.path, findings)
+    _note_extras_of_points(report.destinations, findings)
+    state, known_state = words.state(report.operationalState, findings)
+    linear_mps, turn_rad_per_s = _velocity(report.velocity, findings)
+    available_pct = _load_available(report, findings)
+    _run_time(report.remainingRunTime, findings)
     return Status(
         uuid=uuid,
         stamp_s=stamp.t_s,
         stamp_resolution_s=stamp.resolution_s,
         state=state,
-        known_state=known,
+        known_state=known_state,
         x=here.x,
         y=here.y,
         z=here.z,
-        yaw_rad=_yaw(here.angle, findings),
-        datum=datum,
-        linear_mps=report.velocity.linear if report.velocity else None,
-        turn_rad_per_s=None if turn is None or isnan(turn) else turn,
-        load_used_pct=None if available is None else 100.0 - available,
-        battery_pct=_share(report.batteryPercentage, "battery-out-of-range", findings),
-        error_codes=codes,
-        destinations=_destinations(report.destinations or (), stamp.t_s, findings),
-        path=_path(report.path or (), stamp.t_s, findings),
+        yaw_rad=paths.yaw_rad(here.angle, findings),
+        datum=words.datum(here.planarDatum, here.planarDatumUUID, findings, empty="datum-missing"),
+        linear_mps=linear_mps,
+        turn_rad_per_s=turn_rad_per_s,
+        load_used_pct=None if available_pct is None else 100.0 - available_pct,
+        battery_pct=_battery(report.batteryPercentage, findings),
+        error_codes=_error_codes(report.errorCodes, findings) if report.errorCodes else (),
+        destinations=paths.destinations(report.destinations, stamp.t_s, findings),
+        path=paths.path(report.path, stamp.t_s, findings),
         findings=tuple(findings),
     )
 
 
-def _state(text: str, findings: dict[str, None]) -> tuple[str, bool]:
-    if text in STATES:
-        if text == "offline":
-            findings["state-offline"] = None
-        return text, True
-    alias = _ALIASES.get("".join(letter for letter in text.casefold() if letter.isalnum()))
-    findings["state-alias" if alias else "state-unknown"] = None
-    return (alias, True) if alias else (text[:60], False)
+def _stamp(text: str, findings: Findings) -> stamps.Stamp:
+    stamp = stamps.parse(text)
+    if stamp is None:
+        raise RejectedError("stamp-unreadable", f"timestamp {text[:60]!r} is no RFC 3339 date-time in UTC")
+    if not stamps.EARLIEST_S <= stamp.t_s <= stamps.LATEST_S:
+        raise RejectedError("stamp-absurd", f"timestamp {text[:60]!r} lies outside 1970 to 2100")
+    findings.update(dict.fromkeys(stamp.findings))
+    return stamp
 
 
-def _share(value: float | None, rule: str, findings: dict[str, None]) -> float | None:
-    if value is None or 0.0 <= value <= 100.0:
-        return value
-    findings[rule] = None
-    return min(max(value, 0.0), 100.0)
-
-
-def _datum(right: str | None, other: str | None, findings: dict[str, None]) -> str:
-    """A datum in lower case, "" for none, from the key where it belongs or from the other."""
-    if other is not None:
-        findings["datum-key"] = None
-    text = (right or other or "").strip()
-    lower = text.lower()
-    if lower != text:
-        findings["datum-upper-case"] = None
-    if lower:
-        try:
-            UUID(lower)
-        except ValueError:
-            findings["datum-not-uuid"] = None
-    return lower[:80]
-
-
-def _yaw(angle: Quaternion, findings: dict[str, None]) -> float:
-    """Rotation about the vertical, radians; nan for a quaternion of no length."""
-    x, y, z, w = angle.x, angle.y, angle.z, angle.w
-    length = x * x + y * y + z * z + w * w
-    if not isfinite(length) or length < 1e-12:
-        findings["angle-zero"] = None
-        return nan
-    if abs(length - 1.0) > 0.01:
-        findings["angle-not-unit"] = None
-    return atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-
-
-def _points(points: Sequence[PredictedLocation], findings: dict[str, None]) -> Path:
-    rows: list[tuple[float, float, float, float, float]] = []
-    datums: list[str] = []
-    for point in points:
-        stamp = stamps.parse(point.timestamp)
-        if stamp is None or max(abs(point.x), abs(point.y), abs(point.z)) > MAX_POSITION:
-            findings["point-unreadable"] = None
+def _note_extras(parts: Sequence[Report | None], findings: Findings) -> None:
+    for part in parts:
+        extra = part.__pydantic_extra__ if part else None
+        if not extra:
             continue
-        if stamp.findings:
-            findings.update(dict.fromkeys(stamp.findings))
-        _note_extras(point, findings)
-        rows.append((stamp.t_s, point.x, point.y, point.z, _yaw(point.angle, findings)))
-        has_datum = point.planarDatum is not None or point.planarDatumUUID is not None
-        datum = _datum(point.planarDatumUUID, point.planarDatum, findings) if has_datum else ""
-        datums.append("" if datum == NIL_DATUM else datum)
-    if len(set(rows)) < len(rows):
+        if not mending.finite(extra):
+            raise RejectedError("number-not-finite", f"{_first(extra)} holds NaN or an infinite number; leave it out")
+        if extra.keys() - {LOAD_USED_KEY}:
+            findings["key-unknown"] = None
+
+
+def _first(extra: dict[str, Any]) -> str:
+    return repr(next(key for key, value in extra.items() if not mending.finite(value))[:60])
+
+
+def _note_extras_of_points(points: Sequence[PredictedLocation] | None, findings: Findings) -> None:
+    for point in points or ():
+        if point.__pydantic_extra__ or (point.angle and point.angle.__pydantic_extra__):
+            _note_extras((point, point.angle), findings)
+
+
+def _velocity(velocity: Velocity | None, findings: Findings) -> tuple[float | None, float | None]:
+    """Speed along the heading, and the turn made in one second; None where not sent."""
+    if velocity is None:
+        return None, None
+    _note_extras((velocity, velocity.angular), findings)
+    turn_rad = paths.yaw_rad(velocity.angular, findings) if velocity.angular else nan
+    return _speed(velocity.linear, findings), None if isnan(turn_rad) else turn_rad
+
+
+def _speed(speed_mps: float | None, findings: Findings) -> float | None:
+    if speed_mps is None or abs(speed_mps) <= MAX_SPEED_MPS:
+        return speed_mps
+    findings["speed-absurd"] = None
+    return None
+
+
+def _battery(battery_pct: float | None, findings: Findings) -> float | None:
+    if battery_pct is not None and 0.0 < battery_pct < 1.0:
+        findings["battery-fraction"] = None
+    return _share(battery_pct, "battery-out-of-range", findings)
+
+
+def _load_available(report: StatusReport, findings: Findings) -> float | None:
+    available_pct = report.loadPercentageStillAvailable
+    extra = report.__pydantic_extra__
+    if extra and LOAD_USED_KEY in extra:
+        findings["load-used-key"] = None
+        used_pct = mending.number(extra[LOAD_USED_KEY], findings)
+        if available_pct is None and mending.is_number(used_pct):
+            available_pct = 100.0 - used_pct
+    return _share(available_pct, "load-out-of-range", findings)
+
+
+def _share(value_pct: float | None, rule: str, findings: Findings) -> float | None:
+    if value_pct is None or 0.0 <= value_pct <= 100.0:
+        return value_pct
+    findings[rule] = None
+    return min(max(value_pct, 0.0), 100.0)
+
+
+def _run_time(hours: float | None, findings: Findings) -> float | None:
+    if hours is None or hours >= 0.0:
+        return hours
+    findings["run-time-negative"] = None
+    return 0.0
+
+
+def _error_codes(codes: Sequence[str], findings: Findings) -> tuple[str, ...]:
+    if len(set(codes)) < len(codes):
         findings["duplicate-items"] = None
-    return Path(np.array(rows, np.float64).reshape(-1, 5), tuple(datums))
-
-
-def _path(points: Sequence[PredictedLocation], stamp_s: float, findings: dict[str, None]) -> Path:
-    path = _points(points, findings)
-    if not len(path.poses):
-        return path
-    times = path.poses[:, 0].tolist()
-    if len(points) > MOST_POINTS:
-        findings["path-too-many"] = None
-    if max(times) > stamp_s + PATH_S + SLACK_S:
-        findings["path-too-far"] = None
-    if max(times) <= stamp_s:
-        findings["path-past"] = None
-    if any(later <= earlier for earlier, later in pairwise(times)):
-        findings["path-unordered"] = None
-    return path
-
-
-def _destinations(points: Sequence[PredictedLocation], stamp_s: float, findings: dict[str, None]) -> Path:
-    path = _points(points, findings)
-    if not len(path.poses):
-        return path
-    times = path.poses[:, 0]
-    if len(points) > MOST_POINTS:
-        findings["destinations-too-many"] = None
-    if times.max() > stamp_s + DESTINATIONS_S + SLACK_S:
-        findings["destinations-too-far"] = None
-    order = np.argsort(times, kind="stable")
-    if np.any(np.diff(times) < 0):
-        findings["destinations-unsorted"] = None
-    return Path(path.poses[order], tuple(path.datums[row] for row in order))
+    if not all(code.strip() for code in codes):
+        findings["text-empty"] = None
+    return tuple(code for code in codes if code.strip())

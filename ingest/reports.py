@@ -1,11 +1,14 @@
 """The two reports of the standard, as models of every key they may have.
 
-Types are strict and numbers finite; required keys are required. What the schema asks of the text inside a string
-(UUID, timestamp, state) and of the length of lists is looked at in `ingest/messages.py`, where a deviation can be
-read and counted rather than refused. Keys that the standard does not have are kept aside.
+Types are strict and numbers finite; required keys are required, but for an angle and a datum, without which a
+location still tells where the robot is. What the schema asks of the text inside a string (UUID, timestamp, state)
+and of the length of lists is looked at where it is read, so that a deviation can be counted rather than refused.
+Keys that the standard does not have are kept aside.
 """
 
-from pydantic import BaseModel, ConfigDict
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
 
 
 class Report(BaseModel):
@@ -42,7 +45,7 @@ class Location(Report):
     x: float
     y: float
     z: float = 0.0
-    angle: Quaternion
+    angle: Quaternion | None = None
     planarDatum: str | None = None  # noqa: N815
     planarDatumUUID: str | None = None  # noqa: N815
 
@@ -86,6 +89,6 @@ class StatusReport(Report):
     batteryPercentage: float | None = None  # noqa: N815
     remainingRunTime: float | None = None  # noqa: N815
     loadPercentageStillAvailable: float | None = None  # noqa: N815
-    errorCodes: list[str] | None = None  # noqa: N815
-    destinations: list[PredictedLocation] | None = None
-    path: list[PredictedLocation] | None = None
+    errorCodes: Annotated[list[str], Field(fail_fast=True)] | None = None  # noqa: N815
+    destinations: Annotated[list[PredictedLocation], Field(fail_fast=True)] | None = None
+    path: Annotated[list[PredictedLocation], Field(fail_fast=True)] | None = None

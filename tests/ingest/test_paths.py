@@ -1,0 +1,67 @@
+from itertools import pairwise
+from math import nan, pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ingest.conformance import Findings
+from ingest.paths import NO_PATH, absurd, destinations, path, yaw_rad
+from ingest.reports import PredictedLocation, Quaternion
+from tests.saying import angle
+from tests.vectors import T, at
+
+offsets_s = st.lists(st.floats(-100, 1000).map(lambda s: round(s, 3)), min_size=1, max_size=12)
+
+
+def read_points(times_s: list[float]) -> list[PredictedLocation]:
+    return [PredictedLocation.model_validate(at(t_s, x=float(i))) for i, t_s in enumerate(times_s)]
+
+
+@given(offsets_s)
+def test_a_path_keeps_its_order_and_its_findings_say_what_is_odd(offsets: list[float]) -> None:
+    findings: Findings = {}
+    read = path(read_points([T + offset for offset in offsets]), T, findings)
+    assert read.poses[:, 1].tolist() == list(range(len(offsets)))
+    assert ("path-unordered" in findings) == any(b < a for a, b in pairwise(offsets))
+    assert ("path-times-equal" in findings) == (len(set(offsets)) < len(offsets))
+    assert ("path-too-far" in findings) == (max(offsets) > 11)
+    assert ("path-too-many" in findings) == (len(offsets) > 10)
+    assert ("path-past" in findings) == (max(offsets) <= 0 and min(offsets) < -1)
+
+
+@given(offsets_s)
+def test_destinations_come_in_the_order_of_their_times(offsets: list[float]) -> None:
+    findings: Findings = {}
+    read = destinations(read_points([T + offset for offset in offsets]), T, findings)
+    assert read.poses[:, 0].tolist() == pytest.approx([T + offset for offset in sorted(offsets)])
+    assert ("destinations-unsorted" in findings) == (offsets != sorted(offsets))
+    assert ("destinations-too-far" in findings) == (max(offsets) > 901)
+
+
+def test_a_path_in_1970_is_no_finding_where_the_robot_itself_is_there() -> None:
+    findings: Findings = {}
+    path(read_points([101.0, 102.0]), 100.0, findings)
+    assert findings == {}
+
+
+@pytest.mark.parametrize("points", [None, []])
+def test_no_points_are_no_path(points: list[PredictedLocation] | None) -> None:
+    assert path(points, T, {}) is NO_PATH
+    assert destinations(points, T, {}) is NO_PATH
+
+
+@given(st.floats(-3.1, 3.1), st.floats(1e-3, 1e3))
+def test_a_heading_does_not_depend_on_the_length_of_its_quaternion(turn_rad: float, scale: float) -> None:
+    scaled = Quaternion(**{part: value * scale for part, value in angle(turn_rad).items()})
+    assert yaw_rad(scaled, {}) == pytest.approx(turn_rad, abs=1e-9)
+
+
+def test_half_a_turn_either_way_is_the_same_heading() -> None:
+    assert abs(yaw_rad(Quaternion(**angle(pi)), {})) == pytest.approx(abs(yaw_rad(Quaternion(**angle(-pi)), {})))
+
+
+@pytest.mark.parametrize("position", [(nan, 0.0, 0.0), (0.0, 1.1e7, 0.0), (0.0, 0.0, -1e308)])
+def test_a_position_off_the_earth_is_absurd(position: tuple[float, float, float]) -> None:
+    assert absurd(*position)
+    assert not absurd(0.0, 1e7, -1e7)

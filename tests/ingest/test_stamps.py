@@ -1,0 +1,91 @@
+from datetime import UTC, datetime, timedelta, timezone
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ingest.stamps import parse, seconds, write
+
+moments = st.datetimes(datetime(1971, 1, 1), datetime(2099, 12, 31), timezones=st.just(UTC))  # noqa: DTZ001
+
+
+@given(moments)
+def test_what_is_written_reads_back(moment: datetime) -> None:
+    text = write(moment.timestamp())
+    assert seconds(text) == pytest.approx(moment.timestamp(), abs=1e-6)
+    stamp = parse(text)
+    assert stamp is not None
+    assert (stamp.t_s, stamp.resolution_s, stamp.findings) == (seconds(text), 1e-6, ())
+
+
+@given(moments, st.integers(-14 * 60, 14 * 60))
+def test_any_offset_names_the_same_moment(moment: datetime, offset_min: int) -> None:
+    stamp = parse(moment.astimezone(timezone(timedelta(minutes=offset_min))).isoformat())
+    assert stamp is not None
+    assert stamp.t_s == pytest.approx(moment.timestamp(), abs=1e-6)
+    assert stamp.findings == (("stamp-not-utc",) if offset_min else ())
+
+
+@given(st.text(st.sampled_from("0123456789-:.TtZz+, \u0663e_W")) | st.text())
+def test_the_fast_way_takes_only_what_is_plain(text: str) -> None:
+    t_s, stamp = seconds(text), parse(text)
+    if t_s is not None:
+        assert stamp is not None
+        assert (stamp.t_s, stamp.findings) == (t_s, ())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "Z",
+        "soon",
+        "2023-11-14",
+        "2023-11-14T22:13Z",
+        "2023-W46-2T22:13:20Z",
+        "2023-11-14T22:13:20.Z",
+        "2023-11-14T22:13:20.123456xZ",
+        "2023-11-14T22:13:20.12345678\u0663Z",
+        "2023-11-14T22:13:61Z",
+        "2023-11-14T24:00:00Z",
+        "2023-02-29T00:00:00Z",
+        "2023-11-14T22:13:20+99:00",
+        "9999-12-31T23:59:60Z",
+        "-1700000000",
+        "1.7e9",
+        "\u0661\u0667" + "\u0660" * 8,
+        "1" * 21,
+    ],
+)
+def test_what_names_no_moment_is_none(text: str) -> None:
+    assert seconds(text) is None
+    assert parse(text) is None
+
+
+def test_a_leap_second_is_the_one_after() -> None:
+    leap, after = parse("2016-12-31T23:59:60Z"), parse("2017-01-01T00:00:00Z")
+    assert leap == after
+
+
+@pytest.mark.parametrize(
+    ("text", "t_s", "resolution_s"),
+    [
+        ("1627000000", 1627000000.0, 1.0),
+        ("1627000000123", 1627000000.123, 1e-3),
+        ("1627000000123456", 1627000000.123456, 1e-6),
+        ("1627000000123456789", 1627000000.123456789, 1e-9),
+        ("1627000000 5", 1627000000.000000005, 1e-9),
+        ("3.25", 3.25, 0.01),
+    ],
+)
+def test_a_count_from_1970_is_read_by_its_size(text: str, t_s: float, resolution_s: float) -> None:
+    stamp = parse(text)
+    assert stamp is not None
+    assert (stamp.t_s, stamp.resolution_s) == pytest.approx((t_s, resolution_s), rel=1e-12)
+    assert stamp.findings == ("stamp-epoch",)
+
+
+def test_digits_beyond_a_nanosecond_add_no_resolution() -> None:
+    stamp = parse("2023-11-14T22:13:20." + "1" * 5000 + "Z")
+    assert stamp is not None
+    assert stamp.resolution_s == 1e-9
