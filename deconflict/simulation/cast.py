@@ -47,8 +47,8 @@ class Make:
     person: bool = False
 
 
-ALDER = Make(VendorName.ALDER, "A100", Body(1.0, 0.7), Body(1.0, 0.7), 0.4, 1.4, 0.8, 1.4, 0.45, 0.45, turn_radps=1.2)
-CORVID = Make(VendorName.CORVID, "C20", Body(1.4, 0.9), Body(1.4, 0.9), 2.1, 1.0, 0.5, 1.0, 0.5, 0.55, turn_radps=0.8)
+ALDER = Make(VendorName.ALDER, "A100", Body(1.0, 0.7), Body(1.0, 0.7), 0.4, 1.4, 0.8, 1.4, 0.45, 0.47, turn_radps=1.2)
+CORVID = Make(VendorName.CORVID, "C20", Body(1.4, 0.9), Body(1.4, 0.9), 2.1, 1.0, 0.5, 1.0, 0.5, 0.57, turn_radps=0.8)
 BASALT = Make(
     VendorName.BASALT,
     "B7",
@@ -59,7 +59,7 @@ BASALT = Make(
     0.7,
     1.2,
     0.4,
-    0.65,
+    0.67,
     turn_radps=1.0,
 )
 """Its location is that of its drive axle, behind the middle of its envelope; a load juts out."""
@@ -73,7 +73,7 @@ WALKER = Make(
     1.5,
     2.5,
     0.3,
-    0.35,
+    0.37,
     turn_radps=2.5,
     report_every_s=2.0,
     person=True,

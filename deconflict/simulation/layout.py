@@ -5,10 +5,12 @@ A floor is made of like tiles, so that more robots get more floor and not a dens
 
 import heapq
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import pairwise
-from math import ceil
+from math import atan2, ceil, inf
+
+from ingest.seam import Floats
 
 ROBOTS_PER_TILE = 24
 BAY_DEPTH_M = 2.2
@@ -61,34 +63,49 @@ class Bay:
 
 @dataclass(slots=True, eq=False)
 class Layout:
-    """Nodes with their neighbours and lengths; bays are nodes with one neighbour, the aisle in front of them."""
+    """Nodes, and the lanes between them. Traffic keeps right: each aisle has a lane either way, and a bay opens on
+    the lane that passes it on the right, so nobody turns across a lane but at crossings.
+    """
 
     places: list[Place]
     floors: list[int]
-    neighbours: list[dict[int, float]]
+    onward: list[dict[int, float]]
+    """By node, the nodes that a lane leads to, and its length in metres."""
     bays: tuple[Bay, ...] = ()
-    other_lift: dict[int, int] | None = None
+    bay_nodes: frozenset[int] = frozenset()
+    crossings: set[int] = field(default_factory=set)
+    other_lift: dict[int, int] = field(default_factory=dict)
     """Index of each lift bay to that of the same lift on the other floor."""
 
-    def is_bay(self, node: int) -> bool:
-        return len(self.neighbours[node]) == 1
+    def heading_rad(self, bay: Bay) -> float:
+        """Of a robot that has driven in head first."""
+        x, y = self.places[next(iter(self.onward[bay.node]))]
+        return atan2(bay.place[1] - y, bay.place[0] - x)
 
-    def route(self, start: int, goal: int) -> list[int]:
-        """Nodes of a shortest way between two nodes of a floor (A*; aisles are axis-parallel, so |dx| + |dy|
-        never over-estimates what is left). Raises ValueError where there is none.
+    def route(self, start: int, goal: int, detours: Floats) -> list[int]:
+        """Nodes of a shortest way between two nodes of a floor that never turns back on itself.
+
+        `detours` (nodes,) makes the lanes from each node longer by that factor, at least 1. A* over lanes; aisles
+        are axis-parallel, so |dx| + |dy| never over-estimates what is left. Raises ValueError where there is none.
         """
-        best, came = {start: 0.0}, dict[int, int]()
-        queue = [(self._left_m(start, goal), start)]
+        first = (start, start)
+        best, came = {first: 0.0}, dict[_Lane, _Lane]()
+        queue = [(self._left_m(start, goal), first)]
         while queue:
-            _, node = heapq.heappop(queue)
+            _, lane = heapq.heappop(queue)
+            node = lane[1]
             if node == goal:
-                return list(_back(came, goal))[::-1]
-            for near, length_m in self.neighbours[node].items():
-                so_far_m = best[node] + length_m
-                if so_far_m < best.get(near, float("inf")):
-                    best[near], came[near] = so_far_m, node
-                    heapq.heappush(queue, (so_far_m + self._left_m(near, goal), near))
+                return [one[1] for one in _back(came, lane)][::-1]
+            for after, length_m in self.onward[node].items():
+                so_far_m, further = best[lane] + length_m * detours[node], (node, after)
+                if not self._turns_back(*lane, after) and so_far_m < best.get(further, inf):
+                    best[further], came[further] = so_far_m, lane
+                    heapq.heappush(queue, (so_far_m + self._left_m(after, goal), further))
         raise ValueError(f"no way from node {start} to node {goal}")
+
+    def _turns_back(self, before: int, node: int, after: int) -> bool:
+        (ax, ay), (bx, by), (cx, cy) = (self.places[one] for one in (before, node, after))
+        return (bx - ax) * (cx - bx) + (by - ay) * (cy - by) < 0
 
     def _left_m(self, node: int, goal: int) -> float:
         (x, y), (goal_x, goal_y) = self.places[node], self.places[goal]
@@ -97,37 +114,40 @@ class Layout:
     def add(self, floor: int, place: Place) -> int:
         self.places.append(place)
         self.floors.append(floor)
-        self.neighbours.append({})
+        self.onward.append({})
         return len(self.places) - 1
 
-    def join(self, a: int, b: int) -> None:
-        length_m = self._left_m(a, b)
-        self.neighbours[a][b] = self.neighbours[b][a] = length_m
+    def join(self, *nodes: int) -> None:
+        """A lane through `nodes`, in that direction."""
+        for a, b in pairwise(nodes):
+            self.onward[a][b] = self._left_m(a, b)
 
 
-def _back(came: dict[int, int], node: int) -> Iterator[int]:
-    yield node
-    while node in came:
-        node = came[node]
-        yield node
+_Lane = tuple[int, int]
+
+
+def _back(came: dict[_Lane, _Lane], lane: _Lane) -> Iterator[_Lane]:
+    yield lane
+    while lane in came:
+        lane = came[lane]
+        yield lane
 
 
 def layout_for(robots: int) -> Layout:
     """Two floors large enough for so many robots."""
     columns, rows = _tiles(ceil(robots / ROBOTS_PER_TILE))
-    layout = Layout([], [], [])
-    spots: list[tuple[int, Place]] = []
+    layout, bays = Layout([], [], []), list[Bay]()
     for floor, tile in enumerate(TILES):
         xs = [column * tile.size_m[0] + x for column in range(columns) for x in tile.across_m]
         ys = [row * tile.size_m[1] + y for row in range(rows) for y in tile.along_m]
-        spots += [(floor, place) for place in _add_aisles(layout, floor, xs, ys, tile.cross_bays)]
-    lifts = columns * rows
-    layout.bays = tuple(_add_bays(layout, spots, lifts))
-    first, second = (
-        [index for index, bay in enumerate(layout.bays) if bay.kind is BayKind.LIFT and bay.floor == floor]
+        nodes = list(_add_floor(layout, floor, xs, ys, tile.cross_bays))
+        bays += _named(layout, nodes, lifts=columns * rows)
+    lifts = [
+        [index for index, bay in enumerate(bays) if bay.kind is BayKind.LIFT and bay.floor == floor]
         for floor in (GROUND, MEZZANINE)
-    )
-    layout.other_lift = dict(zip(first, second, strict=True)) | dict(zip(second, first, strict=True))
+    ]
+    layout.bays, layout.bay_nodes = tuple(bays), frozenset(bay.node for bay in bays)
+    layout.other_lift = dict(zip(lifts[0], lifts[1], strict=True)) | dict(zip(lifts[1], lifts[0], strict=True))
     return layout
 
 
@@ -138,42 +158,42 @@ def _tiles(count: int) -> tuple[int, int]:
     return columns, ceil(count / columns)
 
 
-def _add_aisles(layout: Layout, floor: int, xs: list[float], ys: list[float], cross_bays: bool) -> list[Place]:
-    """Add crossings and aisles; returns where bays can be."""
+def _add_floor(layout: Layout, floor: int, xs: list[float], ys: list[float], cross_bays: bool) -> Iterator[int]:
+    """Add crossings and the aisles between them; the nodes of the bays."""
     crossings = {(x, y): layout.add(floor, (x, y)) for x in xs for y in ys}
-    spots: list[Place] = []
+    layout.crossings |= set(crossings.values())
     for y in ys:
         for left, right in pairwise(xs):
-            middle = (left + right) / 2
-            gates = [middle - 1.5, middle + 1.5] if right - left >= LONG_AISLE_M else []
-            _add_aisle(layout, [crossings[left, y], *(layout.add(floor, (x, y)) for x in gates), crossings[right, y]])
-            spots += [(x, y + side) for x in gates for side in (-BAY_DEPTH_M, BAY_DEPTH_M)]
+            middle, wide = (left + right) / 2, right - left >= LONG_AISLE_M
+            gates = [(x, y) for x in (middle - 1.5, middle + 1.5) if wide]
+            yield from _add_aisle(layout, crossings[left, y], crossings[right, y], gates)
     for x in xs:
         for low, high in pairwise(ys):
-            gates = [(low + high) / 2] if cross_bays and high - low >= LONG_AISLE_M else []
-            _add_aisle(layout, [crossings[x, low], *(layout.add(floor, (x, y)) for y in gates), crossings[x, high]])
-            spots += [(x + side, y) for y in gates for side in (-BAY_DEPTH_M, BAY_DEPTH_M)]
-    return spots
+            gates = [(x, (low + high) / 2)] if cross_bays and high - low >= LONG_AISLE_M else []
+            yield from _add_aisle(layout, crossings[x, low], crossings[x, high], gates)
 
 
-def _add_aisle(layout: Layout, nodes: list[int]) -> None:
-    for a, b in pairwise(nodes):
-        layout.join(a, b)
+def _add_aisle(layout: Layout, start: int, end: int, gates: list[Place]) -> Iterator[int]:
+    """Add a lane either way between two crossings, with a bay to the right of each at every gate."""
+    for a, b, way in ((start, end, gates), (end, start, gates[::-1])):
+        (ax, ay), (bx, by) = layout.places[a], layout.places[b]
+        length_m = abs(bx - ax) + abs(by - ay)
+        right = ((by - ay) / length_m * BAY_DEPTH_M, -(bx - ax) / length_m * BAY_DEPTH_M)
+        nodes = [layout.add(layout.floors[a], gate) for gate in way]
+        layout.join(a, *nodes, b)
+        for gate in nodes:
+            x, y = layout.places[gate]
+            bay = layout.add(layout.floors[a], (x + right[0], y + right[1]))
+            layout.join(gate, bay, gate)
+            yield bay
 
 
-def _add_bays(layout: Layout, spots: list[tuple[int, Place]], lifts: int) -> Iterator[Bay]:
-    """A bay at each spot, joined to its gate; `lifts` of each floor's bays, evenly spread, are lifts."""
-    gates = {(layout.floors[node], place): node for node, place in enumerate(layout.places)}
-    for floor in (GROUND, MEZZANINE):
-        places = [place for one, place in spots if one == floor]
-        every = len(places) // lifts
-        for rank, (x, y) in enumerate(places):
-            node = layout.add(floor, (x, y))
-            reach = ((0.0, BAY_DEPTH_M), (0.0, -BAY_DEPTH_M), (BAY_DEPTH_M, 0.0), (-BAY_DEPTH_M, 0.0))
-            gate = next(gates[key] for dx, dy in reach if (key := (floor, (x + dx, y + dy))) in gates)
-            layout.join(node, gate)
-            is_lift = rank % every == 0 and rank // every < lifts
-            yield Bay(node, floor, (x, y), BayKind.LIFT if is_lift else _kind(rank))
+def _named(layout: Layout, nodes: list[int], lifts: int) -> Iterator[Bay]:
+    """Bays at `nodes`; so many of them, evenly spread, are lifts."""
+    every = len(nodes) // lifts
+    for rank, node in enumerate(nodes):
+        kind = BayKind.LIFT if rank % every == 0 and rank // every < lifts else _kind(rank)
+        yield Bay(node, layout.floors[node], layout.places[node], kind)
 
 
 def _kind(rank: int) -> BayKind:

@@ -15,9 +15,9 @@ from ingest.seam import Floats, Ints
 
 LOOK_M = np.arange(0.0, 1.85, 0.2)
 """Places along a robot's way that are tried."""
-AHEAD_S = np.array([0.0, 0.5, 1.0, 1.5])
+AHEAD_S = np.array([0.0, 0.4, 0.9, 1.5])
 """When the others' places are looked at."""
-MARGIN_M = 0.08
+MARGIN_M = 0.03
 """Envelopes are not brought nearer than this."""
 REACH_M = 4.8
 """Robots whose centres are further apart than this do not matter to each other."""
@@ -71,7 +71,7 @@ def free_way(traffic: Traffic) -> tuple[Floats, Ints]:
     others = centres(traffic, column, traffic.progress_m[:, None] + traffic.speed_mps[:, None] * AHEAD_S)
     in_order = traffic.rank[pairs[:, 0]] < traffic.rank[pairs[:, 1]]
     first, second = np.where(in_order, pairs.T, pairs.T[::-1])
-    for who, whom, moments in ((first, second, 1), (second, first, len(AHEAD_S))):
+    for who, whom, moments in ((first, second, 2), (second, first, len(AHEAD_S))):
         way_m = _way(traffic, who, whom, looks, others[:, :, :moments])
         order = np.lexsort((whom, way_m, who))
         nearest = order[np.unique(who[order], return_index=True)[1]]

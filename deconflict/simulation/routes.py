@@ -66,7 +66,7 @@ def lane(layout: Layout, nodes: Sequence[int], offset_m: float) -> list[Place]:
         (x, y), (to_x, to_y) = layout.places[a], layout.places[b]
         length_m = hypot(to_x - x, to_y - y)
         ux, uy = (to_x - x) / length_m, (to_y - y) / length_m
-        aside_m = 0.0 if layout.is_bay(a) or layout.is_bay(b) else offset_m
+        aside_m = 0.0 if a in layout.bay_nodes or b in layout.bay_nodes else offset_m
         lines.append((x + uy * aside_m, y - ux * aside_m, ux, uy))
     corners = [layout.places[nodes[0]]]
     for (ax, ay, aux, auy), (bx, by, bux, buy) in pairwise(lines):
@@ -148,3 +148,9 @@ def _corner(corners: Sequence[Place], index: int) -> tuple[float, float, float]:
 
 def _wrapped(angle_rad: float) -> float:
     return (angle_rad + pi) % (2 * pi) - pi
+
+
+def standing(place: Place, yaw_rad: float) -> Drive:
+    """The drive of a robot that stays where it is."""
+    x, y, yaw = (np.full(2, value) for value in (*place, yaw_rad))
+    return Drive(SAMPLE_M, x, y, yaw, np.full(2, CREEP_MPS), np.zeros(2))

@@ -1,0 +1,65 @@
+"""What really happened in a simulated span: the encounters of envelopes, to hold advisories against."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from deconflict.simulation.traffic import World
+from ingest.seam import Floats, Ints
+
+SAME_ENCOUNTER_S = 1.0
+"""A pair that comes within the clearance again this soon has not parted."""
+
+
+@dataclass(slots=True)
+class Encounter:
+    """Two envelopes within the clearance. Times are the world's; times and separations are as fine as the steps."""
+
+    robots: tuple[int, int]
+    start_s: float
+    last_s: float
+    """When they were within the clearance last."""
+    separation_m: float
+    """Smallest; 0 where they overlapped."""
+    ended: bool = False
+    """Whether they parted before the span did."""
+
+
+def true_encounters(world: World, seconds: float, clearance_m: float, dt_s: float = 0.1) -> list[Encounter]:
+    """Let the world go on for so long; all encounters of any two robots, by start."""
+    found: list[Encounter] = []
+    open_now: dict[tuple[int, int], Encounter] = {}
+    for _ in range(round(seconds / dt_s)):
+        world.step(dt_s)
+        for pair, separation_m in near_pairs(world.envelopes(), world.floor, clearance_m):
+            encounter = open_now.get(pair)
+            if encounter is None:
+                encounter = open_now[pair] = Encounter(pair, world.t_s, world.t_s, separation_m)
+                found.append(encounter)
+            encounter.last_s = world.t_s
+            encounter.separation_m = min(encounter.separation_m, separation_m)
+        for pair in [pair for pair, one in open_now.items() if world.t_s - one.last_s > SAME_ENCOUNTER_S]:
+            open_now.pop(pair).ended = True
+    return found
+
+
+def near_pairs(envelopes: Floats, floors: Ints, clearance_m: float) -> Iterator[tuple[tuple[int, int], float]]:
+    """Pairs of rows (a < b) on one floor within the clearance, with their separation; `envelopes` is (n, 5)."""
+    shapes = np.asarray(shapely.polygons(corners(envelopes)))
+    pairs = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=clearance_m).T
+    for a, b in pairs[(pairs[:, 0] < pairs[:, 1]) & (floors[pairs[:, 0]] == floors[pairs[:, 1]])]:
+        yield (int(a), int(b)), float(shapely.distance(shapes[a], shapes[b]))
+
+
+def corners(envelopes: Floats) -> Floats:
+    """(n, 4, 2) corners of rectangles given as (n, 5) x, y, yaw, length, width."""
+    x, y, yaw, length_m, width_m = envelopes.T
+    along = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+    across = np.stack([-np.sin(yaw), np.cos(yaw)], axis=-1)
+    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) / 2
+    half_along = (length_m[:, None] * along)[:, None, :] * signs[:, :1]
+    half_across = (width_m[:, None] * across)[:, None, :] * signs[:, 1:]
+    rectangles: Floats = np.stack([x, y], axis=-1)[:, None, :] + half_along + half_across
+    return rectangles
