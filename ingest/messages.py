@@ -130,7 +130,7 @@ def _spell_status(told: dict[str, Any], report: StatusReport) -> None:
     for point in (*told.get("path", ()), *told.get("destinations", ())):
         _spell_datum(point, "planarDatumUUID")
         stamp = stamps.parse(point["timestamp"])
-        if stamp and stamp.t_s <= stamps.LATEST_S:
+        if stamp and stamps.plausible(stamp.t_s):
             point["timestamp"] = stamps.write(stamp.t_s)
 
 
@@ -287,7 +287,7 @@ def _stamp(text: str, findings: Findings) -> stamps.Stamp:
     stamp = stamps.parse(text)
     if stamp is None:
         raise RejectedError("stamp-unreadable", f"timestamp {text[:60]!r} is no RFC 3339 date-time in UTC")
-    if not stamps.EARLIEST_S <= stamp.t_s <= stamps.LATEST_S:
+    if not stamps.plausible(stamp.t_s):
         raise RejectedError("stamp-absurd", f"timestamp {text[:60]!r} lies outside 1970 to 2100")
     findings.update(dict.fromkeys(stamp.findings))
     return stamp

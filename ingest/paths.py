@@ -114,12 +114,14 @@ def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
     rows: list[tuple[float, float, float, float, float]] = []
     datums: list[str] = []
     for point in points[:MOST_POINTS_USED]:
-        t_s = stamps.seconds(point.timestamp) or _odd_seconds(point.timestamp, findings)
+        t_s, odd = _when(point.timestamp)
         if t_s is None:
             findings["point-unreadable"] = None
-        elif t_s > stamps.LATEST_S or absurd(point.x, point.y, point.z):
+        elif not stamps.plausible(t_s) or absurd(point.x, point.y, point.z):
             findings["point-absurd"] = None
         else:
+            if odd:
+                findings.update(dict.fromkeys(odd))
             rows.append((t_s, point.x, point.y, point.z, yaw_rad(point.angle, findings)))
             datums.append(_datum(point, findings))
     if not rows:
@@ -129,12 +131,11 @@ def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
     return Path(np.array(rows), tuple(datums))
 
 
-def _odd_seconds(text: str, findings: Findings) -> float | None:
-    stamp = stamps.parse(text)
-    if stamp is None:
-        return None
-    findings.update(dict.fromkeys(stamp.findings))
-    return stamp.t_s
+def _when(text: str) -> tuple[float | None, tuple[str, ...]]:
+    """Seconds since the epoch, or None, and what is odd about the text."""
+    t_s = stamps.seconds(text)
+    stamp = stamps.parse(text) if t_s is None else None
+    return (stamp.t_s, stamp.findings) if stamp else (t_s, ())
 
 
 def _datum(point: PredictedLocation, findings: Findings) -> str:

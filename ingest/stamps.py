@@ -2,14 +2,14 @@
 
 import re
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
 EARLIEST_S, LATEST_S = 0.0, 4102444800.0
-"""1970 and 2100: a message's own stamp outside them is absurd."""
+"""1970 and 2100."""
 
 _DATE, _TIME = r"(\d{4}-\d\d-\d\d)", r"(\d\d:\d\d:\d\d)"
 _OFFSET = r"(?:([Zz])|([+-]\d\d)(:?)(\d\d)?)?"
-_DATE_TIME = re.compile(rf"\s*{_DATE}([Tt ]){_TIME}(?:([.,])(\d+))?\s*{_OFFSET}\s*", re.ASCII)
+_DATE_TIME = re.compile(rf"\s*{_DATE}([Tt ]){_TIME}(?:([.,])(\d+))? *{_OFFSET}\s*", re.ASCII)
 _COUNT = re.compile(r"\s*(\d{1,20})(?:([. ])(\d{1,9}))?\s*", re.ASCII)
 _FINEST_S = 1e-9
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -46,6 +46,11 @@ def parse(text: str) -> Stamp | None:
     return _date_time(text) or _epoch(text)
 
 
+def plausible(t_s: float) -> bool:
+    """Whether a time lies in the years that a sender may mean."""
+    return EARLIEST_S <= t_s <= LATEST_S
+
+
 def write(t_s: float) -> str:
     """RFC 3339 in UTC to the microsecond."""
     return datetime.fromtimestamp(t_s, UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
@@ -57,20 +62,22 @@ def _date_time(text: str) -> Stamp | None:
         return None
     date, letter, time, point, fraction, zulu, hours, colon, minutes = found.groups()
     offset = f"{hours}:{minutes or '00'}" if hours else "+00:00"
-    leap_s = 1 if time.endswith(":60") else 0
-    time = time[:-2] + "59" if leap_s else time
+    is_leap = time.endswith(":60")
+    time = time[:-2] + "59" if is_leap else time
     try:
-        moment = datetime.fromisoformat(f"{date}T{time}.{(fraction or '0')[:6]:0<6}{offset}")
-        t_s = (moment + timedelta(seconds=leap_s)).timestamp()
-    except (ValueError, OverflowError):
+        t_s = (datetime.fromisoformat(f"{date}T{time}.{(fraction or '0')[:6]:0<6}{offset}") - _EPOCH).total_seconds()
+    except ValueError:
         return None
-    findings = {
-        "stamp-no-offset": not (zulu or hours),
-        "stamp-offset-no-colon": hours and not (colon and minutes),
-        "stamp-not-utc": offset[1:] != "00:00",
-        "stamp-spelling": letter != "T" or zulu == "z" or point == "," or text != "".join(text.split()),
-    }
-    return Stamp(t_s, _resolution_s(len(fraction or "")), tuple(rule for rule, broken in findings.items() if broken))
+    findings = []
+    if not (zulu or hours):
+        findings.append("stamp-no-offset")
+    if hours and not (colon and minutes):
+        findings.append("stamp-offset-no-colon")
+    if offset[1:] != "00:00":
+        findings.append("stamp-not-utc")
+    if letter != "T" or zulu == "z" or point == "," or " " in text or text != text.strip():
+        findings.append("stamp-spelling")
+    return Stamp(t_s + is_leap, _resolution_s(len(fraction or "")), tuple(findings))
 
 
 def _epoch(text: str) -> Stamp | None:

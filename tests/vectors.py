@@ -99,6 +99,8 @@ def _who() -> Iterator[Vector]:
     yield Vector("upper case", said(uuid=upper), ("uuid-upper-case",), reads={"uuid": robot("A-1")})
     yield Vector("no dashes", named(uuid=bare), ("uuid-no-dashes",), reads={"uuid": robot("A-1")})
     yield Vector("a URN", said(uuid=f"urn:uuid:{robot('A-1')}"), ("uuid-no-dashes",), reads={"uuid": robot("A-1")})
+    yield Vector("no version", said(uuid=odd.replace("-e19d", "-819d")), ("uuid-not-rfc4122",))
+    yield Vector("no variant", said(uuid=odd.replace("-0826", "-4826")), ("uuid-not-rfc4122",))
     yield Vector("an md5", said(uuid=odd), ("uuid-not-rfc4122",), reads={"uuid": odd})
     yield Vector(
         "an md5 in upper case without dashes",
@@ -293,7 +295,12 @@ def _where_to() -> Iterator[Vector]:
     yield going("back and forth", "path-unordered", along=every([T + 2, T + 1]), times=[T + 2, T + 1])
     broken = [at(T + 1, timestamp="soon"), at(T + 2, y=None), "left", at(T + 3)]
     yield going("points that can't be read", "point-unreadable", along=broken, times=[T + 3])
-    wild = [at(T + 1), at(T + 2, x=1e308), at(T + 3, timestamp="9999-01-01T00:00:00Z")]
+    wild = [
+        at(T + 1),
+        at(T + 2, x=1e308),
+        at(T + 3, timestamp="9999-12-31T23:59:60Z"),
+        at(T + 4, timestamp="0001-01-01T00:00:00+14:00"),
+    ]
     yield going("points off the map", "point-absurd", along=wild, times=[T + 1])
     yield Vector("no points", said(path=[], destinations=[]), reads={"path.t_s": [], "destinations.t_s": []})
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ingest import messages
@@ -126,7 +126,14 @@ def test_the_document_of_a_rejected_message_is_refused() -> None:
 
 def test_a_reason_is_short_however_long_the_message() -> None:
     long = "x" * 50_000
-    for raw in (said(uuid=long), said(timestamp=long), b'{"%s": 1}' % long.encode(), said(location={long: long})):
+    emoji = json.dumps(dict.fromkeys(chr(0x1F600 + i) * 99 for i in range(9))).encode()
+    for raw in (
+        said(uuid=long),
+        said(timestamp=long),
+        b'{"%s": 1}' % long.encode(),
+        emoji,
+        said(location={long: long}),
+    ):
         message = read(raw)
         assert isinstance(message, Rejection)
         assert len(message.reason) <= messages.MAX_REASON
@@ -194,13 +201,11 @@ def test_a_conforming_identity_comes_out_as_it_went_in(
 @given(*[st.floats(-1, 1)] * 4)
 def test_a_heading_is_the_direction_of_the_turned_x_axis(x: float, y: float, z: float, w: float) -> None:
     norm = float(np.linalg.norm((x, y, z, w)))
-    if norm < 1e-3:
-        return
+    assume(norm > 1e-3)
+    message = read(said(location=here(angle={"x": x, "y": y, "z": z, "w": w})))
     x, y, z, w = x / norm, y / norm, z / norm, w / norm
     forward = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z)])
-    if np.linalg.norm(forward) < 1e-6:
-        return
-    message = read(said(location=here(angle={"x": x, "y": y, "z": z, "w": w})))
+    assume(np.linalg.norm(forward) > 1e-6)
     assert isinstance(message, Status)
     wanted = atan2(forward[1], forward[0])
     assert (cos(message.yaw_rad), sin(message.yaw_rad)) == pytest.approx((cos(wanted), sin(wanted)), abs=1e-6)
