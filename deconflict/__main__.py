@@ -142,6 +142,8 @@ def main() -> int:
     """Run one command; its exit code."""
     args = parser().parse_args()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    for chatty in ("websockets", "uvicorn"):
+        logging.getLogger(chatty).setLevel(logging.WARNING)
     try:
         return int(args.run(args))
     except (site.SiteError, PortTakenError) as error:

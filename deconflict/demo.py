@@ -131,7 +131,7 @@ async def _show(site: Site, runtime: Path, console: Console, robots: int, second
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
     operator = AsyncCaller(runtime, "operator")
-    await _until_up(operator, AsyncCaller(runtime, "receiver"))
+    await _until_up(operator)
     _tell_where(site, console, robots)
     async with _background(_follow(site, picture, console), _measure(operator, picture)):
         simulating = asyncio.create_task(simulate(_robots_url(site), robots, seconds, seed, stop=stop))
@@ -157,15 +157,14 @@ async def _background(*work: Any) -> AsyncIterator[None]:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _until_up(*callers: AsyncCaller) -> None:
+async def _until_up(operator: AsyncCaller) -> None:
+    """Until every role answers, so that no message waits for an engine that is still starting."""
     async with asyncio.timeout(START_WITHIN_S):
-        for caller in callers:
-            while True:
-                try:
-                    await caller.call("measures")
-                    break
-                except LinkDownError:
-                    await asyncio.sleep(0.05)
+        while True:
+            with suppress(LinkDownError):
+                if json.loads(await operator.call("health"))["status"] == "ok":
+                    return
+            await asyncio.sleep(0.05)
 
 
 def _robots_url(site: Site) -> str:

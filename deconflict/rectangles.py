@@ -46,7 +46,7 @@ def gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Floats, ha
 def _nearest_corner(
     cx: Floats, cy: Floats, c: Floats, s: Floats, half: Floats, other: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """The corner of a rectangle at (cx, cy), turned by (c, s), that is nearest to the upright one of `other` half sides.
+    """The corner of a rectangle at (cx, cy), turned by (c, s), that is nearest to the upright one with sides `other`.
 
     Squared distance, and the vector from the upright rectangle to the corner, in its frame.
     """

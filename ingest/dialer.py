@@ -56,7 +56,7 @@ class Dialer:
             max_size=self._settings.max_message_bytes,
             open_timeout=self._settings.open_timeout_s,
             ping_timeout=None,
-            logger=logging.getLogger("websockets.quiet"),
+            logger=logging.getLogger("websockets.robots"),
         ) as socket:
             await self._receiver.listen(socket, self._receiver.new_connection(self._url, "/", self._vendor))
 

@@ -78,7 +78,7 @@ class Receiver:
             max_size=self._settings.max_message_bytes,
             open_timeout=self._settings.open_timeout_s,
             ping_timeout=None,
-            logger=logging.getLogger("websockets.quiet"),
+            logger=logging.getLogger("websockets.robots"),
         )
         self._reaper = asyncio.create_task(self._reap())
         self._measure()

@@ -1,7 +1,7 @@
 """What happened: encounters of the recorded motion, found as a log is read, in bounded memory.
 
-Truth is each robot's reported positions on its floor, joined linearly at 10 Hz where two reports are at most 2.1 s apart;
-separation of two robots is that of their oriented envelopes. An encounter is a maximal run of one pair below a
+Truth is each robot's reported positions on its floor, joined linearly at 10 Hz where two reports are at most 2.1 s
+apart; separation of two robots is that of their oriented envelopes. An encounter is a maximal run of one pair below a
 threshold; two runs are one where the gap is at most 1 s or the pair never drew further apart than it and 0.1 m. It is
 foreseeable where both robots were present for at least 2 s before its start.
 """

@@ -42,7 +42,7 @@ class OperatorRole:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
-        calls = {"restore": self._restore, "publish": self._publish, "measures": self._measures}
+        calls = {"restore": self._restore, "publish": self._publish, "measures": self._measures, "health": self._health}
         server, bound = face_server(self._app), self._bound()
         self.port = bound.getsockname()[1]
         async with listening(socket_path(self._runtime, "operator"), calls):
@@ -139,6 +139,9 @@ class OperatorRole:
 
     async def _measures(self, _: bytes) -> bytes:
         return json.dumps([*await self.measures(), self._app.state.measures.as_document()]).encode()
+
+    async def _health(self, _: bytes) -> bytes:
+        return json.dumps(await self.health()).encode()
 
     async def _publish(self, payload: bytes) -> bytes:
         parcel = json.loads(payload)

@@ -9,10 +9,12 @@ import pytest
 from websockets.asyncio.client import connect
 
 from deconflict.advisory import AdvisoryState
+from deconflict.service import in_one_process
 from deconflict.site import Conflict, Operator, Site
 from ingest.playback import Reader, Received
 from ingest.settings import Receiver
-from tests.deconflict.test_service import Running, in_one_process, render
+from metrics.exposition import render
+from tests.deconflict.test_service import Running
 
 RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
 STRETCH_S = (20.0, 32.0)
