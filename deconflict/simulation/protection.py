@@ -89,9 +89,10 @@ def _way(traffic: Traffic, who: Ints, whom: Ints, looks: Floats, others: Floats)
         (traffic.length_m[who, None, None], traffic.width_m[who, None, None]),
         (traffic.length_m[whom, None, None], traffic.width_m[whom, None, None]),
     )
-    blocked = ((gap_m < MARGIN_M) & (gap_m < gap_m[:, :1] - 0.01)).any(axis=2)
+    nearer: NDArray[np.bool_] = (gap_m < MARGIN_M) & (gap_m < gap_m[:, :1] - 0.01)
+    blocked: NDArray[np.bool_] = np.any(nearer, axis=2)
     reached = np.argmax(blocked, axis=1)
-    return np.where(blocked.any(axis=1), LOOK_M[np.maximum(reached - 1, 0)], np.inf)
+    return np.where(np.any(blocked, axis=1), LOOK_M[np.maximum(reached - 1, 0)], np.inf)
 
 
 def gaps(a: Floats, b: Floats, size_a: tuple[Floats, Floats], size_b: tuple[Floats, Floats]) -> Floats:

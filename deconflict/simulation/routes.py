@@ -38,8 +38,6 @@ class Drive:
     """Not wrapped."""
     speed_mps: Floats
     """Greatest speed of progress with nobody in the way, starting and ending at rest."""
-    free_s: Floats
-    """Time at that speed since the start."""
 
     @property
     def length_m(self) -> float:
@@ -93,9 +91,7 @@ def drive(corners: Sequence[Place], yaw_rad: float, make: Make) -> Drive:
     x = x + forward * np.where(bend == 0.0, into_m * np.cos(yaw), arc_x)
     y = y + forward * np.where(bend == 0.0, into_m * np.sin(yaw), arc_y)
     limit_mps[np.flatnonzero(np.diff(forward))] = 0.0
-    speed_mps = _reachable(progress_m, limit_mps, make)
-    gaps_s = np.diff(progress_m) / ((speed_mps[1:] + speed_mps[:-1]) / 2)
-    return Drive(progress_m[1], x, y, turned, speed_mps, np.concatenate([[0.0], np.cumsum(gaps_s)]))
+    return Drive(float(progress_m[1]), x, y, turned, _reachable(progress_m, limit_mps, make))
 
 
 def _reachable(progress_m: Floats, limit_mps: Floats, make: Make) -> Floats:
@@ -105,7 +101,8 @@ def _reachable(progress_m: Floats, limit_mps: Floats, make: Make) -> Floats:
     gain, brake = 2 * make.gain_mps2 * progress_m, 2 * (make.brake_mps2 / 2) * progress_m
     squares = np.minimum.accumulate(squares - gain) + gain
     squares = np.minimum.accumulate((squares + brake)[::-1])[::-1] - brake
-    return np.maximum(np.sqrt(np.maximum(squares, 0.0)), CREEP_MPS)
+    speeds: Floats = np.maximum(np.sqrt(np.maximum(squares, 0.0)), CREEP_MPS)
+    return speeds
 
 
 def _pieces(corners: Sequence[Place], yaw_rad: float, make: Make) -> list[_Piece]:
@@ -153,4 +150,4 @@ def _wrapped(angle_rad: float) -> float:
 def standing(place: Place, yaw_rad: float) -> Drive:
     """The drive of a robot that stays where it is."""
     x, y, yaw = (np.full(2, value) for value in (*place, yaw_rad))
-    return Drive(SAMPLE_M, x, y, yaw, np.full(2, CREEP_MPS), np.zeros(2))
+    return Drive(SAMPLE_M, x, y, yaw, np.full(2, CREEP_MPS))

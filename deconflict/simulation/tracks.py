@@ -10,8 +10,8 @@ class Tracks:
     """One drive a robot, in padded arrays (n, longest)."""
 
     def __init__(self, robots: int) -> None:
-        self._columns = np.zeros((5, robots, 64))
-        """x, y, yaw, speed, free time."""
+        self._columns = np.zeros((4, robots, 64))
+        """x, y, yaw, greatest speed."""
         self.step_m = np.ones(robots)
         self.last = np.zeros(robots, np.int64)
         """Index of each drive's last sample."""
@@ -20,16 +20,16 @@ class Tracks:
         """Replace a robot's drive."""
         samples = len(drive.x_m)
         if samples > self._columns.shape[2]:
-            longer = np.zeros((5, len(self.last), 2 * samples))
+            longer = np.zeros((4, len(self.last), 2 * samples))
             longer[:, :, : self._columns.shape[2]] = self._columns
             self._columns = longer
-        told = (drive.x_m, drive.y_m, drive.yaw_rad, drive.speed_mps, drive.free_s)
-        self._columns[:, robot, :samples] = told
+        self._columns[:, robot, :samples] = drive.x_m, drive.y_m, drive.yaw_rad, drive.speed_mps
         self.step_m[robot], self.last[robot] = drive.step_m, samples - 1
 
     @property
     def length_m(self) -> Floats:
-        return self.step_m * self.last
+        lengths: Floats = self.step_m * self.last
+        return lengths
 
     def poses(self, robots: Ints, progress_m: Floats) -> Floats:
         """(3, ...) x, y, yaw of `robots` at `progress_m`, which broadcast together; held at both ends."""
@@ -45,10 +45,10 @@ class Tracks:
         change = (self._columns[:3, robots, low + 1] - self._columns[:3, robots, low]) / self.step_m[robots]
         return np.stack([np.hypot(change[0], change[1]), change[2]])
 
-    def free(self, robot: int) -> tuple[Floats, Floats]:
-        """Progress and the time at which it is reached with nobody in the way, by sample."""
-        samples = int(self.last[robot]) + 1
-        return np.arange(samples) * self.step_m[robot], self._columns[4, robot, :samples]
+    def samples(self, robot: int) -> Floats:
+        """(4, m) x, y, yaw and greatest speed of one robot's drive."""
+        drive: Floats = self._columns[:, robot, : self.last[robot] + 1]
+        return drive
 
     def _between(self, columns: slice, robots: Ints, progress_m: Floats) -> Floats:
         at = np.clip(progress_m / self.step_m[robots], 0.0, self.last[robots])

@@ -107,7 +107,8 @@ class World:
     @property
     def charging(self) -> NDArray[np.bool_]:
         """(n,)"""
-        return (self.doing == Doing.STANDING) & self.trips.standing_at(BayKind.CHARGER)
+        standing: NDArray[np.bool_] = self.doing == Doing.STANDING
+        return standing & self.trips.standing_at(BayKind.CHARGER)
 
     def body(self, robot: int) -> Body:
         """The envelope that holds now."""

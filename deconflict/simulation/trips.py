@@ -1,6 +1,7 @@
 """Who stops where and goes where: bays are taken by one robot at a time, on the way there already."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deconflict.simulation.layout import Bay, BayKind, Layout
 from ingest.seam import Ints
@@ -40,11 +41,11 @@ class Trips:
         return floors
 
     def at(self, robot: int) -> Bay:
-        return self.layout.bays[self.bay[robot]]
+        return self.layout.bays[int(self.bay[robot])]
 
-    def standing_at(self, kind: BayKind) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def standing_at(self, kind: BayKind) -> NDArray[np.bool_]:
         """(n,) whose last bay is of that kind."""
-        of_kind: np.ndarray[tuple[int], np.dtype[np.bool_]] = self._kinds[self.bay] == kind.value
+        of_kind: NDArray[np.bool_] = self._kinds[self.bay] == kind.value
         return of_kind
 
     def choose(self, robot: int, *, needs_charge: bool, may_ride: bool) -> Bay | None:
