@@ -37,7 +37,8 @@ class Tracks:
 
     def speed_mps(self, robots: Ints, progress_m: Floats) -> Floats:
         """Greatest speed of progress there."""
-        return self._between(slice(3, 4), robots, progress_m)[0]
+        speeds: Floats = self._between(slice(3, 4), robots, progress_m)[0]
+        return speeds
 
     def slope(self, robots: Ints, progress_m: Floats) -> Floats:
         """(2, ...) metres moved and radians turned a metre of progress."""

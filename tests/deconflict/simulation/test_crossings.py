@@ -1,0 +1,67 @@
+"""Right of way: ways that meet are never open together."""
+
+import numpy as np
+import pytest
+
+from deconflict.simulation.cast import ALDER
+from deconflict.simulation.crossings import Crossings, Passage, passages
+from deconflict.simulation.layout import layout_for
+from deconflict.simulation.routes import drive, lane
+
+EAST, WEST, NORTH = (1, 0), (-1, 0), (0, 1)
+
+
+def passage(inward: tuple[int, int], *, left: bool = False) -> Passage:
+    return Passage(7, 5.0, 9.0, inward, left)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "meet"),
+    [
+        (passage(EAST), passage(WEST), False),
+        (passage(EAST), passage(EAST, left=True), False),
+        (passage(EAST), passage(WEST, left=True), True),
+        (passage(EAST), passage(NORTH), True),
+    ],
+)
+def test_which_ways_meet(one: Passage, other: Passage, meet: bool) -> None:
+    assert one.meets(other) is meet
+    assert other.meets(one) is meet
+
+
+def test_the_second_waits_until_the_first_is_out() -> None:
+    crossings = Crossings(2)
+    for robot, inward in enumerate((EAST, NORTH)):
+        crossings.put(robot, [passage(inward)])
+    both = np.arange(2)
+    crossings.update(np.array([4.0, 4.0]), both)
+    assert crossings.stop_m.tolist() == [np.inf, 5.0]
+    assert crossings.waits_for[1] == 0
+    crossings.update(np.array([9.5, 5.0]), both)
+    crossings.update(np.array([9.5, 5.0]), both)
+    assert crossings.stop_m.tolist() == [np.inf, np.inf]
+    assert crossings.back_to_m[0] == 9.0
+
+
+def test_a_robot_that_has_backed_out_asks_again() -> None:
+    crossings = Crossings(2)
+    for robot, inward in enumerate((EAST, NORTH)):
+        crossings.put(robot, [passage(inward)])
+    crossings.update(np.array([4.0, 4.0]), np.arange(2))
+    crossings.give_way(0, 4.5)
+    assert crossings.stop_m[0] == 5.0
+    crossings.update(np.array([4.5, 4.0]), np.array([1]))
+    assert crossings.stop_m.tolist() == [5.0, np.inf]
+
+
+def test_a_drive_meets_the_crossings_of_its_way_in_order() -> None:
+    layout = layout_for(24)
+    nodes = layout.route(layout.bays[1].node, layout.bays[20].node, np.ones(len(layout.places)))
+    way = drive(lane(layout, nodes, 0.47), layout.heading_rad(layout.bays[1]), ALDER)
+    found = passages(layout, nodes, way)
+    assert [one.node for one in found] == [node for node in nodes if node in layout.crossings]
+    for one in found:
+        x, y = layout.places[one.node]
+        inside = slice(round(one.enter_m / way.step_m), round(one.leave_m / way.step_m))
+        assert np.hypot(way.x_m[inside] - x, way.y_m[inside] - y).min() < 1.5
+        assert 2.5 < one.leave_m - one.enter_m < 6.0
