@@ -103,10 +103,10 @@ class Engine:
         return Party(robot.name, robot.vendor, robot.basis.name.lower(), robot.basis is Basis.STATIONARY)
 
     def _meet(self, pair: Pair, contact_s: float) -> Encounter:
-        return encounter(*(self.live.robots[uuid].forecast for uuid in pair), contact_s)
+        return encounter(self.live.robots[pair[0]].forecast, self.live.robots[pair[1]].forecast, contact_s)
 
     def _separation_m(self, pair: Pair, now_s: float) -> float | None:
-        return separation_m(*(self.live.robots[uuid].forecast for uuid in pair), now_s)
+        return separation_m(self.live.robots[pair[0]].forecast, self.live.robots[pair[1]].forecast, now_s)
 
     def _place_name(self, floor: int) -> tuple[str, str]:
         datum = self.live.floors[floor]
