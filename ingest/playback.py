@@ -89,6 +89,8 @@ def _opened(path: Path) -> BinaryIO:
 def _parsed(line: bytes) -> Event:
     if line.startswith(b'{"tick":"') and line.endswith(b'"}\n'):
         return Tick(_time(line[9:-3].decode()))
+    if not line.endswith(b"\n"):
+        json.loads(line)  # a last line without its end may be torn, and a torn one is no JSON
     at = line.find(_MESSAGE)
     if line.startswith(b'{"received":"') and at > 0 and line.rstrip().endswith(b"}"):
         head = json.loads(line[:at].rstrip().rstrip(b",") + b"}")

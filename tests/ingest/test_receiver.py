@@ -1,0 +1,310 @@
+import asyncio
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import httpx
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.frames import OP_TEXT, Frame
+
+from ingest.connection import Connection
+from ingest.measures import Measures
+from ingest.receiver import Receiver
+from ingest.settings import Receiver as Settings
+
+REFUSED = "deconflict_connections_refused_total"
+HANDSHAKE = (
+    b"GET / HTTP/1.1\r\nHost: floor\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+)
+
+
+@dataclass
+class Floor:
+    """A receiver and everything it told."""
+
+    receiver: Receiver
+    measures: Measures
+    delivered: list[tuple[bytes, float, Connection]] = field(default_factory=list)
+    refused: list[tuple[str, str, Connection]] = field(default_factory=list)
+    closed: list[Connection] = field(default_factory=list)
+
+    @property
+    def url(self) -> str:
+        return f"ws://127.0.0.1:{self.receiver.port}"
+
+    @property
+    def connections(self) -> float:
+        return self.measures.values["deconflict_connections"][()]
+
+    def count(self, reason: str) -> float:
+        return self.measures.values[REFUSED].get((reason,), 0)
+
+    def raws(self) -> list[bytes]:
+        return [raw for raw, _, _ in self.delivered]
+
+
+@asynccontextmanager
+async def floor(vendors: tuple[str, ...] = (), **settings: Any) -> AsyncIterator[Floor]:
+    measures = Measures()
+    ticks = iter(range(1_790_000_000, 1_800_000_000))
+    receiver = Receiver(
+        Settings(port=0, **settings),
+        vendors,
+        lambda raw, arrival_s, connection: one.delivered.append((raw, arrival_s, connection)),
+        lambda rule, reason, _, connection: one.refused.append((rule, reason, connection)),
+        lambda connection: one.closed.append(connection),
+        measures=measures,
+        clock=lambda: float(next(ticks)),
+    )
+    one = Floor(receiver, measures)
+    await receiver.start()
+    try:
+        yield one
+    finally:
+        await receiver.close()
+
+
+async def until(true: Callable[[], object]) -> None:
+    async with asyncio.timeout(10):
+        while not true():
+            await asyncio.sleep(0.005)
+
+
+async def raw_client(port: int) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    """A client that has shaken hands and from here on does only what a test makes it do: no pong, no close."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    writer.write(HANDSHAKE)
+    answer = await reader.readuntil(b"\r\n\r\n")
+    assert b" 101 " in answer
+    return reader, writer
+
+
+def text_frame(data: bytes) -> bytes:
+    return Frame(OP_TEXT, data).serialize(mask=True)
+
+
+async def test_text_and_binary_frames_are_delivered_in_order_with_their_arrival() -> None:
+    async with floor() as one, connect(one.url) as robot:
+        await robot.send("text ü")
+        await robot.send(b"\xff\x00 bytes")
+        await robot.send(["in ", "parts"])
+        await until(lambda: len(one.delivered) == 3)
+        assert one.raws() == ["text ü".encode(), b"\xff\x00 bytes", b"in parts"]
+        arrivals = [arrival_s for _, arrival_s, _ in one.delivered]
+        assert arrivals == sorted(arrivals)
+        assert {connection.id for _, _, connection in one.delivered} == {1}
+        assert one.delivered[0][2].peer == "127.0.0.1"
+
+
+async def test_what_was_sent_before_an_abrupt_end_is_delivered_and_nothing_is_logged(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async with floor() as one:
+        _, writer = await raw_client(one.receiver.port)
+        writer.write(b"".join(text_frame(b"%d" % i) for i in range(50)) + text_frame(b"torn")[:-2])
+        await writer.drain()
+        await until(lambda: len(one.delivered) == 50)
+        writer.transport.abort()
+        await until(lambda: one.closed)
+        assert one.raws() == [b"%d" % i for i in range(50)]
+        assert one.connections == 0
+    assert [record.message for record in caplog.records if record.levelno >= logging.WARNING] == []
+
+
+async def test_text_that_is_not_utf8_is_delivered_for_the_reader_to_refuse() -> None:
+    async with floor() as one:
+        _, writer = await raw_client(one.receiver.port)
+        writer.write(text_frame(b'{"a":"\xff"}') + text_frame(b"next"))
+        await until(lambda: len(one.delivered) == 2)
+        assert one.raws() == [b'{"a":"\xff"}', b"next"]
+        writer.close()
+
+
+@pytest.mark.parametrize("parts", [("x" * 1001,), ("x" * 600, "x" * 600)], ids=["whole", "in fragments"])
+async def test_a_message_too_large_is_refused_with_what_to_change(parts: tuple[str, ...]) -> None:
+    async with floor(max_message_bytes=1000) as one, connect(one.url) as robot:
+        await robot.send("x" * 1000)
+        await robot.send(parts)
+        with pytest.raises(ConnectionClosed) as ended:
+            await robot.recv()
+        assert ended.value.rcvd is not None
+        assert ended.value.rcvd.code == 1009
+        await until(lambda: one.closed)
+        (refused,) = one.refused
+        assert refused[0] == "message-too-large"
+        assert "1000 bytes" in refused[1]
+        assert len(one.delivered) == 1
+
+
+async def test_a_peer_that_closes_with_that_code_itself_sent_no_such_message() -> None:
+    async with floor() as one:
+        async with connect(one.url) as robot:
+            await robot.close(1009, "yours was too large")
+        await until(lambda: one.closed)
+        assert one.refused == []
+        assert one.measures.values[REFUSED] == {}
+
+
+async def test_what_is_no_websocket_frame_ends_the_connection_and_is_counted() -> None:
+    async with floor() as one:
+        _, writer = await raw_client(one.receiver.port)
+        writer.write(b"\xf3\x01 reserved bits")
+        await until(lambda: one.closed)
+        assert one.count("protocol-error") == 1
+        writer.close()
+
+
+@pytest.mark.parametrize(
+    ("path", "vendor"),
+    [("/", None), ("/Alder", "Alder"), ("/alder/?token=1", "Alder"), ("/Blue%20Line", "Blue Line"), ("/else", None)],
+)
+async def test_the_path_tells_the_vendor(path: str, vendor: str | None) -> None:
+    async with floor(vendors=("Alder", "Blue Line")) as one, connect(one.url + path) as robot:
+        await robot.send("hello")
+        await until(lambda: one.delivered)
+        connection = one.delivered[0][2]
+        assert (connection.vendor, connection.path) == (vendor, path)
+
+
+async def test_health_is_answered_over_plain_http() -> None:
+    async with floor() as one, httpx.AsyncClient(trust_env=False) as client:
+        answer = await client.get(one.url.replace("ws", "http") + "/healthz")
+        assert (answer.status_code, answer.text) == (200, "ok\n")
+        assert one.connections == 0
+
+
+async def test_a_silent_connection_is_closed_with_the_reason_and_one_that_talks_is_not() -> None:
+    async with floor(idle_timeout_s=0.4) as one, connect(one.url) as silent:
+        _, talker = await raw_client(one.receiver.port)
+
+        async def talk() -> None:
+            while True:
+                talker.write(text_frame(b"here"))
+                await asyncio.sleep(0.05)
+
+        talking = asyncio.create_task(talk())
+        with pytest.raises(ConnectionClosed) as ended:
+            await silent.recv()
+        assert ended.value.rcvd is not None
+        assert ended.value.rcvd.reason == "nothing heard for 0.4 s"
+        assert (one.count("idle"), one.connections) == (1, 1)
+        talking.cancel()
+        talker.close()
+
+
+async def test_a_silent_peer_that_does_not_even_close_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ingest.receiver.CLOSE_TIMEOUT_S", 0.1)
+    async with floor(idle_timeout_s=0.2) as one:
+        _, writer = await raw_client(one.receiver.port)
+        await until(lambda: one.closed)
+        assert (one.count("idle"), one.connections) == (1, 0)
+        writer.close()
+
+
+@pytest.mark.parametrize("cap", [1, 2])
+async def test_of_too_many_from_one_peer_the_newest_win(cap: int) -> None:
+    async with floor(max_connections_per_peer=cap) as one:
+        robots: list[ClientConnection] = []
+        for _ in range(cap + 2):
+            robots.append(await connect(one.url))
+        for replaced in robots[:2]:
+            with pytest.raises(ConnectionClosed) as ended:
+                await replaced.recv()
+            assert ended.value.rcvd is not None
+            assert "close those no longer used" in ended.value.rcvd.reason
+        await until(lambda: one.connections == cap)
+        assert [connection.id for connection in one.closed] == [1, 2]
+        assert one.count("replaced") == 2
+        for robot in robots[2:]:
+            await robot.send("still here")
+        await until(lambda: len(one.delivered) == cap)
+
+
+async def test_beyond_the_limit_a_connection_is_refused_until_another_ends() -> None:
+    async with floor(max_connections=1) as one:
+        async with connect(one.url):
+            with pytest.raises(InvalidStatus) as refused:
+                await connect(one.url)
+            assert refused.value.response.status_code == 503
+            assert one.count("full") == 1
+        await until(lambda: one.closed)
+        async with connect(one.url) as robot:
+            await robot.send("now")
+            await until(lambda: one.delivered)
+
+
+async def test_a_peer_that_never_shakes_hands_is_let_go() -> None:
+    async with floor(open_timeout_s=0.1) as one:
+        reader, writer = await asyncio.open_connection("127.0.0.1", one.receiver.port)
+        async with asyncio.timeout(10):
+            assert await reader.read() == b""
+        assert one.connections == 0
+        writer.close()
+
+
+async def test_closing_tells_the_robots_and_leaves_nothing_open() -> None:
+    async with floor() as one:
+        robot = await connect(one.url)
+        await until(lambda: one.connections == 1)
+        await one.receiver.close()
+        with pytest.raises(ConnectionClosed):
+            await robot.recv()
+        assert len(one.closed) == 1
+        assert one.connections == 0
+
+
+FLOODED = """
+import asyncio, logging, resource, socket, sys
+logging.basicConfig(level=logging.WARNING)
+resource.setrlimit(resource.RLIMIT_NOFILE, (320, 320))
+from ingest.measures import Measures
+from ingest.receiver import Receiver
+from ingest.settings import Receiver as Settings
+
+async def main():
+    measures, nothing = Measures(), lambda *_: None
+    receiver = Receiver(Settings(port=0, open_timeout_s=60), (), nothing, nothing, nothing,
+                        measures=measures, clock=lambda: 0.0)
+    await receiver.start()
+    print(receiver.port, flush=True)
+    await asyncio.get_running_loop().run_in_executor(None, sys.stdin.readline)
+    print(measures.values["deconflict_connections_refused_total"].get(("full",), 0), flush=True)
+    await receiver.close()
+
+asyncio.run(main())
+"""
+
+
+async def test_more_connections_than_files_are_turned_away_and_do_not_fill_the_log() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", FLOODED],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as service:
+        assert service.stdout
+        port = int(service.stdout.readline())
+        flood = [await asyncio.open_connection("127.0.0.1", port) for _ in range(600)]
+        silent, aborted = flood[:100], flood[-100:]
+        async with asyncio.timeout(20):
+            for reader, _ in aborted:
+                with pytest.raises((ConnectionResetError, asyncio.IncompleteReadError)):
+                    await reader.readexactly(1)
+            for _, writer in flood:
+                writer.transport.abort()
+        assert not silent[0][0].at_eof()
+        out, err = service.communicate("done\n", timeout=20)
+        assert float(out) >= 300
+        assert err.splitlines() == [
+            "WARNING:ingest.receiver:at most 120 connections: raise the limit of open files, 320, for more"
+        ]

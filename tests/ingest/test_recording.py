@@ -1,0 +1,195 @@
+import gzip
+import json
+import subprocess
+import sys
+from pathlib import Path
+from random import Random
+
+import pytest
+import zstandard
+
+from ingest.connection import Connection
+from ingest.measures import Measures
+from ingest.playback import Closed, EngineStarted, Event, Reader, Received, Tick
+from ingest.recording import Recorder, quantise
+from ingest.settings import Recorder as Settings
+from tests.saying import status
+
+NOW_S = 1_790_000_000.123456
+LINE = Connection(7, vendor="Alder")
+
+
+class Clock:
+    """Moves on a millisecond each time it is read."""
+
+    def __init__(self) -> None:
+        self.now_s = NOW_S
+
+    def __call__(self) -> float:
+        self.now_s = quantise(self.now_s + 1e-3)
+        return self.now_s
+
+
+def recorder(directory: Path, **settings: int) -> tuple[Recorder, Measures]:
+    measures = Measures()
+    return Recorder(Settings(**settings), directory, measures, Clock()), measures  # type: ignore[arg-type]
+
+
+def read(*paths: Path) -> tuple[list[Event], int]:
+    reader = Reader()
+    return list(reader.read(paths)), reader.unreadable
+
+
+@pytest.mark.parametrize(
+    ("raw", "rejected"),
+    [
+        (status("A-1", NOW_S), None),
+        (b' {"a" :1,"a":2, "\xc3\xbc": "\\u00fc"}', None),
+        (b'{\n "pretty": true\n}', None),
+        (b"nonsense \xe2\x82\xac\x00", "not-json"),
+        (b"\xff\xfe not utf-8", "not-utf8"),
+        (b"", "message-too-large"),
+    ],
+)
+def test_a_message_comes_back_to_the_byte(tmp_path: Path, raw: bytes, rejected: str | None) -> None:
+    writer, _ = recorder(tmp_path)
+    writer.received(raw, NOW_S, LINE, rejected)
+    writer.close()
+    (event,), unreadable = read(tmp_path)
+    assert isinstance(event, Received)
+    assert event.raw == (raw.strip() if rejected is None else raw)
+    assert (event.arrival_s, event.connection.id, event.connection.vendor) == (NOW_S, 7, "Alder")
+    assert event.refused == rejected
+    assert unreadable == 0
+
+
+def test_times_come_back_to_the_bit(tmp_path: Path) -> None:
+    random, writer = Random(1), recorder(tmp_path)[0]
+    times = [quantise(random.uniform(0.0, 4e9)) for _ in range(2000)]
+    for t_s in times:
+        writer.tick(t_s)
+    writer.close()
+    assert [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)] == times
+
+
+def test_events_come_back_in_order(tmp_path: Path) -> None:
+    writer, _ = recorder(tmp_path)
+    writer.engine_started(NOW_S)
+    writer.received(status("A-1", NOW_S), NOW_S, LINE, None)
+    writer.tick(NOW_S)
+    writer.closed(LINE, NOW_S)
+    writer.close()
+    assert [type(event) for event in read(tmp_path)[0]] == [EngineStarted, Received, Tick, Closed]
+
+
+def test_every_line_is_json_that_others_can_read(tmp_path: Path) -> None:
+    writer, _ = recorder(tmp_path)
+    writer.received(status("A-1", NOW_S, 1.5), NOW_S, LINE, None)
+    writer.received(b"\xff", NOW_S, LINE, "not-utf8")
+    writer.tick(NOW_S)
+    writer.close()
+    (segment,) = tmp_path.iterdir()
+    lines = [json.loads(line) for line in segment.read_text().splitlines()]
+    assert lines[0]["message"]["location"]["x"] == 1.5
+
+
+def test_a_log_cut_at_any_byte_loses_only_the_line_that_is_cut(tmp_path: Path) -> None:
+    writer, _ = recorder(tmp_path / "whole")
+    for i in range(3):
+        writer.received(status("A-1", NOW_S + i), NOW_S + i, LINE, None)
+    writer.close()
+    (segment,) = (tmp_path / "whole").iterdir()
+    data = segment.read_bytes()
+    last = data.rindex(b"\n", 0, len(data) - 1) + 1
+    cut = tmp_path / "cut.jsonl"
+    for length in range(last, len(data)):
+        cut.write_bytes(data[:length])
+        events, unreadable = read(cut)
+        whole = length == len(data) - 1  # only the line's end is missing
+        assert len(events) == 2 + whole
+        assert unreadable == (length > last and not whole)
+
+
+def test_a_torn_log_is_never_written_on(tmp_path: Path) -> None:
+    first, _ = recorder(tmp_path)
+    first.tick(NOW_S)
+    first.close()
+    (segment,) = tmp_path.iterdir()
+    with segment.open("ab") as torn:
+        torn.write(b'{"received":"2026')
+    clock = Clock()
+    clock.now_s += 10
+    second = Recorder(Settings(), tmp_path, Measures(), clock)
+    second.tick(NOW_S + 1)
+    second.close()
+    events, unreadable = read(tmp_path)
+    assert [event.now_s for event in events if isinstance(event, Tick)] == [NOW_S, NOW_S + 1]
+    assert unreadable == 1
+
+
+@pytest.mark.parametrize("suffix", ["", ".gz", ".zst"])
+def test_foreign_logs_are_read_plain_and_compressed(tmp_path: Path, suffix: str) -> None:
+    line = b'{"received": "2009-11-17T10:00:21.586Z", "message": {"uuid": "x", "n": 1.0}}\n'
+    data = line + b"not a line\n" + line.replace(b'{"received"', b'{"other": 1, "received"')
+    packed = {"": data, ".gz": gzip.compress(data), ".zst": zstandard.compress(data)}[suffix]
+    log = tmp_path / f"log.jsonl{suffix}"
+    log.write_bytes(packed)
+    for where in (log, tmp_path):
+        events, unreadable = read(where)
+        assert unreadable == 1
+        assert [json.loads(event.raw) for event in events if isinstance(event, Received)] == [
+            {"uuid": "x", "n": 1.0}
+        ] * 2
+
+
+def test_segments_rotate_and_the_oldest_go(tmp_path: Path) -> None:
+    writer, _ = recorder(tmp_path, segment_bytes=2_000, total_bytes=10_000)
+    for i in range(400):
+        writer.tick(NOW_S + i)
+    writer.close()
+    sizes = [segment.stat().st_size for segment in tmp_path.iterdir()]
+    assert len(sizes) > 2
+    assert sum(sizes) <= 10_000
+    ticks = [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)]
+    assert ticks == [NOW_S + i for i in range(400 - len(ticks), 400)]
+
+
+def test_what_cannot_be_recorded_is_counted_and_recording_resumes(tmp_path: Path) -> None:
+    """A limit on file size stands in for a full disk."""
+    script = f"""
+import resource, signal, sys
+from pathlib import Path
+from ingest.measures import Measures
+from ingest.recording import RETRY_S, Recorder
+from ingest.settings import Recorder as Settings
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+now = [1790000000.0]
+def clock():
+    now[0] += 0.001
+    return now[0]
+measures = Measures()
+recorder = Recorder(Settings(), Path({str(tmp_path)!r}), measures, clock)
+recorder.tick(1.0)
+_, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+for t in (2.0, 3.0):
+    recorder.tick(t)
+assert recorder.failing, "the failure is told"
+resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+now[0] += RETRY_S + 1
+recorder.tick(4.0)
+assert recorder.failing is None
+recorder.close()
+print(measures.values["deconflict_recorded_lines_dropped_total"][()])
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) == 2
+    assert [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)] == [1.0, 4.0]
+
+
+def test_nothing_is_written_where_recording_is_off(tmp_path: Path) -> None:
+    writer = Recorder(Settings(enabled=False), tmp_path, Measures(), Clock())
+    writer.tick(NOW_S)
+    writer.close()
+    assert not list(tmp_path.iterdir())
