@@ -47,10 +47,30 @@ def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, cleara
     clearance or a horizon that is not above 0.
     """
     sweeper = Sweeper(clearance_m=clearance_m, horizon_s=horizon_s)
-    keys = [f"{row:012d}" for row in range(len(forecasts))]
-    invalid = [Invalid(int(key), reason) for key, reason in sweeper.update(keys, forecasts)]
+    order = _order(forecasts)
+    keys = [f"{rank:012d}" for rank in np.argsort(order)]
+    invalid = [Invalid(keys.index(key), reason) for key, reason in sweeper.update(keys, forecasts)]
     found = sweeper.step(now_s)
-    rows = np.array([(int(a), int(b)) for a, b in found.pairs], np.int64).reshape(-1, 2)
+    ranks = np.array([(int(a), int(b)) for a, b in found.pairs], np.int64).reshape(-1, 2)
+    rows = np.sort(order[ranks], axis=1)
+    by_row = np.lexsort((rows[:, 1], rows[:, 0]))
     return Conflicts(
-        rows, found.contact_s, found.separation_m, found.separation_at_s, found.start_separation_m, tuple(invalid)
+        rows[by_row],
+        found.contact_s[by_row],
+        found.separation_m[by_row],
+        found.separation_at_s[by_row],
+        found.start_separation_m[by_row],
+        tuple(invalid),
     )
+
+
+def _order(forecasts: Forecasts) -> Ints:
+    """Rows by what they say, so that the order in which they are told makes no difference to the last digit."""
+    counts = np.diff(forecasts.start)
+    knot = np.minimum(forecasts.start[:-1], max(len(forecasts.t_s) - 1, 0))
+    first = [
+        np.where(counts > 0, column[knot], 0.0) if len(column) else np.zeros(len(forecasts))
+        for column in (forecasts.t_s, forecasts.yaw_rad, forecasts.y_m, forecasts.x_m)
+    ]
+    order: Ints = np.lexsort((counts, forecasts.width_m, forecasts.length_m, *first))
+    return order

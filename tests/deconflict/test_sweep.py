@@ -1,0 +1,177 @@
+"""The sweep against an oracle that shares nothing with it, on more than 10,000 encounters of 17 families."""
+
+from collections import Counter
+from unittest.mock import PropertyMock
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deconflict import advance, exact, separation
+from deconflict.relative import Relative
+from deconflict.sweep import Invalid, sweep
+from ingest.seam import Forecasts
+from tests.deconflict.made_encounters import (
+    FAMILIES,
+    HORIZON_S,
+    NOW_S,
+    encounters,
+    grazing,
+    robot,
+    rows_of_pairs,
+    wanderer,
+)
+from tests.oracle import distance_at, truth
+
+CLEARANCES_M = (0.0, 0.25)
+COUNTS = {"graze": 100}
+COUNT = 320
+GRAZING = ("random", "spinning", "full_turns", "thin")
+DISTANCE_M, LATE_S, SEPARATION_M, ROUNDING_M = 1e-3, 1e-3, 2e-3, 1e-6
+INSTANT_S = 1e-6
+"""A few steps of a double that counts seconds since the epoch."""
+
+
+def disagreements(forecasts: Forecasts, clearance_m: float) -> list[str]:
+    """What the sweep says of pairs (0, 1), (2, 3), ... that the oracle denies, `kind pair by-how-much`."""
+    pairs = rows_of_pairs(len(forecasts) // 2)
+    true = truth(forecasts, pairs, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=clearance_m)
+    found = sweep(forecasts, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=clearance_m)
+    rows = {(a, b): row for row, (a, b) in enumerate(found.pairs.tolist())}
+    said = [f"stray {pair}" for pair in rows.keys() - set(pairs)]
+    said += [f"invalid {one}" for one in found.invalid]
+    for number, pair in enumerate(pairs):
+        closest_m, touch_s = float(true.closest_m[number]), float(true.touch_s[number])
+        row = rows.get(pair)
+        if row is None:
+            said += [f"missed {pair} {closest_m}"] if closest_m <= clearance_m else []
+            continue
+        contact_s, nearest_s = float(found.contact_s[row]), float(found.separation_at_s[row])
+        separation_m = float(found.separation_m[row])
+        begin_s = max(NOW_S, *(float(forecasts.t_s[forecasts.start[one]]) for one in pair))
+        starts = distance_at(forecasts, pair, begin_s), float(found.start_separation_m[row])
+        for kind, much, most in (
+            ("false", closest_m - clearance_m, DISTANCE_M),
+            ("early", _distance(forecasts, pair, contact_s) - clearance_m, DISTANCE_M + ROUNDING_M),
+            ("late", contact_s - NOW_S - touch_s, LATE_S),
+            ("separation", abs(separation_m - closest_m), SEPARATION_M),
+            ("separation-time", abs(_distance(forecasts, pair, nearest_s) - separation_m), ROUNDING_M * 100),
+            ("start", 0.0 if starts[0] == starts[1] else abs(starts[0] - starts[1]), ROUNDING_M),
+        ):
+            said += [f"{kind} {pair} {much}"] if much > most else []
+    return said
+
+
+def _distance(forecasts: Forecasts, pair: tuple[int, int], t_s: float) -> float:
+    """At `t_s`, or just before it, where one of the robots leaves the floor at that very time."""
+    return min(distance_at(forecasts, pair, t_s), distance_at(forecasts, pair, t_s - INSTANT_S))
+
+
+@pytest.mark.parametrize("clearance_m", CLEARANCES_M)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_agrees_with_the_oracle(family: str, clearance_m: float) -> None:
+    assert not disagreements(encounters(family, COUNTS.get(family, COUNT), 1, clearance_m), clearance_m)
+
+
+@pytest.mark.parametrize("clearance_m", CLEARANCES_M)
+@pytest.mark.parametrize("family", GRAZING)
+def test_agrees_with_the_oracle_where_robots_almost_touch(family: str, clearance_m: float) -> None:
+    assert not disagreements(grazing(family, 60, 2, clearance_m), clearance_m)
+
+
+def test_the_cases_are_many_and_of_both_kinds() -> None:
+    counts = [COUNTS.get(family, COUNT) * len(CLEARANCES_M) for family in FAMILIES]
+    assert sum(counts) >= 10_000
+    for family in FAMILIES:
+        forecasts = encounters(family, 100, 1, 0.25)
+        hits = len(sweep(forecasts, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=0.25).pairs)
+        assert 4 <= hits <= 98, family
+
+
+@pytest.mark.parametrize(
+    ("broken", "kinds"),
+    [
+        ("tolerance of advancement", {"early"}),
+        ("step", {"missed", "late"}),
+        ("tolerance of FCL", {"early"}),
+        ("accuracy of separation", {"separation"}),
+    ],
+)
+def test_the_comparison_sees_what_is_broken_on_purpose(
+    broken: str, kinds: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if broken == "tolerance of advancement":
+        monkeypatch.setattr(advance, "TOLERANCE_M", 10 * advance.TOLERANCE_M)
+    elif broken == "step":
+        monkeypatch.setattr(Relative, "swing", PropertyMock(side_effect=lambda: 0.0))
+    elif broken == "tolerance of FCL":
+        monkeypatch.setattr(advance, "ROUNDS", 1)
+        monkeypatch.setattr(exact.Decider, "__init__", _slack)
+    else:
+        monkeypatch.setattr(separation, "ACCURACY_M", 50 * separation.ACCURACY_M)
+    said = Counter(line.split()[0] for line in disagreements(encounters("spinning", 200, 1, 0.25), 0.25))
+    assert kinds <= set(said)
+
+
+def _slack(decider: exact.Decider, target_m: float, tolerance_m: float) -> None:
+    decider._target_m, decider._tolerance_m, decider.calls = target_m, 10 * tolerance_m, 0
+
+
+@settings(max_examples=150)
+@given(seeds=st.tuples(st.integers(0, 2**32), st.integers(0, 2**32)), clearance_m=st.floats(0, 1), data=st.data())
+def test_agrees_with_the_oracle_wherever_hypothesis_looks(
+    seeds: tuple[int, int], clearance_m: float, data: st.DataObject
+) -> None:
+    size = st.floats(0.01, 4)
+    pair = []
+    for seed in seeds:
+        w = wanderer(np.random.default_rng(seed), speed_mps=data.draw(st.floats(0, 6)), spread_m=2.0)
+        yaw = w.yaw_rad * data.draw(st.sampled_from([1.0, 0.0, 0.01]))
+        t = w.t_s - NOW_S + data.draw(st.floats(-3, 3))
+        pair.append(robot(t, w.x_m, w.y_m, yaw, (data.draw(size), data.draw(size))))
+    assert not disagreements(Forecasts.joined(pair), clearance_m)
+
+
+def test_invalid_robots_are_named_and_the_others_swept(monkeypatch: pytest.MonkeyPatch) -> None:
+    nan, inf = float("nan"), float("inf")
+    stands = robot([0], [0], [0], 0, (1, 1))
+    invalid = {
+        "not-finite": robot([0, 1], [0, nan], [0, 0], 0, (1, 1)),
+        "times-not-increasing": robot([0, 2, 1], [0, 0, 0], [0, 0, 0], 0, (1, 1)),
+        "size-not-positive": robot([0], [0], [0], 0, (0, 1)),
+        "size-not-finite": robot([0], [0], [0], 0, (1, inf)),
+        "heights-not-ordered": robot([0], [0], [0], 0, (1, 1), height=(2, 1)),
+        "no-knots": robot([], [], [], [], (1, 1)),
+    }
+    sides: list[float] = []
+    monkeypatch.setattr(exact, "_move", lambda _object, *pose: sides.extend(pose))
+    found = sweep(Forecasts.joined([stands, *invalid.values(), stands]), now_s=NOW_S, clearance_m=0.1)
+    assert found.invalid == tuple(Invalid(1 + row, reason) for row, reason in enumerate(invalid))
+    assert found.pairs.tolist() == [[0, len(invalid) + 1]]
+    assert np.isfinite(sides).all()
+
+
+@pytest.mark.parametrize("wrong", [{"clearance_m": -0.1}, {"clearance_m": 0.1, "horizon_s": 0.0}])
+def test_settings_that_make_no_sense_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="clearance_m must be at least 0 and horizon_s above 0"):
+        sweep(Forecasts.empty(), now_s=NOW_S, **wrong)
+
+
+def test_no_robots_no_conflicts() -> None:
+    found = sweep(Forecasts.empty(), now_s=NOW_S, clearance_m=0.1)
+    assert (len(found.pairs), len(found.contact_s), found.invalid) == (0, 0, ())
+
+
+def test_the_order_of_robots_makes_no_difference() -> None:
+    rng = np.random.default_rng(3)
+    crowd = Forecasts.joined(wanderer(rng, spread_m=12.0) for _ in range(150))
+    order = rng.permutation(len(crowd))
+    straight = sweep(crowd, now_s=NOW_S, clearance_m=0.25)
+    mixed = sweep(crowd.take(order), now_s=NOW_S, clearance_m=0.25)
+    named = {tuple(sorted(order[list(pair)].tolist())): row for row, pair in enumerate(mixed.pairs.tolist())}
+    assert len(straight.pairs) > 100
+    assert sorted(named) == [tuple(pair) for pair in straight.pairs.tolist()]
+    rows = [named[tuple(pair)] for pair in straight.pairs.tolist()]
+    for column in ("contact_s", "separation_m", "separation_at_s", "start_separation_m"):
+        np.testing.assert_array_equal(getattr(mixed, column)[rows], getattr(straight, column), err_msg=column)
