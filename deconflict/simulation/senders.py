@@ -106,7 +106,10 @@ async def call(url: str, line: Line, rng: np.random.Generator) -> None:
                 url, create_connection=kind, compression=None, ping_interval=None, proxy=None, close_timeout=1.0
             ) as connection:
                 wait_s = BACKOFF_S[0]
-                await line.send_over(connection)
+                try:
+                    await line.send_over(connection)
+                finally:
+                    await connection.close()
         except (OSError, WebSocketException):
             pass
         await asyncio.sleep(wait_s * rng.uniform(0.5, 1.0))

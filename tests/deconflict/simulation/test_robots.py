@@ -49,9 +49,21 @@ def test_alone_on_the_floor_a_robot_is_where_it_planned_to_be(row: int) -> None:
                 one.step(STEP_S)
             if one.doing[row] == Doing.DRIVING and one.waited_s[row] == 0.0:
                 assert one.floor[row] == floors[0]
-                assert np.hypot(*(one.locations()[row, :2] - planned[0, :2])) < 0.4
+                assert np.hypot(*(one.locations()[row, :2] - planned[0, :2])) < 0.1 + 0.075 * after_s
                 compared += 1
     assert compared > 20
+
+
+def test_a_plan_counts_the_time_that_gaining_speed_takes() -> None:
+    one = world(1)
+    while one.doing[0] != Doing.DRIVING or one.progress_m[0] < 5.0:
+        one.step(STEP_S)
+    fast, _ = robots(one)[0].plan.at(np.array([1.0]))
+    one.speed_mps[0] = 0.0
+    slow, _ = robots(one)[0].plan.at(np.array([1.0]))
+    here, gain = one.locations()[0, :2], one.members[0].make.gain_mps2
+    assert np.hypot(*(slow[0, :2] - here)) == pytest.approx(gain / 2, abs=0.06)
+    assert np.hypot(*(fast[0, :2] - here)) > gain
 
 
 def told_while(one: World, seconds: float) -> list[Robot]:

@@ -7,7 +7,7 @@ import pytest
 
 from deconflict.simulation.cast import ALDER, CORVID, MAKES, Make
 from deconflict.simulation.layout import Place, layout_for
-from deconflict.simulation.routes import CREEP_MPS, TURN_M, Drive, drive, lane, standing
+from deconflict.simulation.routes import CREEP_MPS, SIDEWAYS_MPS2, TURN_M, Drive, drive, lane, standing
 
 CORNERS: list[Place] = [(0.0, 0.0), (0.0, 2.0), (10.0, 2.0), (10.0, 12.0)]
 
@@ -51,6 +51,14 @@ def test_speeds_keep_the_limits_and_begin_and_end_at_rest(make: Make) -> None:
     gained = np.diff(way.speed_mps**2) / (2 * way.step_m)
     assert gained.max() <= make.gain_mps2 + 1e-6 + CREEP_MPS**2 / way.step_m
     assert -gained.min() <= make.brake_mps2 + 1e-6 + CREEP_MPS**2 / way.step_m
+
+
+def test_corners_are_taken_slowly() -> None:
+    way = drive(CORNERS, pi / 2, ALDER)
+    bend = np.abs(np.diff(way.yaw_rad)) / way.step_m
+    sideways_mps2 = np.minimum(way.speed_mps[1:], way.speed_mps[:-1]) ** 2 * bend
+    assert bend.max() > 1.0
+    assert sideways_mps2.max() <= SIDEWAYS_MPS2 * 1.01
 
 
 def test_lanes_lie_right_of_the_middle_and_ways_end_in_the_bays() -> None:

@@ -89,6 +89,7 @@ async def test_it_ends_by_itself_after_the_seconds_asked_for() -> None:
     async with serve(service.take, "127.0.0.1", 0) as server, asyncio.timeout(WITHIN_S):
         url = f"ws://127.0.0.1:{port_of(server)}"
         sent = await simulate(url, 4, 20.0, 1, speed=10.0, stop=asyncio.Event())
+        await until(lambda: all(one.close_code == 1000 for one in service.connections))
     assert 10 <= sent[VendorName.ALDER] <= 21
     assert sent[VendorName.WALKERS] <= 12
 
