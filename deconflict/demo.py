@@ -252,7 +252,7 @@ def _vendors(picture: Picture) -> Table:
             f"{robots[vendor]:.0f}",
             f"{messages.get(vendor, 0):.0f}",
             f"{deviations.get(vendor, 0):.0f}",
-            f"{-clocks.get(vendor, 0):+.1f} s",
+            f"{0.0 - clocks.get(vendor, 0):+.1f} s",
             f"{ages.get(vendor, 0):.1f} s",
         )
     return table

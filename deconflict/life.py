@@ -336,9 +336,9 @@ def _differs(before: Advisory, told: Telling) -> bool:
 def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, floor_name: str) -> str:
     a, b = parties
     if met.encounter_class is EncounterClass.STATIONARY_OBSTACLE and b.standing and not a.standing:
-        what = f"{a.name} is heading for {b.name}, which stands still"
+        what = f"{a.name} reaches {b.name}, which stands still,"
     elif met.encounter_class is EncounterClass.STATIONARY_OBSTACLE and a.standing and not b.standing:
-        what = f"{b.name} is heading for {a.name}, which stands still"
+        what = f"{b.name} reaches {a.name}, which stands still,"
     else:
         verb = {
             EncounterClass.HEAD_ON: "meet head-on",

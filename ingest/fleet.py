@@ -202,7 +202,7 @@ class Fleet:
         robot.clock.update(status.stamp_s, arrival_s, status.stamp_resolution_s)
         event_s = robot.clock.event_s(status.stamp_s, arrival_s)
         findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
-        if abs(robot.clock.offset_s) > self.reading.clock_tolerance_s:
+        if abs(robot.clock.offset_s) > self.reading.clock_tolerance_s + status.stamp_resolution_s:
             findings += ("clock-off",)
         if robot.seen:
             findings += watch.frequency(arrival_s - robot.arrival_s, self.reading.quiet_after_s)

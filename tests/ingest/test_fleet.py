@@ -241,3 +241,11 @@ def test_basis_of_a_robot_that_only_sends_where_it_is_comes_from_its_motion() ->
 
 def _at(datum: str) -> dict[str, Any]:
     return {"x": 0.0, "y": 0.0, "angle": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}, "planarDatum": datum}
+
+
+def test_stamps_in_whole_seconds_are_no_sign_of_a_wrong_clock() -> None:
+    one = fleet()
+    for i in range(5):
+        stamp = f"2026-09-21T14:13:2{i}+0000"
+        one.receive(status("A-1", 0.0, timestamp=stamp), NOW_S + i + 0.7, LINE)
+    assert "clock-off" not in document(one, "A-1")["deviations"]
