@@ -4,7 +4,7 @@
 boxes and two objects are made once and moved, since each object leaks a little; only return values are read.
 """
 
-from math import cos, sin
+from math import cos, hypot, sin
 
 import fcl
 import numpy as np
@@ -16,6 +16,7 @@ HEIGHT_M = 1.0
 
 _BOXES = (fcl.Box(1.0, 1.0, HEIGHT_M), fcl.Box(1.0, 1.0, HEIGHT_M))
 _OBJECTS = tuple(fcl.CollisionObject(box, fcl.Transform()) for box in _BOXES)
+_REQUEST = fcl.CollisionRequest()
 
 
 class Decider:
@@ -31,33 +32,71 @@ class Decider:
         Over [a, b] no point of B moves further from where it is at the middle, as A sees it, than
         R = (|v| + |w| r)(b - a) / 2. If A grown by R and the target is clear of B there, so is all of [a, b].
         """
-        one = motion.take(np.array([row]))
-        speed = float(np.hypot(one.vx[0], one.vy[0]) + one.swing[0])
-        stack = [(begin, float(one.end[0]))]
+        one = _Pair(motion, row)
+        stack = [(begin, float(motion.end[row]))]
         while stack:
             a, b = stack.pop()
-            middle, reach = (a + b) / 2, speed * (b - a) / 2
-            if not self._touches(one, middle, self._target_m + reach):
+            middle, reach = (a + b) / 2, one.speed * (b - a) / 2
+            self.calls += 1
+            if not one.touches(middle, self._target_m + reach):
+                continue
+            apart_m = one.distance(middle) if self._target_m else 0.0
+            if apart_m > self._target_m + reach:
                 continue
             if reach <= 0.35 * self._tolerance_m:
-                if float(one.gap_at(np.array([middle])).distance[0]) <= self._target_m + self._tolerance_m / 2 + reach:
-                    return a
-                continue
+                return a
             stack += [(middle, b), (a, middle)]
         return float("inf")
 
-    def _touches(self, one: Relative, t: float, grow_m: float) -> bool:
-        self.calls += 1
-        into = t - float(one.begin[0])
-        a, b = one.half_a[:, 0], one.half_b[:, 0]
-        _BOXES[0].side = np.array([2 * (a[0] + grow_m), 2 * (a[1] + grow_m), HEIGHT_M])
-        _BOXES[1].side = np.array([2 * b[0], 2 * b[1], HEIGHT_M])
-        _move(_OBJECTS[0], 0.0, 0.0, float(one.yaw_a[0] + one.turn_a[0] * into))
-        x, y = float(one.dx[0] + one.vx[0] * into), float(one.dy[0] + one.vy[0] * into)
-        _move(_OBJECTS[1], x, y, float(one.yaw_b[0] + one.turn_b[0] * into))
-        return bool(fcl.collide(*_OBJECTS, fcl.CollisionRequest(), fcl.CollisionResult()))
+
+class _Pair:
+    """One row of a `Relative` in plain numbers: numpy costs far more than it saves on one."""
+
+    def __init__(self, motion: Relative, row: int) -> None:
+        self.begin, self.dx, self.dy, self.vx, self.vy = (
+            float(column[row]) for column in (motion.begin, motion.dx, motion.dy, motion.vx, motion.vy)
+        )
+        self.yaws = float(motion.yaw_a[row]), float(motion.yaw_b[row])
+        self.turns = float(motion.turn_a[row]), float(motion.turn_b[row])
+        self.halves = tuple(motion.half_a[:, row].tolist()), tuple(motion.half_b[:, row].tolist())
+        radii = [hypot(*half) for half in self.halves]
+        self.speed = hypot(self.vx, self.vy) + sum(abs(w) * r for w, r in zip(self.turns, radii, strict=True))
+
+    def touches(self, t: float, grow_m: float) -> bool:
+        """Whether A, its sides grown by `grow_m`, meets B at `t`."""
+        into = t - self.begin
+        for box, half, grown in zip(_BOXES, self.halves, (grow_m, 0.0), strict=True):
+            box.side = np.array([2 * (half[0] + grown), 2 * (half[1] + grown), HEIGHT_M])
+        yaw_a, yaw_b = self._yaws(into)
+        _move(_OBJECTS[0], 0.0, 0.0, yaw_a)
+        _move(_OBJECTS[1], self.dx + self.vx * into, self.dy + self.vy * into, yaw_b)
+        return bool(fcl.collide(*_OBJECTS, _REQUEST, fcl.CollisionResult()))
+
+    def distance(self, t: float) -> float:
+        """Distance at `t` of rectangles that do not overlap, of any of their corners to the other; see `gap`."""
+        into = t - self.begin
+        x, y = self.dx + self.vx * into, self.dy + self.vy * into
+        (yaw_a, yaw_b), (a, b) = self._yaws(into), self.halves
+        return min(_corner_distance(x, y, yaw_a, yaw_b, a, b), _corner_distance(-x, -y, yaw_b, yaw_a, b, a))
+
+    def _yaws(self, into: float) -> tuple[float, float]:
+        return self.yaws[0] + self.turns[0] * into, self.yaws[1] + self.turns[1] * into
 
 
 def _move(moved: fcl.CollisionObject, x: float, y: float, yaw: float) -> None:
     moved.setTranslation(np.array([x, y, 0.0]))
     moved.setQuatRotation(np.array([cos(yaw / 2), 0.0, 0.0, sin(yaw / 2)]))
+
+
+def _corner_distance(
+    x: float, y: float, yaw: float, other_yaw: float, half: tuple[float, ...], other: tuple[float, ...]
+) -> float:
+    """From the rectangle at the origin to the nearest corner of the other, at (x, y)."""
+    c, s = cos(yaw), sin(yaw)
+    cx, cy = c * x + s * y, c * y - s * x
+    c, s = cos(other_yaw - yaw), sin(other_yaw - yaw)
+    corners = ((i * other[0], j * other[1]) for i in (1, -1) for j in (1, -1))
+    return min(
+        hypot(max(abs(cx + u * c - w * s) - half[0], 0.0), max(abs(cy + u * s + w * c) - half[1], 0.0))
+        for u, w in corners
+    )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.motion import Bools, Segments
-from deconflict.rectangles import Gap, gap
+from deconflict.rectangles import Apart, Gap, apart, gap
 from ingest.seam import Floats, Ints
 
 
@@ -80,11 +80,33 @@ class Relative:
             self.half_b,
         )
 
-    def nearest_centres(self) -> Floats:
-        """Smallest distance of the centres over the time shared."""
+    def apart_at(self, t: Floats, target_m: float) -> Apart:
+        """How far apart at `t`, and from there for how long beyond `target_m`, as far as the sides' axes tell."""
+        into = t - self.begin
+        return apart(
+            self.dx + self.vx * into,
+            self.dy + self.vy * into,
+            self.vx,
+            self.vy,
+            self.yaw_a + self.turn_a * into,
+            self.yaw_b + self.turn_b * into,
+            self.half_a,
+            self.half_b,
+            self.swing,
+            target_m,
+        )
+
+    def nearest_centres_after(self) -> Floats:
+        """Seconds from `begin` until the centres are nearest to each other in the time shared."""
         speed_squared = self.vx * self.vx + self.vy * self.vy
         along = -(self.dx * self.vx + self.dy * self.vy)
-        into = np.clip(along / np.where(speed_squared > 0, speed_squared, 1.0), 0.0, self.end - self.begin)
+        into = along / np.where(speed_squared > 0, speed_squared, 1.0)
+        after: Floats = np.clip(into, 0.0, self.end - self.begin)
+        return after
+
+    def nearest_centres(self) -> Floats:
+        """Smallest distance of the centres over the time shared."""
+        into = self.nearest_centres_after()
         nearest: Floats = np.hypot(self.dx + self.vx * into, self.dy + self.vy * into)
         return nearest
 
