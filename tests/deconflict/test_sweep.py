@@ -1,14 +1,18 @@
 """The sweep against an oracle that shares nothing with it, on more than 10,000 encounters of 17 families."""
 
 from collections import Counter
+from functools import partial
+from typing import Any
 from unittest.mock import PropertyMock
 
+import fcl
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from deconflict import advance, exact, separation
+from deconflict import advance, exact, separation, sweeper
 from deconflict.relative import Relative
 from deconflict.sweep import Invalid, sweep
 from ingest.seam import Forecasts
@@ -29,6 +33,7 @@ COUNTS = {"graze": 100}
 COUNT = 320
 GRAZING = ("random", "spinning", "full_turns", "thin")
 DISTANCE_M, LATE_S, SEPARATION_M, ROUNDING_M = 1e-3, 1e-3, 2e-3, 1e-6
+WITHOUT_ROUNDS = partial(advance.first_contacts, rounds=0)
 INSTANT_S = 1e-6
 """A few steps of a double that counts seconds since the epoch."""
 
@@ -80,6 +85,15 @@ def test_agrees_with_the_oracle_where_robots_almost_touch(family: str, clearance
     assert not disagreements(grazing(family, 60, 2, clearance_m), clearance_m)
 
 
+@pytest.mark.parametrize("clearance_m", CLEARANCES_M)
+@pytest.mark.parametrize("family", ["random", "near_miss", "thin", "graze"])
+def test_agrees_with_the_oracle_where_fcl_decides_everything(
+    family: str, clearance_m: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sweeper, "first_contacts", WITHOUT_ROUNDS)
+    assert not disagreements(encounters(family, 40, 3, clearance_m), clearance_m)
+
+
 def test_the_cases_are_many_and_of_both_kinds() -> None:
     counts = [COUNTS.get(family, COUNT) * len(CLEARANCES_M) for family in FAMILIES]
     assert sum(counts) >= 10_000
@@ -106,7 +120,7 @@ def test_the_comparison_sees_what_is_broken_on_purpose(
     elif broken == "step":
         monkeypatch.setattr(Relative, "swing", PropertyMock(side_effect=lambda: 0.0))
     elif broken == "tolerance of FCL":
-        monkeypatch.setattr(advance, "ROUNDS", 1)
+        monkeypatch.setattr(sweeper, "first_contacts", WITHOUT_ROUNDS)
         monkeypatch.setattr(exact.Decider, "__init__", _slack)
     else:
         monkeypatch.setattr(separation, "ACCURACY_M", 50 * separation.ACCURACY_M)
@@ -144,12 +158,20 @@ def test_invalid_robots_are_named_and_the_others_swept(monkeypatch: pytest.Monke
         "heights-not-ordered": robot([0], [0], [0], 0, (1, 1), height=(2, 1)),
         "no-knots": robot([], [], [], [], (1, 1)),
     }
-    sides: list[float] = []
-    monkeypatch.setattr(exact, "_move", lambda _object, *pose: sides.extend(pose))
+    asked: list[NDArray[np.float64]] = []
+
+    def collide(a: Any, b: Any, *rest: Any) -> Any:
+        asked.extend([a.getTranslation(), b.getTranslation(), a.getRotation(), b.getRotation()])
+        return fcl_collide(a, b, *rest)
+
+    fcl_collide = fcl.collide
+    monkeypatch.setattr(fcl, "collide", collide)
+    monkeypatch.setattr(sweeper, "first_contacts", WITHOUT_ROUNDS)
     found = sweep(Forecasts.joined([stands, *invalid.values(), stands]), now_s=NOW_S, clearance_m=0.1)
     assert found.invalid == tuple(Invalid(1 + row, reason) for row, reason in enumerate(invalid))
     assert found.pairs.tolist() == [[0, len(invalid) + 1]]
-    assert np.isfinite(sides).all()
+    assert asked
+    assert all(np.isfinite(one).all() for one in asked)
 
 
 @pytest.mark.parametrize("wrong", [{"clearance_m": -0.1}, {"clearance_m": 0.1, "horizon_s": 0.0}])
