@@ -16,6 +16,7 @@ from deconflict.link import PortTakenError
 from deconflict.service import Supervisor, run_role, runtime_directory
 from deconflict.simulation.senders import simulate
 from metrics.exposition import render
+from metrics.replay import advisory_lines, replay
 
 FAILED, MISUSED = 1, 2
 
@@ -52,6 +53,16 @@ def parser() -> argparse.ArgumentParser:
     pretend.add_argument("--seconds", type=float, metavar="S", help="stop after this time")
     pretend.add_argument("--seed", type=int, default=1)
     pretend.set_defaults(run=_simulate)
+
+    again = commands.add_parser("replay", help="run recorded logs through the engine and score its advisories")
+    again.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
+    again.add_argument("--site", type=Path, metavar="SITE.toml")
+    again.add_argument("--clearance", nargs="+", type=float, metavar="M", help="metres; the site's if not given")
+    again.add_argument("--json", type=Path, metavar="OUT.json", help="write the scores here, not to standard output")
+    again.add_argument(
+        "--advisories", type=Path, metavar="OUT.jsonl", help="write what the live stream would have said"
+    )
+    again.set_defaults(run=_replay)
 
     describe = commands.add_parser("schema", help="print a JSON Schema")
     describe.add_argument("name", choices=sorted(schema.SCHEMAS))
@@ -125,6 +136,20 @@ def _simulate(args: argparse.Namespace) -> int:
         return await simulate(args.url, args.robots, args.seconds, args.seed, stop=stop)
 
     sys.stdout.write(json.dumps(asyncio.run(run())) + "\n")
+    return 0
+
+
+def _replay(args: argparse.Namespace) -> int:
+    settings = site.load(args.site) if args.site else site.DEFAULT
+    result, runs = replay(args.logs, settings, args.clearance or [settings.conflict.clearance_m])
+    text = json.dumps(result, indent=2) + "\n"
+    if args.json:
+        args.json.write_text(text)
+    else:
+        sys.stdout.write(text)
+    if args.advisories:
+        with args.advisories.open("w") as out:
+            out.writelines(f"{json.dumps(line)}\n" for line in advisory_lines(runs))
     return 0
 
 

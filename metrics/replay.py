@@ -88,6 +88,22 @@ def replay(logs: Iterable[Path], site: Site, clearances_m: Iterable[float]) -> t
     return result, runs
 
 
+def advisory_lines(runs: Iterable[Run]) -> Iterator[dict[str, Any]]:
+    """Every revision of every run as an event, by time."""
+    revisions = [one for run in runs for told in run.alerts.values() for one in told]
+    for one in sorted(revisions, key=lambda each: (each.updated_at, each.clearance_m, each.id)):
+        yield {
+            "event": one.state.value,
+            "at": one.updated_at.isoformat(),
+            "id": one.id,
+            "robots": list(one.robots),
+            "clearance_m": one.clearance_m,
+            "severity": one.severity.value,
+            "time_to_conflict_s": one.time_to_conflict_s,
+            "min_separation_m": one.min_separation_m,
+        }
+
+
 def _tell_truth(truth: Truth, fleet: Fleet, robots: Iterable[str]) -> None:
     for uuid in robots:
         forecast = fleet.robots[uuid].forecast

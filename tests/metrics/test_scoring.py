@@ -1,0 +1,109 @@
+from math import inf
+
+import pytest
+
+from metrics.scoring import Alert, score
+from metrics.truth import Encounter, Report, Truth
+
+PAIR = ("a", "b")
+
+
+def encounter(start_s: float, end_s: float, foreseeable: bool = True) -> Encounter:
+    return Encounter(PAIR, start_s, end_s, foreseeable)
+
+
+def alert(raised_s: float, cleared_s: float, predicted_s: float = 0.0, left_s: float = inf) -> Alert:
+    return Alert(PAIR, ("Alder", "Corvid"), raised_s, cleared_s, predicted_s, left_s)
+
+
+def test_nothing_happened_and_nothing_was_said() -> None:
+    figures = score([], [], 0.3)
+    assert (figures["encounters"], figures["alerts"]) == (0, 0)
+    assert figures["recall"] is figures["precision"] is figures["lead_time_s"] is None
+
+
+def test_an_encounter_foreseen_in_time() -> None:
+    figures = score([encounter(20, 22)], [alert(14.2, 24, predicted_s=20.5)], 0.3)
+    assert (figures["recall"], figures["recall_any"], figures["precision"]) == (1.0, 1.0, 1.0)
+    assert figures["lead_time_s"]["median"] == 5.0
+    assert figures["start_error_s"] == 0.5
+
+
+def test_silence_before_an_encounter_is_a_recall_of_zero() -> None:
+    figures = score([encounter(20, 22)], [], 0.3)
+    assert (figures["recall"], figures["recall_any"]) == (0.0, 0.0)
+
+
+def test_an_alert_that_was_given_up_too_early_counts_for_recall_any_alone() -> None:
+    figures = score([encounter(20, 22)], [alert(11, 15)], 0.3)
+    assert (figures["recall"], figures["recall_any"], figures["precision"]) == (0.0, 1.0, 1.0)
+
+
+def test_an_alert_that_nothing_follows_is_a_nuisance() -> None:
+    figures = score([encounter(40, 42)], [alert(10, 14), alert(35, 43)], 0.3)
+    assert figures["precision"] == 0.5
+
+
+def test_an_alert_within_an_encounter_is_not_scored() -> None:
+    figures = score([encounter(20, 30)], [alert(21, 25)], 0.3)
+    assert (figures["alerts"], figures["censored"]) == (0, 0)
+
+
+def test_an_alert_whose_robot_left_before_the_predicted_start_is_censored() -> None:
+    figures = score([], [alert(10, inf, predicted_s=18, left_s=12)], 0.3)
+    assert (figures["alerts"], figures["censored"], figures["precision"]) == (0, 1, None)
+
+
+def test_encounters_that_nobody_could_foresee_do_not_lower_recall() -> None:
+    figures = score([encounter(20, 22), encounter(50, 52, foreseeable=False)], [alert(15, 24)], 0.3)
+    assert (figures["encounters"], figures["foreseeable"], figures["recall"]) == (2, 1, 1.0)
+
+
+def driven(*pieces: tuple[float, float, float], until_s: float) -> Truth:
+    """A 1 x 1 m robot at the origin, another at x, moving from (from_s, x) at a speed, piece after piece."""
+    truth = Truth([0.3])
+    for second in range(int(until_s) + 1):
+        t_s = float(second)
+        from_s, x_m, speed_mps = max((piece for piece in pieces if piece[0] <= t_s), key=lambda piece: piece[0])
+        truth.report("a", Report(t_s, 0, 0.0, 0.0, 0.0, 1.0, 1.0))
+        truth.report("b", Report(t_s, 0, x_m + speed_mps * (t_s - from_s), 0.0, 0.0, 1.0, 1.0))
+        truth.advance(t_s)
+    truth.finish()
+    return truth
+
+
+def test_an_encounter_of_the_recorded_motion_has_its_start_and_end() -> None:
+    (one,) = driven((0, 11.0, -1.0), (20, -9.0, -1.0), until_s=25).encounters(0.3)
+    assert one.start_s == pytest.approx(9.8, abs=0.11)
+    assert one.end_s == pytest.approx(12.2, abs=0.11)
+    assert one.foreseeable
+
+
+def test_a_pair_that_begins_together_was_not_foreseeable() -> None:
+    (one,) = driven((0, 1.1, 0.5), until_s=10).encounters(0.3)
+    assert not one.foreseeable
+
+
+def test_drawing_apart_a_little_is_the_same_encounter_and_far_another() -> None:
+    little = driven((0, 1.2, 0.0), (5, 1.35, 0.0), (9, 1.2, 0.0), until_s=15)
+    assert len(little.encounters(0.3)) == 1
+    far = driven((0, 1.2, 0.0), (5, 3.0, 0.0), (9, 1.2, 0.0), until_s=15)
+    assert len(far.encounters(0.3)) == 2
+
+
+def test_a_gap_in_the_reports_is_not_joined() -> None:
+    truth = Truth([0.3])
+    for t_s in (0.0, 1.0, 4.0, 5.0):
+        truth.report("a", Report(t_s, 0, 0.0, 0.0, 0.0, 1.0, 1.0))
+        truth.report("b", Report(t_s, 0, 1.1, 0.0, 0.0, 1.0, 1.0))
+    truth.finish()
+    assert [one.start_s for one in truth.encounters(0.3)] == [pytest.approx(0.1), pytest.approx(4.1, abs=0.11)]
+
+
+def test_robots_on_different_floors_do_not_meet() -> None:
+    truth = Truth([0.3])
+    for t_s in range(6):
+        truth.report("a", Report(t_s, 0, 0.0, 0.0, 0.0, 1.0, 1.0))
+        truth.report("b", Report(t_s, 1, 0.0, 0.0, 0.0, 1.0, 1.0))
+    truth.finish()
+    assert truth.encounters(0.3) == []
