@@ -27,6 +27,7 @@ def first_contacts(motion: Relative, target_m: float, decider: Decider, rounds: 
     """
     contact = np.full(len(motion), np.inf)
     live = np.flatnonzero(motion.nearest_centres() <= motion.reach + target_m + TOLERANCE_M)
+    decider.asked += len(live)
     part, at = motion.take(live), motion.begin[live]
     aim_m, close_m = target_m + TOLERANCE_M / 4, target_m + TOLERANCE_M / 2
     for _ in range(rounds):

@@ -20,11 +20,14 @@ _REQUEST = fcl.CollisionRequest()
 
 
 class Decider:
-    """First contact of pairs of segments by halving, FCL excluding what it can. Counts its `calls`."""
+    """First contact of pairs of segments by halving, FCL excluding what it can."""
 
     def __init__(self, target_m: float, tolerance_m: float) -> None:
         self._target_m, self._tolerance_m = target_m, tolerance_m
+        self.asked = 0
+        """Pairs of segments that needed more than their circles."""
         self.calls = 0
+        """Of FCL."""
 
     def first_contact(self, motion: Relative, row: int, begin: float) -> float:
         """The first time after `begin` within the target, to the tolerance; inf for none.

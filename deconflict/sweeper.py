@@ -36,8 +36,12 @@ class PairConflicts:
     """(c,) distance at `now_s`, or when the later of the two appears; inf where that is on another floor."""
     fresh: Bools
     """(c,) whether either robot's forecast is new since the last pass."""
+    box_pairs: int
+    """Pairs of robots and slabs that the broad phase left."""
     segment_pairs: int
     """Pairs of segments that were looked at."""
+    advanced_pairs: int
+    """Of those, the ones whose circles come near enough for a closer look."""
     fcl_calls: int
 
 
@@ -109,7 +113,7 @@ class Sweeper:
         self._covered = self._appears = np.empty(0)
         self._pool, self._boxes = Pool(), Boxes.none(self._slabs, 0)
         self._meetings = Meetings.none()
-        self._segment_pairs = 0
+        self._box_pairs = self._segment_pairs = 0
 
     def update(self, keys: Sequence[str], forecasts: Forecasts) -> tuple[tuple[str, str], ...]:
         """Replace the forecasts of `keys`, one row each; key and reason of those that can't be swept.
@@ -136,7 +140,7 @@ class Sweeper:
 
     def step(self, now_s: float) -> PairConflicts:
         """The conflicts in [`now_s`, `now_s` + horizon]."""
-        self._segment_pairs, decider = 0, Decider(self._clearance_m, TOLERANCE_M)
+        self._box_pairs, self._segment_pairs, decider = 0, 0, Decider(self._clearance_m, TOLERANCE_M)
         told = self._told
         self._told = set()
         changed = self._regroup() if self._regrouped else np.array(sorted(self._rows[key] for key in told), np.int64)
@@ -203,6 +207,7 @@ class Sweeper:
             moved = moved.clipped(*(np.asarray(t - slab[owner], np.float64) for t in times))
             lasting = moved.begin <= moved.end
             moved, owner = moved.take(lasting), owner[lasting]
+        self._box_pairs += len(ring)
         self._segment_pairs += len(moved)
         contact = np.full(len(ring), np.inf)
         np.minimum.at(contact, owner, first_contacts(moved, self._clearance_m, decider))
@@ -257,7 +262,9 @@ class Sweeper:
             separation_at_s=m.separation_at[nearest],
             start_separation_m=self._start_separation(a, b, now_s),
             fresh=is_told[a] | is_told[b],
+            box_pairs=self._box_pairs,
             segment_pairs=self._segment_pairs,
+            advanced_pairs=decider.asked,
             fcl_calls=decider.calls,
         )
 
