@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from deconflict.rectangles import Gap, gap
+from ingest.seam import Floats
+from tests.deconflict.made_motion import motions, sampled, true_distance
+from tests.oracle import rectangle_distance
+
+RNG = np.random.default_rng(11)
+N = 20_000
+
+
+def placed(b: Floats, yaw_a: Floats, half_a: Floats, half_b: Floats) -> tuple[Gap, Floats]:
+    """The gap of rectangles with B at `b` (n, 3) from A, and the true distance."""
+    a = np.stack([np.zeros(len(b)), np.zeros(len(b)), yaw_a], -1)
+    found = gap(b[:, 0], b[:, 1], yaw_a, b[:, 2], half_a, half_b)
+    return found, rectangle_distance(a, b, 2 * half_a.T, 2 * half_b.T)
+
+
+def test_the_gap_is_the_distance_of_the_polygons() -> None:
+    b = RNG.uniform([-3, -3, -9], [3, 3, 9], (N, 3))
+    found, true = placed(b, RNG.uniform(-9, 9, N), RNG.uniform(0.005, 1.5, (2, N)), RNG.uniform(0.005, 1.5, (2, N)))
+    assert 0.2 < np.mean(true > 0) < 0.9
+    np.testing.assert_allclose(found.distance, true, atol=1e-12)
+
+
+def test_parallel_rectangles_and_bars_that_cross() -> None:
+    quarter = np.pi / 2
+    b = np.array([[2.5, 0, 0], [0, 3.25, quarter], [2, 0, 0], [0, 0, quarter], [0, 0, 0]])
+    one = np.array([[1.0, 1.0, 1.0, 2.0, 1.0], [1.0, 1.0, 1.0, 0.01, 0.5]])
+    found, _ = placed(b, np.zeros(5), one, one)
+    np.testing.assert_allclose(found.distance, [0.5, 1.25, 0, 0, 0], atol=1e-12)
+
+
+def test_moving_along_the_direction_closes_the_gap_by_as_much() -> None:
+    b = RNG.uniform([-3, -3, -9], [3, 3, 9], (N, 3))
+    yaw_a, half_a, half_b = RNG.uniform(-9, 9, N), RNG.uniform(0.05, 1, (2, N)), RNG.uniform(0.05, 1, (2, N))
+    found, true = placed(b, yaw_a, half_a, half_b)
+    apart = true > 1e-6
+    closer = b.copy()
+    closer[:, 0] -= found.nx * true / 2
+    closer[:, 1] -= found.ny * true / 2
+    _, then = placed(closer, yaw_a, half_a, half_b)
+    np.testing.assert_allclose(then[apart], true[apart] / 2, atol=1e-9)
+    assert (found.nx[~(true > 0)] == 0).all()
+
+
+@given(st.integers(-6, 0), st.floats(-10, 10), st.floats(0.05, 3))
+def test_a_gap_of_any_smallness_is_told_from_contact(exponent: int, yaw: float, width: float) -> None:
+    apart = 10.0**exponent
+    at = width / 2 + 0.5 + apart
+    b = np.array([[at * np.cos(yaw), at * np.sin(yaw), yaw]])
+    half = np.array([[width / 2], [1.0]]), np.array([[0.5], [1.0]])
+    found, _ = placed(b, np.array([yaw]), *half)
+    assert found.distance[0] == pytest.approx(apart, abs=1e-12)
+    assert (found.nx[0], found.ny[0]) == pytest.approx((np.cos(yaw), np.sin(yaw)), abs=1e-6)
+
+
+def test_the_axes_never_claim_more_than_the_distance() -> None:
+    motion = motions(RNG, N)
+    found = motion.apart_at(motion.begin, 0.0)
+    true = true_distance(motion, motion.begin)
+    assert (found.gap <= true + 1e-12).all()
+    np.testing.assert_array_equal(found.gap > 0, true > 0)
+
+
+@pytest.mark.parametrize("target_m", [0.0, 0.3])
+def test_nothing_comes_within_the_target_while_the_axes_say_clear(target_m: float) -> None:
+    motion = motions(RNG, 800)
+    clear_s = motion.apart_at(motion.begin, target_m).clear_s
+    t, distance = sampled(motion, 200)
+    clear = t < motion.begin + clear_s
+    assert clear.mean() > 0.2
+    assert (distance[clear] >= target_m - 1e-9).all()
