@@ -44,12 +44,15 @@ class Picture:
     """What a person is shown: open advisories from the stream, counts from the service's own measures."""
 
     open: dict[str, Advisory] = field(default_factory=dict)
+    encounters: set[tuple[str, str, int]] = field(default_factory=set)
+    """Pairs and ordinals of the conflicts told of."""
     raised: int = 0
     cleared: int = 0
     values: dict[str, dict[tuple[str, ...], float]] = field(default_factory=dict)
     latency_p99_s: float = 0.0
 
     def take(self, advisory: Advisory) -> None:
+        self.encounters.add((*advisory.robots, advisory.encounter))
         if advisory.state is AdvisoryState.CLEARED:
             self.cleared += 1
             self.open.pop(advisory.id, None)
@@ -80,7 +83,7 @@ class Picture:
             "messages": self.total("deconflict_messages_total"),
             "rejected": self.total("deconflict_messages_total", label="rejected"),
             "robots": self.total("deconflict_robots"),
-            "conflicts": self.total("deconflict_advisories_total", label="raised"),
+            "conflicts": len(self.encounters),
             "advisories_raised": self.raised,
             "advisories_cleared": self.cleared,
             "latency_p99_ms": round(self.latency_p99_s * 1000, 1),

@@ -32,7 +32,7 @@ class Clock:
 
 def recorder(directory: Path, **settings: int) -> tuple[Recorder, Measures]:
     measures = Measures()
-    return Recorder(Settings(**settings), directory, measures, Clock()), measures  # type: ignore[arg-type]
+    return Recorder(Settings(**settings), directory, measures, Clock()), measures
 
 
 def read(*paths: Path) -> tuple[list[Event], int]:
