@@ -11,6 +11,7 @@ from typing import Any
 
 import httpx
 from websockets.asyncio.client import connect
+from websockets.asyncio.server import ServerConnection, serve
 
 from deconflict.advisory import Advisory, AdvisoryState
 from deconflict.engine import Engine
@@ -20,7 +21,7 @@ from deconflict.service import in_one_process
 from deconflict.site import Conflict, Operator, Site
 from ingest.measures import Measures
 from ingest.playback import EngineStarted, Reader, Received, Tick
-from ingest.settings import Datum, Receiver
+from ingest.settings import Datum, Receiver, Vendor
 from metrics.exposition import combine, render
 from tests.saying import HALL, identity, points, status
 
@@ -179,3 +180,16 @@ async def test_the_floor_is_as_it_was_after_a_restart(tmp_path: Path) -> None:
         assert one["location"] == {"x": 1.0, "y": 2.0, "yaw_rad": 0.0}
         text = (await service.get("/metrics")).text
         assert 'deconflict_messages_total{result="accepted",vendor="Alder"}' not in text
+
+
+async def test_a_fleet_manager_that_waits_to_be_dialled_is_heard(tmp_path: Path) -> None:
+    async def speak(socket: ServerConnection) -> None:
+        await socket.send(status("B-1", time.time(), 3.0))
+        await socket.wait_closed()
+
+    async with serve(speak, "127.0.0.1", 0) as manager:
+        port = next(iter(manager.sockets)).getsockname()[1]
+        basalt = Vendor(name="Basalt", dial=(f"ws://127.0.0.1:{port}",))
+        async with running(tmp_path, SITE.model_copy(update={"vendors": (basalt,)})) as service:
+            (one,) = (await service.until("/robots", lambda answer: answer["robots"]))["robots"]
+            assert (one["vendor"], one["identified"]) == ("Basalt", False)
