@@ -8,7 +8,7 @@ from random import Random
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidHandshake, InvalidURI
 
-from ingest.receiver import Receiver
+from ingest.receiver import CLOSE_TIMEOUT_S, Receiver
 from ingest.settings import Receiver as Settings
 
 log = logging.getLogger(__name__)
@@ -18,7 +18,7 @@ STEADY_S = 30.0
 
 
 class Dialer:
-    """One address of one vendor."""
+    """One address of one vendor. Proxies that the environment names are not used: the other end is on the floor."""
 
     def __init__(
         self,
@@ -36,32 +36,42 @@ class Dialer:
         """Attempts in a row that reached nobody, or nobody for long."""
 
     async def run(self) -> None:
-        """Dial until cancelled."""
+        """Dial until cancelled, or at once give up on an address that is none."""
         while True:
             began_s = self._clock()
             try:
                 await self._converse()
             except (OSError, TimeoutError, InvalidHandshake) as error:
-                log.warning("%s at %s can't be reached: %s", self._vendor, self._url, error)
+                self._tell(error)
             except InvalidURI as error:
-                log.error("%s; mend the vendor's dial address", error)
+                log.error("%s; mend the dial address of %s", error, self._vendor)
                 return
+            except Exception:
+                log.exception("the conversation with %s at %s failed; dialling again", self._vendor, self._url)
             self.failures = 0 if self._clock() - began_s > STEADY_S else self.failures + 1
-            await asyncio.sleep(self._wait_s())
+            await asyncio.sleep(self.wait_s())
+
+    def wait_s(self) -> float:
+        """Twice as long after each failure, within bounds, less a random share, so that many do not come at once."""
+        least_s, most_s = self._settings.dial_backoff_s
+        full_s = min(least_s * 2.0 ** min(max(self.failures - 1, 0), 30), most_s)
+        return full_s * self._random.uniform(0.5, 1.0)
 
     async def _converse(self) -> None:
         async with connect(
             self._url,
             compression=None,
+            proxy=None,
             max_size=self._settings.max_message_bytes,
             open_timeout=self._settings.open_timeout_s,
-            ping_timeout=None,
+            close_timeout=CLOSE_TIMEOUT_S,
+            ping_interval=None,
             logger=logging.getLogger("websockets.robots"),
         ) as socket:
+            log.info("connected to %s at %s", self._vendor, self._url)
             await self._receiver.listen(socket, self._receiver.new_connection(self._url, "/", self._vendor))
 
-    def _wait_s(self) -> float:
-        """Twice as long each time, within bounds, and a random share less, so that many do not come at once."""
-        least_s, most_s = self._settings.dial_backoff_s
-        full_s = min(least_s * 2.0 ** min(self.failures, 30), most_s)
-        return full_s * self._random.uniform(0.5, 1.0)
+    def _tell(self, error: Exception) -> None:
+        """Once, not at every attempt."""
+        if self.failures == 0:
+            log.warning("%s at %s can't be reached: %s; trying until it answers", self._vendor, self._url, error)

@@ -1,23 +1,32 @@
-"""The robots' port: WebSockets in, each message delivered with the time it arrived."""
+"""The robots' port: WebSockets in, each message delivered with the time it arrived.
+
+WebSocket pings are not sent: real senders never answer them, and each unanswered one is kept in memory for as long as
+the connection lasts. The kernel's keepalive holds address translations open and finds vanished peers instead, and a
+connection that sends nothing is closed.
+"""
 
 import asyncio
 import logging
 import resource
-from collections import OrderedDict
+import socket as sockets
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from http import HTTPStatus
 from itertools import count
-from typing import Literal, Protocol
+from typing import Any, cast
+from urllib.parse import unquote
 
+from websockets.asyncio.connection import Connection as Socket
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
+from websockets.protocol import State
 
 from ingest.connection import Connection
 from ingest.measures import Measures
 from ingest.settings import Receiver as Settings
-
-log = logging.getLogger(__name__)
 
 Deliver = Callable[[bytes, float, Connection], None]
 Refuse = Callable[[str, str, float, Connection], None]
@@ -25,23 +34,33 @@ Refuse = Callable[[str, str, float, Connection], None]
 
 SPARE_FILES = 200
 """File descriptors left for everything but robots."""
+HANDSHAKE_FILES = 80
+"""Of those, descriptors for connections that are yet to be admitted or refused. An accept takes up to 100 at once."""
 IDLE_CHECK_S = 5.0
+CLOSE_TIMEOUT_S = 2.0
+"""How long a peer may take to answer a close."""
+KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 6}
+"""Seconds until the first probe of a silent peer, seconds between probes, and unanswered probes to give up after."""
 
-_CLOSE_RULES = {
-    1007: ("not-utf8", "the frame is not UTF-8"),
-    1009: ("message-too-large", "the frame is too large"),
-}
+log = logging.getLogger(__name__)
 
 
-class Conversation(Protocol):
-    """A socket of either side, as far as receiving goes."""
+@dataclass(slots=True, eq=False)
+class Line:
+    """A socket that is listened to."""
 
-    async def recv(self, *, decode: Literal[False]) -> bytes:
-        """The next message; raises `ConnectionClosed` at the end."""
+    socket: Socket
+    connection: Connection
+    heard_s: float
+    """When it last sent a message, on the event loop's clock, which nobody sets."""
 
 
 class Receiver:
-    """Accepts robots and fleet managers. Delivers on the event loop, in order of arrival."""
+    """Accepts robots and fleet managers. Delivers on the event loop, in order of arrival.
+
+    `deconflict_connections_refused_total` counts by reason: `full` (answered 503, or aborted where even that would
+    take too many files), `replaced`, `idle`, `protocol-error`.
+    """
 
     def __init__(
         self,
@@ -59,16 +78,25 @@ class Receiver:
         self._deliver, self._refuse, self._closed = deliver, refuse, closed
         self._measures, self._clock = measures, clock
         self._ids = count(1)
-        self._open: dict[str, OrderedDict[ServerConnection, float]] = {}
-        """By peer, oldest first: each connection and when it last sent."""
+        self._lines: dict[str, dict[int, Line]] = {}
+        """By peer and connection, oldest first."""
         self._total = 0
         self._server: Server | None = None
         self._reaper: asyncio.Task[None] | None = None
+        self._closing: set[asyncio.Task[None]] = set()
         self._limit = settings.max_connections
 
     async def start(self) -> None:
         """Open the port. Raises `OSError` where it can't be had."""
-        self._limit = min(self._settings.max_connections, _descriptors() - SPARE_FILES)
+        files = descriptors()
+        self._limit = max(min(self._settings.max_connections, files - SPARE_FILES), 1)
+        if self._limit < self._settings.max_connections:
+            log.warning(
+                "at most %d connections, because %d files may be open; raise the limit of open files",
+                self._limit,
+                files,
+            )
+        bounded = partial(_BoundedConnection, most=self._limit + HANDSHAKE_FILES, refused=self._full)
         self._server = await serve(
             self._converse,
             self._settings.host,
@@ -77,7 +105,9 @@ class Receiver:
             compression=None,
             max_size=self._settings.max_message_bytes,
             open_timeout=self._settings.open_timeout_s,
-            ping_timeout=None,
+            close_timeout=CLOSE_TIMEOUT_S,
+            ping_interval=None,
+            create_connection=cast(type[ServerConnection], bounded),
             logger=logging.getLogger("websockets.robots"),
         )
         self._reaper = asyncio.create_task(self._reap())
@@ -90,85 +120,153 @@ class Receiver:
         return int(next(iter(self._server.sockets)).getsockname()[1])
 
     async def close(self) -> None:
+        """Close the port and every connection that came through it."""
         if self._reaper:
             self._reaper.cancel()
+            await asyncio.gather(self._reaper, return_exceptions=True)
         if self._server:
             self._server.close()
+            await asyncio.gather(*self._closing, *(line.socket.close() for line in self._all_lines()))
             await self._server.wait_closed()
 
     def new_connection(self, peer: str, path: str, vendor: str | None) -> Connection:
         """A connection with an id of its own; the dialled ones come here too."""
         return Connection(next(self._ids), peer, path, vendor)
 
-    async def listen(self, socket: Conversation, connection: Connection) -> None:
+    async def listen(self, socket: Socket, connection: Connection) -> None:
         """Deliver everything that comes over one socket until it ends."""
+        now_s = asyncio.get_running_loop().time
+        line = Line(socket, connection, now_s())
+        self._enter(line)
         try:
             while True:
                 raw = await socket.recv(decode=False)
                 self._deliver(raw, self._clock(), connection)
-                self._heard(socket)
+                line.heard_s = now_s()
         except ConnectionClosed as ended:
-            sent = ended.sent
-            if sent and sent.code in _CLOSE_RULES:
-                self._refuse(*_CLOSE_RULES[sent.code], self._clock(), connection)
+            self._ended(ended, connection)
         finally:
+            self._leave(connection)
             self._closed(connection)
 
+    def _enter(self, line: Line) -> None:
+        _keep_alive(line.socket)
+        self._lines.setdefault(line.connection.peer, {})[line.connection.id] = line
+        self._total += 1
+        self._measure()
+
+    def _leave(self, connection: Connection) -> None:
+        self._forget(connection)
+        self._total -= 1
+        self._measure()
+
+    def _all_lines(self) -> list[Line]:
+        return [line for same_peer in self._lines.values() for line in same_peer.values()]
+
+    def _forget(self, connection: Connection) -> None:
+        same_peer = self._lines.get(connection.peer, {})
+        same_peer.pop(connection.id, None)
+        if not same_peer:
+            self._lines.pop(connection.peer, None)
+
+    def _ended(self, ended: ConnectionClosed, connection: Connection) -> None:
+        """Count what we closed a connection for; what the peer closed it for is its own affair."""
+        code = ended.sent.code if ended.sent and not ended.rcvd_then_sent else None
+        if code == CloseCode.MESSAGE_TOO_BIG:
+            most = self._settings.max_message_bytes
+            reason = f"larger than {most} bytes or in too many fragments; send a shorter path"
+            self._refuse("message-too-large", reason, self._clock(), connection)
+        elif code in {CloseCode.PROTOCOL_ERROR, CloseCode.INVALID_DATA}:
+            self._count_refused("protocol-error")
+
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        if request.path == "/healthz":
+        if request.path.partition("?")[0] == "/healthz":
             return connection.respond(HTTPStatus.OK, "ok\n")
         if self._total >= self._limit:
-            self._measures.count("deconflict_connections_refused_total", "full")
+            self._full()
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections; try again later\n")
         return None
 
     async def _converse(self, socket: ServerConnection) -> None:
         peer = str(socket.remote_address[0]) if socket.remote_address else ""
         path = socket.request.path if socket.request else "/"
-        vendor = self._vendors.get(path.partition("?")[0].strip("/").casefold())
-        await self._make_room(peer)
-        self._open.setdefault(peer, OrderedDict())[socket] = self._clock()
-        self._total += 1
-        self._measure()
-        try:
-            await self.listen(socket, self.new_connection(peer, path, vendor))
-        finally:
-            self._total -= 1
-            self._open[peer].pop(socket, None)
-            if not self._open[peer]:
-                del self._open[peer]
-            self._measure()
+        vendor = self._vendors.get(unquote(path.partition("?")[0]).strip("/").casefold())
+        self._make_room(peer)
+        await self.listen(socket, self.new_connection(peer, path, vendor))
 
-    async def _make_room(self, peer: str) -> None:
+    def _make_room(self, peer: str) -> None:
         """Where one peer holds too many connections, the oldest goes: a sender that opens one for each message."""
-        mine = self._open.get(peer, OrderedDict())
-        if len(mine) >= self._settings.max_connections_per_peer:
-            oldest, _ = mine.popitem(last=False)
-            self._measures.count("deconflict_connections_refused_total", "replaced")
-            oldest.transport.abort()
-
-    def _heard(self, socket: Conversation) -> None:
-        if isinstance(socket, ServerConnection) and socket.remote_address:
-            mine = self._open.get(str(socket.remote_address[0]))
-            if mine is not None and socket in mine:
-                mine[socket] = self._clock()
+        same_peer = self._lines.get(peer, {})
+        if len(same_peer) >= self._settings.max_connections_per_peer:
+            oldest = next(iter(same_peer.values()))
+            reason = "replaced by a newer connection from the same address; close those no longer used"
+            self._dismiss(oldest, "replaced", CloseCode.POLICY_VIOLATION, reason)
 
     async def _reap(self) -> None:
+        limit_s = self._settings.idle_timeout_s
         while True:
-            await asyncio.sleep(min(IDLE_CHECK_S, self._settings.idle_timeout_s / 4))
-            limit_s = self._clock() - self._settings.idle_timeout_s
-            idle = [socket for mine in self._open.values() for socket, heard_s in mine.items() if heard_s < limit_s]
-            for socket in idle:
-                self._measures.count("deconflict_connections_refused_total", "idle")
-                socket.transport.abort()
+            await asyncio.sleep(min(IDLE_CHECK_S, limit_s / 4))
+            heard_s = asyncio.get_running_loop().time() - limit_s
+            for line in self._all_lines():
+                if line.heard_s < heard_s:
+                    self._dismiss(line, "idle", CloseCode.GOING_AWAY, f"nothing heard for {limit_s:g} s")
+                elif line.socket.state is State.CLOSING:
+                    self._let_go(line)
+
+    def _dismiss(self, line: Line, counted_as: str, code: CloseCode, reason: str) -> None:
+        self._count_refused(counted_as)
+        self._let_go(line, code, reason)
+
+    def _let_go(self, line: Line, code: CloseCode = CloseCode.GOING_AWAY, reason: str = "") -> None:
+        """Close, and cut off a peer that does not do its part in time: waiting for messages alone would not."""
+        self._forget(line.connection)
+        task = asyncio.create_task(line.socket.close(code, reason))
+        self._closing.add(task)
+        task.add_done_callback(self._closing.discard)
+
+    def _full(self) -> None:
+        self._count_refused("full")
+
+    def _count_refused(self, reason: str) -> None:
+        self._measures.count("deconflict_connections_refused_total", reason)
 
     def _measure(self) -> None:
         self._measures.level("deconflict_connections", {(): self._total})
 
 
-def _descriptors() -> int:
+class _BoundedConnection(ServerConnection):
+    """Aborts at once where there are `most` TCP connections, so that accepting can never run out of descriptors.
+
+    Once it does, asyncio logs a traceback for each waiting connection and tries again every second.
+    """
+
+    def __init__(self, *args: Any, most: int, refused: Callable[[], None], **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._most, self._refused = most, refused
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        if len(self.server.handler_tasks) > self._most:
+            self._refused()
+            self.transport.abort()
+
+
+def _keep_alive(socket: Socket) -> None:
+    raw: sockets.socket | None = socket.transport.get_extra_info("socket")
+    if raw is None or raw.fileno() < 0:
+        return
+    raw.setsockopt(sockets.SOL_SOCKET, sockets.SO_KEEPALIVE, 1)
+    for name, value in KEEPALIVE.items():
+        if option := getattr(sockets, name, None):
+            raw.setsockopt(sockets.IPPROTO_TCP, option, value)
+
+
+def descriptors() -> int:
     """How many files this process may have open, after asking for as many as it may."""
-    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = hard if hard != resource.RLIM_INFINITY else 1 << 20
-    resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = hard if hard != resource.RLIM_INFINITY else max(soft, 1 << 16)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+    except (ValueError, OSError):
+        return soft
     return wanted
