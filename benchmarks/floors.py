@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ingest.seam import Floats, Forecasts, Ints
 
@@ -85,7 +84,7 @@ def crowd(robots: int, area_m2: float, *, moving: float = 0.8, seed: int = 1) ->
 
 
 def lanes(robots: int, area_m2: float, *, seed: int = 1) -> World:
-    """Robots that keep to parallel lanes at one speed a lane, a few of them standing: conflicts are rare, as on a site."""
+    """Robots in parallel lanes at one speed a lane, a few of them standing: conflicts are rare, as on a site."""
     made = crowd(robots, area_m2, seed=seed)
     rng = np.random.default_rng([seed, 1])
     gap_m = 2.0
@@ -94,11 +93,11 @@ def lanes(robots: int, area_m2: float, *, seed: int = 1) -> World:
     lane = np.arange(robots) % count
     in_lane = robots // count + 1
     place = (np.arange(robots) // count + rng.uniform(0.0, 0.3, robots)) * side / in_lane
-    speed: NDArray[np.float64] = rng.uniform(0.3, 1.8, count)[lane]
+    speed: Floats = rng.uniform(0.3, 1.8, count)[lane]
     return replace(
         made,
         x=place,
-        y=lane * gap_m,
+        y=lane.astype(np.float64) * gap_m,
         yaw=np.zeros(robots),
         speed=np.where(rng.random(robots) < 0.02, 0.0, speed),
         turn=np.zeros(robots),

@@ -64,16 +64,26 @@ def _hulls(world: World, rows: Sequence[int], step_s: float = 1.0) -> list[Any]:
 
 
 def _commonroad_pass(world: World) -> float:
-    """Every second robot against the others: it asks each trajectory against the obstacles, so half of the pairs.
+    """Each robot against all others, for its first hit.
 
-    Building the hulls is left out, and it stops at a trajectory's first hit; both count in its favour.
+    The batch check holds trajectories against obstacles, and a robot must not be both, or it hits itself. So the
+    robots are split by each digit of their binary number, and either half is held against the other: any two differ
+    in some digit. The hulls are built beforehand and the fastest of its three methods is taken, both in its favour.
     """
     from commonroad_dc.collision.trajectory_queries import trajectory_queries  # noqa: PLC0415
 
     hulls = _hulls(world, range(len(world.x)))
-    return _milliseconds(
-        lambda: trajectory_queries.trajectories_collision_dynamic_obstacles(hulls[0::2], hulls[1::2], method="box2d")
-    )
+    halves = [
+        [[hull for row, hull in enumerate(hulls) if row >> digit & 1 == side] for side in (0, 1)]
+        for digit in range((len(hulls) - 1).bit_length())
+    ]
+
+    def batches() -> None:
+        for clear, set_ in halves:
+            for trajectories, obstacles in ((clear, set_), (set_, clear)):
+                trajectory_queries.trajectories_collision_dynamic_obstacles(trajectories, obstacles, method="grid")
+
+    return _milliseconds(batches)
 
 
 def _commonroad_pairs(world: World, pairs: PairList) -> Iterator[bool]:
@@ -87,7 +97,7 @@ def _of_pairs(world: World, pairs: PairList) -> tuple[list[int], list[Any]]:
 
 
 def _traffic(world: World, rows: Sequence[int]) -> tuple[SimpleNamespace, Floats]:
-    """The robots as BlueSky's aircraft: a position, a speed, a track, and half the largest distance of two envelopes."""
+    """The robots as BlueSky's aircraft, and the diameter of each: of a pair it takes the larger as their distance."""
     metres = 180 / np.pi / 6371000.0
     index = np.asarray(rows)
     zeros = np.zeros(len(index))
@@ -150,7 +160,7 @@ PEERS = (
     Peer(
         "commonroad-drivability-checker",
         "commonroad_dc",
-        "boxes around 1 s of motion, half of the pairs",
+        "boxes around 1 s of motion, robots rather than pairs",
         _commonroad_pass,
         _commonroad_pairs,
     ),

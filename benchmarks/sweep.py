@@ -22,7 +22,7 @@ from benchmarks.floors import NOW_S, World, crowd, lanes
 from benchmarks.peers import HORIZON_S, PEERS, Peer
 from deconflict.sweep import sweep
 from deconflict.sweeper import PairConflicts, Sweeper
-from ingest.seam import Forecasts, Ints
+from ingest.seam import Ints
 from tests.oracle import truth
 
 CLEARANCE_M = 0.3
@@ -79,7 +79,9 @@ def full_passes(repeats: int) -> list[Row]:
             "advanced_pairs": found.advanced_pairs,
             "fcl_calls": found.fcl_calls,
         }
-        rows.append({"robots": robots, "area_m2": area_m2, "moving": moving} | counts | {"cold": cold, "steady": steady})
+        rows.append(
+            {"robots": robots, "area_m2": area_m2, "moving": moving} | counts | {"cold": cold, "steady": steady}
+        )
         print(_full_line(rows[-1]), flush=True)
     return rows
 
@@ -114,7 +116,9 @@ def partial_passes(repeats: int, robots: int) -> list[Row]:
             chosen = np.random.default_rng(changed).choice(robots, changed, replace=False)
             took = timed(lambda chosen=chosen, running=running: running.pass_ms(0.05, chosen), 3 * repeats)  # type: ignore[misc]
             listed = len(running.last.pairs) if running.last else 0
-            rows.append({"floor": name, "robots": robots, "changed": changed, "conflicts": listed, "full_ms": full_ms} | took)
+            rows.append(
+                {"floor": name, "robots": robots, "changed": changed, "conflicts": listed, "full_ms": full_ms} | took
+            )
             print(
                 f"{name:<8}{robots:>7}{changed:>9}{took['min_ms']:>10.2f}{took['median_ms']:>10.2f}"
                 f"{took['min_ms'] / full_ms:>10.1%} of a full pass{listed:>10} conflicts",

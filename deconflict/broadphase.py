@@ -7,174 +7,200 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deconflict.motion import Segments
+from deconflict.motion import Bools, Segments
 from ingest.seam import Floats, Ints
 
 ABSENT = -1
 """Floor of a box that is not there."""
 MIXED = -2
 """Floor of a box in which the robot changes floor; it may meet anything."""
-FEW = 24
+FEW = 12
 """Up to so many changed robots are held against all others one by one; more are sorted into bands."""
-MARGIN_M = 1e-3
-"""Covers the rounding of sort keys."""
+LONG = 6.0
+"""A box so many times as long as most is held against all others one by one."""
+MOST_SHARE = 0.4
+"""Where a larger share of the boxes changed, all are held against those that follow."""
+_NONE = np.empty(0, np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Boxes:
-    """The swept boxes of n robots in s slabs. Arrays are (s, n); slab k of absolute time is row k modulo s."""
+class Pairs:
+    """Pairs of boxes that overlap. Arrays are (p,)."""
 
-    slab: Ints
-    """Which slab each box is of: a row holds some not yet replaced."""
-    floor: Ints
-    x0: Floats
-    x1: Floats
-    y0: Floats
-    y1: Floats
-    first: Ints
-    """Its segments are `first` to `first + count - 1` of the pool."""
-    count: Ints
+    ring: Ints
+    a: Ints
+    b: Ints
 
     @classmethod
-    def none(cls, slabs: int, robots: int) -> "Boxes":
-        def whole(value: int) -> Ints:
-            return np.full((slabs, robots), value, np.int64)
+    def joined(cls, parts: list["Pairs"]) -> "Pairs":
+        return cls(*(np.concatenate([_NONE, *(getattr(part, name) for part in parts)]) for name in cls.__slots__))
 
-        def real() -> Floats:
-            return np.zeros((slabs, robots))
+    def take(self, rows: Ints | Bools | slice) -> "Pairs":
+        return Pairs(self.ring[rows], self.a[rows], self.b[rows])
 
-        return cls(whole(-1), whole(ABSENT), real(), real(), real(), real(), whole(0), whole(0))
 
-    def put(self, rows: Ints, segments: Segments, half: Floats, grow_m: float, offset: int) -> None:
-        """Replace the boxes of robots `rows` by those of their segments, which start at `offset` of the pool.
+def swept_boxes(s: Segments, half: Floats, grow_m: float) -> Floats:
+    """(4, n) west, east, south and north of what each segment covers, grown by `grow_m`.
 
-        `segments.robot` counts along `rows`; `half` (2, rows) are half sides. Boxes are grown by `grow_m`.
+    `half` (2, robots) are half sides by `s.robot`. A robot that turns within a segment counts as its circle.
+    """
+    half_l, half_w = half[0, s.robot], half[1, s.robot]
+    c, n = np.abs(np.cos(s.yaw)), np.abs(np.sin(s.yaw))
+    turning, radius = s.turn != 0, np.hypot(half_l, half_w)
+    reach_x = np.where(turning, radius, c * half_l + n * half_w) + grow_m
+    reach_y = np.where(turning, radius, n * half_l + c * half_w) + grow_m
+    span = s.t1 - s.t0
+    x_end, y_end = s.x + s.vx * span, s.y + s.vy * span
+    return np.stack(
+        [
+            np.minimum(s.x, x_end) - reach_x,
+            np.maximum(s.x, x_end) + reach_x,
+            np.minimum(s.y, y_end) - reach_y,
+            np.maximum(s.y, y_end) + reach_y,
+        ]
+    )
+
+
+class Boxes:
+    """The swept boxes of robots by slab. Arrays are (s, slots); slab k of absolute time is ring row k modulo s."""
+
+    def __init__(self, slabs: int) -> None:
+        self.slab = np.full((slabs, 0), -1, np.int64)
+        """Which slab each box is of: a row holds some that are not yet replaced."""
+        self.floor = np.full((slabs, 0), ABSENT, np.int64)
+        self.sides = np.zeros((4, slabs, 0))
+        """West, east, south, north."""
+        self.first = np.zeros((slabs, 0), np.int64)
+        """Its segments are `first` to `first + count - 1` of the pool."""
+        self.count = np.zeros((slabs, 0), np.int64)
+
+    def grow(self, slots: int) -> None:
+        """Make room for so many slots."""
+        spare = slots - self.slab.shape[1]
+        if spare > 0:
+            wide = ((0, 0), (0, spare))
+            self.slab = np.pad(self.slab, wide, constant_values=-1)
+            self.floor = np.pad(self.floor, wide, constant_values=ABSENT)
+            self.sides = np.pad(self.sides, ((0, 0), *wide))
+            self.first, self.count = np.pad(self.first, wide), np.pad(self.count, wide)
+
+    def clear(self, slots: Ints, rings: Ints) -> None:
+        """Forget the boxes of `slots` in ring rows `rings`."""
+        self.floor[np.ix_(rings, slots)] = ABSENT
+        self.count[np.ix_(rings, slots)] = 0
+
+    def put(self, s: Segments, sides: Floats, offset: int) -> None:
+        """Set the boxes of segments, which start at `offset` of the pool; `s.robot` are slots.
+
+        Segments of a robot follow one another in time.
         """
-        self.floor[:, rows] = ABSENT
-        s = segments
         if not len(s):
             return
         new = np.ones(len(s), bool)
         new[1:] = (s.robot[1:] != s.robot[:-1]) | (s.slab[1:] != s.slab[:-1])
         first = np.flatnonzero(new)
-        at = s.slab[first] % len(self.slab), rows[s.robot[first]]
-        span = s.t1 - s.t0
-        x_end, y_end = s.x + s.vx * span, s.y + s.vy * span
-        reach_x, reach_y = _reach(s, half, grow_m)
+        at = s.slab[first] % len(self.slab), s.robot[first]
         low, high = np.minimum.reduceat(s.floor, first), np.maximum.reduceat(s.floor, first)
         self.slab[at] = s.slab[first]
         self.floor[at] = np.where(low == high, low, MIXED)
-        self.x0[at] = np.minimum.reduceat(np.minimum(s.x, x_end) - reach_x, first)
-        self.x1[at] = np.maximum.reduceat(np.maximum(s.x, x_end) + reach_x, first)
-        self.y0[at] = np.minimum.reduceat(np.minimum(s.y, y_end) - reach_y, first)
-        self.y1[at] = np.maximum.reduceat(np.maximum(s.y, y_end) + reach_y, first)
+        for side, least in enumerate((True, False, True, False)):
+            self.sides[side][at] = (np.minimum if least else np.maximum).reduceat(sides[side], first)
         self.first[at] = first + offset
         self.count[at] = np.diff(np.append(first, len(s)))
 
-    def pairs(self, changed: Ints) -> tuple[Ints, Ints, Ints]:
-        """Ring row, and rows of two robots, the lower first, whose boxes overlap; at least one is `changed`.
+    def pairs(self, changed: Ints, rings: Ints) -> Pairs:
+        """Each pair of boxes of one slab that overlap, in ring rows `rings`, at least one of them `changed`'s; once.
 
         Cost grows with what changed where few did, else with what exists.
         """
         if len(changed) <= FEW:
-            ring, a, b = self._against_all(changed)
-        else:
-            ring, a, b = self._in_bands(changed)
-        n = self.slab.shape[1]
-        low, high = np.minimum(a, b), np.maximum(a, b)
-        once = np.unique((ring * n + low) * n + high)
-        return once // n // n, once // n % n, once % n
-
-    def _against_all(self, changed: Ints) -> tuple[Ints, Ints, Ints]:
-        found: list[tuple[Ints, Ints, Ints]] = [(_NONE, _NONE, _NONE)]
-        for ring in range(len(self.slab)):
-            slab, floor = self.slab[ring], self.floor[ring]
-            x0, x1, y0, y1 = self.x0[ring], self.x1[ring], self.y0[ring], self.y1[ring]
-            for row in changed[floor[changed] != ABSENT].tolist():
-                near = (x0 <= x1[row]) & (x1 >= x0[row]) & (y0 <= y1[row]) & (y1 >= y0[row])
-                others = np.flatnonzero(near)
-                near_floor = floor[others]
-                same = (near_floor == floor[row]) | (near_floor == MIXED) | (floor[row] == MIXED)
-                same &= (near_floor != ABSENT) & (slab[others] == slab[row]) & (others != row)
-                met = others[same]
-                found.append((np.full(len(met), ring), np.full(len(met), row), met))
-        return (
-            np.concatenate([one[0] for one in found]),
-            np.concatenate([one[1] for one in found]),
-            np.concatenate([one[2] for one in found]),
-        )
-
-    def _in_bands(self, changed: Ints) -> tuple[Ints, Ints, Ints]:
+            return Pairs.joined([self._against_all(ring, changed) for ring in rings.tolist()])
         is_changed = np.zeros(self.slab.shape[1], bool)
         is_changed[changed] = True
-        ring, robot = np.nonzero(self.floor != ABSENT)
-        floor = self.floor[ring, robot]
-        x0, x1, y0, y1 = (each[ring, robot] for each in (self.x0, self.x1, self.y0, self.y1))
-        a, b = _overlapping(self.slab[ring, robot], floor, x0, x1, y0, y1)
-        kept = is_changed[robot[a]] | is_changed[robot[b]]
-        a, b = a[kept], b[kept]
-        mixed = np.unique(robot[floor == MIXED])
-        more = self._against_all(mixed)
-        kept = is_changed[more[1]] | is_changed[more[2]]
-        return (
-            np.concatenate([ring[a], more[0][kept]]),
-            np.concatenate([robot[a], more[1][kept]]),
-            np.concatenate([robot[b], more[2][kept]]),
-        )
+        return Pairs.joined([self._in_row(ring, is_changed) for ring in rings.tolist()])
+
+    def _against_all(self, ring: int, chosen: Ints) -> Pairs:
+        """Pairs with one of `chosen`; a pair of two chosen ones once."""
+        slab, floor = self.slab[ring], self.floor[ring]
+        x0, x1, y0, y1 = self.sides[:, ring]
+        found: list[Pairs] = []
+        for row in chosen[floor[chosen] != ABSENT].tolist():
+            near = (x0 <= x1[row]) & (x1 >= x0[row]) & (y0 <= y1[row]) & (y1 >= y0[row])
+            others = np.flatnonzero(near)
+            theirs = floor[others]
+            same = (theirs == floor[row]) | (theirs == MIXED) | (floor[row] == MIXED)
+            same &= (theirs != ABSENT) & (slab[others] == slab[row])
+            same &= (others > row) | ((others < row) & ~np.isin(others, chosen))
+            met = others[same]
+            found.append(Pairs(np.full(len(met), ring), np.full(len(met), row), met))
+        return Pairs.joined(found)
+
+    def _in_row(self, ring: int, is_changed: Bools) -> Pairs:
+        """Pairs of a ring row; the boxes that do not fit in bands are held against all others."""
+        there = np.flatnonzero(self.floor[ring] != ABSENT)
+        if not is_changed[there].any():
+            return Pairs.joined([])
+        width, height = (self.sides[k + 1, ring, there] - self.sides[k, ring, there] for k in (0, 2))
+        most_x, most_y = np.percentile(width, 90), np.percentile(height, 90)
+        odd = (width > LONG * most_x) | (height > LONG * most_y) | (self.floor[ring, there] == MIXED)
+        oddities, even = there[odd], there[~odd]
+        found = self._against_all(ring, oddities)
+        found = found.take(is_changed[found.a] | is_changed[found.b])
+        a, b = self._in_bands(ring, even, is_changed[even], max(float(most_y), 1e-3))
+        return Pairs.joined([found, Pairs(np.full(len(a), ring), a, b)])
+
+    def _in_bands(self, ring: int, there: Ints, is_changed: Bools, height_m: float) -> tuple[Ints, Ints]:
+        """Overlapping pairs of the boxes of slots `there`, all on one floor each.
+
+        Boxes are sorted by slab, floor and band of y, then by x; each is held against those that begin before it ends.
+        A pair that shares several bands counts in the first of them.
+        """
+        if not len(there):
+            return _NONE, _NONE
+        x0, x1, y0, y1 = self.sides[:, ring, there]
+        low = np.floor((y0 - y0.min()) / height_m).astype(np.int64)
+        bands = np.floor((y1 - y0.min()) / height_m).astype(np.int64) - low + 1
+        box = np.repeat(np.arange(len(there)), bands)
+        band = low[box] + counting(bands)
+        levels = _ranked(self.slab[ring, there], self.floor[ring, there])
+        lane = levels[box] * (int(band.max()) + 2) + band
+        west, wide = x0.min(), float((x1 - x0).max())
+        span = float(x1.max() - west) + wide + 2.0
+        begin = lane * span + (x0[box] - west)
+        order = np.argsort(begin)
+        begin, box, band, lane = begin[order], box[order], band[order], lane[order]
+        rounding = 8 * np.spacing(float(begin[-1]))
+        end = lane * span + (x1[box] - west) + rounding
+        if is_changed.mean() > MOST_SHARE:
+            asking = np.arange(len(box))
+            start = asking + 1
+        else:
+            asking = np.flatnonzero(is_changed[box])
+            start = np.searchsorted(begin, begin[asking] - wide - rounding)
+        reach = np.maximum(np.searchsorted(begin, end[asking], "right") - start, 0)
+        a = np.repeat(asking, reach)
+        b = np.repeat(start, reach) + counting(reach)
+        i, j = box[a], box[b]
+        kept = (y0[i] <= y1[j]) & (y1[i] >= y0[j]) & (x0[i] <= x1[j]) & (x1[i] >= x0[j])
+        kept &= band[a] == np.maximum(low[i], low[j])
+        if is_changed.mean() > MOST_SHARE:
+            kept &= is_changed[i] | is_changed[j]
+        else:
+            kept &= (i < j) | ((i != j) & ~is_changed[j])
+        return there[i[kept]], there[j[kept]]
 
 
-_NONE = np.empty(0, np.int64)
-
-
-def _reach(s: Segments, half: Floats, grow_m: float) -> tuple[Floats, Floats]:
-    """How far a robot reaches from its centre along x and y: its own extent, or its circle where it turns."""
-    half_l, half_w = half[0, s.robot], half[1, s.robot]
-    c, n = np.abs(np.cos(s.yaw)), np.abs(np.sin(s.yaw))
-    turning, radius = s.turn != 0, np.hypot(half_l, half_w)
-    reach_x = np.where(turning, radius, c * half_l + n * half_w)
-    reach_y = np.where(turning, radius, n * half_l + c * half_w)
-    return reach_x + grow_m, reach_y + grow_m
-
-
-def _overlapping(slab: Ints, floor: Ints, x0: Floats, x1: Floats, y0: Floats, y1: Floats) -> tuple[Ints, Ints]:
-    """Pairs of boxes of one slab and floor that overlap.
-
-    Boxes are sorted by slab, floor and band of y, then by x; each is held against those that begin before it ends.
-    A pair that shares several bands counts in the first of them.
-    """
-    if not len(x0):
-        return _NONE, _NONE
-    height = max(float(np.percentile(y1 - y0, 90)), 1e-3)
-    low, high = np.floor(y0 / height).astype(np.int64), np.floor(y1 / height).astype(np.int64)
-    bands = high - low + 1
-    box = np.repeat(np.arange(len(x0)), bands)
-    band = low[box] + _counting(bands)
-    lane = _ranked(slab[box], floor[box], band)
-    span, west = float(x1.max() - x0.min()) + 1.0, x0.min()
-    begin = lane * span + (x0[box] - west)
-    order = np.argsort(begin, kind="stable")
-    begin, box, band, lane = begin[order], box[order], band[order], lane[order]
-    end = np.minimum(lane * span + (x1[box] - west) + MARGIN_M, (lane + 1) * span - 0.5)
-    reach = np.maximum(np.searchsorted(begin, end, "right") - np.arange(len(box)) - 1, 0)
-    a = np.repeat(np.arange(len(box)), reach)
-    b = a + 1 + _counting(reach)
-    i, j = box[a], box[b]
-    kept = (y0[i] <= y1[j]) & (y1[i] >= y0[j]) & (band[a] == np.maximum(low[i], low[j]))
-    return i[kept], j[kept]
-
-
-def _counting(lengths: Ints) -> Ints:
+def counting(lengths: Ints) -> Ints:
     """0, 1, ... up to each length in turn."""
-    counting: Ints = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-    return counting
+    numbers: Ints = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    return numbers
 
 
-def _ranked(slab: Ints, floor: Ints, band: Ints) -> Ints:
-    """A number for each combination, without gaps."""
-    order = np.lexsort((band, floor, slab))
-    new = np.zeros(len(order), np.int64)
-    for column in (slab[order], floor[order], band[order]):
-        new[1:] |= column[1:] != column[:-1]
-    ranks = np.empty(len(order), np.int64)
-    ranks[order] = np.cumsum(new)
+def _ranked(slab: Ints, floor: Ints) -> Ints:
+    """A small number for each combination."""
+    if (slab == slab[0]).all() and (floor == floor[0]).all():
+        return np.zeros(len(slab), np.int64)
+    _, slab = np.unique(slab, return_inverse=True)
+    floors, floor = np.unique(floor, return_inverse=True)
+    ranks: Ints = slab * len(floors) + floor
     return ranks

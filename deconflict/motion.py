@@ -14,6 +14,8 @@ from ingest.seam import Floats, Forecasts, Ints
 
 Bools = NDArray[np.bool_]
 
+FARTHEST_M, LATEST_S, MOST_TURNED_RAD = 1e8, 1e11, 1e6
+"""Numbers beyond these are no places, times or headings, and their differences would lose their digits."""
 ROW_SPAN = 1 << 14
 """Seconds that separate one robot's times from the next one's in a sort key."""
 
@@ -51,12 +53,16 @@ def faults(forecasts: Forecasts) -> dict[int, str]:
     counts = np.diff(forecasts.start)
     finite = np.isfinite(forecasts.t_s) & np.isfinite(forecasts.x_m)
     finite &= np.isfinite(forecasts.y_m) & np.isfinite(forecasts.yaw_rad)
+    near = (np.abs(forecasts.x_m) <= FARTHEST_M) & (np.abs(forecasts.y_m) <= FARTHEST_M)
+    near &= (np.abs(forecasts.t_s) <= LATEST_S) & (np.abs(forecasts.yaw_rad) <= MOST_TURNED_RAD)
     owner = np.repeat(np.arange(len(forecasts)), counts)
     later = np.ones(len(owner), bool)
-    later[1:] = (np.diff(forecasts.t_s) > 0) | (owner[1:] != owner[:-1])
+    later[1:] = (forecasts.t_s[1:] > forecasts.t_s[:-1]) | (owner[1:] != owner[:-1])
     for rows, reason in (
         (np.flatnonzero(heights_wrong), "heights-not-ordered"),
         (np.unique(owner[~later]), "times-not-increasing"),
+        (np.flatnonzero((sizes > FARTHEST_M).any(axis=1)), "out-of-range"),
+        (np.unique(owner[~near]), "out-of-range"),
         (np.unique(owner[~finite]), "not-finite"),
         (np.flatnonzero(~(sizes > 0).all(axis=1)), "size-not-positive"),
         (np.flatnonzero(~np.isfinite(sizes).all(axis=1)), "size-not-finite"),
@@ -91,7 +97,7 @@ def _moving(forecasts: Forecasts, first_slab: int, robot: Ints, begin: Floats, e
     following = np.minimum(knot + 1, len(forecasts.t_s) - 1)
     goes_on = (knot + 1 < forecasts.start[robot + 1]) & (forecasts.floor[following] == forecasts.floor[knot])
     span = np.where(goes_on, forecasts.t_s[following] - forecasts.t_s[knot], 1.0)
-    turn = (forecasts.yaw_rad[following] - forecasts.yaw_rad[knot] + np.pi) % (2 * np.pi) - np.pi
+    turn = _wrapped(forecasts.yaw_rad[following] - forecasts.yaw_rad[knot])
     rates = [
         np.where(goes_on, change / span, 0.0)
         for change in (
@@ -109,9 +115,15 @@ def _moving(forecasts: Forecasts, first_slab: int, robot: Ints, begin: Floats, e
         end - slab,
         forecasts.x_m[knot] + rates[0] * into,
         forecasts.y_m[knot] + rates[1] * into,
-        forecasts.yaw_rad[knot] + rates[2] * into,
+        _wrapped(forecasts.yaw_rad[knot]) + rates[2] * into,
         rates[0],
         rates[1],
         rates[2],
         forecasts.floor[knot],
     )
+
+
+def _wrapped(yaw_rad: Floats) -> Floats:
+    """The same heading within [-pi, pi): numpy's sine of a large angle may differ with what stands beside it."""
+    wrapped: Floats = (yaw_rad + np.pi) % (2 * np.pi) - np.pi
+    return wrapped

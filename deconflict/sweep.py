@@ -49,7 +49,7 @@ def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, cleara
     sweeper = Sweeper(clearance_m=clearance_m, horizon_s=horizon_s)
     order = _order(forecasts)
     keys = [f"{rank:012d}" for rank in np.argsort(order)]
-    invalid = [Invalid(keys.index(key), reason) for key, reason in sweeper.update(keys, forecasts)]
+    invalid = sorted((int(order[int(key)]), reason) for key, reason in sweeper.update(keys, forecasts))
     found = sweeper.step(now_s)
     ranks = np.array([(int(a), int(b)) for a, b in found.pairs], np.int64).reshape(-1, 2)
     rows = np.sort(order[ranks], axis=1)
@@ -60,7 +60,7 @@ def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, cleara
         found.separation_m[by_row],
         found.separation_at_s[by_row],
         found.start_separation_m[by_row],
-        tuple(invalid),
+        tuple(Invalid(row, reason) for row, reason in invalid),
     )
 
 

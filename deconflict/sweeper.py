@@ -8,17 +8,22 @@ import numpy as np
 
 from deconflict import motion
 from deconflict.advance import TOLERANCE_M, first_contacts
-from deconflict.broadphase import ABSENT, Boxes
+from deconflict.broadphase import ABSENT, Boxes, Pairs, counting, swept_boxes
 from deconflict.exact import Decider
+from deconflict.meetings import Meetings
 from deconflict.motion import Bools, Segments
-from deconflict.relative import Relative, relative
+from deconflict.relative import relative
+from deconflict.roster import Roster
 from deconflict.separation import smallest
 from ingest.seam import Floats, Forecasts, Ints
 
 AHEAD = 2
 """Slabs cut beyond the horizon, so that a robot that reports every second is cut once for each report."""
 MOST_WASTE = 3
-"""The pool is rebuilt when it holds so many times the segments that are in use."""
+"""The pool is packed anew when it holds so many times the segments that are in use."""
+FEWEST_SEGMENTS = 10_000
+BLOCK = 1 << 15
+"""Pairs of boxes looked at together: memory stays bounded however crowded a floor is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,50 +50,25 @@ class PairConflicts:
     fcl_calls: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Meetings:
-    """Pairs of robots that come within the clearance in one slab. Arrays are (m,); times are since the epoch."""
-
-    a: Ints
-    """Row of the robot with the lower key."""
-    b: Ints
-    slab: Ints
-    contact: Floats
-    separation: Floats
-    separation_at: Floats
-
-    @classmethod
-    def none(cls) -> "Meetings":
-        whole, real = np.empty(0, np.int64), np.empty(0)
-        return cls(whole, whole, whole, real, real, real)
-
-    def take(self, rows: Ints | Bools) -> "Meetings":
-        return Meetings(*(getattr(self, name)[rows] for name in self.__slots__))
-
-    def joined(self, other: "Meetings") -> "Meetings":
-        return Meetings(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in self.__slots__))
-
-
 class Pool:
-    """Segments of all robots, appended as they are cut."""
+    """Segments of all robots with their swept boxes, appended as they are cut; `robot` are slots."""
 
     def __init__(self) -> None:
         self.used = 0
         self.all = motion.segments(Forecasts.empty(), 0, 1)
+        self.sides: Floats = np.zeros((4, 0))
+        """(4, n) west, east, south, north."""
 
-    def append(self, more: Segments) -> int:
+    def append(self, more: Segments, sides: Floats) -> int:
         """Where the appended ones start."""
         start, self.used = self.used, self.used + len(more)
+        spare = max(self.used, 2 * len(self.all)) - len(self.all)
         if self.used > len(self.all):
-            spare = max(self.used, 2 * len(self.all)) - len(self.all)
-            self.all = Segments(
-                *(
-                    np.concatenate([getattr(self.all, name), np.zeros(spare, getattr(self.all, name).dtype)])
-                    for name in Segments.__slots__
-                )
-            )
+            self.all = Segments(*(np.pad(getattr(self.all, name), (0, spare)) for name in Segments.__slots__))
+            self.sides = np.pad(self.sides, ((0, 0), (0, spare)))
         for name in Segments.__slots__:
             getattr(self.all, name)[start : self.used] = getattr(more, name)
+        self.sides[:, start : self.used] = sides
         return start
 
 
@@ -104,14 +84,14 @@ class Sweeper:
             raise ValueError("clearance_m must be at least 0 and horizon_s above 0")
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
         self._slabs = int(np.ceil(horizon_s)) + 1 + AHEAD
-        self._forecasts: dict[str, Forecasts] = {}
-        self._keys: list[str] = []
-        self._rows: dict[str, int] = {}
-        self._told: set[str] = set()
-        self._regrouped = False
-        self._half = self._height = np.empty((2, 0))
-        self._covered = self._appears = np.empty(0)
-        self._pool, self._boxes = Pool(), Boxes.none(self._slabs, 0)
+        self._roster = Roster()
+        self._touched: set[int] = set()
+        """Slots whose robot changed or left since the last pass."""
+        self._told: set[int] = set()
+        """Slots whose forecast is new since the last pass."""
+        self._covered: Ints = np.zeros(0, np.int64)
+        """(slots,) the last slab for which a robot is cut."""
+        self._pool, self._boxes = Pool(), Boxes(self._slabs)
         self._meetings = Meetings.none()
         self._box_pairs = self._segment_pairs = 0
 
@@ -119,149 +99,174 @@ class Sweeper:
         """Replace the forecasts of `keys`, one row each; key and reason of those that can't be swept.
 
         A robot whose new forecast is invalid is off the floor until its next one: its old forecast is no longer what
-        it says.
+        it says. Of a key that is there twice the later row counts.
         """
         wrong = motion.faults(forecasts)
-        for row, key in enumerate(keys):
-            if row in wrong:
-                self.discard([key])
-                continue
-            self._regrouped |= key not in self._forecasts
-            self._forecasts[key] = forecasts.one(row)
-            self._told.add(key)
+        newest = {key: row for row, key in enumerate(keys)}
+        self.discard(key for key, row in newest.items() if row in wrong)
+        good = {key: row for key, row in newest.items() if row not in wrong}
+        if len(good) < len(keys):
+            forecasts = forecasts.take(list(good.values()))
+        if good:
+            slots = self._roster.put(list(good), forecasts).tolist()
+            self._touched.update(slots)
+            self._told.update(slots)
         return tuple((keys[row], reason) for row, reason in sorted(wrong.items()))
 
     def discard(self, keys: Iterable[str]) -> None:
         """Take robots off the floor."""
-        for key in keys:
-            if self._forecasts.pop(key, None) is not None:
-                self._regrouped = True
-            self._told.discard(key)
+        left = self._roster.discard(keys)
+        self._touched.update(left)
+        self._told.difference_update(left)
 
     def step(self, now_s: float) -> PairConflicts:
         """The conflicts in [`now_s`, `now_s` + horizon]."""
         self._box_pairs, self._segment_pairs, decider = 0, 0, Decider(self._clearance_m, TOLERANCE_M)
-        told = self._told
-        self._told = set()
-        changed = self._regroup() if self._regrouped else np.array(sorted(self._rows[key] for key in told), np.int64)
         first_slab, last_slab = floor(now_s), floor(now_s + self._horizon_s)
-        stale = np.flatnonzero((self._covered < last_slab) | (self._covered - self._slabs >= first_slab))
-        changed = np.union1d(changed, stale).astype(np.int64)
-        if len(changed):
-            self._cut(changed, first_slab)
-            self._sweep_again(changed, decider)
-        self._meetings = self._meetings.take(self._meetings.slab >= first_slab)
-        within = self._within(now_s, now_s + self._horizon_s, decider)
-        return self._gathered(within, now_s, told, decider)
+        changed, told = self._taken_in(first_slab)
+        self._keep(changed, first_slab)
+        pairs = [self._cut_anew(changed, first_slab), *self._cut_further(first_slab, last_slab)]
+        blocks = self._blocks(self._oriented(Pairs.joined(pairs)))
+        self._meetings = Meetings.joined([self._meetings, *(self._meet(block, None, decider) for block in blocks)])
+        found = self._within(now_s, now_s + self._horizon_s, decider).by_pair(self._roster.ranks())
+        return self._listed(found, now_s, told, decider)
 
-    def _regroup(self) -> Ints:
-        """Number the robots anew by key: their set changed. All of them are swept again."""
-        self._regrouped = False
-        self._keys = sorted(self._forecasts)
-        self._rows = {key: row for row, key in enumerate(self._keys)}
-        n = len(self._keys)
-        self._half, self._height = np.zeros((2, n)), np.zeros((2, n))
-        self._covered, self._appears = np.full(n, -np.inf), np.zeros(n)
-        self._pool, self._boxes, self._meetings = Pool(), Boxes.none(self._slabs, n), Meetings.none()
-        return np.arange(n)
+    def _taken_in(self, first_slab: int) -> tuple[Ints, Ints]:
+        """The slots to cut anew and those with a new forecast, ascending."""
+        slots = len(self._roster)
+        self._covered = np.pad(self._covered, (0, slots - len(self._covered)))
+        self._boxes.grow(slots)
+        went_back = np.flatnonzero(self._covered - self._slabs >= first_slab).tolist()
+        changed = np.array(sorted(self._touched.union(went_back)), np.int64)
+        told = np.array(sorted(self._told), np.int64)
+        self._touched, self._told = set(), set()
+        return changed, told
 
-    def _cut(self, rows: Ints, first_slab: int) -> None:
-        """Cut the forecasts of `rows` anew from `first_slab` on."""
-        if self._pool.used > MOST_WASTE * max(int(self._boxes.count[self._boxes.floor != ABSENT].sum()), 10_000):
-            self._repool()
-        forecasts = Forecasts.joined(self._forecasts[self._keys[row]] for row in rows)
-        self._half[:, rows] = forecasts.length_m / 2, forecasts.width_m / 2
-        self._height[:, rows] = forecasts.bottom_m, forecasts.top_m
-        self._covered[rows] = first_slab + self._slabs - 1
-        self._appears[rows] = forecasts.t_s[forecasts.start[:-1]]
-        cut = motion.segments(forecasts, first_slab, self._slabs)
-        placed = Segments(rows[cut.robot], *(getattr(cut, name) for name in Segments.__slots__[1:]))
-        offset = self._pool.append(placed)
-        self._boxes.put(rows, cut, self._half[:, rows], self._clearance_m / 2 + TOLERANCE_M, offset)
-
-    def _repool(self) -> None:
-        """Drop the segments that nothing points to any more."""
-        ring, robot = np.nonzero(self._boxes.floor != ABSENT)
-        counts = self._boxes.count[ring, robot]
-        starts = np.cumsum(counts) - counts
-        kept = np.repeat(self._boxes.first[ring, robot] - starts, counts) + np.arange(int(counts.sum()))
-        whole, self._pool = self._pool.all, Pool()
-        self._pool.append(Segments(*(getattr(whole, name)[kept] for name in Segments.__slots__)))
-        self._boxes.first[ring, robot] = starts
-
-    def _sweep_again(self, changed: Ints, decider: Decider) -> None:
-        is_changed = np.zeros(len(self._keys), bool)
+    def _keep(self, changed: Ints, first_slab: int) -> None:
+        """Forget the meetings that are over, and those of robots that changed."""
+        is_changed = np.zeros(len(self._roster), bool)
         is_changed[changed] = True
-        kept = ~(is_changed[self._meetings.a] | is_changed[self._meetings.b])
-        ring, a, b = self._boxes.pairs(changed)
-        tall = (self._height[0, a] <= self._height[1, b]) & (self._height[0, b] <= self._height[1, a])
-        ring, a, b = ring[tall], a[tall], b[tall]
-        met = self._meet(ring, a, b, None, decider)
-        self._meetings = self._meetings.take(kept).joined(met)
+        m = self._meetings
+        kept = (m.slab >= first_slab) & ~is_changed[m.a] & ~is_changed[m.b]
+        if not kept.all():
+            self._meetings = m.take(kept)
 
-    def _meet(self, ring: Ints, a: Ints, b: Ints, times: tuple[float, float] | None, decider: Decider) -> Meetings:
+    def _cut_anew(self, changed: Ints, first_slab: int) -> Pairs:
+        """Cut the robots of `changed` for all slabs from `first_slab` on; the pairs of boxes to look at."""
+        rings = np.arange(self._slabs)
+        self._boxes.clear(changed, rings)
+        present = self._roster.present(changed)
+        if not len(present):
+            return Pairs.joined([])
+        self._cut(present, first_slab, self._slabs)
+        return self._boxes.pairs(present, rings)
+
+    def _cut_further(self, first_slab: int, last_slab: int) -> list[Pairs]:
+        """Cut robots without news for the slabs that have come into view; the pairs of boxes to look at."""
+        behind = self._roster.present(np.flatnonzero(self._covered < last_slab))
+        found = []
+        for covered in np.unique(self._covered[behind]).tolist():
+            rows = behind[self._covered[behind] == covered]
+            begin = max(covered + 1, first_slab)
+            slabs = np.arange(begin, first_slab + self._slabs)
+            self._boxes.clear(rows, slabs % self._slabs)
+            self._cut(rows, begin, len(slabs))
+            found.append(self._boxes.pairs(rows, slabs % self._slabs))
+        return found
+
+    def _cut(self, slots: Ints, first_slab: int, slabs: int) -> None:
+        if self._pool.used > MOST_WASTE * max(int(self._boxes.count.sum()), FEWEST_SEGMENTS):
+            self._pack()
+        self._covered[slots] = first_slab + slabs - 1
+        cut = motion.segments(self._roster.forecasts(slots), first_slab, slabs)
+        placed = Segments(slots[cut.robot], *(getattr(cut, name) for name in Segments.__slots__[1:]))
+        sides = swept_boxes(placed, self._roster.half, self._clearance_m / 2 + TOLERANCE_M)
+        self._boxes.put(placed, sides, self._pool.append(placed, sides))
+
+    def _pack(self) -> None:
+        """Drop the segments that nothing points to any more."""
+        ring, slot = np.nonzero(self._boxes.floor != ABSENT)
+        counts = self._boxes.count[ring, slot]
+        kept = np.repeat(self._boxes.first[ring, slot], counts) + counting(counts)
+        before, self._pool = self._pool, Pool()
+        whole = Segments(*(getattr(before.all, name)[kept] for name in Segments.__slots__))
+        self._pool.append(whole, before.sides[:, kept])
+        self._boxes.first[ring, slot] = np.cumsum(counts) - counts
+
+    def _oriented(self, pairs: Pairs) -> Pairs:
+        """The pairs that are not above one another, the robot with the lower key first."""
+        bottom, top = self._roster.height
+        pairs = pairs.take((bottom[pairs.a] <= top[pairs.b]) & (bottom[pairs.b] <= top[pairs.a]))
+        ranks = self._roster.ranks()
+        swapped = ranks[pairs.a] > ranks[pairs.b]
+        return Pairs(pairs.ring, np.where(swapped, pairs.b, pairs.a), np.where(swapped, pairs.a, pairs.b))
+
+    @staticmethod
+    def _blocks(pairs: Pairs) -> list[Pairs]:
+        return [pairs.take(slice(start, start + BLOCK)) for start in range(0, len(pairs.ring), BLOCK)]
+
+    def _meet(self, pairs: Pairs, times: tuple[float, float] | None, decider: Decider) -> Meetings:
         """The meetings of pairs in their slabs, or in the part of them between `times`."""
-        moved, owner = self._segments_of(ring, a, b)
-        slab = self._boxes.slab[ring, a]
+        of_a, of_b, owner = self._segments_of(pairs)
+        near = self._share_room(of_a, of_b)
+        owner, moved = owner[near], relative(self._pool.all, of_a[near], of_b[near], self._roster.half)
+        slab = self._boxes.slab[pairs.ring, pairs.a]
         if times is not None:
             moved = moved.clipped(*(np.asarray(t - slab[owner], np.float64) for t in times))
             lasting = moved.begin <= moved.end
             moved, owner = moved.take(lasting), owner[lasting]
-        self._box_pairs += len(ring)
+        self._box_pairs += len(slab)
         self._segment_pairs += len(moved)
-        contact = np.full(len(ring), np.inf)
+        contact = np.full(len(slab), np.inf)
         np.minimum.at(contact, owner, first_contacts(moved, self._clearance_m, decider))
         hit = np.isfinite(contact)
         index = np.cumsum(hit) - 1
         near = hit[owner]
         separation, at = smallest(moved.take(near), index[owner[near]], int(hit.sum()))
-        return Meetings(a[hit], b[hit], slab[hit], slab[hit] + contact[hit], separation, slab[hit] + at)
+        slab = slab[hit]
+        return Meetings(pairs.a[hit], pairs.b[hit], slab, slab + contact[hit], separation, slab + at)
 
-    def _segments_of(self, ring: Ints, a: Ints, b: Ints) -> tuple[Relative, Ints]:
-        """Each segment of A against each of B that shares its time and floor, and the pair that it belongs to."""
-        count_a, count_b = self._boxes.count[ring, a], self._boxes.count[ring, b]
+    def _segments_of(self, pairs: Pairs) -> tuple[Ints, Ints, Ints]:
+        """Each segment of A and each of B that share some time and floor, and the pair that they belong to."""
+        count_a, count_b = self._boxes.count[pairs.ring, pairs.a], self._boxes.count[pairs.ring, pairs.b]
         each = count_a * count_b
-        owner = np.repeat(np.arange(len(ring)), each)
-        nth = np.arange(len(owner)) - np.repeat(np.cumsum(each) - each, each)
-        of_a = self._boxes.first[ring, a][owner] + nth // count_b[owner]
-        of_b = self._boxes.first[ring, b][owner] + nth % count_b[owner]
+        owner = np.repeat(np.arange(len(each)), each)
+        nth = counting(each)
+        of_a = self._boxes.first[pairs.ring, pairs.a][owner] + nth // count_b[owner]
+        of_b = self._boxes.first[pairs.ring, pairs.b][owner] + nth % count_b[owner]
         s = self._pool.all
-        shared = (np.maximum(s.t0[of_a], s.t0[of_b]) < np.minimum(s.t1[of_a], s.t1[of_b])) & (
-            s.floor[of_a] == s.floor[of_b]
-        )
-        of_a, of_b, owner = of_a[shared], of_b[shared], owner[shared]
-        return relative(s, of_a, of_b, self._half), owner
+        shared = np.maximum(s.t0[of_a], s.t0[of_b]) < np.minimum(s.t1[of_a], s.t1[of_b])
+        shared &= s.floor[of_a] == s.floor[of_b]
+        return of_a[shared], of_b[shared], owner[shared]
+
+    def _share_room(self, of_a: Ints, of_b: Ints) -> Bools:
+        """Whether the swept boxes of segments overlap."""
+        west, east, south, north = self._pool.sides
+        shared: Bools = (west[of_a] <= east[of_b]) & (west[of_b] <= east[of_a])
+        shared &= (south[of_a] <= north[of_b]) & (south[of_b] <= north[of_a])
+        return shared
 
     def _within(self, begin_s: float, end_s: float, decider: Decider) -> Meetings:
         """The meetings of the horizon; those that one of its edges cuts are looked at again for the part inside."""
         m = self._meetings
-        outside = (m.contact > end_s) | (m.slab > end_s)
-        m = m.take(~outside)
-        cut = (m.contact < begin_s) | (m.separation_at < begin_s) | (m.separation_at > end_s)
+        inside = (m.contact <= end_s) & (m.slab <= end_s)
+        cut = inside & ((m.contact < begin_s) | (m.separation_at < begin_s) | (m.separation_at > end_s))
         if not cut.any():
-            return m
-        ring = m.slab[cut] % self._slabs
-        again = self._meet(ring, m.a[cut], m.b[cut], (begin_s, end_s), decider)
-        return m.take(~cut).joined(again)
+            return m.take(inside)
+        again = Pairs(m.slab[cut] % self._slabs, m.a[cut], m.b[cut])
+        return Meetings.joined([m.take(inside & ~cut), self._meet(again, (begin_s, end_s), decider)])
 
-    def _gathered(self, m: Meetings, now_s: float, told: set[str], decider: Decider) -> PairConflicts:
-        """One row for each pair: its first contact, its smallest separation."""
-        order = np.lexsort((m.slab, m.b, m.a))
-        m = m.take(order)
-        new = np.ones(len(m.a), bool)
-        new[1:] = (m.a[1:] != m.a[:-1]) | (m.b[1:] != m.b[:-1])
-        first = np.flatnonzero(new)
-        pair = np.cumsum(new) - 1
-        nearest = np.lexsort((m.separation_at, m.separation, pair))[first] if len(first) else first
-        a, b = m.a[first], m.b[first]
-        is_told = np.array([key in told for key in self._keys], bool) if len(told) else np.zeros(len(self._keys), bool)
+    def _listed(self, m: Meetings, now_s: float, told: Ints, decider: Decider) -> PairConflicts:
+        keys = self._roster.keys
+        is_told = np.zeros(len(keys), bool)
+        is_told[told] = True
         return PairConflicts(
-            pairs=tuple((self._keys[i], self._keys[j]) for i, j in zip(a.tolist(), b.tolist(), strict=True)),
-            contact_s=np.maximum(np.minimum.reduceat(m.contact, first), now_s) if len(first) else m.contact,
-            separation_m=m.separation[nearest],
-            separation_at_s=m.separation_at[nearest],
-            start_separation_m=self._start_separation(a, b, now_s),
-            fresh=is_told[a] | is_told[b],
+            pairs=tuple([(keys[i], keys[j]) for i, j in zip(m.a.tolist(), m.b.tolist(), strict=True)]),
+            contact_s=np.maximum(m.contact, now_s),
+            separation_m=m.separation,
+            separation_at_s=m.separation_at,
+            start_separation_m=self._start_separation(m.a, m.b, now_s),
+            fresh=is_told[m.a] | is_told[m.b],
             box_pairs=self._box_pairs,
             segment_pairs=self._segment_pairs,
             advanced_pairs=decider.asked,
@@ -269,10 +274,11 @@ class Sweeper:
         )
 
     def _start_separation(self, a: Ints, b: Ints, now_s: float) -> Floats:
-        start_s = np.maximum(now_s, np.maximum(self._appears[a], self._appears[b]))
+        start_s = np.maximum(now_s, np.maximum(self._roster.appears[a], self._roster.appears[b]))
         slab = np.floor(start_s).astype(np.int64)
-        ring, into = slab % self._slabs, np.asarray(start_s - slab, np.float64)
-        moved, owner = self._segments_of(ring, a, b)
+        into = np.asarray(start_s - slab, np.float64)
+        of_a, of_b, owner = self._segments_of(Pairs(slab % self._slabs, a, b))
+        moved = relative(self._pool.all, of_a, of_b, self._roster.half)
         here = (moved.begin <= into[owner]) & (into[owner] < moved.end)
         moved, owner = moved.take(here), owner[here]
         separation = np.full(len(a), np.inf)
