@@ -86,7 +86,7 @@ _WHEN = (
     Rule("stamp-spelling", "A timestamp has a space for T, a lower-case letter, a comma or spaces; read.", "5.1.2"),
     Rule("stamp-epoch", "A timestamp counts from 1970; read as seconds, ms, us or ns by its size.", "5.1.2"),
     _in_context("stamp-not-increasing", "Older than a status already had; the newer one holds.", "5.1.2"),
-    _in_context("stamp-stale", "Took long to arrive, or says again what was said before.", "5.1.2"),
+    _in_context("stamp-stale", "Took two seconds longer than others to arrive; used as of when it was sent.", "5.1.2"),
     _in_context("clock-off", "The sender's clock is off; corrected by the estimate.", "5.1.2"),
     _in_context("status-too-frequent", "More than one status a second; used.", "5.4"),
     _in_context("status-too-rare", "More than thirty seconds since the last status.", "5.4"),

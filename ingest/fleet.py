@@ -25,6 +25,8 @@ from ingest.seam import Basis, Batch, Forecasts
 from ingest.settings import Reading
 from ingest.vendors import UNKNOWN, Vendors
 
+STALE_S = 2.0
+"""A status that takes this much longer than the sender's quickest is stale."""
 NOWHERE = -1
 """Floor index of a frame that is compared with nothing."""
 
@@ -78,6 +80,10 @@ class Fleet:
             self._count(vendor, message.findings, None)
             self.refuse(message.rule, message.reason, raw, arrival_s, connection, vendor=vendor)
             return message.rule
+        if isinstance(message, Status) and not self._has_place(message, connection):
+            reason = f"location {message.x}, {message.y} is nowhere on datum {message.datum}; check units and order"
+            self.refuse("position-absurd", reason, raw, arrival_s, connection)
+            return "position-absurd"
         robot = self.robots.get(message.uuid) or self._admit(message.uuid, connection)
         if isinstance(message, Identity):
             findings = self._identify(robot, message, raw, arrival_s, connection)
@@ -202,6 +208,8 @@ class Fleet:
         robot.clock.update(status.stamp_s, arrival_s, status.stamp_resolution_s)
         event_s = robot.clock.event_s(status.stamp_s, arrival_s)
         findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
+        if robot.clock.delay_s > STALE_S + status.stamp_resolution_s:
+            findings += ("stamp-stale",)
         if abs(robot.clock.offset_s) > self.reading.clock_tolerance_s + status.stamp_resolution_s:
             findings += ("clock-off",)
         if robot.seen:
@@ -248,6 +256,11 @@ class Fleet:
         if not frame.comparable:
             return frame, NOWHERE
         return frame, self._floors.setdefault(frame.floor, len(self._floors))
+
+    def _has_place(self, status: Status, connection: Connection) -> bool:
+        """Whether the location lies anywhere: degrees may be such as no place has."""
+        frame = self._frames.frame(self._vendor_of(status.uuid, connection), status.datum)
+        return bool(np.isfinite(frame.to_floor(np.array([[status.x, status.y, 0.0]]))).all())
 
     def _frame_of(self, vendor: str, own_datum: str) -> "_FrameOf":
         return _FrameOf(self, vendor, own_datum)

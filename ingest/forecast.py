@@ -137,6 +137,8 @@ def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> tup
     if not len(path.poses):
         return None
     points, floors = _on_floors(path, view)
+    if not len(points):
+        return None
     times = points[:, 0]
     if np.any(np.diff(times) <= 0) or times[-1] <= here.t_s:
         retimed = _retime(points, here, view.body)
@@ -158,19 +160,26 @@ def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> tup
 
 
 def _on_floors(path: Path, view: View) -> tuple[Floats, list[int]]:
-    """`(p, 4)` poses as t_s, x_m, y_m, yaw_rad in floor frames, and the floor of each."""
+    """`(p, 4)` poses as t_s, x_m, y_m, yaw_rad in floor frames, and the floor of each.
+
+    Points that have no place there, such as degrees that no latitude has, are left out.
+    """
     points = np.empty((len(path.poses), 4))
     points[:, 0] = path.poses[:, 0] + view.clock_offset_s
     if not any(path.datums):
         frame, floor = view.frame_of("")
         points[:, 1:] = frame.to_floor(path.poses[:, (1, 2, 4)])
-        return points, [floor] * len(points)
-    floors = []
-    for row, datum in enumerate(path.datums):
-        frame, floor = view.frame_of(datum)
-        points[row, 1:] = frame.to_floor(path.poses[row : row + 1, (1, 2, 4)])[0]
-        floors.append(floor)
-    return points, floors
+        floors = [floor] * len(points)
+    else:
+        floors = []
+        for row, datum in enumerate(path.datums):
+            frame, floor = view.frame_of(datum)
+            points[row, 1:] = frame.to_floor(path.poses[row : row + 1, (1, 2, 4)])[0]
+            floors.append(floor)
+    placed = np.isfinite(points[:, :3]).all(axis=1)
+    if placed.all():
+        return points, floors
+    return points[placed], [floor for floor, keep in zip(floors, placed, strict=True) if keep]
 
 
 def _retime(points: Floats, here: Sighting, body: Body) -> Floats | None:

@@ -249,3 +249,24 @@ def test_stamps_in_whole_seconds_are_no_sign_of_a_wrong_clock() -> None:
         stamp = f"2026-09-21T14:13:2{i}+0000"
         one.receive(status("A-1", 0.0, timestamp=stamp), NOW_S + i + 0.7, LINE)
     assert "clock-off" not in document(one, "A-1")["deviations"]
+
+
+def test_degrees_that_no_place_has_are_rejected_and_the_robot_stays_where_it_was() -> None:
+    hall = Datum(id=HALL, name="Hall", coordinates="latlon", reference_location=(42.36, -71.06))
+    one = fleet(datums=(hall,))
+    assert one.receive(status("A-1", NOW_S, 42.3601, -71.0601), NOW_S, LINE) is None
+    assert one.receive(status("A-1", NOW_S + 1, 1200.0, -71.0601), NOW_S + 1, LINE) == "position-absurd"
+    assert abs(document(one, "A-1")["location"]["x"]) < 20
+    path = points((NOW_S + 3, 4e6, 0.0, 0.0), (NOW_S + 4, 42.3601, -71.0601, 0.0))
+    one.receive(status("A-1", NOW_S + 2, 42.3601, -71.0601, path=path), NOW_S + 2, LINE)
+    forecasts = one.cut(NOW_S + 2).forecasts
+    assert np.isfinite(forecasts.x_m).all()
+    assert len(forecasts.t_s) == 2
+
+
+def test_a_status_that_took_long_is_stale() -> None:
+    one = fleet()
+    for i in range(4):
+        one.receive(status("A-1", NOW_S + i), NOW_S + i + 0.05, LINE)
+    one.receive(status("A-1", NOW_S + 4), NOW_S + 7, LINE)
+    assert document(one, "A-1")["deviations"]["stamp-stale"] == 1
