@@ -176,10 +176,8 @@ def _on_floors(path: Path, view: View) -> tuple[Floats, list[int]]:
             frame, floor = view.frame_of(datum)
             points[row, 1:] = frame.to_floor(path.poses[row : row + 1, (1, 2, 4)])[0]
             floors.append(floor)
-    placed = np.isfinite(points[:, :3]).all(axis=1)
-    if placed.all():
-        return points, floors
-    return points[placed], [floor for floor, keep in zip(floors, placed, strict=True) if keep]
+    placed = np.flatnonzero(np.isfinite(points[:, :3]).all(axis=1))
+    return points[placed], [floors[row] for row in placed]
 
 
 def _retime(points: Floats, here: Sighting, body: Body) -> Floats | None:
