@@ -1,99 +1,130 @@
-"""What the broad phase leaves out could not have met: crowds against the oracle, which looks at every pair."""
-
-from itertools import combinations
+"""No pair of boxes that overlap is lost, whichever way they are looked for, and most pairs are."""
 
 import numpy as np
 import pytest
-from numpy.random import Generator
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from deconflict.sweeper import PairConflicts, Sweeper
-from ingest.seam import Forecasts
-from tests.deconflict.made_encounters import HORIZON_S, NOW_S, moved, robot, wanderer
-from tests.oracle import truth
+from deconflict import motion
+from deconflict.broadphase import ABSENT, FEW, LONG, MIXED, MOST_SHARE, Boxes, swept_boxes
+from deconflict.sweeper import Pool
+from ingest.seam import Forecasts, Ints
+from tests.deconflict.made_encounters import NOW_S, wanderer
 
-CLEARANCE_M = 0.25
+SLABS = 4
 
 
-def swept(crowd: Forecasts, *, batch: int | None = None) -> PairConflicts:
-    """All at once, or in steps of `batch` robots, each held against those that are there already."""
-    sweeper = Sweeper(clearance_m=CLEARANCE_M)
-    keys = [f"{row:04d}" for row in range(len(crowd))]
-    for begin in range(0, len(crowd), batch or len(crowd)):
-        rows = range(begin, min(begin + (batch or len(crowd)), len(crowd)))
-        sweeper.update([keys[row] for row in rows], crowd.take(rows))
-        found = sweeper.step(NOW_S)
+def random_boxes(seed: int, robots: int, *, floors: int = 2, longest_m: float = 5.0, spread_m: float = 40.0) -> Boxes:
+    """Boxes of which some are absent, some of an old slab, some on several floors, a few very long or far away."""
+    rng = np.random.default_rng(seed)
+    boxes = Boxes(SLABS)
+    boxes.grow(robots)
+    boxes.slab[:] = np.arange(SLABS)[:, None] + SLABS * (rng.random((SLABS, robots)) < 0.9)
+    boxes.floor[:] = rng.choice(
+        [ABSENT, MIXED, *range(floors)], (SLABS, robots), p=[0.1, 0.05, *[0.85 / floors] * floors]
+    )
+    west, south = rng.uniform(-spread_m, spread_m, (2, SLABS, robots))
+    long, far = rng.random((2, SLABS, robots)) < 0.02
+    width, height = rng.uniform(0, longest_m, (2, SLABS, robots)) * np.where(long, 10 * LONG, 1)
+    west = np.where(far, west * 1e6, west)
+    boxes.sides[:] = west, west + width, south, south + height
+    return boxes
+
+
+def by_force(boxes: Boxes, changed: Ints) -> set[tuple[int, int, int]]:
+    """All pairs of ring row, lower and higher slot, tried one by one."""
+    found = set()
+    for ring in range(SLABS):
+        slab, floor, (west, east, south, north) = boxes.slab[ring], boxes.floor[ring], boxes.sides[:, ring]
+        overlap = (west[:, None] <= east) & (west <= east[:, None])
+        overlap &= (south[:, None] <= north) & (south <= north[:, None])
+        overlap &= (slab[:, None] == slab) & (floor[:, None] != ABSENT) & (floor != ABSENT)
+        overlap &= (floor[:, None] == floor) | (floor[:, None] == MIXED) | (floor == MIXED)
+        overlap &= np.isin(np.arange(len(slab)), changed)[:, None] | np.isin(np.arange(len(slab)), changed)
+        found |= {(ring, a, b) for a, b in np.argwhere(np.triu(overlap, 1)).tolist()}
     return found
 
 
-def spread(rng: Generator, robots: int, side_m: float) -> list[Forecasts]:
-    return [wanderer(rng, spread_m=side_m / 2) for _ in range(robots)]
+def found_by(boxes: Boxes, changed: Ints) -> list[tuple[int, int, int]]:
+    pairs = boxes.pairs(changed, np.arange(SLABS))
+    columns = pairs.ring, np.minimum(pairs.a, pairs.b), np.maximum(pairs.a, pairs.b)
+    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def mixed_sizes(rng: Generator) -> list[Forecasts]:
-    """Tow trains, fast ones and many small robots, some of which turn."""
-    trains = [
-        robot([0, 11], rng.uniform(-20, 20, 2), rng.uniform(-20, 20, 2), rng.uniform(-3, 3), (14, 1)) for _ in range(4)
-    ]
-    fast = [wanderer(rng, speed_mps=16, spread_m=20) for _ in range(6)]
-    return [*trains, *fast, *spread(rng, 45, 40)]
+def check(boxes: Boxes, changed: Ints) -> None:
+    found = found_by(boxes, changed)
+    assert len(set(found)) == len(found)
+    assert set(found) == by_force(boxes, changed)
 
 
-def in_a_row(rng: Generator) -> list[Forecasts]:
-    """All in one aisle, far from the origin, all edges alike."""
-    return [moved(robot([0], [1.3 * i], [0], 0, (1, 1)), -9_000.0, 9_000.0) for i in range(40)] + [
-        moved(wanderer(rng, spread_m=3), -8_980.0, 9_000.0) for _ in range(10)
-    ]
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5 * MOST_SHARE, MOST_SHARE, 1.0])
+@pytest.mark.parametrize("robots", [150, 600])
+def test_finds_each_pair_that_brute_force_finds_once(robots: int, share: float) -> None:
+    boxes = random_boxes(robots, robots)
+    changed = np.random.default_rng(0).permutation(robots)[: int(share * robots)]
+    check(boxes, changed)
 
 
-def on_many_floors(rng: Generator) -> list[Forecasts]:
-    """Some change floor within the horizon, even within a second."""
-    found = []
-    for one in spread(rng, 55, 12):
-        t = one.t_s - NOW_S
-        floor = rng.integers(-1, 3, len(t)) if rng.random() < 0.5 else np.full(len(t), rng.integers(0, 3))
-        found.append(robot(t, one.x_m, one.y_m, one.yaw_rad, (one.length_m[0], one.width_m[0]), floor=floor))
-    return found
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 2**32),
+    robots=st.integers(1, 80),
+    changed=st.integers(0, 80),
+    longest_m=st.sampled_from([0.0, 0.5, 5.0, 500.0]),
+    floors=st.integers(1, 5),
+)
+def test_finds_each_pair_wherever_hypothesis_looks(
+    seed: int, robots: int, changed: int, longest_m: float, floors: int
+) -> None:
+    boxes = random_boxes(seed, robots, floors=floors, longest_m=longest_m)
+    check(boxes, np.random.default_rng(seed).permutation(robots)[:changed])
 
 
-CROWDS = {
-    "dense": lambda rng: spread(rng, 45, 8),
-    "sparse": lambda rng: spread(rng, 60, 60),
-    "mixed_sizes": mixed_sizes,
-    "in_a_row": in_a_row,
-    "on_many_floors": on_many_floors,
-}
+def test_discards_almost_all_pairs_of_a_large_floor() -> None:
+    boxes = random_boxes(9, 1000, floors=1, longest_m=3.0, spread_m=60.0)
+    for changed in (np.arange(1000), np.arange(FEW + 1), np.arange(FEW)):
+        possible = SLABS * len(changed) * 1000
+        assert 0 < len(found_by(boxes, changed)) < possible / 20
 
 
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("kind", CROWDS)
-def test_no_pair_that_meets_is_left_out(kind: str, seed: int) -> None:
-    crowd = Forecasts.joined(CROWDS[kind](np.random.default_rng([seed, 51])))
-    pairs = list(combinations(range(len(crowd)), 2))
-    closest = truth(crowd, pairs, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=CLEARANCE_M).closest_m
-    meet = {pair for pair, apart in zip(pairs, closest.tolist(), strict=True) if apart <= CLEARANCE_M}
-    nearly = {pair for pair, apart in zip(pairs, closest.tolist(), strict=True) if apart <= CLEARANCE_M + 1e-3}
-    assert 3 < len(meet) < 0.9 * len(pairs)
-    for batch in (None, 1, 17):
-        found = {(int(a), int(b)) for a, b in swept(crowd, batch=batch).pairs}
-        assert meet <= found <= nearly
+def test_a_swept_box_holds_all_corners_of_its_segment() -> None:
+    rng = np.random.default_rng(1)
+    forecasts = Forecasts.joined(wanderer(rng) for _ in range(100))
+    half = np.stack([forecasts.length_m, forecasts.width_m]) / 2
+    cut = motion.segments(forecasts, int(NOW_S), 10)
+    west, east, south, north = swept_boxes(cut, half, 0.0)
+    margins = []
+    for share in np.linspace(0, 1, 9):
+        into = share * (cut.t1 - cut.t0)
+        yaw = cut.yaw + cut.turn * into
+        for along, across in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            u, w = along * half[0, cut.robot], across * half[1, cut.robot]
+            x = cut.x + cut.vx * into + u * np.cos(yaw) - w * np.sin(yaw)
+            y = cut.y + cut.vy * into + u * np.sin(yaw) + w * np.cos(yaw)
+            margins.append(np.minimum.reduce([x - west, east - x, y - south, north - y]))
+    nearest = np.min(margins, axis=0)
+    assert nearest.min() > -1e-9
+    assert np.median(nearest[cut.turn == 0]) < 1e-9
 
 
-def test_it_does_leave_out_nearly_everything_on_a_wide_floor() -> None:
-    crowd = Forecasts.joined(spread(np.random.default_rng(52), 300, 120))
-    all_pairs = len(crowd) * (len(crowd) - 1) / 2
-    assert swept(crowd).segment_pairs < all_pairs * HORIZON_S / 50
-
-
-def test_robots_of_other_floors_are_not_looked_at() -> None:
-    crowd = Forecasts.joined(robot([0], [0], [0], 0, (1, 1), floor=floor) for floor in range(50))
-    assert swept(crowd).segment_pairs == 0
-
-
-def test_one_that_changed_is_not_held_against_all_over_again() -> None:
-    rng = np.random.default_rng(53)
-    crowd = Forecasts.joined(spread(rng, 300, 120))
-    sweeper = Sweeper(clearance_m=CLEARANCE_M)
-    sweeper.update([str(row) for row in range(300)], crowd)
-    first = sweeper.step(NOW_S)
-    sweeper.update(["7"], crowd.one(7))
-    assert sweeper.step(NOW_S).segment_pairs < first.segment_pairs / 10
+def test_boxes_are_put_where_their_segments_are() -> None:
+    rng = np.random.default_rng(2)
+    forecasts = Forecasts.joined(wanderer(rng, knots=12) for _ in range(30))
+    half = np.stack([forecasts.length_m, forecasts.width_m]) / 2
+    first_slab = int(NOW_S)
+    cut = motion.segments(forecasts, first_slab, SLABS)
+    pool, boxes = Pool(), Boxes(SLABS)
+    boxes.grow(30)
+    sides = swept_boxes(cut, half, 0.1)
+    boxes.put(cut, sides, pool.append(cut, sides))
+    for slab in range(first_slab, first_slab + SLABS):
+        ring = slab % SLABS
+        for slot in range(30):
+            rows = boxes.first[ring, slot] + np.arange(boxes.count[ring, slot])
+            held = np.flatnonzero((cut.robot == slot) & (cut.slab == slab))
+            np.testing.assert_array_equal(rows, held)
+            west, east, south, north = boxes.sides[:, ring, slot]
+            assert (west, south) == tuple(pool.sides[[0, 2]][:, held].min(axis=1))
+            assert (east, north) == tuple(pool.sides[[1, 3]][:, held].max(axis=1))
+    boxes.clear(np.arange(30), np.array([first_slab % SLABS]))
+    assert (boxes.floor == ABSENT).sum() == 30
