@@ -1,6 +1,7 @@
 """Seeded encounters of two robots, by family. Each maker takes a generator and gives the two forecasts."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
@@ -58,12 +59,7 @@ def wanderer(rng: Generator, *, speed_mps: float = 2.0, spread_m: float = 4.0, k
 
 
 def moved(forecast: Forecasts, dx: float, dy: float) -> Forecasts:
-    return _with(forecast, x_m=forecast.x_m + dx, y_m=forecast.y_m + dy)
-
-
-def _with(forecast: Forecasts, **columns: NDArray[np.generic]) -> Forecasts:
-    names = ("start", "t_s", "x_m", "y_m", "yaw_rad", "floor", "length_m", "width_m", "bottom_m", "top_m")
-    return Forecasts(**{name: columns.get(name, getattr(forecast, name)) for name in names})
+    return replace(forecast, x_m=forecast.x_m + dx, y_m=forecast.y_m + dy)
 
 
 def random(rng: Generator) -> Pair:
@@ -101,7 +97,7 @@ def contact_at_start(rng: Generator) -> Pair:
 def identical_motion(rng: Generator, clearance_m: float = 0.0) -> Pair:
     a = wanderer(rng)
     (la, wa), off = size(rng), rng.choice([-1.0, 1.0]) * 10.0 ** -int(rng.integers(1, 5))
-    a = _with(a, length_m=np.array([la]), width_m=np.array([wa]), yaw_rad=np.full(len(a.t_s), a.yaw_rad[0]))
+    a = replace(a, length_m=np.array([la]), width_m=np.array([wa]), yaw_rad=np.full(len(a.t_s), a.yaw_rad[0]))
     yaw, apart = float(a.yaw_rad[0]), wa + clearance_m + off
     return a, moved(a, -np.sin(yaw) * apart, np.cos(yaw) * apart)
 
@@ -140,7 +136,7 @@ def head_on(rng: Generator) -> Pair:
 
 def thin(rng: Generator) -> Pair:
     a, b = wanderer(rng, spread_m=1.5), wanderer(rng, spread_m=1.5)
-    return _with(a, width_m=np.array([0.01])), _with(b, length_m=np.array([0.01])) if rng.random() < 0.5 else b
+    return replace(a, width_m=np.array([0.01])), replace(b, length_m=np.array([0.01])) if rng.random() < 0.5 else b
 
 
 def far_from_origin(rng: Generator) -> Pair:
@@ -195,7 +191,7 @@ def late_or_early(rng: Generator) -> Pair:
     def one() -> Forecasts:
         w = wanderer(rng, spread_m=1.0)
         shift = rng.choice([-30.0, rng.uniform(0, 9), -rng.uniform(4, 11)])
-        return _with(w, t_s=w.t_s + shift)
+        return replace(w, t_s=w.t_s + shift)
 
     return one(), one()
 
@@ -203,7 +199,7 @@ def late_or_early(rng: Generator) -> Pair:
 def floor_changes(rng: Generator) -> Pair:
     def rides() -> Forecasts:
         w = wanderer(rng, spread_m=2.0, knots=10)
-        return _with(w, floor=np.repeat(rng.integers(-1, 3, 5), 2)[: len(w.t_s)])
+        return replace(w, floor=np.repeat(rng.integers(-1, 3, 5), 2)[: len(w.t_s)])
 
     return rides(), rides() if rng.random() < 0.6 else wanderer(rng, spread_m=2.0)
 
@@ -215,7 +211,7 @@ def heights(rng: Generator) -> Pair:
         bottom = rng.choice([0.0, 0.3, 1.0])
         top = rng.choice([np.inf, bottom, bottom + 0.3, bottom + 1.0])
         w = wanderer(rng, spread_m=2.0)
-        return _with(w, bottom_m=np.array([rng.choice([-np.inf, bottom])]), top_m=np.array([top]))
+        return replace(w, bottom_m=np.array([rng.choice([-np.inf, bottom])]), top_m=np.array([top]))
 
     return low_or_high(), low_or_high()
 
@@ -256,7 +252,7 @@ def encounters(family: str, count: int, seed: int, clearance_m: float) -> Foreca
     """`count` pairs, rows 2 i and 2 i + 1, each on floors of its own, so that one sweep answers for all."""
     rng = np.random.default_rng(seed)
     return Forecasts.joined(
-        _with(one, floor=np.where(one.floor >= 0, one.floor + 4 * number, -1))
+        replace(one, floor=np.where(one.floor >= 0, one.floor + 4 * number, -1))
         for number in range(count)
         for one in FAMILIES[family](rng, clearance_m)
     )
@@ -278,7 +274,7 @@ def grazing(family: str, count: int, seed: int, clearance_m: float) -> Forecasts
     def drawn(apart: Floats) -> Forecasts:
         by = np.where(owner % 2, apart[owner // 2], 0.0)
         angle = direction[owner // 2]
-        return _with(start, x_m=start.x_m + by * np.cos(angle), y_m=start.y_m + by * np.sin(angle))
+        return replace(start, x_m=start.x_m + by * np.cos(angle), y_m=start.y_m + by * np.sin(angle))
 
     for _ in range(26):
         middle = (near + far) / 2
@@ -295,7 +291,7 @@ def _meeting_at(forecasts: Forecasts, into_s: Floats) -> Forecasts:
         a, b = (slice(*forecasts.start[row : row + 2]) for row in (first, second))
         for axis in (x, y):
             axis[b] += np.interp(t, forecasts.t_s[a], axis[a]) - np.interp(t, forecasts.t_s[b], axis[b])
-    return _with(forecasts, x_m=x, y_m=y)
+    return replace(forecasts, x_m=x, y_m=y)
 
 
 def rows_of_pairs(count: int) -> list[tuple[int, int]]:

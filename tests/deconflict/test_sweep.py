@@ -1,6 +1,7 @@
 """The sweep against an oracle that shares nothing with it, on more than 10,000 encounters of 17 families."""
 
 from collections import Counter
+from dataclasses import replace
 from functools import partial
 from typing import Any
 from unittest.mock import PropertyMock
@@ -39,11 +40,11 @@ INSTANT_S = 1e-6
 """A few steps of a double that counts seconds since the epoch."""
 
 
-def disagreements(forecasts: Forecasts, clearance_m: float) -> list[str]:
+def disagreements(forecasts: Forecasts, clearance_m: float, horizon_s: float = HORIZON_S) -> list[str]:
     """What the sweep says of pairs (0, 1), (2, 3), ... that the oracle denies, `kind pair by-how-much`."""
     pairs = rows_of_pairs(len(forecasts) // 2)
-    true = truth(forecasts, pairs, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=clearance_m)
-    found = sweep(forecasts, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=clearance_m)
+    true = truth(forecasts, pairs, now_s=NOW_S, horizon_s=horizon_s, clearance_m=clearance_m)
+    found = sweep(forecasts, now_s=NOW_S, horizon_s=horizon_s, clearance_m=clearance_m)
     rows = {(a, b): row for row, (a, b) in enumerate(found.pairs.tolist())}
     said = [f"stray {pair}" for pair in rows.keys() - set(pairs)]
     said += [f"invalid {one}" for one in found.invalid]
@@ -134,18 +135,23 @@ def _slack(decider: exact.Decider, target_m: float, tolerance_m: float) -> None:
 
 
 @settings(max_examples=150)
-@given(seeds=st.tuples(st.integers(0, 2**32), st.integers(0, 2**32)), clearance_m=st.floats(0, 1), data=st.data())
+@given(
+    seeds=st.tuples(st.integers(0, 2**32), st.integers(0, 2**32)),
+    clearance_m=st.floats(0, 1),
+    horizon_s=st.sampled_from([0.3, 1.0, 10.0, 31.7]),
+    data=st.data(),
+)
 def test_agrees_with_the_oracle_wherever_hypothesis_looks(
-    seeds: tuple[int, int], clearance_m: float, data: st.DataObject
+    seeds: tuple[int, int], clearance_m: float, horizon_s: float, data: st.DataObject
 ) -> None:
     size = st.floats(0.01, 4)
     pair = []
     for seed in seeds:
         w = wanderer(np.random.default_rng(seed), speed_mps=data.draw(st.floats(0, 6)), spread_m=2.0)
-        yaw = w.yaw_rad * data.draw(st.sampled_from([1.0, 0.0, 0.01]))
+        yaw = w.yaw_rad * data.draw(st.sampled_from([1.0, 0.0, 0.01])) + data.draw(st.sampled_from([0.0, 700.0]))
         t = w.t_s - NOW_S + data.draw(st.floats(-3, 3))
         pair.append(robot(t, w.x_m, w.y_m, yaw, (data.draw(size), data.draw(size))))
-    assert not disagreements(Forecasts.joined(pair), clearance_m)
+    assert not disagreements(Forecasts.joined(pair), clearance_m, horizon_s)
 
 
 def test_invalid_robots_are_named_and_the_others_swept(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -186,15 +192,48 @@ def test_no_robots_no_conflicts() -> None:
     assert (len(found.pairs), len(found.contact_s), found.invalid) == (0, 0, ())
 
 
+COLUMNS = ("contact_s", "separation_m", "separation_at_s", "start_separation_m")
+
+
+def crowd_of(robots: int, seed: int) -> Forecasts:
+    """On 24 m by 24 m; some headings have wound up over a long day."""
+    rng = np.random.default_rng(seed)
+    crowd = Forecasts.joined(wanderer(rng, spread_m=12.0) for _ in range(robots))
+    crowd.yaw_rad[:] += np.repeat(rng.choice([0.0, -400.0, 50_000.0], robots), np.diff(crowd.start))
+    return crowd
+
+
 def test_the_order_of_robots_makes_no_difference() -> None:
-    rng = np.random.default_rng(3)
-    crowd = Forecasts.joined(wanderer(rng, spread_m=12.0) for _ in range(150))
-    order = rng.permutation(len(crowd))
+    crowd = crowd_of(150, 3)
+    order = np.random.default_rng(3).permutation(len(crowd))
     straight = sweep(crowd, now_s=NOW_S, clearance_m=0.25)
     mixed = sweep(crowd.take(order), now_s=NOW_S, clearance_m=0.25)
     named = {tuple(sorted(order[list(pair)].tolist())): row for row, pair in enumerate(mixed.pairs.tolist())}
     assert len(straight.pairs) > 100
     assert sorted(named) == [tuple(pair) for pair in straight.pairs.tolist()]
     rows = [named[tuple(pair)] for pair in straight.pairs.tolist()]
-    for column in ("contact_s", "separation_m", "separation_at_s", "start_separation_m"):
+    for column in COLUMNS:
         np.testing.assert_array_equal(getattr(mixed, column)[rows], getattr(straight, column), err_msg=column)
+
+
+def test_who_else_is_on_the_floor_makes_no_difference_to_a_pair() -> None:
+    crowd = crowd_of(60, 4)
+    everyone = sweep(crowd, now_s=NOW_S, clearance_m=0.25)
+    assert len(everyone.pairs) > 50
+    for row, pair in enumerate(everyone.pairs[:40].tolist()):
+        alone = sweep(crowd.take(pair), now_s=NOW_S, clearance_m=0.25)
+        assert [getattr(alone, column).tolist() for column in COLUMNS] == [
+            [getattr(everyone, column)[row]] for column in COLUMNS
+        ]
+
+
+def test_times_may_count_from_any_epoch() -> None:
+    crowd = crowd_of(60, 5)
+    since_1970 = sweep(crowd, now_s=NOW_S, clearance_m=0.25)
+    for shift_s in (-NOW_S, -NOW_S - 1000.0):
+        shifted = sweep(replace(crowd, t_s=crowd.t_s + shift_s), now_s=NOW_S + shift_s, clearance_m=0.25)
+        np.testing.assert_array_equal(shifted.pairs, since_1970.pairs)
+        np.testing.assert_allclose(shifted.separation_m, since_1970.separation_m, atol=2e-3)
+        at = shifted.contact_s - shift_s
+        distance = [distance_at(crowd, (a, b), t) for (a, b), t in zip(shifted.pairs.tolist(), at, strict=True)]
+        assert max(distance) <= 0.25 + DISTANCE_M + ROUNDING_M
