@@ -1,152 +1,187 @@
-"""A floor that is swept step by step gives at each step what a fresh sweep of the same floor gives."""
+"""A floor that is swept again and again says what a fresh look at it would say."""
 
-from dataclasses import replace
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.random import Generator
 
+from deconflict import roster
 from deconflict import sweeper as module
-from deconflict.broadphase import FEW
 from deconflict.sweeper import PairConflicts, Sweeper
 from ingest.seam import Forecasts
 from tests.deconflict.made_encounters import NOW_S, robot, wanderer
 
-CLEARANCE_M = 0.25
+CLEARANCE_M, SIDE_M = 0.25, 12.0
 COLUMNS = ("contact_s", "separation_m", "separation_at_s", "start_separation_m")
 
 
-class Floor:
-    """What has been told so far, and a sweeper that was told it bit by bit."""
-
-    def __init__(self, clearance_m: float = CLEARANCE_M) -> None:
-        self.clearance_m = clearance_m
-        self.told: dict[str, Forecasts] = {}
-        self.sweeper = Sweeper(clearance_m=clearance_m)
-
-    def tell(self, **forecasts: Forecasts) -> None:
-        self.told |= forecasts
-        self.sweeper.update(list(forecasts), Forecasts.joined(forecasts.values()))
-
-    def leave(self, *keys: str) -> None:
-        for key in keys:
-            self.told.pop(key, None)
-        self.sweeper.discard(keys)
-
-    def step(self, now_s: float) -> PairConflicts:
-        """What the sweeper says, held against one that is told everything at once in another order."""
-        found = self.sweeper.step(now_s)
-        fresh = Sweeper(clearance_m=self.clearance_m)
-        for key in sorted(self.told, reverse=True):
-            fresh.update([key], self.told[key])
-        expected = fresh.step(now_s)
-        assert found.pairs == expected.pairs
-        for column in COLUMNS:
-            np.testing.assert_array_equal(getattr(found, column), getattr(expected, column), err_msg=column)
-        return found
+def said(rng: Generator, now_s: float) -> Forecasts:
+    """What a robot may say about `now_s`: it drives, stands, changes floor, appears later or spoke long ago."""
+    one = wanderer(rng, spread_m=SIDE_M / 2)
+    kind = rng.integers(0, 5)
+    t = one.t_s + (now_s - NOW_S) + (3.0 if kind == 1 else -9.0 if kind == 2 else 0.0)
+    floor = rng.integers(0, 2, len(t)) if kind == 3 else one.floor
+    return robot(t - NOW_S, one.x_m, one.y_m, one.yaw_rad, (one.length_m[0], one.width_m[0]), floor=floor)
 
 
-def later(rng: Generator, at_s: float) -> Forecasts:
-    """A robot that reports at `at_s` after `NOW_S`; some are on the second floor, some are low, some grow."""
-    made = wanderer(rng, spread_m=8.0)
-    growth = rng.choice([0.0, 0.4])
-    return replace(
-        made,
-        t_s=made.t_s + at_s,
-        floor=made.floor + int(rng.random() < 0.2) * (np.arange(len(made.t_s)) > 2),
-        length_m=made.length_m + growth,
-        width_m=made.width_m + growth,
-        top_m=made.top_m * rng.choice([0.2, 1.0]),
-        bottom_m=made.bottom_m + rng.choice([0.0, 0.3]) * (made.top_m > 0.5),
-    )
+def swept_afresh(on_floor: dict[str, Forecasts], now_s: float, order: Iterable[str] | None = None) -> PairConflicts:
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    keys = list(on_floor if order is None else order)
+    sweeper.update(keys, Forecasts.joined(on_floor[key] for key in keys))
+    return sweeper.step(now_s)
 
 
-def lived(seed: int, robots: int, steps: int, share: float) -> list[PairConflicts]:
-    """Robots that report, join, leave and stay silent, for `steps` of up to 1.3 s and one of a minute."""
-    rng = np.random.default_rng(seed)
-    floor, at_s, found = Floor(), 0.0, []
-    floor.tell(**{f"r{n}": later(rng, 0.0) for n in range(robots)})
-    for step in range(steps):
-        found.append(floor.step(NOW_S + at_s))
-        at_s += 60.0 if step == steps - 3 else float(rng.choice([0.0, 0.1, 0.7, 1.3]))
-        chosen = rng.permutation(robots + 3)[: rng.integers(0, int(share * robots) + 2)]
-        floor.tell(**{f"r{n}": later(rng, at_s) for n in chosen.tolist()})
-        floor.leave(*(f"r{n}" for n in rng.permutation(robots)[: rng.integers(0, 3)].tolist()))
-    return found
+def assert_same(found: PairConflicts, fresh: PairConflicts) -> None:
+    assert found.pairs == fresh.pairs
+    for column in COLUMNS:
+        np.testing.assert_array_equal(getattr(found, column), getattr(fresh, column), err_msg=column)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.9])
-def test_each_step_says_what_a_fresh_sweep_says(share: float) -> None:
-    found = lived(seed=1, robots=60, steps=25, share=share)
-    assert sum(len(one.pairs) for one in found) > 300
-    assert any(one.start_separation_m.max(initial=0) > CLEARANCE_M for one in found)
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("robots", [8, 60])
+def test_many_steps_say_what_a_fresh_sweep_says(robots: int, seed: int) -> None:
+    rng = np.random.default_rng([seed, robots])
+    sweeper, on_floor, now_s, hits = Sweeper(clearance_m=CLEARANCE_M), dict[str, Forecasts](), NOW_S, 0
+    for _ in range(40):
+        keys = [f"r{row}" for row in rng.choice(robots, rng.choice([0, 1, 2, robots // 2, robots]), replace=False)]
+        new = {key: said(rng, now_s) for key in keys}
+        sweeper.update(keys, Forecasts.joined(new.values()))
+        on_floor |= new
+        gone = [key for key in on_floor if rng.random() < 0.02]
+        sweeper.discard(gone)
+        for key in gone:
+            del on_floor[key]
+        found = sweeper.step(now_s)
+        assert_same(found, swept_afresh(on_floor, now_s))
+        hits += len(found.pairs)
+        now_s += float(rng.choice([0.0, 0.1, 0.5, 1.0, 1.0, 3.7, 14.0]))
+    assert hits > 40
 
 
-@settings(max_examples=25)
-@given(seed=st.integers(0, 2**32), robots=st.integers(2, 30), share=st.floats(0, 1))
-def test_each_step_says_so_wherever_hypothesis_looks(seed: int, robots: int, share: float) -> None:
-    lived(seed, robots, steps=6, share=share)
-
-
-def test_nothing_that_did_not_change_is_looked_at_again() -> None:
-    floor = Floor()
+def test_time_may_go_back() -> None:
     rng = np.random.default_rng(5)
-    floor.tell(**{f"r{n}": later(rng, 0.0) for n in range(80)})
-    whole = floor.step(NOW_S)
-    still = floor.step(NOW_S)
-    floor.tell(r7=later(rng, 0.0))
-    one = floor.step(NOW_S)
-    assert whole.box_pairs > 500
-    assert still.box_pairs < whole.box_pairs / 8
-    assert still.box_pairs < one.box_pairs < whole.box_pairs / 4
-    assert whole.fresh.all()
-    assert not still.fresh.any()
-    assert {pair for pair, fresh in zip(one.pairs, one.fresh, strict=True) if fresh} == {
-        pair for pair in one.pairs if "r7" in pair
-    }
+    on_floor = {f"r{row}": said(rng, NOW_S) for row in range(30)}
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    sweeper.update(list(on_floor), Forecasts.joined(on_floor.values()))
+    for now_s in (NOW_S + 5, NOW_S, NOW_S + 2.5, NOW_S - 1.5):
+        assert_same(sweeper.step(now_s), swept_afresh(on_floor, now_s))
 
 
-def test_a_silent_robot_is_only_swept_where_the_horizon_reaches_next() -> None:
-    floor = Floor()
-    floor.tell(**{f"r{n}": robot([0], [0.7 * n], [0], 0, (0.5, 0.5)) for n in range(40)})
-    whole = floor.step(NOW_S)
-    looked_at = [floor.step(NOW_S + second).box_pairs for second in range(1, 9)]
+def test_a_robot_that_changes_its_size_is_swept_with_the_new_one() -> None:
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    stands, other = robot([0], [0], [0], 0, (1, 1)), robot([0], [2], [0], 0, (1, 1))
+    sweeper.update(["a", "b"], Forecasts.joined([stands, other]))
+    assert sweeper.step(NOW_S).pairs == ()
+    sweeper.update(["b"], robot([0], [2], [0], 0, (2.8, 1)))
+    found = sweeper.step(NOW_S + 0.1)
+    assert found.pairs == (("a", "b"),)
+    assert found.separation_m[0] == pytest.approx(0.1)
+
+
+def test_order_and_batches_make_no_difference() -> None:
+    rng = np.random.default_rng(6)
+    on_floor = {f"r{row}": said(rng, NOW_S) for row in range(120)}
+    at_once = swept_afresh(on_floor, NOW_S)
+    assert len(at_once.pairs) > 50
+    assert_same(swept_afresh(on_floor, NOW_S, rng.permutation(list(on_floor)).tolist()), at_once)
+    piecemeal = Sweeper(clearance_m=CLEARANCE_M)
+    for key in rng.permutation(list(on_floor)).tolist():
+        piecemeal.update([key], on_floor[key])
+    assert_same(piecemeal.step(NOW_S), at_once)
+    stepped = Sweeper(clearance_m=CLEARANCE_M)
+    for keys in np.array_split(rng.permutation(list(on_floor)), 7):
+        stepped.update(keys.tolist(), Forecasts.joined(on_floor[key] for key in keys.tolist()))
+        last = stepped.step(NOW_S)
+    assert_same(last, at_once)
+
+
+def test_who_else_is_on_the_floor_makes_no_difference_to_a_pair() -> None:
+    rng = np.random.default_rng(7)
+    crowd = {f"r{row}": said(rng, NOW_S) for row in range(60)}
+    everyone = swept_afresh(crowd, NOW_S)
+    for row, pair in enumerate(everyone.pairs[:25]):
+        alone = swept_afresh({key: crowd[key] for key in pair}, NOW_S)
+        assert alone.pairs == (pair,)
+        for column in COLUMNS:
+            assert getattr(alone, column)[0] == getattr(everyone, column)[row]
+
+
+def test_only_what_changed_is_fresh_and_little_of_the_rest_is_looked_at() -> None:
+    rng = np.random.default_rng(8)
+    on_floor = {f"r{row}": said(rng, NOW_S) for row in range(200)}
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    sweeper.update(list(on_floor), Forecasts.joined(on_floor.values()))
+    first = sweeper.step(NOW_S)
+    assert first.fresh.all()
+    again = sweeper.step(NOW_S)
+    assert again.pairs == first.pairs
+    assert not again.fresh.any()
+    assert again.segment_pairs < first.segment_pairs / 5
+    key = first.pairs[0][0]
+    sweeper.update([key], on_floor[key])
+    one = sweeper.step(NOW_S)
+    assert one.fresh.tolist() == [key in pair for pair in one.pairs]
+    assert_same(one, first)
+
+
+def test_an_invalid_forecast_takes_its_robot_off_the_floor_until_the_next() -> None:
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    a, b = robot([0], [0], [0], 0, (1, 1)), robot([0], [1.1], [0], 0, (1, 1))
+    assert sweeper.update(["a", "b"], Forecasts.joined([a, b])) == ()
+    assert sweeper.step(NOW_S).pairs == (("a", "b"),)
+    assert sweeper.update(["b"], robot([0], [float("nan")], [0], 0, (1, 1))) == (("b", "not-finite"),)
+    assert sweeper.step(NOW_S + 0.1).pairs == ()
+    assert sweeper.update(["b"], b) == ()
+    assert sweeper.step(NOW_S + 0.2).pairs == (("a", "b"),)
+
+
+def test_discarding_a_stranger_is_no_error() -> None:
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    sweeper.discard(["nobody"])
+    assert sweeper.step(NOW_S).pairs == ()
+
+
+def test_a_robot_that_fell_silent_is_still_there_after_minutes() -> None:
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    silent = robot([0, 5], [-4, 0], [0, 0], 0, (1, 1))
+    comes = robot([600, 610], [5, -5], [0, 0], 0, (1, 1))
+    sweeper.update(["silent"], silent)
+    for second in range(0, 600, 60):
+        assert sweeper.step(NOW_S + second).pairs == ()
+    sweeper.update(["comes"], comes)
+    found = sweeper.step(NOW_S + 600)
+    assert found.pairs == (("comes", "silent"),)
+    assert found.contact_s[0] == pytest.approx(NOW_S + 603.75, abs=0.01)
+
+
+def test_a_silent_robot_is_swept_again_only_where_the_horizon_reaches_next() -> None:
+    row = Forecasts.joined(robot([0], [0.7 * n], [0], 0, (0.5, 0.5)) for n in range(40))
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    sweeper.update([str(n) for n in range(40)], row)
+    whole = sweeper.step(NOW_S)
+    looked_at = [sweeper.step(NOW_S + second).box_pairs for second in range(1, 9)]
     assert len(whole.pairs) == 39
     assert max(looked_at) < whole.box_pairs * 0.4
 
 
 def test_a_contact_comes_into_view_begins_and_is_over() -> None:
-    floor = Floor()
-    floor.tell(
-        crosses=robot([0, 40], [-20, 20], [0, 0], 0, (1, 1)), stands=robot([0], [0], [0], 0, (1, 1), height=(0.2, 0.5))
-    )
+    crosses = robot([0, 40], [-20, 20], [0, 0], 0, (1, 1))
+    stands = robot([0], [0], [0], 0, (1, 1), height=(0.2, 0.5))
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    sweeper.update(["crosses", "stands"], Forecasts.joined([crosses, stands]))
     contact_s = NOW_S + 20 - 1.25
-    assert not floor.step(contact_s - 10.01).pairs
-    seen = floor.step(contact_s - 9.99)
+    assert not sweeper.step(contact_s - 10.01).pairs
+    seen = sweeper.step(contact_s - 9.99)
     assert seen.pairs == (("crosses", "stands"),)
     assert seen.contact_s[0] == pytest.approx(contact_s, abs=1.5e-3)
     assert seen.start_separation_m[0] == pytest.approx(10.24, abs=1e-3)
-    inside = floor.step(NOW_S + 20.0)
+    inside = sweeper.step(NOW_S + 20.0)
     assert inside.contact_s[0] == NOW_S + 20.0
     assert inside.start_separation_m[0] == inside.separation_m[0] == 0
-    drawing_apart = floor.step(NOW_S + 21.1)
+    drawing_apart = sweeper.step(NOW_S + 21.1)
     assert drawing_apart.separation_m[0] == pytest.approx(0.1, abs=1e-3)
-    assert not floor.step(NOW_S + 21.3).pairs
-
-
-def test_a_robot_whose_new_forecast_is_invalid_is_off_the_floor_until_its_next() -> None:
-    floor = Floor()
-    here = {key: robot([0], [0], [0], 0, (1, 1)) for key in ("a", "b")}
-    floor.tell(**here)
-    assert floor.step(NOW_S).pairs == (("a", "b"),)
-    nowhere = replace(here["b"], x_m=np.array([np.nan]))
-    assert floor.sweeper.update(["b"], nowhere) == (("b", "not-finite"),)
-    floor.told.pop("b")
-    assert not floor.step(NOW_S).pairs
-    floor.tell(b=here["b"])
-    assert floor.step(NOW_S).pairs == (("a", "b"),)
+    assert not sweeper.step(NOW_S + 21.3).pairs
 
 
 def test_of_a_robot_told_twice_at_once_the_later_counts() -> None:
@@ -158,34 +193,37 @@ def test_of_a_robot_told_twice_at_once_the_later_counts() -> None:
     assert sweeper.step(NOW_S).pairs == (("a", "b"),)
 
 
-def test_time_may_go_back() -> None:
-    floor = Floor()
-    rng = np.random.default_rng(2)
-    floor.tell(**{f"r{n}": later(rng, 0.0) for n in range(20)})
-    for at_s in (0.0, 30.0, 2.0, 0.5):
-        floor.step(NOW_S + at_s)
+def test_one_that_joins_in_the_place_of_one_that_left_has_nothing_of_it() -> None:
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    here, away = robot([0], [0], [0], 0, (1, 1)), robot([0], [9], [0], 0, (1, 1))
+    sweeper.update(["a", "b"], Forecasts.joined([here, here]))
+    assert sweeper.step(NOW_S).pairs == (("a", "b"),)
+    sweeper.discard(["b"])
+    sweeper.update(["c"], away)
+    assert not sweeper.step(NOW_S).pairs
+    sweeper.update(["A"], here)
+    assert sweeper.step(NOW_S).pairs == (("A", "a"),)
 
 
-def test_many_robots_at_once_are_swept_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(3)
-    crowd = {f"r{n}": later(rng, 0.0) for n in range(60)}
-    floor = Floor()
-    floor.tell(**crowd)
-    whole = floor.step(NOW_S)
+def test_a_crowded_floor_is_swept_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(9)
+    on_floor = {f"r{row}": said(rng, NOW_S) for row in range(60)}
+    at_once = swept_afresh(on_floor, NOW_S)
     monkeypatch.setattr(module, "BLOCK", 37)
-    again = Floor()
-    again.tell(**crowd)
-    assert again.sweeper.step(NOW_S).pairs == whole.pairs
+    in_blocks = swept_afresh(on_floor, NOW_S)
+    assert in_blocks.box_pairs > 37
+    assert_same(in_blocks, at_once)
 
 
 def test_what_is_no_longer_used_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "FEWEST_SEGMENTS", 10)
-    monkeypatch.setattr("deconflict.roster.FEWEST_KNOTS", 10)
+    monkeypatch.setattr(roster, "FEWEST_KNOTS", 10)
     rng = np.random.default_rng(4)
-    floor = Floor()
-    sizes = []
-    for step in range(30):
-        floor.tell(**{f"r{n}": later(rng, step / 10) for n in range(FEW + 3)})
-        floor.step(NOW_S + step / 10)
-        sizes.append(len(floor.sweeper._pool.all))
-    assert max(sizes[10:]) <= max(sizes[:10]) * 2
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    held = []
+    for _ in range(30):
+        on_floor = {f"r{row}": said(rng, NOW_S) for row in range(15)}
+        sweeper.update(list(on_floor), Forecasts.joined(on_floor.values()))
+        assert_same(sweeper.step(NOW_S), swept_afresh(on_floor, NOW_S))
+        held.append((len(sweeper._pool.all), len(sweeper._roster._knots["t_s"])))
+    assert np.max(held[10:], axis=0).tolist() <= (2 * np.max(held[:10], axis=0)).tolist()
