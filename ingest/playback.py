@@ -4,18 +4,34 @@ import base64
 import gzip
 import io
 import json
+import logging
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import IO, Any
 
 import zstandard
 
 from ingest import stamps
 from ingest.connection import Connection
-from ingest.recording import PATTERN
 
-_MESSAGE = b'"message":'
+LONGEST_LINE = 1 << 24
+"""Bytes; what is longer is no line of a log, and is not gathered in memory to find out."""
+TOLD_LINES = 10
+"""Unreadable lines that are named in the service's log."""
+
+log = logging.getLogger(__name__)
+
+_OWN = re.compile(
+    rb'\{"received":"([^"]{27})",("connection":\d+,"peer":"[^"]*"(?:,"vendor":"[^"]*")?),"message":(?=\{)'
+)
+"""A line of ours with an accepted message: when, and from whom."""
+_MESSAGE = re.compile(r'"message"\s*:\s*')
+_DECODER = json.JSONDecoder()
+_UNREADABLE = (ValueError, KeyError, TypeError, RecursionError)
+_BROKEN = (OSError, EOFError, zstandard.ZstdError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +42,7 @@ class Received:
     arrival_s: float
     connection: Connection
     refused: str | None = None
-    """The rule by which the receiver refused it before it was read."""
+    """The rule that rejected it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,82 +64,108 @@ Event = Received | Closed | Tick | EngineStarted
 
 
 class Reader:
-    """Reads logs in order, a line at a time. Lines that can't be read are counted and left out."""
+    """Reads logs in order, a line at a time. Lines that can't be read are counted, named and left out."""
 
     def __init__(self) -> None:
         self.unreadable = 0
-        """Torn or foreign lines met so far."""
+        """Torn or foreign lines met so far, and compressed files that break off."""
 
     def read(self, paths: Iterable[Path]) -> Iterator[Event]:
-        """Every event of the files, and of the logs in the directories, in the order given."""
+        """Every event of the files, and of the logs in the directories, in the order given.
+
+        Raises `OSError` where a file can't be opened.
+        """
         for path in paths:
             for file in segments(path):
                 with _opened(file) as lines:
-                    for line in lines:
-                        if line.strip():
-                            yield from self._event(line)
+                    yield from self._events(file, lines)
 
-    def _event(self, line: bytes) -> Iterator[Event]:
+    def _events(self, file: Path, lines: IO[bytes]) -> Iterator[Event]:
+        number = 0
         try:
-            yield _parsed(line)
-        except (ValueError, KeyError, TypeError):
-            self.unreadable += 1
+            while line := lines.readline(LONGEST_LINE):
+                number += 1
+                if not line.isspace():
+                    try:
+                        event = _parsed(line)
+                    except _UNREADABLE as error:
+                        self._leave_out(file, number, error)
+                    else:
+                        yield event
+        except _BROKEN as error:
+            self._leave_out(file, number + 1, error)
+
+    def _leave_out(self, file: Path, number: int, error: Exception) -> None:
+        self.unreadable += 1
+        if self.unreadable <= TOLD_LINES:
+            log.warning("%s, line %d is left out: %s: %.100s", file, number, type(error).__name__, error)
 
 
 def segments(path: Path) -> list[Path]:
     """The file itself, or the logs of a directory by name, which is by time for our own."""
     if not path.is_dir():
         return [path]
-    own = sorted(path.glob(PATTERN))
-    return own or sorted(one for one in path.iterdir() if ".jsonl" in one.suffixes)
+    return sorted(one for one in path.iterdir() if ".jsonl" in one.suffixes)
 
 
-def _opened(path: Path) -> BinaryIO:
+def _opened(path: Path) -> IO[bytes]:
     if path.suffix == ".gz":
-        return cast(BinaryIO, gzip.open(path))
+        return io.BufferedReader(gzip.open(path))
     if path.suffix == ".zst":
-        return cast(BinaryIO, io.BufferedReader(zstandard.open(path, "rb")))
+        return io.BufferedReader(zstandard.open(path, "rb"))
     return path.open("rb")
 
 
 def _parsed(line: bytes) -> Event:
     if line.startswith(b'{"tick":"') and line.endswith(b'"}\n'):
         return Tick(_time(line[9:-3].decode()))
-    if not line.endswith(b"\n"):
-        json.loads(line)  # a last line without its end may be torn, and a torn one is no JSON
-    at = line.find(_MESSAGE)
-    if line.startswith(b'{"received":"') and at > 0 and line.rstrip().endswith(b"}"):
-        head = json.loads(line[:at].rstrip().rstrip(b",") + b"}")
-        return _received(head, line[at + len(_MESSAGE) :].strip()[:-1])
-    told = json.loads(line)
+    own = _OWN.match(line) if line.endswith(b"}}\n") else None
+    if own:
+        return Received(line[own.end() : -2], _time(own[1].decode()), _connection(own[2].decode()))
+    return _told(line.decode())
+
+
+def _told(line: str) -> Event:
+    """What a line says that is not of the two kinds of which there are many."""
+    told: dict[str, Any] = json.loads(line)
     if "tick" in told:
         return Tick(_time(told["tick"]))
     if "engine" in told:
         return EngineStarted(_time(told["at"]))
     if "closed" in told:
-        return Closed(Connection(told["connection"]))
-    return _received(told, _bytes_of(told))
+        return Closed(_connection_of(told))
+    return Received(_raw(line, told), _time(told["received"]), _connection_of(told), told.get("rejected"))
 
 
-def _received(head: dict[str, object], raw: bytes) -> Received:
-    connection = Connection(
-        cast(int, head.get("connection", 0)),
-        str(head.get("peer", "")),
-        vendor=cast(str | None, head.get("vendor")),
+@lru_cache(maxsize=20_000)
+def _connection(text: str) -> Connection:
+    return _connection_of(json.loads(f"{{{text}}}"))
+
+
+def _connection_of(told: dict[str, Any]) -> Connection:
+    number, vendor = told.get("connection"), told.get("vendor")
+    return Connection(
+        number if isinstance(number, int) else 0,
+        str(told.get("peer", "")),
+        vendor=vendor if isinstance(vendor, str) else None,
     )
-    return Received(raw, _time(str(head["received"])), connection, cast(str | None, head.get("rejected")))
 
 
-def _bytes_of(told: dict[str, object]) -> bytes:
+def _raw(line: str, told: dict[str, Any]) -> bytes:
+    """The message's own bytes. Written anew it could differ: in its numbers, in keys that it repeats."""
     if "base64" in told:
-        return base64.b64decode(str(told["base64"]))
+        return base64.b64decode(told["base64"], validate=True)
     if "raw" in told:
         return str(told["raw"]).encode()
+    for key in _MESSAGE.finditer(line):
+        value, end = _DECODER.raw_decode(line, key.end())
+        if value == told["message"]:
+            return line[key.end() : end].encode()
     return json.dumps(told["message"], ensure_ascii=False).encode()
 
 
 def _time(text: str) -> float:
     stamp = stamps.parse(text)
     if stamp is None:
-        raise ValueError(text)
+        raise ValueError(f"{text!r} is no time")
     return stamp.t_s

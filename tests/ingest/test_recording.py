@@ -11,7 +11,7 @@ import zstandard
 from ingest.connection import Connection
 from ingest.measures import Measures
 from ingest.playback import Closed, EngineStarted, Event, Reader, Received, Tick
-from ingest.recording import Recorder, quantise
+from ingest.recording import FLUSH_BYTES, Recorder, quantise
 from ingest.settings import Recorder as Settings
 from tests.saying import status
 
@@ -46,6 +46,9 @@ def read(*paths: Path) -> tuple[list[Event], int]:
         (status("A-1", NOW_S), None),
         (b' {"a" :1,"a":2, "\xc3\xbc": "\\u00fc"}', None),
         (b'{\n "pretty": true\n}', None),
+        (b' {"within": "white space"}\t', None),
+        (b"\xef\xbb\xbf{}", None),
+        (b'{"message":{"message":{}},"n":1.50e2}', None),
         (b"nonsense \xe2\x82\xac\x00", "not-json"),
         (b"\xff\xfe not utf-8", "not-utf8"),
         (b"", "message-too-large"),
@@ -57,7 +60,7 @@ def test_a_message_comes_back_to_the_byte(tmp_path: Path, raw: bytes, rejected: 
     writer.close()
     (event,), unreadable = read(tmp_path)
     assert isinstance(event, Received)
-    assert event.raw == (raw.strip() if rejected is None else raw)
+    assert event.raw == raw
     assert (event.arrival_s, event.connection.id, event.connection.vendor) == (NOW_S, 7, "Alder")
     assert event.refused == rejected
     assert unreadable == 0
@@ -142,6 +145,136 @@ def test_foreign_logs_are_read_plain_and_compressed(tmp_path: Path, suffix: str)
         ] * 2
 
 
+@pytest.mark.parametrize(
+    "message",
+    ['{"n": 1.50, "n": 1e2}', '{"message": {"message": [{}]}}', '{"n": NaN}', "[1, 2]", '"\\u00fc"'],
+)
+@pytest.mark.parametrize(
+    "line",
+    [
+        '{{"received": "2009-11-17T10:00:21Z", "message": {}}}',
+        '{{"message" :{}, "peer": {{"message": {{}}}}, "received": "2009-11-17T10:00:21Z"}}',
+        '{{"received": "2009-11-17T10:00:21Z", "message":{}, "x": {{"message": 1}}}}',
+        '{{"x": {{"message": 1}}, "received": "2009-11-17T10:00:21Z", "message":{}}}',
+    ],
+    ids=["last", "first", "in the middle", "after another"],
+)
+def test_a_foreign_message_is_taken_as_it_stands(tmp_path: Path, line: str, message: str) -> None:
+    log = tmp_path / "one.jsonl"
+    log.write_text(line.format(message) + "\n")
+    (event,), unreadable = read(log)
+    assert isinstance(event, Received)
+    assert (event.raw.decode(), event.arrival_s, unreadable) == (message, 1258452021.0, 0)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"[" * 100_000,
+        b"[]",
+        b"7",
+        b'"tick"',
+        b'{"tick": 7}',
+        b'{"tick": "now"}',
+        b'{"received": "2009-11-17T10:00:21Z"}',
+        b'{"received": null, "message": {}}',
+        b'{"received": "2009-11-17T10:00:21Z", "base64": "?"}',
+        b'{"received": "2009-11-17T10:00:21Z", "message": {}',
+        b"\xff",
+    ],
+)
+def test_a_line_that_is_none_is_counted_and_named(
+    tmp_path: Path, line: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    log = tmp_path / "one.jsonl"
+    log.write_bytes(b'{"tick":"2009-11-17T10:00:21Z"}\n' + line + b'\n{"tick":"2009-11-17T10:00:22Z"}\n')
+    events, unreadable = read(log)
+    assert (len(events), unreadable) == (2, 1)
+    assert f"{log}, line 2 is left out" in caplog.text
+
+
+def test_a_foreign_connection_is_no_reason_to_stop(tmp_path: Path) -> None:
+    log = tmp_path / "one.jsonl"
+    log.write_text('{"received": "2009-11-17T10:00:21Z", "connection": "c1", "vendor": 3, "message": {}}\n')
+    (event,), _ = read(log)
+    assert isinstance(event, Received)
+    assert (event.connection.id, event.connection.vendor) == (0, None)
+
+
+@pytest.mark.parametrize("suffix", [".gz", ".zst"])
+def test_a_compressed_log_that_breaks_off_gives_what_there_is(tmp_path: Path, suffix: str) -> None:
+    random = Random(1)
+    data = b"".join(b'{"tick":"2009-11-17T10:00:21.%06dZ"}\n' % random.randrange(10**6) for _ in range(10_000))
+    packed = {".gz": gzip.compress(data), ".zst": zstandard.compress(data)}[suffix]
+    whole, broken = tmp_path / f"a.jsonl{suffix}", tmp_path / f"b.jsonl{suffix}"
+    whole.write_bytes(packed + packed)
+    broken.write_bytes(packed[: len(packed) // 2])
+    assert len(read(whole)[0]) == 20_000
+    events, unreadable = read(broken)
+    assert 0 < len(events) < 10_000
+    assert unreadable == 1
+
+
+def test_what_is_no_text_at_all_is_not_gathered_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ingest.playback.LONGEST_LINE", 1000)
+    log = tmp_path / "one.jsonl"
+    log.write_bytes(b"x" * 5500)
+    assert read(log) == ([], 6)
+
+
+def test_a_directory_is_read_whole_where_somebody_packed_the_older_segments(tmp_path: Path) -> None:
+    writer, _ = recorder(tmp_path, segment_bytes=1)
+    for i in range(3):
+        writer.tick(NOW_S + i)
+    writer.close()
+    oldest = min(tmp_path.iterdir())
+    oldest.with_name(oldest.name + ".gz").write_bytes(gzip.compress(oldest.read_bytes()))
+    oldest.unlink()
+    assert [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)] == [NOW_S + i for i in range(3)]
+
+
+def test_a_tick_puts_everything_before_it_out_of_the_process(tmp_path: Path) -> None:
+    writer, _ = recorder(tmp_path)
+    writer.received(status("A-1", NOW_S), NOW_S, LINE, None)
+    assert read(tmp_path)[0] == []
+    writer.tick(NOW_S)
+    assert len(read(tmp_path)[0]) == 2
+    writer.close()
+
+
+def test_without_ticks_lines_are_not_hoarded(tmp_path: Path) -> None:
+    writer, _ = recorder(tmp_path)
+    raw = status("A-1", NOW_S)
+    for _ in range(FLUSH_BYTES // len(raw)):
+        writer.received(raw, NOW_S, LINE, None)
+    written = sum(segment.stat().st_size for segment in tmp_path.iterdir())
+    writer.close()
+    assert written >= FLUSH_BYTES
+
+
+def test_segments_stay_in_order_though_the_clock_is_set_back(tmp_path: Path) -> None:
+    for now_s in (NOW_S, NOW_S - 3600.0, NOW_S - 7200.0):
+        clock = Clock()
+        clock.now_s = now_s
+        writer = Recorder(Settings(), tmp_path, Measures(), clock)
+        writer.tick(now_s)
+        writer.close()
+    ticks = [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)]
+    assert ticks == [NOW_S, NOW_S - 3600.0, NOW_S - 7200.0]
+
+
+def test_only_our_own_segments_are_ever_removed(tmp_path: Path) -> None:
+    for name in ("notes.txt", "log-of-the-fair.jsonl"):
+        (tmp_path / name).write_bytes(b"x" * 20_000)
+    writer, _ = recorder(tmp_path, segment_bytes=100, total_bytes=200)
+    for i in range(50):
+        writer.tick(NOW_S + i)
+    writer.close()
+    kept = {one.name for one in tmp_path.iterdir()}
+    assert {"notes.txt", "log-of-the-fair.jsonl"} <= kept
+    assert len(kept) <= 4
+
+
 def test_segments_rotate_and_the_oldest_go(tmp_path: Path) -> None:
     writer, _ = recorder(tmp_path, segment_bytes=2_000, total_bytes=10_000)
     for i in range(400):
@@ -154,9 +287,7 @@ def test_segments_rotate_and_the_oldest_go(tmp_path: Path) -> None:
     assert ticks == [NOW_S + i for i in range(400 - len(ticks), 400)]
 
 
-def test_what_cannot_be_recorded_is_counted_and_recording_resumes(tmp_path: Path) -> None:
-    """A limit on file size stands in for a full disk."""
-    script = f"""
+FAILING = """
 import resource, signal, sys
 from pathlib import Path
 from ingest.measures import Measures
@@ -168,24 +299,49 @@ def clock():
     now[0] += 0.001
     return now[0]
 measures = Measures()
-recorder = Recorder(Settings(), Path({str(tmp_path)!r}), measures, clock)
+recorder = Recorder(Settings(), Path(sys.argv[1]), measures, clock)
 recorder.tick(1.0)
 _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), hard))
 for t in (2.0, 3.0):
+    recorder.engine_started(t)
     recorder.tick(t)
 assert recorder.failing, "the failure is told"
 resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
-now[0] += RETRY_S + 1
+now[0] += float(sys.argv[3])
 recorder.tick(4.0)
 assert recorder.failing is None
 recorder.close()
-print(measures.values["deconflict_recorded_lines_dropped_total"][()])
+print(int(measures.values["deconflict_recorded_lines_dropped_total"][()]))
+print(int(measures.values["deconflict_recorded_bytes_total"][()]))
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+TICK_BYTES, START_BYTES = 38, 56
+"""Lengths of the lines that the script above writes."""
+
+
+@pytest.mark.parametrize("later_s", [6, -7200], ids=["in time", "clock set back"])
+@pytest.mark.parametrize(
+    ("room", "dropped", "kept"),
+    [
+        (0, 4, [Tick]),
+        (TICK_BYTES + 20, 4, [Tick]),
+        (TICK_BYTES + START_BYTES + 10, 3, [Tick, EngineStarted]),
+    ],
+    ids=["none", "half a line", "a line and a half"],
+)
+def test_what_cannot_be_recorded_is_counted_and_recording_resumes(
+    tmp_path: Path, room: int, dropped: int, kept: list[type[Event]], later_s: int
+) -> None:
+    """A limit on file size stands in for a full disk: it lets part of a write through, as a full disk does."""
+    script = [sys.executable, "-c", FAILING, str(tmp_path), str(room), str(later_s)]
+    done = subprocess.run(script, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert float(done.stdout) == 2
-    assert [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)] == [1.0, 4.0]
+    lines, written = map(int, done.stdout.split())
+    events, unreadable = read(tmp_path)
+    assert lines == dropped
+    assert [type(event) for event in events] == [*kept, Tick]
+    assert unreadable == (room > TICK_BYTES)
+    assert written == sum(segment.stat().st_size for segment in tmp_path.iterdir())
 
 
 def test_nothing_is_written_where_recording_is_off(tmp_path: Path) -> None:
