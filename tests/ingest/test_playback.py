@@ -1,0 +1,131 @@
+import gzip
+import json
+from pathlib import Path
+from random import Random
+
+import pytest
+import zstandard
+
+from ingest.playback import Received, Tick
+from tests.ingest.made_logs import LINE, NOW_S, read, recorder
+from tests.saying import status
+
+
+def test_a_log_cut_at_any_byte_loses_only_the_line_that_is_cut(tmp_path: Path) -> None:
+    writer, _ = recorder(tmp_path / "whole")
+    for i in range(3):
+        writer.received(status("A-1", NOW_S + i), NOW_S + i, LINE, None)
+    writer.close()
+    (segment,) = (tmp_path / "whole").iterdir()
+    data = segment.read_bytes()
+    last = data.rindex(b"\n", 0, len(data) - 1) + 1
+    cut = tmp_path / "cut.jsonl"
+    for length in range(last, len(data)):
+        cut.write_bytes(data[:length])
+        events, unreadable = read(cut)
+        whole = length == len(data) - 1  # only the line's end is missing
+        assert len(events) == 2 + whole
+        assert unreadable == (length > last and not whole)
+
+
+@pytest.mark.parametrize("suffix", ["", ".gz", ".zst"])
+def test_foreign_logs_are_read_plain_and_compressed(tmp_path: Path, suffix: str) -> None:
+    line = b'{"received": "2009-11-17T10:00:21.586Z", "message": {"uuid": "x", "n": 1.0}}\n'
+    data = line + b"not a line\n" + line.replace(b'{"received"', b'{"other": 1, "received"')
+    packed = {"": data, ".gz": gzip.compress(data), ".zst": zstandard.compress(data)}[suffix]
+    log = tmp_path / f"log.jsonl{suffix}"
+    log.write_bytes(packed)
+    for where in (log, tmp_path):
+        events, unreadable = read(where)
+        assert unreadable == 1
+        assert [json.loads(event.raw) for event in events if isinstance(event, Received)] == [
+            {"uuid": "x", "n": 1.0}
+        ] * 2
+
+
+@pytest.mark.parametrize(
+    "message",
+    ['{"n": 1.50, "n": 1e2}', '{"message": {"message": [{}]}}', '{"n": NaN}', "[1, 2]", '"\\u00fc"'],
+)
+@pytest.mark.parametrize(
+    "line",
+    [
+        '{{"received": "2009-11-17T10:00:21Z", "message": {}}}',
+        '{{"message" :{}, "peer": {{"message": {{}}}}, "received": "2009-11-17T10:00:21Z"}}',
+        '{{"received": "2009-11-17T10:00:21Z", "message":{}, "x": {{"message": 1}}}}',
+        '{{"x": {{"message": 1}}, "received": "2009-11-17T10:00:21Z", "message":{}}}',
+    ],
+    ids=["last", "first", "in the middle", "after another"],
+)
+def test_a_foreign_message_is_taken_as_it_stands(tmp_path: Path, line: str, message: str) -> None:
+    log = tmp_path / "one.jsonl"
+    log.write_text(line.format(message) + "\n")
+    (event,), unreadable = read(log)
+    assert isinstance(event, Received)
+    assert (event.raw.decode(), event.arrival_s, unreadable) == (message, 1258452021.0, 0)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"[" * 100_000,
+        b"[]",
+        b"7",
+        b'"tick"',
+        b'{"tick": 7}',
+        b'{"tick": "now"}',
+        b'{"received": "2009-11-17T10:00:21Z"}',
+        b'{"received": null, "message": {}}',
+        b'{"received": "2009-11-17T10:00:21Z", "base64": "?"}',
+        b'{"received": "2009-11-17T10:00:21Z", "message": {}',
+        b"\xff",
+    ],
+)
+def test_a_line_that_is_none_is_counted_and_named(
+    tmp_path: Path, line: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    log = tmp_path / "one.jsonl"
+    log.write_bytes(b'{"tick":"2009-11-17T10:00:21Z"}\n' + line + b'\n{"tick":"2009-11-17T10:00:22Z"}\n')
+    events, unreadable = read(log)
+    assert (len(events), unreadable) == (2, 1)
+    assert f"{log}, line 2 is left out" in caplog.text
+
+
+def test_a_foreign_connection_is_no_reason_to_stop(tmp_path: Path) -> None:
+    log = tmp_path / "one.jsonl"
+    log.write_text('{"received": "2009-11-17T10:00:21Z", "connection": "c1", "vendor": 3, "message": {}}\n')
+    (event,), _ = read(log)
+    assert isinstance(event, Received)
+    assert (event.connection.id, event.connection.vendor) == (0, None)
+
+
+@pytest.mark.parametrize("suffix", [".gz", ".zst"])
+def test_a_compressed_log_that_breaks_off_gives_what_there_is(tmp_path: Path, suffix: str) -> None:
+    random = Random(1)
+    data = b"".join(b'{"tick":"2009-11-17T10:00:21.%06dZ"}\n' % random.randrange(10**6) for _ in range(10_000))
+    packed = {".gz": gzip.compress(data), ".zst": zstandard.compress(data)}[suffix]
+    whole, broken = tmp_path / f"a.jsonl{suffix}", tmp_path / f"b.jsonl{suffix}"
+    whole.write_bytes(packed + packed)
+    broken.write_bytes(packed[: len(packed) // 2])
+    assert len(read(whole)[0]) == 20_000
+    events, unreadable = read(broken)
+    assert 0 < len(events) < 10_000
+    assert unreadable == 1
+
+
+def test_what_is_no_text_at_all_is_not_gathered_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ingest.playback.LONGEST_LINE", 1000)
+    log = tmp_path / "one.jsonl"
+    log.write_bytes(b"x" * 5500)
+    assert read(log) == ([], 6)
+
+
+def test_a_directory_is_read_whole_where_somebody_packed_the_older_segments(tmp_path: Path) -> None:
+    writer, _ = recorder(tmp_path, segment_bytes=1)
+    for i in range(3):
+        writer.tick(NOW_S + i)
+    writer.close()
+    oldest = min(tmp_path.iterdir())
+    oldest.with_name(oldest.name + ".gz").write_bytes(gzip.compress(oldest.read_bytes()))
+    oldest.unlink()
+    assert [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)] == [NOW_S + i for i in range(3)]
