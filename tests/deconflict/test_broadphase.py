@@ -40,7 +40,7 @@ def mixed_sizes(rng: Generator) -> list[Forecasts]:
         robot([0, 11], rng.uniform(-20, 20, 2), rng.uniform(-20, 20, 2), rng.uniform(-3, 3), (14, 1)) for _ in range(4)
     ]
     fast = [wanderer(rng, speed_mps=16, spread_m=20) for _ in range(6)]
-    return [*trains, *fast, *spread(rng, 45, 40)]
+    return [*trains, *fast, *spread(rng, 28, 40)]
 
 
 def in_a_row(rng: Generator) -> list[Forecasts]:
@@ -53,7 +53,7 @@ def in_a_row(rng: Generator) -> list[Forecasts]:
 def on_many_floors(rng: Generator) -> list[Forecasts]:
     """Some change floor within the horizon, even within a second."""
     found = []
-    for one in spread(rng, 55, 12):
+    for one in spread(rng, 36, 12):
         t = one.t_s - NOW_S
         floor = rng.integers(-1, 3, len(t)) if rng.random() < 0.5 else np.full(len(t), rng.integers(0, 3))
         found.append(robot(t, one.x_m, one.y_m, one.yaw_rad, (one.length_m[0], one.width_m[0]), floor=floor))
@@ -61,8 +61,8 @@ def on_many_floors(rng: Generator) -> list[Forecasts]:
 
 
 CROWDS = {
-    "dense": lambda rng: spread(rng, 45, 8),
-    "sparse": lambda rng: spread(rng, 60, 60),
+    "dense": lambda rng: spread(rng, 30, 8),
+    "sparse": lambda rng: spread(rng, 40, 48),
     "mixed_sizes": mixed_sizes,
     "in_a_row": in_a_row,
     "on_many_floors": on_many_floors,
