@@ -1,4 +1,4 @@
-"""What a sweep costs, beside other engines: `python -m benchmarks.sweep [--json FILE] [--quick]`.
+"""What a sweep costs, beside other engines: `python -m benchmarks.sweep [--json FILE] [--repeats N]`.
 
 Every ratio is of two times measured in the same run. `--compare A.json B.json` sets two saved runs side by side.
 """
