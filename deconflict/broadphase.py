@@ -44,9 +44,9 @@ def swept_boxes(s: Segments, half: Floats, grow_m: float) -> Floats:
 
     `half` (2, robots) are half sides by `s.robot`. A robot that turns within a segment counts as its circle.
     """
-    half_l, half_w = half[0, s.robot], half[1, s.robot]
+    half_l, half_w = half.take(s.robot, 1)
     c, n = np.abs(np.cos(s.yaw)), np.abs(np.sin(s.yaw))
-    turning, radius = s.turn != 0, np.hypot(half_l, half_w)
+    turning, radius = s.turn != 0, np.sqrt(half_l * half_l + half_w * half_w)
     reach_x = np.where(turning, radius, c * half_l + n * half_w) + grow_m
     reach_y = np.where(turning, radius, n * half_l + c * half_w) + grow_m
     span = s.t1 - s.t0

@@ -35,7 +35,9 @@ class Meetings:
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__))
 
     def take(self, rows: Ints | Bools) -> "Meetings":
-        return Meetings(*(getattr(self, name)[rows] for name in self.__slots__))
+        if rows.dtype == np.bool_:
+            rows = np.flatnonzero(rows)
+        return Meetings(*(getattr(self, name).take(rows) for name in self.__slots__))
 
     def by_pair(self, ranks: Ints) -> "Meetings":
         """One for each pair, ascending by `ranks` of the slots: its first contact and its smallest separation."""

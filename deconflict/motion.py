@@ -44,6 +44,9 @@ class Segments:
     def __len__(self) -> int:
         return len(self.robot)
 
+    def take(self, rows: Ints) -> "Segments":
+        return Segments(*(getattr(self, name).take(rows) for name in self.__slots__))
+
 
 def faults(forecasts: Forecasts) -> dict[int, str]:
     """Row to the reason why that robot can't be swept. The others may be."""
@@ -94,33 +97,33 @@ def segments(forecasts: Forecasts, first_slab: int, slabs: int) -> Segments:
 
 def _moving(forecasts: Forecasts, first_slab: int, robot: Ints, begin: Floats, end: Floats, knot: Ints) -> Segments:
     """Segments from `begin` to `end`, seconds since `first_slab`, each after knot `knot`."""
-    following = np.minimum(knot + 1, len(forecasts.t_s) - 1)
-    goes_on = (knot + 1 < forecasts.start[robot + 1]) & (forecasts.floor[following] == forecasts.floor[knot])
-    span = np.where(goes_on, forecasts.t_s[following] - forecasts.t_s[knot], 1.0)
-    turn = _wrapped(forecasts.yaw_rad[following] - forecasts.yaw_rad[knot])
-    rates = [
-        np.where(goes_on, change / span, 0.0)
-        for change in (
-            forecasts.x_m[following] - forecasts.x_m[knot],
-            forecasts.y_m[following] - forecasts.y_m[knot],
-            turn,
-        )
-    ]
-    into = begin - (forecasts.t_s[knot] - first_slab)
+    vx, vy, turn = (rate.take(knot) for rate in _rates(forecasts))
+    into = begin - (forecasts.t_s.take(knot) - first_slab)
     slab = np.floor(begin)
     return Segments(
         robot,
         slab.astype(np.int64) + first_slab,
         begin - slab,
         end - slab,
-        forecasts.x_m[knot] + rates[0] * into,
-        forecasts.y_m[knot] + rates[1] * into,
-        _wrapped(forecasts.yaw_rad[knot]) + rates[2] * into,
-        rates[0],
-        rates[1],
-        rates[2],
-        forecasts.floor[knot],
+        forecasts.x_m.take(knot) + vx * into,
+        forecasts.y_m.take(knot) + vy * into,
+        _wrapped(forecasts.yaw_rad).take(knot) + turn * into,
+        vx,
+        vy,
+        turn,
+        forecasts.floor.take(knot),
     )
+
+
+def _rates(forecasts: Forecasts) -> list[Floats]:
+    """(k,) metres and radians a second along x, y and yaw, from each knot to the next; 0 where it stands."""
+    goes_on = np.zeros(len(forecasts.t_s), bool)
+    goes_on[:-1] = forecasts.floor[1:] == forecasts.floor[:-1]
+    goes_on[forecasts.start[1:] - 1] = False
+    span = np.where(goes_on, np.diff(forecasts.t_s, append=np.inf), 1.0)
+    changes = [np.diff(column, append=0.0) for column in (forecasts.x_m, forecasts.y_m, forecasts.yaw_rad)]
+    changes[2] = _wrapped(changes[2])
+    return [np.where(goes_on, change, 0.0) / span for change in changes]
 
 
 def _wrapped(yaw_rad: Floats) -> Floats:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deconflict.motion import Bools, Segments
+from deconflict.motion import Segments
 from deconflict.rectangles import Apart, Gap, apart, gap
 from ingest.seam import Floats, Ints
 
@@ -33,8 +33,8 @@ class Relative:
     def __len__(self) -> int:
         return len(self.begin)
 
-    def take(self, rows: Ints | Bools) -> "Relative":
-        return Relative(*(getattr(self, name)[..., rows] for name in self.__slots__))
+    def take(self, rows: Ints) -> "Relative":
+        return Relative(*(getattr(self, name).take(rows, -1) for name in self.__slots__))
 
     def clipped(self, begin: Floats, end: Floats) -> "Relative":
         """The same motion over a shorter time."""
@@ -58,15 +58,13 @@ class Relative:
     @property
     def swing(self) -> Floats:
         """The fastest that turning alone can close a gap, metres a second."""
-        radius_a, radius_b = np.hypot(*self.half_a), np.hypot(*self.half_b)
-        swing: Floats = np.abs(self.turn_a) * radius_a + np.abs(self.turn_b) * radius_b
+        swing: Floats = np.abs(self.turn_a) * _radius(self.half_a) + np.abs(self.turn_b) * _radius(self.half_b)
         return swing
 
     @property
     def reach(self) -> Floats:
         """Sum of the circumscribed radii."""
-        reach: Floats = np.hypot(*self.half_a) + np.hypot(*self.half_b)
-        return reach
+        return _radius(self.half_a) + _radius(self.half_b)
 
     def gap_at(self, t: Floats) -> Gap:
         """The exact gap at `t`, seconds into the slab."""
@@ -116,20 +114,26 @@ def relative(segments: Segments, a: Ints, b: Ints, half: Floats) -> Relative:
 
     A's centre is subtracted before anything else, so nothing is lost far from the origin.
     """
-    s = segments
-    begin, end = np.maximum(s.t0[a], s.t0[b]), np.minimum(s.t1[a], s.t1[b])
-    into_a, into_b = begin - s.t0[a], begin - s.t0[b]
+    of_a, of_b = segments.take(a), segments.take(b)
+    begin, end = np.maximum(of_a.t0, of_b.t0), np.minimum(of_a.t1, of_b.t1)
+    into_a, into_b = begin - of_a.t0, begin - of_b.t0
     return Relative(
         begin,
         end,
-        (s.x[b] - s.x[a]) + (s.vx[b] * into_b - s.vx[a] * into_a),
-        (s.y[b] - s.y[a]) + (s.vy[b] * into_b - s.vy[a] * into_a),
-        s.vx[b] - s.vx[a],
-        s.vy[b] - s.vy[a],
-        s.yaw[a] + s.turn[a] * into_a,
-        s.yaw[b] + s.turn[b] * into_b,
-        s.turn[a],
-        s.turn[b],
-        half[:, s.robot[a]],
-        half[:, s.robot[b]],
+        (of_b.x - of_a.x) + (of_b.vx * into_b - of_a.vx * into_a),
+        (of_b.y - of_a.y) + (of_b.vy * into_b - of_a.vy * into_a),
+        of_b.vx - of_a.vx,
+        of_b.vy - of_a.vy,
+        of_a.yaw + of_a.turn * into_a,
+        of_b.yaw + of_b.turn * into_b,
+        of_a.turn,
+        of_b.turn,
+        half.take(of_a.robot, 1),
+        half.take(of_b.robot, 1),
     )
+
+
+def _radius(half: Floats) -> Floats:
+    """Of the circumscribed circle; `np.hypot` guards against overflow, at four times the cost."""
+    radius: Floats = np.sqrt(half[0] * half[0] + half[1] * half[1])
+    return radius

@@ -189,8 +189,7 @@ class Sweeper:
         counts = self._boxes.count[ring, slot]
         kept = np.repeat(self._boxes.first[ring, slot], counts) + counting(counts)
         before, self._pool = self._pool, Pool()
-        whole = Segments(*(getattr(before.all, name)[kept] for name in Segments.__slots__))
-        self._pool.append(whole, before.sides[:, kept])
+        self._pool.append(before.all.take(kept), before.sides.take(kept, 1))
         self._boxes.first[ring, slot] = np.cumsum(counts) - counts
 
     def _oriented(self, pairs: Pairs) -> Pairs:
@@ -208,12 +207,12 @@ class Sweeper:
     def _meet(self, pairs: Pairs, times: tuple[float, float] | None, decider: Decider) -> Meetings:
         """The meetings of pairs in their slabs, or in the part of them between `times`."""
         of_a, of_b, owner = self._segments_of(pairs)
-        near = self._share_room(of_a, of_b)
+        near = np.flatnonzero(self._share_room(of_a, of_b))
         owner, moved = owner[near], relative(self._pool.all, of_a[near], of_b[near], self._roster.half)
         slab = self._boxes.slab[pairs.ring, pairs.a]
         if times is not None:
             moved = moved.clipped(*(np.asarray(t - slab[owner], np.float64) for t in times))
-            lasting = moved.begin <= moved.end
+            lasting = np.flatnonzero(moved.begin <= moved.end)
             moved, owner = moved.take(lasting), owner[lasting]
         self._box_pairs += len(slab)
         self._segment_pairs += len(moved)
@@ -221,7 +220,7 @@ class Sweeper:
         np.minimum.at(contact, owner, first_contacts(moved, self._clearance_m, decider))
         hit = np.isfinite(contact)
         index = np.cumsum(hit) - 1
-        near = hit[owner]
+        near = np.flatnonzero(hit[owner])
         separation, at = smallest(moved.take(near), index[owner[near]], int(hit.sum()))
         slab = slab[hit]
         return Meetings(pairs.a[hit], pairs.b[hit], slab, slab + contact[hit], separation, slab + at)
@@ -231,19 +230,21 @@ class Sweeper:
         count_a, count_b = self._boxes.count[pairs.ring, pairs.a], self._boxes.count[pairs.ring, pairs.b]
         each = count_a * count_b
         owner = np.repeat(np.arange(len(each)), each)
+        count_b = count_b.take(owner)
         nth = counting(each)
-        of_a = self._boxes.first[pairs.ring, pairs.a][owner] + nth // count_b[owner]
-        of_b = self._boxes.first[pairs.ring, pairs.b][owner] + nth % count_b[owner]
+        nth_a = nth // count_b
+        of_a = self._boxes.first[pairs.ring, pairs.a].take(owner) + nth_a
+        of_b = self._boxes.first[pairs.ring, pairs.b].take(owner) + (nth - nth_a * count_b)
         s = self._pool.all
-        shared = np.maximum(s.t0[of_a], s.t0[of_b]) < np.minimum(s.t1[of_a], s.t1[of_b])
-        shared &= s.floor[of_a] == s.floor[of_b]
-        return of_a[shared], of_b[shared], owner[shared]
+        begin, end = np.maximum(s.t0.take(of_a), s.t0.take(of_b)), np.minimum(s.t1.take(of_a), s.t1.take(of_b))
+        shared = np.flatnonzero((begin < end) & (s.floor.take(of_a) == s.floor.take(of_b)))
+        return of_a.take(shared), of_b.take(shared), owner.take(shared)
 
     def _share_room(self, of_a: Ints, of_b: Ints) -> Bools:
         """Whether the swept boxes of segments overlap."""
         west, east, south, north = self._pool.sides
-        shared: Bools = (west[of_a] <= east[of_b]) & (west[of_b] <= east[of_a])
-        shared &= (south[of_a] <= north[of_b]) & (south[of_b] <= north[of_a])
+        shared: Bools = (west.take(of_a) <= east.take(of_b)) & (west.take(of_b) <= east.take(of_a))
+        shared &= (south.take(of_a) <= north.take(of_b)) & (south.take(of_b) <= north.take(of_a))
         return shared
 
     def _within(self, begin_s: float, end_s: float, decider: Decider) -> Meetings:
@@ -261,7 +262,7 @@ class Sweeper:
         is_told = np.zeros(len(keys), bool)
         is_told[told] = True
         return PairConflicts(
-            pairs=tuple([(keys[i], keys[j]) for i, j in zip(m.a.tolist(), m.b.tolist(), strict=True)]),
+            pairs=tuple(zip(map(keys.__getitem__, m.a.tolist()), map(keys.__getitem__, m.b.tolist()), strict=True)),
             contact_s=np.maximum(m.contact, now_s),
             separation_m=m.separation,
             separation_at_s=m.separation_at,
@@ -279,7 +280,7 @@ class Sweeper:
         into = np.asarray(start_s - slab, np.float64)
         of_a, of_b, owner = self._segments_of(Pairs(slab % self._slabs, a, b))
         moved = relative(self._pool.all, of_a, of_b, self._roster.half)
-        here = (moved.begin <= into[owner]) & (into[owner] < moved.end)
+        here = np.flatnonzero((moved.begin <= into[owner]) & (into[owner] < moved.end))
         moved, owner = moved.take(here), owner[here]
         separation = np.full(len(a), np.inf)
         separation[owner] = moved.gap_at(into[owner]).distance
