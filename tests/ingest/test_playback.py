@@ -6,7 +6,7 @@ from random import Random
 import pytest
 import zstandard
 
-from ingest.playback import Received, Tick
+from ingest.playback import TOLD_LINES, Received, Tick
 from tests.ingest.made_logs import LINE, NOW_S, read, recorder
 from tests.saying import status
 
@@ -91,6 +91,13 @@ def test_a_line_that_is_none_is_counted_and_named(
     assert f"{log}, line 2 is left out" in caplog.text
 
 
+def test_of_many_lines_left_out_only_the_first_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    log = tmp_path / "one.jsonl"
+    log.write_text("nonsense\n" * 50)
+    assert read(log) == ([], 50)
+    assert len(caplog.records) == TOLD_LINES
+
+
 def test_a_foreign_connection_is_no_reason_to_stop(tmp_path: Path) -> None:
     log = tmp_path / "one.jsonl"
     log.write_text('{"received": "2009-11-17T10:00:21Z", "connection": "c1", "vendor": 3, "message": {}}\n')
@@ -100,7 +107,9 @@ def test_a_foreign_connection_is_no_reason_to_stop(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".gz", ".zst"])
-def test_a_compressed_log_that_breaks_off_gives_what_there_is(tmp_path: Path, suffix: str) -> None:
+def test_a_compressed_log_that_breaks_off_gives_what_there_is(
+    tmp_path: Path, suffix: str, caplog: pytest.LogCaptureFixture
+) -> None:
     random = Random(1)
     data = b"".join(b'{"tick":"2009-11-17T10:00:21.%06dZ"}\n' % random.randrange(10**6) for _ in range(10_000))
     packed = {".gz": gzip.compress(data), ".zst": zstandard.compress(data)}[suffix]
@@ -111,6 +120,7 @@ def test_a_compressed_log_that_breaks_off_gives_what_there_is(tmp_path: Path, su
     events, unreadable = read(broken)
     assert 0 < len(events) < 10_000
     assert unreadable == 1
+    assert f"{broken}, line {len(events) + 1} is left out" in caplog.text
 
 
 def test_what_is_no_text_at_all_is_not_gathered_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,6 +49,11 @@ def test_times_come_back_to_the_bit(tmp_path: Path) -> None:
     assert [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)] == times
 
 
+def test_a_time_is_kept_to_the_microsecond_that_is_written() -> None:
+    assert quantise(1_790_000_000.123456_7) == 1_790_000_000.123457
+    assert quantise(0.000_000_4) == 0.0
+
+
 def test_events_come_back_in_order(tmp_path: Path) -> None:
     writer, _ = recorder(tmp_path)
     writer.engine_started(NOW_S)
@@ -142,8 +147,9 @@ def test_segments_rotate_and_the_oldest_go(tmp_path: Path) -> None:
 
 
 FAILING = """
-import resource, signal, sys
+import logging, resource, signal, sys
 from pathlib import Path
+logging.basicConfig(format="%(levelname)s")
 from ingest.measures import Measures
 from ingest.recording import RETRY_S, Recorder
 from ingest.settings import Recorder as Settings
@@ -190,6 +196,7 @@ def test_what_cannot_be_recorded_is_counted_and_recording_resumes(
     script = [sys.executable, "-c", FAILING, str(tmp_path), str(room), str(later_s)]
     done = subprocess.run(script, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    assert done.stderr.split() == ["ERROR", "WARNING"], "the failure and its end are told once each"
     lines, written = map(int, done.stdout.split())
     events, unreadable = read(tmp_path)
     assert lines == dropped
