@@ -1,34 +1,55 @@
 """How far a sender's clock is off, and how long its messages take.
 
 One way only, arrival less stamp is the delay less what the clock is fast by; the two cannot be told apart, but the
-least of it over a while is that of the quickest message. A clock that seems off by less than the tolerance is taken
-to be right and its messages to be delayed; one that is off by more is corrected as if its quickest message had
-taken no time, so a forecast may be early by the least delay, never late.
+least of it over a while is that of the quickest message. A clock that seems off by no more than the tolerance is
+taken to be right and its messages to be delayed: event times are then off by that tolerance at most. One that is off
+by more is corrected as if its quickest message had taken no time: event times are then late by the least delay. Either
+way none lies after the arrival.
+
+A clock that is set forward shows at once: its stamps can't lie in the future. One that is set back looks at first like
+delay. But messages that were held up come with ever less delay, so it is taken for a step once those of a second or so
+show the same; one by less than `STEP_S` is followed after `WINDOW` messages at most.
 """
 
-from collections import deque
 from collections.abc import Iterable
+from math import inf, nan
 from statistics import median
 
 WINDOW = 32
-"""Messages over which the quickest is sought: half a minute at one a second."""
-STEP_S = 5.0
-"""A change of more than this between messages is a step of the clock, once confirmed."""
-CONFIRM = 3
-"""Messages that must agree on a step."""
+"""Messages over which the quickest is sought, at most: half a minute at one a second. At least it is half as many."""
+STEP_S = 1.0
+"""A change of more than this between messages, beyond the resolution of the stamps, may be a step of the clock."""
+AGREE_S = 0.5
+"""Messages agree on a step where they differ by no more than this and the resolution of the stamps. They confirm it if
+they were sent over at least twice that: so long a queue, sent at once, would differ by more."""
 
 
 class SenderClock:
     """The clock of one sender, from the stamps and arrivals of its messages."""
 
-    __slots__ = ("_gaps_s", "_resolution_s", "_stepped_s", "_tolerance_s", "delay_s", "offset_s")
+    __slots__ = (
+        "_earlier_s",
+        "_heard",
+        "_least_s",
+        "_newest_s",
+        "_resolution_s",
+        "_step_s",
+        "_step_stamp_s",
+        "_tolerance_s",
+        "delay_s",
+        "offset_s",
+    )
 
     def __init__(self, tolerance_s: float) -> None:
-        self._tolerance_s = tolerance_s
-        self._gaps_s: deque[float] = deque(maxlen=WINDOW)
-        """Arrival less stamp, of the newest messages."""
-        self._stepped_s: list[float] = []
-        self._resolution_s = 0.0
+        self._tolerance_s, self._resolution_s = tolerance_s, 0.0
+        self._newest_s = nan
+        """Arrival less stamp, of the newest message that fits what is known."""
+        self._least_s = self._earlier_s = inf
+        """The least of that in this half of the window and in the half before."""
+        self._heard = 0
+        """Messages in this half."""
+        self._step_s = self._step_stamp_s = nan
+        """Arrival less stamp, and stamp, of the first of the newest messages that agree on a step."""
         self.offset_s = 0.0
         """Added to the sender's stamps it gives service time."""
         self.delay_s = 0.0
@@ -38,27 +59,36 @@ class SenderClock:
         """Learn from one message; `resolution_s` is what the last digit of its stamp is worth."""
         gap_s = arrival_s - stamp_s
         self._resolution_s = resolution_s
-        if self._gaps_s and abs(gap_s - self._gaps_s[-1]) > STEP_S:
-            self._stepped_s.append(gap_s)
-            if len(self._stepped_s) < CONFIRM:
-                return
-            self._gaps_s.clear()
-            self._gaps_s.extend(self._stepped_s)
-        self._stepped_s.clear()
-        self._gaps_s.append(gap_s)
-        least_s = min(self._gaps_s)
-        self.offset_s = 0.0 if abs(least_s) <= self._tolerance_s else least_s
+        if not abs(gap_s - self._newest_s) > STEP_S + resolution_s or self._confirms(gap_s, stamp_s):
+            self._believe(gap_s)
         self.delay_s = max(gap_s - self.offset_s, 0.0)
 
     def event_s(self, stamp_s: float, arrival_s: float) -> float:
-        """When what the message says was true, by the service's clock; never after its arrival.
+        """When what the newest message says was true, by the service's clock; never after its arrival.
 
-        A stamp much coarser than the delays tells less than the arrival, and so does one of a clock that seems to
-        have stepped, until the step is confirmed.
+        Where stamps are much coarser than the delays it is the latest time they may mean.
         """
-        if self._stepped_s or self._resolution_s > 2 * self._tolerance_s:
-            return arrival_s
-        return min(stamp_s + self.offset_s, arrival_s)
+        coarse_s = self._resolution_s if self._resolution_s > 2 * self._tolerance_s else 0.0
+        return min(stamp_s + self.offset_s + coarse_s, arrival_s)
+
+    def _believe(self, gap_s: float) -> None:
+        self._newest_s, self._step_s = gap_s, nan
+        if self._heard == WINDOW // 2:
+            self._earlier_s, self._least_s, self._heard = self._least_s, inf, 0
+        self._heard += 1
+        self._least_s = min(self._least_s, gap_s)
+        least_s = min(self._least_s, self._earlier_s)
+        self.offset_s = 0.0 if abs(least_s) <= self._tolerance_s else least_s
+
+    def _confirms(self, gap_s: float, stamp_s: float) -> bool:
+        """Whether messages over a long enough time agree on a step; if so, what was known before is forgotten."""
+        most_s = AGREE_S + self._resolution_s
+        if not abs(gap_s - self._step_s) <= most_s:
+            self._step_s, self._step_stamp_s = gap_s, stamp_s
+        if stamp_s - self._step_stamp_s < 2 * most_s:
+            return False
+        self._least_s, self._earlier_s, self._heard = inf, self._step_s, 0
+        return True
 
 
 def vendor_offset(clocks: Iterable[SenderClock]) -> float:

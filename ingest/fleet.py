@@ -229,7 +229,7 @@ class Fleet:
         frame, floor = self._frame(robot.vendor, status.datum)
         view = View(
             self._body(robot, status),
-            robot.clock.offset_s,
+            event_s - status.stamp_s,
             self._frame_of(robot.vendor, status.datum),
             self.reading,
         )

@@ -127,6 +127,26 @@ def test_a_clock_three_seconds_off_is_shown_and_corrected() -> None:
     assert document(one, "A-1")["deviations"]["clock-off"] == 5
 
 
+def test_a_clock_set_forward_leaves_the_forecast_where_it_belongs_from_the_first_message_on() -> None:
+    one = fleet()
+    for i, ahead_s in enumerate((0.0, 0.0, 0.0, 3600.0)):
+        stamp_s = NOW_S + i + ahead_s
+        path = points((stamp_s + 4, 4.0, 0.0, 0.0))
+        one.receive(status("A-1", stamp_s, path=path), NOW_S + i + 0.1, LINE)
+    batch = one.cut(NOW_S + 4)
+    assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 3, NOW_S + 7], abs=0.15)
+
+
+def test_whole_second_stamps_are_made_whole_again_in_the_forecast_too() -> None:
+    one = fleet()
+    for i in range(3):
+        path = points((NOW_S + i + 4, 4.0, 0.0, 0.0))
+        stamp = f"2026-09-21T14:13:{20 + i}+0000"
+        one.receive(status("A-1", NOW_S + i, timestamp=stamp, path=path), NOW_S + i + 0.8, LINE)
+    batch = one.cut(NOW_S + 4)
+    assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 2.8, NOW_S + 6.8], abs=0.01)
+
+
 def test_an_unknown_datum_is_a_floor_of_its_own_and_found() -> None:
     one = fleet()
     one.receive(status("A-1", NOW_S), NOW_S, LINE)
