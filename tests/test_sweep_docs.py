@@ -1,0 +1,30 @@
+"""What docs/sweep.md shows of the library is what it does."""
+
+import re
+from doctest import DocTestParser, DocTestRunner
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+TEXT = (Path(__file__).parent.parent / "docs" / "sweep.md").read_text()
+BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, re.S)
+
+
+def failures(block: str, names: dict[str, Any]) -> int:
+    """How many lines of a block answer otherwise than shown; adds what it defines to `names`."""
+    test = DocTestParser().get_doctest(block, names, "docs/sweep.md", "docs/sweep.md", 0)
+    assert test.examples
+    result = DocTestRunner().run(test, clear_globs=False)
+    names |= test.globs
+    return result.failed
+
+
+def test_the_examples_run_as_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    example, picture = BLOCKS
+    names: dict[str, Any] = {}
+    assert failures(example, names) == 0
+    pytest.importorskip("matplotlib")
+    assert failures(picture, names) == 0
+    assert (tmp_path / "sweep.png").stat().st_size > 10_000
