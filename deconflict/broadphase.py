@@ -31,6 +31,9 @@ class Pairs:
     a: Ints
     b: Ints
 
+    def __len__(self) -> int:
+        return len(self.ring)
+
     @classmethod
     def joined(cls, parts: list["Pairs"]) -> "Pairs":
         return cls(*(np.concatenate([_NONE, *(getattr(part, name) for part in parts)]) for name in cls.__slots__))
@@ -113,13 +116,17 @@ class Boxes:
 
         Cost grows with what changed where few did, else with what exists.
         """
+        is_changed = self._marked(changed)
         if len(changed) <= FEW:
-            return Pairs.joined([self._against_all(ring, changed) for ring in rings.tolist()])
-        is_changed = np.zeros(self.slab.shape[1], bool)
-        is_changed[changed] = True
+            return Pairs.joined([self._against_all(ring, changed, is_changed) for ring in rings.tolist()])
         return Pairs.joined([self._in_row(ring, is_changed) for ring in rings.tolist()])
 
-    def _against_all(self, ring: int, chosen: Ints) -> Pairs:
+    def _marked(self, slots: Ints) -> Bools:
+        marked = np.zeros(self.slab.shape[1], bool)
+        marked[slots] = True
+        return marked
+
+    def _against_all(self, ring: int, chosen: Ints, is_chosen: Bools) -> Pairs:
         """Pairs with one of `chosen`; a pair of two chosen ones once."""
         slab, floor = self.slab[ring], self.floor[ring]
         x0, x1, y0, y1 = self.sides[:, ring]
@@ -130,7 +137,7 @@ class Boxes:
             theirs = floor[others]
             same = (theirs == floor[row]) | (theirs == MIXED) | (floor[row] == MIXED)
             same &= (theirs != ABSENT) & (slab[others] == slab[row])
-            same &= (others > row) | ((others < row) & ~np.isin(others, chosen))
+            same &= (others > row) | ((others < row) & ~is_chosen[others])
             met = others[same]
             found.append(Pairs(np.full(len(met), ring), np.full(len(met), row), met))
         return Pairs.joined(found)
@@ -141,12 +148,12 @@ class Boxes:
         if not is_changed[there].any():
             return Pairs.joined([])
         width, height = (self.sides[k + 1, ring, there] - self.sides[k, ring, there] for k in (0, 2))
-        most_x, most_y = np.percentile(width, 90), np.percentile(height, 90)
+        most_x, most_y = _most(width), _most(height)
         odd = (width > LONG * most_x) | (height > LONG * most_y) | (self.floor[ring, there] == MIXED)
         oddities, even = there[odd], there[~odd]
-        found = self._against_all(ring, oddities)
+        found = self._against_all(ring, oddities, self._marked(oddities))
         found = found.take(is_changed[found.a] | is_changed[found.b])
-        a, b = self._in_bands(ring, even, is_changed[even], max(float(most_y), 1e-3))
+        a, b = self._in_bands(ring, even, is_changed[even], max(most_y, 1e-3))
         return Pairs.joined([found, Pairs(np.full(len(a), ring), a, b)])
 
     def _in_bands(self, ring: int, there: Ints, is_changed: Bools, height_m: float) -> tuple[Ints, Ints]:
@@ -157,37 +164,41 @@ class Boxes:
         """
         if not len(there):
             return _NONE, _NONE
-        x0, x1, y0, y1 = self.sides[:, ring, there]
+        x0, x1, y0, y1 = self.sides[:, ring].take(there, 1)
         low = np.floor((y0 - y0.min()) / height_m).astype(np.int64)
         bands = np.floor((y1 - y0.min()) / height_m).astype(np.int64) - low + 1
         box = np.repeat(np.arange(len(there)), bands)
-        band = low[box] + counting(bands)
+        band = low.take(box) + counting(bands)
         levels = _ranked(self.slab[ring, there], self.floor[ring, there])
-        lane = levels[box] * (int(band.max()) + 2) + band
+        lane = levels.take(box) * (int(band.max()) + 2) + band
         west, wide = x0.min(), float((x1 - x0).max())
         span = float(x1.max() - west) + wide + 2.0
-        begin = lane * span + (x0[box] - west)
+        begin = lane * span + (x0.take(box) - west)
         order = np.argsort(begin)
-        begin, box, band, lane = begin[order], box[order], band[order], lane[order]
+        begin, box, band, lane = begin.take(order), box.take(order), band.take(order), lane.take(order)
         rounding = 8 * np.spacing(float(begin[-1]))
-        end = lane * span + (x1[box] - west) + rounding
-        if is_changed.mean() > MOST_SHARE:
-            asking = np.arange(len(box))
-            start = asking + 1
-        else:
-            asking = np.flatnonzero(is_changed[box])
-            start = np.searchsorted(begin, begin[asking] - wide - rounding)
-        reach = np.maximum(np.searchsorted(begin, end[asking], "right") - start, 0)
+        everything = is_changed.mean() > MOST_SHARE
+        asking = np.arange(len(box)) if everything else np.flatnonzero(is_changed.take(box))
+        end = lane.take(asking) * span + (x1.take(box.take(asking)) - west) + rounding
+        start = asking + 1 if everything else np.searchsorted(begin, begin.take(asking) - wide - rounding)
+        reach = np.maximum(np.searchsorted(begin, end, "right") - start, 0)
         a = np.repeat(asking, reach)
         b = np.repeat(start, reach) + counting(reach)
-        i, j = box[a], box[b]
-        kept = (y0[i] <= y1[j]) & (y1[i] >= y0[j]) & (x0[i] <= x1[j]) & (x1[i] >= x0[j])
-        kept &= band[a] == np.maximum(low[i], low[j])
-        if is_changed.mean() > MOST_SHARE:
-            kept &= is_changed[i] | is_changed[j]
+        i, j = box.take(a), box.take(b)
+        met = np.flatnonzero((y0.take(i) <= y1.take(j)) & (y1.take(i) >= y0.take(j)))
+        a, i, j = a.take(met), i.take(met), j.take(met)
+        kept = (x0.take(i) <= x1.take(j)) & (x1.take(i) >= x0.take(j))
+        kept &= band.take(a) == np.maximum(low.take(i), low.take(j))
+        if everything:
+            kept &= is_changed.take(i) | is_changed.take(j)
         else:
-            kept &= (i < j) | ((i != j) & ~is_changed[j])
-        return there[i[kept]], there[j[kept]]
+            kept &= (i < j) | ((i != j) & ~is_changed.take(j))
+        return there.take(i[kept]), there.take(j[kept])
+
+
+def _most(lengths: Floats) -> float:
+    """What nine in ten of them stay below, by a sample."""
+    return float(np.percentile(lengths[:: 1 + len(lengths) // 500], 90))
 
 
 def counting(lengths: Ints) -> Ints:

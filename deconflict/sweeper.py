@@ -12,12 +12,12 @@ from deconflict.broadphase import ABSENT, Boxes, Pairs, counting, swept_boxes
 from deconflict.exact import Decider
 from deconflict.meetings import Meetings
 from deconflict.motion import Bools, Segments
-from deconflict.relative import relative
+from deconflict.relative import Relative, relative
 from deconflict.roster import Roster
 from deconflict.separation import smallest
 from ingest.seam import Floats, Forecasts, Ints
 
-AHEAD = 2
+AHEAD = 1
 """Slabs cut beyond the horizon, so that a robot that reports every second is cut once for each report."""
 MOST_WASTE = 3
 """The pool is packed anew when it holds so many times the segments that are in use."""
@@ -127,7 +127,7 @@ class Sweeper:
         self._keep(changed, first_slab)
         pairs = [self._cut_anew(changed, first_slab), *self._cut_further(first_slab, last_slab)]
         blocks = self._blocks(self._oriented(Pairs.joined(pairs)))
-        self._meetings = Meetings.joined([self._meetings, *(self._meet(block, None, decider) for block in blocks)])
+        self._meetings = Meetings.joined([self._meetings, *(self._meet(block, decider) for block in blocks)])
         found = self._within(now_s, now_s + self._horizon_s, decider).by_pair(self._roster.ranks())
         return self._listed(found, now_s, told, decider)
 
@@ -202,28 +202,36 @@ class Sweeper:
 
     @staticmethod
     def _blocks(pairs: Pairs) -> list[Pairs]:
-        return [pairs.take(slice(start, start + BLOCK)) for start in range(0, len(pairs.ring), BLOCK)]
+        return [pairs.take(slice(start, start + BLOCK)) for start in range(0, len(pairs), BLOCK)]
 
-    def _meet(self, pairs: Pairs, times: tuple[float, float] | None, decider: Decider) -> Meetings:
-        """The meetings of pairs in their slabs, or in the part of them between `times`."""
+    def _meet(self, pairs: Pairs, decider: Decider) -> Meetings:
+        """The meetings of pairs in their slabs."""
+        moved, owner = self._moved(pairs)
+        contact = self._first(moved, owner, len(pairs), decider)
+        hit = np.isfinite(contact)
+        separation, at = self._least(moved, owner, hit)
+        slab = self._boxes.slab[pairs.ring, pairs.a][hit]
+        return Meetings(pairs.a[hit], pairs.b[hit], slab, slab + contact[hit], separation, slab + at)
+
+    def _first(self, moved: Relative, owner: Ints, owners: int, decider: Decider) -> Floats:
+        """(owners,) the first contact of each, seconds into the slab; inf for none."""
+        contact = np.full(owners, np.inf)
+        np.minimum.at(contact, owner, first_contacts(moved, self._clearance_m, decider))
+        return contact
+
+    @staticmethod
+    def _least(moved: Relative, owner: Ints, chosen: Bools) -> tuple[Floats, Floats]:
+        """The smallest separation of each chosen owner, and when, seconds into the slab."""
+        rows = np.flatnonzero(chosen[owner])
+        return smallest(moved.take(rows), (np.cumsum(chosen) - 1)[owner[rows]], int(chosen.sum()))
+
+    def _moved(self, pairs: Pairs) -> tuple[Relative, Ints]:
+        """The pairs of segments that share time, floor and room, and the pair that each belongs to."""
         of_a, of_b, owner = self._segments_of(pairs)
         near = np.flatnonzero(self._share_room(of_a, of_b))
-        owner, moved = owner[near], relative(self._pool.all, of_a[near], of_b[near], self._roster.half)
-        slab = self._boxes.slab[pairs.ring, pairs.a]
-        if times is not None:
-            moved = moved.clipped(*(np.asarray(t - slab[owner], np.float64) for t in times))
-            lasting = np.flatnonzero(moved.begin <= moved.end)
-            moved, owner = moved.take(lasting), owner[lasting]
-        self._box_pairs += len(slab)
-        self._segment_pairs += len(moved)
-        contact = np.full(len(slab), np.inf)
-        np.minimum.at(contact, owner, first_contacts(moved, self._clearance_m, decider))
-        hit = np.isfinite(contact)
-        index = np.cumsum(hit) - 1
-        near = np.flatnonzero(hit[owner])
-        separation, at = smallest(moved.take(near), index[owner[near]], int(hit.sum()))
-        slab = slab[hit]
-        return Meetings(pairs.a[hit], pairs.b[hit], slab, slab + contact[hit], separation, slab + at)
+        self._box_pairs += len(pairs)
+        self._segment_pairs += len(near)
+        return relative(self._pool.all, of_a.take(near), of_b.take(near), self._roster.half), owner.take(near)
 
     def _segments_of(self, pairs: Pairs) -> tuple[Ints, Ints, Ints]:
         """Each segment of A and each of B that share some time and floor, and the pair that they belong to."""
@@ -248,14 +256,25 @@ class Sweeper:
         return shared
 
     def _within(self, begin_s: float, end_s: float, decider: Decider) -> Meetings:
-        """The meetings of the horizon; those that one of its edges cuts are looked at again for the part inside."""
+        """The meetings of the horizon; what one of its edges cuts off is looked for again in the part inside."""
         m = self._meetings
-        inside = (m.contact <= end_s) & (m.slab <= end_s)
-        cut = inside & ((m.contact < begin_s) | (m.separation_at < begin_s) | (m.separation_at > end_s))
-        if not cut.any():
-            return m.take(inside)
-        again = Pairs(m.slab[cut] % self._slabs, m.a[cut], m.b[cut])
-        return Meetings.joined([m.take(inside & ~cut), self._meet(again, (begin_s, end_s), decider)])
+        m = m.take((m.contact <= end_s) & (m.slab <= end_s))
+        begun, elsewhere = m.contact < begin_s, (m.separation_at < begin_s) | (m.separation_at > end_s)
+        cut = np.flatnonzero(begun | elsewhere)
+        if not len(cut):
+            return m
+        moved, owner = self._moved(Pairs(m.slab[cut] % self._slabs, m.a[cut], m.b[cut]))
+        moved = moved.clipped(*(np.asarray(t - m.slab[cut][owner], np.float64) for t in (begin_s, end_s)))
+        lasting = np.flatnonzero(moved.begin <= moved.end)
+        moved, owner = moved.take(lasting), owner[lasting]
+        asked = np.flatnonzero(begun[cut][owner])
+        contact = self._first(moved.take(asked), owner[asked], len(cut), decider)
+        m.contact[cut] = np.where(begun[cut], m.slab[cut] + contact, m.contact[cut])
+        wanted = elsewhere[cut] & np.isfinite(m.contact[cut])
+        separation, at = self._least(moved, owner, wanted)
+        rows = cut[wanted]
+        m.separation[rows], m.separation_at[rows] = separation, m.slab[rows] + at
+        return m.take(np.isfinite(m.contact))
 
     def _listed(self, m: Meetings, now_s: float, told: Ints, decider: Decider) -> PairConflicts:
         keys = self._roster.keys
