@@ -1,10 +1,12 @@
-"""The advisory as published: one encounter of two robots, from raised to cleared."""
+"""The advisory as published, from raised to cleared: a conflict, a contention, a deadlock or a blockage."""
 
 from datetime import datetime
 from enum import StrEnum
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+Robot = Annotated[str, Field(description="UUID of a robot")]
 
 
 class AdvisoryState(StrEnum):
@@ -26,42 +28,132 @@ class EncounterClass(StrEnum):
     STATIONARY_OBSTACLE = "stationary_obstacle"
 
 
-class Location(BaseModel):
-    """A place on a floor."""
+class Published(BaseModel):
+    """A part of what is published: frozen, and every number is finite."""
 
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+
+class Location(Published):
+    """A place on a floor."""
 
     datum: str = Field(description="UUID of the planar datum whose frame x and y are in")
     x: float = Field(description="metres")
     y: float = Field(description="metres")
 
 
-class Advisory(BaseModel):
-    """One revision of an advisory. It advises; it is not safety rated and moves no robot."""
+class Hold(Published):
+    """Let a robot wait where it is before it follows its path as forecast."""
 
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+    robot: Robot
+    hold_s: float = Field(gt=0)
+
+
+class Slot(Published):
+    """When a robot should have a resource."""
+
+    robot: Robot
+    resource: str = Field(description="id of the resource; it may be another one of its group")
+    start_at: datetime
+    end_at: datetime
+    wait_s: float = Field(ge=0, description="from the robot's arrival to the start of its slot")
+
+
+class Recommendation(Published):
+    """What would end it at the least cost. Advice is for a site service to take or leave."""
+
+    holds: tuple[Hold, ...] = ()
+    slots: tuple[Slot, ...] = Field(default=(), description="in the order advised")
+    cost_s: float = Field(ge=0, description="waiting in all, weighted by priority")
+    bound_s: float = Field(ge=0, description="no advice costs less than this")
+    first_come_cost_s: float | None = Field(default=None, ge=0, description="what first come, first served would cost")
+    expected_saving_s: float = Field(default=0.0, description="against first come, first served, or against a stop")
+    proven_optimal: bool
+    note: str = Field(default="", description="what else a person should know, such as that no hold works")
+
+
+class Wait(Published):
+    """One robot that waits, or will wait, for another."""
+
+    waiter: Robot
+    holder: Robot
+    where: str = Field(description='id of the resource or zone, or "path"')
+    from_at: datetime
+
+
+class Advisory(Published):
+    """What one revision of every kind of advisory says. It advises; it is not safety rated and moves no robot."""
 
     id: str = Field(description="the same from raised to cleared, through every revision and restart")
     revision: int = Field(ge=1, description="1 when raised, one more with each change")
     seq: int = Field(default=0, ge=0, description="number of this revision in the stream; 0 before it is stored")
     state: AdvisoryState
-    kind: Literal["conflict"] = "conflict"
     severity: Severity
-    encounter: int = Field(ge=1, description="ordinal of this encounter of this pair")
-    encounter_class: EncounterClass
-    robots: tuple[str, str] = Field(description="UUIDs, in ascending order")
-    names: tuple[str, str] = Field(description="what a person calls the robots, in the same order")
-    vendors: tuple[str, str]
-    basis: tuple[str, str] = Field(description="what each forecast rests on: path, velocity, ...")
+    robots: tuple[Robot, ...] = Field(description="UUIDs, in ascending order")
+    names: tuple[str, ...] = Field(description="what a person calls the robots, in the same order")
+    vendors: tuple[str, ...] = Field(description="of the robots, in the same order")
     raised_at: datetime
     updated_at: datetime = Field(description="when this revision was decided")
     cleared_at: datetime | None = None
     cleared_because: str | None = Field(default=None, description="why it was cleared, in words")
-    predicted_at: datetime = Field(description="when the envelopes first come within the clearance")
-    time_to_conflict_s: float = Field(ge=0, description="from updated_at to predicted_at")
+    predicted_at: datetime = Field(description="when what it warns of begins")
+    time_to_conflict_s: float = Field(ge=0, description="from updated_at to predicted_at; 0 where it has begun")
+    location: Location = Field(description="where it begins")
+    summary: str = Field(description="one sentence for a person")
+    recommendation: Recommendation | None = None
+    safety_rated: Literal[False] = False
+
+
+class ConflictAdvisory(Advisory):
+    """One encounter of two robots: their envelopes come within the clearance."""
+
+    kind: Literal["conflict"] = "conflict"
+    robots: tuple[Robot, Robot] = Field(description="UUIDs, in ascending order")
+    names: tuple[str, str] = Field(description="what a person calls the robots, in the same order")
+    vendors: tuple[str, str] = Field(description="of the robots, in the same order")
+    encounter: int = Field(ge=1, description="ordinal of this encounter of this pair")
+    encounter_class: EncounterClass
+    basis: tuple[str, str] = Field(description="what each forecast rests on: path, velocity, ...")
+    probability: float | None = Field(
+        default=None, ge=0, le=1, description="that the envelopes come within the clearance in the horizon"
+    )
     clearance_m: float = Field(ge=0)
     min_separation_m: float = Field(ge=0, description="smallest distance of the envelopes; 0 where they overlap")
     closing_speed_mps: float = Field(description="at predicted_at; negative where they draw apart")
-    location: Location = Field(description="where the envelopes first come within the clearance")
-    summary: str = Field(description="one sentence for a person")
-    safety_rated: Literal[False] = False
+
+
+class ContentionAdvisory(Advisory):
+    """More robots than a resource or zone holds: soon (contention), or now (double occupancy)."""
+
+    kind: Literal["contention", "double_occupancy"]
+    resource: str = Field(description="id of the resource or zone")
+    resource_name: str
+    capacity: int = Field(ge=1)
+    demand: int = Field(ge=0, description="robots that want it or have it at predicted_at")
+    queue_length: int = Field(ge=0, description="longest queue expected")
+    wait_s: float = Field(ge=0, description="longest wait expected")
+
+
+class DeadlockAdvisory(Advisory):
+    """Robots that wait for each other in a ring, or will."""
+
+    kind: Literal["deadlock"] = "deadlock"
+    cycle: tuple[Wait, ...] = Field(min_length=1, description="the evidence; each holder is the next one's waiter")
+
+
+class BlockageAdvisory(Advisory):
+    """A robot that stands where others will pass."""
+
+    kind: Literal["blockage"] = "blockage"
+    blocker: Robot
+    since_at: datetime
+    holds_up: tuple[Robot, ...] = Field(description="the robots that it will hold up, soonest first")
+
+
+AnyAdvisory = Annotated[
+    ConflictAdvisory | ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory, Field(discriminator="kind")
+]
+Kind = Literal["conflict", "contention", "double_occupancy", "deadlock", "blockage"]
+
+ADVISORY: TypeAdapter[AnyAdvisory] = TypeAdapter(AnyAdvisory)
+"""Reads one revision of any kind."""

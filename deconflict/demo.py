@@ -20,7 +20,7 @@ from rich.text import Text
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
-from deconflict.advisory import Advisory, AdvisoryState, Severity
+from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
 from deconflict.link import AsyncCaller, LinkDownError
 from deconflict.service import Supervisor, runtime_directory
 from deconflict.simulation.senders import simulate
@@ -43,7 +43,7 @@ def demo_site() -> Path:
 class Picture:
     """What a person is shown: open advisories from the stream, counts from the service's own measures."""
 
-    open: dict[str, Advisory] = field(default_factory=dict)
+    open: dict[str, AnyAdvisory] = field(default_factory=dict)
     encounters: set[tuple[str, str, int]] = field(default_factory=set)
     """Pairs and ordinals of the conflicts told of."""
     raised: int = 0
@@ -51,8 +51,9 @@ class Picture:
     values: dict[str, dict[tuple[str, ...], float]] = field(default_factory=dict)
     latency_p99_s: float = 0.0
 
-    def take(self, advisory: Advisory) -> None:
-        self.encounters.add((*advisory.robots, advisory.encounter))
+    def take(self, advisory: AnyAdvisory) -> None:
+        if isinstance(advisory, ConflictAdvisory):
+            self.encounters.add((*advisory.robots, advisory.encounter))
         if advisory.state is AdvisoryState.CLEARED:
             self.cleared += 1
             self.open.pop(advisory.id, None)
@@ -189,7 +190,7 @@ async def _follow(site: Site, picture: Picture, console: Console) -> None:
         try:
             async with connect(url) as stream:
                 async for message in stream:
-                    advisory = Advisory.model_validate_json(message)
+                    advisory = ADVISORY.validate_json(message)
                     seen = advisory.seq
                     picture.take(advisory)
                     if not console.is_terminal and advisory.state is not AdvisoryState.UPDATED:
@@ -205,7 +206,7 @@ async def _measure(operator: AsyncCaller, picture: Picture) -> None:
         await asyncio.sleep(2 * REFRESH_S)
 
 
-def _line(advisory: Advisory) -> str:
+def _line(advisory: AnyAdvisory) -> str:
     if advisory.state is AdvisoryState.CLEARED:
         return f"cleared  {' and '.join(advisory.names)}: {advisory.cleared_because}"
     return f"{advisory.state.value:8} {advisory.summary}"
@@ -231,7 +232,7 @@ def _advisories(picture: Picture) -> Table:
             severity,
             f"{one.time_to_conflict_s:.0f} s",
             one.summary,
-            f"{one.min_separation_m:.2f} m",
+            f"{one.min_separation_m:.2f} m" if isinstance(one, ConflictAdvisory) else "",
             " / ".join(one.vendors),
         )
     if not picture.open:

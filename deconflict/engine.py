@@ -11,7 +11,7 @@ from math import floor
 
 import numpy as np
 
-from deconflict.advisory import Advisory, AdvisoryState
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.encounter import Encounter, encounter, separation_m
 from deconflict.life import Lives, Pair, Party, Prediction, Scene
 from deconflict.live import Live, LiveRobot
@@ -27,14 +27,16 @@ GROWTH_STEP_M = 0.1
 class Engine:
     """Live state, the sweep, and the life of advisories. Keeps its own `measures`."""
 
-    def __init__(self, site: Site, restored: Iterable[Advisory] = (), ordinals: dict[Pair, int] | None = None) -> None:
+    def __init__(
+        self, site: Site, restored: Iterable[AnyAdvisory] = (), ordinals: dict[Pair, int] | None = None
+    ) -> None:
         self.site = site
         self.measures = Measures()
         self.live = Live()
         self._floor_names = {datum.id: datum.name for datum in site.datums}
         self._sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s)
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
-        self._lives.restore(restored)
+        self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
         self._told: set[str] = set()
         """Robots with a new forecast since the last step."""
         self._quiet: list[tuple[float, str]] = []
@@ -52,13 +54,13 @@ class Engine:
             self._told.discard(uuid)
         self._sweeper.discard(batch.gone)
 
-    def step(self, now_s: float) -> list[Advisory]:
+    def step(self, now_s: float) -> list[AnyAdvisory]:
         """Sweep what changed, and say what that changes for people."""
         self._sweep_again(self._told | self._grown(now_s))
         told, self._told = self._told, set()
         conflicts = self._sweeper.step(now_s)
         scene = Scene(self._party, self._meet, self._separation_m, self._place_name)
-        revisions = self._lives.step(now_s, _predictions(conflicts), told, scene)
+        revisions: list[AnyAdvisory] = [*self._lives.step(now_s, _predictions(conflicts), told, scene)]
         self._measure(conflicts, revisions)
         return revisions
 
@@ -112,7 +114,7 @@ class Engine:
         datum = self.live.floors[floor]
         return datum, self._floor_names.get(datum, datum)
 
-    def _measure(self, conflicts: PairConflicts, revisions: list[Advisory]) -> None:
+    def _measure(self, conflicts: PairConflicts, revisions: list[AnyAdvisory]) -> None:
         for one in revisions:
             event = AdvisoryState(one.state).value
             self.measures.count("deconflict_advisories_total", one.kind, event)

@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from math import hypot
 from uuid import UUID, uuid5
 
-from deconflict.advisory import Advisory, AdvisoryState, EncounterClass, Location, Severity
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Location, Severity
 from deconflict.encounter import Encounter
 from deconflict.site import Conflict
 
@@ -96,7 +96,7 @@ class Track:
     met: bool = False
     """Came within the clearance while the advisory stood."""
     last_predicted_s: float = 0.0
-    advisory: Advisory | None = None
+    advisory: ConflictAdvisory | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -111,7 +111,7 @@ class Lives:
     tracks: dict[Pair, Track] = field(default_factory=dict)
     started_s: float | None = None
 
-    def restore(self, open_advisories: Iterable[Advisory]) -> None:
+    def restore(self, open_advisories: Iterable[ConflictAdvisory]) -> None:
         """Go on with advisories that were open before a restart."""
         for advisory in open_advisories:
             track = self._new_track()
@@ -119,10 +119,12 @@ class Lives:
             track.last_predicted_s = advisory.updated_at.timestamp()
             self.tracks[advisory.robots] = track
 
-    def open(self) -> list[Advisory]:
+    def open(self) -> list[ConflictAdvisory]:
         return [track.advisory for track in self.tracks.values() if track.advisory]
 
-    def step(self, now_s: float, predictions: Iterable[Prediction], updated: set[str], scene: Scene) -> list[Advisory]:
+    def step(
+        self, now_s: float, predictions: Iterable[Prediction], updated: set[str], scene: Scene
+    ) -> list[ConflictAdvisory]:
         """The revisions that this pass makes, ordered by pair."""
         self.started_s = now_s if self.started_s is None else self.started_s
         revisions = []
@@ -152,7 +154,7 @@ class Lives:
         now_s: float,
         updated: set[str],
         scene: Scene,
-    ) -> Advisory | None:
+    ) -> ConflictAdvisory | None:
         if prediction is None:
             news = not updated.isdisjoint(pair)
             if news:
@@ -202,14 +204,14 @@ class Lives:
             return SEVERITIES[level(0.0)]
         return SEVERITIES[max(level(0.0), min(SEVERITIES.index(before), level(1.0)))]
 
-    def _raised(self, prediction: Prediction, now_s: float, scene: Scene) -> Advisory | None:
+    def _raised(self, prediction: Prediction, now_s: float, scene: Scene) -> ConflictAdvisory | None:
         pair = prediction.pair
         ordinal = self.ordinals[pair] = self.ordinals.get(pair, 0) + 1
         a, b = scene.party(pair[0]), scene.party(pair[1])
         if a is None or b is None:
             return None
         now = _moment(now_s)
-        return Advisory(
+        return ConflictAdvisory(
             id=str(uuid5(ADVISORIES, f"{pair[0]} {pair[1]} {round(now_s * 1e6)}")),
             revision=1,
             state=AdvisoryState.RAISED,
@@ -221,7 +223,9 @@ class Lives:
             **vars(self._telling(prediction, now_s, scene, (a, b), None)),
         )
 
-    def _updated(self, before: Advisory, prediction: Prediction, now_s: float, scene: Scene) -> Advisory | None:
+    def _updated(
+        self, before: ConflictAdvisory, prediction: Prediction, now_s: float, scene: Scene
+    ) -> ConflictAdvisory | None:
         if before.time_to_conflict_s == 0 and prediction.contact_s <= now_s:
             return None
         severity = self._severity(prediction, now_s, before.severity)
@@ -244,7 +248,7 @@ class Lives:
         now_s: float,
         scene: Scene,
         parties: tuple[Party, Party],
-        before: Advisory | None,
+        before: ConflictAdvisory | None,
     ) -> Telling:
         met = scene.meet(prediction.pair, prediction.contact_s)
         datum, floor_name = scene.place_name(met.floor)
@@ -263,7 +267,9 @@ class Lives:
             summary=_summary(parties, met, time_s, floor_name),
         )
 
-    def _standing(self, track: Track, advisory: Advisory, now_s: float, scene: Scene) -> Advisory | None:
+    def _standing(
+        self, track: Track, advisory: ConflictAdvisory, now_s: float, scene: Scene
+    ) -> ConflictAdvisory | None:
         """Clear a pair that met and now both stand: nothing more is predicted of it."""
         parties = [scene.party(uuid) for uuid in advisory.robots]
         stand = track.inside and all(one is not None and one.standing for one in parties)
@@ -274,7 +280,7 @@ class Lives:
             else None
         )
 
-    def _unpredicted(self, track: Track, pair: Pair, now_s: float, scene: Scene) -> Advisory | None:
+    def _unpredicted(self, track: Track, pair: Pair, now_s: float, scene: Scene) -> ConflictAdvisory | None:
         absent = [uuid for uuid in pair if scene.party(uuid) is None]
         if absent:
             return self._absent(track, pair, absent, now_s)
@@ -289,7 +295,7 @@ class Lives:
             return None
         return self._cleared(advisory, now_s, "they have passed each other" if track.met else "no longer predicted")
 
-    def _absent(self, track: Track, pair: Pair, absent: list[str], now_s: float) -> Advisory | None:
+    def _absent(self, track: Track, pair: Pair, absent: list[str], now_s: float) -> ConflictAdvisory | None:
         """A robot that left ends the advisory; one not yet heard of since a restart does so only in time."""
         track.inside = False
         track.looks.clear()
@@ -302,7 +308,7 @@ class Lives:
         names = dict(zip(pair, advisory.names, strict=True))
         return self._cleared(advisory, now_s, f"{' and '.join(names[uuid] for uuid in absent)} left the floor")
 
-    def _cleared(self, advisory: Advisory, now_s: float, because: str) -> Advisory:
+    def _cleared(self, advisory: ConflictAdvisory, now_s: float, because: str) -> ConflictAdvisory:
         now = _moment(now_s)
         return advisory.model_copy(
             update={
@@ -321,7 +327,7 @@ def _moment(t_s: float) -> datetime:
     return datetime.fromtimestamp(t_s, UTC)
 
 
-def _differs(before: Advisory, told: Telling) -> bool:
+def _differs(before: ConflictAdvisory, told: Telling) -> bool:
     """Whether a person or a site service would act otherwise on the new telling."""
     return (
         told.severity != before.severity

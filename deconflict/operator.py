@@ -7,14 +7,14 @@ It reads the store itself and asks everything else of its `Sources` when it is a
 from collections.abc import Callable
 from html import escape
 from importlib.metadata import version
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Protocol
 
 from fastapi import FastAPI, HTTPException, Query, Request, Response, WebSocket
 from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, Field
 from pydantic_core import to_json
 
-from deconflict.advisory import Advisory
+from deconflict.advisory import AnyAdvisory, Kind
 from deconflict.publisher import Publisher
 from deconflict.schema import SCHEMAS
 from deconflict.site import Operator
@@ -28,7 +28,7 @@ Exposition = Callable[[list[Document]], tuple[bytes, str]]
 
 MOST_LISTED = 1000
 
-DESCRIPTION = """Predicted conflicts between the robots of many vendors on shared floors.
+DESCRIPTION = """Predicted conflicts and contention of the robots of many vendors on shared floors.
 **Advisory, not safety rated**: nothing here stops a robot or replaces a safety function.
 
 Live advisories come over a WebSocket at `/advisories/stream`; with `?after=SEQ` it first replays every revision
@@ -63,14 +63,14 @@ class AdvisoryList(BaseModel):
     """The newest revision of each advisory that matches, newest first."""
 
     seq: int = Field(description="the newest number when this was read: `/advisories/stream?after=` it goes on")
-    advisories: list[Advisory]
+    advisories: list[AnyAdvisory]
     more: bool = Field(description="true where `limit` left some out")
 
 
 class RevisionList(BaseModel):
     """Every stored revision of one advisory, in order."""
 
-    advisories: list[Advisory]
+    advisories: list[AnyAdvisory]
 
 
 class RobotList(BaseModel):
@@ -101,7 +101,7 @@ class Face:
     def advisories(
         self,
         state: Annotated[StateFilter, Query(description="which advisories")] = "open",
-        kind: Annotated[Literal["conflict"] | None, Query(description="of this kind")] = None,
+        kind: Annotated[Kind | None, Query(description="of this kind")] = None,
         vendor: Annotated[str | None, Query(description="with a robot of this vendor")] = None,
         robot: Annotated[str | None, Query(description="with this robot (UUID)")] = None,
         limit: Annotated[int, Query(ge=1, le=MOST_LISTED, description="at most so many")] = 100,
@@ -233,7 +233,7 @@ def _index(app: FastAPI) -> str:
     return f"""<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>{escape(app.title)}</title>
 <h1>{escape(app.title)} {escape(app.version)}</h1>
-<p>Predicted conflicts between robots. <strong>Advisory, not safety rated.</strong></p>
+<p>Predicted conflicts and contention of robots. <strong>Advisory, not safety rated.</strong></p>
 <dl>{"".join(rows)}
 <dt><code>/advisories/stream?after=SEQ</code></dt><dd>WebSocket: each revision as it is published.</dd>
 <dt><code>{_linked("/openapi.json")}</code></dt><dd>The description of this interface.</dd></dl></html>

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple
 
-from deconflict.advisory import Advisory
+from deconflict.advisory import AnyAdvisory
 from deconflict.store import Store
 from ingest.measures import Measures
 
@@ -32,7 +32,7 @@ class Publisher:
         self.last_seq = store.last_seq()
         """The newest number known to followers."""
 
-    async def publish(self, advisories: Sequence[Advisory]) -> list[Advisory]:
+    async def publish(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
         """Store revisions and make them known; returns them with their numbers. Raises `StoreError`.
 
         What could not be stored is not made known. It may be sent again: what is stored already is not doubled.
@@ -59,7 +59,7 @@ class Publisher:
                 return [_line(one) for one in found]
             seq = known  # all of it has been pruned
 
-    def _announce(self, fresh: Sequence[Advisory]) -> None:
+    def _announce(self, fresh: Sequence[AnyAdvisory]) -> None:
         if not fresh:
             return
         for line in sorted(_line(one) for one in fresh):
@@ -72,5 +72,5 @@ class Publisher:
         self._news = asyncio.Event()
 
 
-def _line(advisory: Advisory) -> Line:
+def _line(advisory: AnyAdvisory) -> Line:
     return Line(advisory.seq, advisory.model_dump_json())

@@ -15,7 +15,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Literal
 
-from deconflict.advisory import Advisory, AdvisoryState
+from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ConflictAdvisory
 
 FILE_NAME = "advisories.db"
 BUSY_TIMEOUT_S = 5.0
@@ -52,6 +52,19 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
             ordinal INTEGER NOT NULL,
             PRIMARY KEY (robot_a, robot_b)) WITHOUT ROWID""",
     ),
+    (
+        """CREATE TABLE parties (
+            id TEXT NOT NULL,
+            robot TEXT NOT NULL,
+            vendor TEXT NOT NULL,
+            PRIMARY KEY (id, robot)) WITHOUT ROWID""",
+        """INSERT OR IGNORE INTO parties
+            SELECT id, robot_a, vendor_a FROM advisories UNION ALL SELECT id, robot_b, vendor_b FROM advisories""",
+        "ALTER TABLE advisories DROP COLUMN robot_a",
+        "ALTER TABLE advisories DROP COLUMN robot_b",
+        "ALTER TABLE advisories DROP COLUMN vendor_a",
+        "ALTER TABLE advisories DROP COLUMN vendor_b",
+    ),
 )
 """Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1."""
 
@@ -65,7 +78,7 @@ class Listing:
     """The newest revision of each of some advisories, newest first, and the stream's position at that moment."""
 
     seq: int
-    advisories: list[Advisory]
+    advisories: list[AnyAdvisory]
     more: bool
     """True where the limit left some out."""
 
@@ -93,7 +106,7 @@ class Store:
             self._reader.close()
             self._writer.close()
 
-    def append(self, advisories: Sequence[Advisory]) -> list[Advisory]:
+    def append(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
         """Store revisions in one transaction and return them as stored, each with its sequence number.
 
         A revision that is there already (same advisory id and revision) is returned as it was first stored, with
@@ -111,7 +124,7 @@ class Store:
                 stored.append(known)
         return stored
 
-    def after(self, seq: int, limit: int = 100) -> list[Advisory]:
+    def after(self, seq: int, limit: int = 100) -> list[AnyAdvisory]:
         """Up to `limit` stored revisions with a number above `seq`, ascending."""
         with self._reading() as db:
             rows = db.execute(
@@ -137,19 +150,19 @@ class Store:
                 """SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq
                 WHERE a.open IN (:low, :high)
                 AND (:kind IS NULL OR a.kind = :kind)
-                AND (:vendor IS NULL OR :vendor IN (a.vendor_a, a.vendor_b))
-                AND (:robot IS NULL OR :robot IN (a.robot_a, a.robot_b))
+                AND (:vendor IS NULL OR :vendor IN (SELECT vendor FROM parties AS p WHERE p.id = a.id))
+                AND (:robot IS NULL OR :robot IN (SELECT robot FROM parties AS p WHERE p.id = a.id))
                 ORDER BY a.seq DESC LIMIT :limit""",
                 chosen,
             ).fetchall()
         found = [_advisory(document) for (document,) in rows[:limit]]
         return Listing(seq=seq, advisories=found, more=len(found) < len(rows))
 
-    def open(self) -> list[Advisory]:
+    def open(self) -> list[AnyAdvisory]:
         """The newest revision of every open advisory: what an engine goes on with after a restart."""
         return self.latest("open").advisories
 
-    def get(self, advisory_id: str) -> list[Advisory]:
+    def get(self, advisory_id: str) -> list[AnyAdvisory]:
         """Every stored revision of one advisory, ascending; empty where there is none."""
         with self._reading() as db:
             rows = db.execute(
@@ -184,6 +197,7 @@ class Store:
                 "SELECT id FROM advisories WHERE open = 0 AND updated_s < ? LIMIT ?", (before_s, PRUNE_STEP)
             ).fetchall()
             db.executemany("DELETE FROM revisions WHERE id = ?", old)
+            db.executemany("DELETE FROM parties WHERE id = ?", old)
             db.executemany("DELETE FROM advisories WHERE id = ?", old)
         return len(old)
 
@@ -238,18 +252,18 @@ def _last_seq(db: sqlite3.Connection) -> int:
     return int(row[0]) if row else 0
 
 
-def _revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> Advisory | None:
+def _revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> AnyAdvisory | None:
     row = db.execute("SELECT document FROM revisions WHERE id = ? AND revision = ?", (advisory_id, revision)).fetchone()
     return _advisory(row[0]) if row else None
 
 
-def _insert(db: sqlite3.Connection, advisory: Advisory) -> None:
+def _insert(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
     db.execute(
         "INSERT INTO revisions (seq, id, revision, document) VALUES (?, ?, ?, ?)",
         (advisory.seq, advisory.id, advisory.revision, advisory.model_dump_json()),
     )
     db.execute(
-        """INSERT INTO advisories VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
+        """INSERT INTO advisories (id, revision, seq, open, updated_s, kind) VALUES (?, ?, ?, ?, ?, ?)
         ON CONFLICT (id) DO UPDATE SET
             revision = excluded.revision, seq = excluded.seq, open = excluded.open, updated_s = excluded.updated_s
         WHERE excluded.revision > revision""",
@@ -260,10 +274,15 @@ def _insert(db: sqlite3.Connection, advisory: Advisory) -> None:
             advisory.state is not AdvisoryState.CLEARED,
             advisory.updated_at.timestamp(),
             advisory.kind,
-            *advisory.robots,
-            *advisory.vendors,
         ),
     )
+    parties = zip(advisory.robots, advisory.vendors, strict=True)
+    db.executemany("INSERT OR IGNORE INTO parties VALUES (?, ?, ?)", [(advisory.id, *party) for party in parties])
+    if isinstance(advisory, ConflictAdvisory):
+        _count_encounter(db, advisory)
+
+
+def _count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:
     db.execute(
         """INSERT INTO encounters VALUES (?, ?, ?)
         ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = max(ordinal, excluded.ordinal)""",
@@ -271,9 +290,9 @@ def _insert(db: sqlite3.Connection, advisory: Advisory) -> None:
     )
 
 
-def _advisory(document: str) -> Advisory:
+def _advisory(document: str) -> AnyAdvisory:
     try:
-        return Advisory.model_validate_json(document)
+        return ADVISORY.validate_json(document)
     except ValueError as error:
         raise StoreError(
             f"a stored advisory is not readable by this release ({error}): run the release that wrote it, "

@@ -6,7 +6,7 @@ from math import floor, inf
 from pathlib import Path
 from typing import Any
 
-from deconflict.advisory import Advisory, AdvisoryState
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.engine import Engine
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
@@ -42,11 +42,12 @@ class Run:
         conflict = site.conflict.model_copy(update={"clearance_m": clearance_m})
         self.clearance_m = clearance_m
         self.engine = Engine(site.model_copy(update={"conflict": conflict}))
-        self.alerts: dict[str, list[Advisory]] = {}
+        self.alerts: dict[str, list[ConflictAdvisory]] = {}
 
-    def take(self, revisions: Iterable[Advisory]) -> None:
+    def take(self, revisions: Iterable[AnyAdvisory]) -> None:
         for one in revisions:
-            self.alerts.setdefault(one.id, []).append(one)
+            if isinstance(one, ConflictAdvisory):
+                self.alerts.setdefault(one.id, []).append(one)
 
 
 def replay(logs: Iterable[Path], site: Site, clearances_m: Iterable[float]) -> tuple[dict[str, Any], list[Run]]:

@@ -6,7 +6,7 @@ import threading
 import time
 from pathlib import Path
 
-from deconflict.advisory import Advisory
+from deconflict.advisory import ADVISORY, AnyAdvisory
 from deconflict.engine import Engine
 from deconflict.link import Caller, LinkDownError
 from deconflict.site import Site
@@ -55,7 +55,7 @@ class EngineRole:
                 continue
             operator.close()
             ordinals = {(a, b): count for a, b, count in stored["encounters"]}
-            return Engine(self._site, [Advisory.model_validate(one) for one in stored["open"]], ordinals)
+            return Engine(self._site, [ADVISORY.validate_python(one) for one in stored["open"]], ordinals)
         return None
 
     def _step(self, engine: Engine, batch: Batch) -> None:
@@ -89,7 +89,7 @@ class Outbox:
         self._thread.join()
         self._operator.close()
 
-    def put(self, revisions: list[Advisory], arrival_s: Floats, measures: Measures) -> None:
+    def put(self, revisions: list[AnyAdvisory], arrival_s: Floats, measures: Measures) -> None:
         """Queue one step: its revisions, and the arrivals of the messages it reflects."""
         self._arrivals.put(arrival_s)
         due = time.monotonic() - self._measured_s >= MEASURES_EVERY_S

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from deconflict.advisory import Advisory
+from deconflict.advisory import ADVISORY
 from deconflict.asgi import face_server
 from deconflict.link import AsyncCaller, LinkDownError, PortTakenError, listening, socket_path
 from deconflict.operator import Exposition, SourceUnavailableError, create_app
@@ -148,6 +148,6 @@ class OperatorRole:
         self._engine_heard_s = time.monotonic()
         self._engine_measures = parcel["measures"] or self._engine_measures
         if parcel["advisories"]:
-            advisories = [Advisory.model_validate(one) for one in parcel["advisories"]]
+            advisories = [ADVISORY.validate_python(one) for one in parcel["advisories"]]
             await self._app.state.publisher.publish(advisories)
         return b"stored"

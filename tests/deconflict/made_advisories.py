@@ -3,13 +3,21 @@
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from deconflict.advisory import Advisory, AdvisoryState, EncounterClass, Location, Severity
+from deconflict.advisory import (
+    AdvisoryState,
+    ConflictAdvisory,
+    DeadlockAdvisory,
+    EncounterClass,
+    Location,
+    Severity,
+    Wait,
+)
 
 START = datetime(2024, 5, 1, 8, 0, tzinfo=UTC)
 ROBOTS = ("0c5b4a7e-0000-4000-8000-000000000001", "0c5b4a7e-0000-4000-8000-000000000002")
 
 
-def made(number: int, revision: int = 1, **fields: Any) -> Advisory:
+def made(number: int, revision: int = 1, **fields: Any) -> ConflictAdvisory:
     """Revision of the advisory with this number; revision 1 is raised, others updated a second later each."""
     updated_at = START + timedelta(minutes=number, seconds=revision - 1)
     state = AdvisoryState.RAISED if revision == 1 else AdvisoryState.UPDATED
@@ -34,11 +42,32 @@ def made(number: int, revision: int = 1, **fields: Any) -> Advisory:
         "location": Location(datum="5f1d0000-0000-4000-8000-00000000000a", x=1.0 / 3.0, y=-2.5),
         "summary": "Tug 1 and Lift 2 cross in 4 s",
     }
-    return Advisory(**(whole | fields))
+    return ConflictAdvisory(**(whole | fields))
 
 
-def cleared(number: int, revision: int = 2, **fields: Any) -> Advisory:
+def cleared(number: int, revision: int = 2, **fields: Any) -> ConflictAdvisory:
     """The revision that clears the advisory with this number."""
     when = START + timedelta(minutes=number, seconds=revision - 1)
     ended = {"state": AdvisoryState.CLEARED, "cleared_at": when, "cleared_because": "they passed"}
     return made(number, revision, **(ended | fields))
+
+
+def deadlock(*robots: str) -> DeadlockAdvisory:
+    """A ring in which each robot waits for the next."""
+    ring = zip(robots, robots[1:] + robots[:1], strict=True)
+    return DeadlockAdvisory(
+        id="deadlock " + " ".join(robots),
+        revision=1,
+        state=AdvisoryState.RAISED,
+        severity=Severity.WARNING,
+        robots=robots,
+        names=robots,
+        vendors=("Acme",) * len(robots),
+        raised_at=START,
+        updated_at=START,
+        predicted_at=START + timedelta(seconds=8),
+        time_to_conflict_s=8.0,
+        location=Location(datum="5f1d0000-0000-4000-8000-00000000000a", x=1.0, y=2.0),
+        summary="they wait for each other in aisle 4 in 8 s",
+        cycle=tuple(Wait(waiter=a, holder=b, where="aisle-4", from_at=START) for a, b in ring),
+    )

@@ -10,7 +10,7 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from deconflict.advisory import Advisory
+from deconflict.advisory import AnyAdvisory
 from deconflict.asgi import FaceServer, face_server
 from deconflict.operator import SourceUnavailableError, create_app
 from deconflict.site import Operator
@@ -71,8 +71,8 @@ class Served:
     def stream(self, query: str = "") -> str:
         return f"ws://{self.address}/advisories/stream{query}"
 
-    async def publish(self, *advisories: Advisory) -> list[Advisory]:
-        published: list[Advisory] = await self.app.state.publisher.publish(advisories)
+    async def publish(self, *advisories: AnyAdvisory) -> list[AnyAdvisory]:
+        published: list[AnyAdvisory] = await self.app.state.publisher.publish(advisories)
         return published
 
     def connections(self) -> int:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisory import Advisory, AdvisoryState, EncounterClass
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass
 from deconflict.engine import Engine
 from deconflict.site import Conflict, Site
 from ingest.connection import Connection
@@ -52,16 +52,16 @@ class Floor:
     datum: dict[str, str] = field(default_factory=dict)
     silent_from_s: dict[str, float] = field(default_factory=dict)
     site: Site = SITE
-    advisories: list[Advisory] = field(default_factory=list)
+    advisories: list[ConflictAdvisory] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         frames = Frames(self.site.datums, self.site.vendors)
         self.fleet = Fleet(Vendors(()), frames, self.site.reading, Measures(), Quarantine())
         self.engine = Engine(self.site)
 
-    def run(self, until_s: float, from_s: float = 0.0) -> list[Advisory]:
+    def run(self, until_s: float, from_s: float = 0.0) -> list[ConflictAdvisory]:
         """The revisions of this stretch."""
-        told = []
+        told: list[ConflictAdvisory] = []
         for tick in range(round(from_s * 4), round(until_s * 4)):
             t = tick / 4
             if tick % 4 == 0:
@@ -69,7 +69,7 @@ class Floor:
                     if t < self.silent_from_s.get(name, float("inf")):
                         self._report(name, t)
             self.engine.receive(Batch.from_bytes(self.fleet.cut(NOW_S + t).to_bytes()))
-            told += self.engine.step(NOW_S + t)
+            told += [one for one in self.engine.step(NOW_S + t) if isinstance(one, ConflictAdvisory)]
         self.advisories += told
         return told
 
@@ -84,7 +84,7 @@ class Floor:
         self.fleet.receive(status(name, NOW_S + t, yaw_rad=yaw, **said), NOW_S + t, LINE)
 
 
-def states(advisories: list[Advisory]) -> list[AdvisoryState]:
+def states(advisories: list[ConflictAdvisory]) -> list[AdvisoryState]:
     return [one.state for one in advisories if one.state is not AdvisoryState.UPDATED]
 
 

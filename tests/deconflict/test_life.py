@@ -3,7 +3,7 @@ from math import hypot
 
 import pytest
 
-from deconflict.advisory import Advisory, AdvisoryState, EncounterClass, Severity
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from deconflict.encounter import Encounter
 from deconflict.life import Lives, Pair, Party, Prediction, Scene
 from deconflict.site import Conflict
@@ -44,21 +44,21 @@ class Story:
             place_name=lambda _: ("datum-1", "Hall"),
         )
 
-    def quiet(self, told: bool = True) -> list[Advisory]:
+    def quiet(self, told: bool = True) -> list[ConflictAdvisory]:
         """A pass in which no conflict is predicted."""
         return self._step([], told)
 
     def predicted(
         self, in_s: float, separation_m: float = 0.0, start_m: float = 5.0, fresh: bool = True
-    ) -> list[Advisory]:
+    ) -> list[ConflictAdvisory]:
         self.apart_m = start_m
         return self._step([Prediction(PAIR, self.now_s + 1 + in_s, separation_m, start_m, fresh)], fresh)
 
-    def _step(self, predictions: list[Prediction], told: bool) -> list[Advisory]:
+    def _step(self, predictions: list[Prediction], told: bool) -> list[ConflictAdvisory]:
         self.now_s += 1.0
         return self.lives.step(self.now_s, predictions, {"a"} if told else set(), self.scene())
 
-    def raised(self, in_s: float = 8.0) -> Advisory:
+    def raised(self, in_s: float = 8.0) -> ConflictAdvisory:
         self.predicted(in_s)
         (advisory,) = self.predicted(in_s - 1)
         assert advisory.state is AdvisoryState.RAISED
@@ -231,7 +231,7 @@ def test_pairs_no_longer_of_interest_are_forgotten() -> None:
 
 
 def test_the_same_story_gives_the_same_advisories() -> None:
-    def tell() -> list[Advisory]:
+    def tell() -> list[ConflictAdvisory]:
         story = Story()
         return [one for in_s in (9, 8, 6, 3, 2, 1) for one in story.predicted(in_s)]
 

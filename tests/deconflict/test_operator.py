@@ -172,7 +172,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/metrics",
         "/schema/advisory",
     }
-    assert described["components"]["schemas"]["Advisory"]["properties"]["severity"]
+    assert described["components"]["schemas"]["ConflictAdvisory"]["properties"]["severity"]
     undocumented = [path for path in paths if not paths[path]["get"].get("description")]
     assert not undocumented
 

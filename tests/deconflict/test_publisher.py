@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.advisory import Advisory
+from deconflict.advisory import AnyAdvisory
 from deconflict.publisher import STEP, TAIL_LENGTH, Line, Publisher
 from deconflict.store import Store, StoreError
 from ingest.measures import Measures
@@ -92,7 +92,7 @@ class CountingStore(Store):
 
     reads = 0
 
-    def after(self, seq: int, limit: int = 100) -> list[Advisory]:
+    def after(self, seq: int, limit: int = 100) -> list[AnyAdvisory]:
         self.reads += 1
         return super().after(seq, limit)
 

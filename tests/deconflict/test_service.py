@@ -13,7 +13,7 @@ import httpx
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
-from deconflict.advisory import Advisory, AdvisoryState
+from deconflict.advisory import ADVISORY, AdvisoryState
 from deconflict.engine import Engine
 from deconflict.roles.operator import OperatorRole
 from deconflict.roles.receiver import ReceiverRole, fleet_of
@@ -88,7 +88,7 @@ async def test_robots_that_cross_are_told_of_from_raised_to_cleared(tmp_path: Pa
         told = []
         async with asyncio.timeout(20):
             async for message in stream:
-                told.append(Advisory.model_validate_json(message))
+                told.append(ADVISORY.validate_json(message))
                 if told[-1].state is AdvisoryState.CLEARED:
                     break
         driving.cancel()

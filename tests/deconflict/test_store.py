@@ -9,7 +9,7 @@ from threading import Thread
 import pytest
 
 from deconflict.store import FILE_NAME, UPGRADES, Store, StoreError
-from tests.deconflict.made_advisories import ROBOTS, START, cleared, made
+from tests.deconflict.made_advisories import ROBOTS, START, cleared, deadlock, made
 
 ROOT = Path(__file__).parents[2]
 
@@ -180,6 +180,32 @@ def test_an_older_file_is_upgraded_with_what_it_holds(store: Store, monkeypatch:
     raw = sqlite3.connect(store.path)
     assert raw.execute("SELECT note FROM advisories").fetchall() == [(None,)]
     raw.close()
+
+
+def test_a_file_of_the_first_format_is_read_and_searched_by_robot(tmp_path: Path) -> None:
+    old = sqlite3.connect(tmp_path / FILE_NAME)
+    for statement in UPGRADES[0]:
+        old.execute(statement)
+    old.execute("INSERT INTO revisions VALUES (7, 'advisory-1', 1, ?)", (made(1, seq=7).model_dump_json(),))
+    row = ("advisory-1", 1, 7, 1, START.timestamp(), "conflict", *ROBOTS, "Acme", "Borealis")
+    old.execute("INSERT INTO advisories VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
+    old.execute("PRAGMA user_version = 1")
+    old.commit()
+    old.close()
+    store = Store(tmp_path)
+    assert [one.id for one in store.latest(robot=ROBOTS[1]).advisories] == ["advisory-1"]
+    assert [one.id for one in store.latest(vendor="Acme").advisories] == ["advisory-1"]
+    assert store.latest(vendor="Cargo").advisories == []
+    assert [one.seq for one in store.append([made(2)])] == [8]
+    store.close()
+
+
+def test_a_deadlock_of_three_is_kept_and_found_by_each_of_its_robots(store: Store) -> None:
+    (stored,) = store.append([deadlock("a", "b", "c")])
+    for robot in stored.robots:
+        assert store.latest(kind="deadlock", robot=robot).advisories == [stored]
+    assert store.latest(kind="conflict").advisories == []
+    assert store.encounters() == {}
 
 
 def test_an_upgrade_that_fails_leaves_the_file_as_it_was(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
