@@ -40,7 +40,10 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_connections": Entry("gauge", (), "Open connections of robots and fleet managers."),
     "deconflict_connections_refused_total": Entry("counter", ("reason",), "Connections refused or closed by us."),
     "deconflict_clock_offset_seconds": Entry(
-        "gauge", ("vendor",), "How far the vendor's clocks are ahead of ours, as estimated.", "largest"
+        "gauge",
+        ("vendor",),
+        "Added to the vendor's stamps it gives our time: below 0 where its clocks are fast.",
+        "largest",
     ),
     "deconflict_clock_delay_seconds": Entry(
         "gauge",
