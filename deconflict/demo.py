@@ -66,8 +66,8 @@ class Picture:
         for document in documents:
             for name, rows in document["values"].items():
                 self.values.setdefault(name, {}).update({tuple(labels): value for labels, value in rows})
-            for _, bounds, counts, total in document["histograms"].get("deconflict_message_to_advisory_seconds", []):
-                self.latency_p99_s = Histogram.of(bounds, counts, total).quantile(0.99)
+            if waits := document["histograms"].get("deconflict_message_to_advisory_seconds"):
+                self.latency_p99_s = Histogram.joined(waits).quantile(0.99)
 
     def total(self, name: str, *, label: str | None = None) -> int:
         return round(sum(value for labels, value in self.values.get(name, {}).items() if label in (None, *labels)))

@@ -43,6 +43,10 @@ class Robot:
     status_raw: bytes = b""
     state: str = ""
     known_state: bool = True
+    statuses: int = 0
+    """How many came since the robot was last in a batch."""
+    first_arrival_s: float = nan
+    """When the first of them arrived."""
     arrival_s: float = nan
     seen: Sighting | None = None
     """The newest sighting, headings and speeds reconciled with the one before it."""
@@ -122,13 +126,15 @@ class Fleet:
         changed = self.robots if everything else self._changed
         robots = [robot for uuid in changed if (robot := self.robots[uuid]).forecast]
         self._changed = {}
-        return Batch(
+        batch = Batch(
             now_s=now_s,
             floors=tuple(self._floors),
             robots=tuple(robot.uuid for robot in robots),
             vendors=tuple(robot.vendor for robot in robots),
             names=tuple(robot.name for robot in robots),
             states=tuple(robot.state for robot in robots),
+            statuses=np.array([robot.statuses for robot in robots], np.int64),
+            first_arrival_s=np.array([robot.first_arrival_s for robot in robots], np.float64),
             arrival_s=np.array([robot.arrival_s for robot in robots], np.float64),
             event_s=np.array([robot.seen.t_s for robot in robots if robot.seen], np.float64),
             basis=np.array([robot.forecast.basis for robot in robots if robot.forecast], np.int64),
@@ -136,6 +142,9 @@ class Fleet:
             forecasts=_layout([robot.forecast for robot in robots if robot.forecast]),
             gone=gone,
         )
+        for robot in robots:
+            robot.statuses = 0
+        return batch
 
     def documents(self, now_s: float) -> list[dict[str, Any]]:
         """Everything each robot said and what was made of it, JSON-ready, by UUID."""
@@ -218,8 +227,11 @@ class Fleet:
                 return (*findings, "stamp-not-increasing")
         robot.status_raw, robot.arrival_s = raw, arrival_s
         robot.state, robot.known_state = status.state, status.known_state
-        if robot.uuid in self._changed:
+        if robot.statuses:
             self.measures.count("deconflict_statuses_superseded_total", robot.vendor)
+        else:
+            robot.first_arrival_s = arrival_s
+        robot.statuses += 1
         findings += self._place(robot, status, event_s, robot.seen)
         self.robots.move_to_end(robot.uuid)
         return findings

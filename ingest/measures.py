@@ -6,7 +6,7 @@ another process as the dictionary of `as_document`.
 
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Self
 
 Labels = tuple[str, ...]
@@ -23,10 +23,11 @@ class Histogram:
         self.total = 0.0
 
     @classmethod
-    def of(cls, bounds: Iterable[float], counts: Iterable[int], total: float) -> Self:
-        """The histogram that a row of `Measures.as_document` describes."""
-        histogram = cls(tuple(bounds))
-        histogram.counts, histogram.total = list(counts), total
+    def joined(cls, rows: Sequence[Sequence[Any]]) -> Self:
+        """The rows of one name in `Measures.as_document`, at least one, together."""
+        histogram = cls(tuple(rows[0][1]))
+        histogram.counts = [sum(counts) for counts in zip(*(row[2] for row in rows), strict=True)]
+        histogram.total = sum(row[3] for row in rows)
         return histogram
 
     def observe(self, value: float) -> None:

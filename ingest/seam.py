@@ -112,6 +112,10 @@ class Batch:
     """(n,) what a person calls the robot."""
     states: tuple[str, ...]
     """(n,) operational state as the standard spells it, or the sender's own word."""
+    statuses: Ints
+    """(n,) how many statuses came since the robot was last in a batch; 0 where it is only told again."""
+    first_arrival_s: Floats
+    """(n,) when the first of them arrived."""
     arrival_s: Floats
     """(n,) when the newest status arrived."""
     event_s: Floats
@@ -154,4 +158,4 @@ class Batch:
 
 
 _WORDS = ("now_s", "floors", "robots", "vendors", "names", "states", "gone")
-_ARRAYS = ("arrival_s", "event_s", "basis", "doubt_m")
+_ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m")

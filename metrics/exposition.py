@@ -65,7 +65,9 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_ticks_total": Entry("counter", (), "Ticks at which the engine was handed what had changed."),
     "deconflict_sweep_duration_seconds": Entry("histogram", (), "Duration of one step of the engine."),
     "deconflict_message_to_advisory_seconds": Entry(
-        "histogram", (), "Time from the arrival of a message to the publishing of the advisories that reflect it."
+        "histogram",
+        ("vendor",),
+        "Time from the arrival of a valid status to the publishing of the advisories that reflect it.",
     ),
     "deconflict_advisories_open": Entry("gauge", ("kind", "severity"), "Advisories raised and not yet cleared."),
     "deconflict_advisories_total": Entry(

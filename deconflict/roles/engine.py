@@ -6,6 +6,8 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
+
 from deconflict.advisory import ADVISORY, AnyAdvisory
 from deconflict.engine import Engine
 from deconflict.link import Caller, LinkDownError
@@ -63,7 +65,21 @@ class EngineRole:
         engine.receive(batch)
         revisions = engine.step(batch.now_s)
         engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
-        self._outbox.put(revisions, batch.arrival_s, engine.measures)
+        self._outbox.put(revisions, arrivals_s(batch), engine.measures)
+
+
+def arrivals_s(batch: Batch) -> dict[str, Floats]:
+    """When each message that the batch reflects arrived, by vendor.
+
+    Those that a newer one of the same robot has replaced count as long as the first of them; a robot that is only told
+    again counts nothing.
+    """
+    vendors, by_vendor = np.array(batch.vendors), {}
+    newest_s, first_s = batch.arrival_s, batch.first_arrival_s
+    for vendor in dict.fromkeys(batch.vendors):
+        rows = np.flatnonzero((vendors == vendor) & (batch.statuses > 0))
+        by_vendor[vendor] = np.concatenate([newest_s[rows], np.repeat(first_s[rows], batch.statuses[rows] - 1)])
+    return by_vendor
 
 
 class Outbox:
@@ -74,7 +90,7 @@ class Outbox:
         self.measures = Measures()
         self._operator = Caller(runtime, "operator")
         self._waiting: queue.Queue[bytes | None] = queue.Queue()
-        self._arrivals: queue.Queue[Floats] = queue.Queue()
+        self._arrivals: queue.Queue[dict[str, Floats]] = queue.Queue()
         self._thread = threading.Thread(target=self._deliver, name="outbox")
         self._stopping = threading.Event()
         self._measured_s = 0.0
@@ -89,9 +105,9 @@ class Outbox:
         self._thread.join()
         self._operator.close()
 
-    def put(self, revisions: list[AnyAdvisory], arrival_s: Floats, measures: Measures) -> None:
-        """Queue one step: its revisions, and the arrivals of the messages it reflects."""
-        self._arrivals.put(arrival_s)
+    def put(self, revisions: list[AnyAdvisory], arrivals_s: dict[str, Floats], measures: Measures) -> None:
+        """Queue one step: its revisions, and the arrivals of the messages it reflects, by vendor."""
+        self._arrivals.put(arrivals_s)
         due = time.monotonic() - self._measured_s >= MEASURES_EVERY_S
         if due:
             self._measured_s = time.monotonic()
@@ -106,9 +122,9 @@ class Outbox:
             if parcel:
                 self._publish(parcel)
             now_s = time.time()
-            self.measures.observe(
-                "deconflict_message_to_advisory_seconds", (now_s - self._arrivals.get()).clip(0).tolist()
-            )
+            for vendor, arrivals_s in self._arrivals.get().items():
+                waits_s = (now_s - arrivals_s).clip(0).tolist()
+                self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)
 
     def _publish(self, parcel: bytes) -> None:
         while True:

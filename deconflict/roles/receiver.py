@@ -49,6 +49,8 @@ def recover(fleet: Fleet, log: Path, now_s: float) -> int:
             fleet.receive(event.raw, event.arrival_s, earlier)
             messages += 1
     fleet.measures = counted
+    for robot in fleet.robots.values():
+        robot.statuses = 0
     return messages
 
 

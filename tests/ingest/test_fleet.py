@@ -103,8 +103,19 @@ def test_the_newest_status_wins_and_what_it_replaced_is_counted() -> None:
     one = fleet()
     for i in range(3):
         one.receive(status("A-1", NOW_S + i, float(i)), NOW_S + i, LINE)
-    assert one.cut(NOW_S + 3).forecasts.x_m[0] == 2.0
+    batch = one.cut(NOW_S + 3)
+    assert batch.forecasts.x_m[0] == 2.0
     assert counted(one, "statuses_superseded_total")[UNKNOWN,] == 2
+    assert (batch.statuses[0], batch.first_arrival_s[0], batch.arrival_s[0]) == (3, NOW_S, NOW_S + 2)
+
+
+def test_a_robot_that_is_told_again_brings_no_status() -> None:
+    one = fleet()
+    one.receive(status("A-1", NOW_S), NOW_S, LINE)
+    assert one.cut(NOW_S + 0.1).statuses.tolist() == [1]
+    one.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    assert one.cut(NOW_S + 0.2).statuses.tolist() == [0]
+    assert one.cut(NOW_S + 0.3, everything=True).statuses.tolist() == [0]
 
 
 def test_a_status_that_is_older_than_the_last_is_counted_and_does_not_move_the_robot() -> None:

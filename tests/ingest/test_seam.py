@@ -54,6 +54,8 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         vendors=("Vendor\n1",) * n,
         names=("N",) * n,
         states=("navigating",) * n,
+        statuses=np.arange(n),
+        first_arrival_s=np.arange(n, dtype=np.float64),
         arrival_s=np.arange(n, dtype=np.float64) + 0.1,
         event_s=np.arange(n, dtype=np.float64) + 0.2,
         basis=np.full(n, int(Basis.PATH)),
@@ -65,5 +67,5 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
     assert_same(back.forecasts, batch.forecasts)
     for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone"):
         assert getattr(back, name) == getattr(batch, name)
-    for name in ("arrival_s", "event_s", "basis", "doubt_m"):
+    for name in ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m"):
         np.testing.assert_array_equal(getattr(back, name), getattr(batch, name))

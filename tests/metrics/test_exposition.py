@@ -93,7 +93,7 @@ def test_what_does_not_fit_the_catalogue_is_counted_by_name_and_the_rest_is_stil
     measures.count("deconflict_messages_total", "one label too few")
     measures.observe("deconflict_conflicts", [1.0])
     measures.count("deconflict_sweep_duration_seconds")
-    measures.observe("deconflict_message_to_advisory_seconds", [1.0], "a label too many")
+    measures.observe("deconflict_message_to_advisory_seconds", [1.0], "Acme", "a label too many")
     left_out = combine([measures.as_document()]).uncatalogued
     assert left_out == {
         "deconflict_unheard_of_total": 2,

@@ -1,0 +1,36 @@
+"""Whose messages a pass reflects, and since when they waited."""
+
+from deconflict.roles.engine import arrivals_s
+from ingest.connection import Connection
+from ingest.fleet import Fleet
+from ingest.frames import Frames
+from ingest.measures import Measures
+from ingest.quarantine import Quarantine
+from ingest.settings import Reading, Vendor
+from ingest.vendors import Vendors
+from tests.saying import status
+
+NOW_S = 1_792_000_000.0
+
+
+def fleet() -> Fleet:
+    vendors = (Vendor(name="Acme"), Vendor(name="Bolt"))
+    return Fleet(Vendors(vendors), Frames((), vendors), Reading(), Measures(), Quarantine())
+
+
+def test_each_valid_status_counts_once_for_its_vendor_and_a_replaced_one_from_the_first() -> None:
+    one, acme, bolt = fleet(), Connection(1, vendor="Acme"), Connection(2, vendor="Bolt")
+    for i in range(3):
+        one.receive(status("A-1", NOW_S + i), NOW_S + i, acme)
+    one.receive(status("B-1", NOW_S + 1), NOW_S + 1.5, bolt)
+    batch = one.cut(NOW_S + 3)
+    waited = {vendor: sorted((arrivals - NOW_S).tolist()) for vendor, arrivals in arrivals_s(batch).items()}
+    assert waited == {"Acme": [0.0, 0.0, 2.0], "Bolt": [1.5]}
+
+
+def test_a_floor_that_is_told_again_to_a_new_engine_counts_no_message_twice() -> None:
+    one, acme = fleet(), Connection(1, vendor="Acme")
+    one.receive(status("A-1", NOW_S), NOW_S, acme)
+    one.cut(NOW_S + 0.1)
+    again = arrivals_s(one.cut(NOW_S + 60, everything=True))
+    assert {vendor: len(arrivals) for vendor, arrivals in again.items()} == {"Acme": 0}
