@@ -1,4 +1,4 @@
-"""What docs/sweep.md shows of the library is what it does."""
+"""What the README and docs/sweep.md show of the library is what it does."""
 
 import re
 from doctest import DocTestParser, DocTestRunner
@@ -7,13 +7,17 @@ from typing import Any
 
 import pytest
 
-TEXT = (Path(__file__).parent.parent / "docs" / "sweep.md").read_text()
-BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, re.S)
+ROOT = Path(__file__).parent.parent
+BLOCKS = [
+    block
+    for name in ("README.md", "docs/sweep.md")
+    for block in re.findall(r"```python\n(.*?)```", (ROOT / name).read_text(), re.S)
+]
 
 
 def failures(block: str, names: dict[str, Any]) -> int:
     """How many lines of a block answer otherwise than shown; adds what it defines to `names`."""
-    test = DocTestParser().get_doctest(block, names, "docs/sweep.md", "docs/sweep.md", 0)
+    test = DocTestParser().get_doctest(block, names, "example", "example", 0)
     assert test.examples
     result = DocTestRunner().run(test, clear_globs=False)
     names |= test.globs
