@@ -10,11 +10,13 @@ import threading
 from importlib.metadata import version
 from pathlib import Path
 
-from deconflict import demo, schema, site
+from deconflict import access, demo, schema, site
 from deconflict.check import check
 from deconflict.link import PortTakenError
 from deconflict.service import Supervisor, run_role, runtime_directory
 from deconflict.simulation.senders import simulate
+from ingest.certificates import CertificateError
+from ingest.tokens import SecretError
 from metrics.exposition import render
 from metrics.replay import advisory_lines, replay
 
@@ -78,6 +80,7 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_ports(command: argparse.ArgumentParser) -> None:
     command.add_argument("--host", help="address that both ports listen on")
+    command.add_argument("--open", action="store_true", help="let everybody in, also from a network")
     command.add_argument("--robots-port", type=int, metavar="PORT")
     command.add_argument("--operator-port", type=int, metavar="PORT")
 
@@ -113,6 +116,7 @@ def _serve(args: argparse.Namespace) -> int:
         raise site.SiteError(problems)
     if args.site is None:
         logging.getLogger("deconflict").warning("no site file: every datum is taken as a floor of its own")
+    _guard(settings, args.open)
     data = args.data or Path(settings.store.directory)
     data.mkdir(parents=True, exist_ok=True)
     stop = threading.Event()
@@ -123,8 +127,19 @@ def _serve(args: argparse.Namespace) -> int:
     return 0
 
 
+def _guard(settings: site.Site, asked: bool) -> None:
+    """Raises where credentials can't be used, or where a port is open to a network without any unasked."""
+    access.verify(settings)
+    told = access.exposed(settings)
+    if told and not asked:
+        raise site.SiteError([*told, "or start with --open, if everybody on that network may speak and read"])
+    for one in told:
+        logging.getLogger("deconflict").warning("%s", one)
+
+
 def _demo(args: argparse.Namespace) -> int:
     settings = _settings(args, demo.demo_site())
+    _guard(settings, args.open)
     return demo.demo(settings, args.robots, args.seconds, args.seed, args.data)
 
 
@@ -171,7 +186,7 @@ def main() -> int:
         logging.getLogger(chatty).setLevel(logging.WARNING)
     try:
         return int(args.run(args))
-    except (site.SiteError, PortTakenError) as error:
+    except (site.SiteError, PortTakenError, SecretError, CertificateError) as error:
         sys.stderr.write(f"deconflict: {error}\n")
         return MISUSED
 

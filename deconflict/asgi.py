@@ -9,6 +9,8 @@ import uvicorn
 from fastapi import FastAPI
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+from ingest.certificates import Certificates
+
 MAX_SAID_BYTES = 4096
 """Largest message accepted from a subscriber; none is expected."""
 SHUTDOWN_S = 2
@@ -44,7 +46,7 @@ class FaceServer(uvicorn.Server):
         yield
 
 
-def face_server(app: FastAPI) -> FaceServer:
+def face_server(app: FastAPI, certificates: Certificates | None = None) -> FaceServer:
     """A server for `app`: `await face_server(app).serve([listening_socket])`.
 
     Pings go out and show a dead peer to the network stack; an unanswered one closes nothing, because a slow
@@ -61,6 +63,7 @@ def face_server(app: FastAPI) -> FaceServer:
             log_config=None,
             access_log=False,
             lifespan="off",
+            ssl_context_factory=(lambda *_: certificates.context) if certificates else None,
             timeout_graceful_shutdown=SHUTDOWN_S,
         )
     )

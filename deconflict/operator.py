@@ -14,6 +14,7 @@ from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, Field
 from pydantic_core import to_json
 
+from deconflict.access import Access, tokens_of
 from deconflict.advisory import AnyAdvisory, Kind
 from deconflict.publisher import Publisher
 from deconflict.schema import SCHEMAS
@@ -178,6 +179,8 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, settings:
     measures.level("deconflict_build_info", {(app.version,): 1})
     publisher = Publisher(store, measures)
     app.state.publisher, app.state.measures = publisher, measures
+    app.state.tokens = tokens_of(settings.people)
+    app.add_middleware(Access, settings=settings, tokens=app.state.tokens)
     _add_routes(app, Face(store, sources, exposition, measures))
     stream = Stream(store, publisher, measures, settings.stream_send_timeout_s)
 

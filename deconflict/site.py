@@ -6,7 +6,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
@@ -19,10 +19,14 @@ from ingest.settings import (
     Receiver,
     Recorder,
     Seconds,
+    SecretSource,
     Section,
+    Tls,
     Vendor,
     VendorMap,
 )
+
+Role = Literal["read", "acknowledge", "administer"]
 
 
 class Conflict(Section):
@@ -57,6 +61,17 @@ class Engine(Section):
     """Shortest time between two passes. Half of it is a message's mean wait; too short only burns processor time."""
 
 
+class Person(Section):
+    """Who may use the operators' port."""
+
+    name: str
+    """A person, or a service of the site."""
+    role: Role = "read"
+    """`read` sees everything, `acknowledge` may also answer advisories, `administer` may do all there is."""
+    token: SecretSource
+    """Where this person's bearer token is."""
+
+
 class Operator(Section):
     """The operators' port: API, stream, metrics."""
 
@@ -66,6 +81,10 @@ class Operator(Section):
     """0 takes any free port."""
     stream_send_timeout_s: Seconds = 10.0
     """A subscriber that has not taken a message for this long is dropped."""
+    people: tuple[Person, ...] = ()
+    """Once there is one, nobody else gets in."""
+    tls: Tls | None = None
+    """Serve `https://` and `wss://` with these certificates; plain `http://` if absent."""
 
 
 class StoreSettings(Section):
@@ -195,6 +214,11 @@ def _contradictions(site: Site) -> Iterator[str]:
     )
     first_s, longest_s = site.receiver.dial_backoff_s
     yield from _not_above("receiver.dial_backoff_s[0]", first_s, "receiver.dial_backoff_s[1]", longest_s)
+    yield from _repeated((f"operator.people[{row}].name", one.name) for row, one in enumerate(site.operator.people))
+    certificates = [(f"vendors[{row}]", one.certificate_names) for row, one in enumerate(site.vendors)]
+    yield from _repeated((f"{key}.certificate_names", name.casefold()) for key, names in certificates for name in names)
+    if any(names for _, names in certificates) and not (site.receiver.tls and site.receiver.tls.clients):
+        yield "receiver.tls.clients: is missing; certificate_names need the authority that signs them"
     if site.receiver.port == site.operator.port != 0:
         yield f"operator.port: {site.operator.port} is receiver.port too; set another"
 

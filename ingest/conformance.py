@@ -57,6 +57,13 @@ _REJECTING = (
     _rejecting("position-absurd", "The location lies more than ten thousand kilometres out.", "3.3"),
     _rejecting("envelope-not-positive", "The envelope's length or width is not above zero.", "4.1.6"),
     _rejecting("envelope-absurd", "The envelope is longer, wider or higher than 100 m.", "4.1.6"),
+    Rule(
+        "uuid-of-another-vendor",
+        "The robot belongs to another vendor: the site file says so, or that vendor spoke for it first.",
+        "2.13",
+        rejects=True,
+        alone=False,
+    ),
     Rule("message-too-large", "Larger than the receiver's limit.", "6.1", rejects=True, alone=False),
 )
 _WHO = (
@@ -64,7 +71,6 @@ _WHO = (
     Rule("uuid-no-dashes", "The UUID lacks dashes, or has braces, `urn:uuid:` or spaces about it; read.", "2.13"),
     Rule("uuid-not-rfc4122", "The UUID's version or variant is none of RFC 4122; used as it is.", "2.13"),
     Rule("uuid-is-name", "A name stands where a UUID belongs; the robot has a UUID derived from it.", "2.13"),
-    _in_context("uuid-of-another-vendor", "The robot was identified as another vendor's.", "2.13"),
     _in_context("identity-missing", "A status before any identity; the default envelope is used.", "4.4"),
     _in_context("identity-changed", "The robot now names another maker, model, serial number or envelope.", "4.4"),
     Rule("text-empty", "A required text or an error code is empty; kept, the error code left out.", "4.1"),

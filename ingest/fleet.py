@@ -53,6 +53,8 @@ class Robot:
     frame: Frame | None = None
     forecast: Forecast | None = None
     doubt_m: float = 0.0
+    owned: bool = False
+    """Whether its vendor is settled: it identified itself, or spoke over a connection of that vendor."""
     deviations: dict[str, int] = field(default_factory=dict)
 
     @property
@@ -88,13 +90,18 @@ class Fleet:
             reason = f"location {message.x}, {message.y} is nowhere on datum {message.datum}; check units and order"
             self.refuse("position-absurd", reason, raw, arrival_s, connection)
             return "position-absurd"
+        if owner := self._other_owner(message, connection):
+            reason = f"robot {message.uuid} is {owner}'s; that vendor may report it, or the site file name another"
+            self.refuse("uuid-of-another-vendor", reason, raw, arrival_s, connection)
+            return "uuid-of-another-vendor"
         robot = self.robots.get(message.uuid) or self._admit(message.uuid, connection)
+        if connection.vendor and not robot.owned:
+            robot.vendor = self.vendors.of_robot(robot.uuid) or connection.vendor
+        robot.owned = robot.owned or isinstance(message, Identity) or connection.vendor is not None
         if isinstance(message, Identity):
             findings = self._identify(robot, message, raw, arrival_s, connection)
         else:
             findings = self._report(robot, message, raw, arrival_s)
-        if connection.vendor and robot.identity and robot.vendor != connection.vendor:
-            findings += ("uuid-of-another-vendor",)
         self._speaking.setdefault(connection.id, set()).add(robot.vendor)
         self._count(robot.vendor, message.findings + findings, robot)
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
@@ -188,6 +195,15 @@ class Fleet:
         speaking = self._speaking.get(connection.id, set())
         only = next(iter(speaking)) if len(speaking) == 1 else UNKNOWN
         return self.vendors.of_robot(uuid) or connection.vendor or only
+
+    def _other_owner(self, message: Identity | Status, connection: Connection) -> str | None:
+        """The vendor that the robot belongs to, where the message speaks for another one."""
+        named, robot = self.vendors.of_robot(message.uuid), self.robots.get(message.uuid)
+        owner = named or (robot.vendor if robot and robot.owned else None)
+        speaker = connection.vendor
+        if speaker is None and named is None and isinstance(message, Identity):
+            speaker = self.vendors.of_manufacturer(message.manufacturer)
+        return owner if owner and speaker not in (None, owner) else None
 
     def _admit(self, uuid: str, connection: Connection) -> Robot:
         robot = Robot(uuid, self._vendor_of(uuid, connection), SenderClock(self.reading.clock_tolerance_s))

@@ -24,7 +24,9 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 from websockets.protocol import State
 
+from ingest.certificates import Certificates, names
 from ingest.connection import Connection
+from ingest.credentials import Credentials, Refusal
 from ingest.measures import Measures
 from ingest.settings import Receiver as Settings
 
@@ -59,13 +61,13 @@ class Receiver:
     """Accepts robots and fleet managers. Delivers on the event loop, in order of arrival.
 
     `deconflict_connections_refused_total` counts by reason: `full` (answered 503, or aborted where even that would
-    take too many files), `replaced`, `idle`, `protocol-error`.
+    take too many files), `unauthorised`, `another-vendor`, `replaced`, `idle`, `protocol-error`.
     """
 
     def __init__(
         self,
         settings: Settings,
-        vendors: tuple[str, ...],
+        credentials: Credentials,
         deliver: Deliver,
         refuse: Refuse,
         closed: Callable[[Connection], None],
@@ -74,7 +76,8 @@ class Receiver:
         clock: Callable[[], float],
     ) -> None:
         self._settings = settings
-        self._vendors = {name.casefold(): name for name in vendors}
+        self._credentials = credentials
+        self._certificates = Certificates(settings.tls) if settings.tls else None
         self._deliver, self._refuse, self._closed = deliver, refuse, closed
         self._measures, self._clock = measures, clock
         self._ids = count(1)
@@ -101,6 +104,7 @@ class Receiver:
             self._converse,
             self._settings.host,
             self._settings.port,
+            ssl=self._certificates.context if self._certificates else None,
             process_request=self._admit,
             compression=None,
             max_size=self._settings.max_message_bytes,
@@ -185,14 +189,27 @@ class Receiver:
         if self._total >= self._limit:
             self._full()
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections; try again later\n")
+        vendor = self._vendor_of(connection, request)
+        if isinstance(vendor, Refusal):
+            self._count_refused(vendor.counted_as)
+            return connection.respond(HTTPStatus(vendor.status), f"{vendor.reason}\n")
         return None
+
+    def _vendor_of(self, connection: ServerConnection, request: Request) -> str | Refusal | None:
+        encrypted = connection.transport.get_extra_info("ssl_object")
+        shown = names(encrypted.getpeercert()) if encrypted else ()
+        tokens = request.headers.get_all("Authorization")
+        return self._credentials.vendor(unquote(request.path), tokens[0] if len(tokens) == 1 else None, shown)
 
     async def _converse(self, socket: ServerConnection) -> None:
         peer = str(socket.remote_address[0]) if socket.remote_address else ""
-        path = socket.request.path if socket.request else "/"
-        vendor = self._vendors.get(unquote(path.partition("?")[0]).strip("/").casefold())
+        if socket.request is None:
+            return
+        vendor = self._vendor_of(socket, socket.request)
+        if isinstance(vendor, Refusal):  # its credentials were withdrawn since it was admitted
+            return
         self._make_room(peer)
-        await self.listen(socket, self.new_connection(peer, path, vendor))
+        await self.listen(socket, self.new_connection(peer, socket.request.path, vendor))
 
     def _make_room(self, peer: str) -> None:
         """Where one peer holds too many connections, the oldest goes: a sender that opens one for each message."""
@@ -207,11 +224,18 @@ class Receiver:
         while True:
             await asyncio.sleep(min(IDLE_CHECK_S, limit_s / 4))
             heard_s = asyncio.get_running_loop().time() - limit_s
+            self._refresh()
             for line in self._all_lines():
                 if line.heard_s < heard_s:
                     self._dismiss(line, "idle", CloseCode.GOING_AWAY, f"nothing heard for {limit_s:g} s")
                 elif line.socket.state is State.CLOSING:
                     self._let_go(line)
+
+    def _refresh(self) -> None:
+        """Take up tokens and certificates that have changed; open connections stay."""
+        self._credentials.refresh()
+        if self._certificates:
+            self._certificates.refresh()
 
     def _dismiss(self, line: Line, counted_as: str, code: CloseCode, reason: str) -> None:
         self._count_refused(counted_as)

@@ -20,6 +20,8 @@ Envelope = tuple[
     Metres,
 ]
 """Length along the heading, width across it and height, metres; height 0 means unknown."""
+SecretSource = Annotated[str, Field(pattern=r"^((env|file):.+)?$")]
+"""Where a secret is: `env:NAME` or `file:PATH`."""
 
 
 class Section(BaseModel):
@@ -107,6 +109,21 @@ class Vendor(Section):
     """Accept robot names where a UUID belongs, each under a UUID derived from vendor and name."""
     dial: tuple[str, ...] = ()
     """`ws://` addresses of fleet managers to connect to."""
+    token: SecretSource = ""
+    """Where this vendor's bearer token is. Once one vendor has credentials, every connection needs some."""
+    certificate_names: tuple[str, ...] = ()
+    """Common or DNS names of this vendor's client certificates, signed by the authority in `receiver.tls.clients`."""
+
+
+class Tls(Section):
+    """The site's own certificates, PEM files; changed ones are read without a restart."""
+
+    certificate: str
+    """The server's certificate, with any intermediate ones."""
+    key: str = ""
+    """Its private key; in the file of the certificate if absent."""
+    clients: str = ""
+    """The authorities that sign clients' certificates; without it none are asked for."""
 
 
 class Receiver(Section):
@@ -126,6 +143,8 @@ class Receiver(Section):
     """Most connections at once; fewer where the limit of open files is lower."""
     max_connections_per_peer: Annotated[int, Field(gt=0)] = 10000
     """The same for one address; a sender that never closes its connections is stopped here."""
+    tls: Tls | None = None
+    """Serve `wss://` with these certificates; plain `ws://` if absent."""
     dial_backoff_s: tuple[Seconds, Seconds] = (0.5, 30.0)
     """First and longest wait between attempts to reach a fleet manager."""
 

@@ -38,7 +38,11 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "deconflict_robots": Entry("gauge", ("vendor", "state"), "Robots on the floors, by operational state."),
     "deconflict_connections": Entry("gauge", (), "Open connections of robots and fleet managers."),
-    "deconflict_connections_refused_total": Entry("counter", ("reason",), "Connections refused or closed by us."),
+    "deconflict_connections_refused_total": Entry(
+        "counter",
+        ("reason",),
+        "Connections refused or closed by us.",
+    ),
     "deconflict_clock_offset_seconds": Entry(
         "gauge",
         ("vendor",),

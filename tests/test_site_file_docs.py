@@ -18,6 +18,8 @@ SECTIONS: dict[str, type[settings.Section]] = {
     "`[[vendors]]`": settings.Vendor,
     "`[[vendors.maps]]`": settings.VendorMap,
     "`[vendors.models.MODEL]`": settings.Model,
+    "`[[operator.people]]`": site.Person,
+    "`[receiver.tls]`": settings.Tls,
 }
 SECTIONS |= {
     f"`[{name}]`": type(field.default)

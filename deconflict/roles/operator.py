@@ -15,6 +15,7 @@ from deconflict.link import AsyncCaller, LinkDownError, PortTakenError, listenin
 from deconflict.operator import Exposition, SourceUnavailableError, create_app
 from deconflict.site import Site
 from deconflict.store import Store, StoreError
+from ingest.certificates import Certificates
 from ingest.measures import Measures
 
 log = logging.getLogger(__name__)
@@ -22,6 +23,7 @@ log = logging.getLogger(__name__)
 ENGINE_STALE_S = 5.0
 """An engine not heard from for this long counts as down; it reports every second."""
 PRUNE_EVERY_S = 3600.0
+REFRESH_EVERY_S = 5.0
 ROLES_FILE = "roles.json"
 """What the supervisor says of its processes: role to restarts, in the runtime directory."""
 
@@ -37,24 +39,26 @@ class OperatorRole:
         self.ready = asyncio.Event()
         """Set once its port is open."""
         self.port = 0
+        self._certificates = Certificates(site.operator.tls) if site.operator.tls else None
         self._store = Store(data)
         self._app = create_app(self._store, self, exposition, site.operator)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
         calls = {"restore": self._restore, "publish": self._publish, "measures": self._measures, "health": self._health}
-        server, bound = face_server(self._app), self._bound()
+        server, bound = face_server(self._app, self._certificates), self._bound()
         self.port = bound.getsockname()[1]
         async with listening(socket_path(self._runtime, "operator"), calls):
             serving = asyncio.create_task(server.serve([bound]))
             waiting = asyncio.create_task(stop.wait())
-            pruning = asyncio.create_task(self._prune())
+            chores = [asyncio.create_task(self._prune()), asyncio.create_task(self._refresh())]
             self.ready.set()
             try:
                 await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
             finally:
                 waiting.cancel()
-                pruning.cancel()
+                for chore in chores:
+                    chore.cancel()
                 server.should_exit = True
                 await serving
                 bound.close()
@@ -128,6 +132,14 @@ class OperatorRole:
                 if forgotten:
                     log.info("%s advisories cleared before %s are forgotten", forgotten, before)
             await asyncio.sleep(PRUNE_EVERY_S)
+
+    async def _refresh(self) -> None:
+        """Take up tokens and certificates that have changed."""
+        while True:
+            await asyncio.sleep(REFRESH_EVERY_S)
+            self._app.state.tokens.refresh()
+            if self._certificates:
+                self._certificates.refresh()
 
     async def _restore(self, _: bytes) -> bytes:
         """What an engine needs to go on where the last one stopped."""

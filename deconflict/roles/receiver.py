@@ -11,6 +11,7 @@ from random import Random
 from deconflict.link import PortTakenError, listening, socket_path
 from deconflict.site import Site
 from ingest.connection import Connection
+from ingest.credentials import Credentials
 from ingest.dialer import Dialer
 from ingest.fleet import Fleet
 from ingest.frames import Frames
@@ -64,7 +65,7 @@ class ReceiverRole:
         self.recorder = Recorder(site.recorder, log, self.measures, _now_s)
         self.receiver = Receiver(
             site.receiver,
-            tuple(vendor.name for vendor in site.vendors),
+            Credentials(site.vendors),
             self._deliver,
             self._refuse,
             self._closed,

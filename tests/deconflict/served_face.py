@@ -86,9 +86,9 @@ class Served:
 
 
 @asynccontextmanager
-async def served(directory: Path, *, stream_send_timeout_s: float = 10.0) -> AsyncIterator[Served]:
+async def served(directory: Path, **settings: Any) -> AsyncIterator[Served]:
     store, sources = Store(directory), GivenSources()
-    app = create_app(store, sources, render, Operator(stream_send_timeout_s=stream_send_timeout_s))
+    app = create_app(store, sources, render, Operator(**settings))
     server = face_server(app)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         serving = asyncio.create_task(server.serve([listening]))

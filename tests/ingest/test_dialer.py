@@ -7,6 +7,7 @@ import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 from ingest.connection import Connection
+from ingest.credentials import Credentials
 from ingest.dialer import STEADY_S, Dialer
 from ingest.measures import Measures
 from ingest.receiver import Receiver
@@ -31,7 +32,7 @@ class Dialled:
         given = Settings.model_validate({"dial_backoff_s": (0.01, 0.05)} | settings)
         self.receiver = Receiver(
             given,
-            (),
+            Credentials(()),
             self.deliver,
             lambda *_: None,
             lambda _: None,

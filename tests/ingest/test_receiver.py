@@ -16,9 +16,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Frame, Opcode
 
 from ingest.connection import Connection
+from ingest.credentials import Credentials
 from ingest.measures import Measures
 from ingest.receiver import Receiver
 from ingest.settings import Receiver as Settings
+from ingest.settings import Vendor
 
 REFUSED = "deconflict_connections_refused_total"
 HANDSHAKE = (
@@ -53,12 +55,12 @@ class Floor:
 
 
 @asynccontextmanager
-async def floor(vendors: tuple[str, ...] = (), **settings: Any) -> AsyncIterator[Floor]:
+async def floor(vendors: tuple[Vendor, ...] = (), **settings: Any) -> AsyncIterator[Floor]:
     measures, closed = Measures(), list[Connection]()
     ticks = iter(range(1_790_000_000, 1_800_000_000))
     receiver = Receiver(
         Settings(port=0, **settings),
-        vendors,
+        Credentials(vendors),
         lambda raw, arrival_s, connection: one.delivered.append((raw, arrival_s, connection)),
         lambda rule, reason, _, connection: one.refused.append((rule, reason, connection)),
         closed.append,
@@ -170,7 +172,7 @@ async def test_what_is_no_websocket_frame_ends_the_connection_and_is_counted(mon
     [("/", None), ("/Alder", "Alder"), ("/alder/?token=1", "Alder"), ("/Blue%20Line", "Blue Line"), ("/else", None)],
 )
 async def test_the_path_tells_the_vendor(path: str, vendor: str | None) -> None:
-    async with floor(vendors=("Alder", "Blue Line")) as one, connect(one.url + path) as robot:
+    async with floor(vendors=(Vendor(name="Alder"), Vendor(name="Blue Line"))) as one, connect(one.url + path) as robot:
         await robot.send("hello")
         await until(lambda: one.delivered)
         connection = one.delivered[0][2]
@@ -280,13 +282,14 @@ FLOODED = """
 import asyncio, logging, resource, sys
 logging.basicConfig(level=logging.WARNING)
 resource.setrlimit(resource.RLIMIT_NOFILE, (320, 320))
+from ingest.credentials import Credentials
 from ingest.measures import Measures
 from ingest.receiver import Receiver
 from ingest.settings import Receiver as Settings
 
 async def main():
     measures, nothing = Measures(), lambda *_: None
-    receiver = Receiver(Settings(port=0, open_timeout_s=60), (), nothing, nothing, nothing,
+    receiver = Receiver(Settings(port=0, open_timeout_s=60), Credentials(()), nothing, nothing, nothing,
                         measures=measures, clock=lambda: 0.0)
     await receiver.start()
     print(receiver.port, flush=True)
@@ -327,3 +330,22 @@ def test_more_connections_than_files_are_turned_away_and_do_not_fill_the_log() -
     assert int(out) == 300
     (told,) = err.splitlines()
     assert "at most 120 connections, because 320 files may be open" in told
+
+
+async def test_a_vendors_token_lets_it_in_and_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ALDER", "alder-0123456789abcdef")
+    async with floor((Vendor(name="Alder", token="env:ALDER"), Vendor(name="Basalt"))) as one:
+        right = {"Authorization": "Bearer alder-0123456789abcdef"}
+        async with connect(one.url, additional_headers=right) as robot:
+            await robot.send("hello")
+            await until(lambda: one.delivered)
+        assert one.delivered[0][2].vendor == "Alder"
+        for path, headers, status in (
+            ("/", {}, 401),
+            ("/Alder", {"Authorization": "Bearer alder-guessed-0123"}, 401),
+            ("/Basalt", right, 403),
+        ):
+            with pytest.raises(InvalidStatus) as refused:
+                await connect(one.url + path, additional_headers=headers)
+            assert refused.value.response.status_code == status
+        assert (one.count("unauthorised"), one.count("another-vendor")) == (2, 1)

@@ -1,0 +1,161 @@
+"""Who may use the operators' port, and for what. Without any person in the site file everybody may.
+
+A program sends its token as `Authorization: Bearer TOKEN`; a browser signs in once at `/login` and keeps a cookie.
+"""
+
+import ipaddress
+import secrets
+from collections.abc import Iterable, Mapping
+from html import escape
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qs, urlsplit
+
+from starlette.datastructures import Headers
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from deconflict.site import Operator, Person, Role, Site
+from ingest.certificates import Certificates
+from ingest.credentials import Credentials
+from ingest.tokens import Tokens
+
+RANK: Mapping[Role, int] = {"read": 0, "acknowledge": 1, "administer": 2}
+COOKIE = "deconflict_session"
+MOST_SESSIONS = 1000
+MOST_FORM_BYTES = 4096
+
+
+def needed(method: str, path: str) -> Role:
+    """The role that a request takes."""
+    if method in ("GET", "HEAD", "WEBSOCKET"):
+        return "read"
+    return "acknowledge" if path.startswith("/advisories/") else "administer"
+
+
+def exposed(site: Site) -> list[str]:
+    """Ports that listen beyond this machine though nobody needs credentials there, a sentence each."""
+    told = []
+    guarded = any(vendor.token or vendor.certificate_names for vendor in site.vendors)
+    if not _loopback(site.receiver.host) and not guarded:
+        told.append(f"receiver.host: {site.receiver.host} is open to a network; give each vendor a token")
+    if not _loopback(site.operator.host) and not site.operator.people:
+        told.append(f"operator.host: {site.operator.host} is open to a network; name operator.people with tokens")
+    return told
+
+
+def tokens_of(people: Iterable[Person]) -> Tokens:
+    """Everybody's token. Raises `SecretError` where one can't be had."""
+    return Tokens({person.name: person.token for person in people})
+
+
+def verify(site: Site) -> None:
+    """Raises `SecretError` or `CertificateError` where something that the site file points at can't be used."""
+    Credentials(site.vendors)
+    tokens_of(site.operator.people)
+    for tls in (site.receiver.tls, site.operator.tls):
+        if tls:
+            Certificates(tls)
+
+
+class Access:
+    """Middleware: lets a request through with the person's name in its state, or answers it."""
+
+    def __init__(self, app: ASGIApp, settings: Operator, tokens: Tokens) -> None:
+        self._app, self._tokens = app, tokens
+        self._roles: dict[str, Role] = {person.name: person.role for person in settings.people}
+        self._secure = settings.tls is not None
+        self._sessions: dict[str, str] = {}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        answer = await self._judge(scope, receive)
+        if answer is None:
+            await self._app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008, "reason": "not allowed"})
+        else:
+            await answer(scope, receive, send)
+
+    async def _judge(self, scope: Scope, receive: Receive) -> Response | None:
+        headers, path = Headers(scope=scope), scope["path"]
+        method = "WEBSOCKET" if scope["type"] == "websocket" else scope["method"]
+        if _foreign(headers):
+            return _refused(403, "pages of other sites may not use this service")
+        if not self._tokens:
+            return None
+        if path == "/login":
+            return await self._sign_in(Request(scope, receive)) if method == "POST" else _login_page("")
+        person = self._tokens.owner(headers.get("authorization")) or self._of_session(headers)
+        return None if path == "/healthz" else self._allow(person, scope, method, headers)
+
+    def _allow(self, person: str | None, scope: Scope, method: str, headers: Headers) -> Response | None:
+        if person is None:
+            wants_page = method == "GET" and "text/html" in headers.get("accept", "")
+            return _login_page("") if wants_page else _refused(401, "send 'Authorization: Bearer TOKEN', or sign in")
+        wanted = needed(method, scope["path"])
+        if RANK[self._roles[person]] < RANK[wanted]:
+            return _refused(403, f"{person} may {self._roles[person]}; this takes the role {wanted}")
+        scope.setdefault("state", {})["person"] = person
+        return None
+
+    async def _sign_in(self, request: Request) -> Response:
+        body = b""
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) > MOST_FORM_BYTES:
+                return _refused(413, "the form is too long")
+        told = parse_qs(body.decode("utf-8", "replace")).get("token", [""])[0]
+        person = self._tokens.owner(f"Bearer {told}")
+        if person is None:
+            return _login_page("That token is nobody's.")
+        session = secrets.token_urlsafe(32)
+        while len(self._sessions) >= MOST_SESSIONS:
+            self._sessions.pop(next(iter(self._sessions)))
+        self._sessions[session] = person
+        answer = RedirectResponse("/", 303)
+        answer.set_cookie(COOKIE, session, httponly=True, secure=self._secure, samesite="strict", path="/")
+        return answer
+
+    def _of_session(self, headers: Headers) -> str | None:
+        try:
+            cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        except CookieError:
+            return None
+        return self._sessions.get(cookie.value) if cookie else None
+
+
+def _foreign(headers: Headers) -> bool:
+    """Whether a browser says that another site's page asks: it would act with the operator's rights."""
+    origin = headers.get("origin")
+    return origin is not None and urlsplit(origin).netloc != headers.get("host")
+
+
+def _refused(status: int, reason: str) -> Response:
+    headers = {"www-authenticate": "Bearer"} if status == 401 else {}
+    return JSONResponse({"detail": reason}, status, headers)
+
+
+def _login_page(problem: str) -> Response:
+    return HTMLResponse(
+        f"""<!doctype html><html lang="en"><meta charset="utf-8"><title>Sign in</title>
+<meta name="viewport" content="width=device-width"><meta name="color-scheme" content="light dark">
+<body style="font: 1rem system-ui; max-width: 24rem; margin: 15vh auto; padding: 0 1rem">
+<h1>Sign in</h1><p role="alert">{escape(problem)}</p>
+<form method="post" action="/login"><label>Your token<br>
+<input name="token" type="password" autocomplete="current-password" required autofocus style="width: 100%"></label>
+<p><button>Sign in</button></p></form></html>
+""",
+        401,
+    )
+
+
+def _loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,118 @@
+from pathlib import Path
+
+import httpx
+import pytest
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
+
+from deconflict.access import exposed, needed
+from deconflict.site import Operator, Person, Site
+from ingest.settings import Receiver, Vendor
+from tests.deconflict.made_advisories import made
+from tests.deconflict.served_face import served
+
+READER, LEADER = "reader-0123456789abcdef", "leader-0123456789abcdef"
+
+
+@pytest.fixture
+def people(monkeypatch: pytest.MonkeyPatch) -> tuple[Person, ...]:
+    monkeypatch.setenv("READER", READER)
+    monkeypatch.setenv("LEADER", LEADER)
+    return (
+        Person(name="wallboard", token="env:READER"),
+        Person(name="Ada", role="acknowledge", token="env:LEADER"),
+    )
+
+
+def bearer(token: str) -> dict[str, str]:
+    return {"authorization": f"Bearer {token}"}
+
+
+async def test_without_people_everybody_is_let_in(tmp_path: Path) -> None:
+    async with served(tmp_path) as face, httpx.AsyncClient(base_url=face.http, trust_env=False) as client:
+        assert (await client.get("/advisories")).status_code == 200
+
+
+async def test_nobody_gets_anything_but_health_without_a_token(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False) as client,
+    ):
+        paths = ["/", *(path for path in face.app.openapi()["paths"] if "{" not in path), "/openapi.json", "/absent"]
+        answered = {path: (await client.get(path)).status_code for path in paths}
+        assert answered.pop("/healthz") == 200
+        assert set(answered.values()) == {401}
+        for headers in ({}, bearer("guessed-0123456789abcdef")):
+            with pytest.raises(InvalidStatus) as refused:
+                await connect(face.stream(), additional_headers=headers)
+            assert refused.value.response.status_code == 403
+
+
+async def test_a_token_opens_the_api_and_the_stream(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    async with served(tmp_path, people=people) as face:
+        async with httpx.AsyncClient(base_url=face.http, headers=bearer(READER), trust_env=False) as client:
+            assert (await client.get("/robots")).status_code == 200
+        await face.publish(made(1))
+        async with connect(face.stream("?after=0"), additional_headers=bearer(READER)) as stream:
+            assert '"advisory-1"' in str(await stream.recv())
+
+
+async def test_a_browser_signs_in_once(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False) as browser,
+    ):
+        page = await browser.get("/", headers={"accept": "text/html"})
+        assert (page.status_code, 'action="/login"' in page.text) == (401, True)
+        assert (await browser.post("/login", data={"token": "guessed-0123456789abcdef"})).status_code == 401
+        assert (await browser.get("/advisories")).status_code == 401
+        entered = await browser.post("/login", data={"token": READER})
+        assert entered.status_code == 303
+        assert {"HttpOnly", "SameSite=strict"} <= set(entered.headers["set-cookie"].split("; "))
+        assert READER not in entered.headers["set-cookie"]
+        assert (await browser.get("/advisories")).status_code == 200
+
+
+async def test_reading_is_not_answering(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False) as client,
+    ):
+        refused = await client.post("/advisories/advisory-1/any", headers=bearer(READER))
+        assert (refused.status_code, "takes the role acknowledge" in refused.text) == (403, True)
+        assert (await client.post("/advisories/advisory-1/any", headers=bearer(LEADER))).status_code in (404, 405)
+        assert (await client.post("/anything", headers=bearer(LEADER))).status_code == 403
+
+
+async def test_a_page_of_another_site_is_refused_even_where_everybody_is_let_in(tmp_path: Path) -> None:
+    async with served(tmp_path) as face, httpx.AsyncClient(base_url=face.http, trust_env=False) as client:
+        assert (await client.get("/advisories", headers={"origin": "https://elsewhere.example"})).status_code == 403
+        assert (await client.get("/advisories", headers={"origin": face.http})).status_code == 200
+        with pytest.raises(InvalidStatus):
+            await connect(face.stream(), additional_headers={"origin": "https://elsewhere.example"})
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "role"),
+    [
+        ("GET", "/robots", "read"),
+        ("WEBSOCKET", "/advisories/stream", "read"),
+        ("POST", "/advisories/1/acknowledgement", "acknowledge"),
+        ("DELETE", "/webhooks/1", "administer"),
+    ],
+)
+def test_what_a_request_takes(method: str, path: str, role: str) -> None:
+    assert needed(method, path) == role
+
+
+def test_a_port_is_exposed_beyond_the_machine_without_credentials() -> None:
+    assert exposed(Site()) == []
+    assert exposed(Site(receiver=Receiver(host="::1"), operator=Operator(host="localhost"))) == []
+    wide = Site(receiver=Receiver(host="0.0.0.0"), operator=Operator(host="0.0.0.0"))  # noqa: S104
+    assert [one.split(":")[0] for one in exposed(wide)] == ["receiver.host", "operator.host"]
+    guarded = Site(
+        receiver=Receiver(host="0.0.0.0"),  # noqa: S104
+        operator=Operator(host="0.0.0.0", people=(Person(name="Ada", token="env:ADA"),)),  # noqa: S104
+        vendors=(Vendor(name="Alder", token="env:ALDER"),),
+    )
+    assert exposed(guarded) == []
