@@ -13,7 +13,7 @@ import numpy as np
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.encounter import Encounter, encounter, separation_m
-from deconflict.life import Lives, Pair, Party, Prediction, Scene
+from deconflict.life import PASSED, STAND, UNPREDICTED, Lives, Pair, Party, Prediction, Scene
 from deconflict.live import Live, LiveRobot
 from deconflict.site import Site
 from deconflict.sweeper import PairConflicts, Sweeper
@@ -22,6 +22,8 @@ from ingest.seam import Basis, Batch, Floats, Forecasts
 
 GROWTH_STEP_M = 0.1
 """The uncertainty of a quiet robot grows in steps, so that it is swept again only when it matters."""
+OUTCOMES = {PASSED: "met", STAND: "met", UNPREDICTED: "not_met"}
+"""By why a conflict was cleared, whether its robots came within the clearance; "left" where one was taken away."""
 
 
 class Engine:
@@ -118,6 +120,11 @@ class Engine:
         for one in revisions:
             event = AdvisoryState(one.state).value
             self.measures.count("deconflict_advisories_total", one.kind, event)
+            if isinstance(one, ConflictAdvisory) and one.cleared_because:
+                for vendor in sorted(set(one.vendors)):
+                    self.measures.count(
+                        "deconflict_conflicts_ended_total", vendor, OUTCOMES.get(one.cleared_because, "left")
+                    )
         open_now: dict[tuple[str, ...], float] = {}
         for one in self._lives.open():
             key = (one.kind, one.severity.value)

@@ -31,6 +31,9 @@ MOVED_S, MOVED_M, DEEPER_M = 0.75, 1.0, 0.15
 TOUCHING_M = 0.1
 """A pair that begins nearer than this is touching already, for all that forecasts can tell."""
 
+PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
+"""Why a conflict is cleared while both robots are on the floor."""
+
 SEVERITIES = (Severity.CAUTION, Severity.WARNING, Severity.CRITICAL)
 
 
@@ -274,11 +277,7 @@ class Lives:
         parties = [scene.party(uuid) for uuid in advisory.robots]
         stand = track.inside and all(one is not None and one.standing for one in parties)
         since_s = now_s - advisory.updated_at.timestamp()
-        return (
-            self._cleared(advisory, now_s, "both stand still")
-            if stand and since_s > self.settings.clear_after_s
-            else None
-        )
+        return self._cleared(advisory, now_s, STAND) if stand and since_s > self.settings.clear_after_s else None
 
     def _unpredicted(self, track: Track, pair: Pair, now_s: float, scene: Scene) -> ConflictAdvisory | None:
         absent = [uuid for uuid in pair if scene.party(uuid) is None]
@@ -293,7 +292,7 @@ class Lives:
         advisory = track.advisory
         if advisory is None:
             return None
-        return self._cleared(advisory, now_s, "they have passed each other" if track.met else "no longer predicted")
+        return self._cleared(advisory, now_s, PASSED if track.met else UNPREDICTED)
 
     def _absent(self, track: Track, pair: Pair, absent: list[str], now_s: float) -> ConflictAdvisory | None:
         """A robot that left ends the advisory; one not yet heard of since a restart does so only in time."""

@@ -177,6 +177,9 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, settings:
     )
     measures = Measures()
     measures.level("deconflict_build_info", {(app.version,): 1})
+    measures.begin(
+        "deconflict_advisories_stored_total", "deconflict_store_failures_total", "deconflict_stream_dropped_total"
+    )
     publisher = Publisher(store, measures)
     app.state.publisher, app.state.measures = publisher, measures
     app.state.tokens = tokens_of(settings.people)

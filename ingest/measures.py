@@ -55,6 +55,11 @@ class Measures:
         series = self.values[name]
         series[labels] = series.get(labels, 0) + by
 
+    def begin(self, *names: str) -> None:
+        """Count from 0: a counter that first appears with its first event can't be seen to rise."""
+        for name in names:
+            self.count(name, by=0)
+
     def level(self, name: str, series: dict[Labels, float]) -> None:
         """Replace every series of a gauge, so that what no longer exists is no longer shown."""
         self.values[name] = dict(series)

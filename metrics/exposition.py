@@ -77,6 +77,11 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_advisories_total": Entry(
         "counter", ("kind", "event"), "Revisions of advisories decided, by what happened."
     ),
+    "deconflict_conflicts_ended_total": Entry(
+        "counter",
+        ("vendor", "outcome"),
+        "Conflicts told of and over, once for each vendor in them: met, not_met (avoided, or a nuisance), or left.",
+    ),
     "deconflict_conflicts": Entry("gauge", (), "Pairs of robots in predicted conflict, confirmed or not."),
     "deconflict_invalid_forecasts_total": Entry(
         "counter", ("reason",), "Forecasts the engine could not use; the robot stands where it was."

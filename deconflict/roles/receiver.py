@@ -61,6 +61,9 @@ class ReceiverRole:
     def __init__(self, site: Site, runtime: Path, log: Path) -> None:
         self.site, self._runtime = site, runtime
         self.measures = Measures()
+        self.measures.begin(
+            "deconflict_ticks_total", "deconflict_recorded_bytes_total", "deconflict_recorded_lines_dropped_total"
+        )
         self.fleet = fleet_of(site, self.measures)
         self.recorder = Recorder(site.recorder, log, self.measures, _now_s)
         self.receiver = Receiver(

@@ -177,3 +177,13 @@ def test_open_advisories_and_events_are_counted() -> None:
     assert floor.engine.measures.values["deconflict_advisories_open"] == {}
     totals = floor.engine.measures.values["deconflict_advisories_total"]
     assert totals["conflict", "raised"] == totals["conflict", "cleared"] == 1
+
+
+@pytest.mark.parametrize(("then", "outcome"), [(northward(y=-12.0), "met"), (standing(0.0, -7.0), "not_met")])
+def test_a_conflict_that_is_over_is_counted_by_whether_they_met(then: Course, outcome: str) -> None:
+    floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)})
+    floor.run(5)
+    floor.courses["B"] = then
+    floor.run(30, from_s=5)
+    assert states(floor.advisories)[-1] is AdvisoryState.CLEARED
+    assert floor.engine.measures.values["deconflict_conflicts_ended_total"] == {("Alder", outcome): 1}
