@@ -1,0 +1,256 @@
+"""The whole service under load: `python -m benchmarks.endtoend [--robots 100 1000] [--seconds 60] [--json OUT]`.
+
+The service runs as `deconflict serve` would, a process a role, everything on; the load comes from a process of its
+own over real sockets. Where there are two cores, the load and the service share them.
+"""
+
+import argparse
+import json
+import math
+import multiprocessing
+import os
+import socket
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks import offer
+from deconflict.link import Caller, LinkDownError
+from deconflict.service import Supervisor, runtime_directory
+from deconflict.site import DEFAULT, Site
+from ingest.measures import Histogram
+from ingest.settings import Datum, Vendor
+
+LATENCY = "deconflict_message_to_advisory_seconds"
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What one role has used so far."""
+
+    core_s: float
+    memory_mb: float
+    files: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """The figures of one run or of one stretch of it."""
+
+    robots: int
+    seconds: float
+    messages_a_second: float
+    accepted: float
+    rejected: float
+    superseded: float
+    """Statuses replaced by a newer one before the engine read them."""
+    p50_ms: float
+    p99_ms: float
+    slowest_ms: float
+    """Upper bound of the slowest message's bucket."""
+    core_s_a_second: dict[str, float]
+    memory_mb: dict[str, float]
+    files: dict[str, int]
+    advisories: float
+
+
+class Running:
+    """A service that is being measured."""
+
+    def __init__(self, supervisor: Supervisor, runtime: Path, port: int) -> None:
+        self._supervisor, self._caller = supervisor, Caller(runtime, "operator")
+        self.url = f"ws://127.0.0.1:{port}"
+        self._at_s, self._before, self._used = time.monotonic(), self.measures(), self.usage()
+
+    def measures(self) -> dict[str, Any]:
+        """Sums by metric name, counts by (metric, second label) and the latency histogram, of all roles."""
+        sums: dict[str, Any] = {}
+        rows: list[Any] = []
+        for document in self._answer():
+            for name, series in document["values"].items():
+                for labels, value in series:
+                    for key in (name, f"{name} {labels[1]}" if len(labels) > 1 else None):
+                        if key:
+                            sums[key] = sums.get(key, 0.0) + value
+            rows += document["histograms"].get(LATENCY, [])
+        sums["latency"] = Histogram.joined(rows) if rows else Histogram()
+        return sums
+
+    def usage(self) -> dict[str, Usage]:
+        return {one.role: _usage(one.process.pid) for one in self._supervisor.roles if one.process}
+
+    def row(self, robots: int) -> Row:
+        """The figures since the last row."""
+        now_s, after, used = time.monotonic(), self.measures(), self.usage()
+        seconds, before = now_s - self._at_s, self._before
+        waits = _since(before["latency"], after["latency"])
+        accepted = _rise(before, after, "deconflict_messages_total accepted")
+        row = Row(
+            robots=robots,
+            seconds=round(seconds, 1),
+            messages_a_second=round(accepted / seconds, 1),
+            accepted=accepted,
+            rejected=_rise(before, after, "deconflict_messages_total rejected"),
+            superseded=_rise(before, after, "deconflict_statuses_superseded_total"),
+            p50_ms=round(waits.quantile(0.5) * 1000, 1),
+            p99_ms=round(waits.quantile(0.99) * 1000, 1),
+            slowest_ms=_slowest_s(waits) * 1000,
+            core_s_a_second={
+                role: round((one.core_s - self._used[role].core_s) / seconds, 3) for role, one in used.items()
+            },
+            memory_mb={role: round(one.memory_mb, 1) for role, one in used.items()},
+            files={role: one.files for role, one in used.items()},
+            advisories=_rise(before, after, "deconflict_advisories_stored_total"),
+        )
+        self._at_s, self._before, self._used = now_s, after, used
+        return row
+
+    def _answer(self) -> list[dict[str, Any]]:
+        until_s = time.monotonic() + 30
+        while True:
+            try:
+                answer: list[dict[str, Any]] = json.loads(self._caller.call("measures"))
+            except LinkDownError:
+                if time.monotonic() > until_s:
+                    raise
+                time.sleep(0.1)
+            else:
+                return answer
+
+
+@contextmanager
+def service() -> Iterator[Running]:
+    """The service with a process a role, until the end of the block."""
+    stop, (robots_port, operator_port) = threading.Event(), _free_ports()
+    with tempfile.TemporaryDirectory(prefix="benchmark-") as data, runtime_directory() as runtime:
+        supervisor = Supervisor(_site(robots_port, operator_port), Path(data), Path(runtime))
+        running = threading.Thread(target=supervisor.run, args=(stop,))
+        running.start()
+        try:
+            one = Running(supervisor, Path(runtime), robots_port)
+            _wait_for(robots_port)
+            yield one
+        finally:
+            stop.set()
+            running.join()
+
+
+@contextmanager
+def load() -> Iterator[ProcessPoolExecutor]:
+    """A process for the load."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        pool.submit(os.getpid).result()
+        yield pool
+
+
+def measured(robots: int, seconds: float, settle_s: float = 10.0) -> tuple[Row, dict[str, float]]:
+    """The figures of a run after `settle_s`, and what the load says of itself."""
+    with service() as one, load() as pool:
+        offering = pool.submit(offer.run, one.url, robots, settle_s + seconds)
+        time.sleep(settle_s)
+        one.row(robots)
+        time.sleep(seconds - 1)
+        row = one.row(robots)
+        return row, offering.result()
+
+
+def print_row(row: Row, load_late_s: float | None = None) -> None:
+    cores = " ".join(f"{role} {share:.2f}" for role, share in row.core_s_a_second.items())
+    memory = sum(row.memory_mb.values())
+    late = "" if load_late_s is None else f"  load late {load_late_s * 1000:.0f} ms"
+    print(
+        f"{row.robots:6} robots {row.messages_a_second:8.0f} msg/s  p50 {row.p50_ms:5.0f} ms  p99 {row.p99_ms:5.0f} ms  "
+        f"slowest < {row.slowest_ms:6.0f} ms  superseded {row.superseded:5.0f}  rejected {row.rejected:3.0f}  "
+        f"cores {cores}  {memory:5.0f} MB  files {sum(row.files.values())}{late}",
+        flush=True,
+    )
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--robots", type=int, nargs="+", default=[100, 1000, 3000, 10000])
+    arguments.add_argument("--seconds", type=float, default=60.0)
+    arguments.add_argument("--json", type=Path)
+    args = arguments.parse_args()
+    told = []
+    for robots in args.robots:
+        row, offered = measured(robots, args.seconds)
+        print_row(row, offered["late_s"])
+        told.append(asdict(row) | {"load": offered})
+    if len(told) > 1:
+        print(f"growth exponent of core seconds: {_exponent(told):.2f}")
+    if args.json:
+        args.json.write_text(json.dumps(told, indent=2) + "\n")
+
+
+def _exponent(told: list[dict[str, Any]]) -> float:
+    first, last = told[0], told[-1]
+    cores = [sum(one["core_s_a_second"].values()) for one in (first, last)]
+    return math.log(cores[1] / cores[0]) / math.log(last["robots"] / first["robots"])
+
+
+def _site(robots_port: int, operator_port: int) -> Site:
+    return DEFAULT.model_copy(
+        update={
+            "datums": (Datum(id=offer.DATUM, name="Hall"),),
+            "vendors": tuple(Vendor(name=name) for name in offer.VENDORS),
+            "receiver": DEFAULT.receiver.model_copy(update={"port": robots_port}),
+            "operator": DEFAULT.operator.model_copy(update={"port": operator_port}),
+        }
+    )
+
+
+def _free_ports() -> tuple[int, int]:
+    with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
+        return one.getsockname()[1], other.getsockname()[1]
+
+
+def _wait_for(port: int) -> None:
+    until_s = time.monotonic() + 30
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port), timeout=1).close()
+        except OSError:
+            if time.monotonic() > until_s:
+                raise
+            time.sleep(0.05)
+        else:
+            return
+
+
+def _usage(pid: int) -> Usage:
+    """From /proc (Linux): processor time, resident memory and open files."""
+    of = Path("/proc") / str(pid)
+    ticks = (of / "stat").read_text().rsplit(")", 1)[1].split()
+    pages = int((of / "statm").read_text().split()[1])
+    return Usage(
+        core_s=(int(ticks[11]) + int(ticks[12])) / os.sysconf("SC_CLK_TCK"),
+        memory_mb=pages * os.sysconf("SC_PAGE_SIZE") / 1e6,
+        files=len(list((of / "fd").iterdir())),
+    )
+
+
+def _rise(before: dict[str, Any], after: dict[str, Any], name: str) -> float:
+    return float(after.get(name, 0.0) - before.get(name, 0.0))
+
+
+def _since(before: Histogram, after: Histogram) -> Histogram:
+    between = Histogram(after.bounds)
+    between.counts = [b - a for a, b in zip(before.counts, after.counts, strict=True)]
+    between.total = after.total - before.total
+    return between
+
+
+def _slowest_s(waits: Histogram) -> float:
+    bounds = (*waits.bounds, math.inf)
+    return max((bound for bound, count in zip(bounds, waits.counts, strict=True) if count), default=0.0)
+
+
+if __name__ == "__main__":
+    main()
