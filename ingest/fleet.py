@@ -16,12 +16,12 @@ from ingest import messages, watch
 from ingest.angles import turn_between
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.connection import Connection
-from ingest.forecast import Body, Forecast, Sighting, View, body_of, forecast, matches
+from ingest.forecast import NO_STOPS, Body, Forecast, Sighting, View, body_of, forecast, matches, stops
 from ingest.frames import Frame, Frames
 from ingest.measures import Labels, Measures
 from ingest.messages import Identity, Rejection, Status
 from ingest.quarantine import Quarantine, rejected
-from ingest.seam import Basis, Batch, Forecasts
+from ingest.seam import Basis, Batch, Destinations, Floats, Forecasts
 from ingest.settings import Reading
 from ingest.vendors import UNKNOWN, Vendors
 
@@ -52,6 +52,8 @@ class Robot:
     """The newest sighting, headings and speeds reconciled with the one before it."""
     frame: Frame | None = None
     forecast: Forecast | None = None
+    stops: tuple[Floats, tuple[int, ...]] = NO_STOPS
+    """Destinations (d, 3) as t_s, x_m, y_m, and the floor of each."""
     doubt_m: float = 0.0
     owned: bool = False
     """Whether its vendor is settled: it identified itself, or spoke over a connection of that vendor."""
@@ -147,6 +149,7 @@ class Fleet:
             basis=np.array([robot.forecast.basis for robot in robots if robot.forecast], np.int64),
             doubt_m=np.array([robot.doubt_m for robot in robots], np.float64),
             forecasts=_layout([robot.forecast for robot in robots if robot.forecast]),
+            destinations=_destinations([robot.stops for robot in robots]),
             gone=gone,
         )
         for robot in robots:
@@ -264,6 +267,7 @@ class Fleet:
         robot.frame = frame
         robot.seen, findings = watch.reconcile(before, _sight(status, frame, floor, event_s))
         robot.forecast = forecast(status, robot.seen, view)
+        robot.stops = stops(status, robot.seen, view)
         lost = matches(status.error_codes, self.reading.lost_errors)
         robot.doubt_m = self.reading.lost_doubt_m if lost else 0.0
         self._changed[robot.uuid] = None
@@ -377,6 +381,17 @@ def _layout(forecasts: list[Forecast]) -> Forecasts:
         width_m=sizes[:, 1].copy(),
         bottom_m=sizes[:, 2].copy(),
         top_m=sizes[:, 3].copy(),
+    )
+
+
+def _destinations(stops_of: list[tuple[Floats, tuple[int, ...]]]) -> Destinations:
+    points = np.concatenate([NO_STOPS[0], *(points for points, _ in stops_of)])
+    return Destinations(
+        start=np.concatenate([[0], np.cumsum([len(floors) for _, floors in stops_of])]).astype(np.int64),
+        t_s=points[:, 0].copy(),
+        x_m=points[:, 1].copy(),
+        y_m=points[:, 2].copy(),
+        floor=np.array([floor for _, floors in stops_of for floor in floors], np.int64),
     )
 
 

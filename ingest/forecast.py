@@ -30,6 +30,7 @@ PLAUSIBLE_SPEED_MPS = 5.0
 
 Motion = tuple[Basis, Floats, tuple[int, ...]]
 """What the forecast rests on, poses (k, 4) of the location, and the floor of each."""
+NO_STOPS: tuple[Floats, tuple[int, ...]] = (np.empty((0, 3)), ())
 
 
 class FrameOf(Protocol):
@@ -105,6 +106,18 @@ def forecast(status: Status, here: Sighting, view: View) -> Forecast:
     elif not blocked and status.state == "manualOverride" and here.linear_mps:
         motion = (Basis.VELOCITY, *_by_velocity(here, reading.horizon_s))
     return _enveloped(motion, view.body, status.z, tuple(findings))
+
+
+def stops(status: Status, here: Sighting, view: View) -> tuple[Floats, tuple[int, ...]]:
+    """The destinations ahead, `(d, 3)` as t_s, x_m, y_m by time, and the floor of each.
+
+    Empty in manual mode. One whose time is past stays: the robot is late for it.
+    """
+    if not len(status.destinations.poses) or status.state == "manualOverride":
+        return NO_STOPS
+    points, floors = _on_floors(status.destinations, view)
+    reached = points[:, 0] <= here.t_s + view.reading.destination_horizon_s
+    return points[reached, :3], tuple(floor for floor, near in zip(floors, reached, strict=True) if near)
 
 
 def matches(codes: tuple[str, ...], words: tuple[str, ...]) -> bool:

@@ -98,6 +98,22 @@ _BY_ROBOT = ("length_m", "width_m", "bottom_m", "top_m")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Destinations:
+    """Where n robots go next, m stops in all, with times: stops of robot i are rows `start[i]:start[i + 1]`."""
+
+    start: Ints
+    """(n + 1,) first stop of each robot, and m."""
+    t_s: Floats
+    """(m,) when the robot says it will be there, seconds since the epoch; not decreasing within a robot."""
+    x_m: Floats
+    """(m,) of the robot's location, in the floor's frame."""
+    y_m: Floats
+    """(m,)"""
+    floor: Ints
+    """(m,) index into the batch's floors; -1 where it is compared with nothing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Batch:
     """The robots that changed by the tick at `now_s`. All times are seconds since the epoch, service clock."""
 
@@ -126,6 +142,8 @@ class Batch:
     """(n,) how far off the position may be as reported."""
     forecasts: Forecasts
     """n robots, in the same order."""
+    destinations: Destinations
+    """Of n robots, in the same order."""
     gone: tuple[str, ...]
     """UUIDs of robots that were forgotten."""
 
@@ -135,7 +153,8 @@ class Batch:
     def to_bytes(self) -> bytes:
         """A line of JSON with the words and the layout of the arrays, then the arrays' bytes in that order."""
         arrays = {name: np.ascontiguousarray(getattr(self, name)) for name in _ARRAYS}
-        arrays |= {f"forecasts.{one.name}": getattr(self.forecasts, one.name) for one in fields(Forecasts)}
+        for part, kind in _PARTS.items():
+            arrays |= {f"{part}.{one.name}": getattr(getattr(self, part), one.name) for one in fields(kind)}
         head = {name: getattr(self, name) for name in _WORDS}
         head["layout"] = [(name, array.dtype.str, len(array)) for name, array in arrays.items()]
         body = [np.ascontiguousarray(array).tobytes() for array in arrays.values()]
@@ -151,11 +170,15 @@ class Batch:
         for name, kind, length in words.pop("layout"):
             arrays[name] = np.frombuffer(body, kind, length, offset)
             offset += arrays[name].nbytes
-        forecasts = Forecasts(**{one.name: arrays.pop(f"forecasts.{one.name}") for one in fields(Forecasts)})
+        parts: dict[str, Any] = {
+            part: kind(**{one.name: arrays.pop(f"{part}.{one.name}") for one in fields(kind)})
+            for part, kind in _PARTS.items()
+        }
         now_s = words.pop("now_s")
         told: dict[str, Any] = {name: tuple(value) for name, value in words.items()}
-        return cls(now_s=now_s, forecasts=forecasts, **arrays, **told)
+        return cls(now_s=now_s, **parts, **arrays, **told)
 
 
 _WORDS = ("now_s", "floors", "robots", "vendors", "names", "states", "gone")
 _ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m")
+_PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

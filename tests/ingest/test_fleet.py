@@ -46,6 +46,21 @@ def test_a_status_becomes_a_row_of_the_next_batch_and_only_of_that() -> None:
     assert one.cut(NOW_S + 0.3, everything=True).robots == (robot("A-1"),)
 
 
+def test_destinations_come_with_the_robot_by_time_and_each_on_its_floor() -> None:
+    one = fleet(datums=(Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft")))
+    far, near = points((NOW_S + 600, 1.0, 2.0, 0.0), (NOW_S + 60, 3.0, 4.0, 0.0))
+    beyond = points((NOW_S + 1000, 9.0, 9.0, 0.0))
+    one.receive(status("A-1", NOW_S, destinations=[far | {"planarDatumUUID": LOFT}, near, *beyond]), NOW_S, LINE)
+    one.receive(status("B-1", NOW_S), NOW_S, LINE)
+    one.receive(status("C-1", NOW_S, destinations=[near], operationalState="manualOverride"), NOW_S, LINE)
+    batch = one.cut(NOW_S)
+    told = batch.destinations
+    assert told.start.tolist() == [0, 2, 2, 2]
+    assert told.t_s.tolist() == pytest.approx([NOW_S + 60, NOW_S + 600])
+    assert (told.x_m.tolist(), told.y_m.tolist()) == ([3.0, 1.0], [4.0, 2.0])
+    assert [batch.floors[floor] for floor in told.floor] == [HALL, LOFT]
+
+
 def test_a_robot_is_accepted_before_it_identifies_itself_with_its_vendors_envelope() -> None:
     one = fleet(Vendor(name="Alder", default_envelope_m=(2.0, 1.5, 0.0)))
     line = Connection(1, vendor="Alder")

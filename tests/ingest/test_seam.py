@@ -3,7 +3,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from ingest.seam import Basis, Batch, Forecasts
+from ingest.seam import Basis, Batch, Destinations, Forecasts
 
 
 def forecasts(*knots: int, seed: int = 1) -> Forecasts:
@@ -61,10 +61,13 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         basis=np.full(n, int(Basis.PATH)),
         doubt_m=np.zeros(n),
         forecasts=forecasts(*knots),
+        destinations=Destinations(np.arange(n + 1), *np.arange(3.0 * n).reshape(3, n), floor=np.arange(n)),
         gone=("g",),
     )
     back = Batch.from_bytes(batch.to_bytes())
     assert_same(back.forecasts, batch.forecasts)
+    for name in ("start", "t_s", "x_m", "y_m", "floor"):
+        np.testing.assert_array_equal(getattr(back.destinations, name), getattr(batch.destinations, name))
     for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone"):
         assert getattr(back, name) == getattr(batch, name)
     for name in ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m"):
