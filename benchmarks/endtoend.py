@@ -165,7 +165,7 @@ def print_row(row: Row, load_late_s: float | None = None) -> None:
     memory = sum(row.memory_mb.values())
     late = "" if load_late_s is None else f"  load late {load_late_s * 1000:.0f} ms"
     print(
-        f"{row.robots:6} robots {row.messages_a_second:8.0f} msg/s  p50 {row.p50_ms:5.0f} ms  p99 {row.p99_ms:5.0f} ms  "
+        f"{row.robots:6} robots {row.messages_a_second:6.0f} msg/s p50 {row.p50_ms:5.0f} ms  p99 {row.p99_ms:5.0f} ms  "
         f"slowest < {row.slowest_ms:6.0f} ms  superseded {row.superseded:5.0f}  rejected {row.rejected:3.0f}  "
         f"cores {cores}  {memory:5.0f} MB  files {sum(row.files.values())}{late}",
         flush=True,
