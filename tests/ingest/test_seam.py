@@ -61,7 +61,13 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         basis=np.full(n, int(Basis.PATH)),
         doubt_m=np.zeros(n),
         forecasts=forecasts(*knots),
-        destinations=Destinations(np.arange(n + 1), *np.arange(3.0 * n).reshape(3, n), floor=np.arange(n)),
+        destinations=Destinations(
+            start=np.arange(n + 1),
+            t_s=np.arange(n, dtype=np.float64),
+            x_m=np.arange(n, dtype=np.float64) + n,
+            y_m=np.arange(n, dtype=np.float64) + 2 * n,
+            floor=np.arange(n),
+        ),
         gone=("g",),
     )
     back = Batch.from_bytes(batch.to_bytes())
