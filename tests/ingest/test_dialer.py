@@ -63,7 +63,12 @@ def port_of(server: object) -> int:
     return int(next(iter(server.sockets)).getsockname()[1])  # type: ignore[attr-defined]
 
 
-async def test_a_fleet_manager_that_hangs_up_is_dialled_again() -> None:
+async def test_a_fleet_manager_that_hangs_up_is_dialled_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    for proxy in ("http_proxy", "https_proxy", "all_proxy"):
+        monkeypatch.setenv(proxy, "http://127.0.0.1:9")
+    monkeypatch.delenv("no_proxy", raising=False)
+    monkeypatch.delenv("NO_PROXY", raising=False)
+
     async def hello_and_goodbye(socket: ServerConnection) -> None:
         await socket.send("hello")
 
