@@ -1,20 +1,54 @@
 """What reading one message costs: `python -m benchmarks.messages`.
 
-Best of many short runs, so that a busy machine shows as little as it can. The ratio is to pydantic's validation
-alone of the same bytes in the same run.
+Shown is reading alone, the whole way from bytes to a row of a batch (forecast, counters and the batches of four ticks a
+second included), and the document that people see. Best of many short runs, so that a busy machine shows as little as
+it can. The ratios are to pydantic's validation alone of a conforming message in the same run.
 """
 
 import json
+from collections.abc import Callable
+from datetime import UTC, datetime
+from functools import partial
+from time import process_time
 from timeit import repeat
 from typing import Any
 
+from deconflict.roles.receiver import fleet_of
+from deconflict.site import Site
+from ingest.connection import Connection
+from ingest.measures import Measures
 from ingest.messages import document, read
 from ingest.reports import StatusReport
+from ingest.settings import Datum, ReferencePoint, Vendor, VendorMap
 
 T = "2023-11-14T22:13:{:02d}.250Z"
 DATUM = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
 ANGLE = {"x": 0.0, "y": 0.0, "z": 0.49999, "w": 0.86603}
 RUNS, CALLS = 60, 200
+WRONG_TYPE = {"batteryPercentage": "81.5"}
+ROBOTS, SECONDS, TICKS = 200, 12, 4
+START_S = 1_700_000_000.25
+MARKS = {"north": (0.0, 50.0), "south": (0.0, 0.0), "east": (40.0, 0.0)}
+SITE = Site(
+    name="Benchmark",
+    datums=(
+        Datum(
+            id=DATUM,
+            name="Hall",
+            reference_points=tuple(ReferencePoint(id=one, x=x, y=y) for one, (x, y) in MARKS.items()),
+        ),
+    ),
+    vendors=(
+        Vendor(
+            name="Mapped",
+            maps=(
+                VendorMap(
+                    datum=DATUM, site_datum=DATUM, readings={one: (y + 3, 9 - x) for one, (x, y) in MARKS.items()}
+                ),
+            ),
+        ),
+    ),
+)
 
 
 def conforming() -> dict[str, Any]:
@@ -49,25 +83,72 @@ def _no_colon(timestamp: str) -> str:
     return timestamp[:19] + "+0000"
 
 
-def us(call: Any) -> float:
+def identity(uuid: str) -> dict[str, Any]:
+    """Who the robot is."""
+    return {
+        "uuid": uuid,
+        "timestamp": T.format(20),
+        "manufacturerName": "Alder",
+        "robotModel": "A",
+        "robotSerialNumber": uuid[-4:],
+        "baseRobotEnvelope": {"x": 0.9, "y": 0.6, "z": 1.2},
+        "maxSpeed": 2.0,
+    }
+
+
+def us(call: Callable[[], object]) -> float:
     return min(repeat(call, number=CALLS, repeat=RUNS)) / CALLS * 1e6
 
 
+def batch_us(report: dict[str, Any], vendor: str | None = None) -> float:
+    """Processor time of one message from bytes to a row of a batch: the best second of many robots' messages."""
+    fleet, connection, best_s = fleet_of(SITE, Measures()), Connection(1, vendor=vendor), float("inf")
+    robots = [{**report, "uuid": f"6b2f3f0a-54a2-4d6e-9b0e-{robot:012x}"} for robot in range(ROBOTS)]
+    for robot in robots:
+        fleet.receive(json.dumps(identity(robot["uuid"])).encode(), START_S, connection)
+    for second in range(SECONDS):
+        raws = [json.dumps(_later(robot, second)).encode() for robot in robots]
+        began_s = process_time()
+        for number, raw in enumerate(raws):
+            now_s = START_S + second + number / ROBOTS
+            if fleet.receive(raw, now_s, connection):
+                raise SystemExit("a message was rejected")
+            if (number + 1) % (ROBOTS // TICKS) == 0:
+                fleet.cut(now_s)
+        best_s = min(best_s, process_time() - began_s)
+    return best_s / ROBOTS * 1e6
+
+
+def _later(report: dict[str, Any], by_s: int) -> dict[str, Any]:
+    """The same report, its stamps moved."""
+    path = [point | {"timestamp": _moved(point["timestamp"], by_s)} for point in report["path"]]
+    return report | {"timestamp": _moved(report["timestamp"], by_s), "path": path}
+
+
+def _moved(stamp: str, by_s: int) -> str:
+    moved = datetime.fromtimestamp(datetime.fromisoformat(stamp).timestamp() + by_s, UTC)
+    return moved.isoformat(timespec="milliseconds")[:23] + stamp[23:]
+
+
 def main() -> None:
-    wrong_type = {"batteryPercentage": "81.5"}
     cases = {
-        "conforming": conforming(),
-        "a number as text": conforming() | wrong_type,
-        "official dialect": official(),
-        "both": official() | wrong_type,
+        "conforming": (conforming(), None),
+        "conforming, a map of its own": (conforming(), "Mapped"),
+        "no path": (conforming() | {"path": []}, None),
+        "a number as text": (conforming() | WRONG_TYPE, None),
+        "a key of its own": (conforming() | {"fleet": "Alder"}, None),
+        "official dialect": (official(), None),
+        "both": (official() | WRONG_TYPE, None),
     }
     plain = json.dumps(conforming()).encode()
-    alone_us = us(lambda: StatusReport.model_validate_json(plain))
-    print(f"{'status, ten points':<24}{'bytes':>8}{'read us':>10}{'ratio':>8}{'document us':>14}")
-    for name, report in cases.items():
+    alone_us = us(partial(StatusReport.model_validate_json, plain))
+    columns = f"{'read us':>10}{'ratio':>7}{'batch us':>10}{'ratio':>7}"
+    print(f"{'status, ten points':<30}{'bytes':>8}{columns}{'document us':>13}")
+    for name, (report, vendor) in cases.items():
         raw = json.dumps(report).encode()
-        read_us, document_us = us(lambda raw=raw: read(raw)), us(lambda raw=raw: document(raw))
-        print(f"{name:<24}{len(raw):>8}{read_us:>10.1f}{read_us / alone_us:>8.1f}{document_us:>14.1f}")
+        read_us, document_us, row_us = us(partial(read, raw)), us(partial(document, raw)), batch_us(report, vendor)
+        columns = f"{read_us:>10.1f}{read_us / alone_us:>7.1f}{row_us:>10.1f}{row_us / alone_us:>7.1f}"
+        print(f"{name:<30}{len(raw):>8}{columns}{document_us:>13.1f}")
 
 
 if __name__ == "__main__":

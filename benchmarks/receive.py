@@ -27,6 +27,7 @@ from benchmarks.messages import conforming
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
 from ingest.connection import Connection
+from ingest.credentials import Credentials
 from ingest.measures import Measures
 from ingest.receiver import Receiver, descriptors
 from ingest.recording import Recorder, quantise
@@ -173,7 +174,7 @@ def _receiver(deliver: Callable[[bytes, float, Connection], None], measures: Mea
     def now_s() -> float:
         return quantise(time.time())
 
-    return Receiver(Settings(port=0), (), deliver, ignore, ignore, measures=measures, clock=now_s)
+    return Receiver(Settings(port=0), Credentials(()), deliver, ignore, ignore, measures=measures, clock=now_s)
 
 
 def _datum() -> str:

@@ -7,7 +7,8 @@ order give the same batches, whether they come from sockets or from a recording.
 from collections import OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from math import hypot, isnan, nan
+from itertools import chain
+from math import dist, isfinite, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,12 @@ from ingest import messages, watch
 from ingest.angles import turn_between
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.connection import Connection
-from ingest.forecast import NO_STOPS, Body, Forecast, Sighting, View, body_of, forecast, matches, stops
+from ingest.forecast import Body, Forecast, Sighting, Stop, View, body_of, forecast, matches, stops
 from ingest.frames import Frame, Frames
 from ingest.measures import Labels, Measures
 from ingest.messages import Identity, Rejection, Status
 from ingest.quarantine import Quarantine, rejected
-from ingest.seam import Basis, Batch, Destinations, Floats, Forecasts
+from ingest.seam import Basis, Batch, Destinations, Forecasts
 from ingest.settings import Reading
 from ingest.vendors import UNKNOWN, Vendors
 
@@ -52,8 +53,7 @@ class Robot:
     """The newest sighting, headings and speeds reconciled with the one before it."""
     frame: Frame | None = None
     forecast: Forecast | None = None
-    stops: tuple[Floats, tuple[int, ...]] = NO_STOPS
-    """Destinations (d, 3) as t_s, x_m, y_m, and the floor of each."""
+    stops: tuple[Stop, ...] = ()
     doubt_m: float = 0.0
     owned: bool = False
     """Whether its vendor is settled: it identified itself, or spoke over a connection of that vendor."""
@@ -292,7 +292,10 @@ class Fleet:
     def _has_place(self, status: Status, connection: Connection) -> bool:
         """Whether the location lies anywhere: degrees may be such as no place has."""
         frame = self._frames.frame(self._vendor_of(status.uuid, connection), status.datum)
-        return bool(np.isfinite(frame.to_floor(np.array([[status.x, status.y, 0.0]]))).all())
+        if frame.is_floor:
+            return True
+        x_m, y_m, _ = frame.to_floor(np.array([[status.x, status.y, 0.0]]))[0].tolist()
+        return isfinite(x_m) and isfinite(y_m)
 
     def _frame_of(self, vendor: str, own_datum: str) -> "_FrameOf":
         return _FrameOf(self, vendor, own_datum)
@@ -353,29 +356,27 @@ def _who(identity: Identity) -> tuple[Any, ...]:
 
 def _sight(status: Status, frame: Frame, floor: int, event_s: float) -> Sighting:
     """Where the status puts the robot, in the floor's frame; a turn keeps its sense in a left-handed map."""
-    turn_radps = status.turn_rad_per_s or 0.0
-    yaw_rad = 0.0 if isnan(status.yaw_rad) else status.yaw_rad
-    poses = np.array(
-        [[status.x, status.y, status.yaw_rad], [status.x, status.y, yaw_rad], [status.x, status.y, yaw_rad + 0.1]]
-    )
-    here, a, b = frame.to_floor(poses)
-    sense = 1.0 if turn_between(a[2], b[2]) > 0 else -1.0
-    return Sighting(
-        event_s, floor, float(here[0]), float(here[1]), float(here[2]), status.linear_mps, sense * turn_radps
-    )
+    turn_radps, x_m, y_m, yaw_rad = status.turn_rad_per_s or 0.0, status.x, status.y, status.yaw_rad
+    if not frame.is_floor:
+        known_rad = 0.0 if isnan(yaw_rad) else yaw_rad
+        poses = np.array([(x_m, y_m, yaw_rad), (x_m, y_m, known_rad), (x_m, y_m, known_rad + 0.1)])
+        (x_m, y_m, yaw_rad), (_, _, a_rad), (_, _, b_rad) = frame.to_floor(poses).tolist()
+        turn_radps *= 1.0 if turn_between(a_rad, b_rad) > 0 else -1.0
+    return Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps)
 
 
 def _layout(forecasts: list[Forecast]) -> Forecasts:
     if not forecasts:
         return Forecasts.empty()
-    poses = np.concatenate([one.poses for one in forecasts])
+    values = chain.from_iterable(chain.from_iterable(one.knots for one in forecasts))
+    knots = np.fromiter(values, np.float64).reshape(-1, 4)
     sizes = np.array([(one.length_m, one.width_m, one.bottom_m, one.top_m) for one in forecasts])
     return Forecasts(
-        start=np.concatenate([[0], np.cumsum([len(one.poses) for one in forecasts])]),
-        t_s=poses[:, 0].copy(),
-        x_m=poses[:, 1].copy(),
-        y_m=poses[:, 2].copy(),
-        yaw_rad=poses[:, 3].copy(),
+        start=np.concatenate([[0], np.cumsum([len(one.knots) for one in forecasts])]),
+        t_s=knots[:, 0].copy(),
+        x_m=knots[:, 1].copy(),
+        y_m=knots[:, 2].copy(),
+        yaw_rad=knots[:, 3].copy(),
         floor=np.array([floor for one in forecasts for floor in one.floors], np.int64),
         length_m=sizes[:, 0].copy(),
         width_m=sizes[:, 1].copy(),
@@ -384,14 +385,14 @@ def _layout(forecasts: list[Forecast]) -> Forecasts:
     )
 
 
-def _destinations(stops_of: list[tuple[Floats, tuple[int, ...]]]) -> Destinations:
-    points = np.concatenate([NO_STOPS[0], *(points for points, _ in stops_of)])
+def _destinations(stops_of: list[tuple[Stop, ...]]) -> Destinations:
+    stops = np.fromiter(chain.from_iterable(chain.from_iterable(stops_of)), np.float64).reshape(-1, 4)
     return Destinations(
-        start=np.concatenate([[0], np.cumsum([len(floors) for _, floors in stops_of])]).astype(np.int64),
-        t_s=points[:, 0].copy(),
-        x_m=points[:, 1].copy(),
-        y_m=points[:, 2].copy(),
-        floor=np.array([floor for _, floors in stops_of for floor in floors], np.int64),
+        start=np.concatenate([[0], np.cumsum([len(each) for each in stops_of])]).astype(np.int64),
+        t_s=stops[:, 0].copy(),
+        x_m=stops[:, 1].copy(),
+        y_m=stops[:, 2].copy(),
+        floor=stops[:, 3].astype(np.int64),
     )
 
 
@@ -400,7 +401,7 @@ def _placed(robot: Robot) -> dict[str, Any]:
     if not (robot.seen and robot.frame and robot.forecast):
         return {"floor": None, "location": None, "envelope": None, "forecast": None}
     one, seen = robot.forecast, robot.seen
-    tall = np.isfinite(one.top_m)
+    tall = isfinite(one.top_m)
     return {
         "floor": robot.frame.floor,
         "comparable": robot.frame.comparable,
@@ -414,7 +415,7 @@ def _placed(robot: Robot) -> dict[str, Any]:
         },
         "forecast": {
             "basis": Basis(one.basis).name.lower(),
-            "reach_m": round(float(hypot(*(one.poses[-1, 1:3] - one.poses[0, 1:3]))), 3),
-            "knots": [[round(float(value), 3) for value in pose] for pose in one.poses],
+            "reach_m": round(dist(one.knots[0][1:3], one.knots[-1][1:3]), 3),
+            "knots": [[round(value, 3) for value in knot] for knot in one.knots],
         },
     }

@@ -7,16 +7,19 @@ its measured velocity is. A blocking error makes any robot an obstacle where it 
 `lost_doubt_m`.
 """
 
-from dataclasses import dataclass
-from itertools import pairwise
-from math import atan2, ceil, cos, hypot, isnan, sin
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby, pairwise
+from math import atan2, ceil, cos, hypot, inf, isfinite, isnan, nan, sin
+from operator import itemgetter, lt
 from typing import Protocol
 
+import msgspec
 import numpy as np
 
 from ingest.frames import Frame
 from ingest.messages import Path, Status
-from ingest.seam import Basis, Floats
+from ingest.seam import Basis
 from ingest.settings import Envelope, Model, Reading
 
 DESTINATION_SPEED_MPS = 1.0
@@ -28,9 +31,12 @@ PLAUSIBLE_SPEED_MPS = 5.0
 """Greatest speed of a robot that has not stated one."""
 
 
-Motion = tuple[Basis, Floats, tuple[int, ...]]
-"""What the forecast rests on, poses (k, 4) of the location, and the floor of each."""
-NO_STOPS: tuple[Floats, tuple[int, ...]] = (np.empty((0, 3)), ())
+Knot = tuple[float, float, float, float]
+"""t_s, x_m, y_m, yaw_rad"""
+Along = tuple[Sequence[Knot], tuple[int, ...]]
+"""Knots of the location (k,), and the floor of each."""
+Stop = tuple[float, float, float, int]
+"""A destination: t_s, x_m, y_m, floor."""
 
 
 class FrameOf(Protocol):
@@ -39,8 +45,7 @@ class FrameOf(Protocol):
     def __call__(self, datum: str) -> tuple[Frame, int]: ...
 
 
-@dataclass(frozen=True, slots=True)
-class Body:
+class Body(msgspec.Struct, frozen=True, gc=False):
     """A robot's envelope now, with its load: length, width and height, and where its centre lies."""
 
     envelope_m: Envelope
@@ -48,8 +53,7 @@ class Body:
     max_speed_mps: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class View:
+class View(msgspec.Struct, frozen=True):
     """How one robot's messages are read: its body, its clock, its frames, the settings."""
 
     body: Body
@@ -59,8 +63,7 @@ class View:
     reading: Reading
 
 
-@dataclass(frozen=True, slots=True)
-class Sighting:
+class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Where a robot was: location (not envelope centre) in its floor's frame."""
 
     t_s: float
@@ -74,13 +77,14 @@ class Sighting:
     turn_radps: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Forecast:
-    """Knots of one envelope centre: `poses` (k, 4) as t_s, x_m, y_m, yaw_rad, and the floor of each."""
+class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """Where one envelope centre will be."""
 
     basis: Basis
-    poses: Floats
+    knots: tuple[Knot, ...]
+    """(k,)"""
     floors: tuple[int, ...]
+    """(k,) of each knot."""
     length_m: float
     width_m: float
     bottom_m: float
@@ -97,31 +101,27 @@ def body_of(model: Model, reported: Envelope, loaded: bool, max_speed_mps: float
 
 def forecast(status: Status, here: Sighting, view: View) -> Forecast:
     """The forecast of a robot seen at `here`, and the rules its message broke in giving it."""
-    reading = view.reading
-    blocked = matches(status.error_codes, reading.blocking_errors)
     findings: list[str] = []
-    motion: Motion = (Basis.STATIONARY, _standing(here), (here.floor,))
-    if not blocked and status.state == "navigating":
-        motion = _navigating(status, here, view, findings)
-    elif not blocked and status.state == "manualOverride" and here.linear_mps:
-        motion = (Basis.VELOCITY, *_by_velocity(here, reading.horizon_s))
-    return _enveloped(motion, view.body, status.z, tuple(findings))
+    basis, (knots, floors) = _motion(status, here, view, findings)
+    return _enveloped(basis, knots, floors, view.body, status.z, tuple(findings))
 
 
-def stops(status: Status, here: Sighting, view: View) -> tuple[Floats, tuple[int, ...]]:
-    """The destinations ahead, `(d, 3)` as t_s, x_m, y_m by time, and the floor of each.
+def stops(status: Status, here: Sighting, view: View) -> tuple[Stop, ...]:
+    """The destinations ahead, by time.
 
-    Empty in manual mode. One whose time is past stays: the robot is late for it.
+    None in manual mode. One whose time is past stays: the robot is late for it.
     """
-    if not len(status.destinations.poses) or status.state == "manualOverride":
-        return NO_STOPS
-    points, floors = _on_floors(status.destinations, view)
-    reached = points[:, 0] <= here.t_s + view.reading.destination_horizon_s
-    return points[reached, :3], tuple(floor for floor, near in zip(floors, reached, strict=True) if near)
+    if not status.destinations.poses or status.state == "manualOverride":
+        return ()
+    latest_s = here.t_s + view.reading.destination_horizon_s
+    placed = zip(*_on_floors(status.destinations, view), strict=True)
+    return tuple((t_s, x_m, y_m, floor) for (t_s, x_m, y_m, _), floor in placed if t_s <= latest_s)
 
 
 def matches(codes: tuple[str, ...], words: tuple[str, ...]) -> bool:
     """Whether any error code contains any of the words; case, hyphens and underscores are ignored."""
+    if not codes:
+        return False
     plain = [_plain(code) for code in codes]
     return any(_plain(word) in code for word in words for code in plain)
 
@@ -130,40 +130,54 @@ def _plain(text: str) -> str:
     return "".join(character for character in text.casefold() if character.isalnum())
 
 
-def _standing(here: Sighting) -> Floats:
-    return np.array([[here.t_s, here.x_m, here.y_m, here.yaw_rad]])
+def _motion(status: Status, here: Sighting, view: View, findings: list[str]) -> tuple[Basis, Along]:
+    if not matches(status.error_codes, view.reading.blocking_errors):
+        if status.state == "navigating":
+            return _navigating(status, here, view, findings)
+        if status.state == "manualOverride" and here.linear_mps and not isnan(here.yaw_rad):
+            return Basis.VELOCITY, _by_velocity(here, view.reading.horizon_s)
+    return Basis.STATIONARY, _standing(here)
 
 
-def _navigating(status: Status, here: Sighting, view: View, findings: list[str]) -> Motion:
+def _standing(here: Sighting) -> Along:
+    return (_knot(here),), (here.floor,)
+
+
+def _knot(here: Sighting) -> Knot:
+    return here.t_s, here.x_m, here.y_m, here.yaw_rad
+
+
+def _navigating(status: Status, here: Sighting, view: View, findings: list[str]) -> tuple[Basis, Along]:
     along = _by_path(status.path, here, view, findings)
     if along:
-        return Basis.PATH, *along
-    if here.linear_mps is not None and (abs(here.linear_mps) > MOVING_MPS or not len(status.destinations.poses)):
-        return Basis.VELOCITY, *_by_velocity(here, view.reading.horizon_s)
+        return Basis.PATH, along
+    moving = (
+        here.linear_mps is not None
+        and not isnan(here.yaw_rad)
+        and (abs(here.linear_mps) > MOVING_MPS or not status.destinations.poses)
+    )
+    if moving:
+        return Basis.VELOCITY, _by_velocity(here, view.reading.horizon_s)
     towards = _by_destination(status.destinations, here, view)
     if towards:
-        return Basis.DESTINATION, *towards
-    return Basis.STATIONARY, _standing(here), (here.floor,)
+        return Basis.DESTINATION, towards
+    return Basis.STATIONARY, _standing(here)
 
 
-def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> tuple[Floats, tuple[int, ...]] | None:
-    if not len(path.poses):
-        return None
+def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> Along | None:
     points, floors = _on_floors(path, view)
-    if not len(points):
+    if not points:
         return None
-    times = points[:, 0]
-    if np.any(np.diff(times) <= 0) or times[-1] <= here.t_s:
-        retimed = _retime(points, here, view.body)
+    times = [point[0] for point in points]
+    if times[-1] <= here.t_s or not all(map(lt, times, times[1:])):
+        retimed = _retimed(points, here, view.body)
         if retimed is None:
             return None
         findings.append("path-retimed")
-        points = retimed
-    ahead = points[:, 0] > here.t_s
-    points, floors = points[ahead], [floor for floor, keep in zip(floors, ahead, strict=True) if keep]
-    within = int(np.searchsorted(points[:, 0], here.t_s + view.reading.horizon_s + view.reading.quiet_after_s)) + 1
-    knots = np.vstack([_standing(here), points[:within]])
-    all_floors = (here.floor, *floors[:within])
+        points, times = retimed, [point[0] for point in retimed]
+    ahead = bisect_right(times, here.t_s)
+    within = bisect_left(times, here.t_s + view.reading.horizon_s + view.reading.quiet_after_s) + 1
+    knots, all_floors = [_knot(here), *points[ahead:within]], (here.floor, *floors[ahead:within])
     possible = _up_to_jump(knots, all_floors, view.body)
     if possible < len(knots):
         findings.append("path-contradicts-motion")
@@ -172,115 +186,128 @@ def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> tup
     return _headed(knots[:possible]), all_floors[:possible]
 
 
-def _on_floors(path: Path, view: View) -> tuple[Floats, list[int]]:
-    """`(p, 4)` poses as t_s, x_m, y_m, yaw_rad in floor frames, and the floor of each.
+def _on_floors(path: Path, view: View) -> tuple[list[Knot], list[int]]:
+    """The points (p,) in floor frames, and the floor of each.
 
     Points that have no place there, such as degrees that no latitude has, are left out.
     """
-    points = np.empty((len(path.poses), 4))
-    points[:, 0] = path.poses[:, 0] + view.clock_offset_s
-    if not any(path.datums):
-        frame, floor = view.frame_of("")
-        points[:, 1:] = frame.to_floor(path.poses[:, (1, 2, 4)])
-        floors = [floor] * len(points)
-    else:
-        floors = []
-        for row, datum in enumerate(path.datums):
-            frame, floor = view.frame_of(datum)
-            points[row, 1:] = frame.to_floor(path.poses[row : row + 1, (1, 2, 4)])[0]
-            floors.append(floor)
-    placed = np.flatnonzero(np.isfinite(points[:, :3]).all(axis=1))
-    return points[placed], [floors[row] for row in placed]
+    points: list[Knot] = []
+    floors: list[int] = []
+    for datum, poses in _by_datum(path):
+        frame, floor = view.frame_of(datum)
+        placed = list(_placed(poses, frame, view.clock_offset_s))
+        points += placed
+        floors += [floor] * len(placed)
+    return points, floors
 
 
-def _retime(points: Floats, here: Sighting, body: Body) -> Floats | None:
+def _by_datum(path: Path) -> Iterator[tuple[str, Iterable[tuple[float, ...]]]]:
+    """The poses in the order sent, those next to each other on one datum together."""
+    if len(set(path.datums)) == 1:
+        yield path.datums[0], path.poses
+        return
+    for datum, group in groupby(zip(path.datums, path.poses, strict=True), itemgetter(0)):
+        yield datum, [pose for _, pose in group]
+
+
+def _placed(poses: Iterable[tuple[float, ...]], frame: Frame, clock_offset_s: float) -> Iterable[Knot]:
+    if frame.is_floor:
+        return [(t_s + clock_offset_s, x, y, yaw_rad) for t_s, x, y, _, yaw_rad in poses]
+    sent = np.array(list(poses))
+    placed = frame.to_floor(sent[:, (1, 2, 4)]).tolist()
+    times = (sent[:, 0] + clock_offset_s).tolist()
+    return [(t_s, x, y, yaw) for t_s, (x, y, yaw) in zip(times, placed, strict=True) if isfinite(x) and isfinite(y)]
+
+
+def _retimed(points: list[Knot], here: Sighting, body: Body) -> list[Knot] | None:
     """Times by the robot's speed along the points in the order sent; None where the speed is not known."""
     speed_mps = abs(here.linear_mps) if here.linear_mps else body.max_speed_mps
     if not speed_mps or speed_mps <= MOVING_MPS:
         return None
-    legs = np.diff(np.vstack([[here.x_m, here.y_m], points[:, 1:3]]), axis=0)
-    lengths = np.maximum(np.hypot(legs[:, 0], legs[:, 1]), 1e-3)
-    retimed = points.copy()
-    retimed[:, 0] = here.t_s + np.cumsum(lengths) / speed_mps
+    retimed: list[Knot] = []
+    along_m, last_x, last_y = 0.0, here.x_m, here.y_m
+    for _, x, y, yaw_rad in points:
+        along_m += max(hypot(x - last_x, y - last_y), 1e-3)
+        retimed.append((here.t_s + along_m / speed_mps, x, y, yaw_rad))
+        last_x, last_y = x, y
     return retimed
 
 
-def _up_to_jump(knots: Floats, floors: tuple[int, ...], body: Body) -> int:
+def _up_to_jump(knots: Sequence[Knot], floors: tuple[int, ...], body: Body) -> int:
     """How many knots can be reached in turn; a change of floor is never a jump."""
-    limit_mps = JUMP_FACTOR * (body.max_speed_mps or PLAUSIBLE_SPEED_MPS)
-    legs = np.diff(knots[:, :3], axis=0)
-    slack_m = 0.5
-    jumps = np.hypot(legs[:, 1], legs[:, 2]) > limit_mps * legs[:, 0] + slack_m
-    jumps &= np.array([before == after for before, after in pairwise(floors)], bool)
-    return int(np.argmax(jumps)) + 1 if jumps.any() else len(knots)
+    limit_mps, slack_m = JUMP_FACTOR * (body.max_speed_mps or PLAUSIBLE_SPEED_MPS), 0.5
+    for row, ((t, x, y, _), (next_t, next_x, next_y, _)) in enumerate(pairwise(knots)):
+        if hypot(next_x - x, next_y - y) > limit_mps * (next_t - t) + slack_m and floors[row] == floors[row + 1]:
+            return row + 1
+    return len(knots)
 
 
-def _by_velocity(here: Sighting, horizon_s: float) -> tuple[Floats, tuple[int, ...]]:
+def _by_velocity(here: Sighting, horizon_s: float) -> Along:
     """Constant speed and turn rate; an arc becomes a knot a second, since motion is linear between knots."""
     speed_mps, heading = here.linear_mps or 0.0, here.yaw_rad
-    steps = ceil(horizon_s) if abs(here.turn_radps) > 1e-3 else 1
-    t = np.linspace(0.0, horizon_s, steps + 1)
-    poses = np.empty((steps + 1, 4))
-    poses[:, 0] = here.t_s + t
-    poses[:, 3] = heading + here.turn_radps * t
-    if steps == 1:
-        poses[:, 1] = here.x_m + speed_mps * cos(heading) * t
-        poses[:, 2] = here.y_m + speed_mps * sin(heading) * t
-    else:
-        radius_m = speed_mps / here.turn_radps
-        poses[:, 1] = here.x_m + radius_m * (np.sin(poses[:, 3]) - sin(heading))
-        poses[:, 2] = here.y_m - radius_m * (np.cos(poses[:, 3]) - cos(heading))
-    return poses, (here.floor,) * (steps + 1)
+    if abs(here.turn_radps) <= 1e-3:
+        reach_m = speed_mps * horizon_s
+        end = here.t_s + horizon_s, here.x_m + reach_m * cos(heading), here.y_m + reach_m * sin(heading), heading
+        return (_knot(here), end), (here.floor,) * 2
+    steps, radius_m = ceil(horizon_s), speed_mps / here.turn_radps
+    knots = []
+    for step in range(steps + 1):
+        t_s = horizon_s * step / steps
+        yaw_rad = heading + here.turn_radps * t_s
+        x_m = here.x_m + radius_m * (sin(yaw_rad) - sin(heading))
+        y_m = here.y_m - radius_m * (cos(yaw_rad) - cos(heading))
+        knots.append((here.t_s + t_s, x_m, y_m, yaw_rad))
+    return knots, (here.floor,) * (steps + 1)
 
 
-def _by_destination(destinations: Path, here: Sighting, view: View) -> tuple[Floats, tuple[int, ...]] | None:
+def _by_destination(destinations: Path, here: Sighting, view: View) -> Along | None:
     """Straight to the next destination on this floor, at the time it states or at the robot's speed."""
-    if not len(destinations.poses):
-        return None
-    points, floors = _on_floors(destinations, view)
-    reachable = [
-        row
-        for row, floor in enumerate(floors)
-        if floor == here.floor and points[row, 0] <= here.t_s + view.reading.destination_horizon_s
-    ]
+    latest_s = here.t_s + view.reading.destination_horizon_s
+    placed = zip(*_on_floors(destinations, view), strict=True)
+    reachable = [knot for knot, floor in placed if floor == here.floor and knot[0] <= latest_s]
     if not reachable:
         return None
-    goal = points[min(reachable, key=lambda row: float(points[row, 0]))].copy()
-    if goal[0] <= here.t_s:
-        distance_m = hypot(goal[1] - here.x_m, goal[2] - here.y_m)
-        goal[0] = here.t_s + max(distance_m / (view.body.max_speed_mps or DESTINATION_SPEED_MPS), 1e-3)
-    return _headed(np.vstack([_standing(here), goal])), (here.floor, here.floor)
+    t_s, x_m, y_m, yaw_rad = min(reachable, key=itemgetter(0))
+    if t_s <= here.t_s:
+        distance_m = hypot(x_m - here.x_m, y_m - here.y_m)
+        t_s = here.t_s + max(distance_m / (view.body.max_speed_mps or DESTINATION_SPEED_MPS), 1e-3)
+    return _headed([_knot(here), (t_s, x_m, y_m, yaw_rad)]), (here.floor, here.floor)
 
 
-def _headed(knots: Floats) -> Floats:
+def _headed(knots: list[Knot]) -> list[Knot]:
     """Fill unknown headings with the direction of travel; those of a robot that does not move stay nan."""
-    if not np.isnan(knots[:, 3]).any():
+    if not any(isnan(knot[3]) for knot in knots):
         return knots
-    headed = knots.copy()
-    for row in range(len(knots)):
-        if isnan(knots[row, 3]):
-            a, b = (row - 1, row) if row else (0, 1)
-            dx, dy = knots[b, 1] - knots[a, 1], knots[b, 2] - knots[a, 2]
-            headed[row, 3] = atan2(dy, dx) if hypot(dx, dy) > 1e-3 else headed[row - 1, 3] if row else np.nan
+    headed: list[Knot] = []
+    for row, (t_s, x, y, sent_rad) in enumerate(knots):
+        yaw_rad = sent_rad
+        if isnan(yaw_rad):
+            a, b = (knots[row - 1], knots[row]) if row else (knots[0], knots[1])
+            dx, dy = b[1] - a[1], b[2] - a[2]
+            yaw_rad = atan2(dy, dx) if hypot(dx, dy) > 1e-3 else headed[row - 1][3] if row else nan
+        headed.append((t_s, x, y, yaw_rad))
     return headed
 
 
-def _enveloped(motion: Motion, body: Body, z_m: float, findings: tuple[str, ...]) -> Forecast:
-    """Move poses from the location to the envelope centre; without a heading, the circumscribed square stands.
+def _enveloped(
+    basis: Basis, knots: Sequence[Knot], floors: tuple[int, ...], body: Body, z_m: float, findings: tuple[str, ...]
+) -> Forecast:
+    """Move knots from the location to the envelope centre; without a heading, the circumscribed square stands.
 
     The centre, not the location, then moves in a straight line between knots.
     """
-    basis, poses, floors = motion
     length_m, width_m, height_m = body.envelope_m
     dx, dy = body.offset_m
-    if np.isnan(poses[:, 3]).any():
+    if any(isnan(knot[3]) for knot in knots):
         length_m = width_m = hypot(length_m, width_m) + 2 * hypot(dx, dy)
-        poses = poses.copy()
-        poses[:, 3] = 0.0
+        knots = [(t_s, x, y, 0.0) for t_s, x, y, _ in knots]
     elif dx or dy:
-        poses = poses.copy()
-        c, s = np.cos(poses[:, 3]), np.sin(poses[:, 3])
-        poses[:, 1] += c * dx - s * dy
-        poses[:, 2] += s * dx + c * dy
-    bottom_m, top_m = (z_m, z_m + height_m) if height_m else (-np.inf, np.inf)
-    return Forecast(basis, poses, floors, length_m, width_m, bottom_m, top_m, findings)
+        knots = [_at_centre(knot, dx, dy) for knot in knots]
+    bottom_m, top_m = (z_m, z_m + height_m) if height_m else (-inf, inf)
+    return Forecast(basis, tuple(knots), floors, length_m, width_m, bottom_m, top_m, findings)
+
+
+def _at_centre(knot: Knot, dx: float, dy: float) -> Knot:
+    t_s, x, y, yaw_rad = knot
+    c, s = cos(yaw_rad), sin(yaw_rad)
+    return t_s, x + c * dx - s * dy, y + s * dx + c * dy, yaw_rad

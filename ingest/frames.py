@@ -29,6 +29,11 @@ class Frame:
     projection: Projection | None = None
     transform: Transform | None = None
 
+    @property
+    def is_floor(self) -> bool:
+        """Whether the frame is that of the floor itself, in metres."""
+        return self.transform is None and self.projection is None
+
     def to_floor(self, poses: Floats) -> Floats:
         """`(p, 3)` x, y, yaw_rad as sent, to metres and radians in the floor's frame.
 

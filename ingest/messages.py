@@ -1,23 +1,33 @@
 """One message: bytes in; an identity, a status or a counted rejection out. Never raises on what a sender sent.
 
-A conforming message is validated once, from bytes. One that does not validate is parsed, mended where its meaning
-is plain, and validated again; then optional values that still do not fit are left out. Duplicate keys: the last one
-holds.
+A conforming message is decoded at once, one with keys of its own validated from its bytes. One that does not validate
+is parsed, mended where its meaning is plain, and validated again; then optional values that still do not fit are left
+out. Duplicate keys: the last one holds.
 """
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan, nan
-from typing import Any
+from typing import Any, cast
 
+import msgspec
 from pydantic import ValidationError
 from pydantic_core import from_json
 
-from ingest import mending, paths, stamps, words
+from ingest import conforming, mending, paths, stamps, words
 from ingest.conformance import Findings, RejectedError
 from ingest.paths import Path
-from ingest.reports import IdentityReport, PredictedLocation, Report, StatusReport, Velocity
+from ingest.reports import (
+    Extent,
+    IdentityReport,
+    Location,
+    PredictedLocation,
+    Quaternion,
+    Report,
+    StatusReport,
+    Velocity,
+)
 
 __all__ = ["Identity", "Path", "Rejection", "Status", "document", "read"]
 
@@ -29,10 +39,10 @@ LOAD_USED_KEY = "loadPercentageUsed"
 """A key after the text of the standard (5.3.4), whose schema asks for what is still available."""
 _IDENTITY_KEYS = frozenset(("baseRobotEnvelope", "manufacturerName", "robotModel", "robotSerialNumber"))
 _STATUS_KEYS = frozenset(("operationalState", "location"))
+_PARTS = frozenset((Extent, Location, PredictedLocation, Quaternion, Velocity))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Identity:
+class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
     """Who a robot is, in so far as prediction needs it; `document` has the rest."""
 
     uuid: str
@@ -46,8 +56,7 @@ class Identity:
     findings: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Status:
+class Status(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
     """Where a robot is and will be, as sent: its own clock, its own frame."""
 
     uuid: str
@@ -90,12 +99,12 @@ def read(raw: bytes, *, names_as_uuid: str | None = None) -> Identity | Status |
     findings: Findings = {}
     said_uuid: object = None
     try:
-        report = _report(raw, findings)
+        report = conforming.decoded(raw) or _report(raw, findings)
         said_uuid = report.uuid
         uuid = words.robot_uuid(report.uuid, names_as_uuid, findings)
-        if isinstance(report, StatusReport):
+        if conforming.is_status(report):
             return _status(report, uuid, findings)
-        return _identity(report, uuid, findings)
+        return _identity(cast(IdentityReport, report), uuid, findings)
     except RejectedError as rejected:
         uuid_read = _uuid_if_read(rejected.said_uuid or said_uuid, names_as_uuid)
         return Rejection(rejected.rule, rejected.reason[:MAX_REASON], uuid_read, tuple(findings))
@@ -222,7 +231,7 @@ def _uuid_if_read(said: object, names_as_uuid: str | None) -> str | None:
 
 def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity:
     stamp = _stamp(report.timestamp, findings)
-    _note_extras((report, report.baseRobotEnvelope, report.cargoMaxVolume), findings)
+    _note_extras(report, findings)
     size = report.baseRobotEnvelope
     if size.x <= 0 or size.y <= 0 or size.z < 0:
         raise RejectedError("envelope-not-positive", f"baseRobotEnvelope is {size.x:g} x {size.y:g} m; send its size")
@@ -254,9 +263,7 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
     if paths.absurd(here.x, here.y, here.z):
         reason = f"location {here.x:g}, {here.y:g}, {here.z:g} is off any floor; send metres on the datum"
         raise RejectedError("position-absurd", reason)
-    _note_extras((report, here, here.angle), findings)
-    _note_extras_of_points(report.path, findings)
-    _note_extras_of_points(report.destinations, findings)
+    _note_extras(report, findings)
     state, known_state = words.state(report.operationalState, findings)
     linear_mps, turn_rad_per_s = _velocity(report.velocity, findings)
     available_pct = _load_available(report, findings)
@@ -293,32 +300,29 @@ def _stamp(text: str, findings: Findings) -> stamps.Stamp:
     return stamp
 
 
-def _note_extras(parts: Sequence[Report | None], findings: Findings) -> None:
-    for part in parts:
-        extra = part.__pydantic_extra__ if part else None
-        if not extra:
-            continue
-        if not mending.finite(extra):
-            raise RejectedError("number-not-finite", f"{_first(extra)} holds NaN or an infinite number; leave it out")
-        if extra.keys() - {LOAD_USED_KEY}:
-            findings["key-unknown"] = None
+def _note_extras(report: Report, findings: Findings) -> None:
+    """Keys of the sender's own, in the report or in any part of it. A decoded report has none."""
+    extra = report.__pydantic_extra__
+    if extra is None:
+        return
+    if not mending.finite(extra):
+        raise RejectedError("number-not-finite", f"{_first(extra)} holds NaN or an infinite number; leave it out")
+    if extra.keys() - {LOAD_USED_KEY}:
+        findings["key-unknown"] = None
+    for value in vars(report).values():
+        for part in value if isinstance(value, list) else (value,):
+            if type(part) in _PARTS:
+                _note_extras(part, findings)
 
 
 def _first(extra: dict[str, Any]) -> str:
     return repr(next(key for key, value in extra.items() if not mending.finite(value))[:60])
 
 
-def _note_extras_of_points(points: Sequence[PredictedLocation] | None, findings: Findings) -> None:
-    for point in points or ():
-        if point.__pydantic_extra__ or (point.angle and point.angle.__pydantic_extra__):
-            _note_extras((point, point.angle), findings)
-
-
 def _velocity(velocity: Velocity | None, findings: Findings) -> tuple[float | None, float | None]:
     """Speed along the heading, and the turn made in one second; None where not sent."""
     if velocity is None:
         return None, None
-    _note_extras((velocity, velocity.angular), findings)
     turn_rad = paths.yaw_rad(velocity.angular, findings) if velocity.angular else nan
     return _speed(velocity.linear, findings), None if isnan(turn_rad) else turn_rad
 

@@ -1,16 +1,15 @@
 """Timed poses of a message: its path, its destinations, and the heading of a quaternion."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from math import atan2, nan
+from operator import lt
 
-import numpy as np
+import msgspec
 
 from ingest import stamps, words
 from ingest.conformance import Findings
 from ingest.reports import PredictedLocation, Quaternion
-from ingest.seam import Floats
 from ingest.settings import NIL_DATUM
 
 MAX_POSITION = 1e7
@@ -25,16 +24,16 @@ UNSET_CLOCK_S = 366 * 86400.0
 """Times before this, in 1970, come of a clock that was never set or counts from the start of something."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Path:
-    """Timed poses as sent: `poses` (p, 5) as t_s, x, y, z, yaw_rad, nan where the heading is unknown."""
+class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """Timed poses as sent."""
 
-    poses: Floats
+    poses: tuple[tuple[float, float, float, float, float], ...]
+    """(p, 5) t_s, x, y, z, yaw_rad, nan where the heading is unknown."""
     datums: tuple[str, ...]
     """(p,) lower case; "" is the robot's own."""
 
 
-NO_PATH = Path(np.empty((0, 5)), ())
+NO_PATH = Path((), ())
 
 
 def absurd(x: float, y: float, z: float) -> bool:
@@ -64,23 +63,30 @@ def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
 
 def path(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
     """The path in the order sent, whatever its times; `ingest/forecast.py` gives new ones where they can't be used."""
-    if not points:
+    read = _read(points, findings) if points else NO_PATH
+    if read is NO_PATH or not points:
         return NO_PATH
-    read = _read(points, findings)
-    if not read.datums:
-        return read
     if len(points) > MOST_POINTS:
         findings["path-too-many"] = None
-    times = read.poses[:, 0].tolist()
+    times = [pose[0] for pose in read.poses]
+    if not _in_order(times):
+        _note_disorder(times, findings)
     if max(times) > stamp_s + PATH_S + SLACK_S:
         findings["path-too-far"] = None
     if min(times) < stamp_s - SLACK_S:
         findings[_past(times, stamp_s)] = None
+    return read
+
+
+def _in_order(times: list[float]) -> bool:
+    return all(map(lt, times, times[1:]))
+
+
+def _note_disorder(times: list[float], findings: Findings) -> None:
     if len(set(times)) < len(times):
         findings["path-times-equal"] = None
     if any(later < earlier for earlier, later in pairwise(times)):
         findings["path-unordered"] = None
-    return read
 
 
 def _past(times: list[float], stamp_s: float) -> str:
@@ -91,51 +97,42 @@ def _past(times: list[float], stamp_s: float) -> str:
 
 def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
     """The destinations in the order of their times."""
-    if not points:
+    read = _read(points, findings) if points else NO_PATH
+    if read is NO_PATH or not points:
         return NO_PATH
-    read = _read(points, findings)
-    if not read.datums:
-        return read
     if len(points) > MOST_POINTS:
         findings["destinations-too-many"] = None
-    times = read.poses[:, 0]
-    if times.max() > stamp_s + DESTINATIONS_S + SLACK_S:
+    times = [pose[0] for pose in read.poses]
+    if max(times) > stamp_s + DESTINATIONS_S + SLACK_S:
         findings["destinations-too-far"] = None
-    if times.max() < stamp_s - SLACK_S:
+    if max(times) < stamp_s - SLACK_S:
         findings["destinations-past"] = None
-    if not (times[:-1] > times[1:]).any():
+    order = sorted(range(len(times)), key=times.__getitem__)
+    if order == list(range(len(times))):
         return read
     findings["destinations-unsorted"] = None
-    order = np.argsort(times, kind="stable")
-    return Path(read.poses[order], tuple(read.datums[row] for row in order))
+    return Path(tuple(read.poses[row] for row in order), tuple(read.datums[row] for row in order))
 
 
 def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
     rows: list[tuple[float, float, float, float, float]] = []
     datums: list[str] = []
     for point in points[:MOST_POINTS_USED]:
-        t_s, odd = _when(point.timestamp)
-        if t_s is None:
+        stamp = stamps.parse(point.timestamp)
+        if stamp is None:
             findings["point-unreadable"] = None
-        elif not stamps.plausible(t_s) or absurd(point.x, point.y, point.z):
+        elif not stamps.plausible(stamp.t_s) or absurd(point.x, point.y, point.z):
             findings["point-absurd"] = None
         else:
-            if odd:
-                findings.update(dict.fromkeys(odd))
-            rows.append((t_s, point.x, point.y, point.z, yaw_rad(point.angle, findings)))
+            if stamp.findings:
+                findings.update(dict.fromkeys(stamp.findings))
+            rows.append((stamp.t_s, point.x, point.y, point.z, yaw_rad(point.angle, findings)))
             datums.append(_datum(point, findings))
     if not rows:
         return NO_PATH
-    if len(set(zip(rows, datums, strict=True))) < len(rows):
+    if len({row[0] for row in rows}) < len(rows) and len(set(zip(rows, datums, strict=True))) < len(rows):
         findings["duplicate-items"] = None
-    return Path(np.array(rows), tuple(datums))
-
-
-def _when(text: str) -> tuple[float | None, tuple[str, ...]]:
-    """Seconds since the epoch, or None, and what is odd about the text."""
-    t_s = stamps.seconds(text)
-    stamp = stamps.parse(text) if t_s is None else None
-    return (stamp.t_s, stamp.findings) if stamp else (t_s, ())
+    return Path(tuple(rows), tuple(datums))
 
 
 def _datum(point: PredictedLocation, findings: Findings) -> str:

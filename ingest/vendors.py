@@ -1,6 +1,7 @@
 """Which vendor a robot belongs to, and what the site says of that vendor."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from ingest.settings import Model, Vendor
 
@@ -9,6 +10,12 @@ UNKNOWN = "unknown"
 OTHER = "other"
 MAX_UNCONFIGURED = 64
 MAX_NAME = 40
+_PLAIN_MODEL = Model()
+
+
+@lru_cache(MAX_UNCONFIGURED)
+def _unheard_of(name: str) -> Vendor:
+    return Vendor(name=name)
 
 
 class Vendors:
@@ -43,7 +50,7 @@ class Vendors:
         return self._by_robot.get(uuid)
 
     def settings(self, name: str) -> Vendor:
-        return self._configured.get(name) or self._met.get(name) or Vendor(name=name)
+        return self._configured.get(name) or self._met.get(name) or _unheard_of(name)
 
     def model(self, vendor: str, model: str) -> Model:
-        return self.settings(vendor).models.get(model) or Model()
+        return self.settings(vendor).models.get(model) or _PLAIN_MODEL

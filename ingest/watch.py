@@ -3,8 +3,9 @@
 Sources: the readings of A1, A6 to A8, A13 and A16 in practice, and clause 5.4 of the standard.
 """
 
-from dataclasses import replace
 from math import atan2, cos, hypot, isnan, pi, sin
+
+from msgspec.structs import replace
 
 from ingest.angles import turn_between
 from ingest.forecast import Sighting

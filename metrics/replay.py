@@ -109,7 +109,7 @@ def _tell_truth(truth: Truth, fleet: Fleet, robots: Iterable[str]) -> None:
     for uuid in robots:
         forecast = fleet.robots[uuid].forecast
         if forecast:
-            t_s, x_m, y_m, yaw_rad = forecast.poses[0].tolist()
+            t_s, x_m, y_m, yaw_rad = forecast.knots[0]
             report = Report(t_s, forecast.floors[0], x_m, y_m, yaw_rad, forecast.length_m, forecast.width_m)
             truth.report(uuid, report)
 

@@ -34,8 +34,8 @@ def straight(speed_mps: float = 1.0, late_s: float = 0.0) -> list[dict[str, Any]
 def test_a_navigating_robot_follows_its_path() -> None:
     one = ahead(path=straight())
     assert one.basis is Basis.PATH
-    np.testing.assert_allclose(one.poses[:, 0], NOW_S + np.arange(11), atol=2e-3)
-    np.testing.assert_allclose(one.poses[:, 1], 1.0 + np.arange(11))
+    np.testing.assert_allclose(np.array(one.knots)[:, 0], NOW_S + np.arange(11), atol=2e-3)
+    np.testing.assert_allclose(np.array(one.knots)[:, 1], 1.0 + np.arange(11))
     assert (one.length_m, one.width_m, one.bottom_m, one.top_m) == (1.0, 0.5, 0.0, 0.4)
 
 
@@ -46,13 +46,13 @@ def test_a_navigating_robot_follows_its_path() -> None:
 def test_every_other_state_stands_where_it_is_whatever_its_path(state: str) -> None:
     one = ahead(operationalState=state, path=straight())
     assert one.basis is Basis.STATIONARY
-    assert len(one.poses) == 1
+    assert len(one.knots) == 1
 
 
 def test_manual_mode_is_not_held_to_its_path_but_to_its_velocity() -> None:
     one = ahead(operationalState="manualOverride", path=straight(-1.0))
     assert one.basis is Basis.VELOCITY
-    assert one.poses[-1, 1] == pytest.approx(11.0)
+    assert one.knots[-1][1] == pytest.approx(11.0)
     assert ahead(Sighting(NOW_S, 0, 1.0, 2.0, 0.0), operationalState="manualOverride").basis is Basis.STATIONARY
 
 
@@ -67,12 +67,12 @@ def test_another_error_does_not() -> None:
 
 def test_path_times_are_corrected_by_the_clock() -> None:
     one = ahead(path=straight(late_s=-3.0), offset_s=3.0)
-    np.testing.assert_allclose(one.poses[:, 0], NOW_S + np.arange(11), atol=2e-3)
+    np.testing.assert_allclose(np.array(one.knots)[:, 0], NOW_S + np.arange(11), atol=2e-3)
 
 
 def test_points_already_past_are_left_out() -> None:
     one = ahead(path=straight(late_s=-3.5))
-    assert one.poses[1, 0] == pytest.approx(NOW_S + 0.5)
+    assert one.knots[1][0] == pytest.approx(NOW_S + 0.5)
     assert "path-retimed" not in one.findings
 
 
@@ -85,21 +85,21 @@ def test_useless_times_are_replaced_by_the_speed_along_the_points(times_s: list[
     given = points(*((NOW_S + t, 1.0 + 2.0 * (i + 1), 2.0, 0.0) for i, t in enumerate(times_s)))
     one = ahead(path=given)
     assert one.findings == ("path-retimed",)
-    np.testing.assert_allclose(one.poses[:, 0] - NOW_S, [0, 2, 4, 6])
-    np.testing.assert_allclose(one.poses[:, 1], [1, 3, 5, 7])
+    np.testing.assert_allclose(np.array(one.knots)[:, 0] - NOW_S, [0, 2, 4, 6])
+    np.testing.assert_allclose(np.array(one.knots)[:, 1], [1, 3, 5, 7])
 
 
 def test_useless_times_without_a_speed_fall_back_to_standing() -> None:
     still = Sighting(NOW_S, 0, 1.0, 2.0, 0.0, 0.0)
     one = ahead(still, path=points((NOW_S - 5, 2.0, 2.0, 0.0)))
-    assert np.ptp(one.poses[:, 1]) == 0.0
+    assert np.ptp(np.array(one.knots)[:, 1]) == 0.0
 
 
 def test_a_path_is_used_up_to_an_impossible_jump() -> None:
     given = points((NOW_S + 1, 2.0, 2.0, 0.0), (NOW_S + 2, 3.0, 2.0, 0.0), (NOW_S + 3, 90.0, 2.0, 0.0))
     one = ahead(path=given, body=Body((1.0, 0.5, 0.4), max_speed_mps=1.5))
     assert one.findings == ("path-contradicts-motion",)
-    assert one.poses[-1, 1] == pytest.approx(3.0)
+    assert one.knots[-1][1] == pytest.approx(3.0)
 
 
 def test_a_path_that_jumps_at_once_gives_way_to_the_velocity() -> None:
@@ -111,7 +111,7 @@ def test_a_sparse_path_beyond_the_horizon_is_used_as_far_as_it_matters() -> None
     given = points(*((NOW_S + t, 1.0 + t, 2.0, 0.0) for t in (10, 20, 30, 40, 50, 60, 70)))
     one = ahead(path=given)
     assert one.basis is Basis.PATH
-    assert one.poses[-1, 0] - NOW_S == pytest.approx(40)
+    assert one.knots[-1][0] - NOW_S == pytest.approx(40)
 
 
 def test_a_path_may_change_floor() -> None:
@@ -124,18 +124,24 @@ def test_a_path_may_change_floor() -> None:
 def test_velocity_gives_a_straight_line_or_an_arc() -> None:
     one = ahead()
     assert one.basis is Basis.VELOCITY
-    assert one.poses[-1].tolist() == pytest.approx([NOW_S + 10, 11.0, 2.0, 0.0])
+    assert one.knots[-1] == pytest.approx([NOW_S + 10, 11.0, 2.0, 0.0])
     turning = ahead(Sighting(NOW_S, 0, 1.0, 2.0, 0.0, 1.0, pi / 10))
     radius_m = 1.0 / (pi / 10)
-    assert turning.poses[-1, 1:].tolist() == pytest.approx([1.0, 2.0 + 2 * radius_m, pi])
+    assert turning.knots[-1][1:] == pytest.approx([1.0, 2.0 + 2 * radius_m, pi])
+
+
+def test_a_speed_without_a_heading_leads_nowhere() -> None:
+    for state in ("navigating", "manualOverride"):
+        one = ahead(Sighting(NOW_S, 0, 1.0, 2.0, nan, 1.0), operationalState=state)
+        assert (one.basis, one.knots) == (Basis.STATIONARY, ((NOW_S, 1.0, 2.0, 0.0),))
 
 
 def test_a_destination_is_headed_for_when_nothing_else_is_known() -> None:
     still = Sighting(NOW_S, 0, 1.0, 2.0, nan)
     one = ahead(still, destinations=points((NOW_S + 100, 1.0, 12.0, 0.0), (NOW_S + 5, 1.0, 7.0, 0.0)))
     assert one.basis is Basis.DESTINATION
-    assert one.poses[-1, :3].tolist() == pytest.approx([NOW_S + 5, 1.0, 7.0], abs=2e-3)
-    assert one.poses[0, 3] == pytest.approx(pi / 2)
+    assert one.knots[-1][:3] == pytest.approx([NOW_S + 5, 1.0, 7.0], abs=2e-3)
+    assert one.knots[0][3] == pytest.approx(pi / 2)
 
 
 def test_a_destination_beyond_fifteen_minutes_is_not() -> None:
@@ -146,13 +152,13 @@ def test_a_destination_beyond_fifteen_minutes_is_not() -> None:
 def test_without_any_heading_the_circumscribed_square_stands() -> None:
     one = ahead(Sighting(NOW_S, 0, 1.0, 2.0, nan), operationalState="idle")
     assert one.length_m == one.width_m == pytest.approx(hypot(1.0, 0.5))
-    assert not isnan(one.poses[0, 3])
+    assert not isnan(one.knots[0][3])
 
 
 def test_an_envelope_that_is_not_centred_leads_the_location() -> None:
     here = Sighting(NOW_S, 0, 1.0, 2.0, pi / 2, 0.0)
     one = ahead(here, Body((2.9, 1.0, 0.0), (1.15, 0.0)), operationalState="idle")
-    assert one.poses[0, 1:3].tolist() == pytest.approx([1.0, 3.15])
+    assert one.knots[0][1:3] == pytest.approx([1.0, 3.15])
     assert (one.bottom_m, one.top_m) == (-np.inf, np.inf)
 
 

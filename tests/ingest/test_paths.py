@@ -22,7 +22,7 @@ def read_points(times_s: list[float]) -> list[PredictedLocation]:
 def test_a_path_keeps_its_order_and_its_findings_say_what_is_odd(offsets: list[float]) -> None:
     findings: Findings = {}
     read = path(read_points([T + offset for offset in offsets]), T, findings)
-    assert read.poses[:, 1].tolist() == list(range(len(offsets)))
+    assert [pose[1] for pose in read.poses] == list(range(len(offsets)))
     assert ("path-unordered" in findings) == any(b < a for a, b in pairwise(offsets))
     assert ("path-times-equal" in findings) == (len(set(offsets)) < len(offsets))
     assert ("path-too-far" in findings) == (max(offsets) > 11)
@@ -34,7 +34,7 @@ def test_a_path_keeps_its_order_and_its_findings_say_what_is_odd(offsets: list[f
 def test_destinations_come_in_the_order_of_their_times(offsets: list[float]) -> None:
     findings: Findings = {}
     read = destinations(read_points([T + offset for offset in offsets]), T, findings)
-    assert read.poses[:, 0].tolist() == pytest.approx([T + offset for offset in sorted(offsets)])
+    assert [pose[0] for pose in read.poses] == pytest.approx([T + offset for offset in sorted(offsets)])
     assert ("destinations-unsorted" in findings) == (offsets != sorted(offsets))
     assert ("destinations-too-far" in findings) == (max(offsets) > 901)
 

@@ -1,7 +1,7 @@
-from dataclasses import replace
 from math import nan, pi
 
 import pytest
+from msgspec.structs import replace
 
 from ingest.forecast import Sighting
 from ingest.watch import frequency, reconcile
@@ -58,7 +58,7 @@ def test_a_turn_rate_that_the_headings_do_not_bear_out_is_set_aside(
 
 @pytest.mark.parametrize("change", [{"t_s": 200.0}, {"floor": 1}, {"t_s": 100.0}])
 def test_sightings_too_far_apart_are_not_compared(change: dict[str, float]) -> None:
-    later = replace(AFTER, yaw_rad=pi, **change)  # type: ignore[arg-type]
+    later = replace(AFTER, yaw_rad=pi, **change)
     assert reconcile(BEFORE, later) == (later, ())
 
 

@@ -1,0 +1,72 @@
+"""The quick way into the reports of `ingest/reports.py`: the same models, compiled for `msgspec`.
+
+What it takes, pydantic takes with the same values, five times as slowly; what it does not take may still be read. It
+leaves alone whatever has a key that the standard does not have, since such keys are kept aside, and the word null.
+"""
+
+from types import UnionType
+from typing import Annotated, Any, TypeGuard, Union, cast, get_args, get_origin
+
+import msgspec
+
+from ingest.reports import IdentityReport, Report, StatusReport
+
+_STATUS_KEY = b'"operationalState"'
+
+
+def decoded(raw: bytes) -> IdentityReport | StatusReport | None:
+    """A report all of whose keys and types are those of the standard, or None. It is only like its model."""
+    if b"null" in raw:
+        return None
+    try:
+        report = (_STATUS if _STATUS_KEY in raw else _IDENTITY).decode(raw)
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return None
+    return cast(IdentityReport | StatusReport, report)
+
+
+def is_status(report: IdentityReport | StatusReport) -> TypeGuard[StatusReport]:
+    """Whether a report, decoded or validated, is a status."""
+    return type(report) in _STATUSES
+
+
+def _struct(model: type[Report]) -> type[msgspec.Struct]:
+    fields: list[Any] = []
+    for name, field in model.model_fields.items():
+        kind = _kind(field.annotation)
+        fields.append((name, kind) if field.is_required() else (name, kind, field.default))
+    return msgspec.defstruct(
+        model.__name__,
+        fields,
+        namespace={"__pydantic_extra__": None},
+        kw_only=True,
+        frozen=True,
+        gc=False,
+        forbid_unknown_fields=True,
+    )
+
+
+def _kind(kind: Any) -> Any:
+    """The type that a model's field has in its struct."""
+    inner = tuple(map(_kind, get_args(kind)[: 1 if get_origin(kind) is Annotated else None]))
+    if get_origin(kind) is Annotated:
+        return inner[0]
+    if get_origin(kind) in {Union, UnionType}:
+        return Union[inner]  # noqa: UP007
+    if get_origin(kind) is list:
+        return list[inner[0]]  # type: ignore[valid-type]
+    return _struct_of(kind) if isinstance(kind, type) and issubclass(kind, Report) else kind
+
+
+_structs: dict[type[Report], type[msgspec.Struct]] = {}
+
+
+def _struct_of(model: type[Report]) -> type[msgspec.Struct]:
+    if model not in _structs:
+        _structs[model] = _struct(model)
+    return _structs[model]
+
+
+_STATUSES = frozenset((StatusReport, _struct_of(StatusReport)))
+_STATUS = msgspec.json.Decoder(_struct_of(StatusReport))
+_IDENTITY = msgspec.json.Decoder(_struct_of(IdentityReport))
