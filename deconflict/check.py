@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import degrees
+from math import degrees, dist
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
+import shapely
 
+from deconflict.contention.resources import PRIOR_SERVICE_S, Resource, Zone, outlines
 from deconflict.fitness import map_problems
 from deconflict.site import Site, SiteError, datum_of, load, problems
 from ingest.fits import Fit, FitError, Method
@@ -75,6 +77,7 @@ def lines(judged: Report) -> Iterator[str]:
             yield f"\n{vendor.name}: sends in the datums' own coordinates"
     for one in judged.maps:
         yield from _map_lines(one)
+    yield from _place_lines(site)
     yield ""
     for problem in judged.problems:
         yield f"FAILS {problem}"
@@ -111,6 +114,24 @@ def _datum_lines(datum: Datum) -> Iterator[str]:
         x_m, y_m = chart.points(np.array([[point.x, point.y]]))[0]
         yield f"  {_short(point.name or point.id):24} {point.x:12.7f} {point.y:12.7f}  ->  {x_m:z10.3f} {y_m:z10.3f} m"
     yield "  yaw 0 deg (north) becomes 90 deg on the floor, yaw 90 deg (east) becomes 0 deg"
+
+
+def _place_lines(site: Site) -> Iterator[str]:
+    """What robots share, floor by floor."""
+    names = {datum.id: datum.name for datum in site.datums}
+    places: list[Resource | Zone] = [*site.resources, *site.zones]
+    for place in places:
+        floors = " and ".join(names[datum] for datum, _ in outlines(place))
+        area_m2 = shapely.Polygon(place.polygon).area
+        yield f"\n{place.kind} {place.label}, {place.id}, on {floors}: {area_m2:.1f} m2, capacity {place.capacity}"
+        if isinstance(place, Resource):
+            group = f", one of group {place.group}" if place.group else ""
+            told = (
+                f"{place.service_s:g} s" if place.service_s else f"learned, {PRIOR_SERVICE_S[place.kind]:g} s at first"
+            )
+            yield f"  service {told}{group}"
+        elif place.axis:
+            yield f"  single lane of {dist(*place.axis):.1f} m"
 
 
 def _map_lines(judged: MapReport) -> Iterator[str]:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
+from deconflict.contention.resources import ContentionSettings, Resource, Zone, place_problems
 from deconflict.fitness import datum_problems, map_problems
 from ingest.settings import (
     NIL_DATUM,
@@ -105,10 +106,15 @@ class Site(Section):
     """Floors that several vendors share."""
     vendors: tuple[Vendor, ...] = ()
     """Vendors that need more said of them than their messages say."""
+    resources: tuple[Resource, ...] = ()
+    """Docks, chargers, stations, lifts and parking that robots share."""
+    zones: tuple[Zone, ...] = ()
+    """Crossings, single-lane aisles and doors that robots share."""
     receiver: Receiver = Receiver()
     recorder: Recorder = Recorder()
     reading: Reading = Reading()
     conflict: Conflict = Conflict()
+    contention: ContentionSettings = ContentionSettings()
     engine: Engine = Engine()
     operator: Operator = Operator()
     store: StoreSettings = StoreSettings()
@@ -198,6 +204,7 @@ def _contradictions(site: Site) -> Iterator[str]:
     """What no key shows alone."""
     yield from _datum_contradictions(site)
     yield from _vendor_contradictions(site)
+    yield from place_problems(site.resources, site.zones, (datum.id for datum in site.datums))
     conflict, reading, recorder = site.conflict, site.reading, site.recorder
     if conflict.confirm[0] > conflict.confirm[1]:
         yield f"conflict.confirm: {list(conflict.confirm)} asks for more looks than it counts"

@@ -9,6 +9,7 @@ from pydantic_core import to_jsonable_python
 
 from deconflict import site
 from deconflict.check import report
+from deconflict.contention import resources
 from ingest import settings
 
 DOC = (Path(__file__).parent.parent / "docs" / "site-file.md").read_text(encoding="utf-8")
@@ -18,6 +19,9 @@ SECTIONS: dict[str, type[settings.Section]] = {
     "`[[vendors]]`": settings.Vendor,
     "`[[vendors.maps]]`": settings.VendorMap,
     "`[vendors.models.MODEL]`": settings.Model,
+    "`[[resources]]`": resources.Resource,
+    "`[[resources.floors]]`": resources.Landing,
+    "`[[zones]]`": resources.Zone,
     "`[[operator.people]]`": site.Person,
     "`[receiver.tls]`": settings.Tls,
 }

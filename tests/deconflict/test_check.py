@@ -8,7 +8,7 @@ import pytest
 from deconflict.check import check, report
 from deconflict.site import load
 from ingest.fits import Method
-from tests.deconflict.made_site import MARKS, put, sound, written
+from tests.deconflict.made_site import HALL, MARKS, put, sound, written
 
 READINGS = "vendors.1.maps.0.readings"
 
@@ -101,3 +101,14 @@ def test_a_map_in_another_unit_is_not_remarked_on(tmp_path: Path) -> None:
     assert code == 0
     assert "one unit is 0.001 m along x" in text
     assert "NOTE" not in text
+
+
+def test_what_robots_share_is_listed_with_its_floors_and_service(tmp_path: Path) -> None:
+    square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
+    lift: dict[str, Any] = {"id": "lift-1", "kind": "lift", "datum": HALL, "polygon": square, "group": "lifts"}
+    lift["floors"] = [{"datum": "yard", "polygon": square}]
+    aisle = {"id": "a", "kind": "aisle", "datum": HALL, "polygon": square, "axis": [[0.0, 1.0], [2.0, 1.0]]}
+    code, text = checked(sound() | {"resources": [lift], "zones": [aisle]}, tmp_path)
+    assert code == 0
+    assert "lift lift-1, lift-1, on Hall and Yard: 4.0 m2, capacity 1\n  service learned, 45 s at first" in text
+    assert "single lane of 2.0 m" in text

@@ -125,6 +125,38 @@ def test_keys_that_contradict_each_other_are_named(path: str, value: Any, says: 
     assert_told(put(sound(), path, value), says, tmp_path)
 
 
+SQUARE = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
+DOCK = {"id": "d", "kind": "dock", "datum": HALL, "polygon": SQUARE}
+AISLE = {"id": "a", "kind": "aisle", "datum": HALL, "polygon": SQUARE, "axis": [[0.0, 1.0], [2.0, 1.0]]}
+
+
+@pytest.mark.parametrize(
+    ("section", "place", "says"),
+    [
+        ("resources", DOCK | {"datum": "attic"}, "resources[0].datum: no datum has the id 'attic'"),
+        ("resources", DOCK | {"polygon": [SQUARE[0], SQUARE[2], *SQUARE[1:]]}, "resources[0].polygon: self-inter"),
+        ("resources", DOCK | {"polygon": [[0.0, 0.0]] * 3}, "resources[0].polygon: "),
+        ("resources", DOCK | {"floors": [{"datum": "yard", "polygon": SQUARE}]}, "resources[0].floors: a dock is on"),
+        ("zones", {key: AISLE[key] for key in AISLE if key != "axis"}, "zones[0].axis: is missing"),
+        ("zones", AISLE | {"kind": "door"}, "zones[0].axis: a door has none"),
+        ("zones", AISLE | {"axis": [[1.0, 1.0], [1.0, 1.0]]}, "zones[0].axis: both ends are at [1.0, 1.0]"),
+        ("zones", AISLE | {"capacity": 0}, "zones[0].capacity: input should be greater than or equal to 1"),
+    ],
+)
+def test_a_wrong_place_is_named_with_what_to_change(
+    section: str, place: dict[str, Any], says: str, tmp_path: Path
+) -> None:
+    with pytest.raises(SiteError) as error:
+        load(written(sound() | {section: [place]}, tmp_path))
+    assert any(one.startswith(says) for one in error.value.problems), error.value.problems
+
+
+def test_a_resource_and_a_zone_share_no_id(tmp_path: Path) -> None:
+    told = sound() | {"resources": [DOCK], "zones": [AISLE | {"id": "d"}]}
+    with pytest.raises(SiteError, match=r"zones\[0\].id: 'd' is given by resources\[0\].id too"):
+        load(written(told, tmp_path))
+
+
 def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
     told = put(put(sound(), "conflict.clearance_m", -1), "receiver.prt", 1)
     with pytest.raises(SiteError) as caught:
