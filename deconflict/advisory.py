@@ -81,6 +81,14 @@ class Wait(Published):
     from_at: datetime
 
 
+class Acknowledgement(Published):
+    """Somebody has taken an advisory up, or says why nothing is done about it."""
+
+    name: str = Field(description="who")
+    reason: str = Field(description="what is done about it, or why nothing is")
+    at: datetime
+
+
 class Advisory(Published):
     """What one revision of every kind of advisory says. It advises; it is not safety rated and moves no robot."""
 
@@ -101,6 +109,7 @@ class Advisory(Published):
     location: Location = Field(description="where it begins")
     summary: str = Field(description="one sentence for a person")
     recommendation: Recommendation | None = None
+    acknowledgement: Acknowledgement | None = Field(default=None, description="the newest there is")
     safety_rated: Literal[False] = False
 
 

@@ -58,7 +58,7 @@ class Picture:
             self.cleared += 1
             self.open.pop(advisory.id, None)
             return
-        self.raised += advisory.state is AdvisoryState.RAISED
+        self.raised += advisory.state is AdvisoryState.RAISED and advisory.acknowledgement is None
         self.open[advisory.id] = advisory
 
     def measure(self, documents: list[dict[str, Any]]) -> None:

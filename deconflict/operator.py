@@ -5,17 +5,18 @@ It reads the store itself and asks everything else of its `Sources` when it is a
 """
 
 from collections.abc import Callable
+from datetime import UTC, datetime
 from html import escape
 from importlib.metadata import version
 from typing import Annotated, Any, Protocol
 
 from fastapi import FastAPI, HTTPException, Query, Request, Response, WebSocket
 from fastapi.responses import HTMLResponse
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, StringConstraints
 from pydantic_core import to_json
 
 from deconflict.access import Access, tokens_of
-from deconflict.advisory import AnyAdvisory, Kind
+from deconflict.advisory import Acknowledgement, AnyAdvisory, Kind
 from deconflict.publisher import Publisher
 from deconflict.schema import SCHEMAS
 from deconflict.site import Operator
@@ -74,6 +75,15 @@ class RevisionList(BaseModel):
     advisories: list[AnyAdvisory]
 
 
+class Answer(BaseModel):
+    """Who takes an advisory up, and what is done about it or why nothing is."""
+
+    name: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = Field(
+        default="", description="needed where people don't sign in; who has signed in is named by that"
+    )
+    reason: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=500)]
+
+
 class RobotList(BaseModel):
     """Every robot that was heard, as it described itself and as it is understood."""
 
@@ -96,8 +106,8 @@ class Problem(BaseModel):
 class Face:
     """The routes' common state; each method answers one route."""
 
-    def __init__(self, store: Store, sources: Sources, exposition: Exposition, measures: Measures) -> None:
-        self._store, self._sources, self._exposition, self._measures = store, sources, exposition, measures
+    def __init__(self, publisher: Publisher, store: Store, sources: Sources, exposition: Exposition) -> None:
+        self._publisher, self._store, self._sources, self._exposition = publisher, store, sources, exposition
 
     def advisories(
         self,
@@ -117,6 +127,17 @@ class Face:
         if not revisions:
             raise HTTPException(404, f"no advisory {advisory_id!r} is stored; cleared ones are removed in time")
         return _json(RevisionList(advisories=revisions))
+
+    async def acknowledge(self, advisory_id: str, answer: Answer, request: Request) -> Response:
+        """Take an advisory up by name and with a reason; everybody sees it, and the stream carries it."""
+        name = getattr(request.state, "person", None) or answer.name
+        if not name:
+            raise HTTPException(422, "name: is empty; expected who acknowledges")
+        given = Acknowledgement(name=name, reason=answer.reason, at=datetime.now(UTC))
+        answered = await self._publisher.acknowledge(advisory_id, given)
+        if answered is None:
+            raise HTTPException(404, f"no advisory {advisory_id!r} is stored; cleared ones are removed in time")
+        return _json(answered, 201)
 
     async def robots(
         self, vendor: Annotated[str | None, Query(description="only robots of this vendor")] = None
@@ -158,7 +179,7 @@ class Face:
             down = Measures()
             down.level("deconflict_role_up", {(error.role,): 0})
             documents = [down.as_document()]
-        body, content_type = self._exposition([*documents, self._measures.as_document()])
+        body, content_type = self._exposition([*documents, self._publisher.measures.as_document()])
         return Response(body, headers={"content-type": content_type})
 
     def schema(self) -> Response:
@@ -184,7 +205,7 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, settings:
     app.state.publisher, app.state.measures = publisher, measures
     app.state.tokens = tokens_of(settings.people)
     app.add_middleware(Access, settings=settings, tokens=app.state.tokens)
-    _add_routes(app, Face(store, sources, exposition, measures))
+    _add_routes(app, Face(publisher, store, sources, exposition))
     stream = Stream(store, publisher, measures, settings.stream_send_timeout_s)
 
     @app.websocket("/advisories/stream")
@@ -209,6 +230,12 @@ def _add_routes(app: FastAPI, face: Face) -> None:
     get = app.get
     get("/advisories", response_model=AdvisoryList, responses=unavailable)(face.advisories)
     get("/advisories/{advisory_id}", response_model=RevisionList, responses=unavailable | missing)(face.advisory)
+    app.post(
+        "/advisories/{advisory_id}/acknowledgement",
+        response_model=AnyAdvisory,
+        status_code=201,
+        responses=unavailable | missing,
+    )(face.acknowledge)
     get("/robots", response_model=RobotList, responses=unavailable)(face.robots)
     get("/robots/{uuid}", response_model=Document, responses=unavailable | missing)(face.robot)
     get("/quarantine", response_model=QuarantineList, responses=unavailable)(face.quarantine)
@@ -233,8 +260,9 @@ async def _store_failed(_: Request, error: Exception) -> Response:
 
 def _index(app: FastAPI) -> str:
     rows = [
-        f"<dt><code>{_linked(path)}</code></dt><dd>{escape(methods['get']['description'])}</dd>"
+        f"<dt><code>{_linked(path)}</code></dt><dd>{escape(method['description'])}</dd>"
         for path, methods in app.openapi()["paths"].items()
+        for method in methods.values()
     ]
     return f"""<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>{escape(app.title)}</title>

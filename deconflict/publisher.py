@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple
 
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.store import Store
 from ingest.measures import Measures
 
@@ -25,7 +25,7 @@ class Publisher:
     """Appends to the store off the event loop and keeps the newest lines, so that followers share one reading."""
 
     def __init__(self, store: Store, measures: Measures) -> None:
-        self._store, self._measures = store, measures
+        self._store, self.measures = store, measures
         self._tail: deque[Line] = deque(maxlen=TAIL_LENGTH)
         self._appending = asyncio.Lock()
         self._news = asyncio.Event()
@@ -41,10 +41,18 @@ class Publisher:
             try:
                 stored = await asyncio.to_thread(self._store.append, advisories)
             except Exception:
-                self._measures.count("deconflict_store_failures_total")
+                self.measures.count("deconflict_store_failures_total")
                 raise
             self._announce([one for one in stored if one.seq > self.last_seq])
         return stored
+
+    async def acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyAdvisory | None:
+        """Store an answer and make it known; the newest revision with it, or None where there is no such advisory."""
+        async with self._appending:
+            answered = await asyncio.to_thread(self._store.acknowledge, advisory_id, answer)
+            if answered:
+                self._announce([answered])
+        return answered
 
     async def after(self, seq: int) -> list[Line]:
         """Up to `STEP` lines with numbers above `seq`, ascending; waits for the first. Raises `StoreError`."""
@@ -67,7 +75,7 @@ class Publisher:
                 self._tail.clear()  # the tail has no holes; who is further back reads the store
             self._tail.append(line)
         self.last_seq = self._tail[-1].seq
-        self._measures.count("deconflict_advisories_stored_total", by=len(fresh))
+        self.measures.count("deconflict_advisories_stored_total", by=len(fresh))
         self._news.set()
         self._news = asyncio.Event()
 

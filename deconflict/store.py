@@ -15,58 +15,18 @@ from pathlib import Path
 from threading import Lock
 from typing import Literal
 
-from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.formats import UPGRADES
 
 FILE_NAME = "advisories.db"
 BUSY_TIMEOUT_S = 5.0
 PRUNE_STEP = 500
+LOOK_BACK_S = 3600.0
+"""An advisory that has not changed for this long is not looked for in the past."""
 
 StateFilter = Literal["open", "cleared", "all"]
 
 _OPEN_VALUES: dict[StateFilter, tuple[int, int]] = {"open": (1, 1), "cleared": (0, 0), "all": (0, 1)}
-
-UPGRADES: tuple[tuple[str, ...], ...] = (
-    (
-        """CREATE TABLE revisions (
-            seq INTEGER PRIMARY KEY AUTOINCREMENT,
-            id TEXT NOT NULL,
-            revision INTEGER NOT NULL,
-            document TEXT NOT NULL,
-            UNIQUE (id, revision))""",
-        """CREATE TABLE advisories (
-            id TEXT PRIMARY KEY,
-            revision INTEGER NOT NULL,
-            seq INTEGER NOT NULL,
-            open INTEGER NOT NULL,
-            updated_s REAL NOT NULL,
-            kind TEXT NOT NULL,
-            robot_a TEXT NOT NULL,
-            robot_b TEXT NOT NULL,
-            vendor_a TEXT NOT NULL,
-            vendor_b TEXT NOT NULL) WITHOUT ROWID""",
-        "CREATE INDEX advisories_by_seq ON advisories (open, seq)",
-        "CREATE INDEX advisories_by_age ON advisories (open, updated_s)",
-        """CREATE TABLE encounters (
-            robot_a TEXT NOT NULL,
-            robot_b TEXT NOT NULL,
-            ordinal INTEGER NOT NULL,
-            PRIMARY KEY (robot_a, robot_b)) WITHOUT ROWID""",
-    ),
-    (
-        """CREATE TABLE parties (
-            id TEXT NOT NULL,
-            robot TEXT NOT NULL,
-            vendor TEXT NOT NULL,
-            PRIMARY KEY (id, robot)) WITHOUT ROWID""",
-        """INSERT OR IGNORE INTO parties
-            SELECT id, robot_a, vendor_a FROM advisories UNION ALL SELECT id, robot_b, vendor_b FROM advisories""",
-        "ALTER TABLE advisories DROP COLUMN robot_a",
-        "ALTER TABLE advisories DROP COLUMN robot_b",
-        "ALTER TABLE advisories DROP COLUMN vendor_a",
-        "ALTER TABLE advisories DROP COLUMN vendor_b",
-    ),
-)
-"""Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1."""
 
 
 class StoreError(Exception):
@@ -119,10 +79,31 @@ class Store:
                 known = _revision(db, advisory.id, advisory.revision)
                 if known is None:
                     seq += 1
-                    known = advisory.model_copy(update={"seq": seq})
-                    _insert(db, known)
+                    answers, newest = _answers(db, advisory.id)
+                    known = advisory.model_copy(update={"seq": seq, "acknowledgement": newest})
+                    _insert(db, known, answers, advisory.updated_at)
                 stored.append(known)
         return stored
+
+    def acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyAdvisory | None:
+        """Store the newest revision once more, with the answer and a number of its own; None where there is none.
+
+        Every later revision of the advisory carries the answer.
+        """
+        with self._writing() as db:
+            newest = db.execute(
+                "SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq WHERE a.id = ?",
+                (advisory_id,),
+            ).fetchone()
+            if newest is None:
+                return None
+            answered = _advisory(newest[0]).model_copy(update={"seq": _last_seq(db) + 1, "acknowledgement": answer})
+            db.execute(
+                "UPDATE advisories SET answers = answers + 1, acknowledgement = ? WHERE id = ?",
+                (answer.model_dump_json(), advisory_id),
+            )
+            _insert(db, answered, _answers(db, advisory_id)[0], answer.at)
+        return answered
 
     def after(self, seq: int, limit: int = 100) -> list[AnyAdvisory]:
         """Up to `limit` stored revisions with a number above `seq`, ascending."""
@@ -162,11 +143,30 @@ class Store:
         """The newest revision of every open advisory: what an engine goes on with after a restart."""
         return self.latest("open").advisories
 
+    def open_at(self, now_s: float) -> list[AnyAdvisory]:
+        """What was open at a time: the newest revision by then of each that changed in the hour before it."""
+        with self._reading() as db:
+            rows = db.execute(
+                "SELECT document, max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id ORDER BY seq",
+                (now_s - LOOK_BACK_S, now_s),
+            ).fetchall()
+        known = [_advisory(document) for document, _ in rows]
+        return [one for one in known if one.state is not AdvisoryState.CLEARED]
+
+    def raised(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
+        """The first revision of each advisory raised in that time."""
+        with self._reading() as db:
+            rows = db.execute(
+                "SELECT document FROM revisions WHERE revision = 1 AND answers = 0 AND updated_s BETWEEN ? AND ?",
+                (since_s, until_s),
+            ).fetchall()
+        return [_advisory(document) for (document,) in rows]
+
     def get(self, advisory_id: str) -> list[AnyAdvisory]:
         """Every stored revision of one advisory, ascending; empty where there is none."""
         with self._reading() as db:
             rows = db.execute(
-                "SELECT document FROM revisions WHERE id = ? ORDER BY revision", (advisory_id,)
+                "SELECT document FROM revisions WHERE id = ? ORDER BY revision, answers", (advisory_id,)
             ).fetchall()
         return [_advisory(document) for (document,) in rows]
 
@@ -253,20 +253,29 @@ def _last_seq(db: sqlite3.Connection) -> int:
 
 
 def _revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> AnyAdvisory | None:
-    row = db.execute("SELECT document FROM revisions WHERE id = ? AND revision = ?", (advisory_id, revision)).fetchone()
+    row = db.execute(
+        "SELECT document FROM revisions WHERE id = ? AND revision = ? ORDER BY seq LIMIT 1", (advisory_id, revision)
+    ).fetchone()
     return _advisory(row[0]) if row else None
 
 
-def _insert(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
+def _answers(db: sqlite3.Connection, advisory_id: str) -> tuple[int, Acknowledgement | None]:
+    """How often an advisory was acknowledged, and the newest of it."""
+    row = db.execute("SELECT answers, acknowledgement FROM advisories WHERE id = ?", (advisory_id,)).fetchone()
+    count, newest = row or (0, None)
+    return count, Acknowledgement.model_validate_json(newest) if newest else None
+
+
+def _insert(db: sqlite3.Connection, advisory: AnyAdvisory, answers: int, at: datetime) -> None:
     db.execute(
-        "INSERT INTO revisions (seq, id, revision, document) VALUES (?, ?, ?, ?)",
-        (advisory.seq, advisory.id, advisory.revision, advisory.model_dump_json()),
+        "INSERT INTO revisions (seq, id, revision, answers, updated_s, document) VALUES (?, ?, ?, ?, ?, ?)",
+        (advisory.seq, advisory.id, advisory.revision, answers, at.timestamp(), advisory.model_dump_json()),
     )
     db.execute(
         """INSERT INTO advisories (id, revision, seq, open, updated_s, kind) VALUES (?, ?, ?, ?, ?, ?)
         ON CONFLICT (id) DO UPDATE SET
             revision = excluded.revision, seq = excluded.seq, open = excluded.open, updated_s = excluded.updated_s
-        WHERE excluded.revision > revision""",
+        WHERE excluded.revision >= revision""",
         (
             advisory.id,
             advisory.revision,

@@ -81,6 +81,11 @@ async def test_reading_is_not_answering(tmp_path: Path, people: tuple[Person, ..
         refused = await client.post("/advisories/advisory-1/any", headers=bearer(READER))
         assert (refused.status_code, "takes the role acknowledge" in refused.text) == (403, True)
         assert (await client.post("/advisories/advisory-1/any", headers=bearer(LEADER))).status_code in (404, 405)
+        await face.publish(made(1))
+        said = {"name": "Somebody Else", "reason": "called back"}
+        path = "/advisories/advisory-1/acknowledgement"
+        answered = (await client.post(path, json=said, headers=bearer(LEADER))).json()
+        assert answered["acknowledgement"]["name"] == "Ada"
         assert (await client.post("/anything", headers=bearer(LEADER))).status_code == 403
 
 

@@ -165,6 +165,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
     assert set(paths) == {
         "/advisories",
         "/advisories/{advisory_id}",
+        "/advisories/{advisory_id}/acknowledgement",
         "/robots",
         "/robots/{uuid}",
         "/quarantine",
@@ -173,7 +174,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/schema/advisory",
     }
     assert described["components"]["schemas"]["ConflictAdvisory"]["properties"]["severity"]
-    undocumented = [path for path in paths if not paths[path]["get"].get("description")]
+    undocumented = [path for path, methods in paths.items() if not all(one["description"] for one in methods.values())]
     assert not undocumented
 
 
@@ -190,6 +191,30 @@ async def test_the_index_lists_every_route_and_loads_nothing(client: httpx.Async
 async def test_the_api_page_names_every_route_and_close_code(client: httpx.AsyncClient) -> None:
     page = API_PAGE.read_text()
     paths = [*(await client.get("/openapi.json")).json()["paths"], "/advisories/stream", "/openapi.json"]
-    assert not [path for path in paths if f"`{path}`" not in page.replace("`GET ", "`")]
+    assert not [path for path in paths if f"`{path}`" not in page.replace("`GET ", "`").replace("`POST ", "`")]
     codes = (stream.BAD_AFTER, stream.AFTER_BEYOND_LAST, stream.STORE_FAILED)
     assert not [code for code in codes if f"`{code}`" not in page]
+
+
+async def test_an_acknowledgement_is_answered_with_the_advisory_and_listed_for_all(
+    face: Served, client: httpx.AsyncClient
+) -> None:
+    await face.publish(made(1))
+    path = "/advisories/advisory-1/acknowledgement"
+    answered = await client.post(path, json={"name": " Kim ", "reason": "A-7 is called back"})
+    assert answered.status_code == 201, answered.text
+    assert (answered.json()["seq"], answered.json()["acknowledgement"]["name"]) == (2, "Kim")
+    (listed,) = (await client.get("/advisories")).json()["advisories"]
+    assert listed == answered.json()
+
+
+@pytest.mark.parametrize("body", [{"name": "Kim", "reason": "  "}, {"reason": "called back"}, {"name": "Kim"}, {}])
+async def test_an_acknowledgement_says_who_and_why(face: Served, client: httpx.AsyncClient, body: Any) -> None:
+    await face.publish(made(1))
+    assert (await client.post("/advisories/advisory-1/acknowledgement", json=body)).status_code == 422
+    assert face.store.last_seq() == 1
+
+
+async def test_what_is_not_stored_is_not_acknowledged(client: httpx.AsyncClient) -> None:
+    answered = await client.post("/advisories/none/acknowledgement", json={"name": "Kim", "reason": "called back"})
+    assert answered.status_code == 404

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.publisher import STEP, TAIL_LENGTH, Line, Publisher
 from deconflict.store import Store, StoreError
 from ingest.measures import Measures
@@ -130,3 +130,16 @@ async def test_what_could_not_be_stored_is_not_made_known_and_counted(store: Sto
         await publisher.publish([made(2)])
     assert publisher.last_seq == 1
     assert measures.values["deconflict_store_failures_total"] == {(): 1}
+
+
+async def test_an_acknowledgement_follows_in_the_stream_with_the_next_number(store: Store) -> None:
+    publisher = Publisher(store, Measures())
+    await publisher.publish([made(1)])
+    answer = Acknowledgement(name="Kim", reason="called back", at=START)
+    assert await publisher.acknowledge("advisory-9", answer) is None
+    answered = await publisher.acknowledge("advisory-1", answer)
+    assert answered
+    await publisher.publish([made(2)])
+    lines = await publisher.after(0)
+    assert [line.seq for line in lines] == [1, 2, 3]
+    assert lines[1].text == answered.model_dump_json()

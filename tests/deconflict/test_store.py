@@ -8,7 +8,9 @@ from threading import Thread
 
 import pytest
 
-from deconflict.store import FILE_NAME, UPGRADES, Store, StoreError
+from deconflict.advisory import Acknowledgement
+from deconflict.formats import UPGRADES
+from deconflict.store import FILE_NAME, Store, StoreError
 from tests.deconflict.made_advisories import ROBOTS, START, cleared, deadlock, made
 
 ROOT = Path(__file__).parents[2]
@@ -263,3 +265,55 @@ def test_a_closed_store_is_an_explained_error(store: Store) -> None:
     store.close()
     with pytest.raises(StoreError, match="closed"):
         store.last_seq()
+
+
+def answer(name: str) -> Acknowledgement:
+    return Acknowledgement(name=name, reason="called back", at=START + timedelta(minutes=30))
+
+
+def test_an_acknowledgement_is_a_record_of_its_own_and_stays_with_the_advisory(store: Store) -> None:
+    store.append([made(1), made(2)])
+    first, second = store.acknowledge("advisory-1", answer("Kim")), store.acknowledge("advisory-1", answer("Ada"))
+    assert first
+    assert second
+    assert (first.seq, first.revision, second.seq, second.revision) == (3, 1, 4, 1)
+    store.append([made(1, 2)])
+    again = reopened(store)
+    names = [(one.seq, one.acknowledgement and one.acknowledgement.name) for one in again.get("advisory-1")]
+    assert names == [(1, None), (3, "Kim"), (4, "Ada"), (5, "Ada")]
+    assert {one.id: one.seq for one in again.open()} == {"advisory-1": 5, "advisory-2": 2}
+    assert [one.seq for one in again.append([made(1)])] == [1]
+    again.close()
+
+
+def test_what_is_not_stored_cannot_be_acknowledged(store: Store) -> None:
+    assert store.acknowledge("advisory-9", answer("Kim")) is None
+    assert store.last_seq() == 0
+
+
+def test_what_was_open_and_what_was_raised_at_a_time_in_the_past(store: Store) -> None:
+    store.append([made(1), made(2), made(1, 2), cleared(1, 3), made(3)])
+    store.acknowledge("advisory-2", answer("Kim"))
+    at_s = (START + timedelta(minutes=1, seconds=1)).timestamp()
+    assert [(one.id, one.revision) for one in store.open_at(at_s)] == [("advisory-1", 2)]
+    assert [one.id for one in store.open_at(at_s + 90)] == ["advisory-2"]
+    assert [one.id for one in store.raised(at_s - 60, at_s + 90)] == ["advisory-1", "advisory-2"]
+
+
+def test_a_file_of_the_second_format_keeps_its_numbers_and_never_gives_one_again(tmp_path: Path) -> None:
+    old = sqlite3.connect(tmp_path / FILE_NAME)
+    for statement in (one for step in UPGRADES[:2] for one in step):
+        old.execute(statement)
+    kept = made(2, seq=7)
+    old.execute("INSERT INTO revisions VALUES (9, 'pruned', 1, '{}')")
+    old.execute("DELETE FROM revisions")
+    old.execute("INSERT INTO revisions VALUES (7, ?, 1, ?)", (kept.id, kept.model_dump_json()))
+    old.execute("INSERT INTO advisories VALUES (?, 1, 7, 1, 0.0, 'conflict')", (kept.id,))
+    old.execute("PRAGMA user_version = 2")
+    old.commit()
+    old.close()
+    store = Store(tmp_path)
+    assert store.open() == [kept]
+    assert store.open_at(kept.updated_at.timestamp() + 1) == [kept]
+    assert [one.seq for one in store.append([made(3)])] == [10]
+    store.close()
