@@ -64,6 +64,13 @@ _REJECTING = (
         rejects=True,
         alone=False,
     ),
+    Rule(
+        "robots-too-many",
+        "A new UUID beyond the robots that the site allows a vendor.",
+        "2.13",
+        rejects=True,
+        alone=False,
+    ),
     Rule("message-too-large", "Larger than the receiver's limit.", "6.1", rejects=True, alone=False),
 )
 _WHO = (

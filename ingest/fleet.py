@@ -4,7 +4,7 @@ Pure: `receive` takes a message and when it arrived, `cut` takes the time of a t
 order give the same batches, whether they come from sockets or from a recording.
 """
 
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import chain
@@ -79,6 +79,7 @@ class Fleet:
         self._changed: dict[str, None] = {}
         self._floors: dict[str, int] = {}
         self._speaking: dict[int, set[str]] = {}
+        self._of_vendor: Counter[str] = Counter()
 
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         """Take one message; the code of the rule that rejected it, or None where it was accepted."""
@@ -96,9 +97,13 @@ class Fleet:
             reason = f"robot {message.uuid} is {owner}'s; that vendor may report it, or the site file name another"
             self.refuse("uuid-of-another-vendor", reason, raw, arrival_s, connection)
             return "uuid-of-another-vendor"
+        if message.uuid not in self.robots and self._is_full(self._vendor_of(message.uuid, connection)):
+            reason = "the vendor has as many robots as reading.max_robots_per_vendor allows; keep each robot's UUID"
+            self.refuse("robots-too-many", reason, raw, arrival_s, connection)
+            return "robots-too-many"
         robot = self.robots.get(message.uuid) or self._admit(message.uuid, connection)
         if connection.vendor and not robot.owned:
-            robot.vendor = self.vendors.of_robot(robot.uuid) or connection.vendor
+            self._settle(robot, self.vendors.of_robot(robot.uuid) or connection.vendor)
         robot.owned = robot.owned or isinstance(message, Identity) or connection.vendor is not None
         if isinstance(message, Identity):
             findings = self._identify(robot, message, raw, arrival_s, connection)
@@ -211,18 +216,24 @@ class Fleet:
     def _admit(self, uuid: str, connection: Connection) -> Robot:
         robot = Robot(uuid, self._vendor_of(uuid, connection), SenderClock(self.reading.clock_tolerance_s))
         self.robots[uuid] = robot
+        self._of_vendor[robot.vendor] += 1
         return robot
+
+    def _is_full(self, vendor: str) -> bool:
+        return self._of_vendor[vendor] >= self.reading.max_robots_per_vendor
+
+    def _settle(self, robot: Robot, vendor: str) -> None:
+        self._of_vendor[robot.vendor] -= 1
+        self._of_vendor[vendor] += 1
+        robot.vendor = vendor
 
     def _identify(
         self, robot: Robot, identity: Identity, raw: bytes, arrival_s: float, connection: Connection
     ) -> tuple[str, ...]:
         before = robot.identity
         robot.identity, robot.identity_raw = identity, raw
-        robot.vendor = (
-            self.vendors.of_robot(robot.uuid)
-            or connection.vendor
-            or self.vendors.of_manufacturer(identity.manufacturer)
-        )
+        vendor = self.vendors.of_robot(robot.uuid) or connection.vendor
+        self._settle(robot, vendor or self.vendors.of_manufacturer(identity.manufacturer))
         if isnan(robot.arrival_s):
             robot.arrival_s = arrival_s
         if robot.seen:
@@ -307,7 +318,9 @@ class Fleet:
                 break
             gone.append(uuid)
         for uuid in gone:
-            self.measures.count("deconflict_robots_forgotten_total", self.robots.pop(uuid).vendor)
+            vendor = self.robots.pop(uuid).vendor
+            self._of_vendor[vendor] -= 1
+            self.measures.count("deconflict_robots_forgotten_total", vendor)
             self._changed.pop(uuid, None)
         return tuple(gone)
 

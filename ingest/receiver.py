@@ -29,6 +29,8 @@ from ingest.connection import Connection
 from ingest.credentials import Credentials, Refusal
 from ingest.measures import Measures
 from ingest.settings import Receiver as Settings
+from ingest.shares import Arrived, Shares
+from ingest.vendors import UNKNOWN
 
 Deliver = Callable[[bytes, float, Connection], None]
 Refuse = Callable[[str, str, float, Connection], None]
@@ -39,6 +41,7 @@ SPARE_FILES = 200
 HANDSHAKE_FILES = 80
 """Of those, descriptors for connections that are yet to be admitted or refused. An accept takes up to 100 at once."""
 IDLE_CHECK_S = 5.0
+DRAIN_EVERY_S = 0.02
 CLOSE_TIMEOUT_S = 2.0
 """How long a peer may take to answer a close."""
 KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 6}
@@ -88,6 +91,8 @@ class Receiver:
         self._reaper: asyncio.Task[None] | None = None
         self._closing: set[asyncio.Task[None]] = set()
         self._limit = settings.max_connections
+        self._shares = Shares(settings.max_messages_per_s)
+        self._draining: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
         """Open the port. Raises `OSError` where it can't be had."""
@@ -128,6 +133,9 @@ class Receiver:
         if self._reaper:
             self._reaper.cancel()
             await asyncio.gather(self._reaper, return_exceptions=True)
+        if self._draining:
+            self._draining.cancel()
+            await asyncio.gather(self._draining, return_exceptions=True)
         if self._server:
             self._server.close()
             await asyncio.gather(*self._closing, *(line.socket.close() for line in self._all_lines()))
@@ -145,13 +153,29 @@ class Receiver:
         try:
             while True:
                 raw = await socket.recv(decode=False)
-                self._deliver(raw, self._clock(), connection)
+                self._take(Arrived(raw, self._clock(), connection), now_s())
                 line.heard_s = now_s()
         except ConnectionClosed as ended:
             self._ended(ended, connection)
         finally:
             self._leave(connection)
             self._closed(connection)
+
+    def _take(self, one: Arrived, now_s: float) -> None:
+        """Deliver a message now, or when its sender's share allows."""
+        at_once, shed = self._shares.admit(one.connection.vendor or one.connection.peer, one, now_s)
+        if at_once:
+            self._deliver(*one)
+        elif self._draining is None or self._draining.done():
+            self._draining = asyncio.create_task(self._drain())
+        if shed:
+            self._measures.count("deconflict_messages_shed_total", one.connection.vendor or UNKNOWN)
+
+    async def _drain(self) -> None:
+        while self._shares.waiting:
+            await asyncio.sleep(DRAIN_EVERY_S)
+            for one in self._shares.due(asyncio.get_running_loop().time()):
+                self._deliver(*one)
 
     def _enter(self, line: Line) -> None:
         _keep_alive(line.socket)

@@ -143,6 +143,8 @@ class Receiver(Section):
     """Most connections at once; fewer where the limit of open files is lower."""
     max_connections_per_peer: Annotated[int, Field(gt=0)] = 10000
     """The same for one address; a sender that never closes its connections is stopped here."""
+    max_messages_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 5000.0
+    """A vendor's share, of messages a second; where nothing says whose a connection is, that of its address."""
     tls: Tls | None = None
     """Serve `wss://` with these certificates; plain `ws://` if absent."""
     dial_backoff_s: tuple[Seconds, Seconds] = (0.5, 30.0)
@@ -175,6 +177,8 @@ class Reading(Section):
     """And for this long, silent."""
     forget_after_s: Seconds = 86400.0
     """A robot silent for this long leaves the floor, logged and counted; until then it is an obstacle."""
+    max_robots_per_vendor: Annotated[int, Field(gt=0)] = 20000
+    """A sender that makes up UUIDs is stopped here; those it has already stay until they are forgotten."""
     clock_tolerance_s: Seconds = 0.25
     """A sender whose clock seems off by less is taken to be right and its messages to be delayed."""
     lost_doubt_m: Metres = 1.0

@@ -58,6 +58,9 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_forecast_age_seconds": Entry(
         "gauge", ("vendor",), "Age of the poses that forecasts rest on, median of the vendor's robots.", "largest"
     ),
+    "deconflict_messages_shed_total": Entry(
+        "counter", ("vendor",), "Messages beyond the vendor's share, overtaken by newer ones before they were read."
+    ),
     "deconflict_statuses_superseded_total": Entry(
         "counter", ("vendor",), "Status messages replaced by a newer one before the engine read them."
     ),

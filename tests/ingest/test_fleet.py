@@ -100,6 +100,17 @@ def test_a_robot_that_its_vendor_spoke_for_is_refused_from_another() -> None:
     assert one.receive(status("A-1", NOW_S + 2, 5.0), NOW_S + 2, alder) is None
 
 
+def test_made_up_uuids_are_bounded_and_another_vendors_robots_still_come() -> None:
+    one = fleet(Vendor(name="Alder"), Vendor(name="Basalt"), max_robots_per_vendor=3, forget_after_s=100.0)
+    alder = Connection(1, vendor="Alder")
+    told = [one.receive(status(f"A-{i}", NOW_S), NOW_S, alder) for i in range(5)]
+    assert told == [None, None, None, "robots-too-many", "robots-too-many"]
+    assert one.receive(status("A-1", NOW_S + 1), NOW_S + 1, alder) is None
+    assert one.receive(status("B-1", NOW_S), NOW_S, Connection(2, vendor="Basalt")) is None
+    one.cut(NOW_S + 101)
+    assert one.receive(status("A-9", NOW_S + 102), NOW_S + 102, alder) is None
+
+
 def test_a_robot_that_identified_itself_cannot_become_another_makers() -> None:
     one = fleet()
     one.receive(identity("A-1", NOW_S), NOW_S, LINE)

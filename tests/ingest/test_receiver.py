@@ -21,6 +21,7 @@ from ingest.measures import Measures
 from ingest.receiver import Receiver
 from ingest.settings import Receiver as Settings
 from ingest.settings import Vendor
+from tests.saying import status
 
 REFUSED = "deconflict_connections_refused_total"
 HANDSHAKE = (
@@ -349,3 +350,22 @@ async def test_a_vendors_token_lets_it_in_and_nobody_else(monkeypatch: pytest.Mo
                 await connect(one.url + path, additional_headers=headers)
             assert refused.value.response.status_code == status
         assert (one.count("unauthorised"), one.count("another-vendor")) == (2, 1)
+
+
+async def test_a_flood_delays_only_its_own_vendor_and_what_is_shed_is_counted() -> None:
+    vendors = (Vendor(name="Alder"), Vendor(name="Basalt"))
+    async with (
+        floor(vendors, max_messages_per_s=20) as one,
+        connect(one.url + "/Alder") as flooding,
+        connect(one.url + "/Basalt") as calm,
+    ):
+        for i in range(2000):
+            await flooding.send(status(f"A-{i % 5}", i))
+        await calm.send(b"calm")
+        await until(lambda: b"calm" in one.raws())
+        newest = {status(f"A-{i % 5}", i) for i in range(1995, 2000)}
+        await until(lambda: newest <= set(one.raws()))
+        (shed,) = one.measures.values["deconflict_messages_shed_total"].items()
+        assert shed[0] == ("Alder",)
+        assert shed[1] + len(one.delivered) == 2001
+        assert len(one.delivered) < 200
