@@ -17,6 +17,7 @@ from deconflict.service import Supervisor, run_role, runtime_directory
 from deconflict.simulation.senders import simulate
 from ingest.certificates import CertificateError
 from ingest.tokens import SecretError
+from metrics import dashboards
 from metrics.exposition import render
 from metrics.replay import advisory_lines, replay
 
@@ -69,6 +70,10 @@ def parser() -> argparse.ArgumentParser:
     describe = commands.add_parser("schema", help="print a JSON Schema")
     describe.add_argument("name", choices=sorted(schema.SCHEMAS))
     describe.set_defaults(run=_schema)
+
+    boards = commands.add_parser("dashboards", help="write Grafana dashboards and Prometheus rules")
+    boards.add_argument("folder", type=Path, metavar="DIR")
+    boards.set_defaults(run=_dashboards)
 
     role = commands.add_parser("role")
     role.add_argument("name")
@@ -170,6 +175,12 @@ def _replay(args: argparse.Namespace) -> int:
 
 def _schema(args: argparse.Namespace) -> int:
     sys.stdout.write(json.dumps(schema.SCHEMAS[args.name](), indent=2) + "\n")
+    return 0
+
+
+def _dashboards(args: argparse.Namespace) -> int:
+    for path in dashboards.write(args.folder):
+        sys.stdout.write(f"{path}\n")
     return 0
 
 

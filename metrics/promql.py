@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
+from ingest.measures import LATENCY_BOUNDS_S
 from metrics.exposition import CATALOGUE, Entry
 
 Where = Mapping[str, str]
@@ -35,6 +36,8 @@ def quantile(share: float, name: str, window: str, by: Iterable[str] = ()) -> st
 
 def share_within(bound_s: float, name: str, window: str, by: Iterable[str] = ()) -> str:
     """Share of a histogram's observations that are not above one of its bounds."""
+    if bound_s not in LATENCY_BOUNDS_S:
+        raise UnknownSeriesError(f"{name} has no bound at {bound_s}")
     within = _series(name, "histogram", by, None, "_bucket") + f'{{le="{bound_s}"}}'
     every = _series(name, "histogram", by, None, "_count")
     return f"sum{_by(by)} (rate({within}[{window}])) / sum{_by(by)} (rate({every}[{window}]))"
