@@ -7,6 +7,7 @@ import logging
 import signal
 import sys
 import threading
+from contextlib import ExitStack
 from importlib.metadata import version
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from ingest.certificates import CertificateError
 from ingest.tokens import SecretError
 from metrics import dashboards
 from metrics.exposition import render
-from metrics.replay import advisory_lines, replay
+from metrics.replay import replay
 
 FAILED, MISUSED = 1, 2
 
@@ -161,15 +162,16 @@ def _simulate(args: argparse.Namespace) -> int:
 
 def _replay(args: argparse.Namespace) -> int:
     settings = site.load(args.site) if args.site else site.DEFAULT
-    result, runs = replay(args.logs, settings, args.clearance or [settings.conflict.clearance_m])
+    clearances_m = args.clearance or [settings.conflict.clearance_m]
+    with ExitStack() as files:
+        lines = files.enter_context(args.advisories.open("w")) if args.advisories else None
+        tell = (lambda line: lines.write(json.dumps(line) + "\n")) if lines else None
+        result = replay(args.logs, settings, clearances_m, tell)
     text = json.dumps(result, indent=2) + "\n"
     if args.json:
         args.json.write_text(text)
     else:
         sys.stdout.write(text)
-    if args.advisories:
-        with args.advisories.open("w") as out:
-            out.writelines(f"{json.dumps(line)}\n" for line in advisory_lines(runs))
     return 0
 
 

@@ -66,6 +66,10 @@ class Engine:
         self._measure(conflicts, revisions)
         return revisions
 
+    def probabilities(self) -> list[tuple[Pair, float]]:
+        """The standing probability of each pair under watch for which one is published, right after `step`."""
+        return [(one.robots, one.probability) for one in self._lives.open() if one.probability is not None]
+
     def _sweep_again(self, uuids: set[str]) -> None:
         keys = [uuid for uuid in sorted(uuids) if uuid in self.live.robots]
         if not keys:

@@ -1,23 +1,29 @@
 """A recorded log through the engine that the live service uses, and what became of its advisories."""
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from math import floor, inf
 from pathlib import Path
 from typing import Any
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.engine import Engine
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
 from ingest.fleet import Fleet
 from ingest.measures import Measures
 from ingest.playback import EngineStarted, Event, Reader, Received, Tick
-from metrics.scoring import Alert, score
-from metrics.truth import Report, Truth
+from ingest.seam import Batch
+from metrics.calibration import SETTLED_S, Calibration
+from metrics.scoring import Alert, Presence, score
+from metrics.truth import Pair, Truth
 
 TICK_S = 0.25
 """Between passes over a log that has no ticks of its own."""
+
+Line = dict[str, Any]
+Tell = Callable[[Line], None]
 
 
 def with_ticks(events: Iterable[Event]) -> Iterator[Event]:
@@ -35,6 +41,17 @@ def with_ticks(events: Iterable[Event]) -> Iterator[Event]:
         yield event
 
 
+@dataclass(slots=True)
+class Told:
+    """One advisory so far: what scoring needs of its revisions."""
+
+    pair: Pair
+    vendors: tuple[str, str]
+    raised_s: float
+    predicted_s: float
+    cleared_s: float = inf
+
+
 class Run:
     """One clearance's engine over one log."""
 
@@ -42,88 +59,129 @@ class Run:
         conflict = site.conflict.model_copy(update={"clearance_m": clearance_m})
         self.clearance_m = clearance_m
         self.engine = Engine(site.model_copy(update={"conflict": conflict}))
-        self.alerts: dict[str, list[ConflictAdvisory]] = {}
+        self.calibration = Calibration(clearance_m)
+        self.told: dict[str, Told] = {}
+        """By advisory."""
 
-    def take(self, revisions: Iterable[AnyAdvisory]) -> None:
+    def step(self, batch: Batch, now_s: float) -> list[ConflictAdvisory]:
+        """One pass; what it has to say of conflicts."""
+        self.engine.receive(batch)
+        revisions = [one for one in self.engine.step(now_s) if isinstance(one, ConflictAdvisory)]
         for one in revisions:
-            if isinstance(one, ConflictAdvisory):
-                self.alerts.setdefault(one.id, []).append(one)
+            self._take(one)
+        self.calibration.sample(now_s, self.engine.probabilities())
+        return revisions
+
+    def alerts(self, truth: Truth) -> Iterator[Alert]:
+        for one in self.told.values():
+            left_s = min(truth.motion.last_seen_s(robot) for robot in one.pair)
+            yield Alert(one.pair, one.vendors, one.raised_s, one.cleared_s, one.predicted_s, left_s)
+
+    def _take(self, one: ConflictAdvisory) -> None:
+        predicted_s = one.predicted_at.timestamp()
+        told = self.told.get(one.id)
+        if told is None:
+            told = self.told[one.id] = Told(one.robots, one.vendors, one.raised_at.timestamp(), predicted_s)
+        if one.time_to_conflict_s > 0:
+            told.predicted_s = predicted_s
+        if one.state is AdvisoryState.CLEARED:
+            told.cleared_s = one.updated_at.timestamp()
 
 
-def replay(logs: Iterable[Path], site: Site, clearances_m: Iterable[float]) -> tuple[dict[str, Any], list[Run]]:
-    """Scores of every clearance, and the runs that they come from."""
-    runs = [Run(site, clearance_m) for clearance_m in clearances_m]
-    fleet, reader = fleet_of(site, Measures()), Reader()
-    truth = Truth([run.clearance_m for run in runs])
-    messages, first_s, last_s, began = 0, inf, -inf, time.perf_counter()
-    everything = False
-    for event in with_ticks(reader.read(logs)):
+class Replay:
+    """One log through one fleet and an engine for each clearance."""
+
+    def __init__(self, site: Site, clearances_m: Iterable[float], tell: Tell | None = None) -> None:
+        self.runs = [Run(site, clearance_m) for clearance_m in clearances_m]
+        self.fleet: Fleet = fleet_of(site, Measures())
+        self.truth = Truth([run.clearance_m for run in self.runs])
+        self.vendor_of: dict[str, str] = {}
+        """By robot that has said where it is."""
+        self.messages = 0
+        self.first_s, self.last_s = inf, -inf
+        self._tell = tell
+        self._everything = False
+
+    def take(self, event: Event) -> None:
         if isinstance(event, Received):
-            messages += 1
-            first_s, last_s = min(first_s, event.arrival_s), max(last_s, event.arrival_s)
+            self.messages += 1
+            self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
             if not event.refused:
-                fleet.receive(event.raw, event.arrival_s, event.connection)
+                self.fleet.receive(event.raw, event.arrival_s, event.connection)
         elif isinstance(event, EngineStarted):
-            everything = True
+            self._everything = True
         elif isinstance(event, Tick):
-            batch = fleet.cut(event.now_s, everything)
-            everything = False
-            _tell_truth(truth, fleet, batch.robots)
-            truth.advance(event.now_s)
-            for run in runs:
-                run.engine.receive(batch)
-                run.take(run.engine.step(event.now_s))
-    truth.finish()
-    took_s = time.perf_counter() - began
-    span_s = max(last_s - first_s, 0.0)
-    result = {
-        "messages": messages,
-        "unreadable_lines": reader.unreadable,
-        "robots": len(fleet.documents(last_s)),
-        "span_s": span_s,
-        "speed_x_real_time": span_s / took_s,
-        "scores": [
-            score(truth.encounters(run.clearance_m), list(_alerts(run, truth)), run.clearance_m) for run in runs
-        ],
-    }
-    return result, runs
+            self._pass(event.now_s)
 
+    def finish(self) -> None:
+        """Look at what is left of what happened."""
+        self.truth.finish()
+        self._resolve()
 
-def advisory_lines(runs: Iterable[Run]) -> Iterator[dict[str, Any]]:
-    """Every revision of every run as an event, by time."""
-    revisions = [one for run in runs for told in run.alerts.values() for one in told]
-    for one in sorted(revisions, key=lambda each: (each.updated_at, each.clearance_m, each.id)):
-        yield {
-            "event": one.state.value,
-            "at": one.updated_at.isoformat(),
-            "id": one.id,
-            "robots": list(one.robots),
-            "clearance_m": one.clearance_m,
-            "severity": one.severity.value,
-            "time_to_conflict_s": one.time_to_conflict_s,
-            "min_separation_m": one.min_separation_m,
+    def result(self) -> dict[str, Any]:
+        """What the log held, and the scores of every clearance."""
+        presence = Presence(self.vendor_of, self.truth.motion.present_s())
+        return {
+            "messages": self.messages,
+            "robots": len(self.vendor_of),
+            "span_s": max(self.last_s - self.first_s, 0.0),
+            "scores": [self._score(run, presence) for run in self.runs],
         }
 
+    def _pass(self, now_s: float) -> None:
+        batch = self.fleet.cut(now_s, self._everything)
+        self._everything = False
+        self.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
+        self.truth.report(batch.robots, batch.forecasts)
+        revisions = [one for run in self.runs for one in run.step(batch, now_s)]
+        if self._tell:
+            for one in sorted(revisions, key=lambda each: (each.clearance_m, each.id)):
+                self._tell(advisory_line(one))
+        looked_until_s = self.truth.until_s
+        self.truth.advance(now_s)
+        if self.truth.until_s > looked_until_s:
+            self._resolve()
 
-def _tell_truth(truth: Truth, fleet: Fleet, robots: Iterable[str]) -> None:
-    for uuid in robots:
-        forecast = fleet.robots[uuid].forecast
-        if forecast:
-            t_s, x_m, y_m, yaw_rad = forecast.knots[0]
-            report = Report(t_s, forecast.floors[0], x_m, y_m, yaw_rad, forecast.length_m, forecast.width_m)
-            truth.report(uuid, report)
+    def _resolve(self) -> None:
+        for run in self.runs:
+            run.calibration.resolve(self.truth, self.vendor_of)
 
-
-def _alerts(run: Run, truth: Truth) -> Iterator[Alert]:
-    for revisions in run.alerts.values():
-        first, last = revisions[0], revisions[-1]
-        cleared_s = last.updated_at.timestamp() if last.state is AdvisoryState.CLEARED else inf
-        ahead = [one for one in revisions if one.time_to_conflict_s > 0] or [first]
-        yield Alert(
-            first.robots,
-            first.vendors,
-            first.raised_at.timestamp(),
-            cleared_s,
-            ahead[-1].predicted_at.timestamp(),
-            min(truth.last_seen_s(robot) for robot in first.robots),
+    def _score(self, run: Run, presence: Presence) -> dict[str, Any]:
+        figures = score(
+            self.truth.encounters(run.clearance_m),
+            list(run.alerts(self.truth)),
+            run.clearance_m,
+            presence,
+            run.calibration.by_vendors,
         )
+        return figures | {"settled": {"after_s": SETTLED_S, **run.calibration.settled.figures()}}
+
+
+def replay(logs: Iterable[Path], site: Site, clearances_m: Iterable[float], tell: Tell | None = None) -> dict[str, Any]:
+    """Scores of every clearance; `tell` is called with what the live stream would have said, as it is said.
+
+    `speed_x_real_time` is the one value that differs from run to run.
+    """
+    reader, run = Reader(), Replay(site, clearances_m, tell)
+    began = time.perf_counter()
+    for event in with_ticks(reader.read(logs)):
+        run.take(event)
+    run.finish()
+    result = run.result()
+    speed = result["span_s"] / (time.perf_counter() - began)
+    return {"speed_x_real_time": speed, "unreadable_lines": reader.unreadable, **result}
+
+
+def advisory_line(one: ConflictAdvisory) -> Line:
+    """One revision as an event."""
+    return {
+        "event": one.state.value,
+        "at": one.updated_at.isoformat(),
+        "id": one.id,
+        "robots": list(one.robots),
+        "clearance_m": one.clearance_m,
+        "probability": one.probability,
+        "severity": one.severity.value,
+        "time_to_conflict_s": one.time_to_conflict_s,
+        "min_separation_m": one.min_separation_m,
+    }

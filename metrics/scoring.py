@@ -4,13 +4,17 @@ An alert is one advisory of one pair, from raised to cleared, looked at in whole
 already in an encounter are left out, and an alert without any other second is not scored.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from math import ceil
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations_with_replacement
+from math import ceil, nan
 from typing import Any
 
 import numpy as np
 
+from ingest.seam import Floats
+from metrics.bootstrap import interval
+from metrics.calibration import Tally, Vendors
 from metrics.truth import Encounter, Pair
 
 HORIZON_S = 10.0
@@ -34,42 +38,161 @@ class Alert:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """What became of one alert: `True` for a true one, `None` for one that can't be told."""
+class Presence:
+    """Who was on the floor, and for how long."""
 
-    alert: Alert
-    true: bool | None
+    vendor_of: Mapping[str, str] = field(default_factory=dict)
+    """By robot."""
+    present_s: Mapping[str, float] = field(default_factory=dict)
+    """By robot."""
+
+    def vendors(self, pair: Pair) -> Vendors:
+        a, b = (self.vendor_of.get(robot, "unknown") for robot in pair)
+        return min(a, b), max(a, b)
+
+    def hours(self, vendors: Iterable[str] | None = None) -> float:
+        """Robot-hours of these vendors, or of all."""
+        counted = None if vendors is None else set(vendors)
+        times = (s for robot, s in self.present_s.items() if counted is None or self.vendor_of.get(robot) in counted)
+        return sum(times) / 3600
 
 
-def score(encounters: Sequence[Encounter], alerts: Sequence[Alert], clearance_m: float) -> dict[str, Any]:
-    """The figures of one clearance; a share over nothing is None."""
+@dataclass(slots=True)
+class Cases:
+    """What became of each foreseeable encounter and of each alert, in the order they began."""
+
+    encounters: int
+    met: Floats
+    """(n, 4) for each foreseeable one: recalled, recalled at any time (1 or 0), lead time and start error in seconds,
+    nan where no alert stood."""
+    alerts: Floats
+    """(m,) 1 for one that came true, 0 for a nuisance, nan for one that can't be told."""
+    tally: Tally = field(default_factory=Tally)
+
+
+_MEASURED: dict[str, Callable[[Floats], float | None]] = {
+    "recall": lambda met: _mean(met[:, 0]),
+    "recall_any": lambda met: _mean(met[:, 1]),
+    "lead_time_s": lambda met: _median(met[:, 2]),
+    "start_error_s": lambda met: _median(met[:, 3]),
+}
+
+
+def score(
+    encounters: Sequence[Encounter],
+    alerts: Sequence[Alert],
+    clearance_m: float,
+    presence: Presence | None = None,
+    tallies: Mapping[Vendors, Tally] | None = None,
+) -> dict[str, Any]:
+    """The figures of one clearance, in all, by vendor and by pair of vendors; a share over nothing is None.
+
+    `tallies` are those of the probabilities, by pair of vendors in ascending order.
+    """
+    there = presence or Presence()
+    by_vendors = _split(encounters, alerts, there)
+    for vendors, tally in (tallies or {}).items():
+        by_vendors.setdefault(vendors, _cases([], [])).tally = tally
+    whole = _cases(encounters, alerts)
+    whole.tally = Tally.joined((tallies or {}).values())
+    names = sorted(set(there.vendor_of.values()))
+    return {
+        "clearance_m": clearance_m,
+        **_figures(whole, there.hours()),
+        "intervals": _intervals(whole),
+        "by_vendor": [{"vendor": name, **_figures(_joined(by_vendors, [name]), there.hours([name]))} for name in names],
+        "by_vendor_pair": [
+            {"vendors": list(pair), **_figures(by_vendors[pair], there.hours(pair))}
+            for pair in combinations_with_replacement(names, 2)
+            if pair in by_vendors
+        ],
+        "cases": _listed(whole),
+    }
+
+
+def _split(encounters: Sequence[Encounter], alerts: Sequence[Alert], there: Presence) -> dict[Vendors, Cases]:
+    """The cases of each pair of vendors."""
+    parts: dict[Vendors, tuple[list[Encounter], list[Alert]]] = {}
+    for one in encounters:
+        parts.setdefault(there.vendors(one.pair), ([], []))[0].append(one)
+    for alert in alerts:
+        parts.setdefault(there.vendors(alert.pair), ([], []))[1].append(alert)
+    return {vendors: _cases(*part) for vendors, part in parts.items()}
+
+
+def _joined(by_vendors: Mapping[Vendors, Cases], names: Sequence[str]) -> Cases:
+    """The cases in which a robot of any of these vendors took part."""
+    parts = [cases for vendors, cases in by_vendors.items() if not set(vendors).isdisjoint(names)]
+    return Cases(
+        sum(part.encounters for part in parts),
+        np.concatenate([np.empty((0, 4)), *(part.met for part in parts)]),
+        np.concatenate([np.empty(0), *(part.alerts for part in parts)]),
+        Tally.joined(part.tally for part in parts),
+    )
+
+
+def _cases(encounters: Sequence[Encounter], alerts: Sequence[Alert]) -> Cases:
     by_pair: dict[Pair, list[Encounter]] = {}
     for one in encounters:
         by_pair.setdefault(one.pair, []).append(one)
     alerts_of: dict[Pair, list[Alert]] = {}
     for alert in alerts:
         alerts_of.setdefault(alert.pair, []).append(alert)
-    foreseeable = [one for one in encounters if one.foreseeable]
-    stood = [_standing(one, alerts_of.get(one.pair, []), STANDING_S) for one in foreseeable]
-    outcomes = [_outcome(alert, by_pair.get(alert.pair, [])) for alert in alerts]
-    scored = [one for one in outcomes if one is not None]
-    told = [one for one in scored if one.true is not None]
-    met = [(one, alert) for one, alert in zip(foreseeable, stood, strict=True) if alert]
-    leads = [one.start_s - ceil(alert.raised_s) for one, alert in met]
+    met = [_met(one, alerts_of.get(one.pair, [])) for one in encounters if one.foreseeable]
+    ordered = sorted(alerts, key=lambda alert: (alert.raised_s, alert.pair))
+    outcomes = [_outcome(alert, by_pair.get(alert.pair, [])) for alert in ordered]
+    told = [one for one in outcomes if one is not None]
+    return Cases(len(encounters), np.array(met, np.float64).reshape(-1, 4), np.array(told, np.float64))
+
+
+def _met(encounter: Encounter, alerts: Sequence[Alert]) -> tuple[float, float, float, float]:
+    stood = _standing(encounter, alerts, STANDING_S)
+    at_any_time = _standing(encounter, alerts, HORIZON_S) is not None
+    if stood is None:
+        return 0.0, float(at_any_time), nan, nan
+    start_s = encounter.start_s
+    return 1.0, float(at_any_time), start_s - ceil(stood.raised_s), abs(stood.predicted_s - start_s)
+
+
+def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
+    told = cases.alerts[~np.isnan(cases.alerts)]
+    precision = _mean(told)
     return {
-        "clearance_m": clearance_m,
-        "encounters": len(encounters),
-        "foreseeable": len(foreseeable),
-        "recall": _share(len(met), len(foreseeable)),
-        "recall_any": _share(
-            sum(_standing(one, alerts_of.get(one.pair, []), HORIZON_S) is not None for one in foreseeable),
-            len(foreseeable),
-        ),
+        "encounters": cases.encounters,
+        "foreseeable": len(cases.met),
+        "recall": _MEASURED["recall"](cases.met),
+        "recall_any": _MEASURED["recall_any"](cases.met),
         "alerts": len(told),
-        "censored": len(scored) - len(told),
-        "precision": _share(sum(one.true is True for one in told), len(told)),
-        "lead_time_s": _spread(leads),
-        "start_error_s": _median([abs(alert.predicted_s - one.start_s) for one, alert in met]),
+        "censored": len(cases.alerts) - len(told),
+        "precision": precision,
+        "nuisance_rate": None if precision is None else 1 - precision,
+        "robot_hours": robot_hours,
+        "alerts_per_robot_hour": len(cases.alerts) / robot_hours if robot_hours else None,
+        "lead_time_s": _spread(cases.met[:, 2]),
+        "start_error_s": _MEASURED["start_error_s"](cases.met),
+        **cases.tally.figures(),
+    }
+
+
+def _intervals(cases: Cases) -> dict[str, Any]:
+    """The middle 95 % of each figure over encounters, alerts or groups of pairs drawn again."""
+    told = cases.alerts[~np.isnan(cases.alerts)]
+    return {
+        **{name: interval(cases.met, figure) for name, figure in _MEASURED.items()},
+        "precision": interval(told, _mean),
+        **cases.tally.intervals(),
+    }
+
+
+def _listed(cases: Cases) -> dict[str, Any]:
+    """Every case in short, for comparisons: a letter or a number each, in the order they began."""
+    return {
+        "recalled": "".join("ny"[int(value)] for value in cases.met[:, 0]),
+        "recalled_any": "".join("ny"[int(value)] for value in cases.met[:, 1]),
+        "lead_time_s": " ".join("-" if np.isnan(value) else f"{value:.1f}" for value in cases.met[:, 2]),
+        "start_error_s": " ".join("-" if np.isnan(value) else f"{value:.1f}" for value in cases.met[:, 3]),
+        "came_true": "".join("-" if np.isnan(value) else "ny"[int(value)] for value in cases.alerts),
+        "probabilities": [[round(value, 6) for value in row] for row in cases.tally.groups.T.tolist() if row[0]],
     }
 
 
@@ -80,8 +203,8 @@ def _standing(encounter: Encounter, alerts: Sequence[Alert], before_s: float) ->
     return min(standing, key=lambda one: one.raised_s, default=None)
 
 
-def _outcome(alert: Alert, encounters: Sequence[Encounter]) -> Outcome | None:
-    """None for an alert that has no second outside an encounter."""
+def _outcome(alert: Alert, encounters: Sequence[Encounter]) -> float | None:
+    """1 for a true alert, 0 for a nuisance, nan for one that can't be told; None for one within encounters alone."""
     end_s = min(alert.cleared_s, alert.left_s + HORIZON_S)
     seconds = np.arange(ceil(alert.raised_s), max(ceil(end_s), ceil(alert.raised_s) + 1), dtype=np.float64)
     for one in encounters:
@@ -90,20 +213,22 @@ def _outcome(alert: Alert, encounters: Sequence[Encounter]) -> Outcome | None:
         return None
     followed = any(bool(np.any((one.start_s >= seconds) & (one.start_s <= seconds + HORIZON_S))) for one in encounters)
     if followed:
-        return Outcome(alert, True)
-    return Outcome(alert, None if alert.left_s < alert.predicted_s else False)
+        return 1.0
+    return nan if alert.left_s < alert.predicted_s else 0.0
 
 
-def _share(part: int, whole: int) -> float | None:
-    return part / whole if whole else None
+def _mean(values: Floats) -> float | None:
+    return float(values.mean()) if len(values) else None
 
 
-def _median(values: Sequence[float]) -> float | None:
-    return float(np.median(values)) if values else None
+def _median(values: Floats) -> float | None:
+    known = values[~np.isnan(values)]
+    return float(np.median(known)) if len(known) else None
 
 
-def _spread(values: Sequence[float]) -> dict[str, float] | None:
-    if not values:
+def _spread(values: Floats) -> dict[str, float] | None:
+    known = values[~np.isnan(values)]
+    if not len(known):
         return None
-    p10, median, p90 = np.percentile(values, (10, 50, 90))
+    p10, median, p90 = np.percentile(known, (10, 50, 90))
     return {"median": float(median), "p10": float(p10), "p90": float(p90)}

@@ -6,40 +6,30 @@ threshold; two runs are one where the gap is at most 1 s or the pair never drew 
 foreseeable where both robots were present for at least 2 s before its start.
 """
 
-from collections import deque
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import floor, inf
+from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from deconflict.rectangles import gap
-from ingest.angles import turn_between
-from ingest.seam import Floats
+from ingest.seam import Floats, Forecasts, Ints
+from metrics.motion import Motion, Stretch
 
 STEP_S = 0.1
-JOINED_S = 2.1
-BRIDGED_S = 1.0
+BRIDGED = 11
+"""Steps from the last sample of one run to the first of another that is the same encounter: 1 s lies between."""
 DRAWN_APART_M = 0.1
 FORESEEABLE_S = 2.0
 LAG_S = 3.0
 """How long after a moment all reports about it have come."""
+STRETCH = 50
+"""Samples that are looked at together."""
+BLOCK = 256
+"""Robots that are compared with all others at once."""
 
 Pair = tuple[str, str]
-
-
-@dataclass(frozen=True, slots=True)
-class Report:
-    """Where a robot's envelope truly was."""
-
-    t_s: float
-    floor: int
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    length_m: float
-    width_m: float
 
 
 @dataclass(slots=True, eq=False)
@@ -50,126 +40,183 @@ class Encounter:
     start_s: float
     end_s: float
     foreseeable: bool
-    furthest_m: float = 0.0
-    """Largest separation since it was last below."""
 
 
-@dataclass(slots=True, eq=False)
-class Track:
-    """The newest reports of one robot, and since when it has been there without a break."""
+class Separations(NamedTuple):
+    """Pairs that are near at a sample, ascending by pair and sample. Arrays are (m,)."""
 
-    reports: deque[Report] = field(default_factory=deque)
-    since_s: float = -inf
+    a: Ints
+    """Index of the robot."""
+    b: Ints
+    sample: Ints
+    """Steps since the epoch."""
+    separation_m: Floats
+    since_s: Floats
+    """Since when both have been there."""
 
-    def add(self, report: Report) -> None:
-        if self.reports and report.t_s <= self.reports[-1].t_s:
-            return
-        if not self.reports or report.t_s - self.reports[-1].t_s > JOINED_S:
-            self.since_s = report.t_s
-        self.reports.append(report)
-
-    def at(self, t_s: float) -> Report | None:
-        """The joined motion at `t_s`; forgets what lies before."""
-        while len(self.reports) > 1 and self.reports[1].t_s <= t_s:
-            self.reports.popleft()
-        if not self.reports or self.reports[0].t_s > t_s:
-            return None
-        before = self.reports[0]
-        if before.t_s == t_s:
-            return before
-        if len(self.reports) == 1:
-            return None
-        after = self.reports[1]
-        if after.t_s - before.t_s > JOINED_S or after.floor != before.floor:
-            return None
-        share = (t_s - before.t_s) / (after.t_s - before.t_s)
-        return Report(
-            t_s,
-            before.floor,
-            before.x_m + share * (after.x_m - before.x_m),
-            before.y_m + share * (after.y_m - before.y_m),
-            before.yaw_rad + share * turn_between(before.yaw_rad, after.yaw_rad),
-            before.length_m,
-            before.width_m,
-        )
+    def take(self, rows: Ints) -> "Separations":
+        return Separations(self.a[rows], self.b[rows], self.sample[rows], self.separation_m[rows], self.since_s[rows])
 
 
 class Truth:
     """Encounters below each of some thresholds, as reports come in."""
 
     def __init__(self, thresholds_m: Sequence[float]) -> None:
-        self._thresholds_m = tuple(thresholds_m)
-        self._tracks: dict[str, Track] = {}
-        self._open: dict[float, dict[Pair, Encounter]] = {threshold: {} for threshold in thresholds_m}
-        self._closed: dict[float, list[Encounter]] = {threshold: [] for threshold in thresholds_m}
+        self.motion = Motion()
+        self._below = {threshold_m: Below(threshold_m) for threshold_m in thresholds_m}
         self._next: int | None = None
         """The next sample, in steps since the epoch."""
+        self._finished = False
 
-    def report(self, robot: str, report: Report) -> None:
-        self._tracks.setdefault(robot, Track()).add(report)
-        if self._next is None:
-            self._next = floor(report.t_s / STEP_S) + 1
+    @property
+    def until_s(self) -> float:
+        """Everything up to here has been looked at."""
+        if self._finished:
+            return inf
+        return -inf if self._next is None else (self._next - 1) * STEP_S
 
-    def last_seen_s(self, robot: str) -> float:
-        track = self._tracks.get(robot)
-        return track.reports[-1].t_s if track and track.reports else -inf
+    def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
+        """Take the present poses, the first knots, of robots that have reported."""
+        self.motion.report(robots, forecasts)
+        if self._next is None and len(robots):
+            self._next = floor(float(forecasts.t_s[forecasts.start[:-1]].min()) / STEP_S) + 1
 
     def advance(self, now_s: float) -> None:
-        """Look at every sample that all reports have come for."""
-        while self._next is not None and self._next * STEP_S <= now_s - LAG_S:
-            self._sample(self._next * STEP_S)
-            self._next += 1
+        """Look at every stretch of samples that all reports have come for."""
+        while self._next is not None and (self._next + STRETCH - 1) * STEP_S <= now_s - LAG_S:
+            self._look(STRETCH)
 
     def finish(self) -> None:
         """Look at what is left, and end every encounter."""
-        last_s = max((self.last_seen_s(robot) for robot in self._tracks), default=-inf)
+        last_s = self.motion.newest_s
         self.advance(last_s + LAG_S)
-        for threshold, open_ in self._open.items():
-            self._closed[threshold] += open_.values()
-            open_.clear()
+        if self._next is not None:
+            self._look(floor(last_s / STEP_S) - self._next + 1)
+        self._finished = True
+        for below in self._below.values():
+            below.finish()
 
     def encounters(self, threshold_m: float) -> list[Encounter]:
         """Those that have ended, by start."""
-        return sorted(self._closed[threshold_m], key=lambda one: (one.start_s, one.pair))
+        return sorted(self._below[threshold_m].closed, key=lambda one: (one.start_s, one.pair))
 
-    def _sample(self, t_s: float) -> None:
-        there = {robot: report for robot, track in self._tracks.items() if (report := track.at(t_s))}
-        near = dict(self._separations(there))
-        for threshold in self._thresholds_m:
-            self._follow(threshold, t_s, near)
+    def of_pair(self, threshold_m: float, pair: Pair) -> Sequence[Encounter]:
+        """Those of one pair as far as has been looked, by start; the last may go on."""
+        return self._below[threshold_m].of_pair.get(pair, ())
 
-    def _separations(self, there: dict[str, Report]) -> Iterator[tuple[Pair, float]]:
-        robots = sorted(there)
-        if len(robots) < 2:
+    def _look(self, samples: int) -> None:
+        if self._next is None or samples <= 0:
             return
-        rows = np.array(
-            [
-                (one.x_m, one.y_m, one.yaw_rad, one.length_m / 2, one.width_m / 2, one.floor)
-                for one in map(there.get, robots)
-                if one
-            ]
-        )
-        reach_m = 2 * float(np.hypot(rows[:, 3], rows[:, 4]).max()) + max(self._thresholds_m) + 2 * DRAWN_APART_M
-        pairs = KDTree(rows[:, :2]).query_pairs(reach_m, output_type="ndarray")
-        pairs = pairs[(rows[pairs[:, 0], 5] == rows[pairs[:, 1], 5]) & (rows[pairs[:, 0], 5] >= 0)]
-        a, b = rows[pairs.min(axis=1)], rows[pairs.max(axis=1)]
-        distances: Floats = gap(
-            b[:, 0] - a[:, 0], b[:, 1] - a[:, 1], a[:, 2], b[:, 2], a[:, 3:5].T, b[:, 3:5].T
-        ).distance
-        for (i, j), distance in zip(np.sort(pairs, axis=1).tolist(), distances.tolist(), strict=True):
-            yield (robots[i], robots[j]), distance
+        first, self._next = self._next, self._next + samples
+        stretch = self.motion.stretch(first, samples, STEP_S)
+        near = _separations(stretch, max(self._below) + DRAWN_APART_M)
+        for below in self._below.values():
+            below.follow(near, first, self._next - 1, self.motion.names)
 
-    def _follow(self, threshold_m: float, t_s: float, near: dict[Pair, float]) -> None:
-        open_ = self._open[threshold_m]
-        for pair, separation_m in near.items():
-            if separation_m <= threshold_m and (separation_m < threshold_m or threshold_m == 0):
-                encounter = open_.get(pair)
-                if encounter is None:
-                    since_s = max(self._tracks[robot].since_s for robot in pair)
-                    open_[pair] = Encounter(pair, t_s, t_s, t_s - since_s >= FORESEEABLE_S)
-                else:
-                    encounter.end_s, encounter.furthest_m = t_s, 0.0
-        for pair, encounter in list(open_.items()):
-            encounter.furthest_m = max(encounter.furthest_m, near.get(pair, inf))
-            if t_s - encounter.end_s > BRIDGED_S and encounter.furthest_m > threshold_m + DRAWN_APART_M:
-                self._closed[threshold_m].append(open_.pop(pair))
+
+class Below:
+    """The encounters below one threshold."""
+
+    def __init__(self, threshold_m: float) -> None:
+        self.threshold_m = threshold_m
+        self.closed: list[Encounter] = []
+        self.of_pair: dict[Pair, list[Encounter]] = {}
+        self._open: dict[Pair, Encounter] = {}
+        self._together: dict[Pair, int] = {}
+        """Pairs that have not drawn apart at the last sample, and the sample since when they have not."""
+
+    def follow(self, near: Separations, first: int, last: int, names: Sequence[str]) -> None:
+        """Go on with the samples from `first` to `last`."""
+        near = near.take(np.flatnonzero(near.separation_m <= self.threshold_m + DRAWN_APART_M))
+        spans, span_of = _runs(near)
+        before, self._together = self._together, {}
+        since = near.sample[spans[:, 0]]
+        for row, (begin, end) in enumerate(spans.tolist()):
+            pair = _pair(names, int(near.a[begin]), int(near.b[begin]))
+            if near.sample[begin] == first:
+                since[row] = before.get(pair, first)
+            if near.sample[end] == last:
+                self._together[pair] = int(since[row])
+        low = near.separation_m < self.threshold_m if self.threshold_m else near.separation_m <= 0
+        rows = np.flatnonzero(low)
+        runs, _ = _runs(near.take(rows))
+        for begin, end in rows[runs].tolist():
+            pair = _pair(names, int(near.a[begin]), int(near.b[begin]))
+            self._meet(pair, near, begin, end, int(since[span_of[begin]]))
+        self._close(last)
+
+    def finish(self) -> None:
+        self.closed += self._open.values()
+        self._open.clear()
+
+    def _meet(self, pair: Pair, near: Separations, begin: int, end: int, together_since: int) -> None:
+        """A run of the pair below the threshold, rows `begin` to `end`."""
+        start, end_s = int(near.sample[begin]), int(near.sample[end]) * STEP_S
+        known = self._open.get(pair)
+        if known is not None:
+            last = round(known.end_s / STEP_S)
+            if start - last <= BRIDGED or together_since <= last:
+                known.end_s = end_s
+                return
+            self.closed.append(known)
+        foreseeable = start * STEP_S - float(near.since_s[begin]) >= FORESEEABLE_S
+        encounter = self._open[pair] = Encounter(pair, start * STEP_S, end_s, foreseeable)
+        self.of_pair.setdefault(pair, []).append(encounter)
+
+    def _close(self, last: int) -> None:
+        for pair, encounter in list(self._open.items()):
+            end = round(encounter.end_s / STEP_S)
+            if last - end >= BRIDGED and self._together.get(pair, last + 1) > end:
+                self.closed.append(self._open.pop(pair))
+
+
+def _pair(names: Sequence[str], a: int, b: int) -> Pair:
+    return (names[a], names[b]) if names[a] < names[b] else (names[b], names[a])
+
+
+def _runs(near: Separations) -> tuple[Ints, Ints]:
+    """(r, 2) first and last row of each run of one pair at samples without a gap, and (m,) the run of each row."""
+    if not len(near.a):
+        return np.empty((0, 2), np.int64), np.empty(0, np.int64)
+    new = np.ones(len(near.a), bool)
+    new[1:] = (np.diff(near.a) != 0) | (np.diff(near.b) != 0) | (np.diff(near.sample) != 1)
+    first = np.flatnonzero(new)
+    return np.column_stack([first, np.append(first[1:], len(new)) - 1]), np.cumsum(new) - 1
+
+
+def _separations(stretch: Stretch, within_m: float) -> Separations:
+    """Every two robots at every sample at which they are no further apart than `within_m`."""
+    a, b = _neighbours(stretch, within_m)
+    apart = np.hypot(stretch.x_m[a] - stretch.x_m[b], stretch.y_m[a] - stretch.y_m[b])
+    # a sum with an absent robot is nan, and nan is within nothing
+    reach = stretch.radius_m[a] + stretch.radius_m[b] + within_m
+    row, column = np.nonzero((apart <= reach) & (stretch.floor[a] == stretch.floor[b]))
+    of_a, of_b = (a[row], column), (b[row], column)
+    distance = gap(
+        stretch.x_m[of_b] - stretch.x_m[of_a],
+        stretch.y_m[of_b] - stretch.y_m[of_a],
+        stretch.yaw_rad[of_a],
+        stretch.yaw_rad[of_b],
+        stretch.half_m[:, of_a[0], of_a[1]],
+        stretch.half_m[:, of_b[0], of_b[1]],
+    ).distance
+    since = np.maximum(stretch.since_s[of_a], stretch.since_s[of_b])
+    return Separations(stretch.robot[a[row]], stretch.robot[b[row]], stretch.first + column, distance, since)
+
+
+def _neighbours(stretch: Stretch, within_m: float) -> tuple[Ints, Ints]:
+    """Rows of robots, a < b, whose boxes over the whole stretch come as near."""
+    grown = np.nanmax(stretch.radius_m, axis=1, initial=0.0) + within_m / 2
+    west, east = np.nanmin(stretch.x_m, axis=1) - grown, np.nanmax(stretch.x_m, axis=1) + grown
+    south, north = np.nanmin(stretch.y_m, axis=1) - grown, np.nanmax(stretch.y_m, axis=1) + grown
+    found: list[tuple[Ints, Ints]] = []
+    for start in range(0, len(west), BLOCK):
+        rows = slice(start, start + BLOCK)
+        near = (west[rows, None] <= east) & (west <= east[rows, None])
+        near &= (south[rows, None] <= north) & (south <= north[rows, None])
+        a, b = np.nonzero(near)
+        found.append((a[a + start < b] + start, b[a + start < b]))
+    return np.concatenate([a for a, _ in found] or [_NONE]), np.concatenate([b for _, b in found] or [_NONE])
+
+
+_NONE = np.empty(0, np.int64)

@@ -36,7 +36,7 @@ def log_of_a_crossing(path: Path) -> Path:
 
 
 def test_a_perfect_vendor_is_scored_perfect(tmp_path: Path) -> None:
-    result, _ = replay([log_of_a_crossing(tmp_path / "log.jsonl")], DEFAULT, [0.3])
+    result = replay([log_of_a_crossing(tmp_path / "log.jsonl")], DEFAULT, [0.3])
     (figures,) = result["scores"]
     assert (result["messages"], result["robots"]) == (52, 2)
     assert (figures["encounters"], figures["recall"], figures["precision"]) == (1, 1.0, 1.0)
@@ -59,7 +59,7 @@ def test_the_command_writes_scores_and_what_the_stream_would_have_said(tmp_path:
 
 @pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")
 def test_a_perfect_vendor_of_real_motion_is_foreseen() -> None:
-    result, _ = replay([Path(RECORDINGS or "") / "mrclam7.oracle.jsonl.gz"], DEFAULT, [0.3])
+    result = replay([Path(RECORDINGS or "") / "mrclam7.oracle.jsonl.gz"], DEFAULT, [0.3])
     (figures,) = result["scores"]
     assert figures["recall"] > 0.9
     assert figures["precision"] > 0.6

@@ -3,7 +3,8 @@ from math import inf
 import pytest
 
 from metrics.scoring import Alert, score
-from metrics.truth import Encounter, Report, Truth
+from metrics.truth import Encounter, Truth
+from tests.metrics.made_motion import driven, reported
 
 PAIR = ("a", "b")
 
@@ -59,19 +60,6 @@ def test_encounters_that_nobody_could_foresee_do_not_lower_recall() -> None:
     assert (figures["encounters"], figures["foreseeable"], figures["recall"]) == (2, 1, 1.0)
 
 
-def driven(*pieces: tuple[float, float, float], until_s: float) -> Truth:
-    """A 1 x 1 m robot at the origin, another at x, moving from (from_s, x) at a speed, piece after piece."""
-    truth = Truth([0.3])
-    for second in range(int(until_s) + 1):
-        t_s = float(second)
-        from_s, x_m, speed_mps = max((piece for piece in pieces if piece[0] <= t_s), key=lambda piece: piece[0])
-        truth.report("a", Report(t_s, 0, 0.0, 0.0, 0.0, 1.0, 1.0))
-        truth.report("b", Report(t_s, 0, x_m + speed_mps * (t_s - from_s), 0.0, 0.0, 1.0, 1.0))
-        truth.advance(t_s)
-    truth.finish()
-    return truth
-
-
 def test_an_encounter_of_the_recorded_motion_has_its_start_and_end() -> None:
     (one,) = driven((0, 11.0, -1.0), (20, -9.0, -1.0), until_s=25).encounters(0.3)
     assert one.start_s == pytest.approx(9.8, abs=0.11)
@@ -94,16 +82,14 @@ def test_drawing_apart_a_little_is_the_same_encounter_and_far_another() -> None:
 def test_a_gap_in_the_reports_is_not_joined() -> None:
     truth = Truth([0.3])
     for t_s in (0.0, 1.0, 4.0, 5.0):
-        truth.report("a", Report(t_s, 0, 0.0, 0.0, 0.0, 1.0, 1.0))
-        truth.report("b", Report(t_s, 0, 1.1, 0.0, 0.0, 1.0, 1.0))
+        reported(truth, t_s, ("a", 0, 0.0), ("b", 0, 1.1))
     truth.finish()
     assert [one.start_s for one in truth.encounters(0.3)] == [pytest.approx(0.1), pytest.approx(4.1, abs=0.11)]
 
 
 def test_robots_on_different_floors_do_not_meet() -> None:
     truth = Truth([0.3])
-    for t_s in range(6):
-        truth.report("a", Report(t_s, 0, 0.0, 0.0, 0.0, 1.0, 1.0))
-        truth.report("b", Report(t_s, 1, 0.0, 0.0, 0.0, 1.0, 1.0))
+    for t_s in map(float, range(6)):
+        reported(truth, t_s, ("a", 0, 0.0), ("b", 1, 0.0))
     truth.finish()
     assert truth.encounters(0.3) == []

@@ -1,0 +1,154 @@
+"""Whether published probabilities mean what they say: calibration error, Brier score and skill, reliability diagram.
+
+A sample is a pair and a second for which a probability was published. It came true where an encounter of the pair
+began within the next 10 s. Pairs that are in an encounter are left out, as are those of which a robot left before
+anything happened: nobody knows what would have.
+"""
+
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from math import floor, inf
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+
+from ingest.seam import Floats
+from metrics.bootstrap import Interval, interval
+from metrics.truth import Pair, Truth
+
+HORIZON_S = 10.0
+SETTLED_S = 120.0
+"""The first minutes, in which probabilities rest on what was known before the log began."""
+BINS = 10
+"""Of the reliability diagram, as many samples in each as can be."""
+FINE = 1000
+"""Steps of the arcsine of the root of a probability, so that small ones and those near 1 are told apart too."""
+GROUPS = 32
+"""Pairs fall into so many groups, which the bootstrap draws whole: seconds of one pair are no independent cases."""
+
+Vendors = tuple[str, str]
+
+
+class Tally:
+    """Samples counted by probability and by group of pairs: bounded however long a log is."""
+
+    def __init__(self) -> None:
+        self.fine = np.zeros((3, FINE + 1))
+        """Samples, sum of probabilities and sum of outcomes by step of the probability."""
+        self.groups = np.zeros((3, GROUPS))
+        """Samples, sum of outcomes and sum of squared errors by group."""
+
+    def add(self, group: int, probability: float, outcome: bool) -> None:
+        step = round(float(np.arcsin(np.sqrt(probability))) * 2 / np.pi * FINE)
+        self.fine[:, step] += (1.0, probability, outcome)
+        self.groups[:, group] += (1.0, outcome, (probability - outcome) ** 2)
+
+    @classmethod
+    def joined(cls, parts: Iterable["Tally"]) -> "Tally":
+        whole = cls()
+        for part in parts:
+            whole.fine += part.fine
+            whole.groups += part.groups
+        return whole
+
+    def bins(self) -> Floats:
+        """(b, 3) samples, mean probability and share that came true; at most `BINS`, of equal mass as far as equal
+        probabilities are not torn apart."""
+        counts = self.fine[0]
+        total = counts.sum()
+        if not total:
+            return np.empty((0, 3))
+        middle = np.cumsum(counts) - counts / 2
+        bin_of = np.minimum((middle * BINS / total).astype(np.int64), BINS - 1)
+        sums = np.stack([np.bincount(bin_of, row, BINS) for row in self.fine], axis=1)
+        sums = sums[sums[:, 0] > 0]
+        return np.column_stack([sums[:, 0], sums[:, 1:] / sums[:, :1]])
+
+    def ece(self) -> float | None:
+        """Expected calibration error: mean distance of probability and share over the bins, by samples."""
+        bins = self.bins()
+        return float(np.average(np.abs(bins[:, 1] - bins[:, 2]), weights=bins[:, 0])) if len(bins) else None
+
+    def figures(self) -> dict[str, Any]:
+        brier, skill = _brier(self.groups.sum(axis=1))
+        return {
+            "samples": int(self.fine[0].sum()),
+            "ece": self.ece(),
+            "brier": brier,
+            "brier_skill": skill,
+            "reliability": [
+                {"samples": int(count), "probability": probability, "came_true": share}
+                for count, probability, share in self.bins().tolist()
+            ],
+        }
+
+    def intervals(self) -> dict[str, Interval]:
+        """Of the Brier score and its skill, by drawing groups of pairs."""
+        groups = self.groups.T[self.groups[0] > 0]
+        return {
+            "brier": interval(groups, lambda drawn: _brier(drawn.sum(axis=0))[0]),
+            "brier_skill": interval(groups, lambda drawn: _brier(drawn.sum(axis=0))[1]),
+        }
+
+
+def _brier(sums: Floats) -> tuple[float | None, float | None]:
+    """The mean squared error, and the share by which it is less than that of always saying the base rate."""
+    count, came_true, squared = sums.tolist()
+    if not count:
+        return None, None
+    base = came_true / count
+    spread = base * (1 - base)
+    return squared / count, 1 - squared / count / spread if spread else None
+
+
+class Calibration:
+    """One clearance's probabilities, sampled at whole seconds and told apart by pair of vendors."""
+
+    def __init__(self, clearance_m: float) -> None:
+        self._clearance_m = clearance_m
+        self._waiting: deque[tuple[float, Sequence[tuple[Pair, float]]]] = deque()
+        self._second = -1
+        self._settled_from_s = inf
+        self.by_vendors: dict[Vendors, Tally] = {}
+        self.settled = Tally()
+        """What was said after the first minutes."""
+
+    def sample(self, now_s: float, probabilities: Sequence[tuple[Pair, float]]) -> None:
+        """Take what is published at the first pass of each second."""
+        if floor(now_s) == self._second:
+            return
+        self._second = floor(now_s)
+        self._settled_from_s = min(self._settled_from_s, now_s + SETTLED_S)
+        if probabilities:
+            self._waiting.append((now_s, probabilities))
+
+    def resolve(self, truth: Truth, vendor_of: Mapping[str, str]) -> None:
+        """Count every sample of which it is known what followed."""
+        while self._waiting and self._waiting[0][0] + HORIZON_S <= truth.until_s:
+            at_s, probabilities = self._waiting.popleft()
+            for pair, probability in probabilities:
+                outcome = self._outcome(truth, pair, at_s)
+                if outcome is not None:
+                    self._count(at_s, pair, (vendor_of[pair[0]], vendor_of[pair[1]]), probability, outcome)
+
+    def whole(self) -> Tally:
+        return Tally.joined(self.by_vendors.values())
+
+    def _outcome(self, truth: Truth, pair: Pair, at_s: float) -> bool | None:
+        for one in reversed(truth.of_pair(self._clearance_m, pair)):
+            if one.start_s <= at_s:
+                if at_s <= one.end_s:
+                    return None
+                break
+            if one.start_s <= at_s + HORIZON_S:
+                return True
+        left_s = min(truth.motion.last_seen_s(robot) for robot in pair)
+        return False if left_s >= at_s + HORIZON_S else None
+
+    def _count(self, at_s: float, pair: Pair, vendors: Vendors, probability: float, outcome: bool) -> None:
+        key = (min(vendors), max(vendors))
+        group = crc32("".join(pair).encode()) % GROUPS
+        self.by_vendors.setdefault(key, Tally()).add(group, probability, outcome)
+        if at_s >= self._settled_from_s:
+            self.settled.add(group, probability, outcome)

@@ -1,0 +1,37 @@
+"""Recorded motion made by hand, and what is true of it."""
+
+import numpy as np
+
+from ingest.seam import Forecasts
+from metrics.truth import Truth
+
+
+def reported(truth: Truth, t_s: float, *robots: tuple[str, int, float]) -> None:
+    """Robots of 1 x 1 m, each with its name, floor and x."""
+    n = len(robots)
+    forecasts = Forecasts(
+        start=np.arange(n + 1),
+        t_s=np.full(n, t_s),
+        x_m=np.array([x_m for _, _, x_m in robots]),
+        y_m=np.zeros(n),
+        yaw_rad=np.zeros(n),
+        floor=np.array([floor for _, floor, _ in robots]),
+        length_m=np.ones(n),
+        width_m=np.ones(n),
+        bottom_m=np.zeros(n),
+        top_m=np.ones(n),
+    )
+    truth.report([name for name, _, _ in robots], forecasts)
+
+
+def driven(*pieces: tuple[float, float, float], until_s: float, finished: bool = True) -> Truth:
+    """A 1 x 1 m robot at the origin, another at x, moving from (from_s, x) at a speed, piece after piece."""
+    truth = Truth([0.3])
+    for second in range(int(until_s) + 1):
+        t_s = float(second)
+        from_s, x_m, speed_mps = max((piece for piece in pieces if piece[0] <= t_s), key=lambda piece: piece[0])
+        reported(truth, t_s, ("a", 0, 0.0), ("b", 0, x_m + speed_mps * (t_s - from_s)))
+        truth.advance(t_s)
+    if finished:
+        truth.finish()
+    return truth

@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+
+from metrics.bootstrap import interval
+from metrics.calibration import Calibration, Tally
+from tests.metrics.made_motion import driven, reported
+
+PAIR = ("a", "b")
+VENDORS = {"a": "Alder", "b": "Corvid"}
+
+
+def tally(*said: tuple[float, int, int]) -> Tally:
+    """So many samples of a probability, of which so many came true."""
+    made = Tally()
+    for probability, samples, came_true in said:
+        for n in range(samples):
+            made.add(n % 7, probability, n < came_true)
+    return made
+
+
+def test_probabilities_that_mean_what_they_say_have_no_calibration_error() -> None:
+    figures = tally((0.2, 100, 20), (0.8, 100, 80)).figures()
+    assert figures["ece"] == pytest.approx(0.0)
+    assert figures["brier"] == pytest.approx(0.16)
+    assert figures["brier_skill"] == pytest.approx(1 - 0.16 / 0.25)
+    assert [row["came_true"] for row in figures["reliability"]] == [0.2, 0.8]
+
+
+def test_probabilities_that_are_too_high_by_a_tenth_have_that_error_and_less_skill() -> None:
+    figures = tally((0.3, 100, 20), (0.9, 100, 80)).figures()
+    assert figures["ece"] == pytest.approx(0.1)
+    assert figures["brier"] == pytest.approx(0.16 + 0.01)
+
+
+def test_always_saying_the_base_rate_has_no_skill() -> None:
+    assert tally((0.25, 400, 100)).figures()["brier_skill"] == pytest.approx(0.0)
+
+
+def test_where_nothing_was_published_or_nothing_ever_happened_there_is_no_figure() -> None:
+    nothing = Tally().figures()
+    assert nothing["samples"] == 0
+    assert nothing["ece"] is nothing["brier"] is nothing["brier_skill"] is None
+    assert tally((0.1, 50, 0)).figures()["brier_skill"] is None
+
+
+def test_bins_hold_the_same_number_of_samples() -> None:
+    made = Tally()
+    for probability in np.linspace(0.0, 1.0, 5000) ** 4:
+        made.add(0, float(probability), False)
+    assert made.bins()[:, 0].tolist() == pytest.approx([500] * 10, abs=60)
+
+
+def followed(calibration: Calibration, *probabilities: float) -> Calibration:
+    """b comes to a at 2 m/s from 40 m, below 0.3 m from 19.35 s on, and is gone at 30 s; a probability each second."""
+    truth = driven((0, 40.0, -2.0), until_s=30)
+    for second, probability in enumerate(probabilities):
+        calibration.sample(second + 0.05, [(PAIR, probability)])
+        calibration.sample(second + 0.55, [(PAIR, 1.0 - probability)])
+    calibration.resolve(truth, VENDORS)
+    return calibration
+
+
+def test_a_sample_a_second_comes_true_where_an_encounter_begins_within_ten_seconds() -> None:
+    made = followed(Calibration(0.3), *[0.25] * 15)
+    (whole,) = made.by_vendors.values()
+    assert made.by_vendors.keys() == {("Alder", "Corvid")}
+    # of 0.05 ... 14.05 s, those after 9.35 s
+    assert (whole.fine[0].sum(), whole.fine[2].sum()) == (15, 5)
+
+
+def test_seconds_within_an_encounter_and_those_before_a_robot_leaves_are_left_out() -> None:
+    made = followed(Calibration(0.3), *[0.25] * 30)
+    (whole,) = made.by_vendors.values()
+    # in the encounter from 19.35 to 20.65 s; after 20 s nobody knows what would have been in ten seconds
+    assert (whole.fine[0].sum(), whole.fine[2].sum()) == (20, 10)
+
+
+def test_the_first_minutes_are_counted_apart() -> None:
+    truth = driven((0, 40.0, 0.0), until_s=200)
+    made = Calibration(0.3)
+    for second in range(180):
+        made.sample(float(second), [(PAIR, 0.1)])
+    made.resolve(truth, VENDORS)
+    assert (made.whole().fine[0].sum(), made.settled.fine[0].sum()) == (180, 60)
+
+
+def test_nothing_is_counted_before_it_is_known() -> None:
+    made = Calibration(0.3)
+    truth = driven((0, 40.0, 0.0), until_s=10, finished=False)
+    made.sample(5.0, [(PAIR, 0.1)])
+    made.resolve(truth, VENDORS)
+    assert made.whole().fine.sum() == 0
+    for second in range(11, 25):
+        reported(truth, float(second), ("a", 0, 0.0), ("b", 0, 40.0))
+        truth.advance(float(second))
+    made.resolve(truth, VENDORS)
+    assert made.whole().fine[0].sum() == 1
+
+
+def test_an_interval_holds_the_figure_narrows_with_cases_and_is_the_same_each_time() -> None:
+    few, many = np.tile([0.0, 1.0], 20), np.tile([0.0, 1.0], 2000)
+    one, other = interval(few, lambda drawn: float(drawn.mean())), interval(many, lambda drawn: float(drawn.mean()))
+    assert one is not None
+    assert other is not None
+    assert one[0] < other[0] < 0.5 < other[1] < one[1]
+    assert one == interval(few, lambda drawn: float(drawn.mean()))
