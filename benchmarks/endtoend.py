@@ -14,7 +14,6 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -63,9 +62,9 @@ class Row:
 class Running:
     """A service that is being measured."""
 
-    def __init__(self, supervisor: Supervisor, runtime: Path, port: int) -> None:
-        self._supervisor, self._caller = supervisor, Caller(runtime, "operator")
-        self.url = f"ws://127.0.0.1:{port}"
+    def __init__(self, supervisor: Supervisor, runtime: Path, data: Path, robots_port: int, operator_port: int) -> None:
+        self.roles, self._caller = supervisor.roles, Caller(runtime, "operator")
+        self.data, self.url, self.face = data, f"ws://127.0.0.1:{robots_port}", f"127.0.0.1:{operator_port}"
         self._at_s, self._before, self._used = time.monotonic(), self.measures(), self.usage()
 
     def measures(self) -> dict[str, Any]:
@@ -83,7 +82,7 @@ class Running:
         return sums
 
     def usage(self) -> dict[str, Usage]:
-        return {one.role: _usage(one.process.pid) for one in self._supervisor.roles if one.process}
+        return {one.role: _usage(one.process.pid) for one in self.roles if one.process}
 
     def row(self, robots: int) -> Row:
         """The figures since the last row."""
@@ -133,7 +132,7 @@ def service() -> Iterator[Running]:
         running = threading.Thread(target=supervisor.run, args=(stop,))
         running.start()
         try:
-            one = Running(supervisor, Path(runtime), robots_port)
+            one = Running(supervisor, Path(runtime), Path(data), robots_port, operator_port)
             _wait_for(robots_port)
             yield one
         finally:
@@ -141,18 +140,31 @@ def service() -> Iterator[Running]:
             running.join()
 
 
-@contextmanager
-def load() -> Iterator[ProcessPoolExecutor]:
-    """A process for the load."""
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        pool.submit(os.getpid).result()
-        yield pool
+class Load:
+    """The load, in a process of its own."""
+
+    def __init__(self, url: str, robots: int, seconds: float) -> None:
+        spawn = multiprocessing.get_context("spawn")
+        self._pipe, child = spawn.Pipe()
+        self._process = spawn.Process(target=offer.serve, args=(child, url, robots, seconds))
+        self._process.start()
+        child.close()
+
+    def result(self) -> dict[str, float]:
+        """What it did, once it is over."""
+        told: dict[str, float] = self._pipe.recv()
+        self._process.join()
+        return told
+
+    def stop(self) -> dict[str, float]:
+        self._pipe.send("stop")
+        return self.result()
 
 
 def measured(robots: int, seconds: float, settle_s: float = 10.0) -> tuple[Row, dict[str, float]]:
     """The figures of a run after `settle_s`, and what the load says of itself."""
-    with service() as one, load() as pool:
-        offering = pool.submit(offer.run, one.url, robots, settle_s + seconds)
+    with service() as one:
+        offering = Load(one.url, robots, settle_s + seconds)
         time.sleep(settle_s)
         one.row(robots)
         time.sleep(seconds - 1)

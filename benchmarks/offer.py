@@ -7,20 +7,22 @@ so that a figure of the service is not one of the generator.
 import asyncio
 import json
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from multiprocessing.connection import Connection as PipeConnection
 from uuid import UUID, uuid5
 
 import numpy as np
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from ingest.seam import Floats
 
 DATUM = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
 ROBOTS = UUID("3f0d9a52-9a64-4f55-8a3c-4a8f4d1f7b10")
 VENDORS = ("Alder", "Basalt", "Corvid", "Dune")
-SPACING_M, RADIUS_M = 7.4, 3.0
+SPACING_M, RADIUS_M = 6.8, 3.0
 SLICE_S = 0.02
 ROBOTS_A_CONNECTION = 10
 
@@ -32,7 +34,9 @@ class Offered:
     connections: int = 0
     sent: int = 0
     broken: int = 0
-    """Connections that ended by themselves."""
+    """Connections that the service ended; each is opened again."""
+    unsent: int = 0
+    """Messages due while their connection was down."""
     late_s: float = 0.0
     """The most that a message was sent after it was due."""
     core_s: float = 0.0
@@ -81,22 +85,24 @@ class Circling:
         return [_status(self.uuids[robot], stamps, *row) for robot, *row in rows]
 
 
-async def offer(url: str, robots: int, seconds: float) -> Offered:
-    """Connect, identify, then send for `seconds`."""
+async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool]) -> Offered:
+    """Connect, identify, then send for `seconds` or until `ended`."""
     world, told, began_core_s = Circling(robots), Offered(), time.process_time()
-    lines = [await connect(url, compression=None, ping_interval=None) for _ in range(-(-robots // ROBOTS_A_CONNECTION))]
+    groups = np.array_split(np.arange(robots), -(-robots // ROBOTS_A_CONNECTION))
+    lines = [Line(url, [world.identity(robot) for robot in group.tolist()], told) for group in groups]
+    line_of = [line for line, group in zip(lines, groups, strict=True) for _ in group]
+    for line in lines:
+        await line.open()
     told.connections = len(lines)
-    for robot in range(robots):
-        await lines[robot // ROBOTS_A_CONNECTION].send(world.identity(robot))
     began_s, done_s = time.time(), 0.0
-    while done_s < seconds:
+    while done_s < seconds and not ended():
         await asyncio.sleep(max(began_s + done_s + SLICE_S - time.time(), 0.0))
         now_s = time.time()
         elapsed_s = min(now_s - began_s, seconds)
         due = np.flatnonzero(np.floor(elapsed_s - world.due_s) > np.floor(done_s - world.due_s))
         told.late_s = max(told.late_s, elapsed_s - done_s)
         for robot, status in zip(due.tolist(), world.statuses(due, began_s, now_s), strict=True):
-            await _send(lines[robot // ROBOTS_A_CONNECTION], status, told)
+            await line_of[robot].send(status)
         done_s = elapsed_s
     for line in lines:
         await line.close()
@@ -104,17 +110,46 @@ async def offer(url: str, robots: int, seconds: float) -> Offered:
     return told
 
 
-async def _send(line: ClientConnection, message: str, told: Offered) -> None:
-    try:
-        await line.send(message)
-        told.sent += 1
-    except ConnectionClosed:
-        told.broken += 1
+class Line:
+    """One connection, opened again when it breaks, each time with the identities of its robots."""
+
+    def __init__(self, url: str, identities: list[str], told: Offered) -> None:
+        self._url, self._identities, self._told = url, identities, told
+        self._socket: ClientConnection | None = None
+        self._opening: asyncio.Task[None] | None = None
+
+    async def open(self) -> None:
+        while self._socket is None:
+            try:
+                socket = await connect(self._url, compression=None, ping_interval=None)
+                for identity in self._identities:
+                    await socket.send(identity)
+            except (OSError, WebSocketException):
+                await asyncio.sleep(0.2)
+            else:
+                self._socket = socket
+
+    async def send(self, message: str) -> None:
+        if self._socket is None:
+            self._told.unsent += 1
+            return
+        try:
+            await self._socket.send(message)
+            self._told.sent += 1
+        except ConnectionClosed:
+            self._told.broken += 1
+            self._socket, self._opening = None, asyncio.create_task(self.open())
+
+    async def close(self) -> None:
+        if self._opening:
+            self._opening.cancel()
+        if self._socket:
+            await self._socket.close()
 
 
-def run(url: str, robots: int, seconds: float) -> dict[str, float]:
-    """The load in this process, to the end."""
-    return asdict(asyncio.run(offer(url, robots, seconds)))
+def serve(parent: PipeConnection, url: str, robots: int, seconds: float) -> None:
+    """The load in this process, to the end or until `parent` says anything; tells it what was done."""
+    parent.send(asdict(asyncio.run(offer(url, robots, seconds, parent.poll))))
 
 
 def _stamp(t_s: float) -> str:

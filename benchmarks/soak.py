@@ -9,16 +9,15 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks import offer
-from benchmarks.endtoend import Row, load, print_row, service
+from benchmarks.endtoend import Load, Row, print_row, service
 
 MINUTE_S = 60.0
 
 
 def soak(robots: int, minutes: int) -> tuple[list[Row], dict[str, float]]:
     """A row for each minute, and what the load says of itself."""
-    with service() as one, load() as pool:
-        offering = pool.submit(offer.run, one.url, robots, (minutes + 0.5) * MINUTE_S)
+    with service() as one:
+        offering = Load(one.url, robots, (minutes + 1) * MINUTE_S)
         time.sleep(MINUTE_S / 4)
         one.row(robots)
         rows = []
@@ -26,7 +25,7 @@ def soak(robots: int, minutes: int) -> tuple[list[Row], dict[str, float]]:
             time.sleep(MINUTE_S)
             rows.append(one.row(robots))
             print_row(rows[-1])
-        return rows, offering.result()
+        return rows, offering.stop()
 
 
 def main() -> None:
