@@ -16,6 +16,7 @@ from ingest.measures import Measures
 from ingest.playback import EngineStarted, Event, Reader, Received, Tick
 from ingest.seam import Batch
 from metrics.calibration import SETTLED_S, Calibration
+from metrics.forecasts import ForecastErrors, Maker
 from metrics.scoring import Alert, Presence, score
 from metrics.truth import Pair, Truth
 
@@ -95,6 +96,7 @@ class Replay:
         self.runs = [Run(site, clearance_m) for clearance_m in clearances_m]
         self.fleet: Fleet = fleet_of(site, Measures())
         self.truth = Truth([run.clearance_m for run in self.runs])
+        self.forecasts = ForecastErrors()
         self.vendor_of: dict[str, str] = {}
         """By robot that has said where it is."""
         self.messages = 0
@@ -116,6 +118,7 @@ class Replay:
     def finish(self) -> None:
         """Look at what is left of what happened."""
         self.truth.finish()
+        self.forecasts.finish()
         self._resolve()
 
     def result(self) -> dict[str, Any]:
@@ -126,6 +129,7 @@ class Replay:
             "robots": len(self.vendor_of),
             "span_s": max(self.last_s - self.first_s, 0.0),
             "scores": [self._score(run, presence) for run in self.runs],
+            "forecast_error": self.forecasts.figures(),
         }
 
     def _pass(self, now_s: float) -> None:
@@ -133,6 +137,8 @@ class Replay:
         self._everything = False
         self.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
         self.truth.report(batch.robots, batch.forecasts)
+        self.forecasts.take(batch.robots, [self._maker(robot) for robot in batch.robots], batch.forecasts)
+        self.forecasts.advance(now_s)
         revisions = [one for run in self.runs for one in run.step(batch, now_s)]
         if self._tell:
             for one in sorted(revisions, key=lambda each: (each.clearance_m, each.id)):
@@ -141,6 +147,10 @@ class Replay:
         self.truth.advance(now_s)
         if self.truth.until_s > looked_until_s:
             self._resolve()
+
+    def _maker(self, robot: str) -> Maker:
+        known = self.fleet.robots[robot]
+        return known.vendor, known.identity.model if known.identity else ""
 
     def _resolve(self) -> None:
         for run in self.runs:

@@ -1,0 +1,135 @@
+"""How fast a recorded log is replayed and scored, and where the time goes: `python -m benchmarks.replay`.
+
+The log is made by the demo's simulated vendors, each in its own dialect, a status a second from most; or give a log of
+your own. One clearance, one core. The shares are of the same run, so that a busy machine changes them little.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from deconflict import demo
+from deconflict.engine import Engine
+from deconflict.life import Lives
+from deconflict.simulation.cast import cast
+from deconflict.simulation.dialects import DIALECTS
+from deconflict.simulation.layout import layout_for
+from deconflict.simulation.robots import some_robots
+from deconflict.simulation.traffic import World
+from deconflict.site import Site, load
+from deconflict.sweeper import Sweeper
+from ingest import stamps
+from ingest.fleet import Fleet
+from ingest.playback import Reader
+from metrics import replay
+from metrics.calibration import Calibration
+from metrics.forecasts import ForecastErrors
+from metrics.truth import Truth
+
+START_S = 1_790_000_000.0
+STEP_S = 0.1
+STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
+    "read messages": ((Fleet, "receive"),),
+    "cut batches": ((Fleet, "cut"), (Engine, "receive")),
+    "sweep": ((Sweeper, "update"), (Sweeper, "step")),
+    "life of advisories": ((Lives, "step"),),
+    "truth": ((Truth, "report"), (Truth, "advance"), (Truth, "finish")),
+    "forecast errors": ((ForecastErrors, "take"), (ForecastErrors, "advance"), (ForecastErrors, "finish")),
+    "scoring": ((Calibration, "sample"), (Calibration, "resolve"), (replay, "score")),
+}
+
+
+def write_log(path: Path, robots: int, seconds: float) -> int:
+    """What simulated robots of four vendors send in so many seconds; how many messages that is."""
+    rng, messages = np.random.default_rng(1), 0
+    world = World(layout_for(robots), cast(robots), rng)
+    every_s = np.array([member.make.report_every_s for member in world.members])
+    phase_s = every_s * (np.arange(len(world)) * 0.618 % 1.0)
+    introduced: set[int] = set()
+    with path.open("w") as out:
+        while world.t_s < seconds:
+            before = np.floor((world.t_s + phase_s) / every_s)
+            world.step(STEP_S)
+            due = np.flatnonzero(np.floor((world.t_s + phase_s) / every_s) > before)
+            now_s = START_S + world.t_s
+            for row, robot in zip(due.tolist(), some_robots(world, due), strict=True):
+                said = DIALECTS[robot.member.make.vendor].messages(robot, now_s, introduce=row not in introduced)
+                introduced.add(row)
+                for raw in said:
+                    out.write(f'{{"received":"{stamps.write(now_s + 0.05)}","message":{raw.decode()}}}\n')
+                    messages += 1
+    return messages
+
+
+@contextmanager
+def timed(spent: dict[str, float], stage: str, owner: Any, name: str) -> Iterator[None]:
+    """Add what every call of `owner.name` takes to the stage."""
+    call = getattr(owner, name)
+
+    def told(*args: Any, **named: Any) -> Any:
+        began = time.perf_counter()
+        try:
+            return call(*args, **named)
+        finally:
+            spent[stage] += time.perf_counter() - began
+
+    setattr(owner, name, told)
+    try:
+        yield
+    finally:
+        setattr(owner, name, call)
+
+
+def measure(log: Path, site: Site) -> tuple[dict[str, Any], dict[str, float], float]:
+    """The result, seconds by stage, and seconds in all."""
+    spent = dict.fromkeys(STAGES, 0.0)
+    with ExitStack() as timers:
+        for stage, calls in STAGES.items():
+            for owner, name in calls:
+                timers.enter_context(timed(spent, stage, owner, name))
+        began = time.perf_counter()
+        result = replay.replay([log], site, [site.conflict.clearance_m])
+        return result, spent, time.perf_counter() - began
+
+
+def read_alone(log: Path) -> float:
+    began = time.perf_counter()
+    for _ in Reader().read([log]):
+        pass
+    return time.perf_counter() - began
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("log", nargs="?", type=Path)
+    options.add_argument("--site", type=Path)
+    options.add_argument("--robots", type=int, default=100)
+    options.add_argument("--seconds", type=float, default=300.0)
+    args = options.parse_args()
+    site = load(args.site or demo.demo_site()) if args.site or not args.log else Site()
+    with TemporaryDirectory() as folder:
+        log = args.log or Path(folder) / "log.jsonl"
+        if not args.log:
+            write_log(log, args.robots, args.seconds)
+        result, spent, took_s = measure(log, site)
+        spent["read the log"] = read_alone(log)
+    spent["the rest"] = took_s - sum(spent.values())
+    span_s, messages = result["span_s"], result["messages"]
+    print(f"{result['robots']} robots, {messages} messages in {span_s:.0f} s: {took_s:.1f} s")
+    print(f"{span_s / took_s:.0f} times real time, {messages / took_s:.0f} messages a second")
+    for stage, stage_s in spent.items():
+        print(f"{stage:<20}{stage_s / took_s:>6.0%}{stage_s / messages * 1e6:>9.1f} us a message")
+    json.dump({name: result["scores"][0][name] for name in ("encounters", "alerts")}, sys.stdout)
+    print()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+
+from ingest.seam import Floats, Forecasts
+from metrics.forecasts import ForecastErrors
+from metrics.sketch import BINS, bins_of, quantile
+
+MAKER = ("Alder", "A7")
+
+
+def said(t_s: float, here: tuple[float, float], there: tuple[float, float]) -> Forecasts:
+    """A robot that is here and says that it will be there in ten seconds, heading along x."""
+    (x0, y0), (x1, y1) = here, there
+    return Forecasts(
+        start=np.array([0, 2]),
+        t_s=np.array([t_s, t_s + 10]),
+        x_m=np.array([x0, x1]),
+        y_m=np.array([y0, y1]),
+        yaw_rad=np.zeros(2),
+        floor=np.zeros(2, np.int64),
+        length_m=np.ones(1),
+        width_m=np.ones(1),
+        bottom_m=np.zeros(1),
+        top_m=np.ones(1),
+    )
+
+
+def driven(speed_mps: float, said_mps: float, aside_m: float = 0.0, until_s: int = 40) -> ForecastErrors:
+    """One that goes along x at a speed, and says that it goes at another and ends up aside."""
+    errors = ForecastErrors()
+    for second in range(until_s):
+        x_m = speed_mps * second
+        errors.take(["a"], [MAKER], said(float(second), (x_m, 0.0), (x_m + 10 * said_mps, aside_m)))
+        errors.advance(float(second))
+    errors.finish()
+    return errors
+
+
+def row(errors: ForecastErrors, horizon: int) -> dict[str, float]:
+    found: dict[str, float] = errors.figures()["by_model"][0]["horizons"][horizon - 1]
+    return found
+
+
+def test_a_forecast_that_comes_true_has_no_error() -> None:
+    told = row(driven(1.0, 1.0), 10)
+    # those of the first 30 of 40, after which nobody knows what became of them
+    assert (told["cases"], told["distance_median_m"], told["distance_p90_m"]) == (30, 0.0, 0.0)
+
+
+def test_a_slower_robot_is_off_along_its_track_and_a_stray_one_across() -> None:
+    slower, stray = row(driven(0.8, 1.0), 5), row(driven(1.0, 1.0, aside_m=2.0), 5)
+    assert [slower["along_median_m"], slower["across_median_m"]] == pytest.approx([1.0, 0.0], rel=0.02)
+    assert [stray["along_median_m"], stray["across_median_m"]] == pytest.approx([0.0, 1.0], rel=0.02)
+    assert slower["distance_median_m"] == slower["along_median_m"]
+
+
+def test_it_makes_no_difference_how_long_a_log_is_held() -> None:
+    at_once = ForecastErrors()
+    for second in range(40):
+        at_once.take(["a"], [MAKER], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)))
+    at_once.finish()
+    assert at_once.figures() == driven(0.8, 1.0).figures()
+
+
+def test_what_nobody_saw_is_not_counted() -> None:
+    errors = ForecastErrors()
+    for t_s in (0.0, 1.0, 30.0, 31.0):
+        errors.take(["a"], [MAKER], said(t_s, (t_s, 0.0), (t_s + 10, 0.0)))
+    errors.finish()
+    # at 0 and 30 s one second ahead is known; of the others nothing is
+    assert [one["cases"] for one in errors.figures()["all"]] == [2] + [0] * 9
+
+
+def test_quantiles_are_those_of_the_lengths_to_two_percent() -> None:
+    lengths: Floats = np.random.default_rng(1).lognormal(0.0, 1.5, 5000)
+    counts = np.bincount(bins_of(lengths), minlength=BINS)
+    for share in (0.1, 0.5, 0.9):
+        assert quantile(counts, share) == pytest.approx(np.quantile(lengths, share), rel=0.02)
+    assert quantile(np.zeros(BINS, np.int64), 0.5) is None
