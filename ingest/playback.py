@@ -12,6 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
 
+import msgspec
 import zstandard
 
 from ingest import stamps
@@ -24,10 +25,6 @@ TOLD_LINES = 10
 
 log = logging.getLogger(__name__)
 
-_OWN = re.compile(
-    rb'\{"received":"([^"]{27})",("connection":\d+,"peer":"[^"]*"(?:,"vendor":"[^"]*")?),"message":(?=\{)'
-)
-"""A line of ours with an accepted message: when, and from whom."""
 _MESSAGE = re.compile(r'"message"\s*:\s*')
 _DECODER = json.JSONDecoder()
 _UNREADABLE = (ValueError, KeyError, TypeError, RecursionError)
@@ -116,13 +113,29 @@ def _opened(path: Path) -> IO[bytes]:
     return path.open("rb")
 
 
+class _Plain(msgspec.Struct, gc=False, forbid_unknown_fields=True):
+    """A line with a message as it stands: ours of one that was accepted, or another's."""
+
+    received: str
+    message: msgspec.Raw
+    connection: int = 0
+    peer: str = ""
+    vendor: str | None = None
+
+
+_PLAIN = msgspec.json.Decoder(_Plain)
+
+
 def _parsed(line: bytes) -> Event:
     if line.startswith(b'{"tick":"') and line.endswith(b'"}\n'):
         return Tick(_time(line[9:-3].decode()))
-    own = _OWN.match(line) if line.endswith(b"}}\n") else None
-    if own:
-        return Received(line[own.end() : -2], _time(own[1].decode()), _connection(own[2].decode()))
-    return _told(line.decode())
+    try:
+        plain = _PLAIN.decode(line)
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return _told(line.decode())
+    return Received(
+        bytes(plain.message), _time(plain.received), _connection(plain.connection, plain.peer, plain.vendor)
+    )
 
 
 def _told(line: str) -> Event:
@@ -138,16 +151,16 @@ def _told(line: str) -> Event:
 
 
 @lru_cache(maxsize=20_000)
-def _connection(text: str) -> Connection:
-    return _connection_of(json.loads(f"{{{text}}}"))
+def _connection(number: int, peer: str, vendor: str | None) -> Connection:
+    return Connection(number, peer, vendor=vendor)
 
 
 def _connection_of(told: dict[str, Any]) -> Connection:
     number, vendor = told.get("connection"), told.get("vendor")
-    return Connection(
+    return _connection(
         number if isinstance(number, int) else 0,
         str(told.get("peer", "")),
-        vendor=vendor if isinstance(vendor, str) else None,
+        vendor if isinstance(vendor, str) else None,
     )
 
 
