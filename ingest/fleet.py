@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from ingest import messages, watch
-from ingest.angles import turn_between
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.connection import Connection
 from ingest.forecast import Body, Forecast, Sighting, Stop, View, body_of, forecast, matches, stops
@@ -303,9 +302,9 @@ class Fleet:
     def _has_place(self, status: Status, connection: Connection) -> bool:
         """Whether the location lies anywhere: degrees may be such as no place has."""
         frame = self._frames.frame(self._vendor_of(status.uuid, connection), status.datum)
-        if frame.is_floor:
+        if frame.projection is None:
             return True
-        x_m, y_m, _ = frame.to_floor(np.array([[status.x, status.y, 0.0]]))[0].tolist()
+        ((x_m, y_m, _),) = frame.placed([(status.x, status.y, 0.0)])
         return isfinite(x_m) and isfinite(y_m)
 
     def _frame_of(self, vendor: str, own_datum: str) -> "_FrameOf":
@@ -369,12 +368,10 @@ def _who(identity: Identity) -> tuple[Any, ...]:
 
 def _sight(status: Status, frame: Frame, floor: int, event_s: float) -> Sighting:
     """Where the status puts the robot, in the floor's frame; a turn keeps its sense in a left-handed map."""
-    turn_radps, x_m, y_m, yaw_rad = status.turn_rad_per_s or 0.0, status.x, status.y, status.yaw_rad
-    if not frame.is_floor:
-        known_rad = 0.0 if isnan(yaw_rad) else yaw_rad
-        poses = np.array([(x_m, y_m, yaw_rad), (x_m, y_m, known_rad), (x_m, y_m, known_rad + 0.1)])
-        (x_m, y_m, yaw_rad), (_, _, a_rad), (_, _, b_rad) = frame.to_floor(poses).tolist()
-        turn_radps *= 1.0 if turn_between(a_rad, b_rad) > 0 else -1.0
+    ((x_m, y_m, yaw_rad),) = frame.placed([(status.x, status.y, status.yaw_rad)])
+    turn_radps = status.turn_rad_per_s or 0.0
+    if frame.mirrored:
+        turn_radps = -turn_radps
     return Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps)
 
 

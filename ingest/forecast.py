@@ -15,7 +15,6 @@ from operator import itemgetter, lt
 from typing import Protocol
 
 import msgspec
-import numpy as np
 
 from ingest.frames import Frame
 from ingest.messages import Path, Status
@@ -213,10 +212,9 @@ def _by_datum(path: Path) -> Iterator[tuple[str, Iterable[tuple[float, ...]]]]:
 def _placed(poses: Iterable[tuple[float, ...]], frame: Frame, clock_offset_s: float) -> Iterable[Knot]:
     if frame.is_floor:
         return [(t_s + clock_offset_s, x, y, yaw_rad) for t_s, x, y, _, yaw_rad in poses]
-    sent = np.array(list(poses))
-    placed = frame.to_floor(sent[:, (1, 2, 4)]).tolist()
-    times = (sent[:, 0] + clock_offset_s).tolist()
-    return [(t_s, x, y, yaw) for t_s, (x, y, yaw) in zip(times, placed, strict=True) if isfinite(x) and isfinite(y)]
+    sent = list(poses)
+    placed = zip(sent, frame.placed([(x, y, yaw_rad) for _, x, y, _, yaw_rad in sent]), strict=True)
+    return [(pose[0] + clock_offset_s, x, y, yaw) for pose, (x, y, yaw) in placed if isfinite(x) and isfinite(y)]
 
 
 def _retimed(points: list[Knot], here: Sighting, body: Body) -> list[Knot] | None:

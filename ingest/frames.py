@@ -4,7 +4,7 @@ A floor's frame is in metres and right-handed. A datum in metres is that frame; 
 vendor that keeps to its own map comes in by its readings of the datum's reference points.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,10 @@ from ingest.fits import Fit, FitError, fit
 from ingest.geographic import Projection
 from ingest.seam import Floats
 from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
-from ingest.transforms import Transform
+from ingest.transforms import Affine, Transform
+
+Pose = tuple[float, float, float]
+"""x, y, yaw_rad"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +36,20 @@ class Frame:
     def is_floor(self) -> bool:
         """Whether the frame is that of the floor itself, in metres."""
         return self.transform is None and self.projection is None
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether a turn to the left there is one to the right on the floor."""
+        return self.projection is not None or (self.transform is not None and self.transform.mirrored)
+
+    def placed(self, poses: Iterable[Pose]) -> Sequence[Pose]:
+        """The same as `to_floor` of a few poses, without the arrays that cost more than so few are worth."""
+        if self.is_floor:
+            return tuple(poses)
+        if isinstance(self.transform, Affine):
+            return [self.transform.pose(*pose) for pose in poses]
+        rows: list[Pose] = self.to_floor(np.array(list(poses))).tolist()
+        return rows
 
     def to_floor(self, poses: Floats) -> Floats:
         """`(p, 3)` x, y, yaw_rad as sent, to metres and radians in the floor's frame.
@@ -107,7 +124,6 @@ def _through(transform: Transform, poses: Floats) -> Floats:
     """Positions through the map, headings through its linear part there, so that a mirrored map turns them over."""
     placed = np.empty_like(poses)
     placed[:, :2], linear = transform.place(poses[:, :2])
-    headings = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-    turned = np.einsum("pij,pj->pi", linear, headings)
-    placed[:, 2] = np.arctan2(turned[:, 1], turned[:, 0])
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    placed[:, 2] = np.arctan2(linear[:, 1, 0] * c + linear[:, 1, 1] * s, linear[:, 0, 0] * c + linear[:, 0, 1] * s)
     return placed

@@ -7,7 +7,8 @@ turn headings about.
 """
 
 from dataclasses import dataclass
-from math import inf
+from functools import cached_property
+from math import atan2, cos, inf, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ FLAT_SHARE = 0.1
 """A triangle whose height is less than this share of its longest side is flat."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Affine:
     """x -> matrix x + shift."""
 
@@ -36,9 +37,26 @@ class Affine:
         """Where `points` (p, 2) come to lie (p, 2), and the linear part at each (p, 2, 2)."""
         return points @ self.matrix.T + self.shift, np.broadcast_to(self.matrix, (len(points), 2, 2))
 
+    def pose(self, x: float, y: float, yaw_rad: float) -> tuple[float, float, float]:
+        """Where one pose comes to lie; an unknown yaw stays nan."""
+        a, b, c, d, shift_x, shift_y = self._numbers
+        along, across = cos(yaw_rad), sin(yaw_rad)
+        return (
+            a * x + b * y + shift_x,
+            c * x + d * y + shift_y,
+            atan2(c * along + d * across, a * along + b * across),
+        )
+
     @property
     def mirrored(self) -> bool:
-        return bool(np.linalg.det(self.matrix) < 0)
+        a, b, c, d, *_ = self._numbers
+        return a * d < b * c
+
+    @cached_property
+    def _numbers(self) -> tuple[float, float, float, float, float, float]:
+        """The matrix by rows, and the shift."""
+        a, b, c, d = self.matrix.ravel().tolist()
+        return a, b, c, d, float(self.shift[0]), float(self.shift[1])
 
     @property
     def scales(self) -> tuple[float, float]:
@@ -94,6 +112,10 @@ class Adjusted:
         """Where `points` (p, 2) come to lie (p, 2), and the linear part at each (p, 2, 2)."""
         corrections, slopes = self._corrections(points)
         return self._base(points) + corrections, self._base.matrix + slopes
+
+    @property
+    def mirrored(self) -> bool:
+        return self._base.mirrored
 
     def bend(self) -> tuple[float, tuple[int, ...]]:
         """The largest share by which the correction of a triangle changes a length or, in radians, a heading.

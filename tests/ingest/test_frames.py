@@ -3,10 +3,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
+from ingest.angles import turn_between
 from ingest.fits import FitError
 from ingest.frames import Frames, fit_map
 from ingest.seam import Floats
@@ -97,6 +98,18 @@ def test_an_unknown_heading_stays_unknown_in_every_frame() -> None:
     np.testing.assert_allclose(by_map.to_floor(poses)[0, :2], [1.0, 2.0], atol=1e-9)
     for datum in ("hall", "yard", "elsewhere"):
         assert np.isnan(frames().frame("acme", datum).to_floor(poses)[0, 2])
+
+
+@settings(max_examples=30)
+@given(similarities, st.sampled_from([2, 3, 6]), st.sampled_from(["own", "hall", "yard", "elsewhere"]))
+def test_a_few_poses_are_placed_as_many_are(truth: Affine, count: int, datum: str) -> None:
+    frame = frames(own_map(as_read(truth, HALL)[:count], mirrored=truth.mirrored)).frame("acme", datum)
+    here, ahead = as_read(truth, np.array([[3.0, 2.0], [3.0, 2.5]])).tolist() if datum == "own" else (HOME, HOME)
+    poses = [(*here, 0.3), (*ahead, 0.4), (*ahead, np.nan)]
+    placed = frame.placed(poses)
+    np.testing.assert_allclose(placed, frame.to_floor(np.array(poses)), rtol=1e-9, atol=1e-9)
+    assert frame.mirrored == (turn_between(placed[0][2], placed[1][2]) < 0)
+    assert frame.mirrored == (truth.mirrored if datum == "own" else datum == "yard")
 
 
 def test_a_datum_in_metres_is_the_floors_frame_and_costs_nothing() -> None:
