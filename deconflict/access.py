@@ -18,7 +18,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from deconflict.site import Operator, Person, Role, Site
 from ingest.certificates import Certificates
 from ingest.credentials import Credentials
-from ingest.tokens import Tokens
+from ingest.tokens import Tokens, secret
 
 RANK: Mapping[Role, int] = {"read": 0, "acknowledge": 1, "administer": 2}
 COOKIE = "deconflict_session"
@@ -53,6 +53,9 @@ def verify(site: Site) -> None:
     """Raises `SecretError` or `CertificateError` where something that the site file points at can't be used."""
     Credentials(site.vendors)
     tokens_of(site.operator.people)
+    for source in (*(one.secret for one in site.webhooks), *([site.mqtt.password] if site.mqtt else [])):
+        if source:
+            secret(source)
     for tls in (site.receiver.tls, site.operator.tls):
         if tls:
             Certificates(tls)

@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError
 
 from deconflict.contention.resources import ContentionSettings, Resource, Zone, place_problems
 from deconflict.fitness import datum_problems, map_problems
+from deconflict.outlets.settings import Mqtt, Webhook, outlet_problems
 from ingest.settings import (
     NIL_DATUM,
     Datum,
@@ -117,6 +118,10 @@ class Site(Section):
     contention: ContentionSettings = ContentionSettings()
     engine: Engine = Engine()
     operator: Operator = Operator()
+    webhooks: tuple[Webhook, ...] = ()
+    """Addresses that advisories are posted to."""
+    mqtt: Mqtt | None = None
+    """A broker that holds the open advisories."""
     store: StoreSettings = StoreSettings()
 
 
@@ -205,6 +210,7 @@ def _contradictions(site: Site) -> Iterator[str]:
     yield from _datum_contradictions(site)
     yield from _vendor_contradictions(site)
     yield from place_problems(site.resources, site.zones, (datum.id for datum in site.datums))
+    yield from outlet_problems(site.webhooks, site.mqtt)
     conflict, reading, recorder = site.conflict, site.reading, site.recorder
     if conflict.confirm[0] > conflict.confirm[1]:
         yield f"conflict.confirm: {list(conflict.confirm)} asks for more looks than it counts"

@@ -175,6 +175,18 @@ class Store:
         with self._reading() as db:
             return _last_seq(db)
 
+    def position(self, outlet: str, first: int) -> int:
+        """The number of the last revision that an outlet has delivered; one that is new is put at `first`."""
+        with self._writing() as db:
+            db.execute("INSERT OR IGNORE INTO positions VALUES (?, ?)", (outlet, first))
+            row = db.execute("SELECT seq FROM positions WHERE outlet = ?", (outlet,)).fetchone()
+        return int(row[0])
+
+    def move(self, outlet: str, seq: int) -> None:
+        """Put an outlet at the last revision it has delivered."""
+        with self._writing() as db:
+            db.execute("UPDATE positions SET seq = ? WHERE outlet = ?", (seq, outlet))
+
     def encounters(self) -> dict[tuple[str, str], int]:
         """The highest encounter ordinal of each pair of robots; kept when advisories are pruned."""
         with self._reading() as db:

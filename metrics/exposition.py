@@ -97,6 +97,11 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_store_failures_total": Entry("counter", (), "Attempts to store advisories that failed."),
     "deconflict_stream_subscribers": Entry("gauge", (), "Open subscriptions to the advisory stream."),
     "deconflict_stream_dropped_total": Entry("counter", (), "Subscribers dropped because they stopped reading."),
+    "deconflict_outlet_deliveries_total": Entry(
+        "counter", ("outlet",), "Revisions that a webhook or broker has taken."
+    ),
+    "deconflict_outlet_failures_total": Entry("counter", ("outlet",), "Attempts to deliver that failed."),
+    "deconflict_outlet_waiting": Entry("gauge", ("outlet",), "Revisions that wait for an outlet that takes none."),
     "deconflict_role_up": Entry("gauge", ("role",), "1 if this role of the service answers, else 0.", "largest"),
     "deconflict_role_restarts_total": Entry("counter", ("role",), "Times this role's process was restarted."),
     "deconflict_build_info": Entry("gauge", ("version",), "1 for the release that runs.", "largest"),

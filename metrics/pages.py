@@ -310,6 +310,24 @@ ENGINE = Dashboard(
                     ),
                 ),
                 Panel("Followers of the stream", "short", (Query(level("deconflict_stream_subscribers"), "open"),)),
+                Panel(
+                    "Outlets: delivered and failed",
+                    "ops",
+                    (
+                        _rare("deconflict_outlet_deliveries_total", "delivered"),
+                        _rare("deconflict_outlet_failures_total", "failed"),
+                    ),
+                ),
+                Panel(
+                    "Outlets: waiting",
+                    "short",
+                    (
+                        Query(
+                            f"{level('deconflict_outlet_waiting', ['outlet'], over='max')} or vector(0)",
+                            "{{outlet}}",
+                        ),
+                    ),
+                ),
                 Panel("Followers dropped", "ops", (_rate("deconflict_stream_dropped_total", legend="dropped"),)),
             ),
         ),

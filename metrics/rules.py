@@ -169,6 +169,15 @@ ALERTS = (
         "messages are replaced before they are read.",
     ),
     Alert(
+        "DeconflictOutletStuck",
+        f"{rate('deconflict_outlet_failures_total', '5m', ['outlet'])} > 0"
+        f" unless on (outlet) {rate('deconflict_outlet_deliveries_total', '5m', ['outlet'])} > 0",
+        "5m",
+        "ticket",
+        "The outlet {{ $labels.outlet }} takes no advisories",
+        "Nothing has been delivered to {{ $labels.outlet }} for five minutes and attempts fail; advisories wait.",
+    ),
+    Alert(
         "DeconflictDeadlockAhead",
         f"{level('deconflict_advisories_open', where={'kind': 'deadlock'})} > 0",
         "0s",

@@ -10,6 +10,7 @@ from pydantic_core import to_jsonable_python
 from deconflict import site
 from deconflict.check import report
 from deconflict.contention import resources
+from deconflict.outlets import settings as outlets
 from ingest import settings
 
 DOC = (Path(__file__).parent.parent / "docs" / "site-file.md").read_text(encoding="utf-8")
@@ -24,6 +25,8 @@ SECTIONS: dict[str, type[settings.Section]] = {
     "`[[zones]]`": resources.Zone,
     "`[[operator.people]]`": site.Person,
     "`[receiver.tls]`": settings.Tls,
+    "`[[webhooks]]`": outlets.Webhook,
+    "`[mqtt]`": outlets.Mqtt,
 }
 SECTIONS |= {
     f"`[{name}]`": type(field.default)

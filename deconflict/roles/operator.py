@@ -13,6 +13,9 @@ from deconflict.advisory import ADVISORY
 from deconflict.asgi import face_server
 from deconflict.link import AsyncCaller, LinkDownError, PortTakenError, listening, socket_path
 from deconflict.operator import Exposition, SourceUnavailableError, create_app
+from deconflict.outlets.broker import Broker
+from deconflict.outlets.following import Following
+from deconflict.outlets.webhooks import Poster
 from deconflict.site import Site
 from deconflict.store import Store, StoreError
 from ingest.certificates import Certificates
@@ -42,6 +45,7 @@ class OperatorRole:
         self._certificates = Certificates(site.operator.tls) if site.operator.tls else None
         self._store = Store(data)
         self._app = create_app(self._store, self, exposition, site.operator)
+        self._outlets = self._outlets_of(site)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
@@ -51,7 +55,8 @@ class OperatorRole:
         async with listening(socket_path(self._runtime, "operator"), calls):
             serving = asyncio.create_task(server.serve([bound]))
             waiting = asyncio.create_task(stop.wait())
-            chores = [asyncio.create_task(self._prune()), asyncio.create_task(self._refresh())]
+            outlets = (outlet.run() for outlet in self._outlets)
+            chores = [asyncio.create_task(one) for one in (self._prune(), self._refresh(), *outlets)]
             self.ready.set()
             try:
                 await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
@@ -59,10 +64,18 @@ class OperatorRole:
                 waiting.cancel()
                 for chore in chores:
                     chore.cancel()
+                await asyncio.gather(*chores, return_exceptions=True)
                 server.should_exit = True
                 await serving
                 bound.close()
         self._store.close()
+
+    def _outlets_of(self, site: Site) -> list[Poster | Broker]:
+        def following(name: str) -> Following:
+            return Following(name, self._store, self._app.state.publisher)
+
+        posters = [Poster(one, following(one.name)) for one in site.webhooks]
+        return [*posters, *([Broker(site.mqtt, following("mqtt"), self._store)] if site.mqtt else [])]
 
     def _bound(self) -> socket.socket:
         host, port = self._site.operator.host, self._site.operator.port

@@ -39,6 +39,8 @@ NOT_MET = 'deconflict_conflicts_ended_total{vendor="Acme",outcome="not_met"}'
 WITHIN = f'deconflict_message_to_advisory_seconds_bucket{{vendor="Acme",le="{OBJECTIVE_S}"}}'
 EVERY = 'deconflict_message_to_advisory_seconds_count{vendor="Acme"}'
 BUSY_S = "deconflict_sweep_duration_seconds_sum"
+DELIVERED = 'deconflict_outlet_deliveries_total{outlet="mes"}'
+FAILED = 'deconflict_outlet_failures_total{outlet="mes"}'
 DEADLOCK = 'deconflict_advisories_open{kind="deadlock",severity="warning"}'
 CONFLICT = 'deconflict_advisories_open{kind="conflict",severity="warning"}'
 
@@ -67,6 +69,9 @@ CASES = [
     Case("DeconflictLatencyBurnSlow", 400, None, {EVERY: "0+600x420", WITHIN: "0+596x420"}),
     Case("DeconflictEngineOverload", 20, {}, {BUSY_S: "0+54x30"}),
     Case("DeconflictEngineOverload", 20, None, {BUSY_S: "0+30x30"}),
+    Case("DeconflictOutletStuck", 20, {"outlet": "mes"}, {DELIVERED: "0+3x5 15x20", FAILED: "0x5 0+1x20"}),
+    Case("DeconflictOutletStuck", 20, None, {DELIVERED: "0+3x30", FAILED: "0+1x30"}),
+    Case("DeconflictOutletStuck", 20, None, {DELIVERED: "0x30", FAILED: "0x30"}),
     Case("DeconflictDeadlockAhead", 5, {}, {DEADLOCK: "0x3 1x7"}),
     Case("DeconflictDeadlockAhead", 5, None, {CONFLICT: "4x10"}),
 ]

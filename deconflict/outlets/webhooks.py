@@ -1,0 +1,49 @@
+"""Posting each revision to an address, in order, again and again until it is taken."""
+
+import asyncio
+import time
+
+import httpx
+
+from deconflict.outlets.following import Following
+from deconflict.outlets.settings import Webhook
+from deconflict.outlets.signing import signed
+from deconflict.publisher import Line
+from ingest.tokens import secret
+
+
+class Poster:
+    """One webhook. Nothing overtakes a revision that is not taken."""
+
+    def __init__(self, settings: Webhook, following: Following) -> None:
+        """Raises `SecretError` where the secret can't be had."""
+        self._settings, self._following = settings, following
+        self._secret = secret(settings.secret)
+
+    async def run(self) -> None:
+        """Until cancelled."""
+        await self._following.begin()
+        async with httpx.AsyncClient(timeout=self._settings.timeout_s) as client:
+            async for line in self._following.lines():
+                await self._until_taken(client, line)
+                await self._following.taken(line)
+
+    async def _until_taken(self, client: httpx.AsyncClient, line: Line) -> None:
+        wait_s, longest_s = self._settings.retry_s
+        while why := await self._refused(client, line):
+            self._following.failed(why)
+            await asyncio.sleep(wait_s)
+            wait_s = min(2 * wait_s, longest_s)
+
+    async def _refused(self, client: httpx.AsyncClient, line: Line) -> str:
+        """Why a request was not taken; empty where it was. The address is not told: it may hold a secret."""
+        body = line.text.encode()
+        headers = {
+            "content-type": "application/json",
+            **signed(f"advisory-{line.seq}", body, self._secret, time.time()),
+        }
+        try:
+            answer = await client.post(self._settings.url, content=body, headers=headers)
+        except httpx.HTTPError as error:
+            return type(error).__name__
+        return "" if answer.is_success else f"answered {answer.status_code}"

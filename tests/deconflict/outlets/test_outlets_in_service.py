@@ -1,0 +1,33 @@
+"""Robots in, a signed request and a retained message out: outlets in the running service."""
+
+import asyncio
+import time
+from pathlib import Path
+
+from deconflict.outlets.settings import Mqtt, Webhook
+from deconflict.outlets.signing import verified
+from deconflict.service import in_one_process
+from metrics.exposition import render
+from tests.deconflict.outlets.made_outlets import SECRET, broker, hearing, needs_mosquitto
+from tests.deconflict.outlets.test_broker import retained
+from tests.deconflict.served_face import until
+from tests.deconflict.test_service import CROSSING, SITE, drive
+
+
+@needs_mosquitto
+async def test_a_conflict_reaches_every_outlet(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text(SECRET)
+    async with broker() as port:
+        with hearing() as other:
+            hook = Webhook(name="mes", url=other.url, secret=f"file:{tmp_path / 'secret'}")
+            site = SITE.model_copy(update={"webhooks": (hook,), "mqtt": Mqtt(host="127.0.0.1", port=port)})
+            async with in_one_process(site, tmp_path / "data", render) as (receiver, _):
+                driving = asyncio.create_task(drive(f"ws://127.0.0.1:{receiver.receiver.port}", CROSSING, 20))
+                await until(lambda: other.heard)
+                headers, body = other.heard[0]
+                told = verified(headers, body, SECRET, time.time())
+                async with asyncio.timeout(10):
+                    held = await retained(port, {"service", f"advisories/{told.id}"})
+                driving.cancel()
+    assert (told.kind, told.state, told.seq) == ("conflict", "raised", 1)
+    assert set(held) == {"deconflict/service", f"deconflict/advisories/{told.id}"}
