@@ -20,7 +20,6 @@ from ingest.certificates import CertificateError
 from ingest.tokens import SecretError
 from metrics import dashboards
 from metrics.exposition import render
-from metrics.replay import replay
 
 FAILED, MISUSED = 1, 2
 
@@ -161,6 +160,8 @@ def _simulate(args: argparse.Namespace) -> int:
 
 
 def _replay(args: argparse.Namespace) -> int:
+    from metrics.replay import replay  # noqa: PLC0415 - brings numba, which no other command needs
+
     settings = site.load(args.site) if args.site else site.DEFAULT
     clearances_m = args.clearance or [settings.conflict.clearance_m]
     with ExitStack() as files:

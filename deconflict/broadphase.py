@@ -3,215 +3,242 @@
 One-second slabs prune far better than one box for the whole horizon: a robot's box stays short.
 """
 
-from dataclasses import dataclass
+from math import cos, floor, sin
+from typing import Any
 
+import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from deconflict.motion import Bools, Segments
-from ingest.seam import Floats, Ints
+from deconflict.compiled import inner, kernel
+from deconflict.motion import KNOT, Bools, Knots
+from deconflict.roster import ROBOT, Robots
+from ingest.seam import Ints
 
 ABSENT = -1
 """Floor of a box that is not there."""
 MIXED = -2
 """Floor of a box in which the robot changes floor; it may meet anything."""
-FEW = 12
-"""Up to so many changed robots are held against all others one by one; more are sorted into bands."""
-LONG = 6.0
-"""A box so many times as long as most is held against all others one by one."""
-MOST_SHARE = 0.4
-"""Where a larger share of the boxes changed, all are held against those that follow."""
-_NONE = np.empty(0, np.int64)
+FEW = 3
+"""Up to so many changed robots are held against all others one by one; for more the boxes are sorted into cells."""
+ROOMY = 1.5
+"""Side of a cell, as a multiple of what nine in ten boxes stay below. Longer boxes are wide, and cost more."""
+NARROWEST_M = 1e-3
+"""Of a cell."""
+
+BOX = np.dtype(
+    [("slab", np.int64), ("floor", np.int64), ("knot", np.int64)]
+    + [(side, np.float64) for side in ("west", "east", "south", "north")],
+    align=True,
+)
+"""What a robot covers in a slab, and which of its knots holds when it begins or the robot appears."""
+
+PAIR = np.dtype([(name, np.int64) for name in ("ring", "a", "b")], align=True)
+
+Pairs = NDArray[Any]
+"""Of `PAIR`: boxes that overlap."""
+Row = NDArray[Any]
+"""Of `BOX`: the boxes of one slab, by slot."""
+
+_BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Pairs:
-    """Pairs of boxes that overlap. Arrays are (p,)."""
-
-    ring: Ints
-    a: Ints
-    b: Ints
-
-    def __len__(self) -> int:
-        return len(self.ring)
-
-    @classmethod
-    def joined(cls, parts: list["Pairs"]) -> "Pairs":
-        return cls(*(np.concatenate([_NONE, *(getattr(part, name) for part in parts)]) for name in cls.__slots__))
-
-    def take(self, rows: Ints | Bools | slice) -> "Pairs":
-        return Pairs(self.ring[rows], self.a[rows], self.b[rows])
+@inner
+def _is_wide(box: Any, share: float) -> bool:
+    """Whether a box may reach further than into the cells next to that of its centre, or is on several floors."""
+    return bool(box.floor == MIXED or max(box.east - box.west, box.north - box.south) * share > 1.0)
 
 
-def swept_boxes(s: Segments, half: Floats, grow_m: float) -> Floats:
-    """(4, n) west, east, south and north of what each segment covers, grown by `grow_m`.
+@inner
+def _cells(row: Row, is_changed: Bools, share: float) -> tuple[Ints, Ints, Ints, Ints]:
+    """The boxes of a row by the cell of their centre: where each cell's slots start, the slots, and the wide ones.
 
-    `half` (2, robots) are half sides by `s.robot`. A robot that turns within a segment counts as its circle.
+    `share` is cells a metre. Cells repeat after a power of two along x and y, so a box far away costs no room. Of the
+    wide ones, those that changed and those that did not.
     """
-    half_l, half_w = half.take(s.robot, 1)
-    c, n = np.abs(np.cos(s.yaw)), np.abs(np.sin(s.yaw))
-    turning, radius = s.turn != 0, np.sqrt(half_l * half_l + half_w * half_w)
-    reach_x = np.where(turning, radius, c * half_l + n * half_w) + grow_m
-    reach_y = np.where(turning, radius, n * half_l + c * half_w) + grow_m
-    span = s.t1 - s.t0
-    x_end, y_end = s.x + s.vx * span, s.y + s.vy * span
-    return np.stack(
-        [
-            np.minimum(s.x, x_end) - reach_x,
-            np.maximum(s.x, x_end) + reach_x,
-            np.minimum(s.y, y_end) - reach_y,
-            np.maximum(s.y, y_end) + reach_y,
-        ]
-    )
+    across = 4
+    while across * across < 2 * len(row):
+        across *= 2
+    start, cell = np.zeros(across * across + 1, np.int64), np.full(len(row), -1)
+    wide, wides, still, stills = np.empty(len(row), np.int64), 0, np.empty(len(row), np.int64), 0
+    for slot in range(len(row)):
+        box = row[slot]
+        if box.floor == ABSENT:
+            continue
+        if not _is_wide(box, share):
+            x, y = floor((box.west + box.east) / 2 * share), floor((box.south + box.north) / 2 * share)
+            cell[slot] = (y & (across - 1)) * across + (x & (across - 1))
+            start[cell[slot] + 1] += 1
+        elif is_changed[slot]:
+            wide[wides] = slot
+            wides += 1
+        else:
+            still[stills] = slot
+            stills += 1
+    for at in range(across * across):
+        start[at + 1] += start[at]
+    slots, placed = np.empty(start[-1], np.int64), start[:-1].copy()
+    for slot in range(len(row)):
+        if cell[slot] >= 0:
+            slots[placed[cell[slot]]] = slot
+            placed[cell[slot]] += 1
+    return start, slots, wide[:wides], still[:stills]
+
+
+@inner
+def _overlap(a: Any, b: Any) -> bool:
+    """Whether a box that is there shares room, slab and floor with another."""
+    if a.west > b.east or b.west > a.east or a.south > b.north or b.south > a.north or a.slab != b.slab:
+        return False
+    return bool(b.floor != ABSENT and (a.floor == b.floor or min(a.floor, b.floor) == MIXED))
+
+
+@inner
+def _held_against(row: Row, slot: int, others: Ints, asking: Bools, found: Pairs, n: int) -> int:
+    """Add the pairs of `slot` with those of `others` that it overlaps; a pair of two that ask counts once."""
+    box = row[slot]
+    for other in others:
+        if _overlap(box, row[other]) and (other > slot or (other < slot and not asking[other])):
+            pair = found[n]
+            pair.ring, pair.a, pair.b = -1, slot, other
+            n += 1
+    return n
+
+
+@inner
+def _held_against_cells(
+    row: Row, slot: int, start: Ints, slots: Ints, share: float, asking: Bools, found: Pairs, n: int
+) -> int:
+    """The same with all boxes of the cells that `slot` may reach into."""
+    box, across = row[slot], int(np.sqrt(len(start)))
+    west, east = floor(box.west * share - 0.5), floor(box.east * share + 0.5)
+    south, north = floor(box.south * share - 0.5), floor(box.north * share + 0.5)
+    for y in range(south, min(north, south + across - 1) + 1):
+        for x in range(west, min(east, west + across - 1) + 1):
+            at = (y & (across - 1)) * across + (x & (across - 1))
+            n = _held_against(row, slot, slots[start[at] : start[at + 1]], asking, found, n)
+    return n
+
+
+@kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], numba.int64[::1], numba.boolean[::1], numba.float64))
+def _in_cells(boxes: NDArray[Any], rings: Ints, changed: Ints, is_changed: Bools, share: float) -> Pairs:
+    """Narrow boxes that changed look into the cells around them, wide ones into all cells that they cover."""
+    found, n, nobody = np.empty(1 << 14, PAIR), 0, np.zeros(len(is_changed), np.bool_)
+    for ring in rings:
+        row, before = boxes[ring], n
+        start, slots, wide, still = _cells(row, is_changed, share)
+        for slot in changed:
+            if row[slot].floor == ABSENT:
+                continue
+            if n + len(row) > len(found):
+                found = np.concatenate((found, np.empty(len(found) + len(row), PAIR)))
+            if _is_wide(row[slot], share):
+                n = _held_against(row, slot, wide, is_changed, found, n)
+                n = _held_against_cells(row, slot, start, slots, share, nobody, found, n)
+            else:
+                n = _held_against_cells(row, slot, start, slots, share, is_changed, found, n)
+            n = _held_against(row, slot, still, nobody, found, n)
+        for at in range(before, n):
+            found[at].ring = ring
+    return found[:n].copy()
+
+
+@kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], numba.int64[::1], numba.boolean[::1]))
+def _one_by_one(boxes: NDArray[Any], rings: Ints, changed: Ints, is_changed: Bools) -> Pairs:
+    """The few that changed against all, without cells."""
+    found, n, everyone = np.empty(1024, PAIR), 0, np.arange(boxes.shape[1])
+    for ring in rings:
+        row, before = boxes[ring], n
+        for slot in changed:
+            if row[slot].floor == ABSENT:
+                continue
+            if n + len(row) > len(found):
+                found = np.concatenate((found, np.empty(len(found) + len(row), PAIR)))
+            n = _held_against(row, slot, everyone, is_changed, found, n)
+        for at in range(before, n):
+            found[at].ring = ring
+    return found[:n].copy()
+
+
+@inner
+def _cover_slab(box: Any, robot: Any, knots: Knots, k: int, end: int, grow_m: float) -> None:
+    """The box of what a robot covers in `box.slab`, from knot `k` on; a turning robot counts as its circle."""
+    slab = box.slab
+    begin = max(knots[k].t - slab, 0.0)
+    while begin < 1.0 and k < end:
+        knot = knots[k]
+        until = min(knots[k + 1].t - slab, 1.0) if k + 1 < end else 1.0
+        if knot.floor >= 0:
+            if box.floor == ABSENT:
+                box.floor = knot.floor
+                box.west, box.east, box.south, box.north = np.inf, -np.inf, np.inf, -np.inf
+            elif box.floor != knot.floor:
+                box.floor = MIXED
+            reach_x = reach_y = robot.radius
+            if knot.turn == 0.0:
+                c, s = abs(cos(knot.yaw)), abs(sin(knot.yaw))
+                reach_x = c * robot.half_length + s * robot.half_width
+                reach_y = s * robot.half_length + c * robot.half_width
+            since = slab - knot.t
+            for t in (begin, until):
+                x, y = knot.x + knot.vx * (since + t), knot.y + knot.vy * (since + t)
+                box.west, box.east = min(box.west, x - reach_x - grow_m), max(box.east, x + reach_x + grow_m)
+                box.south, box.north = min(box.south, y - reach_y - grow_m), max(box.north, y + reach_y + grow_m)
+        begin, k = until, k + 1
+
+
+@kernel(numba.void(_BOX[:, ::1], numba.int64[::1], _ROBOT[::1], _KNOT[::1], numba.int64, numba.int64, numba.float64))
+def _cover(
+    boxes: NDArray[Any], slots: Ints, robots: Robots, knots: Knots, first_slab: int, slabs: int, grow_m: float
+) -> None:
+    for slot in slots:
+        robot = robots[slot]
+        k, end = robot.first, robot.first + robot.count
+        for slab in range(first_slab, first_slab + slabs):
+            box = boxes[slab % len(boxes), slot]
+            box.slab, box.floor = slab, ABSENT
+            while k + 1 < end and knots[k + 1].t - slab <= 0.0:
+                k += 1
+            box.knot = k - robot.first
+            _cover_slab(box, robot, knots, k, end, grow_m)
 
 
 class Boxes:
-    """The swept boxes of robots by slab. Arrays are (s, slots); slab k of absolute time is ring row k modulo s."""
+    """The swept boxes of robots by slab; slab k of absolute time is ring row k modulo their number."""
 
     def __init__(self, slabs: int) -> None:
-        self.slab = np.full((slabs, 0), -1, np.int64)
-        """Which slab each box is of: a row holds some that are not yet replaced."""
-        self.floor = np.full((slabs, 0), ABSENT, np.int64)
-        self.sides = np.zeros((4, slabs, 0))
-        """West, east, south, north."""
-        self.first = np.zeros((slabs, 0), np.int64)
-        """Its segments are `first` to `first + count - 1` of the pool."""
-        self.count = np.zeros((slabs, 0), np.int64)
+        self.all: NDArray[Any] = np.zeros((slabs, 0), BOX)
+        """(slabs, slots): a row holds some of older slabs that are not yet replaced."""
 
     def grow(self, slots: int) -> None:
         """Make room for so many slots."""
-        spare = slots - self.slab.shape[1]
+        spare = slots - self.all.shape[1]
         if spare > 0:
-            wide = ((0, 0), (0, spare))
-            self.slab = np.pad(self.slab, wide, constant_values=-1)
-            self.floor = np.pad(self.floor, wide, constant_values=ABSENT)
-            self.sides = np.pad(self.sides, ((0, 0), *wide))
-            self.first, self.count = np.pad(self.first, wide), np.pad(self.count, wide)
+            more = np.zeros((len(self.all), spare), BOX)
+            more["floor"] = ABSENT
+            self.all = np.concatenate([self.all, more], axis=1)
 
-    def clear(self, slots: Ints, rings: Ints) -> None:
-        """Forget the boxes of `slots` in ring rows `rings`."""
-        self.floor[np.ix_(rings, slots)] = ABSENT
-        self.count[np.ix_(rings, slots)] = 0
+    def clear(self, slots: Ints) -> None:
+        """Forget the boxes of `slots`."""
+        self.all["floor"][:, slots] = ABSENT
 
-    def put(self, s: Segments, sides: Floats, offset: int) -> None:
-        """Set the boxes of segments, which start at `offset` of the pool; `s.robot` are slots.
-
-        Segments of a robot follow one another in time.
-        """
-        if not len(s):
-            return
-        new = np.ones(len(s), bool)
-        new[1:] = (s.robot[1:] != s.robot[:-1]) | (s.slab[1:] != s.slab[:-1])
-        first = np.flatnonzero(new)
-        at = s.slab[first] % len(self.slab), s.robot[first]
-        low, high = np.minimum.reduceat(s.floor, first), np.maximum.reduceat(s.floor, first)
-        self.slab[at] = s.slab[first]
-        self.floor[at] = np.where(low == high, low, MIXED)
-        for side, least in enumerate((True, False, True, False)):
-            self.sides[side][at] = (np.minimum if least else np.maximum).reduceat(sides[side], first)
-        self.first[at] = first + offset
-        self.count[at] = np.diff(np.append(first, len(s)))
+    def cover(self, slots: Ints, robots: Robots, knots: Knots, first_slab: int, slabs: int, grow_m: float) -> None:
+        """Set the boxes of `slots` for `slabs` slabs from `first_slab` on, grown by `grow_m` to each side."""
+        _cover(self.all, slots, robots, knots, first_slab, slabs, grow_m)
 
     def pairs(self, changed: Ints, rings: Ints) -> Pairs:
-        """Each pair of boxes of one slab that overlap, in ring rows `rings`, at least one of them `changed`'s; once.
-
-        Cost grows with what changed where few did, else with what exists.
-        """
-        is_changed = self._marked(changed)
+        """Each pair of boxes of one slab that overlap, in ring rows `rings`, at least one of them `changed`'s; once."""
+        is_changed = np.zeros(self.all.shape[1], bool)
+        is_changed[changed] = True
         if len(changed) <= FEW:
-            return Pairs.joined([self._against_all(ring, changed, is_changed) for ring in rings.tolist()])
-        return Pairs.joined([self._in_row(ring, is_changed) for ring in rings.tolist()])
+            return _one_by_one(self.all, rings, changed, is_changed)
+        return _in_cells(self.all, rings, changed, is_changed, 1.0 / self._side(rings, changed))
 
-    def _marked(self, slots: Ints) -> Bools:
-        marked = np.zeros(self.slab.shape[1], bool)
-        marked[slots] = True
-        return marked
-
-    def _against_all(self, ring: int, chosen: Ints, is_chosen: Bools) -> Pairs:
-        """Pairs with one of `chosen`; a pair of two chosen ones once."""
-        slab, floor = self.slab[ring], self.floor[ring]
-        x0, x1, y0, y1 = self.sides[:, ring]
-        found: list[Pairs] = []
-        for row in chosen[floor[chosen] != ABSENT].tolist():
-            near = (x0 <= x1[row]) & (x1 >= x0[row]) & (y0 <= y1[row]) & (y1 >= y0[row])
-            others = np.flatnonzero(near)
-            theirs = floor[others]
-            same = (theirs == floor[row]) | (theirs == MIXED) | (floor[row] == MIXED)
-            same &= (theirs != ABSENT) & (slab[others] == slab[row])
-            same &= (others > row) | ((others < row) & ~is_chosen[others])
-            met = others[same]
-            found.append(Pairs(np.full(len(met), ring), np.full(len(met), row), met))
-        return Pairs.joined(found)
-
-    def _in_row(self, ring: int, is_changed: Bools) -> Pairs:
-        """Pairs of a ring row; the boxes that do not fit in bands are held against all others."""
-        there = np.flatnonzero(self.floor[ring] != ABSENT)
-        if not is_changed[there].any():
-            return Pairs.joined([])
-        width, height = (self.sides[k + 1, ring, there] - self.sides[k, ring, there] for k in (0, 2))
-        most_x, most_y = _most(width), _most(height)
-        odd = (width > LONG * most_x) | (height > LONG * most_y) | (self.floor[ring, there] == MIXED)
-        oddities, even = there[odd], there[~odd]
-        found = self._against_all(ring, oddities, self._marked(oddities))
-        found = found.take(is_changed[found.a] | is_changed[found.b])
-        a, b = self._in_bands(ring, even, is_changed[even], max(most_y, 1e-3))
-        return Pairs.joined([found, Pairs(np.full(len(a), ring), a, b)])
-
-    def _in_bands(self, ring: int, there: Ints, is_changed: Bools, height_m: float) -> tuple[Ints, Ints]:
-        """Overlapping pairs of the boxes of slots `there`, all on one floor each.
-
-        Boxes are sorted by slab, floor and band of y, then by x; each is held against those that begin before it ends.
-        A pair that shares several bands counts in the first of them.
-        """
+    def _side(self, rings: Ints, changed: Ints) -> float:
+        """Of a cell: what nine in ten boxes fit well into, by a sample."""
+        sample = self.all[np.ix_(rings, changed[:: 1 + len(changed) // 200])]
+        there = sample[sample["floor"] != ABSENT]
         if not len(there):
-            return _NONE, _NONE
-        x0, x1, y0, y1 = self.sides[:, ring].take(there, 1)
-        low = np.floor((y0 - y0.min()) / height_m).astype(np.int64)
-        bands = np.floor((y1 - y0.min()) / height_m).astype(np.int64) - low + 1
-        box = np.repeat(np.arange(len(there)), bands)
-        band = low.take(box) + counting(bands)
-        levels = _ranked(self.slab[ring, there], self.floor[ring, there])
-        lane = levels.take(box) * (int(band.max()) + 2) + band
-        west, wide = x0.min(), float((x1 - x0).max())
-        span = float(x1.max() - west) + wide + 2.0
-        begin = lane * span + (x0.take(box) - west)
-        order = np.argsort(begin)
-        begin, box, band, lane = begin.take(order), box.take(order), band.take(order), lane.take(order)
-        rounding = 8 * np.spacing(float(begin[-1]))
-        everything = is_changed.mean() > MOST_SHARE
-        asking = np.arange(len(box)) if everything else np.flatnonzero(is_changed.take(box))
-        end = lane.take(asking) * span + (x1.take(box.take(asking)) - west) + rounding
-        start = asking + 1 if everything else np.searchsorted(begin, begin.take(asking) - wide - rounding)
-        reach = np.maximum(np.searchsorted(begin, end, "right") - start, 0)
-        a = np.repeat(asking, reach)
-        b = np.repeat(start, reach) + counting(reach)
-        i, j = box.take(a), box.take(b)
-        met = np.flatnonzero((y0.take(i) <= y1.take(j)) & (y1.take(i) >= y0.take(j)))
-        a, i, j = a.take(met), i.take(met), j.take(met)
-        kept = (x0.take(i) <= x1.take(j)) & (x1.take(i) >= x0.take(j))
-        kept &= band.take(a) == np.maximum(low.take(i), low.take(j))
-        if everything:
-            kept &= is_changed.take(i) | is_changed.take(j)
-        else:
-            kept &= (i < j) | ((i != j) & ~is_changed.take(j))
-        return there.take(i[kept]), there.take(j[kept])
-
-
-def _most(lengths: Floats) -> float:
-    """What nine in ten of them stay below, by a sample."""
-    return float(np.percentile(lengths[:: 1 + len(lengths) // 500], 90))
-
-
-def counting(lengths: Ints) -> Ints:
-    """0, 1, ... up to each length in turn."""
-    numbers: Ints = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-    return numbers
-
-
-def _ranked(slab: Ints, floor: Ints) -> Ints:
-    """A small number for each combination."""
-    if (slab == slab[0]).all() and (floor == floor[0]).all():
-        return np.zeros(len(slab), np.int64)
-    _, slab = np.unique(slab, return_inverse=True)
-    floors, floor = np.unique(floor, return_inverse=True)
-    ranks: Ints = slab * len(floors) + floor
-    return ranks
+            return NARROWEST_M
+        longest = np.maximum(there["east"] - there["west"], there["north"] - there["south"])
+        return max(float(np.partition(longest, len(longest) * 9 // 10)[len(longest) * 9 // 10]) * ROOMY, NARROWEST_M)

@@ -1,15 +1,16 @@
-"""FCL, where the numpy rounds leave a pair open. The only file that imports it.
+"""FCL, where advancement leaves a pair open. The only file that imports it.
 
 `fcl.collide` of two boxes is exact; `continuousCollide` and `distance` are not to be relied on (docs/sweep.md). Two
 boxes and two objects are made once and moved, since each object leaks a little; only return values are read.
 """
 
-from math import cos, hypot, sin
+from math import cos, hypot, inf, sin
+from typing import Any
 
 import fcl
 import numpy as np
 
-from deconflict.relative import Relative
+from deconflict.narrowphase import MOTION, Motions
 
 HEIGHT_M = 1.0
 """Of both boxes: the question is one of the plan, and heights must be equal for FCL to answer it exactly."""
@@ -20,23 +21,22 @@ _REQUEST = fcl.CollisionRequest()
 
 
 class Decider:
-    """First contact of pairs of segments by halving, FCL excluding what it can."""
+    """First contact by halving, FCL excluding what it can."""
 
     def __init__(self, target_m: float, tolerance_m: float) -> None:
         self._target_m, self._tolerance_m = target_m, tolerance_m
-        self.asked = 0
-        """Pairs of segments that needed more than their circles."""
         self.calls = 0
         """Of FCL."""
 
-    def first_contact(self, motion: Relative, row: int, begin: float) -> float:
-        """The first time after `begin` within the target, to the tolerance; inf for none.
+    def first_contact(self, motions: Motions, from_t: float) -> float:
+        """The first time after `from_t` within the target, to the tolerance; inf for none. Motions are in order."""
+        return next((t for motion in motions if (t := self._in_one(_Pair(motion), from_t)) < inf), inf)
 
-        Over [a, b] no point of B moves further from where it is at the middle, as A sees it, than
+    def _in_one(self, one: "_Pair", from_t: float) -> float:
+        """Over [a, b] no point of B moves further from where it is at the middle, as A sees it, than
         R = (|v| + |w| r)(b - a) / 2. If A grown by R and the target is clear of B there, so is all of [a, b].
         """
-        one = _Pair(motion, row)
-        stack = [(begin, float(motion.end[row]))]
+        stack: list[tuple[float, float]] = [(max(from_t, one.begin), one.end)] if from_t <= one.end else []
         while stack:
             a, b = stack.pop()
             middle, reach = (a + b) / 2, one.speed * (b - a) / 2
@@ -49,19 +49,19 @@ class Decider:
             if reach <= 0.35 * self._tolerance_m:
                 return a
             stack += [(middle, b), (a, middle)]
-        return float("inf")
+        return inf
 
 
 class _Pair:
-    """One row of a `Relative` in plain numbers: numpy costs far more than it saves on one."""
+    """One `MOTION` in plain numbers."""
 
-    def __init__(self, motion: Relative, row: int) -> None:
-        self.begin, self.dx, self.dy, self.vx, self.vy = (
-            float(column[row]) for column in (motion.begin, motion.dx, motion.dy, motion.vx, motion.vy)
-        )
-        self.yaws = float(motion.yaw_a[row]), float(motion.yaw_b[row])
-        self.turns = float(motion.turn_a[row]), float(motion.turn_b[row])
-        self.halves = tuple(motion.half_a[:, row].tolist()), tuple(motion.half_b[:, row].tolist())
+    def __init__(self, motion: Any) -> None:
+        m = dict(zip(MOTION.names or (), motion.item(), strict=True))
+        self.begin: float = m["begin"]
+        self.end: float = m["end"]
+        self.dx, self.dy, self.vx, self.vy = m["dx"], m["dy"], m["vx"], m["vy"]
+        self.yaws, self.turns = (m["yaw_a"], m["yaw_b"]), (m["turn_a"], m["turn_b"])
+        self.halves = (m["length_a"], m["width_a"]), (m["length_b"], m["width_b"])
         radii = [hypot(*half) for half in self.halves]
         self.speed = hypot(self.vx, self.vy) + sum(abs(w) * r for w, r in zip(self.turns, radii, strict=True))
 

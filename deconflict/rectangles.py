@@ -1,12 +1,10 @@
-"""Rectangles in the plane, many pairs at once: their exact distance, and how long they surely stay apart."""
+"""Rectangles in the plane, many pairs at once: their exact distance. What happened is told by it, not by the sweep."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from ingest.seam import Floats
-
-TINY_MPS = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,43 +62,3 @@ def _nearest_corner(
         best = np.where(nearer, squared, best)
         best_x, best_y = np.where(nearer, ex, best_x), np.where(nearer, ey, best_y)
     return best, best_x, best_y
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Apart:
-    """What the four axes of two rectangles' sides tell of n pairs. Arrays are (n,)."""
-
-    gap: Floats
-    """The widest gap along any of the axes: never more than the distance, and negative where they overlap."""
-    clear_s: Floats
-    """How long the distance surely stays above the target; 0 where no axis shows it."""
-
-
-def apart(
-    dx: Floats,
-    dy: Floats,
-    vx: Floats,
-    vy: Floats,
-    yaw_a: Floats,
-    yaw_b: Floats,
-    half_a: Floats,
-    half_b: Floats,
-    swing: Floats,
-    target_m: float,
-) -> Apart:
-    """How long B, moving at (vx, vy) past A, stays further than `target_m`: far cheaper than the distance.
-
-    Along a direction that is held, the gap closes at no more than the centres' approach along it and `swing`, what
-    turning adds, metres a second. Of the four axes the one that stays open longest counts.
-    """
-    ca, sa, cb, sb = np.cos(yaw_a), np.sin(yaw_a), np.cos(yaw_b), np.sin(yaw_b)
-    ac, as_ = np.abs(ca * cb + sa * sb), np.abs(ca * sb - sa * cb)
-    widest, clear_s = np.full(len(dx), -np.inf), np.zeros(len(dx))
-    for c, s, half, other in ((ca, sa, half_a, half_b), (cb, sb, half_b, half_a)):
-        for ux, uy, near, far in ((c, s, half[0], (ac, as_)), (-s, c, half[1], (as_, ac))):
-            at = ux * dx + uy * dy
-            gap_m = np.abs(at) - near - other[0] * far[0] - other[1] * far[1]
-            closing = swing - np.sign(at) * (ux * vx + uy * vy)
-            np.maximum(widest, gap_m, out=widest)
-            np.maximum(clear_s, (gap_m - target_m) / np.maximum(closing, TINY_MPS), out=clear_s)
-    return Apart(widest, clear_s)

@@ -6,12 +6,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.seam import Floats, Forecasts, Ints
+from deconflict.motion import KNOT, Knots, knots_of
+from ingest.seam import Forecasts, Ints
 
-MOST_WASTE = 3
-"""Knots are packed anew when so many times those in use are held."""
 FEWEST_KNOTS = 10_000
-_COLUMNS = ("t_s", "x_m", "y_m", "yaw_rad", "floor")
+
+Robots = NDArray[Any]
+"""Of `ROBOT`."""
+
+ROBOT = np.dtype(
+    [(name, np.float64) for name in ("half_length", "half_width", "radius", "bottom", "top", "appears")]
+    + [("first", np.int64), ("count", np.int64)],
+    align=True,
+)
+"""Half sides and circumscribed radius of the envelope, height range, time of the first knot, and which knots are its:
+`first` to `first + count - 1`."""
 
 
 class Roster:
@@ -21,17 +30,11 @@ class Roster:
         self.slots: dict[str, int] = {}
         self.keys: list[str] = []
         """By slot; "" for a free one."""
-        self.half: Floats = np.zeros((2, 0))
-        """(2, slots) half length and half width."""
-        self.height: Floats = np.zeros((2, 0))
-        """(2, slots) bottom and top."""
-        self.appears: Floats = np.zeros(0)
-        """(slots,) time of the first knot."""
-        self._free: list[int] = []
-        self._first: Ints = np.zeros(0, np.int64)
-        self._count: Ints = np.zeros(0, np.int64)
-        self._knots: dict[str, NDArray[Any]] = {name: getattr(Forecasts.empty(), name) for name in _COLUMNS}
+        self.robots: Robots = np.zeros(0, ROBOT)
+        """By slot, and some to spare; a free one has no knots."""
+        self.knots: Knots = np.zeros(0, KNOT)
         self._used = 0
+        self._free: list[int] = []
         self._ranks: Ints | None = None
 
     def __len__(self) -> int:
@@ -41,15 +44,21 @@ class Roster:
     def put(self, keys: Sequence[str], forecasts: Forecasts) -> Ints:
         """Replace the forecasts of `keys`, which are all different; their slots."""
         slots = np.fromiter((self._slot(key) for key in keys), np.int64, len(keys))
-        self._grow()
-        self.half[:, slots] = forecasts.length_m / 2, forecasts.width_m / 2
-        self.height[:, slots] = forecasts.bottom_m, forecasts.top_m
-        self.appears[slots] = forecasts.t_s[forecasts.start[:-1]]
-        self._count[slots] = np.diff(forecasts.start)
-        self._first[slots] = self._used + forecasts.start[:-1]
-        self._append(forecasts)
-        if self._used > MOST_WASTE * max(int(self._count.sum()), FEWEST_KNOTS):
-            self._pack()
+        if len(self.robots) < len(self):
+            self.robots = np.pad(self.robots, (0, len(self) + len(self) // 8 - len(self.robots)))
+        counts = np.diff(forecasts.start)
+        first = self._room(slots, counts)
+        self.knots[np.repeat(first - forecasts.start[:-1], counts) + np.arange(len(forecasts.t_s))] = knots_of(
+            forecasts
+        )
+        half_length, half_width = forecasts.length_m / 2, forecasts.width_m / 2
+        said = np.empty(len(slots), ROBOT)
+        said["half_length"], said["half_width"] = half_length, half_width
+        said["radius"] = np.sqrt(half_length * half_length + half_width * half_width)
+        said["bottom"], said["top"] = forecasts.bottom_m, forecasts.top_m
+        said["appears"] = forecasts.t_s[forecasts.start[:-1]]
+        said["first"], said["count"] = first, counts
+        self.robots[slots] = said
         return slots
 
     def discard(self, keys: Iterable[str]) -> list[int]:
@@ -57,31 +66,15 @@ class Roster:
         left = [self.slots.pop(key) for key in keys if key in self.slots]
         for slot in left:
             self.keys[slot] = ""
-            self._count[slot] = 0
+            self.robots["count"][slot] = 0
         self._free += left
         if left:
             self._ranks = None
         return left
 
-    def forecasts(self, slots: Ints) -> Forecasts:
-        """The forecasts of `slots`, in that order."""
-        counts = self._count[slots]
-        start = np.concatenate([[0], np.cumsum(counts)])
-        knots = np.repeat(self._first[slots] - start[:-1], counts) + np.arange(start[-1])
-        columns = {name: column[knots] for name, column in self._knots.items()}
-        length_m, width_m = 2 * self.half[:, slots]
-        return Forecasts(
-            start=start,
-            **columns,
-            length_m=length_m,
-            width_m=width_m,
-            bottom_m=self.height[0, slots],
-            top_m=self.height[1, slots],
-        )
-
     def present(self, slots: Ints) -> Ints:
         """Those of `slots` that a robot has."""
-        there: Ints = slots[self._count[slots] > 0]
+        there: Ints = slots[self.robots["count"][slots] > 0]
         return there
 
     def ranks(self) -> Ints:
@@ -105,25 +98,25 @@ class Roster:
             self.slots[key] = slot
         return slot
 
-    def _grow(self) -> None:
-        spare = len(self) - len(self.appears)
-        if spare > 0:
-            self.half = np.pad(self.half, ((0, 0), (0, spare)))
-            self.height = np.pad(self.height, ((0, 0), (0, spare)))
-            self.appears = np.pad(self.appears, (0, spare))
-            self._first, self._count = np.pad(self._first, (0, spare)), np.pad(self._count, (0, spare))
+    def _room(self, slots: Ints, counts: Ints) -> Ints:
+        """Where the knots of each go: in place of its old ones where they are as many, else after all others."""
+        grows = counts != self.robots["count"][slots]
+        self.robots["count"][slots[grows]] = 0
+        more = np.where(grows, counts, 0)
+        if self._used + more.sum() > len(self.knots):
+            self._pack(int(more.sum()))
+        first: Ints = np.where(grows, self._used + np.cumsum(more) - more, self.robots["first"][slots])
+        self._used += int(more.sum())
+        return first
 
-    def _append(self, forecasts: Forecasts) -> None:
-        start, self._used = self._used, self._used + len(forecasts.t_s)
-        for name, column in self._knots.items():
-            if len(column) < self._used:
-                self._knots[name] = np.pad(column, (0, 2 * self._used - len(column)))
-            self._knots[name][start : self._used] = getattr(forecasts, name)
-
-    def _pack(self) -> None:
-        """Leave out the knots of forecasts that were replaced."""
-        slots = np.flatnonzero(self._count)
-        kept = self.forecasts(slots)
-        self._first[slots], self._used = kept.start[:-1], 0
-        self._knots = {name: getattr(kept, name)[:0] for name in _COLUMNS}
-        self._append(kept)
+    def _pack(self, spare: int) -> None:
+        """Leave out the knots of forecasts that were replaced, and make room for `spare` more."""
+        slots = np.flatnonzero(self.robots["count"])
+        counts = self.robots["count"][slots]
+        start = np.cumsum(counts) - counts
+        self._used = int(counts.sum())
+        kept = self.knots[np.repeat(self.robots["first"][slots] - start, counts) + np.arange(self._used)]
+        needed = self._used + spare
+        self.knots = np.zeros(max(needed + needed // 4, FEWEST_KNOTS), KNOT)
+        self.knots[: self._used] = kept
+        self.robots["first"][slots] = start

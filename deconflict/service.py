@@ -13,12 +13,15 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from deconflict.operator import Exposition
-from deconflict.roles.engine import EngineRole
 from deconflict.roles.operator import ROLES_FILE, OperatorRole
 from deconflict.roles.receiver import ReceiverRole
 from deconflict.site import Site
+
+if TYPE_CHECKING:
+    from deconflict.roles.engine import EngineRole
 
 log = logging.getLogger(__name__)
 
@@ -119,7 +122,7 @@ async def in_one_process(
         data.mkdir(parents=True, exist_ok=True)
         operator = OperatorRole(site, runtime, data, exposition)
         receiver = ReceiverRole(site, runtime, data / "log")
-        engine = EngineRole(site, runtime)
+        engine = _engine_role(site, runtime)
         async with asyncio.TaskGroup() as roles:
             roles.create_task(operator.run(stop))
             roles.create_task(receiver.run(stop))
@@ -133,13 +136,19 @@ async def in_one_process(
                 stop.set()
 
 
+def _engine_role(site: Site, runtime: Path) -> "EngineRole":
+    from deconflict.roles.engine import EngineRole  # noqa: PLC0415 - brings numba, which no other role needs
+
+    return EngineRole(site, runtime)
+
+
 def run_role(role: str, runtime: Path, data: Path, exposition: Exposition) -> None:
     """Be one role until standard input ends, as a supervisor's child."""
     site = Site.model_validate_json((runtime / SITE_FILE).read_text())
     if role == "engine":
         ended = threading.Event()
         threading.Thread(target=_call_at_end_of_input, args=(ended.set,), daemon=True).start()
-        EngineRole(site, runtime).run(ended)
+        _engine_role(site, runtime).run(ended)
         return
     asyncio.run(_run_async_role(role, site, runtime, data, exposition))
 

@@ -54,3 +54,25 @@ def test_a_library_with_traps_is_imported_in_one_file(library: str, home: str) -
         if library in imported_packages(path.read_text())
     }
     assert importers <= {home}
+
+
+def compiled_names(path: Path) -> tuple[set[str], set[str]]:
+    """The functions of a file that numba compiles, and the names that those functions use."""
+    functions = [node for node in ast.parse(path.read_text()).body if isinstance(node, ast.FunctionDef)]
+    compiled = [
+        one
+        for one in functions
+        if {"inner", "kernel"}
+        & {getattr(d, "id", getattr(getattr(d, "func", None), "id", "")) for d in one.decorator_list}
+    ]
+    used = {node.id for one in compiled for part in one.body for node in ast.walk(part) if isinstance(node, ast.Name)}
+    return {one.name for one in compiled}, used
+
+
+def test_a_kernel_calls_only_what_is_compiled_in_its_own_file() -> None:
+    """What numba keeps on disk is dropped when the kernel's own file changes, and no other."""
+    files = {path: compiled_names(path) for path in (ROOT / "deconflict").rglob("*.py")}
+    assert sum(bool(compiled) for compiled, _ in files.values()) >= 2
+    for path, (compiled, used) in files.items():
+        elsewhere = {name for other, (names, _) in files.items() if other != path for name in names} - compiled
+        assert not used & elsewhere, path

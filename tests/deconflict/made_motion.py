@@ -3,41 +3,49 @@
 import numpy as np
 from numpy.random import Generator
 
-from deconflict.relative import Relative
+from deconflict.narrowphase import MOTION, Motions
 from ingest.seam import Floats
 from tests.oracle import rectangle_distance
 
+SIDES = ("length_a", "width_a", "length_b", "width_b")
 
-def motions(rng: Generator, n: int, *, turning: bool = True) -> Relative:
+
+def motions(rng: Generator, n: int, *, turning: bool = True, least_m: float = 0.05, most_m: float = 1.2) -> Motions:
     """`n` motions of up to a second that begin within 3 m of each other."""
-    begin = rng.uniform(0, 0.6, n)
-    turn = 2.0 if turning else 0.0
-    return Relative(
-        begin=begin,
-        end=begin + rng.uniform(0.05, 0.4, n),
-        dx=rng.uniform(-3, 3, n),
-        dy=rng.uniform(-3, 3, n),
-        vx=rng.uniform(-6, 6, n),
-        vy=rng.uniform(-6, 6, n),
-        yaw_a=rng.uniform(-10, 10, n),
-        yaw_b=rng.uniform(-10, 10, n),
-        turn_a=rng.uniform(-turn, turn, n),
-        turn_b=rng.uniform(-turn, turn, n),
-        half_a=rng.uniform(0.05, 1.2, (2, n)),
-        half_b=rng.uniform(0.05, 1.2, (2, n)),
-    )
+    made, turn = np.zeros(n, MOTION), 2.0 if turning else 0.0
+    made["begin"] = rng.uniform(0, 0.6, n)
+    made["end"] = made["begin"] + rng.uniform(0.05, 0.4, n)
+    for names, most in ((("dx", "dy"), 3), (("vx", "vy"), 6), (("yaw_a", "yaw_b"), 10), (("turn_a", "turn_b"), turn)):
+        for name in names:
+            made[name] = rng.uniform(-most, most, n)
+    for name in SIDES:
+        made[name] = rng.uniform(least_m, most_m, n)
+    return completed(made)
 
 
-def true_distance(motion: Relative, t: Floats) -> Floats:
+def completed(made: Motions) -> Motions:
+    """With what follows from the rest filled in."""
+    made["reach"] = made["swing"] = 0.0
+    for one in ("a", "b"):
+        made[f"cos_{one}"], made[f"sin_{one}"] = np.cos(made[f"yaw_{one}"]), np.sin(made[f"yaw_{one}"])
+        radius = np.hypot(made[f"length_{one}"], made[f"width_{one}"])
+        made["swing"] += np.abs(made[f"turn_{one}"]) * radius
+        made["reach"] += radius
+    return made
+
+
+def true_distance(motion: Motions, t: Floats) -> Floats:
     """(n,) at `t` (n,)."""
-    into = t - motion.begin
+    into = t - motion["begin"]
     zero = np.zeros(len(motion))
-    a = np.stack([zero, zero, motion.yaw_a + motion.turn_a * into], -1)
-    b = np.stack([motion.dx + motion.vx * into, motion.dy + motion.vy * into, motion.yaw_b + motion.turn_b * into], -1)
-    return rectangle_distance(a, b, 2 * motion.half_a.T, 2 * motion.half_b.T)
+    x, y = motion["dx"] + motion["vx"] * into, motion["dy"] + motion["vy"] * into
+    a = np.stack([zero, zero, motion["yaw_a"] + motion["turn_a"] * into], -1)
+    b = np.stack([x, y, motion["yaw_b"] + motion["turn_b"] * into], -1)
+    sides = [2 * motion[name] for name in SIDES]
+    return rectangle_distance(a, b, np.stack(sides[:2], -1), np.stack(sides[2:], -1))
 
 
-def sampled(motion: Relative, samples: int = 400) -> tuple[Floats, Floats]:
+def sampled(motion: Motions, samples: int = 400) -> tuple[Floats, Floats]:
     """Times and distances, (samples, n) each, evenly spread over each motion."""
-    t = np.linspace(motion.begin, motion.end, samples)
+    t = np.linspace(motion["begin"], motion["end"], samples)
     return t, np.stack([true_distance(motion, each) for each in t])

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import Generator
 
-from deconflict import motion
-from deconflict.broadphase import ABSENT, FEW, LONG, MIXED, MOST_SHARE, Boxes, swept_boxes
-from deconflict.sweeper import PairConflicts, Pool, Sweeper
+from deconflict.broadphase import ABSENT, FEW, MIXED, ROOMY, Boxes
+from deconflict.roster import Roster
+from deconflict.sweeper import PairConflicts, Sweeper
 from ingest.seam import Forecasts, Ints
 from tests.deconflict.made_encounters import HORIZON_S, NOW_S, moved, robot, wanderer
-from tests.oracle import truth
+from tests.oracle import Track, truth
 
 CLEARANCE_M = 0.25
 SLABS = 4
@@ -109,15 +109,16 @@ def random_boxes(seed: int, robots: int, *, floors: int = 2, longest_m: float = 
     rng = np.random.default_rng(seed)
     boxes = Boxes(SLABS)
     boxes.grow(robots)
-    boxes.slab[:] = np.arange(SLABS)[:, None] + SLABS * (rng.random((SLABS, robots)) < 0.9)
-    boxes.floor[:] = rng.choice(
+    made = boxes.all
+    made["slab"] = np.arange(SLABS)[:, None] + SLABS * (rng.random((SLABS, robots)) < 0.9)
+    made["floor"] = rng.choice(
         [ABSENT, MIXED, *range(floors)], (SLABS, robots), p=[0.1, 0.05, *[0.85 / floors] * floors]
     )
     west, south = rng.uniform(-spread_m, spread_m, (2, SLABS, robots))
     long, far = rng.random((2, SLABS, robots)) < 0.02
-    width, height = rng.uniform(0, longest_m, (2, SLABS, robots)) * np.where(long, 10 * LONG, 1)
+    width, height = rng.uniform(0, longest_m, (2, SLABS, robots)) * np.where(long, 40 * ROOMY, 1)
     west = np.where(far, west * 1e6, west)
-    boxes.sides[:] = west, west + width, south, south + height
+    made["west"], made["east"], made["south"], made["north"] = west, west + width, south, south + height
     return boxes
 
 
@@ -125,7 +126,8 @@ def by_force(boxes: Boxes, changed: Ints) -> set[tuple[int, int, int]]:
     """All pairs of ring row, lower and higher slot, tried one by one."""
     found = set()
     for ring in range(SLABS):
-        slab, floor, (west, east, south, north) = boxes.slab[ring], boxes.floor[ring], boxes.sides[:, ring]
+        row = boxes.all[ring]
+        slab, floor, west, east, south, north = (row[n] for n in ("slab", "floor", "west", "east", "south", "north"))
         overlap = (west[:, None] <= east) & (west <= east[:, None])
         overlap &= (south[:, None] <= north) & (south <= north[:, None])
         overlap &= (slab[:, None] == slab) & (floor[:, None] != ABSENT) & (floor != ABSENT)
@@ -137,7 +139,7 @@ def by_force(boxes: Boxes, changed: Ints) -> set[tuple[int, int, int]]:
 
 def found_by(boxes: Boxes, changed: Ints) -> list[tuple[int, int, int]]:
     pairs = boxes.pairs(changed, np.arange(SLABS))
-    columns = pairs.ring, np.minimum(pairs.a, pairs.b), np.maximum(pairs.a, pairs.b)
+    columns = pairs["ring"], np.minimum(pairs["a"], pairs["b"]), np.maximum(pairs["a"], pairs["b"])
     return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
@@ -147,7 +149,7 @@ def check(boxes: Boxes, changed: Ints) -> None:
     assert set(found) == by_force(boxes, changed)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.5 * MOST_SHARE, MOST_SHARE, 1.0])
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.2, 0.5, 1.0])
 @pytest.mark.parametrize("robots", [150, 600])
 def test_finds_each_pair_that_brute_force_finds_once(robots: int, share: float) -> None:
     boxes = random_boxes(robots, robots)
@@ -177,44 +179,46 @@ def test_discards_almost_all_pairs_of_a_large_floor() -> None:
         assert 0 < len(found_by(boxes, changed)) < possible / 20
 
 
-def test_a_swept_box_holds_all_corners_of_its_segment() -> None:
-    rng = np.random.default_rng(1)
-    forecasts = Forecasts.joined(wanderer(rng) for _ in range(100))
-    half = np.stack([forecasts.length_m, forecasts.width_m]) / 2
-    cut = motion.segments(forecasts, int(NOW_S), 10)
-    west, east, south, north = swept_boxes(cut, half, 0.0)
-    margins = []
-    for share in np.linspace(0, 1, 9):
-        into = share * (cut.t1 - cut.t0)
-        yaw = cut.yaw + cut.turn * into
-        for along, across in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-            u, w = along * half[0, cut.robot], across * half[1, cut.robot]
-            x = cut.x + cut.vx * into + u * np.cos(yaw) - w * np.sin(yaw)
-            y = cut.y + cut.vy * into + u * np.sin(yaw) + w * np.cos(yaw)
-            margins.append(np.minimum.reduce([x - west, east - x, y - south, north - y]))
-    nearest = np.min(margins, axis=0)
-    assert nearest.min() > -1e-9
-    assert np.median(nearest[cut.turn == 0]) < 1e-9
+def covered(robots: int, seed: int, grow_m: float) -> tuple[Forecasts, Roster, Boxes]:
+    rng = np.random.default_rng(seed)
+    forecasts = Forecasts.joined(wanderer(rng, knots=12) for _ in range(robots))
+    roster, boxes = Roster(), Boxes(SLABS)
+    slots = roster.put([str(row) for row in range(robots)], forecasts)
+    boxes.grow(robots)
+    boxes.cover(slots, roster.robots, roster.knots, int(NOW_S), SLABS, grow_m)
+    return forecasts, roster, boxes
 
 
-def test_boxes_are_put_where_their_segments_are() -> None:
-    rng = np.random.default_rng(2)
-    forecasts = Forecasts.joined(wanderer(rng, knots=12) for _ in range(30))
-    half = np.stack([forecasts.length_m, forecasts.width_m]) / 2
-    first_slab = int(NOW_S)
-    cut = motion.segments(forecasts, first_slab, SLABS)
-    pool, boxes = Pool(), Boxes(SLABS)
-    boxes.grow(30)
-    sides = swept_boxes(cut, half, 0.1)
-    boxes.put(cut, sides, pool.append(cut, sides))
-    for slab in range(first_slab, first_slab + SLABS):
-        ring = slab % SLABS
-        for slot in range(30):
-            rows = boxes.first[ring, slot] + np.arange(boxes.count[ring, slot])
-            held = np.flatnonzero((cut.robot == slot) & (cut.slab == slab))
-            np.testing.assert_array_equal(rows, held)
-            west, east, south, north = boxes.sides[:, ring, slot]
-            assert (west, south) == tuple(pool.sides[[0, 2]][:, held].min(axis=1))
-            assert (east, north) == tuple(pool.sides[[1, 3]][:, held].max(axis=1))
-    boxes.clear(np.arange(30), np.array([first_slab % SLABS]))
-    assert (boxes.floor == ABSENT).sum() == 30
+def test_a_swept_box_holds_all_corners_of_its_robot_and_is_no_larger_than_it_must_be() -> None:
+    forecasts, _, boxes = covered(60, 1, 0.1)
+    nearest = []
+    for slot in range(60):
+        one, track = forecasts.one(slot), Track(forecasts, slot)
+        half_l, half_w = one.length_m[0] / 2, one.width_m[0] / 2
+        for ring, slab in enumerate(range(int(NOW_S), int(NOW_S) + SLABS), int(NOW_S) % SLABS):
+            box = boxes.all[ring % SLABS, slot]
+            t = np.linspace(slab, slab + 1, 33)
+            on_floor, pose, _ = track.between(t[:-1], t[1:])
+            x, y, yaw = pose[on_floor >= 0].T
+            if box["floor"] == ABSENT:
+                assert not len(x)
+                continue
+            corners = np.array([(half_l, half_w), (half_l, -half_w), (-half_l, half_w), (-half_l, -half_w)])[:, :, None]
+            px = x + corners[:, 0] * np.cos(yaw) - corners[:, 1] * np.sin(yaw)
+            py = y + corners[:, 0] * np.sin(yaw) + corners[:, 1] * np.cos(yaw)
+            margins = [px - box["west"], box["east"] - px, py - box["south"], box["north"] - py]
+            nearest.append(float(np.min(margins, initial=np.inf)))
+    assert len(nearest) > 60
+    assert min(nearest) > 0.1 - 1e-6
+    assert min(nearest) < 0.1 + 1e-3
+    assert np.median(nearest) < 0.2
+
+
+def test_a_box_knows_the_knot_that_holds_when_it_begins() -> None:
+    forecasts, roster, boxes = covered(30, 2, 0.1)
+    for ring, slot in np.argwhere(boxes.all["floor"] != ABSENT).tolist():
+        box, t_s = boxes.all[ring, slot], forecasts.one(slot).t_s
+        assert box["knot"] == max(np.searchsorted(t_s, box["slab"], "right") - 1, 0)
+    boxes.clear(np.arange(30))
+    assert (boxes.all["floor"] == ABSENT).all()
+    assert len(roster) == 30

@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from deconflict.rectangles import Gap, gap
 from ingest.seam import Floats
-from tests.deconflict.made_motion import motions, sampled, true_distance
 from tests.oracle import rectangle_distance
 
 RNG = np.random.default_rng(11)
@@ -56,21 +55,3 @@ def test_a_gap_of_any_smallness_is_told_from_contact(exponent: int, yaw: float, 
     found, _ = placed(b, np.array([yaw]), *half)
     assert found.distance[0] == pytest.approx(apart, abs=1e-12)
     assert (found.nx[0], found.ny[0]) == pytest.approx((np.cos(yaw), np.sin(yaw)), abs=1e-6)
-
-
-def test_the_axes_never_claim_more_than_the_distance() -> None:
-    motion = motions(RNG, N)
-    found = motion.apart_at(motion.begin, 0.0)
-    true = true_distance(motion, motion.begin)
-    assert (found.gap <= true + 1e-12).all()
-    np.testing.assert_array_equal(found.gap > 0, true > 0)
-
-
-@pytest.mark.parametrize("target_m", [0.0, 0.3])
-def test_nothing_comes_within_the_target_while_the_axes_say_clear(target_m: float) -> None:
-    motion = motions(RNG, 800)
-    clear_s = motion.apart_at(motion.begin, target_m).clear_s
-    t, distance = sampled(motion, 200)
-    clear = t < motion.begin + clear_s
-    assert clear.mean() > 0.2
-    assert (distance[clear] >= target_m - 1e-9).all()

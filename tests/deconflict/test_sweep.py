@@ -1,10 +1,9 @@
 """The sweep against an oracle that shares nothing with it, on more than 10,000 encounters of 17 families."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
-from unittest.mock import PropertyMock
 
 import fcl
 import numpy as np
@@ -13,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from deconflict import advance, exact, separation, sweeper
-from deconflict.relative import Relative
+from deconflict import exact, sweeper
+from deconflict.roster import Roster
 from deconflict.sweep import Invalid, sweep
-from ingest.seam import Forecasts
+from ingest.seam import Forecasts, Ints
 from tests.deconflict.made_encounters import (
     FAMILIES,
     HORIZON_S,
@@ -34,8 +33,8 @@ COUNTS = {"graze": 100}
 COUNT = 320
 GRAZING = ("random", "spinning", "full_turns", "thin")
 DISTANCE_M, LATE_S, SEPARATION_M, ROUNDING_M = 1e-3, 1e-3, 2e-3, 1e-6
+PUT = Roster.put
 MADE_EXACT = exact.Decider.__init__
-WITHOUT_ROUNDS = partial(advance.first_contacts, rounds=0)
 INSTANT_S = 1e-6
 """A few steps of a double that counts seconds since the epoch."""
 
@@ -92,7 +91,7 @@ def test_agrees_with_the_oracle_where_robots_almost_touch(family: str, clearance
 def test_agrees_with_the_oracle_where_fcl_decides_everything(
     family: str, clearance_m: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sweeper, "first_contacts", WITHOUT_ROUNDS)
+    monkeypatch.setattr(sweeper, "ROUNDS", 0)
     assert not disagreements(encounters(family, 40, 3, clearance_m), clearance_m)
 
 
@@ -118,16 +117,23 @@ def test_the_comparison_sees_what_is_broken_on_purpose(
     broken: str, kinds: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if broken == "tolerance of advancement":
-        monkeypatch.setattr(advance, "TOLERANCE_M", 10 * advance.TOLERANCE_M)
+        monkeypatch.setattr(sweeper, "TOLERANCE_M", 10 * sweeper.TOLERANCE_M)
     elif broken == "step":
-        monkeypatch.setattr(Relative, "swing", PropertyMock(side_effect=lambda: 0.0))
+        monkeypatch.setattr(Roster, "put", _put_with_small_circles)
     elif broken == "tolerance of FCL":
-        monkeypatch.setattr(sweeper, "first_contacts", WITHOUT_ROUNDS)
+        monkeypatch.setattr(sweeper, "ROUNDS", 0)
         monkeypatch.setattr(exact.Decider, "__init__", _slack)
     else:
-        monkeypatch.setattr(separation, "ACCURACY_M", 50 * separation.ACCURACY_M)
+        monkeypatch.setattr(sweeper, "ACCURACY_M", 50 * sweeper.ACCURACY_M)
     said = Counter(line.split()[0] for line in disagreements(encounters("spinning", 200, 1, 0.25), 0.25))
     assert kinds <= set(said)
+
+
+def _put_with_small_circles(roster: Roster, keys: Sequence[str], forecasts: Forecasts) -> Ints:
+    """So that turning counts for less than it does."""
+    slots = PUT(roster, keys, forecasts)
+    roster.robots["radius"][slots] *= 0.5
+    return slots
 
 
 def _slack(decider: exact.Decider, target_m: float, tolerance_m: float) -> None:
@@ -173,7 +179,7 @@ def test_invalid_robots_are_named_and_the_others_swept(monkeypatch: pytest.Monke
 
     fcl_collide = fcl.collide
     monkeypatch.setattr(fcl, "collide", collide)
-    monkeypatch.setattr(sweeper, "first_contacts", WITHOUT_ROUNDS)
+    monkeypatch.setattr(sweeper, "ROUNDS", 0)
     found = sweep(Forecasts.joined([stands, *invalid.values(), stands]), now_s=NOW_S, clearance_m=0.1)
     assert found.invalid == tuple(Invalid(1 + row, reason) for row, reason in enumerate(invalid))
     assert found.pairs.tolist() == [[0, len(invalid) + 1]]
@@ -204,12 +210,12 @@ def crowd_of(robots: int, seed: int) -> Forecasts:
 
 
 @pytest.mark.parametrize("clearance_m", CLEARANCES_M)
-@pytest.mark.parametrize("rounds", [0, advance.ROUNDS])
+@pytest.mark.parametrize("rounds", [0, sweeper.ROUNDS])
 def test_the_order_of_robots_makes_no_difference(
     rounds: int, clearance_m: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Times are near 0 here, so that their last digits would show one; without rounds FCL is asked most."""
-    monkeypatch.setattr(sweeper, "first_contacts", partial(advance.first_contacts, rounds=rounds))
+    monkeypatch.setattr(sweeper, "ROUNDS", rounds)
     crowd = crowd_of(100, 3)
     crowd = replace(crowd, t_s=crowd.t_s - NOW_S)
     order = np.random.default_rng(3).permutation(len(crowd))

@@ -1,0 +1,327 @@
+"""Two robots in one slab: the first contact of their envelopes, and their smallest separation.
+
+First contact is by certified advancement: along a direction n that is held, the gap closes at no more than
+-v.n + |wA| rA + |wB| rB, so for (gap - target) over that there is no contact (the idea of conservative advancement,
+Mirtich 1996, with a directional bound). Any n may be taken: the axes of the sides are cheap and settle most pairs at
+once, the direction between the closest features, in which the gap is the distance, settles what they leave. The
+smallest separation is found by branch and bound with the same bound.
+"""
+
+from math import copysign, cos, inf, sin, sqrt
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from deconflict.broadphase import BOX, PAIR, Pairs
+from deconflict.compiled import inner, kernel
+from deconflict.motion import KNOT, Knots
+from deconflict.roster import ROBOT, Robots
+from ingest.seam import Floats
+
+TINY_MPS = 1e-12
+NEAR_M = 0.02
+"""So near the target, the distance itself is looked at."""
+MOST_HALVINGS = 40
+CLEAR, MET, OPEN = 0, 1, 2
+
+_MOTION_FIELDS = (
+    *("begin", "end", "dx", "dy", "vx", "vy", "yaw_a", "yaw_b", "turn_a", "turn_b"),
+    *("cos_a", "sin_a", "cos_b", "sin_b", "length_a", "width_a", "length_b", "width_b", "swing", "reach"),
+)
+MOTION = np.dtype([(name, np.float64) for name in _MOTION_FIELDS], align=True)
+"""A rectangle B that moves past another, A, straight and turning evenly. `begin` and `end` are seconds into the slab;
+B's centre from A's, and the headings, are those at `begin`; lengths and widths are half sides. `swing` is the fastest
+that turning alone can close a gap, metres a second, and `reach` the sum of the circumscribed radii."""
+
+MEETING = np.dtype([(name, np.float64) for name in ("contact", "separation", "separation_at", "open")], align=True)
+"""First contact, inf for none; smallest separation where there is contact, and when; from when on contact is left
+open, inf where it is not. Times are seconds into the slab."""
+
+Motions = NDArray[Any]
+"""Of `MOTION`."""
+Found = NDArray[Any]
+"""Of `MEETING`."""
+
+_BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR))
+_TWO = numba.types.UniTuple(numba.float64, 2)  # type: ignore[no-untyped-call]
+_MOTION, _MEETING = numba.from_dtype(MOTION), numba.from_dtype(MEETING)
+
+
+@inner
+def _nearest_corner(
+    cx: float, cy: float, c: float, s: float, length: float, width: float, other_length: float, other_width: float
+) -> tuple[float, float, float]:
+    """The corner of a rectangle at (cx, cy), turned by (c, s), that is nearest to the upright other one.
+
+    Squared distance, and the vector from the upright rectangle to the corner, in its frame.
+    """
+    best, best_x, best_y = inf, 0.0, 0.0
+    for i in (length, -length):
+        for j in (width, -width):
+            px, py = cx + i * c - j * s, cy + i * s + j * c
+            ex = copysign(max(abs(px) - other_length, 0.0), px)
+            ey = copysign(max(abs(py) - other_width, 0.0), py)
+            squared = ex * ex + ey * ey
+            if squared < best:
+                best, best_x, best_y = squared, ex, ey
+    return best, best_x, best_y
+
+
+@inner
+def _turned(m: Any, into: float) -> tuple[float, float, float, float]:
+    """Cosine and sine of A's heading, and of B's, so long after `begin`."""
+    ca, sa, cb, sb = m.cos_a, m.sin_a, m.cos_b, m.sin_b
+    if m.turn_a != 0.0:
+        yaw = m.yaw_a + m.turn_a * into
+        ca, sa = cos(yaw), sin(yaw)
+    if m.turn_b != 0.0:
+        yaw = m.yaw_b + m.turn_b * into
+        cb, sb = cos(yaw), sin(yaw)
+    return ca, sa, cb, sb
+
+
+@inner
+def gap(m: Any, t: float) -> tuple[float, float, float]:
+    """The distance at `t`, and the unit direction between the closest features, from A to B; all 0 for an overlap.
+
+    Two convex polygons that do not overlap are closest at a corner of one of them; whether they overlap is told by
+    the four axes of their sides (Gottschalk, Lin and Manocha 1996, in the plane).
+    """
+    into = t - m.begin
+    dx, dy = m.dx + m.vx * into, m.dy + m.vy * into
+    ca, sa, cb, sb = _turned(m, into)
+    c, s = ca * cb + sa * sb, ca * sb - sa * cb
+    ax, ay = ca * dx + sa * dy, ca * dy - sa * dx
+    bx, by = -(cb * dx + sb * dy), -(cb * dy - sb * dx)
+    if (
+        abs(ax) <= m.length_a + m.length_b * abs(c) + m.width_b * abs(s)
+        and abs(ay) <= m.width_a + m.length_b * abs(s) + m.width_b * abs(c)
+        and abs(bx) <= m.length_b + m.length_a * abs(c) + m.width_a * abs(s)
+        and abs(by) <= m.width_b + m.length_a * abs(s) + m.width_a * abs(c)
+    ):
+        return 0.0, 0.0, 0.0
+    of_b, px, py = _nearest_corner(ax, ay, c, s, m.length_b, m.width_b, m.length_a, m.width_a)
+    of_a, qx, qy = _nearest_corner(bx, by, c, -s, m.length_a, m.width_a, m.length_b, m.width_b)
+    distance = sqrt(min(of_b, of_a))
+    if distance == 0.0:
+        return 0.0, 0.0, 0.0
+    if of_b <= of_a:
+        return distance, (ca * px - sa * py) / distance, (sa * px + ca * py) / distance
+    return distance, -(cb * qx - sb * qy) / distance, -(sb * qx + cb * qy) / distance
+
+
+@inner
+def apart(m: Any, t: float, target_m: float) -> tuple[float, float]:
+    """The widest gap at `t` along any of the sides' axes, and for how long the distance surely stays above the target.
+
+    The gap is never more than the distance, and negative for an overlap; seconds are 0 where no axis shows any.
+    """
+    into = t - m.begin
+    dx, dy = m.dx + m.vx * into, m.dy + m.vy * into
+    ca, sa, cb, sb = _turned(m, into)
+    c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
+    widest, clear_s = -inf, 0.0
+    for ux, uy, near, far in (
+        (ca, sa, m.length_a, m.length_b * c + m.width_b * s),
+        (-sa, ca, m.width_a, m.length_b * s + m.width_b * c),
+        (cb, sb, m.length_b, m.length_a * c + m.width_a * s),
+        (-sb, cb, m.width_b, m.length_a * s + m.width_a * c),
+    ):
+        along = ux * dx + uy * dy
+        gap_m = abs(along) - near - far
+        closing = m.swing - copysign(1.0, along) * (ux * m.vx + uy * m.vy)
+        widest = max(widest, gap_m)
+        clear_s = max(clear_s, (gap_m - target_m) / max(closing, TINY_MPS))
+    return widest, clear_s
+
+
+@inner
+def nearest_centres(m: Any) -> tuple[float, float]:
+    """When the centres are nearest to each other, and their distance then."""
+    speed_squared = m.vx * m.vx + m.vy * m.vy
+    into = -(m.dx * m.vx + m.dy * m.vy) / speed_squared if speed_squared > 0.0 else 0.0
+    into = min(max(into, 0.0), m.end - m.begin)
+    x, y = m.dx + m.vx * into, m.dy + m.vy * into
+    return m.begin + into, sqrt(x * x + y * y)
+
+
+@inner
+def first_contact(m: Any, target_m: float, tolerance_m: float, rounds: int) -> tuple[float, int]:
+    """`MET` and the first time within the target, to the tolerance and never late; `CLEAR`; `OPEN` and from when on."""
+    aim_m, close_m, t = target_m + tolerance_m / 4, target_m + tolerance_m / 2, m.begin
+    for _ in range(rounds):
+        widest, step = apart(m, t, aim_m)
+        if widest <= 0.0:
+            return t, MET
+        if widest <= close_m + NEAR_M and t + step <= m.end:
+            distance, nx, ny = gap(m, t)
+            if distance <= close_m:
+                return t, MET
+            step = max(step, (distance - aim_m) / max(m.swing - (m.vx * nx + m.vy * ny), TINY_MPS))
+        t += step
+        if t > m.end:
+            return t, CLEAR
+    return t, OPEN
+
+
+@inner
+def _smallest_of_one(
+    m: Any, best: float, when: float, accuracy_m: float, lows: Floats, highs: Floats
+) -> tuple[float, float]:
+    """The smallest distance and when, if below `best`, which was found before; `lows` and `highs` are to write in."""
+    lows[0], highs[0], depth = m.begin, m.end, 1
+    while depth and best > 0.0:
+        depth -= 1
+        low, high = lows[depth], highs[depth]
+        middle, half = (low + high) / 2, (high - low) / 2
+        distance, nx, ny = gap(m, middle)
+        if distance < best:
+            best, when = distance, middle
+        opening = m.vx * nx + m.vy * ny
+        for begin, end, closing in ((middle, high, m.swing - opening), (low, middle, m.swing + opening)):
+            if distance - max(closing, 0.0) * half < best - accuracy_m and depth < len(lows):
+                lows[depth], highs[depth] = begin, end
+                depth += 1
+    return best, when
+
+
+@inner
+def smallest(motions: Motions, accuracy_m: float) -> tuple[float, float]:
+    """The smallest distance over all of `motions`, to the accuracy, and when; 0 where the rectangles overlap."""
+    best, when = inf, 0.0
+    for m in motions:
+        t, _ = nearest_centres(m)
+        distance, _, _ = gap(m, t)
+        if distance < best:
+            best, when = distance, t
+        if best == 0.0:
+            return best, when
+    for m in motions:
+        for t in (m.begin, m.end):
+            distance, _, _ = gap(m, t)
+            if distance < best:
+                best, when = distance, t
+    lows, highs = np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS)
+    for m in motions:
+        best, when = _smallest_of_one(m, best, when, accuracy_m, lows, highs)
+    return best, when
+
+
+@inner
+def _until(knots: Knots, k: int, end: int, slab: int) -> float:
+    """When knot `k` stops to hold, or the slab ends."""
+    return min(knots[k + 1].t - slab, 1.0) if k + 1 < end else 1.0
+
+
+@inner
+def _set_motion(m: Any, a: Any, b: Any, of_a: Any, of_b: Any, slab: int, begin: float, end: float) -> None:
+    """Robot `b` past robot `a` from their knots `of_b` and `of_a` on; A's centre is subtracted before anything else."""
+    into_a, into_b = (slab - of_a.t) + begin, (slab - of_b.t) + begin
+    m.begin, m.end = begin, end
+    m.dx = (of_b.x - of_a.x) + (of_b.vx * into_b - of_a.vx * into_a)
+    m.dy = (of_b.y - of_a.y) + (of_b.vy * into_b - of_a.vy * into_a)
+    m.vx, m.vy = of_b.vx - of_a.vx, of_b.vy - of_a.vy
+    m.yaw_a, m.yaw_b = of_a.yaw + of_a.turn * into_a, of_b.yaw + of_b.turn * into_b
+    m.turn_a, m.turn_b = of_a.turn, of_b.turn
+    m.cos_a, m.sin_a, m.cos_b, m.sin_b = cos(m.yaw_a), sin(m.yaw_a), cos(m.yaw_b), sin(m.yaw_b)
+    m.length_a, m.width_a, m.length_b, m.width_b = a.half_length, a.half_width, b.half_length, b.half_width
+    m.swing = abs(of_a.turn) * a.radius + abs(of_b.turn) * b.radius
+    m.reach = a.radius + b.radius
+
+
+@inner
+def _motions(
+    boxes: NDArray[Any], robots: Robots, knots: Knots, pair: Any, begin_s: float, end_s: float, motions: Motions
+) -> tuple[Motions, int]:
+    """The motions of a pair in its slab, in order, as far as they are in [`begin_s`, `end_s`]; `motions` may grow."""
+    box_a, box_b, a, b = boxes[pair.ring, pair.a], boxes[pair.ring, pair.b], robots[pair.a], robots[pair.b]
+    slab, n = box_a.slab, 0
+    low, high = begin_s - slab, end_s - slab
+    ka, kb, end_a, end_b = a.first + box_a.knot, b.first + box_b.knot, a.first + a.count, b.first + b.count
+    t = max(knots[ka].t - slab, knots[kb].t - slab, 0.0)
+    while t < 1.0:
+        while _until(knots, ka, end_a, slab) <= t:
+            ka += 1
+        while _until(knots, kb, end_b, slab) <= t:
+            kb += 1
+        until = min(_until(knots, ka, end_a, slab), _until(knots, kb, end_b, slab))
+        begin, end, on_floor = max(t, low), min(until, high), knots[ka].floor
+        if begin <= end and on_floor >= 0 and on_floor == knots[kb].floor:
+            if n == len(motions):
+                motions = np.concatenate((motions, np.empty(n, MOTION)))
+            _set_motion(motions[n], a, b, knots[ka], knots[kb], slab, begin, end)
+            n += 1
+        t = until
+    return motions, n
+
+
+_OF_PAIRS = (_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
+
+
+@kernel(numba.void(*_OF_PAIRS, *[numba.float64] * 5, numba.int64, _MEETING[::1], numba.int64[::1]))
+def meet(
+    pairs: Pairs,
+    boxes: NDArray[Any],
+    robots: Robots,
+    knots: Knots,
+    begin_s: float,
+    end_s: float,
+    target_m: float,
+    tolerance_m: float,
+    accuracy_m: float,
+    rounds: int,
+    found: Found,
+    counts: NDArray[np.int64],
+) -> None:
+    """What becomes of each pair of boxes within [`begin_s`, `end_s`], in `found`.
+
+    Adds to `counts` the motions that were looked at, and those whose circles come near enough for a closer look.
+    """
+    motions = np.empty(16, MOTION)
+    for at in range(len(pairs)):
+        motions, n = _motions(boxes, robots, knots, pairs[at], begin_s, end_s, motions)
+        meeting = found[at]
+        meeting.contact = meeting.open = inf
+        for m in motions[:n]:
+            counts[0] += 1
+            _, centres_m = nearest_centres(m)
+            if centres_m > m.reach + target_m + tolerance_m:
+                continue
+            counts[1] += 1
+            t, state = first_contact(m, target_m, tolerance_m, rounds)
+            if state == MET:
+                meeting.contact = t
+                break
+            if state == OPEN:
+                meeting.open = t
+                break
+        if meeting.contact < inf:
+            meeting.separation, meeting.separation_at = smallest(motions[:n], accuracy_m)
+
+
+@kernel(_MOTION[::1](_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1], numba.float64, numba.float64))
+def motions_of(
+    pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, begin_s: float, end_s: float
+) -> Motions:
+    """The motions of the one pair that `pairs` holds, within [`begin_s`, `end_s`]."""
+    motions, n = _motions(boxes, robots, knots, pairs[0], begin_s, end_s, np.empty(16, MOTION))
+    return motions[:n].copy()
+
+
+@kernel(_TWO(_MOTION[::1], numba.float64))
+def smallest_of(motions: Motions, accuracy_m: float) -> tuple[float, float]:
+    """See `smallest`."""
+    return smallest(motions, accuracy_m)
+
+
+@kernel(numba.float64[::1](*_OF_PAIRS, numba.float64[::1]))
+def distances(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, at_s: Floats) -> Floats:
+    """(p,) how far the robots of each pair are from each other at `at_s` (p,); inf on different floors."""
+    apart_m, motions = np.full(len(pairs), inf), np.empty(16, MOTION)
+    for at in range(len(pairs)):
+        motions, n = _motions(boxes, robots, knots, pairs[at], at_s[at], at_s[at], motions)
+        if n:
+            apart_m[at], _, _ = gap(motions[n - 1], motions[n - 1].begin)
+    return apart_m

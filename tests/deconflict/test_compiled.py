@@ -1,0 +1,52 @@
+"""Kernels are kept on disk where that can be written to, and work where it can't."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+SOURCE = """
+import numba
+from deconflict.compiled import inner, kernel
+
+@inner
+def half(x):
+    return x / 2
+
+@kernel(numba.float64(numba.float64))
+def quarter(x):
+    return half(half(x))
+
+print(quarter(1.0), sum(quarter.stats.cache_hits.values()), len(quarter.stats.cache_misses))
+"""
+
+
+def run(module: Path, home: Path) -> list[str]:
+    environment = {"HOME": str(home), "XDG_CACHE_HOME": str(home), "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(
+        [sys.executable, str(module)], env=environment, check=True, capture_output=True, text=True, cwd=module.parent
+    )
+    return done.stdout.split()
+
+
+def test_a_second_process_takes_the_kernel_from_disk(tmp_path: Path) -> None:
+    module = tmp_path / "made.py"
+    module.write_text(SOURCE)
+    assert run(module, tmp_path) == ["0.25", "0", "1"]
+    assert run(module, tmp_path) == ["0.25", "1", "0"]
+
+
+def test_a_kernel_that_changed_is_compiled_anew(tmp_path: Path) -> None:
+    module = tmp_path / "made.py"
+    module.write_text(SOURCE)
+    run(module, tmp_path)
+    module.write_text(SOURCE.replace("x / 2", "x / 4.0"))
+    assert run(module, tmp_path)[:2] == ["0.0625", "0"]
+
+
+def test_where_nothing_can_be_written_it_is_compiled_each_time(tmp_path: Path) -> None:
+    """Files stand in the way of both directories, which holds for the superuser too."""
+    module, home = tmp_path / "made.py", tmp_path / "home"
+    module.write_text(SOURCE)
+    (tmp_path / "__pycache__").write_text("")
+    home.write_text("")
+    assert run(module, home)[0] == "0.25"
