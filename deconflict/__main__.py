@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from importlib.metadata import version
 from pathlib import Path
 
-from deconflict import access, demo, schema, site
+from deconflict import access, demo, descriptions, schema, site
 from deconflict.check import check
 from deconflict.link import PortTakenError
 from deconflict.service import Supervisor, run_role, runtime_directory
@@ -22,6 +22,7 @@ from metrics import dashboards
 from metrics.exposition import render
 
 FAILED, MISUSED = 1, 2
+DESCRIBED = schema.SCHEMAS | {"openapi": descriptions.openapi, "asyncapi": descriptions.asyncapi}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -67,8 +68,8 @@ def parser() -> argparse.ArgumentParser:
     )
     again.set_defaults(run=_replay)
 
-    describe = commands.add_parser("schema", help="print a JSON Schema")
-    describe.add_argument("name", choices=sorted(schema.SCHEMAS))
+    describe = commands.add_parser("schema", help="print a JSON Schema, or OpenAPI or AsyncAPI")
+    describe.add_argument("name", choices=sorted(DESCRIBED))
     describe.set_defaults(run=_schema)
 
     boards = commands.add_parser("dashboards", help="write Grafana dashboards and Prometheus rules")
@@ -177,7 +178,7 @@ def _replay(args: argparse.Namespace) -> int:
 
 
 def _schema(args: argparse.Namespace) -> int:
-    sys.stdout.write(json.dumps(schema.SCHEMAS[args.name](), indent=2) + "\n")
+    sys.stdout.write(json.dumps(DESCRIBED[args.name](), indent=2) + "\n")
     return 0
 
 

@@ -86,11 +86,12 @@ class Served:
 
 
 @asynccontextmanager
-async def served(directory: Path, **settings: Any) -> AsyncIterator[Served]:
+async def served(directory: Path, *, at: str = "127.0.0.1:0", **settings: Any) -> AsyncIterator[Served]:
     store, sources = Store(directory), GivenSources()
     app = create_app(store, sources, render, Operator(**settings))
     server = face_server(app)
-    with socket.create_server(("127.0.0.1", 0)) as listening:
+    host, _, port = at.partition(":")
+    with socket.create_server((host, int(port))) as listening:
         serving = asyncio.create_task(server.serve([listening]))
         await until(lambda: server.started)
         try:

@@ -1,0 +1,102 @@
+import asyncio
+import socket
+from contextlib import aclosing, suppress
+from pathlib import Path
+
+import httpx
+import pytest
+
+from deconflict.advisory import AnyAdvisory
+from deconflict.client import Client, ClientError, NoSuchAdvisoryError, NotAllowedError, PositionLostError
+from deconflict.site import Person
+from tests.deconflict.made_advisories import cleared, made
+from tests.deconflict.served_face import Served, served
+
+
+def client(service: Served, token: str | None = None) -> Client:
+    return Client(service.http, token=token, backoff_s=(0.02, 0.1))
+
+
+async def first(one: Client, after: int, count: int) -> list[AnyAdvisory]:
+    told: list[AnyAdvisory] = []
+    async with asyncio.timeout(20), aclosing(one.follow(after)) as following:
+        async for advisory in following:
+            told.append(advisory)
+            if len(told) == count:
+                break
+    return told
+
+
+async def test_what_is_open_and_all_that_follows_is_told_without_a_gap(tmp_path: Path) -> None:
+    async with served(tmp_path) as service, client(service) as one:
+        published = await service.publish(made(1), made(2), cleared(2))
+        listing = await one.open()
+        assert (listing.seq, listing.advisories, listing.more) == (3, [published[0]], False)
+        assert await first(one, 1, 2) == published[1:]
+        later = await service.publish(made(3))
+        assert await first(one, listing.seq, 1) == later
+        assert await one.revisions("advisory-2") == published[1:]
+
+
+async def test_an_advisory_is_acknowledged_and_the_stream_says_so(tmp_path: Path) -> None:
+    async with served(tmp_path) as service, client(service) as one:
+        await service.publish(made(1))
+        answered = await one.acknowledge("advisory-1", name="Kim", reason="A-7 is called back")
+        assert answered.acknowledgement
+        assert (answered.acknowledgement.name, answered.seq) == ("Kim", 2)
+        assert (await first(one, 1, 1))[0] == answered
+        with pytest.raises(NoSuchAdvisoryError, match="no advisory 'advisory-9' is stored"):
+            await one.acknowledge("advisory-9", name="Kim", reason="none")
+        with pytest.raises(ClientError, match="422"):
+            await one.acknowledge("advisory-1", name="", reason="none")
+
+
+async def test_a_stream_that_is_lost_is_resumed(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        address = f"127.0.0.1:{probe.getsockname()[1]}"
+    told: list[int] = []
+
+    async def follow() -> None:
+        async with Client(f"http://{address}", backoff_s=(0.02, 0.1)) as one:
+            async for advisory in one.follow(0):
+                told.append(advisory.seq)  # noqa: PERF401 - it never ends
+
+    following = asyncio.create_task(follow())
+    for last in (2, 4):
+        async with served(tmp_path, at=address) as service:
+            await service.publish(made(last), cleared(last))
+            async with asyncio.timeout(20):
+                while told[-1:] != [last]:
+                    await asyncio.sleep(0.01)
+    following.cancel()
+    with suppress(asyncio.CancelledError):
+        await following
+    assert told == [1, 2, 3, 4]
+
+
+async def test_a_place_beyond_the_store_is_an_error_and_not_waited_for(tmp_path: Path) -> None:
+    async with served(tmp_path) as service, client(service) as one:
+        with pytest.raises(PositionLostError, match="beyond the last seq 0"):
+            await first(one, 7, 1)
+
+
+async def test_who_may_not_is_told_so(tmp_path: Path) -> None:
+    (tmp_path / "token").write_text("kim-has-a-long-token")
+    people = (Person(name="Kim", role="read", token=f"file:{tmp_path / 'token'}"),)
+    async with served(tmp_path, people=people) as service:
+        async with client(service) as nobody:
+            with pytest.raises(NotAllowedError, match="401"):
+                await nobody.open()
+            with pytest.raises(NotAllowedError):
+                await first(nobody, 0, 1)
+        async with client(service, "kim-has-a-long-token") as kim:
+            published = await service.publish(made(1))
+            assert await first(kim, 0, 1) == published
+            with pytest.raises(NotAllowedError, match="this takes the role acknowledge"):
+                await kim.acknowledge("advisory-1", name="Kim", reason="none")
+
+
+async def test_a_service_that_is_not_there_is_an_error_when_asked() -> None:
+    async with Client("http://127.0.0.1:1") as one:
+        with pytest.raises(httpx.ConnectError):
+            await one.open()
