@@ -12,6 +12,7 @@ from math import floor
 import numpy as np
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.contention.watch import Contention
 from deconflict.encounter import Encounter, encounter, separation_m
 from deconflict.life import PASSED, STAND, UNPREDICTED, Lives, Pair, Party, Prediction, Scene
 from deconflict.live import Live, LiveRobot
@@ -38,7 +39,9 @@ class Engine:
         self._floor_names = {datum.id: datum.name for datum in site.datums}
         self._sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s)
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
+        restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
+        self._contention = Contention(site.resources, site.zones, site.contention, self.measures, restored)
         self._told: set[str] = set()
         """Robots with a new forecast since the last step."""
         self._quiet: list[tuple[float, str]] = []
@@ -55,6 +58,7 @@ class Engine:
             self.live.robots.pop(uuid, None)
             self._told.discard(uuid)
         self._sweeper.discard(batch.gone)
+        self._contention.receive(batch)
 
     def step(self, now_s: float) -> list[AnyAdvisory]:
         """Sweep what changed, and say what that changes for people."""
@@ -63,6 +67,7 @@ class Engine:
         conflicts = self._sweeper.step(now_s)
         scene = Scene(self._party, self._meet, self._separation_m, self._place_name)
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, _predictions(conflicts), told, scene)]
+        revisions += self._contention.step(now_s)
         self._measure(conflicts, revisions)
         return revisions
 
@@ -130,7 +135,7 @@ class Engine:
                         "deconflict_conflicts_ended_total", vendor, OUTCOMES.get(one.cleared_because, "left")
                     )
         open_now: dict[tuple[str, ...], float] = {}
-        for one in self._lives.open():
+        for one in (*self._lives.open(), *self._contention.open()):
             key = (one.kind, one.severity.value)
             open_now[key] = open_now.get(key, 0) + 1
         self.measures.level("deconflict_advisories_open", open_now)

@@ -93,6 +93,21 @@ CATALOGUE: dict[str, Entry] = {
         "counter", (), "Pairs of path segments that passed the sweep's bounding boxes."
     ),
     "deconflict_sweep_fcl_calls_total": Entry("counter", (), "Pairs of shapes decided by the collision library."),
+    "deconflict_resource_demand": Entry(
+        "gauge", ("resource",), "Robots that have a resource or zone or will want it within 15 minutes."
+    ),
+    "deconflict_resource_occupancy": Entry("gauge", ("resource",), "Robots in a resource or zone now."),
+    "deconflict_resource_wait_seconds": Entry(
+        "gauge", ("resource",), "Longest wait expected at a resource or zone within 15 minutes."
+    ),
+    "deconflict_zone_flow_per_second": Entry("gauge", ("zone",), "Robots that leave a zone a second, mean of minutes."),
+    "deconflict_zone_saturation_ratio": Entry(
+        "gauge", ("zone",), "Mean number of robots in a zone over the number at which its flow is greatest."
+    ),
+    "deconflict_deadlocks_ahead": Entry("gauge", (), "Rings of robots that wait for each other, or will."),
+    "deconflict_arrival_time_ratio": Entry(
+        "gauge", ("vendor",), "Time that robots take to a destination over the time that they tell, median."
+    ),
     "deconflict_advisories_stored_total": Entry("counter", (), "Revisions of advisories stored and published."),
     "deconflict_store_failures_total": Entry("counter", (), "Attempts to store advisories that failed."),
     "deconflict_stream_subscribers": Entry("gauge", (), "Open subscriptions to the advisory stream."),
@@ -106,7 +121,7 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_role_restarts_total": Entry("counter", ("role",), "Times this role's process was restarted."),
     "deconflict_build_info": Entry("gauge", ("version",), "1 for the release that runs.", "largest"),
 }
-"""Every metric by name. Label values are bounded sets: vendors, rules, states, roles, never robots."""
+"""Every metric by name. Label values are bounded sets: vendors, rules, states, roles, places, never robots."""
 
 UNCATALOGUED = "deconflict_uncatalogued_measures"
 UNCATALOGUED_HELP = "Series that a role tells and that do not fit the catalogue; a fault of the program."

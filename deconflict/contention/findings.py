@@ -1,0 +1,129 @@
+"""What a look has found, in words and as evidence."""
+
+from collections.abc import Mapping, Sequence
+
+from deconflict.advisory import Location, Severity, Wait
+from deconflict.contention.blockages import Blocked
+from deconflict.contention.deadlocks import Link
+from deconflict.contention.demand import Turn, free_at_s, longest_queue
+from deconflict.contention.geometry import Geometry
+from deconflict.contention.robots import Seen
+from deconflict.contention.telling import Finding, moment
+
+SOON_S = 30.0
+"""What begins sooner than this is a warning."""
+
+
+def contention(
+    geometry: Geometry, place: str, turns: Sequence[Turn], capacity: int, robots: Mapping[str, Seen], now_s: float
+) -> Finding:
+    """More robots will want a place than it takes."""
+    waiting = sorted((turn for turn in turns if turn.wait_s > 0), key=lambda turn: turn.request.arrival_s)
+    first_s = max(waiting[0].request.arrival_s, now_s)
+    there = [turn for turn in turns if turn.request.arrival_s <= first_s < turn.end_s]
+    longest_s, queue = max(turn.wait_s for turn in waiting), longest_queue(turns)
+    who = names(robots, [turn.request.robot for turn in waiting])
+    free_s = free_at_s(turns, capacity, now_s) - now_s
+    free = f"; it comes free in {free_s:.0f} s" if free_s > 0 else ""
+    return Finding(
+        kind="contention",
+        about=place,
+        severity=Severity.WARNING if first_s - now_s <= SOON_S else Severity.CAUTION,
+        robots=tuple(sorted({turn.request.robot for turn in (*waiting, *there)})),
+        predicted_s=first_s,
+        location=_location(geometry, place),
+        summary=f"{who} will find {geometry.label(place)} taken {_when(first_s - now_s)} and wait up to "
+        f"{longest_s:.0f} s{free}",
+        evidence=_queue_evidence(geometry, place, capacity, len(there), queue, longest_s),
+    )
+
+
+def double_occupancy(
+    geometry: Geometry, place: str, turns: Sequence[Turn], capacity: int, inside: tuple[str, ...], now_s: float
+) -> Finding:
+    """More robots are in a place than it takes."""
+    longest_s = max((turn.wait_s for turn in turns), default=0.0)
+    return Finding(
+        kind="double_occupancy",
+        about=place,
+        severity=Severity.WARNING,
+        robots=inside,
+        predicted_s=now_s,
+        location=_location(geometry, place),
+        summary=f"{len(inside)} robots are in {geometry.label(place)}, which takes {capacity}",
+        evidence=_queue_evidence(geometry, place, capacity, len(inside), longest_queue(turns), longest_s),
+    )
+
+
+def deadlock(geometry: Geometry, ring: Sequence[Link], robots: Mapping[str, Seen], now_s: float) -> Finding:
+    """Robots that will wait for each other in a ring, once the last of them waits."""
+    begins_s = max(*(link.from_s for link in ring), now_s)
+    first = ring[0]
+    who = names(robots, [link.waiter for link in ring])
+    where = sorted({geometry.label(link.where) for link in ring if link.where != "path"})
+    place = f" at {' and '.join(where)}" if where else ""
+    drawn = next((link.where for link in ring if link.where != "path"), None)
+    seen = robots[first.waiter]
+    left_s = begins_s - now_s
+    return Finding(
+        kind="deadlock",
+        about=" ".join(sorted({link.waiter for link in ring})),
+        severity=Severity.CRITICAL if left_s <= 0 else Severity.WARNING if left_s <= SOON_S else Severity.CAUTION,
+        robots=tuple(sorted({link.waiter for link in ring})),
+        predicted_s=begins_s,
+        location=_location(geometry, drawn) if drawn else Location(datum=seen.datum, x=seen.x_m, y=seen.y_m),
+        summary=f"{who} {'lock' if left_s <= 0 else 'will lock'} each other{place}"
+        f"{'' if left_s <= 0 else ' ' + _when(left_s)}: each waits for the next",
+        evidence={
+            "cycle": tuple(
+                Wait(waiter=link.waiter, holder=link.holder, where=link.where, from_at=moment(link.from_s))
+                for link in ring
+            )
+        },
+    )
+
+
+def blockage(one: Blocked, robots: Mapping[str, Seen], now_s: float) -> Finding:
+    """A robot that stands where others will pass."""
+    seen = robots[one.blocker]
+    return Finding(
+        kind="blockage",
+        about=one.blocker,
+        severity=Severity.WARNING if one.from_s - now_s <= SOON_S else Severity.CAUTION,
+        robots=tuple(sorted((one.blocker, *one.holds_up))),
+        predicted_s=max(one.from_s, now_s),
+        location=Location(datum=seen.datum, x=round(seen.x_m, 3), y=round(seen.y_m, 3)),
+        summary=f"{seen.name} has stood for {now_s - one.since_s:.0f} s ({seen.state or 'no state'}) in the way of "
+        f"{names(robots, one.holds_up)}",
+        evidence={"blocker": one.blocker, "since_at": moment(one.since_s), "holds_up": one.holds_up},
+    )
+
+
+def names(robots: Mapping[str, Seen], uuids: Sequence[str]) -> str:
+    """At most four names, and how many more."""
+    shown = [robots[uuid].name for uuid in uuids[:4]]
+    if len(uuids) > 4:
+        shown = [*shown[:3], f"{len(uuids) - 3} others"]
+    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
+
+
+def _when(left_s: float) -> str:
+    return f"in {left_s:.0f} s" if left_s >= 1 else "now"
+
+
+def _location(geometry: Geometry, place: str) -> Location:
+    datum, x, y = geometry.middle(place)
+    return Location(datum=datum, x=round(x, 3), y=round(y, 3))
+
+
+def _queue_evidence(
+    geometry: Geometry, place: str, capacity: int, demand: int, queue: int, wait_s: float
+) -> dict[str, object]:
+    return {
+        "resource": place,
+        "resource_name": geometry.label(place),
+        "capacity": capacity,
+        "demand": demand,
+        "queue_length": queue,
+        "wait_s": round(wait_s, 1),
+    }

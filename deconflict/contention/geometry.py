@@ -1,0 +1,140 @@
+"""Where places lie: which resource a point is in, which zones an envelope sweeps through."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+import shapely
+
+from deconflict.contention.ahead import Ahead
+from deconflict.contention.resources import Place, Resource, Zone, outlines
+from deconflict.motion import Bools
+from ingest.seam import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Passage:
+    """One robot's way through a zone, as it is forecast now."""
+
+    zone: str
+    enter_s: float
+    """The first time it is in the zone; now where it is in it already."""
+    leave_s: float
+    """When it is out; inf where that lies beyond the forecast."""
+    t_s: Floats
+    """(k,) times at which it is in the zone."""
+    along_m: Floats
+    """(k,) where its centre then is along the aisle's axis; zeros where the zone has none."""
+
+    @property
+    def direction(self) -> int:
+        """1 along the axis, -1 against it, 0 where it goes neither way."""
+        moved_m = float(self.along_m[-1] - self.along_m[0])
+        return 0 if abs(moved_m) < 0.5 else 1 if moved_m > 0 else -1
+
+    @property
+    def rate_mps(self) -> float:
+        """Mean speed along the axis."""
+        return float(self.along_m[-1] - self.along_m[0]) / max(float(self.t_s[-1] - self.t_s[0]), 0.5)
+
+    @property
+    def reach_m(self) -> float:
+        """How far along the axis it goes: where it stops in the zone, else beyond either end."""
+        stops = len(self.along_m) > 2 and abs(float(self.along_m[-1] - self.along_m[-3])) < 0.1
+        return float(self.along_m[-1]) if stops else self.direction * inf
+
+    def at_m(self, t_s: float) -> float:
+        """Where along the axis its centre is, held at both ends of the passage."""
+        return float(np.interp(t_s, self.t_s, self.along_m))
+
+
+@dataclass(slots=True, eq=False)
+class _Floor:
+    """The outlines of one floor, and whose they are."""
+
+    ids: list[str] = field(default_factory=list)
+    shapes: list[shapely.Polygon] = field(default_factory=list)
+    tree: shapely.STRtree | None = None
+
+    def add(self, place: str, outline: Iterable[tuple[float, float]]) -> None:
+        shape = shapely.Polygon(outline)
+        shapely.prepare(shape)
+        self.ids.append(place)
+        self.shapes.append(shape)
+
+
+class Geometry:
+    """The site's places, floor by floor."""
+
+    def __init__(self, resources: Iterable[Resource], zones: Iterable[Zone]) -> None:
+        self.resources = {one.id: one for one in resources}
+        self.zones = {one.id: one for one in zones}
+        self._resources = _floors(self.resources.values())
+        self._zones = _floors(self.zones.values())
+
+    def label(self, place: str) -> str:
+        found = self.resources.get(place) or self.zones.get(place)
+        return found.label if found else place
+
+    def middle(self, place: str) -> tuple[str, float, float]:
+        """Datum, x and y of a point inside."""
+        found: Place = self.resources.get(place) or self.zones[place]
+        point = shapely.Polygon(found.polygon).representative_point()
+        return found.datum, point.x, point.y
+
+    def resources_at(self, datums: Sequence[str], x_m: Floats, y_m: Floats) -> list[str | None]:
+        """The resource that each point lies in, the first in the site file where outlines overlap."""
+        found: list[str | None] = [None] * len(datums)
+        if not self._resources:
+            return found
+        points = shapely.points(x_m, y_m)
+        for datum, floor in self._resources.items():
+            rows = np.array([row for row, one in enumerate(datums) if one == datum], np.int64)
+            if len(rows) and floor.tree is not None:
+                inside = floor.tree.query(points[rows], predicate="intersects")
+                for row, index in sorted(inside.T.tolist(), reverse=True):
+                    found[rows[row]] = floor.ids[index]
+        return found
+
+    def passages(self, datum: str, one: Ahead, row: int, length_m: float, width_m: float) -> dict[str, Passage]:
+        """The zones that one robot's envelope sweeps through while it stays on this floor, by id."""
+        floor = self._zones.get(datum)
+        if floor is None or floor.tree is None:
+            return {}
+        way = shapely.LineString(np.stack([one.x_m[row], one.y_m[row]], axis=-1))
+        near = floor.tree.query(way, predicate="dwithin", distance=float(np.hypot(length_m, width_m)) / 2)
+        if not len(near):
+            return {}
+        envelopes = shapely.polygons(one.corners(row, length_m, width_m))
+        here = one.floor[row] == one.floor[row, 0]
+        found = {}
+        for index in np.sort(near):
+            inside = shapely.intersects(floor.shapes[index], envelopes) & here
+            if inside.any():
+                found[floor.ids[index]] = self._passage(floor.ids[index], one, row, inside)
+        return found
+
+    def _passage(self, zone: str, one: Ahead, row: int, inside: Bools) -> Passage:
+        """The first run of steps that are inside."""
+        first = int(np.argmax(inside))
+        out = np.flatnonzero(~inside[first:])
+        end = first + int(out[0]) if len(out) else len(inside)
+        axis = self.zones[zone].axis
+        along_m = np.zeros(end - first)
+        if axis:
+            (ax, ay), (bx, by) = axis
+            unit = np.array([bx - ax, by - ay]) / np.hypot(bx - ax, by - ay)
+            along_m = (one.x_m[row, first:end] - ax) * unit[0] + (one.y_m[row, first:end] - ay) * unit[1]
+        leave_s = float(one.t_s[end]) if len(out) else inf
+        return Passage(zone, float(one.t_s[first]), leave_s, one.t_s[first:end], along_m)
+
+
+def _floors(places: Iterable[Place]) -> dict[str, _Floor]:
+    floors: dict[str, _Floor] = {}
+    for place in places:
+        for datum, outline in outlines(place):
+            floors.setdefault(datum, _Floor()).add(place.id, outline)
+    for floor in floors.values():
+        floor.tree = shapely.STRtree(floor.shapes)
+    return floors

@@ -1,0 +1,160 @@
+"""Robots' journeys as legs: what each has, what it wants next, and for how long it keeps what it has.
+
+A robot keeps its place until it sets out for the next, and what it wants must be free by then: robots that each want
+the other's place would otherwise need somewhere to pass each other, of which the service knows nothing.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import inf
+
+import shapely
+
+from deconflict.contention.deadlocks import Node, Want
+from deconflict.contention.robots import Seen, Stop
+
+WAY_M = 1.0
+"""A robot that stands with less than this left to what is in its way waits for it."""
+AT = "at "
+"""Prefix of the name of a place that nobody drew: where a robot stands."""
+PATH = "path"
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One robot keeps `place` from `since_s` to `until_s`, and is at `wants` from `arrives_s` on."""
+
+    node: Node
+    place: str
+    since_s: float
+    until_s: float
+    wants: str | None = None
+    arrives_s: float = inf
+
+
+def legs(robots: Iterable[Seen], now_s: float) -> list[Leg]:
+    """Every robot's legs, as far as its destinations reach."""
+    everybody = sorted(robots, key=lambda one: one.uuid)
+    standing = [one for one in everybody if one.here is None and one.datum and one.stands]
+    tree = shapely.STRtree([one.outline for one in standing])
+    return [leg for one in everybody for leg in _legs(one, standing, tree, now_s)]
+
+
+def _legs(one: Seen, standing: list[Seen], tree: shapely.STRtree, now_s: float) -> Iterable[Leg]:
+    place = one.here or (AT + one.uuid if one.stands else None)
+    since_s, datum, x_m, y_m = one.came_s if one.here else one.stood_s, one.datum, one.x_m, one.y_m
+    for number, stop in enumerate(one.stops):
+        wants = stop.resource or _stood_on(stop, one, standing, tree)
+        away_s = ((stop.x_m - x_m) ** 2 + (stop.y_m - y_m) ** 2) ** 0.5 if stop.datum == datum else 0.0
+        until_s = max(stop.t_s - away_s, since_s, now_s)
+        if place:
+            yield Leg((one.uuid, number), place, since_s, until_s, wants, stop.t_s)
+        place, since_s, datum, x_m, y_m = wants, stop.t_s, stop.datum, stop.x_m, stop.y_m
+    if place:
+        yield Leg((one.uuid, len(one.stops)), place, since_s, inf)
+
+
+def _stood_on(stop: Stop, one: Seen, standing: list[Seen], tree: shapely.STRtree) -> str | None:
+    """The place of the robot that stands at a stop now."""
+    found = tree.query(shapely.Point(stop.x_m, stop.y_m), predicate="intersects")
+    others = (standing[index] for index in found.tolist())
+    return min((AT + other.uuid for other in others if other is not one and other.datum == stop.datum), default=None)
+
+
+def place_wants(every: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]:
+    """Who wants a place that is full when it sets out for it, and of whom.
+
+    One who means to be gone by then, to a place that it wants itself, may be there still: it goes only if it can.
+    """
+    by_place: dict[str, list[Leg]] = {}
+    every = list(every)
+    for leg in every:
+        by_place.setdefault(leg.place, []).append(leg)
+    wants = []
+    for leg in every:
+        if leg.wants is None:
+            continue
+        robot = leg.node[0]
+        holders = [
+            other.node
+            for other in by_place.get(leg.wants, ())
+            if other.node[0] != robot
+            and other.since_s < leg.arrives_s
+            and (other.until_s >= leg.until_s or other.wants is not None)
+        ]
+        if len({holder for holder, _ in holders}) >= capacity.get(leg.wants, 1):
+            wants.append(Want(leg.node, tuple(sorted(holders)), _public(leg.wants), leg.until_s))
+    return wants
+
+
+def _public(place: str) -> str:
+    return PATH if place.startswith(AT) else place
+
+
+@dataclass(frozen=True, slots=True)
+class Hindrance:
+    """A standing robot in another one's way."""
+
+    waiter: str
+    blocker: str
+    from_s: float
+    """When the waiter gets there."""
+
+
+def hindrances(waiters: Iterable[Seen], robots: Iterable[Seen], now_s: float) -> list[Hindrance]:
+    """Which standing robots are in the way of `waiters`, by waiter and time."""
+    standing = sorted((one for one in robots if one.datum and one.stands), key=lambda one: one.uuid)
+    going = sorted((one for one in waiters if one.way is not None and one.datum), key=lambda one: one.uuid)
+    if not standing or not going:
+        return []
+    tree = shapely.STRtree([one.outline for one in standing])
+    reach = [max(one.width_m / 2 - 0.05, 0.05) for one in going]
+    found = []
+    for row, column in tree.query([one.way for one in going], predicate="dwithin", distance=reach).T.tolist():
+        one, other = going[row], standing[column]
+        if one is not other and one.datum == other.datum and one.way is not None:
+            found.append(Hindrance(one.uuid, other.uuid, max(_reaches_s(one, one.way, other, now_s), now_s)))
+    return sorted(found, key=lambda each: (each.waiter, each.from_s, each.blocker))
+
+
+def _reaches_s(one: Seen, way: shapely.LineString, other: Seen, now_s: float) -> float:
+    """When a robot comes to where it has to stop; since when it stands there, if it does."""
+    stop = way.intersection(other.outline.buffer(one.length_m / 2 + other.width_m / 2))
+    to_go_m = 0.0 if stop.is_empty else float(way.project(shapely.Point(shapely.get_coordinates(stop)[0])))
+    return one.stood_s if one.stands and to_go_m < WAY_M else now_s + to_go_m / one.speed_mps
+
+
+def way_wants(found: Iterable[Hindrance]) -> list[Want]:
+    return [Want((one.waiter, 0), ((one.blocker, 0),), PATH, one.from_s) for one in found]
+
+
+def aisle_wants(robots: Iterable[Seen], aisles: Iterable[str]) -> list[Want]:
+    """Robots that go through a single lane towards each other, of each other."""
+    wanted = set(aisles)
+    by_aisle: dict[str, list[Seen]] = {}
+    for one in robots:
+        for zone in one.passages.keys() & wanted:
+            by_aisle.setdefault(zone, []).append(one)
+    wants = []
+    for zone, inside in sorted(by_aisle.items()):
+        forth = [one for one in inside if one.passages[zone].direction > 0]
+        back = [one for one in inside if one.passages[zone].direction < 0]
+        for a in forth:
+            for b in back:
+                meet_s = _meet_s(a, b, zone)
+                if meet_s is not None:
+                    wants.append(Want((a.uuid, 0), ((b.uuid, 0),), zone, meet_s))
+                    wants.append(Want((b.uuid, 0), ((a.uuid, 0),), zone, meet_s))
+    return wants
+
+
+def _meet_s(forth: Seen, back: Seen, zone: str) -> float | None:
+    """When two that drive towards each other in a lane are nose to nose; None where they do not come to that."""
+    a, b = forth.passages[zone], back.passages[zone]
+    first_s, noses_m = max(a.enter_s, b.enter_s), (forth.length_m + back.length_m) / 2
+    if first_s >= min(a.leave_s, b.leave_s) or a.reach_m <= b.reach_m:
+        return None
+    between_m = b.at_m(first_s) - a.at_m(first_s)
+    if between_m <= 0:
+        return None
+    return first_s + max(between_m - noses_m, 0.0) / max(a.rate_mps - b.rate_mps, 0.1)

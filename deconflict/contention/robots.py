@@ -1,0 +1,223 @@
+"""What contention knows of each robot: where it stands, what it has, where it goes next and by which way."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import hypot
+
+import numpy as np
+import shapely
+from shapely.ops import substring
+
+from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead
+from deconflict.contention.arrivals import Arrivals, Spot, near
+from deconflict.contention.geometry import Geometry, Passage
+from deconflict.motion import Bools
+from ingest.seam import Basis, Batch, Floats
+
+STANDS_M = 0.1
+"""A robot that has moved no further than this stands."""
+STANDS_S = 3.0
+"""For so long, if it is forecast to move."""
+QUICKEST_MPS = 2.0
+"""Nobody is expected to be anywhere sooner than at this speed in a straight line."""
+WAY_M = 0.5
+"""A way with less than this left is gone."""
+RESTING = frozenset(("idle", "charging", "disabled", "offline"))
+"""States of robots that want to go nowhere now."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """One destination ahead."""
+
+    t_s: float
+    """When the robot comes, corrected by how wrong its vendor has been."""
+    spread_s: float
+    datum: str
+    x_m: float
+    y_m: float
+    resource: str | None
+
+
+@dataclass(slots=True, eq=False)
+class Seen:
+    """One robot, as last heard of."""
+
+    uuid: str
+    vendor: str = ""
+    name: str = ""
+    state: str = ""
+    event_s: float = 0.0
+    datum: str = ""
+    """"" where it is compared with nothing."""
+    x_m: float = 0.0
+    y_m: float = 0.0
+    length_m: float = 0.0
+    width_m: float = 0.0
+    outline: shapely.Polygon = field(default_factory=shapely.Polygon)
+    goes: bool = False
+    """Whether it is forecast to move."""
+    stood_s: float = 0.0
+    """Since when it stands where it is."""
+    stood_at: tuple[str, float, float] = ("", 0.0, 0.0)
+    here: str | None = None
+    """The resource it has."""
+    came_s: float = 0.0
+    """Since when it has that."""
+    left: tuple[str, float] | None = None
+    """The resource that it left with this report, and for how long it had it."""
+    stops: tuple[Stop, ...] = ()
+    """By time, without any that it is at already."""
+    way: shapely.LineString | None = None
+    """Of its envelope's centre, as far as it is forecast; kept by a robot that waits."""
+    way_m: float = 0.0
+    """How far it gets in the next ten seconds."""
+    passages: dict[str, Passage] = field(default_factory=dict)
+    """By zone."""
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is at rest, whatever it says: it has not moved for a while, or is not to."""
+        return not self.goes or self.event_s - self.stood_s >= STANDS_S
+
+    @property
+    def speed_mps(self) -> float:
+        """Along its way; walking pace where it is not forecast to move."""
+        return max(self.way_m / (STEPS * STEP_S), 0.2) if self.goes else 1.0
+
+
+class Robots:
+    """Every robot; takes in those that changed."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        self.seen: dict[str, Seen] = {}
+        self.arrivals = Arrivals()
+        self._geometry = geometry
+
+    def forget(self, uuids: Iterable[str]) -> list[Seen]:
+        """Those that were known."""
+        for uuid in uuids:
+            self.arrivals.forget(uuid)
+        return [one for uuid in uuids if (one := self.seen.pop(uuid, None))]
+
+    def look(self, batch: Batch) -> list[Seen]:
+        """Take in the robots of a batch."""
+        if not len(batch):
+            return []
+        view = ahead(batch.forecasts, batch.now_s)
+        shapes = _shapes(batch, view)
+        datums = [batch.floors[floor] if floor >= 0 else "" for floor in view.floor[:, 0].tolist()]
+        here = self._geometry.resources_at(datums, view.x_m[:, 0], view.y_m[:, 0])
+        stops = self._stops(batch)
+        told = []
+        for row, uuid in enumerate(batch.robots):
+            one = self.seen.get(uuid)
+            if one is None:
+                one = self.seen[uuid] = Seen(uuid)
+            one.vendor, one.name, one.state = batch.vendors[row], batch.names[row], batch.states[row]
+            one.event_s = float(batch.event_s[row])
+            self._place(one, datums[row], here[row], shapes, row)
+            one.passages = self._geometry.passages(one.datum, view, row, one.length_m, one.width_m)
+            one.stops = self._ahead(one, batch.now_s, stops[row]) or self._end_of_way(one, view, row)
+            told.append(one)
+        return told
+
+    def _place(self, one: Seen, datum: str, here: str | None, shapes: "_Shapes", row: int) -> None:
+        """Where it stands, since when, what it has, and its way."""
+        new = not one.datum and not one.stood_s
+        one.datum, one.x_m, one.y_m = datum, float(shapes.x_m[row]), float(shapes.y_m[row])
+        one.length_m, one.width_m = float(shapes.length_m[row]), float(shapes.width_m[row])
+        one.outline = shapes.outlines[row]
+        spot = (datum, one.x_m, one.y_m)
+        if new or not near(spot, one.stood_at, STANDS_M):
+            one.stood_at, one.stood_s = spot, one.event_s
+        one.left = None
+        if new or here != one.here:
+            one.left = (one.here, one.event_s - one.came_s) if one.here else None
+            one.here, one.came_s = here, one.event_s
+        one.goes = bool(shapes.goes[row])
+        if one.goes:
+            one.way, one.way_m = shapes.ways[row], float(shapes.way_m[row])
+        elif one.way is not None:
+            one.way = _rest_of(one.way, one) if one.state not in RESTING else None
+
+    def _stops(self, batch: Batch) -> list[list[tuple[float, Spot, str | None]]]:
+        """By robot, its destinations as told: time, place and resource."""
+        told = batch.destinations
+        if not len(told.t_s):
+            return [[]] * len(batch)
+        datums = [batch.floors[floor] if floor >= 0 else "" for floor in told.floor.tolist()]
+        spots = list(zip(datums, told.x_m.tolist(), told.y_m.tolist(), strict=True))
+        found = list(
+            zip(told.t_s.tolist(), spots, self._geometry.resources_at(datums, told.x_m, told.y_m), strict=True)
+        )
+        start = told.start.tolist()
+        return [found[first:end] for first, end in pairwise(start)]
+
+    def _ahead(self, one: Seen, now_s: float, told: list[tuple[float, Spot, str | None]]) -> tuple[Stop, ...]:
+        """Its stops without those it is at already, each no sooner than it can be there."""
+        here = (one.datum, one.x_m, one.y_m)
+        self.arrivals.heard(one.uuid, one.vendor, now_s, here, [(t_s, spot) for t_s, spot, _ in told])
+        stops: list[Stop] = []
+        for told_s, (datum, x_m, y_m), resource in told:
+            if not stops and (near(here, (datum, x_m, y_m)) or (resource and resource == one.here)):
+                continue
+            expected_s, spread_s = self.arrivals.expected(one.vendor, now_s, told_s)
+            away_m = hypot(x_m - one.x_m, y_m - one.y_m) if datum == one.datum else 0.0
+            stops.append(Stop(max(expected_s, now_s + away_m / QUICKEST_MPS), spread_s, datum, x_m, y_m, resource))
+        return tuple(stops)
+
+    def _end_of_way(self, one: Seen, view: Ahead, row: int) -> tuple[Stop, ...]:
+        """Where a robot tells no destination, the resource that its way ends in."""
+        if not one.goes or not self._geometry.resources or view.floor[row, -1] != view.floor[row, 0]:
+            return ()
+        x_m, y_m = float(view.x_m[row, -1]), float(view.y_m[row, -1])
+        (resource,) = self._geometry.resources_at([one.datum], view.x_m[row, -1:], view.y_m[row, -1:])
+        if resource is None or resource == one.here:
+            return ()
+        short_m = np.hypot(view.x_m[row] - x_m, view.y_m[row] - y_m)
+        arrives_s = float(view.t_s[int(np.argmax(short_m < STANDS_M))])
+        return (Stop(arrives_s, STEP_S, one.datum, x_m, y_m, resource),)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shapes:
+    """Of n robots: envelopes now, and ways as far as they stay on their floor."""
+
+    x_m: Floats
+    y_m: Floats
+    length_m: Floats
+    width_m: Floats
+    outlines: list[shapely.Polygon]
+    ways: list[shapely.LineString]
+    way_m: Floats
+    goes: Bools
+
+
+def _shapes(batch: Batch, view: Ahead) -> _Shapes:
+    sizes = batch.forecasts
+    stays = view.floor == view.floor[:, :1]
+    last = np.where(stays.all(axis=1), stays.shape[1] - 1, np.argmin(stays, axis=1) - 1)
+    column = np.minimum(np.arange(stays.shape[1]), last[:, None])
+    x_m, y_m = np.take_along_axis(view.x_m, column, 1), np.take_along_axis(view.y_m, column, 1)
+    way_m = np.hypot(np.diff(x_m, axis=1), np.diff(y_m, axis=1)).sum(axis=1)
+    return _Shapes(
+        x_m=x_m[:, 0],
+        y_m=y_m[:, 0],
+        length_m=sizes.length_m,
+        width_m=sizes.width_m,
+        outlines=shapely.polygons(view.outlines(sizes.length_m, sizes.width_m)).tolist(),
+        ways=shapely.linestrings(np.stack([x_m, y_m], axis=-1)).tolist(),
+        way_m=way_m,
+        goes=(batch.basis != Basis.STATIONARY) & (way_m > WAY_M),
+    )
+
+
+def _rest_of(way: shapely.LineString, one: Seen) -> shapely.LineString | None:
+    """What is left of its way to a robot that has come to stand on it; None once it is through, or off it."""
+    here = shapely.Point(one.x_m, one.y_m)
+    done_m = float(shapely.line_locate_point(way, here))
+    if way.length - done_m < WAY_M or shapely.distance(way, here) > one.length_m:
+        return None
+    return substring(way, done_m, way.length)

@@ -1,0 +1,177 @@
+"""Contention as the engine drives it: batches in, advisory revisions out, a look a second.
+
+Pure: data and the time in, revisions out. Robots are taken in as they change; a look then asks only what can have
+changed with them: queues of resources that somebody wants, standing robots that are in somebody's way.
+"""
+
+from collections.abc import Iterable
+from math import inf
+
+from deconflict.advisory import AnyAdvisory
+from deconflict.contention import findings
+from deconflict.contention.blockages import blockages
+from deconflict.contention.congestion import Flow
+from deconflict.contention.deadlocks import Link, rings
+from deconflict.contention.demand import Request, Turn, first_come
+from deconflict.contention.geometry import Geometry
+from deconflict.contention.journeys import Leg, aisle_wants, hindrances, legs, place_wants, way_wants
+from deconflict.contention.occupancy import Dwells
+from deconflict.contention.resources import ContentionSettings, Resource, Zone
+from deconflict.contention.robots import Robots, Seen
+from deconflict.contention.telling import Finding, Telling, Told
+from ingest.measures import Measures
+from ingest.seam import Batch
+
+LOOK_S = 1.0
+REACH_S = 900.0
+"""How far ahead demand is forecast (standard 5.2.3)."""
+
+
+class Contention:
+    """Who will want what, who waits for whom, and who is in the way."""
+
+    def __init__(
+        self,
+        resources: Iterable[Resource],
+        zones: Iterable[Zone],
+        settings: ContentionSettings,
+        measures: Measures,
+        restored: Iterable[AnyAdvisory] = (),
+    ) -> None:
+        self.geometry = Geometry(resources, zones)
+        self.robots = Robots(self.geometry)
+        self._settings, self._measures = settings, measures
+        self._telling = Telling(settings.clear_after_s, restored)
+        self._dwells = {one.id: Dwells(one) for one in self.geometry.resources.values()}
+        self._flows = {one.id: Flow(one.capacity) for one in self.geometry.zones.values()}
+        self._inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
+        self._looked_s = -inf
+        self._rings: list[tuple[Link, ...]] = []
+        self._turns: dict[str, list[Turn]] = {}
+
+    def open(self) -> list[Told]:
+        return self._telling.open()
+
+    def receive(self, batch: Batch) -> None:
+        """Take in the robots that changed."""
+        for one in self.robots.look(batch):
+            if one.left:
+                resource, dwell_s = one.left
+                self._dwells[resource].left_after(dwell_s)
+        self.robots.forget(batch.gone)
+
+    def step(self, now_s: float) -> list[AnyAdvisory]:
+        """The revisions of this look; none between looks."""
+        if now_s - self._looked_s < LOOK_S:
+            return []
+        dt_s = min(now_s - self._looked_s, 10 * LOOK_S)
+        self._looked_s = now_s
+        self._flow(now_s, dt_s)
+        every = list(self.robots.seen.values())
+        journeys = legs(every, now_s)
+        self._turns = self._queues(journeys, now_s)
+        found = [*self._contended(now_s), *self._doubled(now_s), *self._locked(every, journeys, now_s)]
+        self._measure()
+        return self._telling.step(now_s, found, self._party)
+
+    def _party(self, uuid: str) -> tuple[str, str]:
+        one = self.robots.seen[uuid]
+        return one.name, one.vendor
+
+    def _flow(self, now_s: float, dt_s: float) -> None:
+        inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
+        for one in self.robots.seen.values():
+            for zone, passage in one.passages.items():
+                if passage.enter_s <= now_s < passage.leave_s:
+                    inside[zone].add(one.uuid)
+        for zone, flow in self._flows.items():
+            flow.step(dt_s, len(inside[zone]), len(self._inside[zone] - inside[zone]))
+        self._inside = inside
+
+    def _queues(self, journeys: list[Leg], now_s: float) -> dict[str, list[Turn]]:
+        """Turns at every place that anybody has or will want, by its id."""
+        wanted: dict[str, list[Request]] = {}
+        for one in self.robots.seen.values():
+            for zone, passage in one.passages.items():
+                through_s = min(passage.leave_s, float(passage.t_s[-1]) + LOOK_S) - max(passage.enter_s, now_s)
+                inside = one.uuid in self._inside[zone]
+                request = Request(one.uuid, one.vendor, passage.enter_s, LOOK_S, max(through_s, 0.0), inside=inside)
+                wanted.setdefault(zone, []).append(request)
+        for leg in journeys:
+            if leg.node[1] == 0 and leg.place in self._dwells:
+                wanted.setdefault(leg.place, []).append(self._kept(leg, now_s))
+        for one in self.robots.seen.values():
+            for request, resource in self._coming(one, now_s):
+                wanted.setdefault(resource, []).append(request)
+        return {place: first_come(wanted[place], self._capacity(place), now_s) for place in sorted(wanted)}
+
+    def _kept(self, leg: Leg, now_s: float) -> Request:
+        """What a robot has now, for as long as it says, or else as long as robots usually stay."""
+        one = self.robots.seen[leg.node[0]]
+        left_s = self._dwells[leg.place].remaining_s(now_s - one.came_s)
+        if leg.until_s < inf:
+            left_s = leg.until_s - now_s
+        return Request(one.uuid, one.vendor, leg.since_s, 0.0, left_s, inside=True)
+
+    def _coming(self, one: Seen, now_s: float) -> Iterable[tuple[Request, str]]:
+        """The resources that a robot goes to, once each."""
+        met = {one.here}
+        for number, stop in enumerate(one.stops):
+            if stop.resource is None or stop.resource in met or stop.t_s > now_s + REACH_S:
+                continue
+            met.add(stop.resource)
+            service_s = self._dwells[stop.resource].service_s
+            if number + 1 < len(one.stops):
+                after = one.stops[number + 1]
+                away_s = ((after.x_m - stop.x_m) ** 2 + (after.y_m - stop.y_m) ** 2) ** 0.5
+                service_s = max(after.t_s - away_s - stop.t_s, 1.0)
+            yield Request(one.uuid, one.vendor, stop.t_s, stop.spread_s, service_s), stop.resource
+
+    def _capacity(self, place: str) -> int:
+        found = self.geometry.resources.get(place)
+        return found.capacity if found else self.geometry.zones[place].capacity
+
+    def _contended(self, now_s: float) -> Iterable[Finding]:
+        for place, turns in self._turns.items():
+            if max((turn.wait_s for turn in turns), default=0.0) >= self._settings.least_wait_s:
+                yield findings.contention(self.geometry, place, turns, self._capacity(place), self.robots.seen, now_s)
+
+    def _doubled(self, now_s: float) -> Iterable[Finding]:
+        """Places with more robots inside than they take."""
+        for place, turns in self._turns.items():
+            inside = tuple(sorted(turn.request.robot for turn in turns if turn.request.inside))
+            if len(inside) > self._capacity(place):
+                yield findings.double_occupancy(self.geometry, place, turns, self._capacity(place), inside, now_s)
+
+    def _locked(self, every: list[Seen], journeys: list[Leg], now_s: float) -> Iterable[Finding]:
+        """Rings of waits, and blockers of robots that are in none."""
+        resources = self.geometry.resources
+        in_way = hindrances(every, every, now_s)
+        aisles = [zone.id for zone in self.geometry.zones.values() if zone.kind == "aisle"]
+        wants = place_wants(journeys, {one.id: one.capacity for one in resources.values()})
+        self._rings = rings([*wants, *aisle_wants(every, aisles), *way_wants(in_way)])
+        for ring in self._rings:
+            yield findings.deadlock(self.geometry, ring, self.robots.seen, now_s)
+        for one in blockages(in_way, self.robots.seen, now_s, self._settings.stand_s):
+            yield findings.blockage(one, self.robots.seen, now_s)
+
+    def _measure(self) -> None:
+        places, turns = (*self._dwells, *self._flows), self._turns
+        by_place = {place: turns.get(place, []) for place in places}
+        levels: dict[str, dict[str, float]] = {
+            "deconflict_resource_demand": {place: len(all_) for place, all_ in by_place.items()},
+            "deconflict_resource_occupancy": {
+                place: sum(turn.request.inside for turn in all_) for place, all_ in by_place.items()
+            },
+            "deconflict_resource_wait_seconds": {
+                place: max((turn.wait_s for turn in all_), default=0.0) for place, all_ in by_place.items()
+            },
+            "deconflict_zone_flow_per_second": {zone: one.flow_per_s for zone, one in self._flows.items()},
+            "deconflict_zone_saturation_ratio": {zone: one.saturation for zone, one in self._flows.items()},
+            "deconflict_arrival_time_ratio": {
+                vendor: self.robots.arrivals.quantiles(vendor)[1] for vendor in self.robots.arrivals.seen()
+            },
+        }
+        for name, series in levels.items():
+            self._measures.level(name, {(label,): value for label, value in series.items()})
+        self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})

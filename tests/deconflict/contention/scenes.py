@@ -1,0 +1,138 @@
+"""Short scripts of robots through fleet and engine, for tests of contention."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import atan2, hypot
+from typing import Any
+
+from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.contention.resources import Resource, Zone
+from deconflict.engine import Engine
+from deconflict.site import Site
+from ingest.connection import Connection
+from ingest.fleet import Fleet
+from ingest.frames import Frames
+from ingest.measures import Measures
+from ingest.quarantine import Quarantine
+from ingest.seam import Batch
+from ingest.settings import Datum
+from ingest.vendors import Vendors
+from tests.saying import HALL, LOFT, identity, points, status
+
+NOW_S = 1_790_000_000.0
+LINE = Connection(1)
+
+Spot = tuple[float, float]
+Box = tuple[Spot, Spot, Spot, Spot]
+
+
+def box(x: float, y: float, width: float = 2.0, depth: float = 2.0) -> Box:
+    """A rectangle around a point."""
+    w, d = width / 2, depth / 2
+    return (x - w, y - d), (x + w, y - d), (x + w, y + d), (x - w, y + d)
+
+
+def resource(place: str, x: float, y: float, **told: Any) -> Resource:
+    return Resource(**{"id": place, "kind": "dock", "datum": HALL, "polygon": box(x, y)} | told)
+
+
+def aisle(name: str, x0: float, x1: float, y: float = 0.0) -> Zone:
+    """A lane along x."""
+    outline = box((x0 + x1) / 2, y, x1 - x0, 1.6)
+    return Zone(id=name, kind="aisle", datum=HALL, polygon=outline, axis=((x0, y), (x1, y)), capacity=2)
+
+
+def site(*places: Resource | Zone, **told: Any) -> Site:
+    return Site(
+        name="Test floor",
+        datums=(Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft")),
+        resources=tuple(one for one in places if isinstance(one, Resource)),
+        zones=tuple(one for one in places if isinstance(one, Zone)),
+        **told,
+    )
+
+
+@dataclass
+class Script:
+    """One robot: where it is at given times, straight between them, and what it says."""
+
+    knots: Sequence[tuple[float, float, float]]
+    """Seconds since the start, x, y."""
+    destinations: Sequence[tuple[float, float, float]] = ()
+    """The same, told while they are ahead."""
+    state: Callable[[float], str] = lambda _: "navigating"
+    vendor: str = "Alder"
+    datum: str = HALL
+    means: Sequence[tuple[float, float, float]] | None = None
+    """What it says that it will do, where that is not what it does."""
+
+    def at(self, t: float, knots: Sequence[tuple[float, float, float]] | None = None) -> tuple[float, float, float]:
+        """x, y and heading."""
+        knots = knots or self.knots
+        after = next((row for row, knot in enumerate(knots) if knot[0] > t), len(knots))
+        if after in {0, len(knots)}:
+            _, x, y = knots[0 if after == 0 else -1]
+            return x, y, self._heading(knots, max(after - 1, 1))
+        (t0, x0, y0), (t1, x1, y1) = knots[after - 1], knots[after]
+        share = (t - t0) / (t1 - t0)
+        return x0 + share * (x1 - x0), y0 + share * (y1 - y0), self._heading(knots, after)
+
+    def _heading(self, knots: Sequence[tuple[float, float, float]], row: int) -> float:
+        """Of the last leg up to this knot that goes anywhere."""
+        for a, b in zip(knots[row - 1 :: -1], knots[row:0:-1], strict=False):
+            if hypot(b[1] - a[1], b[2] - a[2]) > 0.01:
+                return atan2(b[2] - a[2], b[1] - a[1])
+        return 0.0
+
+    def says(self, name: str, t: float) -> bytes:
+        x, y, yaw = self.at(t)
+        state = self.state(t)
+        extra: dict[str, Any] = {"operationalState": state, "destinations": None}
+        if ahead := [(NOW_S + at, to_x, to_y, 0.0) for at, to_x, to_y in self.destinations if at > t]:
+            extra["destinations"] = points(*ahead)
+        if state == "navigating":
+            extra["path"] = points(*((NOW_S + t + i, *self.at(t + i, self.means)) for i in range(1, 11)))
+        said = status(name, NOW_S + t, x, y, yaw, **extra)
+        return said.replace(HALL.encode(), self.datum.encode())
+
+
+@dataclass
+class Scene:
+    """Robots that report once a second, and an engine that steps four times a second."""
+
+    site: Site
+    robots: dict[str, Script]
+    told: list[AnyAdvisory] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        frames = Frames(self.site.datums, self.site.vendors)
+        self.fleet = Fleet(Vendors(()), frames, self.site.reading, Measures(), Quarantine())
+        self.engine = Engine(self.site)
+        for name, one in self.robots.items():
+            self.fleet.receive(identity(name, NOW_S, manufacturerName=one.vendor), NOW_S, LINE)
+
+    def run(self, until_s: float, from_s: float = 0.0) -> list[AnyAdvisory]:
+        """The revisions of this stretch that are not of conflicts."""
+        fresh: list[AnyAdvisory] = []
+        for tick in range(round(from_s * 4), round(until_s * 4)):
+            t = tick / 4
+            if tick % 4 == 0:
+                for name, one in self.robots.items():
+                    self.fleet.receive(one.says(name, t), NOW_S + t, LINE)
+            self.engine.receive(Batch.from_bytes(self.fleet.cut(NOW_S + t).to_bytes()))
+            fresh += [one for one in self.engine.step(NOW_S + t) if one.kind != "conflict"]
+        self.told += fresh
+        return fresh
+
+
+def raised(told: Sequence[AnyAdvisory], kind: str) -> list[AnyAdvisory]:
+    return [one for one in told if one.kind == kind and one.state is AdvisoryState.RAISED]
+
+
+def cleared(told: Sequence[AnyAdvisory], kind: str) -> list[AnyAdvisory]:
+    return [one for one in told if one.kind == kind and one.state is AdvisoryState.CLEARED]
+
+
+def after_s(one: AnyAdvisory) -> float:
+    """When it was raised, since the start."""
+    return one.raised_at.timestamp() - NOW_S

@@ -1,0 +1,243 @@
+"""Scenarios of contention, each a short script of robots through fleet and engine."""
+
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from deconflict.advisory import BlockageAdvisory, ContentionAdvisory, DeadlockAdvisory
+from deconflict.contention.resources import Zone
+from tests.deconflict.contention.scenes import (
+    NOW_S,
+    Scene,
+    Script,
+    after_s,
+    aisle,
+    box,
+    cleared,
+    raised,
+    resource,
+    site,
+)
+from tests.saying import HALL, robot
+
+
+def waits(*_: float) -> str:
+    return "waitingExternalEvent"
+
+
+def standing(x: float, y: float, *destinations: tuple[float, float, float], **told: Any) -> Script:
+    return Script([(0, x, y)], destinations, state=waits, **told)
+
+
+def ring(told: DeadlockAdvisory) -> list[tuple[str, str]]:
+    return [(one.waiter, one.holder) for one in told.cycle]
+
+
+def test_two_that_enter_an_aisle_from_both_ends_lock_each_other_ahead_of_time() -> None:
+    east = Script([(0, -16, 0), (40, 24, 0)])
+    west = Script([(0, 20, 0), (40, -20, 0)], vendor="Corvid")
+    scene = Scene(site(aisle("lane", -8, 12)), {"A": east, "B": west})
+    told = scene.run(12)
+    (one,) = raised(told, "deadlock")
+    assert isinstance(one, DeadlockAdvisory)
+    assert one.robots == tuple(sorted((robot("A"), robot("B"))))
+    assert {link.where for link in one.cycle} == {"lane"}
+    assert sorted(ring(one)) == sorted([(robot("A"), robot("B")), (robot("B"), robot("A"))])
+    # nose to nose where their middles are a metre apart, 17.5 s on
+    assert one.predicted_at.timestamp() - NOW_S == pytest.approx(17.5, abs=0.7)
+    assert one.time_to_conflict_s > 5
+
+
+def test_two_that_follow_each_other_through_an_aisle_do_not() -> None:
+    scene = Scene(
+        site(aisle("lane", -8, 12)), {"A": Script([(0, -12, 0), (40, 28, 0)]), "B": Script([(0, -16, 0), (40, 24, 0)])}
+    )
+    assert raised(scene.run(30), "deadlock") == []
+
+
+def test_one_that_stops_in_an_aisle_short_of_the_other_does_not() -> None:
+    scene = Scene(
+        site(aisle("lane", -8, 12)),
+        {"A": Script([(0, -12, 0), (8, -4, 0)]), "B": Script([(0, 16, 0), (8, 8, 0)])},
+    )
+    assert raised(scene.run(20), "deadlock") == []
+
+
+def test_two_that_will_swap_their_docks_are_told_a_minute_ahead() -> None:
+    docks = site(resource("d1", 0, 0), resource("d2", 20, 0))
+    scene = Scene(docks, {"A": standing(0, 0, (80, 20, 0)), "B": standing(20, 0, (80, 0, 0))})
+    told = scene.run(5)
+    (one,) = raised(told, "deadlock")
+    assert isinstance(one, DeadlockAdvisory)
+    assert {link.where for link in one.cycle} == {"d1", "d2"}
+    # they set out 20 s before they mean to arrive
+    assert one.time_to_conflict_s == pytest.approx(60, abs=3)
+    assert one.severity == "caution"
+
+
+def test_two_that_swap_places_nobody_drew_are_told_too() -> None:
+    scene = Scene(site(), {"A": standing(0, 0, (80, 20, 0)), "B": standing(20, 0, (80, 0, 0))})
+    (one,) = raised(scene.run(5), "deadlock")
+    assert isinstance(one, DeadlockAdvisory)
+    assert {link.where for link in one.cycle} == {"path"}
+
+
+def test_a_ring_of_three_docks_is_named_in_order() -> None:
+    places = [(0.0, 0.0), (20.0, 0.0), (10.0, 15.0)]
+    docks = site(*(resource(f"d{row}", *place) for row, place in enumerate(places)))
+    goals = [*places[1:], places[0]]
+    robots = {name: standing(*place, (60.0, *goal)) for name, place, goal in zip("ABC", places, goals, strict=True)}
+    (one,) = raised(Scene(docks, robots).run(5), "deadlock")
+    assert isinstance(one, DeadlockAdvisory)
+    links = ring(one)
+    assert {waiter for waiter, _ in links} == {robot(name) for name in "ABC"}
+    assert all(a[1] == b[0] for a, b in pairwise([*links, links[0]]))
+    assert (robot("A"), robot("B")) in links
+
+
+def test_a_chain_whose_last_robot_has_a_free_place_to_go_to_is_no_deadlock() -> None:
+    docks = site(*(resource(f"d{row}", 20.0 * row, 0) for row in range(4)))
+    robots = {name: standing(20.0 * row, 0, (60.0, 20.0 * (row + 1), 0)) for row, name in enumerate("ABC")}
+    assert raised(Scene(docks, robots).run(5), "deadlock") == []
+
+
+def test_a_lift_with_a_twin_standing_free_is_contended_all_the_same() -> None:
+    lifts = [
+        resource(name, x, 0, kind="lift", group="lifts", service_s=60.0, floors=())
+        for name, x in (("l1", 0), ("l2", 8))
+    ]
+    robots = {"A": standing(0, 0), "B": Script([(0, 0, 30), (25, 0, 5)], [(30, 0, 0)])}
+    (one,) = raised(Scene(site(*lifts), robots).run(5), "contention")
+    assert isinstance(one, ContentionAdvisory)
+    assert (one.resource, one.capacity, one.queue_length) == ("l1", 1, 1)
+    assert one.wait_s == pytest.approx(30, abs=4)
+
+
+def test_a_queue_for_a_charger_is_told_with_its_length_and_wait_before_anybody_is_there() -> None:
+    charger = resource("c1", 0, 0, kind="charger", service_s=100.0, name="Charger 1")
+    robots = {
+        "A": Script([(0, 0, 0)], state=lambda _: "charging"),
+        "B": standing(30, 10, (60, 0, 0)),
+        "C": standing(30, 20, (70, 0, 0), vendor="Basalt"),
+    }
+    (one,) = raised(Scene(site(charger), robots).run(5), "contention")
+    assert isinstance(one, ContentionAdvisory)
+    assert one.queue_length == 2
+    # A leaves at 100 s, B charges until 200 s, C comes at 70 s
+    assert one.wait_s == pytest.approx(130, abs=4)
+    assert one.time_to_conflict_s == pytest.approx(60, abs=4)
+    assert "B and Basalt C will find Charger 1 taken in 5" in one.summary
+    assert set(one.robots) == {robot(name) for name in "ABC"}
+
+
+def test_a_queue_that_dissolves_clears_its_advisory() -> None:
+    charger = resource("c1", 0, 0, kind="charger", service_s=100.0)
+    leaving = Script([(0, 0, 0), (10, 0, 0), (20, 0, -10)], state=lambda t: "charging" if t < 10 else "navigating")
+    scene = Scene(site(charger), {"A": leaving, "B": standing(30, 10, (60, 0, 0))})
+    told = scene.run(30)
+    (begun,), (over,) = raised(told, "contention"), cleared(told, "contention")
+    assert begun.id == over.id
+    assert over.cleared_because == "nobody is expected to wait long any more"
+
+
+def test_a_dock_that_is_taken_is_double_occupancy_once_the_second_robot_is_in() -> None:
+    dock = resource("d1", 0, 0, polygon=box(0, 0, 6, 6))
+    scene = Scene(site(dock), {"A": standing(-1.5, 0), "B": Script([(0, 16, 0), (14, 2, 0)])})
+    told = scene.run(25)
+    (one,) = raised(told, "double_occupancy")
+    assert isinstance(one, ContentionAdvisory)
+    assert (one.demand, one.capacity) == (2, 1)
+    assert one.time_to_conflict_s == 0
+    assert 13 <= after_s(one) <= 17
+    assert raised(told, "contention"), "that it will find the dock taken is told before"
+    assert after_s(raised(told, "contention")[0]) < 8
+
+
+def test_four_vendors_at_a_crossing_make_a_queue() -> None:
+    crossing = Zone(id="x", kind="crossing", datum=HALL, polygon=box(0, 0, 8, 8))
+    ways = {"A": (-1, 0), "B": (1, 0), "C": (0, -1), "D": (0, 1)}
+    robots = {
+        name: Script([(0, 12 * dx, 12 * dy), (48, -12 * dx, -12 * dy)], vendor=f"Vendor {name}")
+        for name, (dx, dy) in ways.items()
+    }
+    told = Scene(site(crossing), robots).run(14)
+    (one,) = raised(told, "contention")
+    assert isinstance(one, ContentionAdvisory)
+    assert len(set(one.vendors)) == 4
+    assert one.queue_length >= 2
+    assert one.time_to_conflict_s > 2
+
+
+def test_a_robot_that_stands_in_the_way_is_named_with_everyone_it_holds_up() -> None:
+    robots = {
+        "A": Script([(0, 0, 0)], state=lambda _: "waitingHumanEvent"),
+        "B": Script([(0, -30, 0), (28, -2, 0)], means=[(0, -30, 0), (60, 30, 0)]),
+        "C": Script([(0, -34, 0), (30, -4, 0)], means=[(0, -34, 0), (60, 26, 0)]),
+    }
+    told = Scene(site(), robots).run(40)
+    (one,) = raised(told, "blockage")
+    last = [each for each in told if each.id == one.id][-1]
+    assert isinstance(last, BlockageAdvisory)
+    assert last.blocker == robot("A")
+    assert last.since_at.timestamp() == pytest.approx(NOW_S, abs=0.5)
+    assert last.holds_up == (robot("B"), robot("C"))
+    assert 18 < after_s(one) < 24, "as soon as B's path reaches A"
+    assert "Alder A has stood for" in one.summary
+
+
+def test_a_robot_that_rests_in_a_dock_is_no_blockage() -> None:
+    dock = resource("d1", 0, 0)
+    scene = Scene(site(dock), {"A": standing(0, 0), "B": Script([(0, -20, 0), (40, 20, 0)])})
+    assert raised(scene.run(20), "blockage") == []
+
+
+def test_two_that_stand_nose_to_nose_and_mean_to_pass_are_named_within_seconds() -> None:
+    forth, back = [(0.0, -8.0, 0.0), (60.0, 52.0, 0.0)], [(0.0, 8.0, 0.0), (60.0, -52.0, 0.0)]
+    robots = {
+        "A": Script([(0, -8, 0), (7.3, -0.7, 0)], state=lambda t: "navigating" if t < 9 else waits(), means=forth),
+        "B": Script([(0, 8, 0), (7.3, 0.7, 0)], state=lambda t: "navigating" if t < 9 else waits(), means=back),
+    }
+    told = Scene(site(), robots).run(20)
+    (one,) = raised(told, "deadlock")
+    assert isinstance(one, DeadlockAdvisory)
+    assert 8 <= after_s(one) <= 13
+    assert one.time_to_conflict_s == 0
+    assert one.severity == "critical"
+    assert raised(told, "blockage") == []
+
+
+def test_a_queue_that_blocks_the_exit_of_what_it_waits_for_is_a_deadlock() -> None:
+    charger = resource("c1", 0, 0, kind="charger", service_s=30.0)
+    leaving = Script(
+        [(0, 0, 0)],
+        [(60, 20, 0)],
+        state=lambda t: "charging" if t < 20 else "navigating",
+        means=[(0, 0, 0), (20, 0, 0), (40, 20, 0)],
+    )
+    robots = {"A": leaving, "B": standing(2.2, 0, (40, 0, 0))}
+    told = Scene(site(charger), robots).run(32)
+    (one,) = raised(told, "deadlock")
+    assert isinstance(one, DeadlockAdvisory)
+    assert {link.where for link in one.cycle} == {"c1", "path"}
+    assert after_s(one) < 27
+
+
+def test_arrivals_are_corrected_by_how_late_their_vendor_has_been() -> None:
+    late = {f"A{y}": Script([(0, 0, y), (40, 40, y)], [(20, 40, y)]) for y in range(0, 12, 2)}
+    punctual = {f"C{y}": Script([(0, 0, y), (40, 40, y)], [(40, 40, y)], vendor="Corvid") for y in range(20, 32, 2)}
+    scene = Scene(site(), late | punctual)
+    scene.run(50)
+    ratios = scene.engine.measures.values["deconflict_arrival_time_ratio"]
+    assert ratios["Alder",] == pytest.approx(2.0, abs=0.1)
+    assert ratios["Corvid",] == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_same_messages_and_ticks_give_the_same_advisories() -> None:
+    def told() -> list[str]:
+        charger = resource("c1", 0, 0, kind="charger", service_s=100.0)
+        robots = {"A": standing(0, 0), "B": standing(30, 10, (60, 0, 0)), "C": standing(30, 20, (70, 0, 0))}
+        return [one.model_dump_json() for one in Scene(site(charger), robots).run(20)]
+
+    assert told()
+    assert told() == told()
