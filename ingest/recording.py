@@ -12,31 +12,30 @@ one line, is quoted as `raw`, or as `base64` where it is not UTF-8. Without a ve
 `vendor`.
 
 Times are RFC 3339 in UTC to the microsecond, and the service's times are whole microseconds, so that a replay has the
-very numbers of the live run. Lines go to the system at each tick, or sooner where there are many; the death of the
-process loses at most those since. Nothing is forced to the disk: the loss of power loses what the system has not yet
-written out, by default half a minute on Linux. Each start and each `segment_bytes` begins a new file, and so does
-recording after a failure, so nothing is ever appended to a torn line.
+very numbers of the live run. Lines go to a thread of their own at each tick, or sooner where there are many, and from
+there to the system, in the order they came: a disk that stalls stops nobody. After `sync` the death of the process
+loses none of them. Nothing is forced to the disk: the loss of power loses what the system has not yet written out, by
+default half a minute on Linux.
 """
 
 import base64
 import json
-import logging
 from collections.abc import Callable
-from io import FileIO
 from pathlib import Path
 
 from ingest import stamps
 from ingest.connection import Connection
+from ingest.logfiles import LogFiles
 from ingest.measures import Measures
 from ingest.settings import Recorder as Settings
+from ingest.writer import Writer
 
-log = logging.getLogger(__name__)
-
-RETRY_S = 5.0
-"""How long after a failed write the next is tried."""
 FLUSH_BYTES = 1 << 20
-"""Lines that wait for a tick are written out when they are more than this."""
-PATTERN = "log-[0-9]*.jsonl"
+"""Lines that wait for a tick are handed over when they are more than this."""
+MOST_WAITING_BYTES = 64 << 20
+"""Lines that may wait for a slow disk; what comes beyond is dropped and counted."""
+CLOSE_S = 5.0
+"""How long a close waits for the disk."""
 
 
 def quantise(t_s: float) -> float:
@@ -48,17 +47,24 @@ class Recorder:
     """Writes the log. What cannot be written is counted, and the service goes on."""
 
     def __init__(self, settings: Settings, directory: Path, measures: Measures, clock: Callable[[], float]) -> None:
-        self._settings, self._directory, self._measures, self._clock = settings, directory, measures, clock
-        self._file: FileIO | None = None
-        self._written = 0
-        self._failed_s = 0.0
+        self._enabled, self._measures = settings.enabled, measures
+        self._files = LogFiles(settings, directory, clock)
+        self._writer = Writer(self._files.write, MOST_WAITING_BYTES)
         self._lines: list[bytes] = []
-        self._waiting = 0
-        """Bytes in `_lines`."""
+        self._bytes = 0
+        """In `_lines`."""
         self._heads: dict[int, str] = {}
         """What every line of an open connection says of it."""
-        self.failing: str | None = None
+
+    @property
+    def failing(self) -> str | None:
         """Why nothing can be recorded just now."""
+        return self._writer.failing or self._files.failing
+
+    @property
+    def behind(self) -> bool:
+        """Whether lines wait for the disk."""
+        return self._writer.waiting
 
     def received(self, raw: bytes, arrival_s: float, connection: Connection, rejected: str | None) -> None:
         """A message, and the rule that rejected it if one did."""
@@ -82,85 +88,37 @@ class Recorder:
         self.flush()
 
     def flush(self) -> None:
-        """Write out what has come since the last flush, or count it as dropped."""
-        data, done = b"".join(self._lines), 0
-        self._lines, self._waiting = [], 0
-        # a clock that was set back makes the next attempt come sooner, never much later
-        if not data or (self.failing and abs(self._clock() - self._failed_s) < RETRY_S):
-            self._drop(data)
-            return
-        try:
-            file = self._segment()
-            while done < len(data):
-                done += file.write(data[done:])
-        except OSError as error:
-            self._fail(error)
-            self._drop(data[done:])
-        else:
-            self._recovered()
-        self._written += done
-        self._measures.count("deconflict_recorded_bytes_total", by=done)
+        """Hand over what has come since the last flush."""
+        data = b"".join(self._lines)
+        self._lines, self._bytes = [], 0
+        if data:
+            self._writer.put(data)
+        self._tally()
+
+    def sync(self, timeout_s: float = CLOSE_S) -> bool:
+        """Wait until what was handed over is out of the process; whether it is. May be called from any thread."""
+        return self._writer.sync(timeout_s)
 
     def close(self) -> None:
+        """Write out what there is, but wait no longer than `CLOSE_S`: what a stalled disk then holds is counted."""
         self.flush()
-        self._end_segment()
+        if self._writer.close(CLOSE_S):
+            self._files.close()
+        self._tally()
+
+    def _tally(self) -> None:
+        written, dropped = self._writer.tally()
+        self._measures.count("deconflict_recorded_bytes_total", by=written)
+        if dropped:
+            self._measures.count("deconflict_recorded_lines_dropped_total", by=dropped)
 
     def _add(self, line: bytes) -> None:
-        if not self._settings.enabled:
+        if not self._enabled:
             return
         self._lines.append(line)
-        self._waiting += len(line)
-        if self._waiting > FLUSH_BYTES:
+        self._bytes += len(line)
+        if self._bytes > FLUSH_BYTES:
             self.flush()
-
-    def _segment(self) -> FileIO:
-        """The file to write to: a new one at first and where the last is long enough."""
-        if self._file is None or self._written >= self._settings.segment_bytes:
-            self._end_segment()
-            self._directory.mkdir(parents=True, exist_ok=True)
-            existing = sorted(self._directory.glob(PATTERN))
-            self._remove_oldest(existing)
-            self._file = (self._directory / self._name(existing)).open("xb", buffering=0)
-            self._written = 0
-        return self._file
-
-    def _name(self, existing: list[Path]) -> str:
-        """Later than the others by name, though the clock may have been set back."""
-        newest_us = int("".join(filter(str.isdigit, existing[-1].stem))) if existing else 0
-        return f"log-{max(round(self._clock() * 1e6), newest_us + 1):017d}.jsonl"
-
-    def _end_segment(self) -> None:
-        if self._file:
-            self._file.close()
-        self._file = None
-
-    def _remove_oldest(self, segments: list[Path]) -> None:
-        """Keep the segments within `total_bytes`, with room for one more."""
-        sizes = [segment.stat().st_size for segment in segments]
-        excess = sum(sizes) + self._settings.segment_bytes - self._settings.total_bytes
-        for segment, size in zip(segments, sizes, strict=True):
-            if excess <= 0:
-                return
-            segment.unlink()
-            excess -= size
-            log.info("removed %s: recordings had reached total_bytes", segment.name)
-
-    def _fail(self, error: OSError) -> None:
-        if not self.failing:
-            log.error("nothing can be recorded: %s; free or mend the disk, recording resumes by itself", error)
-        self.failing = str(error)
-        self._failed_s = self._clock()
-        self._end_segment()
-
-    def _recovered(self) -> None:
-        if self.failing:
-            log.warning("recording again")
-        self.failing = None
-
-    def _drop(self, data: bytes) -> None:
-        """Count the lines that are not, or not wholly, written."""
-        if data:
-            self._measures.count("deconflict_recorded_lines_dropped_total", by=data.count(b"\n"))
 
 
 def _head(connection: Connection) -> str:

@@ -24,6 +24,8 @@ from ingest.vendors import Vendors
 
 logger = logging.getLogger(__name__)
 
+DISK_S = 0.05
+"""How long a batch waits for its messages to be recorded. Where the disk still owes earlier ones it does not wait."""
 RECOVERED_SEGMENTS = 2
 """Newest segments of the log that are read back at a start."""
 
@@ -130,16 +132,24 @@ class ReceiverRole:
         return Dialer(self.receiver, self.site.receiver, url, vendor, time.monotonic, Random())
 
     async def _batch(self, payload: bytes) -> bytes:
-        """The next tick's batch. The first call of an engine asks for everything."""
+        """The next tick's batch. The first call of an engine asks for everything.
+
+        What the engine is told is recorded before, so that it survives the death of this process, but only where the
+        disk is prompt.
+        """
         everything = payload == b"everything"
         await asyncio.sleep(max(self._tick_s + self.site.engine.tick_s - _now_s(), 0.0))
         now_s = quantise(max(_now_s(), self._tick_s))
         self._tick_s = now_s
         if everything:
             self.recorder.engine_started(now_s)
+        was_behind = self.recorder.behind
         self.recorder.tick(now_s)
         self.measures.count("deconflict_ticks_total")
-        return self.fleet.cut(now_s, everything).to_bytes()
+        batch = self.fleet.cut(now_s, everything).to_bytes()
+        if not was_behind:
+            await asyncio.to_thread(self.recorder.sync, DISK_S)
+        return batch
 
     async def _robots(self, _: bytes) -> bytes:
         return json.dumps(self.fleet.documents(_now_s())).encode()

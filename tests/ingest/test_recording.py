@@ -97,6 +97,7 @@ def test_a_tick_puts_everything_before_it_out_of_the_process(tmp_path: Path) -> 
     writer.received(status("A-1", NOW_S), NOW_S, LINE, None)
     assert read(tmp_path)[0] == []
     writer.tick(NOW_S)
+    assert writer.sync()
     assert len(read(tmp_path)[0]) == 2
     writer.close()
 
@@ -106,6 +107,7 @@ def test_without_ticks_lines_are_not_hoarded(tmp_path: Path) -> None:
     raw = status("A-1", NOW_S)
     for _ in range(FLUSH_BYTES // len(raw)):
         writer.received(raw, NOW_S, LINE, None)
+    assert writer.sync()
     written = sum(segment.stat().st_size for segment in tmp_path.iterdir())
     writer.close()
     assert written >= FLUSH_BYTES
@@ -151,7 +153,7 @@ import logging, resource, signal, sys
 from pathlib import Path
 logging.basicConfig(format="%(levelname)s")
 from ingest.measures import Measures
-from ingest.recording import RETRY_S, Recorder
+from ingest.recording import Recorder
 from ingest.settings import Recorder as Settings
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 now = [1790000000.0]
@@ -160,16 +162,19 @@ def clock():
     return now[0]
 measures = Measures()
 recorder = Recorder(Settings(), Path(sys.argv[1]), measures, clock)
-recorder.tick(1.0)
+def tick(t):
+    recorder.tick(t)
+    assert recorder.sync()
+tick(1.0)
 _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), hard))
 for t in (2.0, 3.0):
     recorder.engine_started(t)
-    recorder.tick(t)
+    tick(t)
 assert recorder.failing, "the failure is told"
 resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
 now[0] += float(sys.argv[3])
-recorder.tick(4.0)
+tick(4.0)
 assert recorder.failing is None
 recorder.close()
 print(int(measures.values["deconflict_recorded_lines_dropped_total"][()]))

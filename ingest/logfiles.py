@@ -1,0 +1,92 @@
+"""The files of the log: appended to, begun anew, and the oldest removed.
+
+Each start and each `segment_bytes` begins a new file, and so does recording after a failure, so nothing is ever
+appended to a torn line.
+"""
+
+import logging
+from collections.abc import Callable
+from io import FileIO
+from pathlib import Path
+
+from ingest.settings import Recorder as Settings
+
+log = logging.getLogger(__name__)
+
+RETRY_S = 5.0
+"""How long after a failed write the next is tried."""
+PATTERN = "log-[0-9]*.jsonl"
+
+
+class LogFiles:
+    """One writer's files in a directory. Not for two threads at once."""
+
+    def __init__(self, settings: Settings, directory: Path, clock: Callable[[], float]) -> None:
+        self._settings, self._directory, self._clock = settings, directory, clock
+        self._file: FileIO | None = None
+        self._written = 0
+        """Bytes in the file."""
+        self._failed_s = 0.0
+        self.failing: str | None = None
+        """Why nothing can be written just now."""
+
+    def write(self, data: bytes) -> int:
+        """Append whole lines; how many bytes are written, fewer than all where the disk fails."""
+        done = 0
+        # a clock that was set back makes the next attempt come sooner, never much later
+        if self.failing and abs(self._clock() - self._failed_s) < RETRY_S:
+            return 0
+        try:
+            file = self._segment()
+            while done < len(data):
+                done += file.write(data[done:])
+        except OSError as error:
+            self._fail(error)
+        else:
+            self._recovered()
+        self._written += done
+        return done
+
+    def close(self) -> None:
+        if self._file:
+            self._file.close()
+        self._file = None
+
+    def _segment(self) -> FileIO:
+        """The file to write to: a new one at first and where the last is long enough."""
+        if self._file is None or self._written >= self._settings.segment_bytes:
+            self.close()
+            self._directory.mkdir(parents=True, exist_ok=True)
+            existing = sorted(self._directory.glob(PATTERN))
+            self._remove_oldest(existing)
+            self._file = (self._directory / self._name(existing)).open("xb", buffering=0)
+            self._written = 0
+        return self._file
+
+    def _name(self, existing: list[Path]) -> str:
+        """Later than the others by name, though the clock may have been set back."""
+        newest_us = int("".join(filter(str.isdigit, existing[-1].stem))) if existing else 0
+        return f"log-{max(round(self._clock() * 1e6), newest_us + 1):017d}.jsonl"
+
+    def _remove_oldest(self, segments: list[Path]) -> None:
+        """Keep the segments within `total_bytes`, with room for one more."""
+        sizes = [segment.stat().st_size for segment in segments]
+        excess = sum(sizes) + self._settings.segment_bytes - self._settings.total_bytes
+        for segment, size in zip(segments, sizes, strict=True):
+            if excess <= 0:
+                return
+            segment.unlink()
+            excess -= size
+            log.info("removed %s: recordings had reached total_bytes", segment.name)
+
+    def _fail(self, error: OSError) -> None:
+        if not self.failing:
+            log.error("nothing can be recorded: %s; free or mend the disk, recording resumes by itself", error)
+        self.failing = str(error)
+        self._failed_s = self._clock()
+        self.close()
+
+    def _recovered(self) -> None:
+        if self.failing:
+            log.warning("recording again")
+        self.failing = None

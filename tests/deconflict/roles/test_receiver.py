@@ -1,0 +1,72 @@
+import asyncio
+import threading
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from websockets.asyncio.client import connect
+
+from deconflict.link import AsyncCaller
+from deconflict.roles.receiver import ReceiverRole
+from deconflict.site import Site
+from ingest.logfiles import LogFiles
+from ingest.playback import EngineStarted, Received, Tick
+from ingest.seam import Batch
+from ingest.settings import Receiver
+from tests.ingest.made_logs import read
+from tests.saying import status
+
+SITE = Site(name="Test hall", receiver=Receiver(port=0))
+
+
+@asynccontextmanager
+async def serving(directory: Path) -> AsyncIterator[ReceiverRole]:
+    role, stop = ReceiverRole(SITE, directory, directory / "log"), asyncio.Event()
+    running = asyncio.create_task(role.run(stop))
+    try:
+        async with asyncio.timeout(20):
+            await role.ready.wait()
+            yield role
+    finally:
+        stop.set()
+        await running
+
+
+async def test_what_the_engine_is_told_is_recorded_before(tmp_path: Path) -> None:
+    async with serving(tmp_path) as role, connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
+        await socket.send(status("A-1", time.time()))
+        engine, told = AsyncCaller(tmp_path, "receiver"), 0
+        while not told:
+            told = len(Batch.from_bytes(await engine.call("batch")))
+        kinds = [type(event) for event in read(tmp_path / "log")[0]]
+        assert kinds[-2:] == [Received, Tick]
+
+
+async def test_a_disk_that_stalls_delays_no_batch_and_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go_on, write = threading.Event(), LogFiles.write
+
+    def stalled(files: LogFiles, data: bytes) -> int:
+        assert go_on.wait(20)
+        return write(files, data)
+
+    monkeypatch.setattr(LogFiles, "write", stalled)
+    try:
+        async with serving(tmp_path) as role, connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
+            engine = AsyncCaller(tmp_path, "receiver")
+            batch, ticks = Batch.from_bytes(await engine.call("batch", b"everything")), 1
+            await socket.send(status("A-1", time.time()))
+            while not len(batch):
+                batch, ticks = Batch.from_bytes(await engine.call("batch")), ticks + 1
+            assert role.recorder.behind
+            go_on.set()
+        events, unreadable = read(tmp_path / "log")
+    finally:
+        go_on.set()
+    assert unreadable == 0
+    assert isinstance(events[0], EngineStarted)
+    assert sum(isinstance(event, Tick) for event in events) == ticks
+    assert sum(isinstance(event, Received) for event in events) == 1
