@@ -24,24 +24,16 @@ class Ahead:
     yaw_rad: Floats
     floor: Ints
 
-    def corners(self, row: int, length_m: float, width_m: float) -> Floats:
-        """(STEPS + 1, 4, 2) corners of one robot's envelope."""
-        size = np.full((2, STEPS + 1), [[length_m], [width_m]])
-        return _corners(self.x_m[row], self.y_m[row], self.yaw_rad[row], size)
-
-    def outlines(self, length_m: Floats, width_m: Floats) -> Floats:
-        """(n, 4, 2) corners of every robot's envelope now."""
-        return _corners(self.x_m[:, 0], self.y_m[:, 0], self.yaw_rad[:, 0], np.stack([length_m, width_m]))
-
-
-def _corners(x_m: Floats, y_m: Floats, yaw_rad: Floats, size_m: Floats) -> Floats:
-    """(k, 4, 2); `size_m` is (2, k) lengths and widths."""
-    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    along = np.stack([c, s], axis=-1)[:, None, :] * size_m[0, :, None, None] / 2
-    across = np.stack([-s, c], axis=-1)[:, None, :] * size_m[1, :, None, None] / 2
-    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
-    corners: Floats = np.stack([x_m, y_m], axis=-1)[:, None, :] + signs[:, :1] * along + signs[:, 1:] * across
-    return corners
+    def corners(self, rows: Ints, length_m: Floats, width_m: Floats, steps: int = STEPS + 1) -> Floats:
+        """(r, steps, 4, 2) corners of the envelopes of `rows`, whose sizes are (r,), in the first steps."""
+        yaw_rad = self.yaw_rad[rows, :steps]
+        c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+        along = np.stack([c, s], axis=-1) * length_m[:, None, None] / 2
+        across = np.stack([-s, c], axis=-1) * width_m[:, None, None] / 2
+        centre = np.stack([self.x_m[rows, :steps], self.y_m[rows, :steps]], axis=-1)
+        return np.stack(
+            [centre + along + across, centre - along + across, centre - along - across, centre + along - across], axis=2
+        )
 
 
 def ahead(forecasts: Forecasts, now_s: float) -> Ahead:

@@ -70,6 +70,8 @@ class Geometry:
     def __init__(self, resources: Iterable[Resource], zones: Iterable[Zone]) -> None:
         self.resources = {one.id: one for one in resources}
         self.zones = {one.id: one for one in zones}
+        places: list[Place] = [*self.resources.values(), *self.zones.values()]
+        self._middles = {place.id: _middle(place) for place in places}
         self._resources = _floors(self.resources.values())
         self._zones = _floors(self.zones.values())
 
@@ -79,9 +81,7 @@ class Geometry:
 
     def middle(self, place: str) -> tuple[str, float, float]:
         """Datum, x and y of a point inside."""
-        found: Place = self.resources.get(place) or self.zones[place]
-        point = shapely.Polygon(found.polygon).representative_point()
-        return found.datum, point.x, point.y
+        return self._middles[place]
 
     def resources_at(self, datums: Sequence[str], x_m: Floats, y_m: Floats) -> list[str | None]:
         """The resource that each point lies in, the first in the site file where outlines overlap."""
@@ -97,22 +97,24 @@ class Geometry:
                     found[rows[row]] = floor.ids[index]
         return found
 
-    def passages(self, datum: str, one: Ahead, row: int, length_m: float, width_m: float) -> dict[str, Passage]:
-        """The zones that one robot's envelope sweeps through while it stays on this floor, by id."""
-        floor = self._zones.get(datum)
-        if floor is None or floor.tree is None:
-            return {}
-        way = shapely.LineString(np.stack([one.x_m[row], one.y_m[row]], axis=-1))
-        near = floor.tree.query(way, predicate="dwithin", distance=float(np.hypot(length_m, width_m)) / 2)
-        if not len(near):
-            return {}
-        envelopes = shapely.polygons(one.corners(row, length_m, width_m))
-        here = one.floor[row] == one.floor[row, 0]
-        found = {}
-        for index in np.sort(near):
-            inside = shapely.intersects(floor.shapes[index], envelopes) & here
-            if inside.any():
-                found[floor.ids[index]] = self._passage(floor.ids[index], one, row, inside)
+    def passages(
+        self, datums: Sequence[str], view: Ahead, ways: Sequence[shapely.LineString], length_m: Floats, width_m: Floats
+    ) -> dict[int, dict[str, Passage]]:
+        """The zones that each envelope sweeps through while it stays on its floor: by row, by id of the zone."""
+        found: dict[int, dict[str, Passage]] = {}
+        for datum, floor in self._zones.items():
+            rows = np.array([row for row, one in enumerate(datums) if one == datum], np.int64)
+            if not len(rows) or floor.tree is None:
+                continue
+            reach_m = np.hypot(length_m[rows], width_m[rows]) / 2
+            near, index = floor.tree.query([ways[row] for row in rows], predicate="dwithin", distance=reach_m)
+            who = rows[near]
+            envelopes = shapely.polygons(view.corners(who, length_m[who], width_m[who]))
+            inside = shapely.intersects(np.array(floor.shapes)[index][:, None], envelopes)
+            inside &= view.floor[who] == view.floor[who, :1]
+            for pair in np.flatnonzero(inside.any(axis=1)).tolist():
+                row, zone = int(who[pair]), floor.ids[index[pair]]
+                found.setdefault(row, {})[zone] = self._passage(zone, view, row, inside[pair])
         return found
 
     def _passage(self, zone: str, one: Ahead, row: int, inside: Bools) -> Passage:
@@ -128,6 +130,11 @@ class Geometry:
             along_m = (one.x_m[row, first:end] - ax) * unit[0] + (one.y_m[row, first:end] - ay) * unit[1]
         leave_s = float(one.t_s[end]) if len(out) else inf
         return Passage(zone, float(one.t_s[first]), leave_s, one.t_s[first:end], along_m)
+
+
+def _middle(place: Place) -> tuple[str, float, float]:
+    point = shapely.Polygon(place.polygon).representative_point()
+    return place.datum, point.x, point.y
 
 
 def _floors(places: Iterable[Place]) -> dict[str, _Floor]:

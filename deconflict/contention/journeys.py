@@ -6,12 +6,12 @@ the other's place would otherwise need somewhere to pass each other, of which th
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import inf
+from math import hypot, inf
 
 import shapely
 
 from deconflict.contention.deadlocks import Node, Want
-from deconflict.contention.robots import Seen, Stop
+from deconflict.contention.robots import Seen
 
 WAY_M = 1.0
 """A robot that stands with less than this left to what is in its way waits for it."""
@@ -35,30 +35,37 @@ class Leg:
 def legs(robots: Iterable[Seen], now_s: float) -> list[Leg]:
     """Every robot's legs, as far as its destinations reach."""
     everybody = sorted(robots, key=lambda one: one.uuid)
-    standing = [one for one in everybody if one.here is None and one.datum and one.stands]
-    tree = shapely.STRtree([one.outline for one in standing])
-    return [leg for one in everybody for leg in _legs(one, standing, tree, now_s)]
+    stood_on = _stood_on(everybody)
+    return [leg for one in everybody for leg in _legs(one, stood_on, now_s)]
 
 
-def _legs(one: Seen, standing: list[Seen], tree: shapely.STRtree, now_s: float) -> Iterable[Leg]:
+def _legs(one: Seen, stood_on: Mapping[Node, str], now_s: float) -> Iterable[Leg]:
     place = one.here or (AT + one.uuid if one.stands else None)
     since_s, datum, x_m, y_m = one.came_s if one.here else one.stood_s, one.datum, one.x_m, one.y_m
     for number, stop in enumerate(one.stops):
-        wants = stop.resource or _stood_on(stop, one, standing, tree)
-        away_s = ((stop.x_m - x_m) ** 2 + (stop.y_m - y_m) ** 2) ** 0.5 if stop.datum == datum else 0.0
-        until_s = max(stop.t_s - away_s, since_s, now_s)
+        node = one.uuid, number
+        wants = stop.resource or stood_on.get(node)
+        away_s = hypot(stop.x_m - x_m, stop.y_m - y_m) if stop.datum == datum else 0.0
         if place:
-            yield Leg((one.uuid, number), place, since_s, until_s, wants, stop.t_s)
+            yield Leg(node, place, since_s, max(stop.t_s - away_s, since_s, now_s), wants, stop.t_s)
         place, since_s, datum, x_m, y_m = wants, stop.t_s, stop.datum, stop.x_m, stop.y_m
     if place:
         yield Leg((one.uuid, len(one.stops)), place, since_s, inf)
 
 
-def _stood_on(stop: Stop, one: Seen, standing: list[Seen], tree: shapely.STRtree) -> str | None:
-    """The place of the robot that stands at a stop now."""
-    found = tree.query(shapely.Point(stop.x_m, stop.y_m), predicate="intersects")
-    others = (standing[index] for index in found.tolist())
-    return min((AT + other.uuid for other in others if other is not one and other.datum == stop.datum), default=None)
+def _stood_on(everybody: list[Seen]) -> dict[Node, str]:
+    """By leg, the place of the robot that now stands where the leg ends, outside of every resource."""
+    standing = [one for one in everybody if one.here is None and one.datum and one.stands]
+    ends = [(one, number, stop) for one in everybody for number, stop in enumerate(one.stops) if not stop.resource]
+    if not standing or not ends:
+        return {}
+    points = shapely.points([stop.x_m for _, _, stop in ends], [stop.y_m for _, _, stop in ends])
+    found: dict[Node, str] = {}
+    for row, index in sorted(shapely.STRtree([one.outline for one in standing]).query(points, "intersects").T.tolist()):
+        (one, number, stop), other = ends[row], standing[index]
+        if one is not other and stop.datum == other.datum:
+            found.setdefault((one.uuid, number), AT + other.uuid)
+    return found
 
 
 def place_wants(every: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]:
@@ -119,9 +126,11 @@ def hindrances(waiters: Iterable[Seen], robots: Iterable[Seen], now_s: float) ->
 
 def _reaches_s(one: Seen, way: shapely.LineString, other: Seen, now_s: float) -> float:
     """When a robot comes to where it has to stop; since when it stands there, if it does."""
-    stop = way.intersection(other.outline.buffer(one.length_m / 2 + other.width_m / 2))
-    to_go_m = 0.0 if stop.is_empty else float(way.project(shapely.Point(shapely.get_coordinates(stop)[0])))
-    return one.stood_s if one.stands and to_go_m < WAY_M else now_s + to_go_m / one.speed_mps
+    middle = shapely.Point(other.x_m, other.y_m)
+    to_go_m = float(shapely.line_locate_point(way, middle)) - (one.length_m + min(other.length_m, other.width_m)) / 2
+    if one.stands and to_go_m < WAY_M:
+        return one.stood_s
+    return now_s + max(to_go_m, 0.0) / one.speed_mps
 
 
 def way_wants(found: Iterable[Hindrance]) -> list[Want]:

@@ -110,6 +110,7 @@ class Robots:
         datums = [batch.floors[floor] if floor >= 0 else "" for floor in view.floor[:, 0].tolist()]
         here = self._geometry.resources_at(datums, view.x_m[:, 0], view.y_m[:, 0])
         stops = self._stops(batch)
+        passages = self._geometry.passages(datums, view, shapes.ways, shapes.length_m, shapes.width_m)
         told = []
         for row, uuid in enumerate(batch.robots):
             one = self.seen.get(uuid)
@@ -118,7 +119,7 @@ class Robots:
             one.vendor, one.name, one.state = batch.vendors[row], batch.names[row], batch.states[row]
             one.event_s = float(batch.event_s[row])
             self._place(one, datums[row], here[row], shapes, row)
-            one.passages = self._geometry.passages(one.datum, view, row, one.length_m, one.width_m)
+            one.passages = passages.get(row, {})
             one.stops = self._ahead(one, batch.now_s, stops[row]) or self._end_of_way(one, view, row)
             told.append(one)
         return told
@@ -196,7 +197,7 @@ class _Shapes:
 
 
 def _shapes(batch: Batch, view: Ahead) -> _Shapes:
-    sizes = batch.forecasts
+    sizes, everybody = batch.forecasts, np.arange(len(batch))
     stays = view.floor == view.floor[:, :1]
     last = np.where(stays.all(axis=1), stays.shape[1] - 1, np.argmin(stays, axis=1) - 1)
     column = np.minimum(np.arange(stays.shape[1]), last[:, None])
@@ -207,7 +208,7 @@ def _shapes(batch: Batch, view: Ahead) -> _Shapes:
         y_m=y_m[:, 0],
         length_m=sizes.length_m,
         width_m=sizes.width_m,
-        outlines=shapely.polygons(view.outlines(sizes.length_m, sizes.width_m)).tolist(),
+        outlines=shapely.polygons(view.corners(everybody, sizes.length_m, sizes.width_m, 1)[:, 0]).tolist(),
         ways=shapely.linestrings(np.stack([x_m, y_m], axis=-1)).tolist(),
         way_m=way_m,
         goes=(batch.basis != Basis.STATIONARY) & (way_m > WAY_M),
