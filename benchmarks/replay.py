@@ -96,7 +96,8 @@ def measure(log: Path, site: Site) -> tuple[dict[str, Any], dict[str, float], fl
             for owner, name in calls:
                 timers.enter_context(timed(spent, stage, owner, name))
         began = time.perf_counter()
-        result = replay.replay([log], site, [site.conflict.clearance_m])
+        reader = Reader()
+        result = replay.replay(reader, reader.read([log]), site, [site.conflict.clearance_m])
         return result, spent, time.perf_counter() - began
 
 

@@ -7,7 +7,6 @@ import logging
 import signal
 import sys
 import threading
-from contextlib import ExitStack
 from importlib.metadata import version
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from deconflict.service import Supervisor, run_role, runtime_directory
 from deconflict.simulation.senders import simulate
 from ingest.certificates import CertificateError
 from ingest.tokens import SecretError
+from metrics import commands as logs
 from metrics import dashboards
 from metrics.exposition import render
 
@@ -58,15 +58,7 @@ def parser() -> argparse.ArgumentParser:
     pretend.add_argument("--seed", type=int, default=1)
     pretend.set_defaults(run=_simulate)
 
-    again = commands.add_parser("replay", help="run recorded logs through the engine and score its advisories")
-    again.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
-    again.add_argument("--site", type=Path, metavar="SITE.toml")
-    again.add_argument("--clearance", nargs="+", type=float, metavar="M", help="metres; the site's if not given")
-    again.add_argument("--json", type=Path, metavar="OUT.json", help="write the scores here, not to standard output")
-    again.add_argument(
-        "--advisories", type=Path, metavar="OUT.jsonl", help="write what the live stream would have said"
-    )
-    again.set_defaults(run=_replay)
+    logs.add(commands)
 
     describe = commands.add_parser("schema", help="print a JSON Schema, or OpenAPI or AsyncAPI")
     describe.add_argument("name", choices=sorted(DESCRIBED))
@@ -160,23 +152,6 @@ def _simulate(args: argparse.Namespace) -> int:
     return 0
 
 
-def _replay(args: argparse.Namespace) -> int:
-    from metrics.replay import replay  # noqa: PLC0415 - brings numba, which no other command needs
-
-    settings = site.load(args.site) if args.site else site.DEFAULT
-    clearances_m = args.clearance or [settings.conflict.clearance_m]
-    with ExitStack() as files:
-        lines = files.enter_context(args.advisories.open("w")) if args.advisories else None
-        tell = (lambda line: lines.write(json.dumps(line) + "\n")) if lines else None
-        result = replay(args.logs, settings, clearances_m, tell)
-    text = json.dumps(result, indent=2) + "\n"
-    if args.json:
-        args.json.write_text(text)
-    else:
-        sys.stdout.write(text)
-    return 0
-
-
 def _schema(args: argparse.Namespace) -> int:
     sys.stdout.write(json.dumps(DESCRIBED[args.name](), indent=2) + "\n")
     return 0
@@ -201,7 +176,7 @@ def main() -> int:
         logging.getLogger(chatty).setLevel(logging.WARNING)
     try:
         return int(args.run(args))
-    except (site.SiteError, PortTakenError, SecretError, CertificateError) as error:
+    except (site.SiteError, PortTakenError, SecretError, CertificateError, logs.LogError) as error:
         sys.stderr.write(f"deconflict: {error}\n")
         return MISUSED
 

@@ -147,6 +147,11 @@ def load(path: Path) -> Site:
         raise SiteError([f"{path} can't be read: {error}"]) from error
     except tomllib.TOMLDecodeError as error:
         raise SiteError([f"{path} is not TOML: {error}"]) from error
+    return from_told(told)
+
+
+def from_told(told: Mapping[str, Any]) -> Site:
+    """The site that a TOML document tells. Raises `SiteError` naming each wrong key."""
     try:
         site = Site.model_validate_json(json.dumps(told, default=str), strict=True)
     except ValidationError as error:

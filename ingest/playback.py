@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, BinaryIO
 
 import msgspec
 import zstandard
@@ -66,6 +66,13 @@ class Reader:
     def __init__(self) -> None:
         self.unreadable = 0
         """Torn or foreign lines met so far, and compressed files that break off."""
+        self._finished_bytes = 0
+        self._file: IO[bytes] | None = None
+
+    @property
+    def bytes_read(self) -> int:
+        """How far it has come, in bytes of the files as they are stored."""
+        return self._finished_bytes + (self._file.tell() if self._file else 0)
 
     def read(self, paths: Iterable[Path]) -> Iterator[Event]:
         """Every event of the files, and of the logs in the directories, in the order given.
@@ -74,8 +81,10 @@ class Reader:
         """
         for path in paths:
             for file in segments(path):
-                with _opened(file) as lines:
-                    yield from self._events(file, lines)
+                with file.open("rb") as stored:
+                    self._file = stored
+                    yield from self._events(file, _unpacked(file, stored))
+                    self._finished_bytes, self._file = self.bytes_read, None
 
     def _events(self, file: Path, lines: IO[bytes]) -> Iterator[Event]:
         number = 0
@@ -105,12 +114,12 @@ def segments(path: Path) -> list[Path]:
     return sorted(one for one in path.iterdir() if ".jsonl" in one.suffixes)
 
 
-def _opened(path: Path) -> IO[bytes]:
+def _unpacked(path: Path, stored: BinaryIO) -> IO[bytes]:
     if path.suffix == ".gz":
-        return io.BufferedReader(gzip.open(path))
+        return io.BufferedReader(gzip.open(stored))
     if path.suffix == ".zst":
-        return io.BufferedReader(zstandard.open(path, "rb"))
-    return path.open("rb")
+        return io.BufferedReader(zstandard.open(stored, "rb"))
+    return stored
 
 
 class _Plain(msgspec.Struct, gc=False, forbid_unknown_fields=True):

@@ -15,6 +15,7 @@ import numpy as np
 
 from ingest.seam import Floats
 from metrics.bootstrap import Interval, interval
+from metrics.summaries import brier, brier_skill
 from metrics.truth import Pair, Truth
 
 HORIZON_S = 10.0
@@ -71,12 +72,11 @@ class Tally:
         return float(np.average(np.abs(bins[:, 1] - bins[:, 2]), weights=bins[:, 0])) if len(bins) else None
 
     def figures(self) -> dict[str, Any]:
-        brier, skill = _brier(self.groups.sum(axis=1))
         return {
             "samples": int(self.fine[0].sum()),
             "ece": self.ece(),
-            "brier": brier,
-            "brier_skill": skill,
+            "brier": brier(self.groups.T),
+            "brier_skill": brier_skill(self.groups.T),
             "reliability": [
                 {"samples": int(count), "probability": probability, "came_true": share}
                 for count, probability, share in self.bins().tolist()
@@ -87,19 +87,9 @@ class Tally:
         """Of the Brier score and its skill, by drawing groups of pairs."""
         groups = self.groups.T[self.groups[0] > 0]
         return {
-            "brier": interval(groups, lambda drawn: _brier(drawn.sum(axis=0))[0]),
-            "brier_skill": interval(groups, lambda drawn: _brier(drawn.sum(axis=0))[1]),
+            "brier": interval(groups, brier),
+            "brier_skill": interval(groups, brier_skill),
         }
-
-
-def _brier(sums: Floats) -> tuple[float | None, float | None]:
-    """The mean squared error, and the share by which it is less than that of always saying the base rate."""
-    count, came_true, squared = sums.tolist()
-    if not count:
-        return None, None
-    base = came_true / count
-    spread = base * (1 - base)
-    return squared / count, 1 - squared / count / spread if spread else None
 
 
 class Calibration:

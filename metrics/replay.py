@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import floor, inf
-from pathlib import Path
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
@@ -15,6 +14,7 @@ from ingest.fleet import Fleet
 from ingest.measures import Measures
 from ingest.playback import EngineStarted, Event, Reader, Received, Tick
 from ingest.seam import Batch
+from metrics import conform
 from metrics.calibration import SETTLED_S, Calibration
 from metrics.forecasts import ForecastErrors, Maker
 from metrics.scoring import Alert, Presence, score
@@ -108,8 +108,7 @@ class Replay:
         if isinstance(event, Received):
             self.messages += 1
             self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
-            if not event.refused:
-                self.fleet.receive(event.raw, event.arrival_s, event.connection)
+            conform.take(self.fleet, event)
         elif isinstance(event, EngineStarted):
             self._everything = True
         elif isinstance(event, Tick):
@@ -130,6 +129,7 @@ class Replay:
             "span_s": max(self.last_s - self.first_s, 0.0),
             "scores": [self._score(run, presence) for run in self.runs],
             "forecast_error": self.forecasts.figures(),
+            "conformance": conform.findings(self.fleet.measures),
         }
 
     def _pass(self, now_s: float) -> None:
@@ -167,19 +167,29 @@ class Replay:
         return figures | {"settled": {"after_s": SETTLED_S, **run.calibration.settled.figures()}}
 
 
-def replay(logs: Iterable[Path], site: Site, clearances_m: Iterable[float], tell: Tell | None = None) -> dict[str, Any]:
-    """Scores of every clearance; `tell` is called with what the live stream would have said, as it is said.
+def replay(
+    reader: Reader, events: Iterable[Event], site: Site, clearances_m: Iterable[float], tell: Tell | None = None
+) -> dict[str, Any]:
+    """Scores of every clearance over the events that `reader` reads.
 
-    `speed_x_real_time` is the one value that differs from run to run.
+    `tell` is called with what the live stream would have said, as it is said. `speed_x_real_time` is the one value
+    that differs from run to run.
     """
-    reader, run = Reader(), Replay(site, clearances_m, tell)
+    run = Replay(site, clearances_m, tell)
     began = time.perf_counter()
-    for event in with_ticks(reader.read(logs)):
+    for event in with_ticks(events):
         run.take(event)
     run.finish()
     result = run.result()
-    speed = result["span_s"] / (time.perf_counter() - began)
-    return {"speed_x_real_time": speed, "unreadable_lines": reader.unreadable, **result}
+    took_s = time.perf_counter() - began
+    return {
+        "messages": result["messages"],
+        "robots": result["robots"],
+        "span_s": result["span_s"],
+        "speed_x_real_time": result["span_s"] / took_s,
+        "unreadable_lines": reader.unreadable,
+        **result,
+    }
 
 
 def advisory_line(one: ConflictAdvisory) -> Line:

@@ -15,6 +15,7 @@ import numpy as np
 from ingest.seam import Floats
 from metrics.bootstrap import interval
 from metrics.calibration import Tally, Vendors
+from metrics.summaries import mean, median, spread
 from metrics.truth import Encounter, Pair
 
 HORIZON_S = 10.0
@@ -71,10 +72,10 @@ class Cases:
 
 
 _MEASURED: dict[str, Callable[[Floats], float | None]] = {
-    "recall": lambda met: _mean(met[:, 0]),
-    "recall_any": lambda met: _mean(met[:, 1]),
-    "lead_time_s": lambda met: _median(met[:, 2]),
-    "start_error_s": lambda met: _median(met[:, 3]),
+    "recall": lambda met: mean(met[:, 0]),
+    "recall_any": lambda met: mean(met[:, 1]),
+    "lead_time_s": lambda met: median(met[:, 2]),
+    "start_error_s": lambda met: median(met[:, 3]),
 }
 
 
@@ -156,7 +157,7 @@ def _met(encounter: Encounter, alerts: Sequence[Alert]) -> tuple[float, float, f
 
 def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
     told = cases.alerts[~np.isnan(cases.alerts)]
-    precision = _mean(told)
+    precision = mean(told)
     return {
         "encounters": cases.encounters,
         "foreseeable": len(cases.met),
@@ -168,7 +169,7 @@ def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
         "nuisance_rate": None if precision is None else 1 - precision,
         "robot_hours": robot_hours,
         "alerts_per_robot_hour": len(cases.alerts) / robot_hours if robot_hours else None,
-        "lead_time_s": _spread(cases.met[:, 2]),
+        "lead_time_s": spread(cases.met[:, 2]),
         "start_error_s": _MEASURED["start_error_s"](cases.met),
         **cases.tally.figures(),
     }
@@ -179,7 +180,7 @@ def _intervals(cases: Cases) -> dict[str, Any]:
     told = cases.alerts[~np.isnan(cases.alerts)]
     return {
         **{name: interval(cases.met, figure) for name, figure in _MEASURED.items()},
-        "precision": interval(told, _mean),
+        "precision": interval(told, mean),
         **cases.tally.intervals(),
     }
 
@@ -215,20 +216,3 @@ def _outcome(alert: Alert, encounters: Sequence[Encounter]) -> float | None:
     if followed:
         return 1.0
     return nan if alert.left_s < alert.predicted_s else 0.0
-
-
-def _mean(values: Floats) -> float | None:
-    return float(values.mean()) if len(values) else None
-
-
-def _median(values: Floats) -> float | None:
-    known = values[~np.isnan(values)]
-    return float(np.median(known)) if len(known) else None
-
-
-def _spread(values: Floats) -> dict[str, float] | None:
-    known = values[~np.isnan(values)]
-    if not len(known):
-        return None
-    p10, median, p90 = np.percentile(known, (10, 50, 90))
-    return {"median": float(median), "p10": float(p10), "p90": float(p90)}

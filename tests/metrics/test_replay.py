@@ -4,11 +4,13 @@ import subprocess
 import sys
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from deconflict.site import DEFAULT
 from ingest import stamps
+from ingest.playback import Reader
 from metrics.replay import replay
 from tests.saying import identity, points, status
 
@@ -35,8 +37,13 @@ def log_of_a_crossing(path: Path) -> Path:
     return path
 
 
+def scored(log: Path, clearances_m: list[float]) -> dict[str, Any]:
+    reader = Reader()
+    return replay(reader, reader.read([log]), DEFAULT, clearances_m)
+
+
 def test_a_perfect_vendor_is_scored_perfect(tmp_path: Path) -> None:
-    result = replay([log_of_a_crossing(tmp_path / "log.jsonl")], DEFAULT, [0.3])
+    result = scored(log_of_a_crossing(tmp_path / "log.jsonl"), [0.3])
     (figures,) = result["scores"]
     assert (result["messages"], result["robots"]) == (52, 2)
     assert (figures["encounters"], figures["recall"], figures["precision"]) == (1, 1.0, 1.0)
@@ -59,7 +66,24 @@ def test_the_command_writes_scores_and_what_the_stream_would_have_said(tmp_path:
 
 @pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")
 def test_a_perfect_vendor_of_real_motion_is_foreseen() -> None:
-    result = replay([Path(RECORDINGS or "") / "mrclam7.oracle.jsonl.gz"], DEFAULT, [0.3])
+    result = scored(Path(RECORDINGS or "") / "mrclam7.oracle.jsonl.gz", [0.3])
     (figures,) = result["scores"]
     assert figures["recall"] > 0.9
     assert figures["precision"] > 0.6
+
+
+def test_what_is_set_is_as_if_the_site_said_so_and_is_compared(tmp_path: Path) -> None:
+    log = log_of_a_crossing(tmp_path / "log.jsonl")
+    near, far = tmp_path / "near.json", tmp_path / "far.json"
+    command = [sys.executable, "-m", "deconflict", "replay"]
+    for clearance, out in (("0.2", near), ("0.6", far)):
+        subprocess.run([*command, str(log), "--set", f"clearance={clearance}", "--json", str(out)], check=True)
+    told = subprocess.run([*command, "--compare", str(near), str(far)], check=True, capture_output=True, text=True)
+    assert "clearance 0.2 m and 0.6 m: 1 and 1 foreseeable encounters" in told.stdout
+
+
+def test_a_log_that_is_not_there_is_told_in_a_line(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "deconflict", "replay", str(tmp_path / "none.jsonl")]
+    told = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert (told.returncode, told.stderr.count("\n")) == (2, 1)
+    assert "none.jsonl can't be read" in told.stderr

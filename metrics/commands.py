@@ -1,0 +1,130 @@
+"""The commands that look at recorded logs: `replay` and `conform`."""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from deconflict import site, whatif
+from ingest.playback import Event, Reader, segments
+from metrics import compare, conform
+
+TOLD_EVERY = 500
+"""Lines between two looks at how far the progress bar has come."""
+
+
+class LogError(ValueError):
+    """A log or a result that can't be read, and what to change."""
+
+
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add both to the command line."""
+    again = commands.add_parser("replay", help="run recorded logs through the engine and score its advisories")
+    _add_logs(again, "*")
+    again.add_argument("--clearance", nargs="+", type=float, metavar="M", help="metres; the site's if not given")
+    again.add_argument("--json", type=Path, metavar="OUT.json", help="write the scores here, not to standard output")
+    again.add_argument("--advisories", type=Path, metavar="OUT.jsonl", help="what the live stream would have said")
+    again.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"), help="say what a change did")
+    again.set_defaults(run=_replay)
+
+    alone = commands.add_parser("conform", help="what each vendor's messages in a log depart from the standard in")
+    _add_logs(alone, "+")
+    alone.add_argument("--json", type=Path, metavar="OUT.json", help="write the counts here too")
+    alone.set_defaults(run=_conform)
+
+
+def _add_logs(command: argparse.ArgumentParser, count: str) -> None:
+    command.add_argument("logs", nargs=count, type=Path, metavar="LOG", help="a file, or a directory of logs")
+    command.add_argument("--site", type=Path, metavar="SITE.toml")
+    command.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help="as if the site said so"
+    )
+
+
+def _replay(args: argparse.Namespace) -> int:
+    from metrics.replay import replay  # noqa: PLC0415 - brings numba, which no other command needs
+
+    if args.compare:
+        sys.stdout.write(compare.page(*map(_result, args.compare)))
+        return 0
+    if not args.logs:
+        raise LogError("replay: give a LOG, or --compare A.json B.json")
+    settings = _settings(args)
+    reader, clearances_m = Reader(), args.clearance or [settings.conflict.clearance_m]
+    with ExitStack() as files:
+        lines = files.enter_context(args.advisories.open("w")) if args.advisories else None
+        events = files.enter_context(_shown(reader, args.logs))
+        result = replay(reader, events, settings, clearances_m, _writer(lines))
+    text = _text(result)
+    if args.json:
+        args.json.write_text(text)
+    else:
+        sys.stdout.write(text)
+    return 0
+
+
+def _conform(args: argparse.Namespace) -> int:
+    reader = Reader()
+    with _shown(reader, args.logs) as events:
+        result = conform.conform(reader, events, _settings(args))
+    sys.stdout.write(conform.page(result))
+    if args.json:
+        args.json.write_text(_text(result))
+    return 0
+
+
+def _result(path: Path) -> dict[str, Any]:
+    """What an earlier replay wrote."""
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise LogError(f"{path} can't be read: {error}") from error
+    if not isinstance(told, dict) or "scores" not in told:
+        raise LogError(f"{path} is no result of a replay; write one with --json")
+    return told
+
+
+def _settings(args: argparse.Namespace) -> site.Site:
+    told = site.load(args.site) if args.site else site.DEFAULT
+    return whatif.changed(told, args.changes) if args.changes else told
+
+
+def _text(result: dict[str, Any]) -> str:
+    return json.dumps(result, indent=2) + "\n"
+
+
+def _writer(lines: IO[str] | None) -> Callable[[dict[str, Any]], None] | None:
+    if lines is None:
+        return None
+    return lambda line: lines.writelines((json.dumps(line), "\n"))
+
+
+@contextmanager
+def _shown(reader: Reader, logs: Sequence[Path]) -> Iterator[Iterator[Event]]:
+    """The events of the logs, with a progress bar on standard error where that is a terminal."""
+    console = Console(stderr=True)
+    files = [file for log in logs for file in segments(log)]
+    for file in files:
+        if not os.access(file, os.R_OK):
+            raise LogError(f"{file} can't be read: give a log that is there, or a directory of logs")
+    if not console.is_terminal:
+        yield reader.read(logs)
+        return
+    columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("", total=sum(file.stat().st_size for file in files))
+
+        def events() -> Iterator[Event]:
+            for number, event in enumerate(reader.read(logs), 1):
+                if number % TOLD_EVERY == 0:
+                    progress.update(task, completed=reader.bytes_read, description=f"{number:,} lines")
+                yield event
+
+        yield events()
