@@ -8,7 +8,7 @@ class Connection:
     """One connection of a robot, a fleet manager or a person's device."""
 
     id: int
-    """Unique within a run of the receiver."""
+    """Unique within a log, over all the starts of the receiver."""
     peer: str = ""
     path: str = "/"
     vendor: str | None = None

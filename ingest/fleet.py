@@ -346,8 +346,8 @@ class Fleet:
             "state": robot.state,
             "clock": {"offset_s": round(robot.clock.offset_s, 3), "delay_s": round(robot.clock.delay_s, 3)},
             "deviations": dict(sorted(robot.deviations.items())),
-            "identity": messages.document(robot.identity_raw) if robot.identity_raw else None,
-            "status": messages.document(robot.status_raw) if robot.status_raw else None,
+            "identity": _told(robot, robot.identity_raw),
+            "status": _told(robot, robot.status_raw),
             **_placed(robot),
         }
 
@@ -360,6 +360,11 @@ class _FrameOf:
 
     def __call__(self, datum: str) -> tuple[Frame, int]:
         return self._fleet._frame(self._vendor, datum or self._own)
+
+
+def _told(robot: Robot, raw: bytes) -> dict[str, Any] | None:
+    """What a message said, under the UUID that it was read as: the sender's own may be a name."""
+    return messages.document(raw) | {"uuid": robot.uuid} if raw else None
 
 
 def _who(identity: Identity) -> tuple[Any, ...]:

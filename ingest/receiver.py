@@ -77,13 +77,14 @@ class Receiver:
         *,
         measures: Measures,
         clock: Callable[[], float],
+        first_id: int = 1,
     ) -> None:
         self._settings = settings
         self._credentials = credentials
         self._certificates = Certificates(settings.tls) if settings.tls else None
         self._deliver, self._refuse, self._closed = deliver, refuse, closed
         self._measures, self._clock = measures, clock
-        self._ids = count(1)
+        self._ids = count(first_id)
         self._lines: dict[str, dict[int, Line]] = {}
         """By peer and connection, oldest first."""
         self._total = 0

@@ -4,9 +4,9 @@ import asyncio
 import json
 import logging
 import time
-from dataclasses import replace
 from pathlib import Path
 from random import Random
+from typing import NamedTuple
 
 from deconflict.link import PortTakenError, listening, socket_path
 from deconflict.site import Site
@@ -16,7 +16,7 @@ from ingest.dialer import Dialer
 from ingest.fleet import Fleet
 from ingest.frames import Frames
 from ingest.measures import Measures
-from ingest.playback import Reader, Received, segments
+from ingest.playback import Closed, Reader, Received, segments
 from ingest.quarantine import Quarantine
 from ingest.receiver import Receiver
 from ingest.recording import Recorder, quantise
@@ -36,25 +36,33 @@ def fleet_of(site: Site, measures: Measures) -> Fleet:
     return Fleet(Vendors(site.vendors), frames, site.reading, measures, Quarantine())
 
 
-def recover(fleet: Fleet, log: Path, now_s: float) -> int:
-    """Bring a fleet back from the end of the log; how many messages that took.
+class Recovered(NamedTuple):
+    messages: int
+    """How many were read again."""
+    connection: int
+    """The last that has a number in the log, 0 for none; each start numbers on from there."""
+
+
+def recover(fleet: Fleet, log: Path, now_s: float) -> Recovered:
+    """Bring a fleet back from the end of the log.
 
     Identities count whatever their age, statuses as far back as a robot is not yet silent. What is only repeated here
     was counted when it came, so nothing is counted again.
     """
     counted, fleet.measures = fleet.measures, Measures()
-    since_s, messages = now_s - fleet.reading.silent_after_s, 0
+    since_s, messages, connection = now_s - fleet.reading.silent_after_s, 0, 0
     for event in Reader().read(segments(log)[-RECOVERED_SEGMENTS:] if log.is_dir() else []):
+        if isinstance(event, Received | Closed):
+            connection = max(connection, event.connection.id)
         if not isinstance(event, Received) or event.refused or event.arrival_s > now_s:
             continue
         if event.arrival_s >= since_s or b'"operationalState"' not in event.raw:
-            earlier = replace(event.connection, id=-event.connection.id)
-            fleet.receive(event.raw, event.arrival_s, earlier)
+            fleet.receive(event.raw, event.arrival_s, event.connection)
             messages += 1
     fleet.measures = counted
     for robot in fleet.robots.values():
         robot.statuses = 0
-    return messages
+    return Recovered(messages, connection)
 
 
 class ReceiverRole:
@@ -67,6 +75,9 @@ class ReceiverRole:
             "deconflict_ticks_total", "deconflict_recorded_bytes_total", "deconflict_recorded_lines_dropped_total"
         )
         self.fleet = fleet_of(site, self.measures)
+        found = recover(self.fleet, log, _now_s())
+        if found.messages:
+            logger.info("the floor is as it was: %s messages read back from the recording", found.messages)
         self.recorder = Recorder(site.recorder, log, self.measures, _now_s)
         self.receiver = Receiver(
             site.receiver,
@@ -76,13 +87,11 @@ class ReceiverRole:
             self._closed,
             measures=self.measures,
             clock=_now_s,
+            first_id=found.connection + 1,
         )
         self.ready = asyncio.Event()
         """Set once its ports are open."""
         self._tick_s = 0.0
-        found = recover(self.fleet, log, _now_s())
-        if found:
-            logger.info("the floor is as it was: %s messages read back from the recording", found)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""

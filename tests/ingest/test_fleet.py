@@ -140,6 +140,15 @@ def test_the_site_may_say_whose_a_robot_is() -> None:
     assert document(one, "A-1")["vendor"] == "Basalt"
 
 
+def test_a_robot_known_by_name_is_told_under_its_uuid_throughout() -> None:
+    one = fleet(Vendor(name="Alder", names_as_uuid=True))
+    alder = Connection(1, vendor="Alder")
+    for raw in (identity("A-1", NOW_S, uuid="Truck 7"), status("A-1", NOW_S, uuid="Truck 7")):
+        assert one.receive(raw, NOW_S, alder) is None
+    (told,) = one.documents(NOW_S)
+    assert told["uuid"] == one.cut(NOW_S).robots[0] == told["identity"]["uuid"] == told["status"]["uuid"]
+
+
 def test_vendors_that_only_messages_name_are_bounded() -> None:
     one = fleet()
     for i in range(80):

@@ -44,6 +44,16 @@ async def test_what_the_engine_is_told_is_recorded_before(tmp_path: Path) -> Non
         assert kinds[-2:] == [Received, Tick]
 
 
+async def test_no_two_connections_of_a_log_have_the_same_number(tmp_path: Path) -> None:
+    for _ in range(3):
+        async with serving(tmp_path) as role:
+            for name in ("A-1", "B-1"):
+                async with connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
+                    await socket.send(status(name, time.time()))
+    numbers = [event.connection.id for event in read(tmp_path / "log")[0] if isinstance(event, Received)]
+    assert numbers == [1, 2, 3, 4, 5, 6]
+
+
 async def test_a_disk_that_stalls_delays_no_batch_and_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
