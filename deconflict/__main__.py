@@ -12,6 +12,8 @@ from pathlib import Path
 
 from deconflict import access, demo, descriptions, schema, site
 from deconflict.check import check
+from deconflict.importers import reading
+from deconflict.importers.plan import PlanError
 from deconflict.link import PortTakenError
 from deconflict.service import Supervisor, run_role, runtime_directory
 from deconflict.simulation.senders import simulate
@@ -50,6 +52,12 @@ def parser() -> argparse.ArgumentParser:
     verify = commands.add_parser("check", help="check a site file and each vendor's fit to the common frame")
     verify.add_argument("site", type=Path, metavar="SITE.toml")
     verify.set_defaults(run=lambda args: check(args.site, sys.stdout))
+
+    plans = commands.add_parser("site", help="make parts of a site file").add_subparsers(dest="part", required=True)
+    take = plans.add_parser("import", help="from an Open-RMF building file or an openTCS plant model, to paste")
+    take.add_argument("file", type=Path, metavar="FILE")
+    take.add_argument("--width", type=float, default=reading.WIDTH_M, metavar="M", help="of lanes and places, metres")
+    take.set_defaults(run=_site_import)
 
     pretend = commands.add_parser("simulate", help="simulated vendors that talk to a running service")
     pretend.add_argument("--url", default="ws://127.0.0.1:3000", help="the service's robots' port")
@@ -141,6 +149,11 @@ def _demo(args: argparse.Namespace) -> int:
     return demo.demo(settings, args.robots, args.seconds, args.seed, args.data)
 
 
+def _site_import(args: argparse.Namespace) -> int:
+    sys.stdout.write(reading.imported(args.file, args.width))
+    return 0
+
+
 def _simulate(args: argparse.Namespace) -> int:
     async def run() -> dict[str, int]:
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
@@ -176,7 +189,7 @@ def main() -> int:
         logging.getLogger(chatty).setLevel(logging.WARNING)
     try:
         return int(args.run(args))
-    except (site.SiteError, PortTakenError, SecretError, CertificateError, logs.LogError) as error:
+    except (site.SiteError, PlanError, PortTakenError, SecretError, CertificateError, logs.LogError) as error:
         sys.stderr.write(f"deconflict: {error}\n")
         return MISUSED
 
