@@ -6,6 +6,7 @@ import signal
 import socket
 import sys
 import threading
+from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
@@ -44,6 +45,8 @@ class Picture:
     """What a person is shown: open advisories from the stream, counts from the service's own measures."""
 
     open: dict[str, AnyAdvisory] = field(default_factory=dict)
+    kinds: Counter[str] = field(default_factory=Counter)
+    """Advisories told of, by kind."""
     encounters: set[tuple[str, str, int]] = field(default_factory=set)
     """Pairs and ordinals of the conflicts told of."""
     raised: int = 0
@@ -58,7 +61,9 @@ class Picture:
             self.cleared += 1
             self.open.pop(advisory.id, None)
             return
-        self.raised += advisory.state is AdvisoryState.RAISED and advisory.acknowledgement is None
+        if advisory.state is AdvisoryState.RAISED and advisory.acknowledgement is None:
+            self.raised += 1
+            self.kinds[advisory.kind] += 1
         self.open[advisory.id] = advisory
 
     def measure(self, documents: list[dict[str, Any]]) -> None:
@@ -85,6 +90,9 @@ class Picture:
             "rejected": self.total("deconflict_messages_total", label="rejected"),
             "robots": self.total("deconflict_robots"),
             "conflicts": len(self.encounters),
+            "queues": self.kinds["contention"],
+            "deadlocks": self.kinds["deadlock"],
+            "blockages": self.kinds["blockage"],
             "advisories_raised": self.raised,
             "advisories_cleared": self.cleared,
             "latency_p99_ms": round(self.latency_p99_s * 1000, 1),

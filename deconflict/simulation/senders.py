@@ -12,7 +12,8 @@ from websockets.asyncio.connection import Connection
 from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
-from deconflict.simulation.cast import VendorName, cast
+from deconflict.simulation.annex import Annex, split
+from deconflict.simulation.cast import Member, VendorName, cast
 from deconflict.simulation.dialects import DIALECTS
 from deconflict.simulation.layout import layout_for
 from deconflict.simulation.robots import some_robots
@@ -139,8 +140,9 @@ async def simulate(
     Basalt's fleet manager does not connect but waits there to be dialled. Returns messages sent by vendor.
     """
     rng = np.random.default_rng(seed)
-    world = World(layout_for(robots), cast(robots), rng)
-    lines = _lines(world)
+    members, annex = split(cast(robots))
+    world = World(layout_for(robots), members, rng)
+    lines = _lines([*members, *annex.members])
     tasks: list[asyncio.Task[None]] = []
     async with AsyncExitStack() as servers:
         for line in dict.fromkeys(lines):
@@ -150,7 +152,7 @@ async def simulate(
             path = f"/{line.vendor}" if line.vendor in OWN_PATH else ""
             tasks.append(asyncio.create_task(call(url.rstrip("/") + path, line, rng)))
         try:
-            await _go_on(world, lines, seconds, speed, stop)
+            await _go_on(world, annex, lines, seconds, speed, stop)
         finally:
             for task in tasks:
                 task.cancel()
@@ -161,17 +163,19 @@ async def simulate(
     return dict(sent)
 
 
-def _lines(world: World) -> list[Line]:
+def _lines(members: Sequence[Member]) -> list[Line]:
     """The line of each row: Basalt's fleet manager speaks for all its robots, everybody else for themselves."""
     fleet = Line(VendorName.BASALT)
-    vendors = [member.make.vendor for member in world.members]
+    vendors = [member.make.vendor for member in members]
     return [fleet if vendor is VendorName.BASALT else Line(vendor) for vendor in vendors]
 
 
-async def _go_on(world: World, lines: Sequence[Line], seconds: float | None, speed: float, stop: asyncio.Event) -> None:
-    """Step the world by the clock and let everybody report in turn."""
-    every_s = np.array([member.make.report_every_s for member in world.members])
-    phase_s = every_s * (np.arange(len(world)) * 0.618 % 1.0)
+async def _go_on(
+    world: World, annex: Annex, lines: Sequence[Line], seconds: float | None, speed: float, stop: asyncio.Event
+) -> None:
+    """Step the world by the clock and let everybody report in turn; the players of the annex come last."""
+    every_s = np.array([member.make.report_every_s for member in (*world.members, *annex.members)])
+    phase_s = every_s * (np.arange(len(every_s)) * 0.618 % 1.0)
     start_s = time.time() - world.t_s
     while not stop.is_set() and (seconds is None or world.t_s < seconds):
         late_s = (time.time() - start_s) * speed - world.t_s
@@ -184,7 +188,7 @@ async def _go_on(world: World, lines: Sequence[Line], seconds: float | None, spe
         world.step(STEP_S)
         due = np.flatnonzero(np.floor((world.t_s + phase_s) / every_s) > before)
         now_s = start_s + world.t_s
-        _report(world, due, lines, now_s)
+        _report(world, annex, due, lines, now_s)
         await asyncio.sleep(0)
 
 
@@ -196,9 +200,11 @@ async def _unless(stop: asyncio.Event, seconds: float) -> None:
         return
 
 
-def _report(world: World, due: Ints, lines: Sequence[Line], now_s: float) -> None:
+def _report(world: World, annex: Annex, due: Ints, lines: Sequence[Line], now_s: float) -> None:
     rows = np.array([row for row in due if lines[row].up], np.int64)
-    for row, robot in zip(rows.tolist(), some_robots(world, rows), strict=True):
+    players = [annex.robot(row - len(world), world.t_s) for row in rows.tolist() if row >= len(world)]
+    robots = [*some_robots(world, rows[rows < len(world)]), *players]
+    for row, robot in zip(rows.tolist(), robots, strict=True):
         line = lines[row]
         shy = robot.member.make.person and robot.member.number % 2 == 0 and world.t_s < SHY_S
         introduce = row not in line.introduced and not shy

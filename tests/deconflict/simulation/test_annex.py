@@ -1,0 +1,82 @@
+"""The annex: what its players say leads to a queue and a deadlock that are told ahead of time."""
+
+from itertools import pairwise
+from math import hypot
+
+import numpy as np
+import pytest
+
+from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.demo import demo_site
+from deconflict.engine import Engine
+from deconflict.roles.receiver import fleet_of
+from deconflict.simulation.annex import CHARGER, FEWEST, ROLES, split
+from deconflict.simulation.cast import cast
+from deconflict.simulation.dialects import DIALECTS
+from deconflict.simulation.truth import near_pairs
+from deconflict.site import load
+from ingest.connection import Connection
+from ingest.measures import Measures
+
+NOW_S = 1_790_000_000.0
+
+
+def test_everybody_is_in_the_halls_or_in_the_annex() -> None:
+    members = cast(24)
+    halls, annex = split(members)
+    assert tuple(one.make.vendor for one in annex.members) == ROLES
+    assert sorted((*halls, *annex.members), key=members.index) == list(members)
+    assert split(cast(FEWEST - 1))[1].members == ()
+
+
+@pytest.mark.parametrize("row", range(len(ROLES)))
+def test_players_move_without_jumps_and_come_round_again(row: int) -> None:
+    _, annex = split(cast(24))
+    robots = [annex.robot(row, t / 2) for t in range(2 * 350)]
+    assert all(hypot(b.x_m - a.x_m, b.y_m - a.y_m) <= 0.61 for a, b in pairwise(robots))
+    assert any(abs(one.linear_mps) > 0.5 for one in robots)
+
+
+def test_players_never_touch() -> None:
+    _, annex = split(cast(24))
+    for t in range(0, 400, 2):
+        robots = [annex.robot(row, float(t)) for row in range(len(ROLES))]
+        bodies = [one.member.make.body for one in robots]
+        envelopes = np.array(
+            [
+                (one.x_m, one.y_m, one.yaw_rad, body.length_m, body.width_m)
+                for one, body in zip(robots, bodies, strict=True)
+            ]
+        )
+        assert not [pair for pair, apart_m in near_pairs(envelopes, np.zeros(5, int), 0.1) if apart_m == 0]
+
+
+def told(seconds: int) -> list[AnyAdvisory]:
+    """The advisories on the annex, as the service gives them."""
+    site = load(demo_site())
+    _, annex = split(cast(24))
+    fleet, engine, revisions = fleet_of(site, Measures()), Engine(site), list[AnyAdvisory]()
+    lines = [Connection(row, vendor=role.value) for row, role in enumerate(ROLES)]
+    for tick in range(4 * seconds):
+        now_s = NOW_S + tick / 4
+        if tick % 4 == 0:
+            for row, role in enumerate(ROLES):
+                for message in DIALECTS[role].messages(annex.robot(row, tick / 4), now_s, introduce=tick == 0):
+                    assert fleet.receive(message, now_s, lines[row]) is None
+        engine.receive(fleet.cut(now_s))
+        revisions += engine.step(now_s)
+    return revisions
+
+
+def test_a_queue_and_a_deadlock_are_told_ahead_again_and_again() -> None:
+    revisions = told(180)
+    raised = [one for one in revisions if one.state is AdvisoryState.RAISED]
+    locks = [one for one in raised if one.kind == "deadlock"]
+    queues = [one for one in raised if one.kind == "contention"]
+    assert len(locks) == 2
+    assert all(4 < one.time_to_conflict_s < 12 and len(one.robots) == 2 for one in locks)
+    assert queues
+    assert all(one.location.x == pytest.approx(CHARGER[0]) for one in queues)
+    assert max(one.time_to_conflict_s for one in queues) > 5
+    over = [one.id for one in revisions if one.state is AdvisoryState.CLEARED]
+    assert all(one.id in over for one in locks)
