@@ -33,6 +33,12 @@ def _rare(name: str, legend: str) -> Query:
     return Query(f"{rate(name, WINDOW)} or vector(0)", legend)
 
 
+def _each(title: str, unit: str, name: str, label: str, warn_above: float | None = None) -> Panel:
+    """One line for each value of a label; 0 where the site has none."""
+    query = f"{level(name, [label], over='max')} or vector(0)"
+    return Panel(title, unit, (Query(query, f"{{{{{label}}}}}"),), warn_above=warn_above)
+
+
 SITE = Dashboard(
     "deconflict-site",
     "Deconfliction: site overview",
@@ -116,6 +122,17 @@ SITE = Dashboard(
                 Panel("Pairs in predicted conflict", "short", (Query(level("deconflict_conflicts"), "pairs"),)),
             ),
         ),
+        Row(
+            "What is shared",
+            (
+                _each("Robots at each resource and zone", "short", "deconflict_resource_occupancy", "resource"),
+                _each("Robots that have it or will want it", "short", "deconflict_resource_demand", "resource"),
+                _each("Longest wait expected", "s", "deconflict_resource_wait_seconds", "resource"),
+                _each("Robots that leave a zone", "ops", "deconflict_zone_flow_per_second", "zone"),
+                _each("Saturation of zones", "percentunit", "deconflict_zone_saturation_ratio", "zone", warn_above=1.0),
+                Panel("Deadlocks ahead", "short", (Query(level("deconflict_deadlocks_ahead"), "rings"),), warn_above=1),
+            ),
+        ),
     ),
 )
 
@@ -195,6 +212,7 @@ VENDORS = Dashboard(
                     (Query(_WITHIN, "{{vendor}}"),),
                     warn_below=OBJECTIVE_SHARE,
                 ),
+                _each("Time to a destination over the time told", "short", "deconflict_arrival_time_ratio", "vendor"),
                 Panel(
                     "Conflicts that did not come about, of those ended in an hour",
                     "percentunit",
@@ -279,6 +297,11 @@ ENGINE = Dashboard(
                             "{{vendor}}",
                         ),
                     ),
+                ),
+                Panel(
+                    "Messages beyond a vendor's share",
+                    "ops",
+                    (Query(or_zero_by_vendor(rate("deconflict_messages_shed_total", WINDOW, VENDOR)), "{{vendor}}"),),
                 ),
                 Panel("Recording", "Bps", (_rate("deconflict_recorded_bytes_total", legend="written"),)),
                 Panel("Lines not recorded", "ops", (_rate("deconflict_recorded_lines_dropped_total", legend="lost"),)),

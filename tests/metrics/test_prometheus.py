@@ -5,7 +5,7 @@ import json
 import shutil
 import subprocess
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -61,21 +61,27 @@ async def prometheus(folder: Path, target: str) -> AsyncIterator[httpx.AsyncClie
         )
         try:
             async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=20) as client:
+                await ready(client)
                 yield client
         finally:
             server.terminate()
             server.wait()
 
 
+async def ready(client: httpx.AsyncClient) -> None:
+    async with asyncio.timeout(WITHIN_S):
+        while True:
+            with suppress(httpx.TransportError):
+                if (await client.get("/-/ready")).is_success:
+                    return
+            await asyncio.sleep(0.05)
+
+
 async def answered(client: httpx.AsyncClient, query: str) -> bool:
     """Whether Prometheus has a number for the query. A query it can't read is an error."""
     for name, value in WINDOWS.items():
         query = query.replace(name, value)
-    try:
-        answer = await client.get("/api/v1/query", params={"query": query})
-    except httpx.TransportError:
-        return False  # it is not up yet
-    told: dict[str, Any] = answer.json()
+    told: dict[str, Any] = (await client.get("/api/v1/query", params={"query": query})).json()
     assert told["status"] == "success", told
     return any(series["value"][1] != "NaN" for series in told["data"]["result"])
 
