@@ -7,7 +7,7 @@ the robots' as it allows, and its answers are held against the oracle pair by pa
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from time import perf_counter
+from time import process_time
 from types import SimpleNamespace
 from typing import Any
 
@@ -29,7 +29,7 @@ class Peer:
     module: str
     how: str
     look: Callable[[World], float] | None
-    """Milliseconds for one pass over a floor."""
+    """Milliseconds of one core for one pass over a floor."""
     touches: Callable[[World, PairList], Iterator[bool]]
     """Whether each pair touches within the horizon."""
 
@@ -39,9 +39,9 @@ class Peer:
 
 
 def _milliseconds(call: Callable[[], object]) -> float:
-    begin = perf_counter()
+    begin = process_time()
     call()
-    return 1e3 * (perf_counter() - begin)
+    return 1e3 * (process_time() - begin)
 
 
 def _hulls(world: World, rows: Sequence[int], step_s: float = 1.0) -> list[Any]:

@@ -1,18 +1,22 @@
 """What a sweep costs, beside other engines: `python -m benchmarks.sweep [--json FILE] [--repeats N]`.
 
-Every ratio is of two times measured in the same run. `--compare A.json B.json` sets two saved runs side by side.
+Times are of one core, as the system counts them. Every ratio is of two times measured in the same run.
+`--compare A.json B.json` sets two saved runs side by side.
 """
 
 import argparse
 import json
+import os
 import platform
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from math import log
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from tempfile import TemporaryDirectory
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -28,6 +32,10 @@ from tests.oracle import truth
 CLEARANCE_M = 0.3
 FLOORS = [(robots, area_m2) for area_m2 in (25.0, 8.0) for robots in (1_000, 3_000, 10_000)]
 PEER_FLOOR = (3_000, 25.0)
+PEER_GOALS = {"commonroad-drivability-checker": 1 / 8, "bluesky-simulator": 1 / 25}
+"""A full pass should take no more of theirs."""
+FLOOR_KINDS = {"crowd": crowd, "lanes": lanes}
+OWN = "this sweep"
 Row = dict[str, Any]
 
 
@@ -44,15 +52,15 @@ class Running:
         self.last: PairConflicts | None = None
 
     def pass_ms(self, at_s: float, rows: Ints | None = None) -> float:
-        """Milliseconds to take in what `rows` (everybody, by default) report by `at_s`, and to sweep."""
+        """Milliseconds of one core to take in what `rows` (everybody, by default) report by `at_s`, and to sweep."""
         forecasts = self.world.forecasts(at_s)
         keys = self.keys if rows is None else [self.keys[row] for row in rows.tolist()]
         part = forecasts if rows is None else forecasts.take(rows)
-        begin = perf_counter()
+        begin = process_time()
         if keys:
             self.sweeper.update(keys, part)
         self.last = self.sweeper.step(NOW_S + at_s)
-        return 1e3 * (perf_counter() - begin)
+        return 1e3 * (process_time() - begin)
 
 
 def timed(call: Callable[[], float], times: int) -> Row:
@@ -107,12 +115,13 @@ def _full_line(row: Row) -> str:
 def partial_passes(repeats: int, robots: int) -> list[Row]:
     """A few robots changed among many, and the full pass of the same run."""
     rows = []
-    for name, world in (("crowd", crowd(robots, 25.0)), ("lanes", lanes(robots, 25.0))):
+    for name, made in FLOOR_KINDS.items():
+        world = made(robots, 25.0)
         full_ms = timed(lambda world=world: Running(world).pass_ms(0.0), repeats)["min_ms"]  # type: ignore[misc]
         running = Running(world)
         running.pass_ms(0.0)
         running.pass_ms(0.05, np.arange(0))
-        for changed in (0, 1, 10, 100, robots // 10):
+        for changed in (0, 1, 10, 100, 1_000):
             chosen = np.random.default_rng(changed).choice(robots, changed, replace=False)
             took = timed(lambda chosen=chosen, running=running: running.pass_ms(0.05, chosen), 3 * repeats)  # type: ignore[misc]
             listed = len(running.last.pairs) if running.last else 0
@@ -133,21 +142,19 @@ def exponent(rows: Sequence[Row], area_m2: float, kind: str) -> float:
     return log(cost[10_000] / cost[1_000]) / log(10)
 
 
-def peak_mb(robots: int) -> float:
-    """Peak memory of a process of its own that sweeps so many robots for some seconds."""
-    code = (
-        "import resource; from benchmarks.floors import crowd; from benchmarks.sweep import swept_for\n"
-        f"swept_for(crowd({robots}, 25.0), 5); print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    return int(done.stdout.split()[-1]) / 1024
+def footprint(robots: int) -> Row:
+    """Peak memory of a process that sweeps so many robots, and what the import takes, kernels from disk and anew."""
+    footprint_of(0)
+    kept = footprint_of(robots)
+    with TemporaryDirectory() as empty:
+        anew = footprint_of(0, NUMBA_CACHE_DIR=empty)
+    return kept | {"compile_s": anew["import_s"]}
 
 
-def swept_for(world: World, seconds: int) -> None:
-    sweeper, keys = Sweeper(clearance_m=CLEARANCE_M, horizon_s=HORIZON_S), keys_of(world)
-    for second in range(seconds):
-        sweeper.update(keys, world.forecasts(float(second)))
-        sweeper.step(NOW_S + second)
+def footprint_of(robots: int, **environment: str) -> Row:
+    command = [sys.executable, "-m", "benchmarks.footprint", str(robots)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=os.environ | environment)
+    return json.loads(done.stdout)  # type: ignore[no-any-return]
 
 
 def beside_peers(repeats: int, pairs: int) -> list[Row]:
@@ -159,7 +166,7 @@ def beside_peers(repeats: int, pairs: int) -> list[Row]:
     true = truth(forecasts, candidates, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=0.0).closest_m
     found = sweep(forecasts, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=0.0)
     own = {tuple(pair) for pair in found.pairs.tolist()}
-    rows = [{"engine": "this sweep", "pass_ms": own_ms} | _held([pair in own for pair in candidates], true)]
+    rows = [{"engine": OWN, "pass_ms": own_ms} | _held([pair in own for pair in candidates], true)]
     print(_peer_line(rows[0], own_ms), flush=True)
     for peer in PEERS:
         rows.append(_measured(peer, world, candidates, true, repeats))
@@ -185,9 +192,9 @@ def _measured(peer: Peer, world: World, pairs: list[tuple[int, int]], true: Any,
         return row
     if peer.look is not None:
         row["pass_ms"] = timed(lambda: peer.look(world), repeats)["min_ms"]  # type: ignore[misc]
-    begin = perf_counter()
+    begin = process_time()
     said = list(peer.touches(world, pairs))
-    return row | {"us_a_pair": 1e6 * (perf_counter() - begin) / len(pairs)} | _held(said, true)
+    return row | {"us_a_pair": 1e6 * (process_time() - begin) / len(pairs)} | _held(said, true)
 
 
 def _held(said: list[bool], closest_m: Any) -> Row:
@@ -215,6 +222,7 @@ def machine() -> Row:
         "cores": len(models) or None,
         "python": platform.python_version(),
         "numpy": np.__version__,
+        "numba": version("numba"),
     }
 
 
@@ -230,19 +238,55 @@ def compare(paths: Sequence[Path]) -> None:
         print(f"{before['floor']:<8}{before['changed']:>6} changed  {old:>9.2f}{new:>9.2f}{new / old:>8.0%}")
 
 
+def goals(found: Row) -> list[Row]:
+    """What was aimed at, and what this run reached. `share` is below 1 where the goal is met."""
+    full = {(row["robots"], row["area_m2"]): row for row in found["full"]}
+    changed = {(row["floor"], row["changed"]): row["min_ms"] / row["full_ms"] for row in found["partial"]}
+    peers = {row["engine"]: row["pass_ms"] for row in found["peers"] if "pass_ms" in row}
+    own_ms = peers.pop(OWN)
+    reached = [
+        (f"full pass of 3,000 robots, of {name}'s", own_ms / ms, PEER_GOALS[name])
+        for name, ms in peers.items()
+        if name in PEER_GOALS
+    ]
+    reached += [
+        ("steady pass of 10,000 robots on 25 m2 each, s", full[10_000, 25.0]["steady"]["median_ms"] / 1e3, 0.2),
+        ("the same on 8 m2 each, s", full[10_000, 8.0]["steady"]["median_ms"] / 1e3, 0.5),
+        *((f"growth exponent at {area} m2", value, 1.1) for area, value in found["growth"].items()),
+        ("peak memory at 10,000 robots, MB", found["footprint"]["peak_mb"], 200.0),
+        *((f"1,000 of 10,000 changed, {floor}, of a full pass", changed[floor, 1_000], 0.25) for floor in FLOOR_KINDS),
+    ]
+    return [{"goal": name, "reached": value, "most": most, "share": value / most} for name, value, most in reached]
+
+
 def run(repeats: int, pairs: int) -> Row:
-    here = machine()
-    print(f"{here['cpu']}, {here['cores']} cores, Python {here['python']}, numpy {here['numpy']}; one core is used")
-    print(f"\nclearance {CLEARANCE_M} m, horizon {HORIZON_S:.0f} s; times are min/median/max\n{FULL_HEAD}")
-    full = full_passes(repeats)
-    growth = {f"{area_m2:.0f}": exponent(full, area_m2, "cold") for area_m2 in (25.0, 8.0)}
+    found: Row = {"machine": (here := machine())}
+    print(
+        f"{here['cpu']}, {here['cores']} cores, Python {here['python']}, numpy {here['numpy']}, numba {here['numba']}"
+    )
+    print(f"\nclearance {CLEARANCE_M} m, horizon {HORIZON_S:.0f} s; ms of one core, min/median/max\n{FULL_HEAD}")
+    full = found["full"] = full_passes(repeats)
+    found["growth"] = growth = {f"{area_m2:.0f}": exponent(full, area_m2, "cold") for area_m2 in (25.0, 8.0)}
     print("\ngrowth exponent, 1,000 to 10,000 robots: " + ", ".join(f"{v:.2f} at {k} m2" for k, v in growth.items()))
-    memory = peak_mb(10_000)
-    print(f"peak memory of a process that sweeps 10,000 robots: {memory:.0f} MB\n\nof 10,000 robots, so many changed")
-    partial = partial_passes(repeats, 10_000)
+    found["footprint"] = taken = footprint(10_000)
+    print(
+        f"a process that sweeps 10,000 robots: {taken['peak_mb']:.0f} MB at most, "
+        f"{taken['idle_mb']:.0f} before it sweeps, "
+        f"{taken['numpy_mb']:.0f} with numpy alone\n"
+        f"import: {taken['import_s']:.1f} s with kernels from disk, {taken['compile_s']:.1f} s to compile them anew\n"
+        "\nof 10,000 robots, so many changed"
+    )
+    found["partial"] = partial_passes(repeats, 10_000)
     print(f"\n{PEER_FLOOR[0]:,} robots on {PEER_FLOOR[1]:.0f} m2 each, clearance 0")
-    peers = beside_peers(repeats, pairs)
-    return {"machine": here, "full": full, "growth": growth, "peak_mb": memory, "partial": partial, "peers": peers}
+    found["peers"] = beside_peers(repeats, pairs)
+    found["goals"] = goals(found)
+    print("\ngoals, and what this run reached")
+    for goal in found["goals"]:
+        verdict = "met" if goal["share"] <= 1 else "not met"
+        print(
+            f"{goal['goal']:<66}{goal['reached']:>9.3f} of at most {goal['most']:<8.3f}{goal['share']:>6.0%} {verdict}"
+        )
+    return found
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -57,7 +57,7 @@ def _cells(row: Row, is_changed: Bools, share: float) -> tuple[Ints, Ints, Ints,
     wide ones, those that changed and those that did not.
     """
     across = 4
-    while across * across < 2 * len(row):
+    while across * across < len(row):
         across *= 2
     start, cell = np.zeros(across * across + 1, np.int64), np.full(len(row), -1)
     wide, wides, still, stills = np.empty(len(row), np.int64), 0, np.empty(len(row), np.int64), 0
@@ -88,19 +88,18 @@ def _cells(row: Row, is_changed: Bools, share: float) -> tuple[Ints, Ints, Ints,
 @inner
 def _overlap(a: Any, b: Any) -> bool:
     """Whether a box that is there shares room, slab and floor with another."""
-    if a.west > b.east or b.west > a.east or a.south > b.north or b.south > a.north or a.slab != b.slab:
-        return False
-    return bool(b.floor != ABSENT and (a.floor == b.floor or min(a.floor, b.floor) == MIXED))
+    near = (a.west <= b.east) & (b.west <= a.east) & (a.south <= b.north) & (b.south <= a.north) & (a.slab == b.slab)
+    return bool(near and b.floor != ABSENT and (a.floor == b.floor or min(a.floor, b.floor) == MIXED))
 
 
 @inner
-def _held_against(row: Row, slot: int, others: Ints, asking: Bools, found: Pairs, n: int) -> int:
-    """Add the pairs of `slot` with those of `others` that it overlaps; a pair of two that ask counts once."""
+def _held_against(row: Row, slot: int, others: Ints, begin: int, end: int, asking: Bools, found: Pairs, n: int) -> int:
+    """Add the pairs of `slot` with those of `others[begin:end]` that it overlaps; two that ask count once."""
     box = row[slot]
-    for other in others:
+    for at in range(begin, end):
+        other = others[at]
         if _overlap(box, row[other]) and (other > slot or (other < slot and not asking[other])):
-            pair = found[n]
-            pair.ring, pair.a, pair.b = -1, slot, other
+            found[n].a, found[n].b = slot, other
             n += 1
     return n
 
@@ -114,10 +113,16 @@ def _held_against_cells(
     west, east = floor(box.west * share - 0.5), floor(box.east * share + 0.5)
     south, north = floor(box.south * share - 0.5), floor(box.north * share + 0.5)
     for y in range(south, min(north, south + across - 1) + 1):
+        line = (y & (across - 1)) * across
         for x in range(west, min(east, west + across - 1) + 1):
-            at = (y & (across - 1)) * across + (x & (across - 1))
-            n = _held_against(row, slot, slots[start[at] : start[at + 1]], asking, found, n)
+            at = line + (x & (across - 1))
+            n = _held_against(row, slot, slots, start[at], start[at + 1], asking, found, n)
     return n
+
+
+@inner
+def _with_room(found: Pairs, needed: int) -> Pairs:
+    return found if needed <= len(found) else np.concatenate((found, np.empty(needed, PAIR)))
 
 
 @kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], numba.int64[::1], numba.boolean[::1], numba.float64))
@@ -130,14 +135,13 @@ def _in_cells(boxes: NDArray[Any], rings: Ints, changed: Ints, is_changed: Bools
         for slot in changed:
             if row[slot].floor == ABSENT:
                 continue
-            if n + len(row) > len(found):
-                found = np.concatenate((found, np.empty(len(found) + len(row), PAIR)))
+            found = _with_room(found, n + len(row))
+            n = _held_against(row, slot, still, 0, len(still), nobody, found, n)
             if _is_wide(row[slot], share):
-                n = _held_against(row, slot, wide, is_changed, found, n)
                 n = _held_against_cells(row, slot, start, slots, share, nobody, found, n)
+                n = _held_against(row, slot, wide, 0, len(wide), is_changed, found, n)
             else:
                 n = _held_against_cells(row, slot, start, slots, share, is_changed, found, n)
-            n = _held_against(row, slot, still, nobody, found, n)
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()
@@ -152,9 +156,8 @@ def _one_by_one(boxes: NDArray[Any], rings: Ints, changed: Ints, is_changed: Boo
         for slot in changed:
             if row[slot].floor == ABSENT:
                 continue
-            if n + len(row) > len(found):
-                found = np.concatenate((found, np.empty(len(found) + len(row), PAIR)))
-            n = _held_against(row, slot, everyone, is_changed, found, n)
+            found = _with_room(found, n + len(row))
+            n = _held_against(row, slot, everyone, 0, len(everyone), is_changed, found, n)
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()
@@ -212,11 +215,11 @@ class Boxes:
 
     def grow(self, slots: int) -> None:
         """Make room for so many slots."""
-        spare = slots - self.all.shape[1]
-        if spare > 0:
-            more = np.zeros((len(self.all), spare), BOX)
-            more["floor"] = ABSENT
-            self.all = np.concatenate([self.all, more], axis=1)
+        before = self.all
+        if slots > before.shape[1]:
+            self.all = np.zeros((len(before), slots), BOX)
+            self.all["floor"] = ABSENT
+            self.all[:, : before.shape[1]] = before
 
     def clear(self, slots: Ints) -> None:
         """Forget the boxes of `slots`."""

@@ -4,12 +4,15 @@ A slab is one whole second of absolute time. What a robot does in a slab follows
 whichever pass asks. Times within a slab count from its start: small numbers that keep their digits, whatever the date.
 """
 
+from math import pi
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.seam import Floats, Forecasts
+from deconflict.compiled import inner, kernel
+from ingest.seam import Floats, Forecasts, Ints
 
 Bools = NDArray[np.bool_]
 Knots = NDArray[Any]
@@ -19,6 +22,9 @@ KNOT = np.dtype(
     [(name, np.float64) for name in ("t", "x", "y", "yaw", "vx", "vy", "turn")] + [("floor", np.int64)], align=True
 )
 """Time, envelope centre and heading, rates a second until the next knot, and floor. Rates are 0 after the last."""
+
+_KNOT = numba.from_dtype(KNOT)
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 FARTHEST_M, LATEST_S, MOST_TURNED_RAD = 1e8, 1e11, 1e6
 """Numbers beyond these are no places, times or headings, and their differences would lose their digits."""
@@ -51,22 +57,29 @@ def faults(forecasts: Forecasts) -> dict[int, str]:
     return found
 
 
-def knots_of(forecasts: Forecasts) -> Knots:
-    """(k,) the knots of valid forecasts."""
-    goes_on = np.zeros(len(forecasts.t_s), bool)
-    goes_on[:-1] = forecasts.floor[1:] == forecasts.floor[:-1]
-    goes_on[forecasts.start[1:] - 1] = False
-    span = np.where(goes_on, np.diff(forecasts.t_s, append=np.inf), 1.0)
-    made = np.empty(len(span), KNOT)
-    made["t"], made["x"], made["y"], made["floor"] = forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.floor
-    made["yaw"] = _wrapped(forecasts.yaw_rad)
-    for name, column in (("vx", forecasts.x_m), ("vy", forecasts.y_m)):
-        made[name] = np.where(goes_on, np.diff(column, append=0.0), 0.0) / span
-    made["turn"] = np.where(goes_on, _wrapped(np.diff(forecasts.yaw_rad, append=0.0)), 0.0) / span
-    return made
-
-
-def _wrapped(yaw_rad: Floats) -> Floats:
+@inner
+def _wrapped(yaw: float) -> float:
     """The same heading within [-pi, pi): sines of large angles lose digits."""
-    wrapped: Floats = (yaw_rad + np.pi) % (2 * np.pi) - np.pi
-    return wrapped
+    return (yaw + pi) % (2 * pi) - pi
+
+
+@kernel(numba.void(_KNOT[::1], numba.int64[::1], _INTS, _FLOATS, _FLOATS, _FLOATS, _FLOATS, _INTS))
+def _set_knots(
+    knots: Knots, first: Ints, start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, on_floor: Ints
+) -> None:
+    for row in range(len(first)):
+        for k in range(start[row], start[row + 1]):
+            knot = knots[first[row] + k - start[row]]
+            knot.t, knot.x, knot.y, knot.yaw, knot.floor = t_s[k], x_m[k], y_m[k], _wrapped(yaw_rad[k]), on_floor[k]
+            knot.vx = knot.vy = knot.turn = 0.0
+            if k + 1 < start[row + 1] and on_floor[k + 1] == on_floor[k]:
+                span = t_s[k + 1] - t_s[k]
+                knot.vx, knot.vy = (x_m[k + 1] - x_m[k]) / span, (y_m[k + 1] - y_m[k]) / span
+                knot.turn = _wrapped(yaw_rad[k + 1] - yaw_rad[k]) / span
+
+
+def set_knots(knots: Knots, first: Ints, forecasts: Forecasts) -> None:
+    """Write the knots of valid forecasts into `knots`, those of row i from `first[i]` on."""
+    f = forecasts
+    columns = ((f.start, np.int64), *((c, np.float64) for c in (f.t_s, f.x_m, f.y_m, f.yaw_rad)), (f.floor, np.int64))
+    _set_knots(knots, first, *(np.require(column, kind, ["C", "A"]) for column, kind in columns))

@@ -28,12 +28,12 @@ CLEAR, MET, OPEN = 0, 1, 2
 
 _MOTION_FIELDS = (
     *("begin", "end", "dx", "dy", "vx", "vy", "yaw_a", "yaw_b", "turn_a", "turn_b"),
-    *("cos_a", "sin_a", "cos_b", "sin_b", "length_a", "width_a", "length_b", "width_b", "swing", "reach"),
+    *("cos_a", "sin_a", "cos_b", "sin_b", "length_a", "width_a", "length_b", "width_b", "swing"),
 )
 MOTION = np.dtype([(name, np.float64) for name in _MOTION_FIELDS], align=True)
 """A rectangle B that moves past another, A, straight and turning evenly. `begin` and `end` are seconds into the slab;
 B's centre from A's, and the headings, are those at `begin`; lengths and widths are half sides. `swing` is the fastest
-that turning alone can close a gap, metres a second, and `reach` the sum of the circumscribed radii."""
+that turning alone can close a gap, metres a second."""
 
 MEETING = np.dtype([(name, np.float64) for name in ("contact", "separation", "separation_at", "open")], align=True)
 """First contact, inf for none; smallest separation where there is contact, and when; from when on contact is left
@@ -41,6 +41,8 @@ open, inf where it is not. Times are seconds into the slab."""
 
 Motions = NDArray[Any]
 """Of `MOTION`."""
+Span = tuple[float, float]
+"""Times since the epoch, from and until."""
 Found = NDArray[Any]
 """Of `MEETING`."""
 
@@ -216,29 +218,39 @@ def _until(knots: Knots, k: int, end: int, slab: int) -> float:
 
 
 @inner
-def _set_motion(m: Any, a: Any, b: Any, of_a: Any, of_b: Any, slab: int, begin: float, end: float) -> None:
-    """Robot `b` past robot `a` from their knots `of_b` and `of_a` on; A's centre is subtracted before anything else."""
+def _set_motion(
+    m: Any, a: Any, b: Any, of_a: Any, of_b: Any, slab: int, begin: float, end: float, within_m: float
+) -> bool:
+    """Robot `b` past robot `a` from their knots `of_b` and `of_a` on; A's centre is subtracted before anything else.
+
+    False, and not all is set, where their circles stay further apart than `within_m`.
+    """
     into_a, into_b = (slab - of_a.t) + begin, (slab - of_b.t) + begin
     m.begin, m.end = begin, end
     m.dx = (of_b.x - of_a.x) + (of_b.vx * into_b - of_a.vx * into_a)
     m.dy = (of_b.y - of_a.y) + (of_b.vy * into_b - of_a.vy * into_a)
     m.vx, m.vy = of_b.vx - of_a.vx, of_b.vy - of_a.vy
+    if nearest_centres(m)[1] > a.radius + b.radius + within_m:
+        return False
     m.yaw_a, m.yaw_b = of_a.yaw + of_a.turn * into_a, of_b.yaw + of_b.turn * into_b
     m.turn_a, m.turn_b = of_a.turn, of_b.turn
     m.cos_a, m.sin_a, m.cos_b, m.sin_b = cos(m.yaw_a), sin(m.yaw_a), cos(m.yaw_b), sin(m.yaw_b)
     m.length_a, m.width_a, m.length_b, m.width_b = a.half_length, a.half_width, b.half_length, b.half_width
     m.swing = abs(of_a.turn) * a.radius + abs(of_b.turn) * b.radius
-    m.reach = a.radius + b.radius
+    return True
 
 
 @inner
 def _motions(
-    boxes: NDArray[Any], robots: Robots, knots: Knots, pair: Any, begin_s: float, end_s: float, motions: Motions
-) -> tuple[Motions, int]:
-    """The motions of a pair in its slab, in order, as far as they are in [`begin_s`, `end_s`]; `motions` may grow."""
+    boxes: NDArray[Any], robots: Robots, knots: Knots, pair: Any, span: Span, within_m: float, motions: Motions
+) -> tuple[Motions, int, int]:
+    """The motions of a pair in its slab and in `span`, in order, whose circles come within `within_m`.
+
+    They are written to `motions`, which may grow; how many they are, and how many there would be of any distance.
+    """
     box_a, box_b, a, b = boxes[pair.ring, pair.a], boxes[pair.ring, pair.b], robots[pair.a], robots[pair.b]
-    slab, n = box_a.slab, 0
-    low, high = begin_s - slab, end_s - slab
+    slab, n, looked_at = box_a.slab, 0, 0
+    low, high = span[0] - slab, span[1] - slab
     ka, kb, end_a, end_b = a.first + box_a.knot, b.first + box_b.knot, a.first + a.count, b.first + b.count
     t = max(knots[ka].t - slab, knots[kb].t - slab, 0.0)
     while t < 1.0:
@@ -251,23 +263,22 @@ def _motions(
         if begin <= end and on_floor >= 0 and on_floor == knots[kb].floor:
             if n == len(motions):
                 motions = np.concatenate((motions, np.empty(n, MOTION)))
-            _set_motion(motions[n], a, b, knots[ka], knots[kb], slab, begin, end)
-            n += 1
+            looked_at += 1
+            n += _set_motion(motions[n], a, b, knots[ka], knots[kb], slab, begin, end, within_m)
         t = until
-    return motions, n
+    return motions, n, looked_at
 
 
 _OF_PAIRS = (_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
 
 
-@kernel(numba.void(*_OF_PAIRS, *[numba.float64] * 5, numba.int64, _MEETING[::1], numba.int64[::1]))
+@kernel(numba.void(*_OF_PAIRS, _TWO, *[numba.float64] * 3, numba.int64, _MEETING[::1], numba.int64[::1]))
 def meet(
     pairs: Pairs,
     boxes: NDArray[Any],
     robots: Robots,
     knots: Knots,
-    begin_s: float,
-    end_s: float,
+    span: Span,
     target_m: float,
     tolerance_m: float,
     accuracy_m: float,
@@ -275,21 +286,18 @@ def meet(
     found: Found,
     counts: NDArray[np.int64],
 ) -> None:
-    """What becomes of each pair of boxes within [`begin_s`, `end_s`], in `found`.
+    """What becomes of each pair of boxes within `span`, in `found`.
 
     Adds to `counts` the motions that were looked at, and those whose circles come near enough for a closer look.
     """
     motions = np.empty(16, MOTION)
     for at in range(len(pairs)):
-        motions, n = _motions(boxes, robots, knots, pairs[at], begin_s, end_s, motions)
+        motions, n, looked_at = _motions(boxes, robots, knots, pairs[at], span, target_m + tolerance_m, motions)
+        counts[0] += looked_at
+        counts[1] += n
         meeting = found[at]
         meeting.contact = meeting.open = inf
         for m in motions[:n]:
-            counts[0] += 1
-            _, centres_m = nearest_centres(m)
-            if centres_m > m.reach + target_m + tolerance_m:
-                continue
-            counts[1] += 1
             t, state = first_contact(m, target_m, tolerance_m, rounds)
             if state == MET:
                 meeting.contact = t
@@ -301,12 +309,10 @@ def meet(
             meeting.separation, meeting.separation_at = smallest(motions[:n], accuracy_m)
 
 
-@kernel(_MOTION[::1](_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1], numba.float64, numba.float64))
-def motions_of(
-    pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, begin_s: float, end_s: float
-) -> Motions:
-    """The motions of the one pair that `pairs` holds, within [`begin_s`, `end_s`]."""
-    motions, n = _motions(boxes, robots, knots, pairs[0], begin_s, end_s, np.empty(16, MOTION))
+@kernel(_MOTION[::1](_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1], _TWO))
+def motions_of(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, span: Span) -> Motions:
+    """The motions of the one pair that `pairs` holds, within `span`."""
+    motions, n, _ = _motions(boxes, robots, knots, pairs[0], span, inf, np.empty(16, MOTION))
     return motions[:n].copy()
 
 
@@ -321,7 +327,7 @@ def distances(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, a
     """(p,) how far the robots of each pair are from each other at `at_s` (p,); inf on different floors."""
     apart_m, motions = np.full(len(pairs), inf), np.empty(16, MOTION)
     for at in range(len(pairs)):
-        motions, n = _motions(boxes, robots, knots, pairs[at], at_s[at], at_s[at], motions)
+        motions, n, _ = _motions(boxes, robots, knots, pairs[at], (at_s[at], at_s[at]), inf, motions)
         if n:
             apart_m[at], _, _ = gap(motions[n - 1], motions[n - 1].begin)
     return apart_m

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.motion import KNOT, Knots, knots_of
+from deconflict.motion import KNOT, Knots, set_knots
 from ingest.seam import Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
@@ -43,14 +43,14 @@ class Roster:
 
     def put(self, keys: Sequence[str], forecasts: Forecasts) -> Ints:
         """Replace the forecasts of `keys`, which are all different; their slots."""
-        slots = np.fromiter((self._slot(key) for key in keys), np.int64, len(keys))
+        slots = np.array([self.slots.get(key, -1) for key in keys], np.int64)
+        for row in np.flatnonzero(slots < 0).tolist():
+            slots[row] = self._new_slot(keys[row])
         if len(self.robots) < len(self):
             self.robots = np.pad(self.robots, (0, len(self) + len(self) // 8 - len(self.robots)))
         counts = np.diff(forecasts.start)
         first = self._room(slots, counts)
-        self.knots[np.repeat(first - forecasts.start[:-1], counts) + np.arange(len(forecasts.t_s))] = knots_of(
-            forecasts
-        )
+        set_knots(self.knots, first, forecasts)
         half_length, half_width = forecasts.length_m / 2, forecasts.width_m / 2
         said = np.empty(len(slots), ROBOT)
         said["half_length"], said["half_width"] = half_length, half_width
@@ -85,17 +85,15 @@ class Roster:
             self._ranks[by_key] = np.arange(len(by_key))
         return self._ranks
 
-    def _slot(self, key: str) -> int:
-        slot = self.slots.get(key)
-        if slot is None:
-            self._ranks = None
-            if self._free:
-                slot = self._free.pop()
-                self.keys[slot] = key
-            else:
-                slot = len(self.keys)
-                self.keys.append(key)
-            self.slots[key] = slot
+    def _new_slot(self, key: str) -> int:
+        self._ranks = None
+        if self._free:
+            slot = self._free.pop()
+            self.keys[slot] = key
+        else:
+            slot = len(self.keys)
+            self.keys.append(key)
+        self.slots[key] = slot
         return slot
 
     def _room(self, slots: Ints, counts: Ints) -> Ints:

@@ -12,7 +12,7 @@ from deconflict.broadphase import PAIR, Boxes, Pairs
 from deconflict.exact import Decider
 from deconflict.meetings import Meetings
 from deconflict.motion import Bools, Knots, faults
-from deconflict.narrowphase import MEETING, Found, distances, meet, motions_of, smallest_of
+from deconflict.narrowphase import MEETING, Found, Span, distances, meet, motions_of, smallest_of
 from deconflict.roster import Robots, Roster
 from ingest.seam import Floats, Forecasts, Ints
 
@@ -81,12 +81,12 @@ class Sweeper:
         """
         wrong = faults(forecasts)
         newest = {key: row for row, key in enumerate(keys)}
-        self.discard(key for key, row in newest.items() if row in wrong)
-        good = {key: row for key, row in newest.items() if row not in wrong}
-        if len(good) < len(keys):
-            forecasts = forecasts.take(list(good.values()))
-        if good:
-            slots = self._roster.put(list(good), forecasts).tolist()
+        if wrong or len(newest) < len(keys):
+            self.discard(key for key, row in newest.items() if row in wrong)
+            newest = {key: row for key, row in newest.items() if row not in wrong}
+            forecasts = forecasts.take(list(newest.values()))
+        if newest:
+            slots = self._roster.put(list(newest), forecasts).tolist()
             self._touched.update(slots)
             self._told.update(slots)
         return tuple((keys[row], reason) for row, reason in sorted(wrong.items()))
@@ -164,18 +164,18 @@ class Sweeper:
     def _meet(self, pairs: Pairs, decider: Decider) -> Meetings:
         """The meetings of pairs in their slabs."""
         pairs = self._oriented(pairs)
-        found = self._looked_at(pairs, -inf, inf, decider)
+        found = self._looked_at(pairs, (-inf, inf), decider)
         hit = np.flatnonzero(found["contact"] < inf)
         pairs, found = pairs[hit], found[hit]
         a, b, slab = pairs["a"], pairs["b"], self._boxes.all["slab"][pairs["ring"], pairs["a"]]
         return Meetings(a, b, slab, slab + found["contact"], found["separation"], slab + found["separation_at"])
 
-    def _looked_at(self, pairs: Pairs, begin_s: float, end_s: float, decider: Decider) -> Found:
-        """What becomes of each pair within [`begin_s`, `end_s`]; what advancement leaves open FCL decides."""
+    def _looked_at(self, pairs: Pairs, span: Span, decider: Decider) -> Found:
+        """What becomes of each pair within `span`; what advancement leaves open FCL decides."""
         found, counts, where = np.zeros(len(pairs), MEETING), np.zeros(2, np.int64), self._where()
-        meet(pairs, *where, begin_s, end_s, self._clearance_m, TOLERANCE_M, ACCURACY_M, ROUNDS, found, counts)
+        meet(pairs, *where, span, self._clearance_m, TOLERANCE_M, ACCURACY_M, ROUNDS, found, counts)
         for row in np.flatnonzero(found["open"] < inf).tolist():
-            motions = motions_of(pairs[row : row + 1], *where, begin_s, end_s)
+            motions = motions_of(pairs[row : row + 1], *where, span)
             contact = decider.first_contact(motions, float(found["open"][row]))
             least = smallest_of(motions, ACCURACY_M) if contact < inf else (inf, inf)
             found[row] = (contact, *least, inf)
@@ -195,7 +195,7 @@ class Sweeper:
         cut = np.flatnonzero(begun | elsewhere)
         if not len(cut):
             return m
-        found = self._looked_at(self._pairs(m.slab[cut], m.a[cut], m.b[cut]), begin_s, end_s, decider)
+        found = self._looked_at(self._pairs(m.slab[cut], m.a[cut], m.b[cut]), (begin_s, end_s), decider)
         m.contact[cut] = np.where(begun[cut], m.slab[cut] + found["contact"], m.contact[cut])
         again = np.flatnonzero(elsewhere[cut] & (found["contact"] < inf))
         rows = cut[again]

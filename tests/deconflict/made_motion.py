@@ -25,12 +25,10 @@ def motions(rng: Generator, n: int, *, turning: bool = True, least_m: float = 0.
 
 def completed(made: Motions) -> Motions:
     """With what follows from the rest filled in."""
-    made["reach"] = made["swing"] = 0.0
+    made["swing"] = 0.0
     for one in ("a", "b"):
         made[f"cos_{one}"], made[f"sin_{one}"] = np.cos(made[f"yaw_{one}"]), np.sin(made[f"yaw_{one}"])
-        radius = np.hypot(made[f"length_{one}"], made[f"width_{one}"])
-        made["swing"] += np.abs(made[f"turn_{one}"]) * radius
-        made["reach"] += radius
+        made["swing"] += np.abs(made[f"turn_{one}"]) * np.hypot(made[f"length_{one}"], made[f"width_{one}"])
     return made
 
 

@@ -5,12 +5,18 @@ from math import inf, nan, pi
 import numpy as np
 import pytest
 
-from deconflict.motion import faults, knots_of
+from deconflict.motion import KNOT, Knots, faults, set_knots
 from ingest.seam import Forecasts
 from tests.deconflict.made_encounters import FAMILIES, encounters, robot
 from tests.oracle import Track
 
 SQUARE = (1.0, 1.0)
+
+
+def knots_of(forecasts: Forecasts) -> Knots:
+    made = np.zeros(len(forecasts.t_s), KNOT)
+    set_knots(made, forecasts.start[:-1], forecasts)
+    return made
 
 
 @pytest.mark.parametrize("family", FAMILIES)
