@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from deconflict import site, whatif
 from ingest.playback import Event, Reader, segments
-from metrics import compare, conform
+from metrics import compare, conform, report
 
 TOLD_EVERY = 500
 """Lines between two looks at how far the progress bar has come."""
@@ -30,6 +30,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     _add_logs(again, "*")
     again.add_argument("--clearance", nargs="+", type=float, metavar="M", help="metres; the site's if not given")
     again.add_argument("--json", type=Path, metavar="OUT.json", help="write the scores here, not to standard output")
+    again.add_argument("--html", type=Path, metavar="OUT.html", help="a report for people, in one file")
     again.add_argument("--advisories", type=Path, metavar="OUT.jsonl", help="what the live stream would have said")
     again.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"), help="say what a change did")
     again.set_defaults(run=_replay)
@@ -62,11 +63,13 @@ def _replay(args: argparse.Namespace) -> int:
         lines = files.enter_context(args.advisories.open("w")) if args.advisories else None
         events = files.enter_context(_shown(reader, args.logs))
         result = replay(reader, events, settings, clearances_m, _writer(lines))
-    text = _text(result)
+    if args.html:
+        title = f"Replay of {', '.join(log.name for log in args.logs)}"
+        args.html.write_text(report.page(result, title), encoding="utf-8")
     if args.json:
-        args.json.write_text(text)
-    else:
-        sys.stdout.write(text)
+        args.json.write_text(_text(result))
+    elif not args.html:
+        sys.stdout.write(_text(result))
     return 0
 
 

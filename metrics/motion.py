@@ -124,6 +124,15 @@ class Motion:
             spread(legs[:, 12]),
         )
 
+    def row(self, robot: str) -> int:
+        """The index of a robot that has reported."""
+        return self._index[robot]
+
+    def pair(self, a: int, b: int) -> tuple[str, str]:
+        """The names of two, in ascending order."""
+        first, second = sorted((self.names[a], self.names[b]))
+        return first, second
+
     def _row(self, robot: str) -> int:
         row = self._index.get(robot)
         if row is None:

@@ -17,11 +17,15 @@ from ingest.seam import Batch
 from metrics import conform
 from metrics.calibration import SETTLED_S, Calibration
 from metrics.forecasts import ForecastErrors, Maker
+from metrics.scenes import Scene
 from metrics.scoring import Alert, Presence, score
 from metrics.truth import Pair, Truth
 
 TICK_S = 0.25
 """Between passes over a log that has no ticks of its own."""
+
+FORESEEN_S = 10.0
+"""An advisory that was cleared longer before a near moment than this had nothing to do with it."""
 
 Line = dict[str, Any]
 Tell = Callable[[Line], None]
@@ -50,6 +54,7 @@ class Told:
     vendors: tuple[str, str]
     raised_s: float
     predicted_s: float
+    place: tuple[str, float, float]
     cleared_s: float = inf
 
 
@@ -76,13 +81,14 @@ class Run:
     def alerts(self, truth: Truth) -> Iterator[Alert]:
         for one in self.told.values():
             left_s = min(truth.motion.last_seen_s(robot) for robot in one.pair)
-            yield Alert(one.pair, one.vendors, one.raised_s, one.cleared_s, one.predicted_s, left_s)
+            yield Alert(one.pair, one.vendors, one.raised_s, one.cleared_s, one.predicted_s, left_s, one.place)
 
     def _take(self, one: ConflictAdvisory) -> None:
         predicted_s = one.predicted_at.timestamp()
         told = self.told.get(one.id)
         if told is None:
-            told = self.told[one.id] = Told(one.robots, one.vendors, one.raised_at.timestamp(), predicted_s)
+            place = (one.location.datum, one.location.x, one.location.y)
+            told = self.told[one.id] = Told(one.robots, one.vendors, one.raised_at.timestamp(), predicted_s, place)
         if one.time_to_conflict_s > 0:
             told.predicted_s = predicted_s
         if one.state is AdvisoryState.CLEARED:
@@ -129,6 +135,7 @@ class Replay:
             "span_s": max(self.last_s - self.first_s, 0.0),
             "scores": [self._score(run, presence) for run in self.runs],
             "forecast_error": self.forecasts.figures(),
+            "nearest": [self._scene(scene) for scene in self.truth.scenes.finish(self.truth.motion)],
             "conformance": conform.findings(self.fleet.measures),
         }
 
@@ -151,6 +158,16 @@ class Replay:
     def _maker(self, robot: str) -> Maker:
         known = self.fleet.robots[robot]
         return known.vendor, known.identity.model if known.identity else ""
+
+    def _scene(self, scene: Scene) -> dict[str, Any]:
+        """One of the nearest moments, and how long before it the first clearance's advisory stood."""
+        before = (
+            scene.at_s - told.raised_s
+            for told in self.runs[0].told.values()
+            if told.pair == scene.pair and told.raised_s < scene.at_s and told.cleared_s > scene.at_s - FORESEEN_S
+        )
+        vendors = [self.vendor_of[robot] for robot in scene.pair]
+        return {"vendors": vendors, "warned_s": max(before, default=None), **scene.document()}
 
     def _resolve(self) -> None:
         for run in self.runs:

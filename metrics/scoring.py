@@ -36,6 +36,8 @@ class Alert:
     """When its last revision before the encounter said that it would start."""
     left_s: float
     """When the first of the two was last heard."""
+    place: tuple[str, float, float] | None = None
+    """Floor, x and y of where it said that it would start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,8 @@ class Cases:
     nan where no alert stood."""
     alerts: Floats
     """(m,) 1 for one that came true, 0 for a nuisance, nan for one that can't be told."""
+    places: list[tuple[str, float, float] | None] = field(default_factory=list)
+    """(m,) of the alerts."""
     tally: Tally = field(default_factory=Tally)
 
 
@@ -128,6 +132,7 @@ def _joined(by_vendors: Mapping[Vendors, Cases], names: Sequence[str]) -> Cases:
         sum(part.encounters for part in parts),
         np.concatenate([np.empty((0, 4)), *(part.met for part in parts)]),
         np.concatenate([np.empty(0), *(part.alerts for part in parts)]),
+        [place for part in parts for place in part.places],
         Tally.joined(part.tally for part in parts),
     )
 
@@ -143,7 +148,8 @@ def _cases(encounters: Sequence[Encounter], alerts: Sequence[Alert]) -> Cases:
     ordered = sorted(alerts, key=lambda alert: (alert.raised_s, alert.pair))
     outcomes = [_outcome(alert, by_pair.get(alert.pair, [])) for alert in ordered]
     told = [one for one in outcomes if one is not None]
-    return Cases(len(encounters), np.array(met, np.float64).reshape(-1, 4), np.array(told, np.float64))
+    places = [one.place for one, outcome in zip(ordered, outcomes, strict=True) if outcome is not None]
+    return Cases(len(encounters), np.array(met, np.float64).reshape(-1, 4), np.array(told, np.float64), places)
 
 
 def _met(encounter: Encounter, alerts: Sequence[Alert]) -> tuple[float, float, float, float]:
@@ -193,8 +199,14 @@ def _listed(cases: Cases) -> dict[str, Any]:
         "lead_time_s": " ".join("-" if np.isnan(value) else f"{value:.1f}" for value in cases.met[:, 2]),
         "start_error_s": " ".join("-" if np.isnan(value) else f"{value:.1f}" for value in cases.met[:, 3]),
         "came_true": "".join("-" if np.isnan(value) else "ny"[int(value)] for value in cases.alerts),
+        "places": _placed(cases.places),
         "probabilities": [[round(value, 6) for value in row] for row in cases.tally.groups.T.tolist() if row[0]],
     }
+
+
+def _placed(places: Sequence[tuple[str, float, float] | None]) -> list[str]:
+    """The alerts' places in that order: `x y floor`, or empty."""
+    return ["" if one is None else f"{one[1]:.1f} {one[2]:.1f} {one[0]}" for one in places]
 
 
 def _standing(encounter: Encounter, alerts: Sequence[Alert], before_s: float) -> Alert | None:

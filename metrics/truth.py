@@ -9,13 +9,13 @@ foreseeable where both robots were present for at least 2 s before its start.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import floor, inf
-from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.rectangles import gap
-from ingest.seam import Floats, Forecasts, Ints
-from metrics.motion import Motion, Stretch
+from ingest.seam import Forecasts, Ints
+from metrics.motion import Motion
+from metrics.scenes import Scenes
+from metrics.separations import Separations, separations
 
 STEP_S = 0.1
 BRIDGED = 11
@@ -26,8 +26,6 @@ LAG_S = 3.0
 """How long after a moment all reports about it have come."""
 STRETCH = 50
 """Samples that are looked at together."""
-BLOCK = 256
-"""Robots that are compared with all others at once."""
 
 Pair = tuple[str, str]
 
@@ -42,27 +40,12 @@ class Encounter:
     foreseeable: bool
 
 
-class Separations(NamedTuple):
-    """Pairs that are near at a sample, ascending by pair and sample. Arrays are (m,)."""
-
-    a: Ints
-    """Index of the robot."""
-    b: Ints
-    sample: Ints
-    """Steps since the epoch."""
-    separation_m: Floats
-    since_s: Floats
-    """Since when both have been there."""
-
-    def take(self, rows: Ints) -> "Separations":
-        return Separations(self.a[rows], self.b[rows], self.sample[rows], self.separation_m[rows], self.since_s[rows])
-
-
 class Truth:
     """Encounters below each of some thresholds, as reports come in."""
 
     def __init__(self, thresholds_m: Sequence[float]) -> None:
         self.motion = Motion()
+        self.scenes = Scenes(STEP_S)
         self._below = {threshold_m: Below(threshold_m) for threshold_m in thresholds_m}
         self._next: int | None = None
         """The next sample, in steps since the epoch."""
@@ -109,9 +92,10 @@ class Truth:
             return
         first, self._next = self._next, self._next + samples
         stretch = self.motion.stretch(first, samples, STEP_S)
-        near = _separations(stretch, max(self._below) + DRAWN_APART_M)
+        near = separations(stretch, max(self._below) + DRAWN_APART_M)
         for below in self._below.values():
-            below.follow(near, first, self._next - 1, self.motion.names)
+            below.follow(near, first, self._next - 1, self.motion)
+        self.scenes.look(stretch, near, self.motion)
 
 
 class Below:
@@ -125,14 +109,14 @@ class Below:
         self._together: dict[Pair, int] = {}
         """Pairs that have not drawn apart at the last sample, and the sample since when they have not."""
 
-    def follow(self, near: Separations, first: int, last: int, names: Sequence[str]) -> None:
+    def follow(self, near: Separations, first: int, last: int, motion: Motion) -> None:
         """Go on with the samples from `first` to `last`."""
         near = near.take(np.flatnonzero(near.separation_m <= self.threshold_m + DRAWN_APART_M))
         spans, span_of = _runs(near)
         before, self._together = self._together, {}
         since = near.sample[spans[:, 0]]
         for row, (begin, end) in enumerate(spans.tolist()):
-            pair = _pair(names, int(near.a[begin]), int(near.b[begin]))
+            pair = motion.pair(int(near.a[begin]), int(near.b[begin]))
             if near.sample[begin] == first:
                 since[row] = before.get(pair, first)
             if near.sample[end] == last:
@@ -141,7 +125,7 @@ class Below:
         rows = np.flatnonzero(low)
         runs, _ = _runs(near.take(rows))
         for begin, end in rows[runs].tolist():
-            pair = _pair(names, int(near.a[begin]), int(near.b[begin]))
+            pair = motion.pair(int(near.a[begin]), int(near.b[begin]))
             self._meet(pair, near, begin, end, int(since[span_of[begin]]))
         self._close(last)
 
@@ -170,10 +154,6 @@ class Below:
                 self.closed.append(self._open.pop(pair))
 
 
-def _pair(names: Sequence[str], a: int, b: int) -> Pair:
-    return (names[a], names[b]) if names[a] < names[b] else (names[b], names[a])
-
-
 def _runs(near: Separations) -> tuple[Ints, Ints]:
     """(r, 2) first and last row of each run of one pair at samples without a gap, and (m,) the run of each row."""
     if not len(near.a):
@@ -182,41 +162,3 @@ def _runs(near: Separations) -> tuple[Ints, Ints]:
     new[1:] = (np.diff(near.a) != 0) | (np.diff(near.b) != 0) | (np.diff(near.sample) != 1)
     first = np.flatnonzero(new)
     return np.column_stack([first, np.append(first[1:], len(new)) - 1]), np.cumsum(new) - 1
-
-
-def _separations(stretch: Stretch, within_m: float) -> Separations:
-    """Every two robots at every sample at which they are no further apart than `within_m`."""
-    a, b = _neighbours(stretch, within_m)
-    apart = np.hypot(stretch.x_m[a] - stretch.x_m[b], stretch.y_m[a] - stretch.y_m[b])
-    # a sum with an absent robot is nan, and nan is within nothing
-    reach = stretch.radius_m[a] + stretch.radius_m[b] + within_m
-    row, column = np.nonzero((apart <= reach) & (stretch.floor[a] == stretch.floor[b]))
-    of_a, of_b = (a[row], column), (b[row], column)
-    distance = gap(
-        stretch.x_m[of_b] - stretch.x_m[of_a],
-        stretch.y_m[of_b] - stretch.y_m[of_a],
-        stretch.yaw_rad[of_a],
-        stretch.yaw_rad[of_b],
-        stretch.half_m[:, of_a[0], of_a[1]],
-        stretch.half_m[:, of_b[0], of_b[1]],
-    ).distance
-    since = np.maximum(stretch.since_s[of_a], stretch.since_s[of_b])
-    return Separations(stretch.robot[a[row]], stretch.robot[b[row]], stretch.first + column, distance, since)
-
-
-def _neighbours(stretch: Stretch, within_m: float) -> tuple[Ints, Ints]:
-    """Rows of robots, a < b, whose boxes over the whole stretch come as near."""
-    grown = np.nanmax(stretch.radius_m, axis=1, initial=0.0) + within_m / 2
-    west, east = np.nanmin(stretch.x_m, axis=1) - grown, np.nanmax(stretch.x_m, axis=1) + grown
-    south, north = np.nanmin(stretch.y_m, axis=1) - grown, np.nanmax(stretch.y_m, axis=1) + grown
-    found: list[tuple[Ints, Ints]] = []
-    for start in range(0, len(west), BLOCK):
-        rows = slice(start, start + BLOCK)
-        near = (west[rows, None] <= east) & (west <= east[rows, None])
-        near &= (south[rows, None] <= north) & (south <= north[rows, None])
-        a, b = np.nonzero(near)
-        found.append((a[a + start < b] + start, b[a + start < b]))
-    return np.concatenate([a for a, _ in found] or [_NONE]), np.concatenate([b for _, b in found] or [_NONE])
-
-
-_NONE = np.empty(0, np.int64)

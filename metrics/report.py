@@ -1,0 +1,237 @@
+"""A replay's result as one page for people: opens offline, needs no script, prints."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from typing import Any
+
+from metrics import figures
+from metrics.svg import Point
+
+Part = Mapping[str, Any]
+
+
+def page(result: Part, title: str) -> str:
+    """The whole page, for the result of `metrics/replay.py`."""
+    body = "\n".join(_sections(result))
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(title)}</h1>\n"
+        f"{body}\n</body>\n</html>\n"
+    )
+
+
+def _sections(result: Part) -> Iterator[str]:
+    yield (
+        f"<p>{result['messages']:,} messages of {result['robots']:,} robots in {_span(result['span_s'])}, through the"
+        " engine that the live service uses. Advisory, not safety rated.</p>"
+    )
+    yield "<h2>Figures</h2>" + _figures(result["scores"])
+    for score in result["scores"]:
+        yield f"<h2>Clearance {score['clearance_m']:g} m</h2>" + "".join(_score(score))
+    yield "<h2>Vendors</h2>" + _scorecard(result)
+    yield "<h2>How far forecasts were off</h2>" + _errors(result["forecast_error"]["by_model"])
+    yield "<h2>The nearest moments</h2>" + _scenes(result["nearest"])
+    yield "<h2>Departures from the standard</h2>" + _conformance(result["conformance"])
+
+
+def _figures(scores: Sequence[Part]) -> str:
+    rows = [
+        [
+            f"{one['clearance_m']:g} m",
+            f"{one['foreseeable']}",
+            _sure(one, "recall"),
+            _share(one["recall_any"]),
+            f"{one['alerts']}",
+            f"{one['censored']}",
+            _sure(one, "precision"),
+            _spread(one["lead_time_s"]),
+            _number(one["start_error_s"]),
+            _number(one["ece"], 3),
+            _number(one["brier_skill"], 2),
+        ]
+        for one in scores
+    ]
+    head = ("clearance", "encounters foreseeable", "recall", "at any time", "alerts", "can't be told", "precision")
+    more = ("lead time, s (p10 to p90)", "start error, s", "calibration error", "Brier skill")
+    return _table((*head, *more), rows) + (
+        '<p class="note">Recall: share of foreseeable encounters with an alert standing in the last 2 s before.'
+        " Precision: share of alerts that an encounter followed within 10 s. In brackets: 95 % interval.</p>"
+    )
+
+
+def _score(score: Part) -> Iterator[str]:
+    cases = score["cases"]
+    leads = [float(text) for text in cases["lead_time_s"].split() if text != "-"]
+    yield '<div class="row">'
+    yield _figure(figures.lead_times(leads), f"Lead time of the {len(leads)} encounters that were foreseen")
+    if score["reliability"]:
+        told = f"Of {score['samples']:,} probabilities published: the nearer to the diagonal the truer"
+        yield _figure(figures.reliability(score["reliability"]), told)
+    for floor, alerts in sorted(_by_floor(cases).items()):
+        caption = f"Where conflicts were predicted, floor {floor}: {len(alerts)} alerts"
+        yield _figure(figures.heat(alerts), caption)
+    yield "</div>"
+
+
+def _by_floor(cases: Part) -> dict[str, list[tuple[Point, str]]]:
+    found: dict[str, list[tuple[Point, str]]] = {}
+    for place, outcome in zip(cases["places"], cases["came_true"], strict=True):
+        if place:
+            x, y, floor = place.split(" ", 2)
+            found.setdefault(floor, []).append(((float(x), float(y)), outcome))
+    return found
+
+
+def _scorecard(result: Part) -> str:
+    """A line for each vendor, at the first clearance."""
+    score = result["scores"][0]
+    conduct = {one["vendor"]: one for one in result["conformance"]}
+    ahead = {one["vendor"]: one["horizons"][2] for one in reversed(result["forecast_error"]["by_model"])}
+    rows = []
+    for one in score["by_vendor"]:
+        off, said = ahead.get(one["vendor"]), conduct.get(one["vendor"])
+        departures = sum(found["count"] for found in said["findings"]) if said else 0
+        messages = said["accepted"] + said["rejected"] if said else 0
+        rows.append(
+            [
+                one["vendor"],
+                f"{one['robot_hours']:.2f}",
+                f"{one['foreseeable']}",
+                _share(one["recall"]),
+                _share(one["precision"]),
+                _number(one["alerts_per_robot_hour"]),
+                _number(one["lead_time_s"] and one["lead_time_s"]["median"]),
+                "-" if off is None else f"{_number(off['distance_median_m'], 2)} / {_number(off['distance_p90_m'], 2)}",
+                f"{messages:,}",
+                f"{said['rejected']:,}" if said else "-",
+                f"{100 * departures / messages:.1f}" if messages else "-",
+            ]
+        )
+    head = ("vendor", "robot-hours", "encounters", "recall", "precision", "alerts a robot-hour", "lead time, s")
+    more = ("off after 3 s, m: median / p90", "messages", "rejected", "departures in 100 messages")
+    return f"<p>At a clearance of {score['clearance_m']:g} m.</p>" + _table((*head, *more), rows)
+
+
+def _errors(models: Sequence[Part]) -> str:
+    if not models:
+        return "<p>No robot said where it goes.</p>"
+    legend = "".join(
+        f'<li><span class="key c{number}"></span>{escape(_maker(one))}</li>'
+        for number, one in enumerate(models[: figures.COLOURS])
+    )
+    rows = [
+        [
+            _maker(one),
+            f"{row['horizon_s']:g}",
+            f"{row['cases']:,}",
+            *(
+                f"{_number(row[f'{kind}_median_m'], 2)} / {_number(row[f'{kind}_p90_m'], 2)}"
+                for kind in ("distance", "along", "across")
+            ),
+        ]
+        for one in models
+        for row in one["horizons"]
+        if row["horizon_s"] in (1.0, 3.0, 5.0, 10.0)
+    ]
+    head = ("vendor and model", "s ahead", "cases", "off, m: median / p90", "along the track", "across it")
+    chart = _figure(figures.errors(models), "Distance from forecast to truth: median (line), p90 (dashes)")
+    return f'<div class="row">{chart}<ul class="legend">{legend}</ul></div>' + _table(head, rows)
+
+
+def _scenes(scenes: Sequence[Part]) -> str:
+    drawn = [one for one in scenes if one["tracks"]]
+    if not drawn:
+        return "<p>No two robots came near each other.</p>"
+    cells = []
+    for one in drawn:
+        warned = one["warned_s"]
+        told = "no advisory stood" if warned is None else f"advisory {warned:.1f} s before"
+        names = " and ".join(
+            f'<span class="key c{number}"></span>{escape(vendor)} {escape(robot[:8])}'
+            for number, (vendor, robot) in enumerate(zip(one["vendors"], one["robots"], strict=True))
+        )
+        depth = "touching" if one["separation_m"] == 0 else f"{one['separation_m']:.2f} m apart"
+        cells.append(f"<figure>{figures.scene(one)}<figcaption>{names}<br>{depth}, {told}</figcaption></figure>")
+    return (
+        f'<div class="row small">{"".join(cells)}</div>'
+        '<p class="note">Six seconds before to three after, an outline every second; filled where nearest.</p>'
+    )
+
+
+def _conformance(vendors: Sequence[Part]) -> str:
+    rows = [
+        [vendor["vendor"], one["rule"], f"{one['count']:,}", "rejected" if one["rejects"] else "read", one["meaning"]]
+        for vendor in vendors
+        for one in vendor["findings"]
+    ]
+    if not rows:
+        return "<p>Nothing departs from the standard.</p>"
+    return _table(("vendor", "rule", "how often", "", "what was seen, and how it is read"), rows, words=5)
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]], words: int = 1) -> str:
+    """Cells are escaped; the first `words` columns are words, the others numbers."""
+    top = "".join(f"<th>{escape(one)}</th>" for one in head)
+    body = "".join(
+        "<tr>"
+        + "".join(f"<td{'' if n < words else ' class=n'}>{escape(cell)}</td>" for n, cell in enumerate(row))
+        + "</tr>"
+        for row in rows
+    )
+    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _figure(drawing: str, caption: str) -> str:
+    return f"<figure>{drawing}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _maker(one: Part) -> str:
+    return f"{one['vendor']} {one['model']}".strip()
+
+
+def _sure(score: Part, name: str) -> str:
+    interval = score["intervals"][name]
+    return _share(score[name]) + (f" ({interval[0]:.2f} to {interval[1]:.2f})" if interval else "")
+
+
+def _share(value: float | None) -> str:
+    return _number(value, 2)
+
+
+def _number(value: float | None, digits: int = 1) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def _spread(value: Part | None) -> str:
+    return "-" if value is None else f"{value['median']:.1f} ({value['p10']:.1f} to {value['p90']:.1f})"
+
+
+def _span(seconds: float) -> str:
+    return f"{seconds / 3600:.1f} hours" if seconds >= 7200 else f"{seconds / 60:.1f} minutes"
+
+
+STYLE = """
+:root{color-scheme:light dark;--back:#fff;--ink:#1a1f26;--dim:#5c6672;--rule:#dde2e8;--bar:#2f6fb3;--heat:#c2410c;
+--c0:#1f6fb2;--c1:#c2410c;--c2:#2e7d32;--c3:#7b3fa0;--c4:#8a6d00;--c5:#007a87}
+@media (prefers-color-scheme:dark){:root{--back:#14181d;--ink:#e6eaef;--dim:#98a3b0;--rule:#2c343d;--bar:#5aa2e6;
+--heat:#ff8a4c;--c0:#6ab0f3;--c1:#ff9a62;--c2:#7fce85;--c3:#c79be6;--c4:#e3c44d;--c5:#5fd0dc}}
+body{margin:2rem auto;padding:0 1.25rem;max-width:76rem;background:var(--back);color:var(--ink);
+font:15px/1.5 system-ui,sans-serif}
+h1{font-size:1.6rem;margin:0 0 .5rem}h2{font-size:1.15rem;margin:2.2rem 0 .6rem;padding-top:.8rem;
+border-top:1px solid var(--rule)}
+.wide{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:14px}
+th,td{padding:.3rem .8rem .3rem 0;text-align:left;vertical-align:top;border-bottom:1px solid var(--rule)}
+th{color:var(--dim);font-weight:500;vertical-align:bottom}td.n{white-space:nowrap}
+.note,figcaption{color:var(--dim);font-size:13px}.row{display:flex;flex-wrap:wrap;gap:1.5rem;align-items:flex-start}
+figure{margin:.5rem 0}.small figure{width:200px}.small svg{border:1px solid var(--rule);border-radius:4px}
+svg{max-width:100%;height:auto;display:block}.legend{list-style:none;padding:0;margin:1rem 0}
+.key{display:inline-block;width:.7em;height:.7em;border-radius:2px;margin-right:.4em;background:currentColor}
+.grid{stroke:var(--rule)}.tick{fill:var(--dim);font-size:11px}.axis{fill:var(--dim);font-size:12px}
+.ideal{stroke:var(--dim);stroke-dasharray:3 4;fill:none}.bar{fill:var(--bar)}.heat{fill:var(--heat)}
+.c0{color:var(--c0)}.c1{color:var(--c1)}.c2{color:var(--c2)}.c3{color:var(--c3)}.c4{color:var(--c4)}.c5{color:var(--c5)}
+.line,.dashes{fill:none;stroke:currentColor;stroke-width:2}.dashes{stroke-dasharray:6 4}.dot{fill:currentColor}
+.outline{fill:none;stroke:currentColor;stroke-opacity:.35}.envelope{fill:currentColor;fill-opacity:.35;stroke:currentColor;
+stroke-width:1.5}
+@media print{body{margin:0;max-width:none}h2{break-after:avoid}figure{break-inside:avoid}}
+"""

@@ -1,0 +1,105 @@
+"""Drawings as SVG text: a chart with axes, and what goes into it. The same numbers give the same bytes."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from math import ceil, floor, log10
+
+Point = tuple[float, float]
+
+
+@dataclass(slots=True)
+class Chart:
+    """A plot of `width` by `height` with room for axes; marks are added in data coordinates."""
+
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+    width: int = 360
+    height: int = 260
+    margin: tuple[int, int, int, int] = (12, 14, 40, 48)
+    """Top, right, bottom, left."""
+    marks: list[str] = field(default_factory=list)
+
+    def at(self, x: float, y: float) -> Point:
+        """Where a point of the data is drawn."""
+        top, right, bottom, left = self.margin
+        (x0, x1), (y0, y1) = self.x_range, self.y_range
+        across = (x - x0) / ((x1 - x0) or 1.0)
+        up = (y - y0) / ((y1 - y0) or 1.0)
+        return left + across * (self.width - left - right), self.height - bottom - up * (self.height - top - bottom)
+
+    def line(self, points: Iterable[Point], style: str) -> None:
+        placed = " ".join(f"{x:.1f},{y:.1f}" for x, y in (self.at(*point) for point in points))
+        self.marks.append(f'<polyline class="{style}" points="{placed}"/>')
+
+    def polygon(self, points: Iterable[Point], style: str, title: str = "") -> None:
+        placed = " ".join(f"{x:.1f},{y:.1f}" for x, y in (self.at(*point) for point in points))
+        self.marks.append(f'<polygon class="{style}" points="{placed}">{_title(title)}</polygon>')
+
+    def dot(self, point: Point, radius: float, style: str, title: str = "") -> None:
+        x, y = self.at(*point)
+        self.marks.append(
+            f'<circle class="{style}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}">{_title(title)}</circle>'
+        )
+
+    def box(self, low: Point, high: Point, style: str, title: str = "", opacity: float = 1.0) -> None:
+        (x0, y0), (x1, y1) = self.at(*low), self.at(*high)
+        self.marks.append(
+            f'<rect class="{style}" x="{x0:.1f}" y="{y1:.1f}" width="{x1 - x0:.1f}" height="{y0 - y1:.1f}"'
+            f' fill-opacity="{opacity:.2f}">{_title(title)}</rect>'
+        )
+
+    def text(self, x: float, y: float, words: str, style: str, anchor: str = "middle") -> None:
+        """Words at a place of the drawing, not of the data."""
+        self.marks.append(
+            f'<text class="{style}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(words)}</text>'
+        )
+
+    def axes(self, x_label: str, y_label: str) -> None:
+        """Ticks with a grid, and what the axes mean."""
+        top, right, bottom, left = self.margin
+        for value in ticks(*self.x_range):
+            x, y = self.at(value, self.y_range[0])
+            self.marks.append(f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{top}" y2="{y:.1f}"/>')
+            self.text(x, y + 14, f"{value:g}", "tick")
+        for value in ticks(*self.y_range):
+            x, y = self.at(self.x_range[0], value)
+            self.marks.append(f'<line class="grid" x1="{x:.1f}" x2="{self.width - right}" y1="{y:.1f}" y2="{y:.1f}"/>')
+            self.text(x - 6, y + 4, f"{value:g}", "tick", "end")
+        self.text((left + self.width - right) / 2, self.height - 8, x_label, "axis")
+        middle = (top + self.height - bottom) / 2
+        self.marks.append(
+            f'<text class="axis" transform="translate(13 {middle:.1f}) rotate(-90)" text-anchor="middle">'
+            f"{escape(y_label)}</text>"
+        )
+
+    def drawn(self, name: str) -> str:
+        """The drawing, with a name for those who cannot see it."""
+        return (
+            f'<svg role="img" aria-label="{escape(name)}" viewBox="0 0 {self.width} {self.height}"'
+            f' width="{self.width}" height="{self.height}">{"".join(self.marks)}</svg>'
+        )
+
+
+def ticks(low: float, high: float, about: int = 5) -> Sequence[float]:
+    """Round numbers from `low` to `high`."""
+    if not high > low:
+        return [low]
+    rough = (high - low) / about
+    scale: float = 10 ** floor(log10(rough))
+    step = next(one * scale for one in (1, 2, 5, 10) if one * scale >= rough)
+    return [round(n * step, 10) for n in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
+
+
+def fitted(points: Sequence[Point], width: int, height: int, margin: int = 8) -> Chart:
+    """A chart without axes that holds all points, a metre as long across as up."""
+    xs, ys = [x for x, _ in points], [y for _, y in points]
+    inner_x, inner_y = width - 2 * margin, height - 2 * margin
+    metre = min(inner_x / max(max(xs) - min(xs), 1.0), inner_y / max(max(ys) - min(ys), 1.0))
+    half_x, half_y = inner_x / metre / 2, inner_y / metre / 2
+    x, y = (max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2
+    return Chart((x - half_x, x + half_x), (y - half_y, y + half_y), width, height, (margin,) * 4)
+
+
+def _title(words: str) -> str:
+    return f"<title>{escape(words)}</title>" if words else ""

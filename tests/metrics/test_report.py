@@ -1,0 +1,81 @@
+import copy
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deconflict.site import DEFAULT
+from ingest.playback import Reader
+from metrics import figures
+from metrics.replay import replay
+from metrics.report import page
+from metrics.svg import Chart, ticks
+from tests.metrics.test_replay import log_of_a_crossing, scored
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    folder: Path = tmp_path_factory.mktemp("log")
+    return scored(log_of_a_crossing(folder / "log.jsonl"), [0.3])
+
+
+def test_the_page_opens_offline_and_says_the_same_each_time(result: dict[str, Any]) -> None:
+    told = page(result, "Replay")
+    assert told == page(copy.deepcopy(result), "Replay")
+    for outside in ("http", "src=", "@import", "url(", "<script"):
+        assert outside not in told
+    for part in ("Lead time", "Where conflicts were predicted", "Departures", "Distance from forecast"):
+        assert part in told
+
+
+def test_what_vendors_say_is_shown_as_text(result: dict[str, Any]) -> None:
+    hostile = copy.deepcopy(result)
+    name = '<script>alert("1")</script>'
+    for one in (*hostile["scores"][0]["by_vendor"], *hostile["conformance"], *hostile["forecast_error"]["by_model"]):
+        one["vendor"] = name
+    for one in hostile["nearest"]:
+        one["vendors"] = [name, name]
+    told = page(hostile, name)
+    assert "<script" not in told
+    assert "&lt;script&gt;" in told
+
+
+def test_a_log_in_which_nothing_happened_has_a_page() -> None:
+    told = page(replay(Reader(), [], DEFAULT, [0.3]), "Replay")
+    assert "No two robots came near each other" in told
+    assert "Nothing departs from the standard" in told
+
+
+def test_the_nearest_moment_is_where_the_two_crossed(result: dict[str, Any]) -> None:
+    one = result["nearest"][0]
+    assert one["separation_m"] == 0.0
+    at = [tuple(map(float, track.split(";")[one["nearest"]].split()[:2])) for track in one["tracks"]]
+    assert [abs(value) < 0.2 for place in at for value in place] == [True] * 4
+    assert one["warned_s"] > 7
+
+
+def test_drawings_are_well_formed_and_lie_within_their_bounds() -> None:
+    bins = [{"samples": 10 * n, "probability": n / 10, "came_true": n / 11} for n in range(1, 10)]
+    alerts = [((x / 3, x / 7), "yn-"[x % 3]) for x in range(60)]
+    for drawing in (figures.reliability(bins), figures.lead_times([0.5, 3.0, 40.0]), figures.heat(alerts)):
+        root = ET.fromstring(drawing)  # noqa: S314 - our own text
+        width, height = float(root.attrib["width"]), float(root.attrib["height"])
+        for circle in root.iter("circle"):
+            assert 0 <= float(circle.attrib["cx"]) <= width
+        for box in root.iter("rect"):
+            assert 0 <= float(box.attrib["x"]) <= width - float(box.attrib["width"])
+            assert 0 <= float(box.attrib["y"]) <= height - float(box.attrib["height"])
+
+
+def test_the_diagonal_of_a_chart_goes_from_corner_to_corner() -> None:
+    chart = Chart((0.0, 2.0), (0.0, 4.0), width=100, height=100, margin=(10, 10, 10, 10))
+    assert [chart.at(0, 0), chart.at(2, 4), chart.at(1, 2)] == [(10, 90), (90, 10), (50, 50)]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [(0.0, 1.0, [0, 0.2, 0.4, 0.6, 0.8, 1.0]), (-3.0, 17.0, [0, 5, 10, 15]), (2.0, 2.0, [2.0])],
+)
+def test_ticks_are_round_numbers_within(low: float, high: float, expected: list[float]) -> None:
+    assert list(ticks(low, high)) == expected
