@@ -13,9 +13,8 @@ from deconflict.contention.resources import PRIOR_SERVICE_S, Resource, Zone, out
 from deconflict.fitness import map_problems
 from deconflict.site import Site, SiteError, datum_of, load, problems
 from ingest.fits import Fit, FitError, Method
-from ingest.frames import Frames, fit_map
+from ingest.frames import Frames, Pose, fit_map
 from ingest.geographic import Projection
-from ingest.seam import Floats
 from ingest.settings import Datum, Vendor, VendorMap
 
 METRE_LIKE = (0.8, 1.25)
@@ -172,13 +171,13 @@ def _example_lines(judged: MapReport) -> Iterator[str]:
     """Where the map's origin lies, and a robot in the middle of the readings, as the service will place it."""
     vendor = Vendor(name=judged.vendor, maps=(judged.map,))
     frame = Frames([judged.datum], [vendor]).frame(judged.vendor, judged.map.datum)
-    middle = np.mean(list(judged.map.readings.values()), axis=0)
-    poses = np.array([[0.0, 0.0, 0.0], [*middle, 0.0]])
-    for what, sent, placed in zip(("its origin", "a robot"), poses, frame.to_floor(poses), strict=True):
+    x, y = np.mean(list(judged.map.readings.values()), axis=0).tolist()
+    poses = [(0.0, 0.0, 0.0), (x, y, 0.0)]
+    for what, sent, placed in zip(("its origin", "a robot"), poses, frame.placed(poses), strict=True):
         yield f"  {what} at {_pose(sent)} on the map is at {_pose(placed)} on the floor"
 
 
-def _pose(pose: Floats) -> str:
+def _pose(pose: Pose) -> str:
     return f"({pose[0]:z.3f}, {pose[1]:z.3f}), yaw {degrees(pose[2]):.1f} deg"
 
 

@@ -4,16 +4,15 @@ A floor's frame is in metres and right-handed. A datum in metres is that frame; 
 vendor that keeps to its own map comes in by its readings of the datum's reference points.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ingest.fits import Fit, FitError, fit
 from ingest.geographic import Projection
-from ingest.seam import Floats
 from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
-from ingest.transforms import Affine, Transform
+from ingest.transforms import Transform
 
 Pose = tuple[float, float, float]
 """x, y, yaw_rad"""
@@ -42,27 +41,15 @@ class Frame:
         """Whether a turn to the left there is one to the right on the floor."""
         return self.projection is not None or (self.transform is not None and self.transform.mirrored)
 
-    def placed(self, poses: Iterable[Pose]) -> Sequence[Pose]:
-        """The same as `to_floor` of a few poses, without the arrays that cost more than so few are worth."""
-        if self.is_floor:
-            return tuple(poses)
-        if isinstance(self.transform, Affine):
-            return [self.transform.pose(*pose) for pose in poses]
-        rows: list[Pose] = self.to_floor(np.array(list(poses))).tolist()
-        return rows
-
-    def to_floor(self, poses: Floats) -> Floats:
-        """`(p, 3)` x, y, yaw_rad as sent, to metres and radians in the floor's frame.
+    def placed(self, poses: Sequence[Pose]) -> Sequence[Pose]:
+        """Poses as sent, to metres and radians in the floor's frame.
 
         An unknown yaw stays nan. Degrees that are nowhere on Earth become inf.
         """
         if self.transform is not None:
-            return _through(self.transform, poses)
+            return [self.transform.pose(*pose) for pose in poses]
         if self.projection is not None:
-            placed = np.empty_like(poses)
-            placed[:, :2] = self.projection.points(poses[:, :2])
-            placed[:, 2] = self.projection.yaw(poses[:, 2])
-            return placed
+            return self.projection.poses(poses)
         return poses
 
 
@@ -118,12 +105,3 @@ def _of_map(vendor: Vendor, one: VendorMap, datum: Datum) -> Frame:
         return Frame(datum.id, known=True, transform=fit_map(one, datum).transform)
     except FitError as error:
         raise FitError(f"vendor {vendor.name!r}, map of {datum.name!r}: {error}") from error
-
-
-def _through(transform: Transform, poses: Floats) -> Floats:
-    """Positions through the map, headings through its linear part there, so that a mirrored map turns them over."""
-    placed = np.empty_like(poses)
-    placed[:, :2], linear = transform.place(poses[:, :2])
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    placed[:, 2] = np.arctan2(linear[:, 1, 0] * c + linear[:, 1, 1] * s, linear[:, 0, 0] * c + linear[:, 0, 1] * s)
-    return placed

@@ -1,7 +1,9 @@
 """Datums in latitude and longitude: x north in degrees, y east in degrees, a left-handed frame."""
 
+from collections.abc import Sequence
 from math import pi
 
+import numpy as np
 from pyproj import Transformer
 
 from ingest.seam import Floats
@@ -30,6 +32,11 @@ class Projection:
         metres[:, 0], metres[:, 1] = self._to_metres.transform(latitudes, longitudes)
         return metres
 
-    def yaw(self, yaw_rad: Floats) -> Floats:
+    def poses(self, poses: Sequence[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+        """Latitude, longitude and yaw from north towards east, to metres east and north and yaw from east to north."""
+        placed = self.points(np.array(poses).reshape(-1, 3)[:, :2]).tolist()
+        return [(x, y, self.yaw(yaw_rad)) for (x, y), (_, _, yaw_rad) in zip(placed, poses, strict=True)]
+
+    def yaw(self, yaw_rad: float) -> float:
         """From north towards east, to anticlockwise from east."""
         return pi / 2 - yaw_rad

@@ -6,9 +6,11 @@ such as three points along a wall make, are left out: across their little height
 turn headings about.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from math import atan2, cos, inf, sin
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,18 +18,27 @@ from scipy.spatial import Delaunay
 
 from ingest.seam import Floats, Ints
 
+WITHIN = 1e-12
+"""Share of a triangle's height by which a point beyond it still counts as on its side."""
 FLAT_SHARE = 0.1
 """A triangle whose height is less than this share of its longest side is flat."""
 
 
-@dataclass(frozen=True, eq=False)
-class Affine:
-    """x -> matrix x + shift."""
+Placed = tuple[float, float, float, float, float, float]
+"""Where a point comes to lie, x and y, and the linear part there by rows."""
 
-    matrix: Floats
-    """(2, 2)"""
-    shift: Floats
-    """(2,)"""
+
+class _Map(ABC):
+    """Points one at a time, since messages bring few at once; arrays of them for those that have many."""
+
+    @abstractmethod
+    def at(self, x: float, y: float) -> Placed: ...
+
+    def pose(self, x: float, y: float, yaw_rad: float) -> tuple[float, float, float]:
+        """Where a pose comes to lie. Its heading goes through the linear part there; an unknown one stays nan."""
+        to_x, to_y, a, b, c, d = self.at(x, y)
+        along, across = cos(yaw_rad), sin(yaw_rad)
+        return to_x, to_y, atan2(c * along + d * across, a * along + b * across)
 
     def __call__(self, points: Floats) -> Floats:
         """`(p, 2)` to `(p, 2)`."""
@@ -35,17 +46,22 @@ class Affine:
 
     def place(self, points: Floats) -> tuple[Floats, Floats]:
         """Where `points` (p, 2) come to lie (p, 2), and the linear part at each (p, 2, 2)."""
-        return points @ self.matrix.T + self.shift, np.broadcast_to(self.matrix, (len(points), 2, 2))
+        placed = np.array([self.at(x, y) for x, y in points.tolist()], np.float64).reshape(-1, 6)
+        return placed[:, :2], placed[:, 2:].reshape(-1, 2, 2)
 
-    def pose(self, x: float, y: float, yaw_rad: float) -> tuple[float, float, float]:
-        """Where one pose comes to lie; an unknown yaw stays nan."""
+
+@dataclass(frozen=True, eq=False)
+class Affine(_Map):
+    """x -> matrix x + shift."""
+
+    matrix: Floats
+    """(2, 2)"""
+    shift: Floats
+    """(2,)"""
+
+    def at(self, x: float, y: float) -> Placed:
         a, b, c, d, shift_x, shift_y = self._numbers
-        along, across = cos(yaw_rad), sin(yaw_rad)
-        return (
-            a * x + b * y + shift_x,
-            c * x + d * y + shift_y,
-            atan2(c * along + d * across, a * along + b * across),
-        )
+        return a * x + b * y + shift_x, c * x + d * y + shift_y, a, b, c, d
 
     @property
     def mirrored(self) -> bool:
@@ -82,7 +98,7 @@ class Affine:
         return float(np.arcsin(np.clip(self.matrix[:, 0] @ self.matrix[:, 1] / (along_x * along_y), -1, 1)))
 
 
-class Adjusted:
+class Adjusted(_Map):
     """A global fit, its residuals corrected by triangles of the reference points.
 
     Continuous, but for steps where two sides of a notch left by a flat triangle are equally near; each is smaller
@@ -92,26 +108,37 @@ class Adjusted:
     def __init__(self, base: Affine, readings: Floats, residuals: Floats) -> None:
         """`residuals` (points, 2) are what `base` misses at `readings` (points, 2), in the site's frame."""
         self._base = base
-        self._middle = readings.mean(axis=0)
-        self._triangles = Delaunay(readings - self._middle)
+        middle = readings.mean(axis=0)
+        self._middle = float(middle[0]), float(middle[1])
+        self._triangles = Delaunay(readings - middle)
         self._kept, rim = _without_flat_rim(self._triangles)
         corners = residuals[self._triangles.simplices]
-        self._anchors = self._triangles.transform[:, 2]
-        self._at_anchor = corners[:, 2]
-        self._slopes = np.einsum("tij,tik->tjk", corners[:, :2] - corners[:, 2:], self._triangles.transform[:, :2])
-        self._edge_starts = self._triangles.points[rim[:, 0]]
-        self._edges = self._triangles.points[rim[:, 1]] - self._edge_starts
-        self._at_start = residuals[rim[:, 0]]
-        self._along_edge = residuals[rim[:, 1]] - self._at_start
+        barycentric = self._triangles.transform
+        self._slopes = np.einsum("tij,tik->tjk", corners[:, :2] - corners[:, 2:], barycentric[:, :2])
+        kept = np.flatnonzero(self._kept)
+        self._inner = [
+            _Triangle(
+                *barycentric[row].ravel().tolist(), *corners[row, 2].tolist(), *self._slopes[row].ravel().tolist()
+            )
+            for row in kept
+        ]
+        starts, ends = self._triangles.points[rim[:, 0]], self._triangles.points[rim[:, 1]]
+        changes = residuals[rim[:, 1]] - residuals[rim[:, 0]]
+        self._rim = [_Edge(*row) for row in np.hstack([starts, ends - starts, residuals[rim[:, 0]], changes]).tolist()]
 
-    def __call__(self, points: Floats) -> Floats:
-        """`(p, 2)` to `(p, 2)`."""
-        return self.place(points)[0]
+    def at(self, x: float, y: float) -> Placed:
+        to_x, to_y, a, b, c, d = self._base.at(x, y)
+        by_x, by_y, more_a, more_b, more_c, more_d = self._correction(x - self._middle[0], y - self._middle[1])
+        return to_x + by_x, to_y + by_y, a + more_a, b + more_b, c + more_c, d + more_d
 
-    def place(self, points: Floats) -> tuple[Floats, Floats]:
-        """Where `points` (p, 2) come to lie (p, 2), and the linear part at each (p, 2, 2)."""
-        corrections, slopes = self._corrections(points)
-        return self._base(points) + corrections, self._base.matrix + slopes
+    def _correction(self, x: float, y: float) -> Placed:
+        """By how much a point moves, and the slope of that; outside, what holds at the nearest point of the rim."""
+        for triangle in self._inner:
+            found = triangle.at(x, y)
+            if found:
+                return found
+        edge = min(self._rim, key=lambda one: one.distance2(x, y))
+        return edge.at(x, y)
 
     @property
     def mirrored(self) -> bool:
@@ -127,28 +154,66 @@ class Adjusted:
         worst = int(np.argmax(bends))
         return float(bends[worst]), tuple(int(row) for row in self._triangles.simplices[kept[worst]])
 
-    def _corrections(self, points: Floats) -> tuple[Floats, Floats]:
-        """The correction (p, 2) and its slope (p, 2, 2) at each point."""
-        centred = points - self._middle
-        triangle = self._triangles.find_simplex(centred)
-        slopes = self._slopes[triangle]
-        values = self._at_anchor[triangle] + np.einsum("pij,pj->pi", slopes, centred - self._anchors[triangle])
-        outside = (triangle < 0) | ~self._kept[triangle]
-        if outside.any():
-            values[outside], slopes[outside] = self._beyond(centred[outside])
-        return values, slopes
 
-    def _beyond(self, centred: Floats) -> tuple[Floats, Floats]:
-        """The same for points outside: what holds at the nearest point of the rim."""
-        lengths = np.sum(self._edges**2, axis=1)
-        shares = np.einsum("pek,ek->pe", centred[:, None] - self._edge_starts, self._edges) / lengths
-        shares = np.clip(shares, 0, 1)
-        feet = self._edge_starts + shares[..., None] * self._edges
-        edge = np.argmin(np.sum((centred[:, None] - feet) ** 2, axis=2), axis=1)
-        share = shares[np.arange(len(centred)), edge]
-        slopes = np.einsum("pj,pk->pjk", self._along_edge[edge], self._edges[edge]) / lengths[edge, None, None]
-        slopes[(share == 0) | (share == 1)] = 0
-        return self._at_start[edge] + share[:, None] * self._along_edge[edge], slopes
+class _Triangle(NamedTuple):
+    """A triangle of reference points, about their middle: its barycentric map, its last corner, its correction."""
+
+    t00: float
+    t01: float
+    t10: float
+    t11: float
+    corner_x: float
+    corner_y: float
+    by_x: float
+    by_y: float
+    a: float
+    b: float
+    c: float
+    d: float
+
+    def at(self, x: float, y: float) -> Placed | None:
+        """The correction at a point and its slope; None outside."""
+        t00, t01, t10, t11, corner_x, corner_y, by_x, by_y, a, b, c, d = self
+        dx, dy = x - corner_x, y - corner_y
+        first, second = t00 * dx + t01 * dy, t10 * dx + t11 * dy
+        if first < -WITHIN or second < -WITHIN or first + second > 1 + WITHIN:
+            return None
+        return by_x + a * dx + b * dy, by_y + c * dx + d * dy, a, b, c, d
+
+
+class _Edge(NamedTuple):
+    """An edge of the rim, about the middle of the points, the correction at its start and how it changes along it."""
+
+    x: float
+    y: float
+    dx: float
+    dy: float
+    by_x: float
+    by_y: float
+    more_x: float
+    more_y: float
+
+    def distance2(self, x: float, y: float) -> float:
+        """Squared, of a point from the edge."""
+        share = self._share(x, y)
+        return (x - self.x - share * self.dx) ** 2 + (y - self.y - share * self.dy) ** 2
+
+    def at(self, x: float, y: float) -> Placed:
+        """The correction at the edge's nearest point and its slope, none at its ends."""
+        share = self._share(x, y)
+        by_x, by_y = self.by_x + share * self.more_x, self.by_y + share * self.more_y
+        if share in {0.0, 1.0}:
+            return by_x, by_y, 0.0, 0.0, 0.0, 0.0
+        u, v = self.dx / self._length2, self.dy / self._length2
+        return by_x, by_y, self.more_x * u, self.more_x * v, self.more_y * u, self.more_y * v
+
+    @property
+    def _length2(self) -> float:
+        return self.dx * self.dx + self.dy * self.dy
+
+    def _share(self, x: float, y: float) -> float:
+        share = ((x - self.x) * self.dx + (y - self.y) * self.dy) / self._length2
+        return min(max(share, 0.0), 1.0)
 
 
 Transform = Affine | Adjusted

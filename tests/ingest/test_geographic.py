@@ -1,4 +1,4 @@
-from math import atan2, degrees, pi
+from math import atan2, degrees, pi, radians
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_relative_degrees_are_counted_from_the_reference_location() -> None:
 
 def test_the_yaw_of_a_left_handed_frame_is_set_right() -> None:
     """North is 0 and east a quarter turn in a left-handed frame; on the floor east is 0 and north a quarter turn."""
-    yaws = projection(BOSTON).yaw(np.array([0.0, pi / 2, pi, 0.1, np.nan]))
+    yaws = [projection(BOSTON).yaw(yaw_rad) for yaw_rad in (0.0, pi / 2, pi, 0.1, np.nan)]
     np.testing.assert_allclose(yaws, [pi / 2, 0.0, -pi / 2, pi / 2 - 0.1, np.nan])
 
 
@@ -67,7 +67,7 @@ def test_a_robot_that_drives_straight_on_keeps_its_yaw_along_its_path(bearing_de
     chart = projection(BOSTON)
     here, there = chart.points(np.array([BOSTON, (lat, lon)]))
     heading = degrees(atan2(there[1] - here[1], there[0] - here[0]))
-    yaw = degrees(float(chart.yaw(np.radians([bearing_deg]))[0]))
+    yaw = degrees(chart.yaw(radians(bearing_deg)))
     assert (heading - yaw + 180) % 360 - 180 == pytest.approx(0.0, abs=1e-3)
 
 

@@ -110,7 +110,7 @@ def test_basalt_lands_where_it_is_by_the_maps_of_the_bundled_site(told: list[Rob
         reading = read(DIALECTS[VendorName.BASALT].messages(robot, NOW_S)[-1])
         assert isinstance(reading, Status)
         frame = frames.frame("Basalt", reading.datum)
-        x, y, yaw = frame.to_floor(np.array([[reading.x, reading.y, reading.yaw_rad]]))[0]
+        x, y, yaw = frame.placed([(reading.x, reading.y, reading.yaw_rad)])[0]
         assert frame.floor == SITE_MAPS[robot.floor].datum
         assert np.hypot(x - robot.x_m, y - robot.y_m) < 0.02
         assert np.cos(yaw - robot.yaw_rad) > np.cos(0.002)
