@@ -16,6 +16,7 @@ from deconflict.contention.watch import Contention
 from deconflict.encounter import Encounter, encounter, separation_m
 from deconflict.life import PASSED, STAND, UNPREDICTED, Lives, Pair, Party, Prediction, Scene
 from deconflict.live import Live, LiveRobot
+from deconflict.rests import Rests
 from deconflict.site import Site
 from deconflict.sweeper import PairConflicts, Sweeper
 from ingest.measures import Measures
@@ -42,6 +43,7 @@ class Engine:
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
         self._contention = Contention(site.resources, site.zones, site.contention, self.measures, restored)
+        self._rests = Rests.at(site.resources)
         self._told: set[str] = set()
         """Robots with a new forecast since the last step."""
         self._quiet: list[tuple[float, str]] = []
@@ -52,11 +54,12 @@ class Engine:
         for row, uuid in enumerate(batch.robots):
             if uuid not in self.live.robots:
                 heappush(self._quiet, (float(batch.event_s[row]) + self.site.reading.quiet_after_s, uuid))
-            self.live.put(batch, row)
+            self._see_rest(uuid, self.live.put(batch, row))
             self._told.add(uuid)
         for uuid in batch.gone:
             self.live.robots.pop(uuid, None)
             self._told.discard(uuid)
+            self._rests.moves(uuid)
         self._sweeper.discard(batch.gone)
         self._contention.receive(batch)
 
@@ -74,6 +77,14 @@ class Engine:
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The standing probability of each pair under watch for which one is published, right after `step`."""
         return [(one.robots, one.probability) for one in self._lives.open() if one.probability is not None]
+
+    def _see_rest(self, uuid: str, robot: LiveRobot) -> None:
+        floor = int(robot.forecast.floor[0])
+        if robot.basis is not Basis.STATIONARY or floor < 0:
+            self._rests.moves(uuid)
+            return
+        at = (float(robot.forecast.x_m[0]), float(robot.forecast.y_m[0]))
+        self._rests.stands(uuid, robot.vendor, self.live.floors[floor], at)
 
     def _sweep_again(self, uuids: set[str]) -> None:
         keys = [uuid for uuid in sorted(uuids) if uuid in self.live.robots]
@@ -139,6 +150,7 @@ class Engine:
             key = (one.kind, one.severity.value)
             open_now[key] = open_now.get(key, 0) + 1
         self.measures.level("deconflict_advisories_open", open_now)
+        self.measures.level("deconflict_datum_drift_meters", self._rests.drift_m())
         self.measures.level("deconflict_conflicts", {(): len(conflicts.pairs)})
         self.measures.count("deconflict_sweep_segment_pairs_total", by=conflicts.segment_pairs)
         self.measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)

@@ -212,6 +212,7 @@ VENDORS = Dashboard(
                     (Query(_WITHIN, "{{vendor}}"),),
                     warn_below=OBJECTIVE_SHARE,
                 ),
+                _each("Drift of the frame", "m", "deconflict_datum_drift_meters", "vendor", warn_above=0.2),
                 _each("Time to a destination over the time told", "short", "deconflict_arrival_time_ratio", "vendor"),
                 Panel(
                     "Conflicts that did not come about, of those ended in an hour",

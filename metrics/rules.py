@@ -135,6 +135,15 @@ ALERTS = (
         "A steady offset is corrected; one that moves makes forecasts early or late.",
     ),
     Alert(
+        "DeconflictDatumDrift",
+        f"{level('deconflict_datum_drift_meters', VENDOR, over='max')} > 0.2",
+        "30m",
+        "ticket",
+        "The frame of {{ $labels.vendor }} has drifted",
+        'Robots of {{ $labels.vendor }} now come to rest at docks and chargers {{ printf "%.2f" $value }} m from where '
+        "they did at first. Their positions, and forecasts, are off by as much.",
+    ),
+    Alert(
         "DeconflictNuisanceRate",
         f"vendor:deconflict_nuisance:ratio_increase1h > 0.5 and on (vendor) ({increase(_ENDED, '1h', VENDOR)} > 10)",
         "15m",

@@ -34,6 +34,7 @@ ROBOTS = 'deconflict_robots{vendor="Acme",state="navigating"}'
 DEVIATIONS = 'deconflict_deviations_total{vendor="Acme",rule="clock-off"}'
 REJECTED = 'deconflict_messages_total{vendor="Acme",result="rejected"}'
 OFFSET = 'deconflict_clock_offset_seconds{vendor="Acme"}'
+DRIFT = 'deconflict_datum_drift_meters{vendor="Acme"}'
 MET = 'deconflict_conflicts_ended_total{vendor="Acme",outcome="met"}'
 NOT_MET = 'deconflict_conflicts_ended_total{vendor="Acme",outcome="not_met"}'
 WITHIN = f'deconflict_message_to_advisory_seconds_bucket{{vendor="Acme",le="{OBJECTIVE_S}"}}'
@@ -59,6 +60,8 @@ CASES = [
     Case("DeconflictConformanceWorsening", 180, None, {HEALTHY: "0+600x200", DEVIATIONS: "0+600x200"}),
     Case("DeconflictClockDrift", 60, ACME, {OFFSET: "-3+0.02x60"}),
     Case("DeconflictClockDrift", 60, None, {OFFSET: "-3x60"}),
+    Case("DeconflictDatumDrift", 60, ACME, {DRIFT: "0.05x10 0.4x60"}),
+    Case("DeconflictDatumDrift", 60, None, {DRIFT: "0.15x60"}),
     Case("DeconflictNuisanceRate", 90, ACME, {MET: "0+1x100", NOT_MET: "0+2x100"}),
     Case("DeconflictNuisanceRate", 90, None, {MET: "0+2x100", NOT_MET: "0+1x100"}),
     Case("DeconflictNuisanceRate", 90, None, {MET: "0x100", NOT_MET: "0x60 0+0.2x40"}),

@@ -1,0 +1,75 @@
+"""Whether a vendor's frame has drifted: docks and chargers are marks that its robots come to rest at again and again.
+
+Where robots of a vendor rest at a resource at first is the mark; how far they later rest from it, in the middle over
+all its resources, is the drift. A dock that was moved shifts only its own rests, a robot that parks badly only one.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import hypot
+from statistics import median
+
+import shapely
+from shapely import Polygon
+
+from deconflict.contention.resources import Resource
+
+FIRST = 10
+"""Rests at one resource that make its mark."""
+LATER, FEWEST = 30, 10
+"""Of a vendor's rests after that, so many of the newest count, and from so many on."""
+MARKS = ("charger", "dock")
+
+Spot = tuple[float, float]
+
+
+@dataclass(slots=True, eq=False)
+class Rests:
+    """Keeps, for each vendor, a mark at each resource and the newest offsets from it."""
+
+    _places: dict[str, list[tuple[str, Polygon]]]
+    """Datum to the resources on it."""
+    _resting: set[str] = field(default_factory=set)
+    _firsts: dict[tuple[str, str], list[Spot]] = field(default_factory=dict)
+    """Vendor and resource to its first rests."""
+    _offsets: dict[str, deque[Spot]] = field(default_factory=dict)
+
+    @classmethod
+    def at(cls, resources: Iterable[Resource]) -> "Rests":
+        places: dict[str, list[tuple[str, Polygon]]] = {}
+        for one in resources:
+            if one.kind in MARKS:
+                places.setdefault(one.datum, []).append((one.id, Polygon(one.polygon)))
+        return cls(places)
+
+    def moves(self, uuid: str) -> None:
+        """The robot drives, or has left."""
+        self._resting.discard(uuid)
+
+    def stands(self, uuid: str, vendor: str, datum: str, at: Spot) -> None:
+        """The robot stands at a place, metres in the datum's frame; counts once until it moves."""
+        if uuid in self._resting:
+            return
+        self._resting.add(uuid)
+        point = shapely.Point(at)
+        for resource, outline in self._places.get(datum, ()):
+            if outline.contains(point):
+                self._rested(vendor, resource, at)
+
+    def drift_m(self) -> dict[tuple[str, ...], float]:
+        """By vendor, how far its robots now rest from the marks; only those that rested often enough."""
+        return {
+            (vendor,): hypot(median(x for x, _ in offsets), median(y for _, y in offsets))
+            for vendor, offsets in self._offsets.items()
+            if len(offsets) >= FEWEST
+        }
+
+    def _rested(self, vendor: str, resource: str, at: Spot) -> None:
+        firsts = self._firsts.setdefault((vendor, resource), [])
+        if len(firsts) < FIRST:
+            firsts.append(at)
+            return
+        mark = (median(x for x, _ in firsts), median(y for _, y in firsts))
+        offsets = self._offsets.setdefault(vendor, deque(maxlen=LATER))
+        offsets.append((at[0] - mark[0], at[1] - mark[1]))

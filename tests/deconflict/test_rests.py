@@ -1,0 +1,87 @@
+from random import Random
+
+import pytest
+
+from deconflict.contention.resources import Resource
+from deconflict.engine import Engine
+from deconflict.rests import FEWEST, FIRST, Rests
+from deconflict.site import Site
+from ingest.connection import Connection
+from ingest.fleet import Fleet
+from ingest.frames import Frames
+from ingest.measures import Measures
+from ingest.quarantine import Quarantine
+from ingest.settings import Datum
+from ingest.vendors import Vendors
+from tests.saying import HALL, identity, points, status
+
+NOW_S = 1_792_000_000.0
+DOCKS = tuple(
+    Resource(kind="dock", id=f"dock-{x}", datum=HALL, polygon=((x, 0), (x + 2, 0), (x + 2, 2), (x, 2)))
+    for x in (0, 10, 20)
+)
+
+
+def rest(rests: Rests, dock: int, x_m: float, y_m: float, vendor: str = "Acme") -> None:
+    """A robot comes to a dock, stands, says so twice, and goes."""
+    at = (10 * dock + 1 + x_m, 1 + y_m)
+    rests.stands("A-1", vendor, HALL, at)
+    rests.stands("A-1", vendor, HALL, at)
+    rests.moves("A-1")
+
+
+def settled(spread_m: float = 0.05) -> tuple[Rests, Random]:
+    """Every dock has its mark."""
+    rests, rng = Rests.at(DOCKS), Random(3)
+    for _ in range(FIRST):
+        for dock in range(3):
+            rest(rests, dock, rng.gauss(0, spread_m), rng.gauss(0, spread_m))
+    return rests, rng
+
+
+def test_a_frame_that_has_shifted_is_seen_by_how_much() -> None:
+    rests, rng = settled()
+    assert rests.drift_m() == {}
+    for row in range(30):
+        rest(rests, row % 3, 0.3 + rng.gauss(0, 0.05), -0.4 + rng.gauss(0, 0.05))
+    assert rests.drift_m()["Acme",] == pytest.approx(0.5, abs=0.04)
+
+
+def test_a_frame_that_stays_does_not_drift() -> None:
+    rests, rng = settled()
+    for row in range(60):
+        rest(rests, row % 3, rng.gauss(0, 0.05), rng.gauss(0, 0.05))
+    assert rests.drift_m()["Acme",] < 0.05
+
+
+def test_one_dock_that_was_moved_is_no_drift() -> None:
+    rests, rng = settled()
+    for row in range(60):
+        rest(rests, row % 3, (0.6 if row % 3 == 0 else 0.0) + rng.gauss(0, 0.05), rng.gauss(0, 0.05))
+    assert rests.drift_m()["Acme",] < 0.1
+
+
+def test_it_takes_enough_rests_and_each_vendor_has_its_own_marks() -> None:
+    rests, _ = settled()
+    for _ in range(FEWEST - 1):
+        rest(rests, 0, 0.5, 0.0)
+    rest(rests, 0, 0.5, 0.0, vendor="Bolt")
+    assert rests.drift_m() == {}
+    rest(rests, 0, 0.5, 0.0)
+    assert set(rests.drift_m()) == {("Acme",)}
+
+
+def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
+    site = Site(datums=(Datum(id=HALL, name="Hall"),), resources=DOCKS)
+    fleet = Fleet(Vendors(()), Frames(site.datums, ()), site.reading, Measures(), Quarantine())
+    engine, t_s, line = Engine(site), NOW_S, Connection(1)
+    fleet.receive(identity("A-1", t_s), t_s, line)
+    for row in range(FIRST + FEWEST):
+        x_m = 1.0 if row < FIRST else 1.4
+        away = points((t_s + 5, 8.0, 8.0, 0.0))
+        for said in (status("A-1", t_s, 5.0, 8.0, path=away), status("A-1", t_s + 20, x_m, 1.0)):
+            fleet.receive(said, t_s, line)
+            engine.receive(fleet.cut(t_s))
+            engine.step(t_s)
+            t_s += 20
+    assert engine.measures.values["deconflict_datum_drift_meters"]["Alder",] == pytest.approx(0.4)
