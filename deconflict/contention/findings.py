@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from deconflict.advisory import Location, Severity, Wait
+from deconflict.advisory import Location, Recommendation, Severity, Wait
 from deconflict.contention.blockages import Blocked
 from deconflict.contention.deadlocks import Link
 from deconflict.contention.demand import Turn, free_at_s, longest_queue
@@ -15,9 +15,15 @@ SOON_S = 30.0
 
 
 def contention(
-    geometry: Geometry, place: str, turns: Sequence[Turn], capacity: int, robots: Mapping[str, Seen], now_s: float
+    geometry: Geometry,
+    place: str,
+    turns: Sequence[Turn],
+    advice: Recommendation | None,
+    robots: Mapping[str, Seen],
+    now_s: float,
 ) -> Finding:
     """More robots will want a place than it takes."""
+    capacity = geometry.capacity(place)
     waiting = sorted((turn for turn in turns if turn.wait_s > 0), key=lambda turn: turn.request.arrival_s)
     first_s = max(waiting[0].request.arrival_s, now_s)
     there = [turn for turn in turns if turn.request.arrival_s <= first_s < turn.end_s]
@@ -33,9 +39,29 @@ def contention(
         predicted_s=first_s,
         location=_location(geometry, place),
         summary=f"{who} will find {geometry.label(place)} taken {_when(first_s - now_s)} and wait up to "
-        f"{longest_s:.0f} s{free}",
+        f"{longest_s:.0f} s{free}{_advised(geometry, place, waiting, advice, robots)}",
         evidence=_queue_evidence(geometry, place, capacity, len(there), queue, longest_s),
+        recommendation=advice,
     )
+
+
+def _advised(
+    geometry: Geometry,
+    place: str,
+    waiting: Sequence[Turn],
+    advice: Recommendation | None,
+    robots: Mapping[str, Seen],
+) -> str:
+    """What a site service should do, where that is not just to wait in the order of arrival."""
+    if advice is None or advice.expected_saving_s < 1:
+        return ""
+    bound = {turn.request.robot for turn in waiting}
+    others = [slot for slot in advice.slots if slot.resource != place and slot.robot in bound]
+    told = [f"{robots[slot.robot].name} should take {geometry.label(slot.resource)}" for slot in others]
+    first = next((slot for slot in advice.slots if slot.resource == place and slot.robot in bound), None)
+    if not told and first:
+        told = [f"{robots[first.robot].name} should go first"]
+    return "".join(f"; {one}" for one in told[:2]) + f", which saves {advice.expected_saving_s:.0f} s in all"
 
 
 def double_occupancy(

@@ -79,6 +79,10 @@ class Geometry:
         found = self.resources.get(place) or self.zones.get(place)
         return found.label if found else place
 
+    def capacity(self, place: str) -> int:
+        found = self.resources.get(place)
+        return found.capacity if found else self.zones[place].capacity
+
     def middle(self, place: str) -> tuple[str, float, float]:
         """Datum, x and y of a point inside."""
         return self._middles[place]

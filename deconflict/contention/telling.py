@@ -193,6 +193,10 @@ def _differs(before: Told, told: dict[str, Any], now_s: float) -> bool:
     return [(one.waiter, one.holder) for one in told["cycle"]] != [(one.waiter, one.holder) for one in before.cycle]
 
 
+def _order(advice: Recommendation | None) -> list[tuple[str, str]]:
+    return [(slot.robot, slot.resource) for slot in advice.slots] if advice else []
+
+
 def _cleared(before: Told, now_s: float) -> Told:
     return before.model_copy(
         update={

@@ -9,6 +9,7 @@ from math import inf
 
 from deconflict.advisory import AnyAdvisory
 from deconflict.contention import findings
+from deconflict.contention.advising import Advising
 from deconflict.contention.blockages import blockages
 from deconflict.contention.congestion import Flow
 from deconflict.contention.deadlocks import Link, rings
@@ -43,6 +44,7 @@ class Contention:
         self._settings, self._measures = settings, measures
         self._telling = Telling(settings.clear_after_s, restored)
         self._dwells = {one.id: Dwells(one) for one in self.geometry.resources.values()}
+        self._advising = Advising(self.geometry)
         self._flows = {one.id: Flow(one.capacity) for one in self.geometry.zones.values()}
         self._inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
         self._looked_s = -inf
@@ -103,7 +105,7 @@ class Contention:
         for one in self.robots.seen.values():
             for request, resource in self._coming(one, now_s):
                 wanted.setdefault(resource, []).append(request)
-        return {place: first_come(wanted[place], self._capacity(place), now_s) for place in sorted(wanted)}
+        return {place: first_come(wanted[place], self.geometry.capacity(place), now_s) for place in sorted(wanted)}
 
     def _kept(self, leg: Leg, now_s: float) -> Request:
         """What a robot has now, for as long as it says, or else as long as robots usually stay."""
@@ -127,21 +129,23 @@ class Contention:
                 service_s = max(after.t_s - away_s - stop.t_s, 1.0)
             yield Request(one.uuid, one.vendor, stop.t_s, stop.spread_s, service_s), stop.resource
 
-    def _capacity(self, place: str) -> int:
-        found = self.geometry.resources.get(place)
-        return found.capacity if found else self.geometry.zones[place].capacity
-
     def _contended(self, now_s: float) -> Iterable[Finding]:
-        for place, turns in self._turns.items():
-            if max((turn.wait_s for turn in turns), default=0.0) >= self._settings.least_wait_s:
-                yield findings.contention(self.geometry, place, turns, self._capacity(place), self.robots.seen, now_s)
+        """Places where somebody will wait long, with the slots that would cost least."""
+        long = self._settings.least_wait_s
+        contended = [place for place, turns in self._turns.items() if any(turn.wait_s >= long for turn in turns)]
+        self._advising.begin(contended)
+        for place in contended:
+            advice = self._advising.slots(place, self._turns, now_s)
+            yield findings.contention(self.geometry, place, self._turns[place], advice, self.robots.seen, now_s)
 
     def _doubled(self, now_s: float) -> Iterable[Finding]:
         """Places with more robots inside than they take."""
         for place, turns in self._turns.items():
             inside = tuple(sorted(turn.request.robot for turn in turns if turn.request.inside))
-            if len(inside) > self._capacity(place):
-                yield findings.double_occupancy(self.geometry, place, turns, self._capacity(place), inside, now_s)
+            if len(inside) > self.geometry.capacity(place):
+                yield findings.double_occupancy(
+                    self.geometry, place, turns, self.geometry.capacity(place), inside, now_s
+                )
 
     def _locked(self, every: list[Seen], journeys: list[Leg], now_s: float) -> Iterable[Finding]:
         """Rings of waits, and blockers of robots that are in none."""

@@ -59,7 +59,7 @@ class Script:
     knots: Sequence[tuple[float, float, float]]
     """Seconds since the start, x, y."""
     destinations: Sequence[tuple[float, float, float]] = ()
-    """The same, told while they are ahead."""
+    """The same, told until it is there."""
     state: Callable[[float], str] = lambda _: "navigating"
     vendor: str = "Alder"
     datum: str = HALL
@@ -84,15 +84,19 @@ class Script:
                 return atan2(b[2] - a[2], b[1] - a[1])
         return 0.0
 
-    def says(self, name: str, t: float) -> bytes:
+    def says(self, name: str, t: float, start_s: float = NOW_S) -> bytes:
         x, y, yaw = self.at(t)
         state = self.state(t)
         extra: dict[str, Any] = {"operationalState": state, "destinations": None}
-        if ahead := [(NOW_S + at, to_x, to_y, 0.0) for at, to_x, to_y in self.destinations if at > t]:
+        if ahead := [
+            (start_s + at, to_x, to_y, 0.0)
+            for at, to_x, to_y in self.destinations
+            if at > t or hypot(to_x - x, to_y - y) > 0.5
+        ]:
             extra["destinations"] = points(*ahead)
         if state == "navigating":
-            extra["path"] = points(*((NOW_S + t + i, *self.at(t + i, self.means)) for i in range(1, 11)))
-        said = status(name, NOW_S + t, x, y, yaw, **extra)
+            extra["path"] = points(*((start_s + t + i, *self.at(t + i, self.means)) for i in range(1, 11)))
+        said = status(name, start_s + t, x, y, yaw, **extra)
         return said.replace(HALL.encode(), self.datum.encode())
 
 

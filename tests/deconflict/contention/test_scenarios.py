@@ -102,16 +102,48 @@ def test_a_chain_whose_last_robot_has_a_free_place_to_go_to_is_no_deadlock() -> 
     assert raised(Scene(docks, robots).run(5), "deadlock") == []
 
 
-def test_a_lift_with_a_twin_standing_free_is_contended_all_the_same() -> None:
-    lifts = [
-        resource(name, x, 0, kind="lift", group="lifts", service_s=60.0, floors=())
-        for name, x in (("l1", 0), ("l2", 8))
-    ]
-    robots = {"A": standing(0, 0), "B": Script([(0, 0, 30), (25, 0, 5)], [(30, 0, 0)])}
-    (one,) = raised(Scene(site(*lifts), robots).run(5), "contention")
+def test_a_lift_with_a_twin_standing_free_is_contended_and_its_twin_advised() -> None:
+    (one,) = raised(two_lifts().run(5), "contention")
     assert isinstance(one, ContentionAdvisory)
     assert (one.resource, one.capacity, one.queue_length) == ("l1", 1, 1)
     assert one.wait_s == pytest.approx(30, abs=4)
+    assert one.recommendation
+    (slot,) = one.recommendation.slots
+    assert (slot.robot, slot.resource, slot.wait_s) == (robot("B"), "l2", 0.0)
+    assert one.recommendation.first_come_cost_s == pytest.approx(one.wait_s, abs=1)
+    assert one.summary.endswith("Alder B should take l2, which saves 30 s in all")
+
+
+def two_lifts() -> Scene:
+    lifts = [resource(name, x, 0, kind="lift", group="lifts", service_s=60.0) for name, x in (("l1", 0), ("l2", 8))]
+    robots = {"A": standing(0, 0), "B": Script([(0, 0, 30), (30, 0, 0)], [(30, 0, 0)])}
+    return Scene(site(*lifts), robots)
+
+
+def test_a_robot_that_follows_the_advice_waits_no_longer_than_promised() -> None:
+    scene = two_lifts()
+    (one,) = raised(scene.run(5), "contention")
+    assert one.recommendation
+    (slot,) = one.recommendation.slots
+    scene.robots["B"] = Script([(5, 0, 25), (30, 8, 0), (60, 8, 0)], [(30, 8, 0)])
+    told = scene.run(45, from_s=5)
+    (over,) = cleared(told, "contention")
+    assert over.id == one.id
+    assert over.updated_at.timestamp() - NOW_S < 12, "once it has told its new destination"
+    assert slot.start_at.timestamp() - NOW_S == pytest.approx(30, abs=1)
+    occupied = scene.engine.measures.values["deconflict_resource_occupancy"]
+    assert (occupied["l1",], occupied["l2",]) == (1, 1)
+    assert raised(told, "double_occupancy") == []
+
+
+def test_a_robot_that_ignores_the_advice_keeps_the_advisory_open_until_its_wait_is_over() -> None:
+    scene = two_lifts()
+    scene.robots["A"] = Script([(0, 0, 0), (58, 0, 0), (66, 0, -8)])
+    scene.robots["B"] = Script([(0, 0, 30), (27, 0, 3), (68, 0, 3), (71, 0, 0)], [(30, 0, 0)])
+    told = scene.run(85)
+    assert len({one.id for one in told if one.kind == "contention"}) == 1
+    (over,) = cleared(told, "contention")
+    assert 40 < over.updated_at.timestamp() - NOW_S < 70
 
 
 def test_a_queue_for_a_charger_is_told_with_its_length_and_wait_before_anybody_is_there() -> None:

@@ -1,0 +1,68 @@
+"""Advice for queues: slots that cost least in total, worked out anew only when it matters."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from deconflict.advice.slots import Queue, advise_slots
+from deconflict.advisory import Recommendation
+from deconflict.contention.demand import Request, Turn
+from deconflict.contention.geometry import Geometry
+
+AGAIN_S = 10.0
+"""Advice is worked out anew when who waits has changed, or after this time."""
+MOST_SOLVED = 2
+"""Groups of places in one look; the others keep what was advised, or wait for the next look."""
+EFFORT = 0.05
+"""Of the solver's deterministic time, for one group."""
+
+Signature = tuple[tuple[str, frozenset[str], frozenset[str]], ...]
+"""Of each place of a group: who waits for it, who has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Advised:
+    signature: Signature
+    at_s: float
+    advice: Recommendation
+
+
+class Advising:
+    """What was advised for each group of interchangeable places, by its first place."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        self._geometry = geometry
+        self._advised: dict[str, _Advised] = {}
+        self._solved = 0
+
+    def begin(self, contended: Sequence[str]) -> None:
+        """A look begins, with these places contended; what was advised for others is forgotten."""
+        self._solved = 0
+        kept = {self._group(place)[0] for place in contended}
+        self._advised = {place: one for place, one in self._advised.items() if place in kept}
+
+    def slots(self, place: str, turns: Mapping[str, Sequence[Turn]], now_s: float) -> Recommendation | None:
+        """The slots advised for everybody who waits for `place` or for one that can stand in for it."""
+        group = self._group(place)
+        requests = {one: [turn.request for turn in turns.get(one, ())] for one in group}
+        signature = tuple((one, _robots(requests[one], False), _robots(requests[one], True)) for one in group)
+        before = self._advised.get(group[0])
+        if before and before.signature == signature and now_s - before.at_s < AGAIN_S:
+            return before.advice
+        if self._solved == MOST_SOLVED:
+            return before.advice if before else None
+        self._solved += 1
+        queues = [Queue(one, self._geometry.capacity(one), tuple(requests[one])) for one in group]
+        advice = advise_slots(queues, now_s, standing=before.advice if before else None, effort=EFFORT)
+        self._advised[group[0]] = _Advised(signature, now_s, advice)
+        return advice
+
+    def _group(self, place: str) -> list[str]:
+        """The places that can stand in for one another, in the order of the site file."""
+        found = self._geometry.resources.get(place)
+        if found is None or not found.group:
+            return [place]
+        return [one.id for one in self._geometry.resources.values() if one.group == found.group]
+
+
+def _robots(requests: Sequence[Request], inside: bool) -> frozenset[str]:
+    return frozenset(one.robot for one in requests if one.inside is inside)

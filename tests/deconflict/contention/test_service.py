@@ -1,0 +1,92 @@
+"""Contention through the whole service: real sockets in, the stored advisories and the metrics out."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+from websockets.asyncio.client import connect
+
+from deconflict.service import in_one_process
+from deconflict.site import Operator
+from ingest.settings import Receiver
+from metrics.exposition import render
+from tests.deconflict.contention.scenes import Script, aisle, resource, site
+from tests.saying import identity, robot
+
+SITE = site(
+    aisle("lane", -8, 12),
+    resource("c1", 0, 40, kind="charger", service_s=100.0),
+    receiver=Receiver(port=0),
+    operator=Operator(port=0),
+)
+
+
+def scripts() -> dict[str, Script]:
+    """Two that drive into a lane from both ends, and two that wait for a charger that a third one has."""
+
+    def waits(_: float) -> str:
+        return "waitingExternalEvent"
+
+    return {
+        "A": Script([(0, -14, 0), (60, 46, 0)]),
+        "B": Script([(0, 18, 0), (60, -42, 0)], vendor="Corvid"),
+        "C": Script([(0, 0, 40)], state=lambda _: "charging"),
+        "D": Script([(0, 30, 40)], [(60, 0, 40)], state=waits),
+        "E": Script([(0, 30, 50)], [(70, 0, 40)], vendor="Basalt", state=waits),
+    }
+
+
+@asynccontextmanager
+async def running(data: Path) -> AsyncIterator[tuple[str, str]]:
+    """The robots' address and the operators'."""
+    async with in_one_process(SITE, data, render) as (receiver, operator):
+        yield f"ws://127.0.0.1:{receiver.receiver.port}", f"http://127.0.0.1:{operator.port}"
+
+
+async def drive(url: str, start_s: float) -> None:
+    """Everybody reports twice a second until cancelled."""
+    async with connect(url) as socket:
+        for name, one in scripts().items():
+            await socket.send(identity(name, start_s, manufacturerName=one.vendor))
+        while True:
+            for name, one in scripts().items():
+                await socket.send(one.says(name, time.time() - start_s, start_s))
+            await asyncio.sleep(0.5)
+
+
+async def until(url: str, *kinds: str) -> dict[str, Any]:
+    """The first open advisory of each kind, once there are some of all."""
+    async with httpx.AsyncClient() as client, asyncio.timeout(20):
+        while True:
+            answer = await client.get(f"{url}/advisories")
+            found = {one["kind"]: one for one in reversed(answer.json()["advisories"])} if answer.is_success else {}
+            if found.keys() >= set(kinds):
+                return found
+            await asyncio.sleep(0.1)
+
+
+async def test_a_deadlock_and_a_queue_are_told_ahead_and_keep_their_ids_over_a_restart(tmp_path: Path) -> None:
+    start_s = time.time()
+    async with running(tmp_path) as (robots, operator):
+        driving = asyncio.create_task(drive(robots, start_s))
+        found = await until(operator, "deadlock", "contention")
+        assert set(found["deadlock"]["robots"]) == {robot("A"), robot("B")}
+        assert {one["where"] for one in found["deadlock"]["cycle"]} == {"lane"}
+        assert found["deadlock"]["time_to_conflict_s"] > 3
+        assert (found["contention"]["resource"], found["contention"]["queue_length"]) == ("c1", 2)
+        assert found["contention"]["recommendation"]["slots"]
+        async with httpx.AsyncClient() as client:
+            text = (await client.get(f"{operator}/metrics")).text
+        assert 'deconflict_resource_occupancy{resource="c1"} 1.0' in text
+        driving.cancel()
+    async with running(tmp_path) as (robots, operator):
+        driving = asyncio.create_task(drive(robots, start_s))
+        again = await until(operator, "deadlock", "contention")
+        assert {kind: again[kind]["id"] for kind in found} == {kind: found[kind]["id"] for kind in found} | {
+            kind: again[kind]["id"] for kind in found if kind == "conflict"
+        }
+        driving.cancel()
