@@ -4,10 +4,10 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -15,6 +15,9 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from deconflict import site, whatif
 from ingest.playback import Event, Reader, segments
 from metrics import compare, conform, report
+
+if TYPE_CHECKING:
+    from metrics.replay import Tell, Watch
 
 TOLD_EVERY = 500
 """Lines between two looks at how far the progress bar has come."""
@@ -32,6 +35,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     again.add_argument("--json", type=Path, metavar="OUT.json", help="write the scores here, not to standard output")
     again.add_argument("--html", type=Path, metavar="OUT.html", help="a report for people, in one file")
     again.add_argument("--advisories", type=Path, metavar="OUT.jsonl", help="what the live stream would have said")
+    again.add_argument("--mcap", type=Path, metavar="OUT.mcap", help="envelopes and advisories for robot viewers")
     again.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"), help="say what a change did")
     again.set_defaults(run=_replay)
 
@@ -60,9 +64,9 @@ def _replay(args: argparse.Namespace) -> int:
     settings = _settings(args)
     reader, clearances_m = Reader(), args.clearance or [settings.conflict.clearance_m]
     with ExitStack() as files:
-        lines = files.enter_context(args.advisories.open("w")) if args.advisories else None
+        tell, watch = _outputs(args, files)
         events = files.enter_context(_shown(reader, args.logs))
-        result = replay(reader, events, settings, clearances_m, _writer(lines))
+        result = replay(reader, events, settings, clearances_m, tell=tell, watch=watch)
     if args.html:
         title = f"Replay of {', '.join(log.name for log in args.logs)}"
         args.html.write_text(report.page(result, title), encoding="utf-8")
@@ -103,10 +107,26 @@ def _text(result: dict[str, Any]) -> str:
     return json.dumps(result, indent=2) + "\n"
 
 
-def _writer(lines: IO[str] | None) -> Callable[[dict[str, Any]], None] | None:
-    if lines is None:
-        return None
-    return lambda line: lines.writelines((json.dumps(line), "\n"))
+def _outputs(args: argparse.Namespace, files: ExitStack) -> "tuple[Tell | None, Watch | None]":
+    """What is called with each advisory line and with each batch, writing to files that `files` closes."""
+    tellers: list[Tell] = []
+    watch: Watch | None = None
+    if args.advisories:
+        lines = files.enter_context(args.advisories.open("w"))
+        tellers.append(lambda line: lines.writelines((json.dumps(line), "\n")))
+    if args.mcap:
+        from metrics.mcap_export import Export  # noqa: PLC0415 - only where it is asked for
+
+        export = Export(files.enter_context(args.mcap.open("wb")))
+        files.callback(export.finish)
+        tellers.append(export.tell)
+        watch = export.watch
+
+    def tell(line: dict[str, Any]) -> None:
+        for teller in tellers:
+            teller(line)
+
+    return tell if tellers else None, watch
 
 
 @contextmanager

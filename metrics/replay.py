@@ -29,6 +29,7 @@ FORESEEN_S = 10.0
 
 Line = dict[str, Any]
 Tell = Callable[[Line], None]
+Watch = Callable[[float, Batch], None]
 
 
 def with_ticks(events: Iterable[Event]) -> Iterator[Event]:
@@ -98,7 +99,7 @@ class Run:
 class Replay:
     """One log through one fleet and an engine for each clearance."""
 
-    def __init__(self, site: Site, clearances_m: Iterable[float], tell: Tell | None = None) -> None:
+    def __init__(self, site: Site, clearances_m: Iterable[float], tell: Tell | None, watch: Watch | None) -> None:
         self.runs = [Run(site, clearance_m) for clearance_m in clearances_m]
         self.fleet: Fleet = fleet_of(site, Measures())
         self.truth = Truth([run.clearance_m for run in self.runs])
@@ -107,7 +108,7 @@ class Replay:
         """By robot that has said where it is."""
         self.messages = 0
         self.first_s, self.last_s = inf, -inf
-        self._tell = tell
+        self._tell, self._watch = tell, watch
         self._everything = False
 
     def take(self, event: Event) -> None:
@@ -146,6 +147,8 @@ class Replay:
         self.truth.report(batch.robots, batch.forecasts)
         self.forecasts.take(batch.robots, [self._maker(robot) for robot in batch.robots], batch.forecasts)
         self.forecasts.advance(now_s)
+        if self._watch:
+            self._watch(now_s, batch)
         revisions = [one for run in self.runs for one in run.step(batch, now_s)]
         if self._tell:
             for one in sorted(revisions, key=lambda each: (each.clearance_m, each.id)):
@@ -185,14 +188,20 @@ class Replay:
 
 
 def replay(
-    reader: Reader, events: Iterable[Event], site: Site, clearances_m: Iterable[float], tell: Tell | None = None
+    reader: Reader,
+    events: Iterable[Event],
+    site: Site,
+    clearances_m: Iterable[float],
+    *,
+    tell: Tell | None = None,
+    watch: Watch | None = None,
 ) -> dict[str, Any]:
     """Scores of every clearance over the events that `reader` reads.
 
-    `tell` is called with what the live stream would have said, as it is said. `speed_x_real_time` is the one value
-    that differs from run to run.
+    `tell` is called with what the live stream would have said, as it is said, and `watch` with the time and the batch
+    of each pass. `speed_x_real_time` is the one value that differs from run to run.
     """
-    run = Replay(site, clearances_m, tell)
+    run = Replay(site, clearances_m, tell, watch)
     began = time.perf_counter()
     for event in with_ticks(events):
         run.take(event)
@@ -221,4 +230,5 @@ def advisory_line(one: ConflictAdvisory) -> Line:
         "severity": one.severity.value,
         "time_to_conflict_s": one.time_to_conflict_s,
         "min_separation_m": one.min_separation_m,
+        "summary": one.summary,
     }
