@@ -12,6 +12,7 @@ from pathlib import Path
 
 from deconflict import access, demo, descriptions, schema, site
 from deconflict.check import check
+from deconflict.contention.suggest import suggested
 from deconflict.importers import reading
 from deconflict.importers.plan import PlanError
 from deconflict.link import PortTakenError
@@ -58,6 +59,13 @@ def parser() -> argparse.ArgumentParser:
     take.add_argument("file", type=Path, metavar="FILE")
     take.add_argument("--width", type=float, default=reading.WIDTH_M, metavar="M", help="of lanes and places, metres")
     take.set_defaults(run=_site_import)
+
+    propose = plans.add_parser("suggest", help="resources where robots of a recorded log keep standing, to paste")
+    propose.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
+    propose.add_argument(
+        "--site", type=Path, metavar="SITE.toml", help="how to read the log, and what is known already"
+    )
+    propose.set_defaults(run=_site_suggest)
 
     pretend = commands.add_parser("simulate", help="simulated vendors that talk to a running service")
     pretend.add_argument("--url", default="ws://127.0.0.1:3000", help="the service's robots' port")
@@ -151,6 +159,11 @@ def _demo(args: argparse.Namespace) -> int:
 
 def _site_import(args: argparse.Namespace) -> int:
     sys.stdout.write(reading.imported(args.file, args.width))
+    return 0
+
+
+def _site_suggest(args: argparse.Namespace) -> int:
+    sys.stdout.write(suggested(args.logs, site.load(args.site) if args.site else site.DEFAULT))
     return 0
 
 

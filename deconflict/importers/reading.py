@@ -60,11 +60,12 @@ def toml(one: Drawn, head: str) -> str:
 def _sections(one: Drawn) -> Iterator[str]:
     for heading, sections in (("datums", one.datums), ("resources", one.resources), ("zones", one.zones)):
         for section in sections:
-            yield f"\n[[{heading}]]"
-            yield from _keys(section)
+            yield from section_lines(heading, section)
 
 
-def _keys(section: Section) -> Iterator[str]:
+def section_lines(heading: str, section: Section) -> Iterator[str]:
+    """One section as TOML, keys with their default left out."""
+    yield f"\n[[{heading}]]"
     for key, value in section.model_dump(mode="json", exclude_defaults=True).items():
         yield f"{key} = {_value(value)}"
 
