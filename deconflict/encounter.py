@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 from math import atan2, hypot, pi
 
-from shapely import shortest_line
-
 from deconflict.advisory import EncounterClass
-from deconflict.pose import Pose, envelope, pose_at
+from deconflict.nearest import Box, nearest
+from deconflict.pose import Pose, pose_at
 from ingest.angles import turn_between
 from ingest.seam import Forecasts
 
@@ -30,13 +29,12 @@ class Encounter:
 def encounter(a: Forecasts, b: Forecasts, contact_s: float) -> Encounter:
     """How two robots, one forecast each, meet at `contact_s`; the place is midway between their envelopes there."""
     pose_a, pose_b = pose_at(a, contact_s), pose_at(b, contact_s)
-    gap = shortest_line(envelope(a, pose_a), envelope(b, pose_b))
-    place = gap.interpolate(0.5, normalized=True)
+    _, (x_m, y_m) = nearest(_box(a, pose_a), _box(b, pose_b))
     return Encounter(
         encounter_class=_class_of(pose_a, pose_b),
         closing_speed_mps=_closing_mps(pose_a, pose_b),
-        x_m=float(place.x),
-        y_m=float(place.y),
+        x_m=x_m,
+        y_m=y_m,
         floor=pose_a.floor,
     )
 
@@ -46,7 +44,11 @@ def separation_m(a: Forecasts, b: Forecasts, t_s: float) -> float | None:
     pose_a, pose_b = pose_at(a, t_s), pose_at(b, t_s)
     if pose_a.floor != pose_b.floor or pose_a.floor < 0:
         return None
-    return float(envelope(a, pose_a).distance(envelope(b, pose_b)))
+    return nearest(_box(a, pose_a), _box(b, pose_b))[0]
+
+
+def _box(forecast: Forecasts, pose: Pose) -> Box:
+    return Box(pose.x_m, pose.y_m, pose.yaw_rad, float(forecast.length_m[0]) / 2, float(forecast.width_m[0]) / 2)
 
 
 def _class_of(a: Pose, b: Pose) -> EncounterClass:
