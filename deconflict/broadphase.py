@@ -93,12 +93,17 @@ def _overlap(a: Any, b: Any) -> bool:
 
 
 @inner
-def _held_against(row: Row, slot: int, others: Ints, begin: int, end: int, asking: Bools, found: Pairs, n: int) -> int:
-    """Add the pairs of `slot` with those of `others[begin:end]` that it overlaps; two that ask count once."""
+def _held_against(
+    row: Row, slot: int, others: Ints, theirs: Row, begin: int, end: int, asking: Bools, found: Pairs, n: int
+) -> int:
+    """Add the pairs of `slot` with those of `others[begin:end]` that it overlaps; two that ask count once.
+
+    `theirs` are the boxes of `others`.
+    """
     box = row[slot]
     for at in range(begin, end):
         other = others[at]
-        if _overlap(box, row[other]) and (other > slot or (other < slot and not asking[other])):
+        if _overlap(box, theirs[at]) and (other > slot or (other < slot and not asking[other])):
             found[n].a, found[n].b = slot, other
             n += 1
     return n
@@ -106,17 +111,21 @@ def _held_against(row: Row, slot: int, others: Ints, begin: int, end: int, askin
 
 @inner
 def _held_against_cells(
-    row: Row, slot: int, start: Ints, slots: Ints, share: float, asking: Bools, found: Pairs, n: int
+    row: Row, slot: int, start: Ints, slots: Ints, theirs: Row, share: float, asking: Bools, found: Pairs, n: int
 ) -> int:
     """The same with all boxes of the cells that `slot` may reach into."""
     box, across = row[slot], int(np.sqrt(len(start)))
+    last = across - 1
     west, east = floor(box.west * share - 0.5), floor(box.east * share + 0.5)
     south, north = floor(box.south * share - 0.5), floor(box.north * share + 0.5)
-    for y in range(south, min(north, south + across - 1) + 1):
-        line = (y & (across - 1)) * across
-        for x in range(west, min(east, west + across - 1) + 1):
-            at = line + (x & (across - 1))
-            n = _held_against(row, slot, slots, start[at], start[at + 1], asking, found, n)
+    low, high = west & last, min(east, west + last) & last
+    for y in range(south, min(north, south + last) + 1):
+        line = (y & last) * across
+        begin, end = start[line + low], start[line + high + 1]
+        if low > high:
+            n = _held_against(row, slot, slots, theirs, begin, start[line + across], asking, found, n)
+            begin = start[line]
+        n = _held_against(row, slot, slots, theirs, begin, end, asking, found, n)
     return n
 
 
@@ -132,16 +141,17 @@ def _in_cells(boxes: NDArray[Any], rings: Ints, changed: Ints, is_changed: Bools
     for ring in rings:
         row, before = boxes[ring], n
         start, slots, wide, still = _cells(row, is_changed, share)
+        theirs, theirs_wide, theirs_still = row[slots], row[wide], row[still]
         for slot in changed:
             if row[slot].floor == ABSENT:
                 continue
             found = _with_room(found, n + len(row))
-            n = _held_against(row, slot, still, 0, len(still), nobody, found, n)
+            n = _held_against(row, slot, still, theirs_still, 0, len(still), nobody, found, n)
             if _is_wide(row[slot], share):
-                n = _held_against_cells(row, slot, start, slots, share, nobody, found, n)
-                n = _held_against(row, slot, wide, 0, len(wide), is_changed, found, n)
+                n = _held_against_cells(row, slot, start, slots, theirs, share, nobody, found, n)
+                n = _held_against(row, slot, wide, theirs_wide, 0, len(wide), is_changed, found, n)
             else:
-                n = _held_against_cells(row, slot, start, slots, share, is_changed, found, n)
+                n = _held_against_cells(row, slot, start, slots, theirs, share, is_changed, found, n)
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()
@@ -157,7 +167,7 @@ def _one_by_one(boxes: NDArray[Any], rings: Ints, changed: Ints, is_changed: Boo
             if row[slot].floor == ABSENT:
                 continue
             found = _with_room(found, n + len(row))
-            n = _held_against(row, slot, everyone, 0, len(everyone), is_changed, found, n)
+            n = _held_against(row, slot, everyone, row, 0, len(everyone), is_changed, found, n)
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()

@@ -44,7 +44,8 @@ class Meetings:
         if not len(self):
             return self
         pair = ranks[self.a] * (int(ranks.max()) + 1) + ranks[self.b]
-        order = np.lexsort((self.slab, pair))
+        slab = self.slab - self.slab.min()
+        order = np.argsort(pair * (int(slab.max()) + 1) + slab)
         pair, m = pair[order], self.take(order)
         new = np.ones(len(m), bool)
         new[1:] = pair[1:] != pair[:-1]

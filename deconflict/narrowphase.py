@@ -115,6 +115,17 @@ def gap(m: Any, t: float) -> tuple[float, float, float]:
 
 
 @inner
+def _along(
+    m: Any, dx: float, dy: float, ux: float, uy: float, near: float, far: float, target_m: float
+) -> tuple[float, float]:
+    """The gap along (ux, uy), where the rectangles reach so far from their centres, and how long the target holds."""
+    at = ux * dx + uy * dy
+    gap_m = abs(at) - near - far
+    closing = m.swing - copysign(1.0, at) * (ux * m.vx + uy * m.vy)
+    return gap_m, (gap_m - target_m) / max(closing, TINY_MPS)
+
+
+@inner
 def apart(m: Any, t: float, target_m: float) -> tuple[float, float]:
     """The widest gap at `t` along any of the sides' axes, and for how long the distance surely stays above the target.
 
@@ -124,19 +135,11 @@ def apart(m: Any, t: float, target_m: float) -> tuple[float, float]:
     dx, dy = m.dx + m.vx * into, m.dy + m.vy * into
     ca, sa, cb, sb = _turned(m, into)
     c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
-    widest, clear_s = -inf, 0.0
-    for ux, uy, near, far in (
-        (ca, sa, m.length_a, m.length_b * c + m.width_b * s),
-        (-sa, ca, m.width_a, m.length_b * s + m.width_b * c),
-        (cb, sb, m.length_b, m.length_a * c + m.width_a * s),
-        (-sb, cb, m.width_b, m.length_a * s + m.width_a * c),
-    ):
-        along = ux * dx + uy * dy
-        gap_m = abs(along) - near - far
-        closing = m.swing - copysign(1.0, along) * (ux * m.vx + uy * m.vy)
-        widest = max(widest, gap_m)
-        clear_s = max(clear_s, (gap_m - target_m) / max(closing, TINY_MPS))
-    return widest, clear_s
+    one = _along(m, dx, dy, ca, sa, m.length_a, m.length_b * c + m.width_b * s, target_m)
+    two = _along(m, dx, dy, -sa, ca, m.width_a, m.length_b * s + m.width_b * c, target_m)
+    three = _along(m, dx, dy, cb, sb, m.length_b, m.length_a * c + m.width_a * s, target_m)
+    four = _along(m, dx, dy, -sb, cb, m.width_b, m.length_a * s + m.width_a * c, target_m)
+    return max(one[0], two[0], three[0], four[0]), max(one[1], two[1], three[1], four[1], 0.0)
 
 
 @inner

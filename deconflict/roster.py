@@ -28,8 +28,8 @@ class Roster:
 
     def __init__(self) -> None:
         self.slots: dict[str, int] = {}
-        self.keys: list[str] = []
-        """By slot; "" for a free one."""
+        self.keys: NDArray[np.object_] = np.zeros(0, object)
+        """By slot, and some to spare; "" for a free one."""
         self.robots: Robots = np.zeros(0, ROBOT)
         """By slot, and some to spare; a free one has no knots."""
         self.knots: Knots = np.zeros(0, KNOT)
@@ -39,15 +39,13 @@ class Roster:
 
     def __len__(self) -> int:
         """Slots, free ones included."""
-        return len(self.keys)
+        return len(self.slots) + len(self._free)
 
     def put(self, keys: Sequence[str], forecasts: Forecasts) -> Ints:
         """Replace the forecasts of `keys`, which are all different; their slots."""
         slots = np.array([self.slots.get(key, -1) for key in keys], np.int64)
-        for row in np.flatnonzero(slots < 0).tolist():
-            slots[row] = self._new_slot(keys[row])
-        if len(self.robots) < len(self):
-            self.robots = np.pad(self.robots, (0, len(self) + len(self) // 8 - len(self.robots)))
+        unknown = np.flatnonzero(slots < 0)
+        slots[unknown] = self._new_slots([keys[row] for row in unknown.tolist()])
         counts = np.diff(forecasts.start)
         first = self._room(slots, counts)
         set_knots(self.knots, first, forecasts)
@@ -85,16 +83,18 @@ class Roster:
             self._ranks[by_key] = np.arange(len(by_key))
         return self._ranks
 
-    def _new_slot(self, key: str) -> int:
+    def _new_slots(self, keys: Sequence[str]) -> list[int]:
+        if not keys:
+            return []
         self._ranks = None
-        if self._free:
-            slot = self._free.pop()
-            self.keys[slot] = key
-        else:
-            slot = len(self.keys)
-            self.keys.append(key)
-        self.slots[key] = slot
-        return slot
+        freed = [self._free.pop() for _ in range(min(len(keys), len(self._free)))]
+        slots = freed + list(range(len(self) + len(freed), len(self) + len(keys)))
+        self.slots.update(zip(keys, slots, strict=True))
+        if len(self.robots) < len(self):
+            spare = len(self) + len(self) // 8 - len(self.robots)
+            self.robots, self.keys = np.pad(self.robots, (0, spare)), np.pad(self.keys, (0, spare))
+        self.keys[slots] = keys
+        return slots
 
     def _room(self, slots: Ints, counts: Ints) -> Ints:
         """Where the knots of each go: in place of its old ones where they are as many, else after all others."""

@@ -215,7 +215,7 @@ class Sweeper:
         is_told = np.zeros(len(keys), bool)
         is_told[told] = True
         return PairConflicts(
-            pairs=tuple(zip(map(keys.__getitem__, m.a.tolist()), map(keys.__getitem__, m.b.tolist()), strict=True)),
+            pairs=tuple(zip(keys[m.a].tolist(), keys[m.b].tolist(), strict=True)),
             contact_s=np.maximum(m.contact, now_s),
             separation_m=m.separation,
             separation_at_s=m.separation_at,
