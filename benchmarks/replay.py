@@ -1,7 +1,7 @@
 """How fast a recorded log is replayed and scored, and where the time goes: `python -m benchmarks.replay`.
 
 The log is made by the demo's simulated vendors, each in its own dialect, a status a second from most; or give a log of
-your own. One clearance, one core. The shares are of the same run, so that a busy machine changes them little.
+your own. One clearance, one core. Processor time, so that a busy machine changes it little.
 """
 
 import argparse
@@ -75,11 +75,11 @@ def timed(spent: dict[str, float], stage: str, owner: Any, name: str) -> Iterato
     call = getattr(owner, name)
 
     def told(*args: Any, **named: Any) -> Any:
-        began = time.perf_counter()
+        began = time.process_time()
         try:
             return call(*args, **named)
         finally:
-            spent[stage] += time.perf_counter() - began
+            spent[stage] += time.process_time() - began
 
     setattr(owner, name, told)
     try:
@@ -95,17 +95,17 @@ def measure(log: Path, site: Site) -> tuple[dict[str, Any], dict[str, float], fl
         for stage, calls in STAGES.items():
             for owner, name in calls:
                 timers.enter_context(timed(spent, stage, owner, name))
-        began = time.perf_counter()
+        began = time.process_time()
         reader = Reader()
         result = replay.replay(reader, reader.read([log]), site, [site.conflict.clearance_m])
-        return result, spent, time.perf_counter() - began
+        return result, spent, time.process_time() - began
 
 
 def read_alone(log: Path) -> float:
-    began = time.perf_counter()
+    began = time.process_time()
     for _ in Reader().read([log]):
         pass
-    return time.perf_counter() - began
+    return time.process_time() - began
 
 
 def main() -> None:
