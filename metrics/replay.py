@@ -1,6 +1,7 @@
 """A recorded log through the engine that the live service uses, and what became of its advisories."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import floor, inf
@@ -15,6 +16,7 @@ from ingest.measures import Measures
 from ingest.playback import EngineStarted, Event, Reader, Received, Tick
 from ingest.seam import Batch
 from metrics import conform
+from metrics.arrivals import Arrivals
 from metrics.calibration import SETTLED_S, Calibration
 from metrics.forecasts import ForecastErrors, Maker
 from metrics.scenes import Scene
@@ -67,13 +69,17 @@ class Run:
         self.clearance_m = clearance_m
         self.engine = Engine(site.model_copy(update={"conflict": conflict}))
         self.calibration = Calibration(clearance_m)
+        self.raised: Counter[str] = Counter()
+        """Advisories by kind."""
         self.told: dict[str, Told] = {}
         """By advisory."""
 
     def step(self, batch: Batch, now_s: float) -> list[ConflictAdvisory]:
         """One pass; what it has to say of conflicts."""
         self.engine.receive(batch)
-        revisions = [one for one in self.engine.step(now_s) if isinstance(one, ConflictAdvisory)]
+        told = self.engine.step(now_s)
+        self.raised.update(one.kind for one in told if one.state is AdvisoryState.RAISED)
+        revisions = [one for one in told if isinstance(one, ConflictAdvisory)]
         for one in revisions:
             self._take(one)
         self.calibration.sample(now_s, self.engine.probabilities())
@@ -103,7 +109,7 @@ class Replay:
         self.runs = [Run(site, clearance_m) for clearance_m in clearances_m]
         self.fleet: Fleet = fleet_of(site, Measures())
         self.truth = Truth([run.clearance_m for run in self.runs])
-        self.forecasts = ForecastErrors()
+        self.forecasts, self.arrivals = ForecastErrors(), Arrivals()
         self.vendor_of: dict[str, str] = {}
         """By robot that has said where it is."""
         self.messages = 0
@@ -136,6 +142,8 @@ class Replay:
             "span_s": max(self.last_s - self.first_s, 0.0),
             "scores": [self._score(run, presence) for run in self.runs],
             "forecast_error": self.forecasts.figures(),
+            "arrivals": self.arrivals.figures(),
+            "advisories_raised": dict(sorted(self.runs[0].raised.items())) if self.runs else {},
             "nearest": [self._scene(scene) for scene in self.truth.scenes.finish(self.truth.motion)],
             "conformance": conform.findings(self.fleet.measures),
         }
@@ -147,6 +155,7 @@ class Replay:
         self.truth.report(batch.robots, batch.forecasts)
         self.forecasts.take(batch.robots, [self._maker(robot) for robot in batch.robots], batch.forecasts)
         self.forecasts.advance(now_s)
+        self.arrivals.take(batch)
         if self._watch:
             self._watch(now_s, batch)
         revisions = [one for run in self.runs for one in run.step(batch, now_s)]

@@ -31,6 +31,8 @@ def _sections(result: Part) -> Iterator[str]:
         yield f"<h2>Clearance {score['clearance_m']:g} m</h2>" + "".join(_score(score))
     yield "<h2>Vendors</h2>" + _scorecard(result)
     yield "<h2>How far forecasts were off</h2>" + _errors(result["forecast_error"]["by_model"])
+    if result["arrivals"]:
+        yield "<h2>How far arrivals were off</h2>" + _arrivals(result["arrivals"])
     yield "<h2>The nearest moments</h2>" + _scenes(result["nearest"])
     yield "<h2>Departures from the standard</h2>" + _conformance(result["conformance"])
 
@@ -137,6 +139,21 @@ def _errors(models: Sequence[Part]) -> str:
     head = ("vendor and model", "s ahead", "cases", "off, m: median / p90", "along the track", "across it")
     chart = _figure(figures.errors(models), "Distance from forecast to truth: median (line), p90 (dashes)")
     return f'<div class="row">{chart}<ul class="legend">{legend}</ul></div>' + _table(head, rows)
+
+
+def _arrivals(rows: Sequence[Part]) -> str:
+    cells = [
+        [
+            one["vendor"],
+            f"{one['ahead_up_to_s'] / 60:g} min",
+            f"{one['cases']:,}",
+            f"{_number(one['off_median_s'])} / {_number(one['off_p90_s'])}",
+            _share(one["late"]),
+        ]
+        for one in rows
+    ]
+    head = ("vendor", "told up to so long ahead", "arrivals", "off, s: median / p90", "share that came late")
+    return _table(head, cells)
 
 
 def _scenes(scenes: Sequence[Part]) -> str:

@@ -1,4 +1,4 @@
-"""Quantiles of many lengths in bounded memory: a histogram with bins that grow by 2 % (after DDSketch, Masson 2019)."""
+"""Quantiles of many lengths or times in bounded memory: bins that grow by 2 % (after DDSketch, Masson 2019)."""
 
 import numpy as np
 
