@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 from deconflict.advice.slots import Queue, advise_slots
 from deconflict.advisory import Recommendation
+from deconflict.contention.deadlocks import Link
 from deconflict.contention.demand import Request, Turn
-from deconflict.contention.geometry import Geometry
+from deconflict.contention.geometry import Geometry, Passage
+from deconflict.contention.robots import Seen
 
 AGAIN_S = 10.0
 """Advice is worked out anew when who waits has changed, or after this time."""
@@ -14,6 +16,13 @@ MOST_SOLVED = 2
 """Groups of places in one look; the others keep what was advised, or wait for the next look."""
 EFFORT = 0.05
 """Of the solver's deterministic time, for one group."""
+
+NO_ORDER = Recommendation(
+    cost_s=0.0,
+    bound_s=0.0,
+    proven_optimal=False,
+    note="no order of waiting ends it: one of them has to go elsewhere first",
+)
 
 Signature = tuple[tuple[str, frozenset[str], frozenset[str]], ...]
 """Of each place of a group: who waits for it, who has it."""
@@ -32,6 +41,7 @@ class Advising:
     def __init__(self, geometry: Geometry) -> None:
         self._geometry = geometry
         self._advised: dict[str, _Advised] = {}
+        self._rings: dict[Signature, _Advised] = {}
         self._solved = 0
 
     def begin(self, contended: Sequence[str]) -> None:
@@ -55,6 +65,41 @@ class Advising:
         advice = advise_slots(queues, now_s, standing=before.advice if before else None, effort=EFFORT)
         self._advised[group[0]] = _Advised(signature, now_s, advice)
         return advice
+
+    def way_through(self, ring: Sequence[Link], robots: Mapping[str, Seen], now_s: float) -> Recommendation:
+        """What ends a ring: in a lane that not all have entered, one after the other; else only another place to go."""
+        lane = ring[0].where
+        passages = [robots[link.waiter].passages.get(lane) for link in ring]
+        inside = [one is not None and one.enter_s <= now_s for one in passages]
+        if {link.where for link in ring} != {lane} or None in passages or all(inside):
+            return NO_ORDER
+        has_it = frozenset(link.waiter for link, has in zip(ring, inside, strict=True) if has)
+        signature = ((lane, frozenset(link.waiter for link in ring), has_it),)
+        before = self._rings.get(signature)
+        if before and now_s - before.at_s < AGAIN_S:
+            return before.advice
+        requests = [
+            Request(
+                robot=link.waiter,
+                vendor=robots[link.waiter].vendor,
+                arrival_s=one.enter_s,
+                arrival_spread_s=0.0,
+                service_s=self._left_s(one, lane, robots[link.waiter].length_m, now_s),
+                inside=has,
+            )
+            for link, one, has in zip(ring, passages, inside, strict=True)
+            if one
+        ]
+        advice = advise_slots([Queue(lane, 1, tuple(requests))], now_s, effort=EFFORT)
+        self._rings = {key: one for key, one in self._rings.items() if now_s - one.at_s < AGAIN_S} | {
+            signature: _Advised(signature, now_s, advice)
+        }
+        return advice
+
+    def _left_s(self, one: Passage, lane: str, length_m: float, now_s: float) -> float:
+        """Until all of its length is out."""
+        way_m = self._geometry.lane_m(lane) + length_m
+        return max(one.through_s(way_m) - max(now_s - one.enter_s, 0.0), 0.0)
 
     def _group(self, place: str) -> list[str]:
         """The places that can stand in for one another, in the order of the site file."""

@@ -10,6 +10,8 @@ from deconflict.contention.geometry import Geometry
 from deconflict.contention.robots import Seen
 from deconflict.contention.telling import Finding, moment
 
+QUIET_S = 30.0
+"""A robot not heard of for this long is said to be so (standard 5.4)."""
 SOON_S = 30.0
 """What begins sooner than this is a warning."""
 
@@ -81,7 +83,9 @@ def double_occupancy(
     )
 
 
-def deadlock(geometry: Geometry, ring: Sequence[Link], robots: Mapping[str, Seen], now_s: float) -> Finding:
+def deadlock(
+    geometry: Geometry, ring: Sequence[Link], advice: Recommendation, robots: Mapping[str, Seen], now_s: float
+) -> Finding:
     """Robots that will wait for each other in a ring, once the last of them waits."""
     begins_s = max(*(link.from_s for link in ring), now_s)
     first = ring[0]
@@ -99,7 +103,8 @@ def deadlock(geometry: Geometry, ring: Sequence[Link], robots: Mapping[str, Seen
         predicted_s=begins_s,
         location=_location(geometry, drawn) if drawn else Location(datum=seen.datum, x=seen.x_m, y=seen.y_m),
         summary=f"{who} {'lock' if left_s <= 0 else 'will lock'} each other{place}"
-        f"{'' if left_s <= 0 else ' ' + _when(left_s)}: each waits for the next",
+        f"{'' if left_s <= 0 else ' ' + _when(left_s)}: each waits for the next{_way_out(geometry, advice, robots)}",
+        recommendation=advice,
         evidence={
             "cycle": tuple(
                 Wait(waiter=link.waiter, holder=link.holder, where=link.where, from_at=moment(link.from_s))
@@ -109,9 +114,19 @@ def deadlock(geometry: Geometry, ring: Sequence[Link], robots: Mapping[str, Seen
     )
 
 
+def _way_out(geometry: Geometry, advice: Recommendation, robots: Mapping[str, Seen]) -> str:
+    if not advice.slots:
+        return f"; {advice.note}" if advice.note else ""
+    last = max(advice.slots, key=lambda slot: slot.wait_s)
+    lane = geometry.label(last.resource)
+    return f"; {robots[last.robot].name} should wait {last.wait_s:.0f} s before {lane}"
+
+
 def blockage(one: Blocked, robots: Mapping[str, Seen], now_s: float) -> Finding:
     """A robot that stands where others will pass."""
     seen = robots[one.blocker]
+    quiet_s = now_s - seen.event_s
+    says = f"last heard {quiet_s:.0f} s ago" if quiet_s >= QUIET_S else seen.state or "no state"
     return Finding(
         kind="blockage",
         about=one.blocker,
@@ -119,7 +134,7 @@ def blockage(one: Blocked, robots: Mapping[str, Seen], now_s: float) -> Finding:
         robots=tuple(sorted((one.blocker, *one.holds_up))),
         predicted_s=max(one.from_s, now_s),
         location=Location(datum=seen.datum, x=round(seen.x_m, 3), y=round(seen.y_m, 3)),
-        summary=f"{seen.name} has stood for {now_s - one.since_s:.0f} s ({seen.state or 'no state'}) in the way of "
+        summary=f"{seen.name} has stood for {now_s - one.since_s:.0f} s ({says}) in the way of "
         f"{names(robots, one.holds_up)}",
         evidence={"blocker": one.blocker, "since_at": moment(one.since_s), "holds_up": one.holds_up},
     )

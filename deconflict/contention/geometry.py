@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from math import inf
+from math import dist, inf
 
 import numpy as np
 import shapely
@@ -44,6 +44,13 @@ class Passage:
         stops = len(self.along_m) > 2 and abs(float(self.along_m[-1] - self.along_m[-3])) < 0.1
         return float(self.along_m[-1]) if stops else self.direction * inf
 
+    def through_s(self, way_m: float) -> float:
+        """How long it takes through, over this way; beyond the forecast, at its mean speed so far."""
+        told_s = min(self.leave_s, float(self.t_s[-1])) - self.enter_s
+        if self.leave_s < inf or abs(self.reach_m) < inf:
+            return told_s
+        return max(told_s, way_m / max(abs(self.rate_mps), 0.1))
+
     def at_m(self, t_s: float) -> float:
         """Where along the axis its centre is, held at both ends of the passage."""
         return float(np.interp(t_s, self.t_s, self.along_m))
@@ -82,6 +89,11 @@ class Geometry:
     def capacity(self, place: str) -> int:
         found = self.resources.get(place)
         return found.capacity if found else self.zones[place].capacity
+
+    def lane_m(self, zone: str) -> float:
+        """Length of an aisle's axis; 0 of another zone."""
+        axis = self.zones[zone].axis
+        return dist(*axis) if axis else 0.0
 
     def middle(self, place: str) -> tuple[str, float, float]:
         """Datum, x and y of a point inside."""

@@ -10,7 +10,6 @@ from ingest.settings import Coordinate, DatumId, Seconds, Section
 
 Point = tuple[Coordinate, Coordinate]
 Polygon = Annotated[tuple[Point, ...], Field(min_length=3)]
-Priority = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 PRIOR_SERVICE_S = {"dock": 45.0, "charger": 900.0, "station": 60.0, "lift": 45.0, "parking": 600.0}
 """How long a resource is kept, until its own dwells have been seen."""

@@ -155,7 +155,8 @@ class Contention:
         wants = place_wants(journeys, {one.id: one.capacity for one in resources.values()})
         self._rings = rings([*wants, *aisle_wants(every, aisles), *way_wants(in_way)])
         for ring in self._rings:
-            yield findings.deadlock(self.geometry, ring, self.robots.seen, now_s)
+            advice = self._advising.way_through(ring, self.robots.seen, now_s)
+            yield findings.deadlock(self.geometry, ring, advice, self.robots.seen, now_s)
         for one in blockages(in_way, self.robots.seen, now_s, self._settings.stand_s):
             yield findings.blockage(one, self.robots.seen, now_s)
 

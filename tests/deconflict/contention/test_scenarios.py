@@ -47,6 +47,29 @@ def test_two_that_enter_an_aisle_from_both_ends_lock_each_other_ahead_of_time() 
     # nose to nose where their middles are a metre apart, 17.5 s on
     assert one.predicted_at.timestamp() - NOW_S == pytest.approx(17.5, abs=0.7)
     assert one.time_to_conflict_s > 5
+    assert one.recommendation
+    first, second = one.recommendation.slots
+    assert first.wait_s == 0
+    assert second.start_at >= first.end_at
+    assert second.wait_s == pytest.approx(20, abs=3), "for as long as the first is in the lane of 20 m"
+    assert f"should wait {second.wait_s:.0f} s before lane" in one.summary
+
+
+def test_one_that_waits_beside_the_aisles_end_as_advised_ends_the_deadlock_at_the_promised_cost() -> None:
+    east, west = Script([(0, -16, 0), (40, 24, 0)]), Script([(0, 22, 0), (40, -18, 0)])
+    scene = Scene(site(aisle("lane", -8, 12)), {"A": east, "B": west})
+    (one,) = raised(scene.run(6), "deadlock")
+    assert one.recommendation
+    second = one.recommendation.slots[1]
+    assert second.robot == robot("B")
+    enters_s = second.start_at.timestamp() - NOW_S
+    assert enters_s - second.wait_s == pytest.approx(9.25, abs=0.5), "when B would have come to the lane"
+    scene.robots["B"] = Script(
+        [(6, 16, 0), (9, 14, 3), (enters_s - 2, 14, 3), (enters_s, 12.5, 0), (enters_s + 30, -17.5, 0)]
+    )
+    told = scene.run(enters_s + 25, from_s=6)
+    assert [each.id for each in cleared(told, "deadlock")] == [one.id]
+    assert raised(told, "deadlock") == []
 
 
 def test_two_that_follow_each_other_through_an_aisle_do_not() -> None:
@@ -74,6 +97,8 @@ def test_two_that_will_swap_their_docks_are_told_a_minute_ahead() -> None:
     # they set out 20 s before they mean to arrive
     assert one.time_to_conflict_s == pytest.approx(60, abs=3)
     assert one.severity == "caution"
+    assert one.recommendation
+    assert "one of them has to go elsewhere" in one.recommendation.note
 
 
 def test_two_that_swap_places_nobody_drew_are_told_too() -> None:
