@@ -47,6 +47,8 @@ def with_ticks(events: Iterable[Event]) -> Iterator[Event]:
                 yield from (Tick(step * TICK_S) for step in range(max(last, now - 400) + 1, now + 1))
             last = now
         yield event
+    if last is not None and last != -1:
+        yield Tick((last + 1) * TICK_S)
 
 
 @dataclass(slots=True)

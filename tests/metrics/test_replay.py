@@ -18,8 +18,11 @@ NOW_S = 1_790_000_000.0
 RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
 
 
-def log_of_a_crossing(path: Path) -> Path:
-    """Two that cross at 12 s, as a log of lines with `received` and `message`."""
+def log_of_a_crossing(path: Path, *, told: bool = True, apart_m: float = 0.0) -> Path:
+    """Two that cross at 12 s, as a log of lines with `received` and `message`.
+
+    Without `told` both say that they stand; the second passes the crossing `apart_m` behind.
+    """
     lines = []
 
     def say(t_s: float, raw: bytes) -> None:
@@ -29,10 +32,11 @@ def log_of_a_crossing(path: Path) -> Path:
         say(NOW_S, identity(name, NOW_S))
     for second in range(25):
         t_s = NOW_S + second
-        for name, x, y, yaw in (("A-1", second - 12.0, 0.0, 0.0), ("B-1", 0.0, second - 12.0, pi / 2)):
+        for name, x, y, yaw in (("A-1", second - 12.0, 0.0, 0.0), ("B-1", 0.0, second - 12.0 - apart_m, pi / 2)):
             dx, dy = (1.0, 0.0) if name == "A-1" else (0.0, 1.0)
             path_points = points(*((t_s + i, x + dx * i, y + dy * i, yaw) for i in range(1, 11)))
-            say(t_s + 0.05, status(name, t_s, x, y, yaw, path=path_points))
+            said = {"path": path_points} if told else {"operationalState": "idle"}
+            say(t_s + 0.05, status(name, t_s, x, y, yaw, **said))
     path.write_text("".join(lines))
     return path
 
@@ -50,18 +54,43 @@ def test_a_perfect_vendor_is_scored_perfect(tmp_path: Path) -> None:
     assert figures["lead_time_s"]["median"] > 7
 
 
+def test_robots_that_say_they_stand_and_do_not_are_not_foreseen(tmp_path: Path) -> None:
+    (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl", told=False), [0.3])["scores"]
+    assert (figures["encounters"], figures["foreseeable"], figures["recall"]) == (1, 1, 0.0)
+    assert figures["lead_time_s"] is None
+    assert figures["cases"]["recalled"] == "n"
+
+
+def test_where_nobody_meets_there_is_nothing_to_recall_and_nothing_said(tmp_path: Path) -> None:
+    (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl", apart_m=8.0), [0.3])["scores"]
+    assert (figures["encounters"], figures["alerts"], figures["censored"]) == (0, 0, 0)
+    assert figures["recall"] is figures["precision"] is None
+    assert figures["robot_hours"] == pytest.approx(2 * 24 / 3600)
+
+
+def test_figures_are_told_by_vendor(tmp_path: Path) -> None:
+    (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl"), [0.3])["scores"]
+    (alder,) = figures["by_vendor"]
+    (both,) = figures["by_vendor_pair"]
+    assert (alder["vendor"], alder["recall"], both["vendors"], both["alerts"]) == ("Alder", 1.0, ["Alder", "Alder"], 1)
+
+
 def test_the_command_writes_scores_and_what_the_stream_would_have_said(tmp_path: Path) -> None:
     log = log_of_a_crossing(tmp_path / "log.jsonl")
-    told = []
+    told, results = [], []
     for run in ("1", "2"):
         out, lines = tmp_path / f"{run}.json", tmp_path / f"{run}.jsonl"
         command = [sys.executable, "-m", "deconflict", "replay", str(log), "--clearance", "0.0", "0.3"]
         subprocess.run([*command, "--json", str(out), "--advisories", str(lines)], check=True)
         assert [one["clearance_m"] for one in json.loads(out.read_text())["scores"]] == [0.0, 0.3]
         told.append(lines.read_bytes())
+        results.append({**json.loads(out.read_text()), "speed_x_real_time": 0})
     assert told[0] == told[1]
+    assert json.dumps(results[0]) == json.dumps(results[1])
     events = [json.loads(line)["event"] for line in told[0].splitlines()]
     assert events.count("raised") == events.count("cleared") == 2
+    wanted = ("event", "at", "id", "robots", "clearance_m", "probability", "time_to_conflict_s", "min_separation_m")
+    assert json.loads(told[0].splitlines()[0]).keys() >= set(wanted)
 
 
 @pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")
