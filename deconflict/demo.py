@@ -26,7 +26,7 @@ from deconflict.link import AsyncCaller, LinkDownError
 from deconflict.service import Supervisor, runtime_directory
 from deconflict.simulation.senders import simulate
 from deconflict.site import Site
-from ingest.measures import Histogram
+from ingest.measures import Histogram, joined_values
 
 ROBOTS = 24
 SECONDS_WITHOUT_TERMINAL = 60.0
@@ -67,10 +67,8 @@ class Picture:
         self.open[advisory.id] = advisory
 
     def measure(self, documents: list[dict[str, Any]]) -> None:
-        self.values = {}
+        self.values = joined_values(documents)
         for document in documents:
-            for name, rows in document["values"].items():
-                self.values.setdefault(name, {}).update({tuple(labels): value for labels, value in rows})
             if waits := document["histograms"].get("deconflict_message_to_advisory_seconds"):
                 self.latency_p99_s = Histogram.joined(waits).quantile(0.99)
 

@@ -6,10 +6,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from deconflict.advisory import ADVISORY
-from deconflict.operator import DESCRIPTION, create_app
+from deconflict.operator import DESCRIPTION, SourceUnavailableError, create_app
 from deconflict.outlets.settings import Mqtt
-from deconflict.site import Operator
+from deconflict.site import Operator, Site
 from deconflict.store import Store
+from ingest.seam import Batch
 
 Document = dict[str, Any]
 REVISION = {"$ref": "#/components/messages/revision"}
@@ -31,13 +32,25 @@ class _Nobody:
     async def health(self) -> Document:
         return {}
 
+    async def pulse(self) -> Document:
+        return {}
+
+    async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
+        return number, False, None
+
+    async def floor_at(self, at_s: float) -> str:
+        raise SourceUnavailableError(f"recording of {at_s}")
+
+    def recorded(self) -> tuple[float, float] | None:
+        return None
+
 
 def openapi() -> Document:
     """OpenAPI 3.1, as the service has it at `/openapi.json`."""
     with TemporaryDirectory() as folder:
         store = Store(Path(folder))
         try:
-            return create_app(store, _Nobody(), lambda _: (b"", ""), Operator()).openapi()
+            return create_app(store, _Nobody(), lambda _: (b"", ""), Site()).openapi()
         finally:
             store.close()
 

@@ -19,9 +19,10 @@ from deconflict.access import Access, tokens_of
 from deconflict.advisory import Acknowledgement, AnyAdvisory, Kind
 from deconflict.publisher import Publisher
 from deconflict.schema import SCHEMAS
-from deconflict.site import Operator
+from deconflict.site import Site
 from deconflict.store import StateFilter, Store, StoreError
 from deconflict.stream import Stream
+from deconflict.view import FloorSource, add_view
 from ingest.measures import Measures
 
 Document = dict[str, Any]
@@ -45,7 +46,7 @@ class SourceUnavailableError(Exception):
         self.role = role
 
 
-class Sources(Protocol):
+class Sources(FloorSource, Protocol):
     """What the other roles know. Each call raises `SourceUnavailableError` where a role does not answer."""
 
     async def robots(self) -> list[Document]:
@@ -187,7 +188,7 @@ class Face:
         return _json(SCHEMAS["advisory"](), media_type="application/schema+json")
 
 
-def create_app(store: Store, sources: Sources, exposition: Exposition, settings: Operator) -> FastAPI:
+def create_app(store: Store, sources: Sources, exposition: Exposition, site: Site) -> FastAPI:
     """The application. `app.state.publisher` publishes advisories, `app.state.measures` are the face's own."""
     app = FastAPI(
         title="amr-deconflict",
@@ -196,7 +197,7 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, settings:
         docs_url=None,
         redoc_url=None,
     )
-    measures = Measures()
+    measures, settings = Measures(), site.operator
     measures.level("deconflict_build_info", {(app.version,): 1})
     measures.begin(
         "deconflict_advisories_stored_total", "deconflict_store_failures_total", "deconflict_stream_dropped_total"
@@ -212,7 +213,9 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, settings:
     async def follow(websocket: WebSocket) -> None:
         await stream.serve(websocket)
 
-    @app.get("/", include_in_schema=False)
+    add_view(app, publisher, store, sources, site)
+
+    @app.get("/api", include_in_schema=False)
     async def index() -> HTMLResponse:
         return HTMLResponse(_index(app))
 
@@ -270,6 +273,7 @@ def _index(app: FastAPI) -> str:
 <p>Predicted conflicts and contention of robots. <strong>Advisory, not safety rated.</strong></p>
 <dl>{"".join(rows)}
 <dt><code>/advisories/stream?after=SEQ</code></dt><dd>WebSocket: each revision as it is published.</dd>
+<dt><code>/live</code></dt><dd>WebSocket: the floor as the page draws it.</dd>
 <dt><code>{_linked("/openapi.json")}</code></dt><dd>The description of this interface.</dd></dl></html>
 """
 

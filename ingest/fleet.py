@@ -139,7 +139,21 @@ class Fleet:
         changed = self.robots if everything else self._changed
         robots = [robot for uuid in changed if (robot := self.robots[uuid]).forecast]
         self._changed = {}
-        batch = Batch(
+        batch = self._batch(robots, now_s, gone)
+        for robot in robots:
+            robot.statuses = 0
+        return batch
+
+    def whole(self, now_s: float) -> Batch:
+        """Every robot as it is known now; the next cut is as if nobody had looked."""
+        return self._batch([robot for robot in self.robots.values() if robot.forecast], now_s, ())
+
+    def unidentified(self) -> list[str]:
+        """UUIDs of the robots that have not said who they are."""
+        return [uuid for uuid, robot in self.robots.items() if robot.identity is None]
+
+    def _batch(self, robots: list[Robot], now_s: float, gone: tuple[str, ...]) -> Batch:
+        return Batch(
             now_s=now_s,
             floors=tuple(self._floors),
             robots=tuple(robot.uuid for robot in robots),
@@ -156,9 +170,6 @@ class Fleet:
             destinations=_destinations([robot.stops for robot in robots]),
             gone=gone,
         )
-        for robot in robots:
-            robot.statuses = 0
-        return batch
 
     def documents(self, now_s: float) -> list[dict[str, Any]]:
         """Everything each robot said and what was made of it, JSON-ready, by UUID."""

@@ -44,6 +44,15 @@ class Histogram:
         return low
 
 
+def joined_values(documents: Iterable[dict[str, Any]]) -> dict[str, dict[Labels, float]]:
+    """The counts and levels of several roles' `Measures.as_document`, by name and labels."""
+    values: dict[str, dict[Labels, float]] = {}
+    for document in documents:
+        for name, rows in document["values"].items():
+            values.setdefault(name, {}).update({tuple(labels): value for labels, value in rows})
+    return values
+
+
 class Measures:
     """One role's measures. Label values are bounded sets: vendors, rules, states, never robots."""
 

@@ -107,6 +107,17 @@ class Reader:
             log.warning("%s, line %d is left out: %s: %.100s", file, number, type(error).__name__, error)
 
 
+def segments_until(directory: Path, t_s: float) -> list[Path]:
+    """Our own logs in a directory that were begun by a time, oldest first; none where there is no directory."""
+    return [one for one in segments(directory) if begun_s(one) <= t_s] if directory.is_dir() else []
+
+
+def begun_s(segment: Path) -> float:
+    """When a log of ours was begun, by its name; 0 where the name does not say."""
+    digits = "".join(filter(str.isdigit, segment.name.split(".")[0]))
+    return int(digits) / 1e6 if digits else 0.0
+
+
 def segments(path: Path) -> list[Path]:
     """The file itself, or the logs of a directory by name, which is by time for our own."""
     if not path.is_dir():

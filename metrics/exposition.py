@@ -113,6 +113,7 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "deconflict_advisories_stored_total": Entry("counter", (), "Revisions of advisories stored and published."),
     "deconflict_store_failures_total": Entry("counter", (), "Attempts to store advisories that failed."),
+    "deconflict_page_viewers": Entry("gauge", (), "Pages that follow the live picture."),
     "deconflict_stream_subscribers": Entry("gauge", (), "Open subscriptions to the advisory stream."),
     "deconflict_stream_dropped_total": Entry("counter", (), "Subscribers dropped because they stopped reading."),
     "deconflict_outlet_deliveries_total": Entry(

@@ -5,6 +5,7 @@ import json
 import logging
 import socket
 import time
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,14 @@ from deconflict.operator import Exposition, SourceUnavailableError, create_app
 from deconflict.outlets.broker import Broker
 from deconflict.outlets.following import Following
 from deconflict.outlets.webhooks import Poster
+from deconflict.past import BusyError, Past
+from deconflict.recent import opened
 from deconflict.site import Site
 from deconflict.store import Store, StoreError
+from deconflict.vendor_health import vendor_health
 from ingest.certificates import Certificates
 from ingest.measures import Measures
+from ingest.seam import Batch
 
 log = logging.getLogger(__name__)
 
@@ -44,8 +49,9 @@ class OperatorRole:
         self.port = 0
         self._certificates = Certificates(site.operator.tls) if site.operator.tls else None
         self._store = Store(data)
-        self._app = create_app(self._store, self, exposition, site.operator)
+        self._app = create_app(self._store, self, exposition, site)
         self._outlets = self._outlets_of(site)
+        self._past = Past(site, data / "log")
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
@@ -68,6 +74,7 @@ class OperatorRole:
                 server.should_exit = True
                 await serving
                 bound.close()
+        self._past.close()
         self._store.close()
 
     def _outlets_of(self, site: Site) -> list[Poster | Broker]:
@@ -112,6 +119,31 @@ class OperatorRole:
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
             "restarts": self._restarts(),
         }
+
+    async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
+        return opened(await self._receiver.call("follow", str(number).encode()))
+
+    async def pulse(self) -> dict[str, Any]:
+        """Roles, vendors, and the robots that are unidentified as far as the receiver answers."""
+        roles, documents, unidentified = await self._up(), self._engine_measures, []
+        if roles["receiver"]:
+            with suppress(SourceUnavailableError):
+                documents = [*documents, await self._ask("measures")]
+                unidentified = await self._ask("unidentified")
+        return {
+            "roles": {role: "up" if alive else "down" for role, alive in roles.items()},
+            "vendors": vendor_health(documents),
+            "unidentified": unidentified,
+        }
+
+    def recorded(self) -> tuple[float, float] | None:
+        return self._past.recorded()
+
+    async def floor_at(self, at_s: float) -> str:
+        try:
+            return await self._past.floor_at(at_s)
+        except BusyError as error:
+            raise SourceUnavailableError("recording") from error
 
     async def _up(self) -> dict[str, bool]:
         try:

@@ -4,11 +4,13 @@ import asyncio
 import json
 import logging
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
 from deconflict.link import PortTakenError, listening, socket_path
+from deconflict.recent import Recent, parcel
 from deconflict.site import Site
 from ingest.connection import Connection
 from ingest.credentials import Credentials
@@ -43,15 +45,15 @@ class Recovered(NamedTuple):
     """The last that has a number in the log, 0 for none; each start numbers on from there."""
 
 
-def recover(fleet: Fleet, log: Path, now_s: float) -> Recovered:
-    """Bring a fleet back from the end of the log.
+def recover(fleet: Fleet, files: Sequence[Path], now_s: float) -> Recovered:
+    """Bring a fleet to what it was, from the end of the files of a log.
 
     Identities count whatever their age, statuses as far back as a robot is not yet silent. What is only repeated here
     was counted when it came, so nothing is counted again.
     """
     counted, fleet.measures = fleet.measures, Measures()
     since_s, messages, connection = now_s - fleet.reading.silent_after_s, 0, 0
-    for event in Reader().read(segments(log)[-RECOVERED_SEGMENTS:] if log.is_dir() else []):
+    for event in Reader().read(files[-RECOVERED_SEGMENTS:]):
         if isinstance(event, Received | Closed):
             connection = max(connection, event.connection.id)
         if not isinstance(event, Received) or event.refused or event.arrival_s > now_s:
@@ -75,7 +77,7 @@ class ReceiverRole:
             "deconflict_ticks_total", "deconflict_recorded_bytes_total", "deconflict_recorded_lines_dropped_total"
         )
         self.fleet = fleet_of(site, self.measures)
-        found = recover(self.fleet, log, _now_s())
+        found = recover(self.fleet, segments(log) if log.is_dir() else [], _now_s())
         if found.messages:
             logger.info("the floor is as it was: %s messages read back from the recording", found.messages)
         self.recorder = Recorder(site.recorder, log, self.measures, _now_s)
@@ -92,6 +94,7 @@ class ReceiverRole:
         self.ready = asyncio.Event()
         """Set once its ports are open."""
         self._tick_s = 0.0
+        self._recent = Recent()
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
@@ -100,6 +103,8 @@ class ReceiverRole:
             "robots": self._robots,
             "quarantine": self._quarantine,
             "measures": self._measures,
+            "unidentified": self._unidentified,
+            "follow": self._follow,
         }
         await self._open_port()
         dialers = [
@@ -156,15 +161,24 @@ class ReceiverRole:
         self.recorder.tick(now_s)
         self.measures.count("deconflict_ticks_total")
         batch = self.fleet.cut(now_s, everything).to_bytes()
+        self._recent.add(now_s, batch)
         if not was_behind:
             await asyncio.to_thread(self.recorder.sync, DISK_S)
         return batch
+
+    async def _follow(self, payload: bytes) -> bytes:
+        """The batch after the one with the given number, as the engine was given it, for who watches the floor."""
+        told = await self._recent.after(int(payload))
+        return told or parcel(self._recent.number, self.fleet.whole(_now_s()).to_bytes(), whole=True)
 
     async def _robots(self, _: bytes) -> bytes:
         return json.dumps(self.fleet.documents(_now_s())).encode()
 
     async def _quarantine(self, _: bytes) -> bytes:
         return json.dumps(self.fleet.quarantine.documents()).encode()
+
+    async def _unidentified(self, _: bytes) -> bytes:
+        return json.dumps(self.fleet.unidentified()).encode()
 
     async def _measures(self, _: bytes) -> bytes:
         self.fleet.measure(_now_s())

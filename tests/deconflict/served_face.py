@@ -4,7 +4,7 @@ import asyncio
 import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,15 @@ from fastapi import FastAPI
 
 from deconflict.advisory import AnyAdvisory
 from deconflict.asgi import FaceServer, face_server
+from deconflict.link import LinkDownError
 from deconflict.operator import SourceUnavailableError, create_app
-from deconflict.site import Operator
+from deconflict.picture import Picture
+from deconflict.recent import Recent, opened, parcel
+from deconflict.roles.receiver import fleet_of
+from deconflict.site import Operator, Site
 from deconflict.store import Store
 from ingest.measures import Measures
+from ingest.seam import Batch
 from metrics.exposition import render
 
 ROBOT_DOCUMENTS: list[dict[str, Any]] = [
@@ -29,6 +34,8 @@ class GivenSources:
     """Sources that answer what they were given; a role named in `down` does not answer."""
 
     down: set[str] = field(default_factory=set)
+    recent: Recent = field(default_factory=Recent)
+    whole: Batch = field(default_factory=lambda: fleet_of(Site(), Measures()).whole(1.0))
 
     async def robots(self) -> list[dict[str, Any]]:
         self._ask("receiver")
@@ -48,6 +55,24 @@ class GivenSources:
         self._ask("supervisor")
         roles = {role: "down" if role in self.down else "up" for role in ("receiver", "engine")}
         return {"status": "degraded" if self.down else "ok", "roles": roles}
+
+    async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
+        if "receiver" in self.down:
+            raise LinkDownError("receiver")
+        return opened(await self.recent.after(number) or parcel(self.recent.number, self.whole.to_bytes(), whole=True))
+
+    async def pulse(self) -> dict[str, Any]:
+        roles = {role: "down" if role in self.down else "up" for role in ("receiver", "engine")}
+        return {"roles": roles, "vendors": {}, "unidentified": []}
+
+    async def floor_at(self, at_s: float) -> str:
+        self._ask("recording")
+        picture = Picture()
+        picture.put(replace(self.whole, now_s=at_s), whole=True)
+        return picture.since(0)
+
+    def recorded(self) -> tuple[float, float] | None:
+        return 1.0, 2.0
 
     def _ask(self, role: str) -> None:
         if role in self.down:
@@ -88,7 +113,7 @@ class Served:
 @asynccontextmanager
 async def served(directory: Path, *, at: str = "127.0.0.1:0", **settings: Any) -> AsyncIterator[Served]:
     store, sources = Store(directory), GivenSources()
-    app = create_app(store, sources, render, Operator(**settings))
+    app = create_app(store, sources, render, Site(operator=Operator(**settings)))
     server = face_server(app)
     host, _, port = at.partition(":")
     with socket.create_server((host, int(port))) as listening:
@@ -107,3 +132,23 @@ async def until(condition: Any, within_s: float = 20.0) -> None:
     async with asyncio.timeout(within_s):
         while not condition():
             await asyncio.sleep(0.005)
+
+
+async def stuck_subscriber(face: Served, path: str = "/advisories/stream") -> socket.socket:
+    """A subscriber that has shaken hands and reads nothing more."""
+    host, port = face.address.split(":")
+    loop = asyncio.get_running_loop()
+    raw = socket.socket()
+    raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    raw.setblocking(False)
+    await loop.sock_connect(raw, (host, int(port)))
+    request = (
+        f"GET {path} HTTP/1.1\r\nHost: {face.address}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    await loop.sock_sendall(raw, request.encode())
+    answer = b""
+    while not answer.endswith(b"\r\n\r\n"):
+        answer += await loop.sock_recv(raw, 1)
+    assert answer.startswith(b"HTTP/1.1 101")
+    return raw

@@ -166,8 +166,12 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/advisories",
         "/advisories/{advisory_id}",
         "/advisories/{advisory_id}/acknowledgement",
+        "/heat",
+        "/past",
+        "/recorded",
         "/robots",
         "/robots/{uuid}",
+        "/site",
         "/quarantine",
         "/healthz",
         "/metrics",
@@ -179,7 +183,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
 
 
 async def test_the_index_lists_every_route_and_loads_nothing(client: httpx.AsyncClient) -> None:
-    page = (await client.get("/")).text
+    page = (await client.get("/api")).text
     for path in (await client.get("/openapi.json")).json()["paths"]:
         assert f">{path}<" in page
     assert "/advisories/stream" in page
@@ -190,7 +194,7 @@ async def test_the_index_lists_every_route_and_loads_nothing(client: httpx.Async
 
 async def test_the_api_page_names_every_route_and_close_code(client: httpx.AsyncClient) -> None:
     page = API_PAGE.read_text()
-    paths = [*(await client.get("/openapi.json")).json()["paths"], "/advisories/stream", "/openapi.json"]
+    paths = [*(await client.get("/openapi.json")).json()["paths"], "/advisories/stream", "/live", "/openapi.json"]
     assert not [path for path in paths if f"`{path}`" not in page.replace("`GET ", "`").replace("`POST ", "`")]
     codes = (stream.BAD_AFTER, stream.AFTER_BEYOND_LAST, stream.STORE_FAILED)
     assert not [code for code in codes if f"`{code}`" not in page]

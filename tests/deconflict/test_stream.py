@@ -10,7 +10,7 @@ from websockets.exceptions import ConnectionClosedError
 
 from deconflict.stream import AFTER_BEYOND_LAST, BAD_AFTER, STORE_FAILED
 from tests.deconflict.made_advisories import made
-from tests.deconflict.served_face import Served, served, until
+from tests.deconflict.served_face import Served, served, stuck_subscriber, until
 
 RESTARTING = 1012
 
@@ -134,26 +134,6 @@ async def test_a_stuck_subscriber_is_dropped_and_the_others_go_on(tmp_path: Path
         assert await listening == list(range(1, 102))
         assert face.measured("deconflict_stream_dropped_total") == 1
         stuck.close()
-
-
-async def stuck_subscriber(face: Served) -> socket.socket:
-    """A subscriber that has shaken hands and reads nothing more."""
-    host, port = face.address.split(":")
-    loop = asyncio.get_running_loop()
-    raw = socket.socket()
-    raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    raw.setblocking(False)
-    await loop.sock_connect(raw, (host, int(port)))
-    request = (
-        f"GET /advisories/stream HTTP/1.1\r\nHost: {face.address}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
-    )
-    await loop.sock_sendall(raw, request.encode())
-    answer = b""
-    while not answer.endswith(b"\r\n\r\n"):
-        answer += await loop.sock_recv(raw, 1)
-    assert answer.startswith(b"HTTP/1.1 101")
-    return raw
 
 
 async def test_small_messages_are_sent_without_waiting_for_more(face: Served) -> None:

@@ -1,0 +1,319 @@
+// Draws one floor: marks, places, heat, ribbons, robots, and where advisories say that something will happen.
+
+import { envelope, movesFor, poseAt } from "./motion.js";
+import { SIGNS, countdown, short } from "./words.js";
+
+const FADES = 5;
+const STEPS_S = { exact: 0.15, line: 0.5 };
+const EXACT = 100; // ribbons of more robots than this are drawn as lines of the robot's width
+const LABELLED = 120;
+const RIBBONED = 3000;
+
+export class FloorMap {
+  constructor(canvas, camera, vendors) {
+    this.canvas = canvas;
+    this.pen = canvas.getContext("2d");
+    this.camera = camera;
+    this.vendors = vendors;
+    this.pose = [0, 0, 0];
+  }
+
+  colours() {
+    const style = getComputedStyle(document.documentElement);
+    return Object.fromEntries(["ink", "faint", "floor", "grid", "place", "place-line", "halo", "critical", "warning", "caution", "accent"]
+      .map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  }
+
+  draw(scene) {
+    const { pen, canvas, camera } = this, dense = window.devicePixelRatio || 1;
+    const [width, height] = [Math.round(camera.width * dense), Math.round(camera.height * dense)];
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    pen.setTransform(dense, 0, 0, dense, 0, 0);
+    this.unit = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
+    this.said = [];
+    if (this.theme !== scene.theme) [this.theme, this.ink] = [scene.theme, this.colours()];
+    pen.fillStyle = this.ink.floor;
+    pen.fillRect(0, 0, camera.width, camera.height);
+    this.grid();
+    this.places(scene);
+    this.marks(scene);
+    if (scene.heat) this.heat(scene);
+    const robots = this.within(scene);
+    if (robots.length <= RIBBONED) this.ribbons(robots, scene);
+    this.links(scene);
+    this.robots(robots, scene);
+    for (const one of scene.advisories) this.advisory(one, scene);
+    return robots.length;
+  }
+
+  within(scene) {
+    const { camera, pose } = this, reach = 12, out = [];
+    const [left, top] = camera.metres(0, 0), [right, bottom] = camera.metres(camera.width, camera.height);
+    for (const robot of scene.robots) {
+      poseAt(robot, scene.poseS(robot), pose);
+      [robot.x, robot.y, robot.yaw] = pose;
+      if (robot.x > left - reach && robot.x < right + reach && robot.y > bottom - reach && robot.y < top + reach) out.push(robot);
+    }
+    return out;
+  }
+
+  grid() {
+    const { pen, camera, ink } = this;
+    const every = [1, 5, 10, 50, 100].find((step) => step * camera.scale >= 28 * this.unit) ?? 500;
+    const [left, top] = camera.metres(0, 0), [right, bottom] = camera.metres(camera.width, camera.height);
+    pen.beginPath();
+    for (let x = Math.ceil(left / every) * every; x <= right; x += every) line(pen, camera.px(x), 0, camera.px(x), camera.height);
+    for (let y = Math.ceil(bottom / every) * every; y <= top; y += every) line(pen, 0, camera.py(y), camera.width, camera.py(y));
+    pen.strokeStyle = ink.grid;
+    pen.lineWidth = 1;
+    pen.stroke();
+    pen.fillStyle = ink.faint;
+    pen.font = `${11 * this.unit}px system-ui, sans-serif`;
+    pen.textAlign = "right";
+    pen.fillText(`grid ${every} m`, camera.width - 10, camera.height - 10);
+  }
+
+  places(scene) {
+    const { pen, camera, ink } = this;
+    for (const place of scene.places) {
+      pen.beginPath();
+      place.polygon.forEach(([x, y]) => pen.lineTo(camera.px(x), camera.py(y)));
+      pen.closePath();
+      const taken = scene.robots.filter((robot) => robot.x !== undefined && inside(place.polygon, robot.x, robot.y)).length;
+      const contended = scene.contended.get(place.id);
+      pen.fillStyle = ink.place;
+      pen.fill();
+      pen.strokeStyle = contended ? ink[contended.severity] : ink["place-line"];
+      pen.lineWidth = contended ? 3 : 1.5;
+      pen.stroke();
+      const x = place.polygon.reduce((sum, point) => sum + point[0], 0) / place.polygon.length;
+      const top = Math.max(...place.polygon.map((point) => point[1]));
+      const queue = contended?.queue_length ? `, ${contended.queue_length} will queue` : "";
+      if (camera.scale > 6 || contended) this.text(`${place.name || place.id} ${taken}/${place.capacity}${queue}`, camera.px(x), camera.py(top) - 5, 12, contended ? ink[contended.severity] : ink.faint);
+    }
+  }
+
+  marks(scene) {
+    const { pen, camera, ink } = this;
+    for (const mark of scene.marks) {
+      const x = camera.px(mark.x), y = camera.py(mark.y);
+      pen.strokeStyle = ink["place-line"];
+      pen.lineWidth = 1.5;
+      pen.beginPath();
+      line(pen, x - 5, y, x + 5, y);
+      line(pen, x, y - 5, x, y + 5);
+      pen.stroke();
+      if (camera.scale > 9) this.text(mark.name, x, y + 16, 11, ink.faint);
+    }
+  }
+
+  heat(scene) {
+    const { pen, camera } = this, { cell_m: cell, floors } = scene.heat, cells = floors[scene.floor] ?? [];
+    const most = Math.max(1, ...cells.map((one) => one[2]));
+    for (const [x, y, count] of cells) {
+      pen.fillStyle = this.theme === "dark" ? "#ff8a5c" : "#d1380a";
+      pen.globalAlpha = 0.12 + 0.55 * (count / most);
+      pen.fillRect(camera.px(x), camera.py(y + cell), cell * camera.scale, cell * camera.scale);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  // What each envelope sweeps in the horizon, fainter the later: exactly, in bands that each begin now and lie one over the
+  // other; as lines, in bands that follow each other. Within a band overlaps don't add up.
+  ribbons(robots, scene) {
+    const exact = robots.length <= EXACT, bands = new Map();
+    for (const robot of robots) {
+      const for_s = Math.min(movesFor(robot, scene.poseS(robot)), scene.horizonS);
+      if (for_s <= 0 || robot.away) continue;
+      for (let band = 0; band < FADES; band += 1) {
+        const before = (band * scene.horizonS) / FADES, from = exact ? 0 : before, to = Math.min(((band + 1) * scene.horizonS) / FADES, for_s);
+        if (before >= to) break;
+        const width = exact ? 0 : Math.max(1, Math.round((robot.widthM * this.camera.scale) / 2) * 2), key = `${robot.vendor} ${band} ${width}`;
+        if (!bands.has(key)) bands.set(key, { path: new Path2D(), vendor: robot.vendor, band, width });
+        this.swept(bands.get(key).path, robot, scene.poseS(robot), from, to, exact);
+      }
+    }
+    for (const { path, vendor, band, width } of bands.values()) this.band(path, vendor, exact ? 0.11 : 0.4 * (1 - band / FADES), width);
+    this.pen.globalAlpha = 1;
+  }
+
+  swept(path, robot, nowS, from, to, exact) {
+    const { camera, pose } = this, steps = Math.max(1, Math.ceil((to - from) / (exact ? STEPS_S.exact : STEPS_S.line)));
+    for (let i = 0; i <= steps; i += 1) {
+      poseAt(robot, nowS + from + ((to - from) * i) / steps, pose);
+      if (exact) envelope(path, camera, robot, pose);
+      else if (i === 0) path.moveTo(camera.px(pose[0]), camera.py(pose[1]));
+      else path.lineTo(camera.px(pose[0]), camera.py(pose[1]));
+    }
+  }
+
+  band(path, vendor, alpha, width) {
+    const { pen } = this, colour = this.vendors.colour(vendor, this.theme);
+    pen.globalAlpha = alpha;
+    if (width) {
+      pen.strokeStyle = colour;
+      pen.lineWidth = width;
+      pen.stroke(path);
+    } else {
+      pen.fillStyle = colour;
+      pen.fill(path, "nonzero");
+    }
+  }
+
+  robots(robots, scene) {
+    const { pen, camera, ink } = this, small = camera.scale < 4, by = new Map();
+    for (const robot of robots) {
+      const key = `${robot.vendor}\n${robot.away || ""}`;
+      if (!by.has(key)) by.set(key, []);
+      by.get(key).push(robot);
+    }
+    for (const group of by.values()) {
+      const path = new Path2D(), noses = new Path2D(), [{ vendor, away }] = group;
+      for (const robot of group) {
+        const pose = [robot.x, robot.y, robot.yaw];
+        envelope(path, camera, robot, pose, small ? Math.max(0, 2.5 / camera.scale - robot.widthM / 2) : 0);
+        if (!small) sign(noses, camera.px(robot.x), camera.py(robot.y), robot.yaw, Math.min(robot.widthM, robot.lengthM) * camera.scale, this.vendors.mark(vendor));
+      }
+      pen.fillStyle = away === "silent" ? ink.faint : this.vendors.colour(vendor, this.theme);
+      pen.globalAlpha = away === "silent" ? 0.35 : away ? 0.6 : 1;
+      pen.fill(path);
+      pen.globalAlpha = 1;
+      pen.setLineDash(away ? [4, 3] : []);
+      pen.strokeStyle = away ? ink.ink : ink.halo;
+      pen.lineWidth = away ? 1.5 : 1;
+      if (!small) pen.stroke(path);
+      pen.setLineDash([]);
+      pen.fillStyle = ink.halo;
+      pen.fill(noses);
+    }
+    for (const robot of robots) this.remarks(robot, scene, robots.length <= LABELLED && camera.scale > 7);
+  }
+
+  remarks(robot, scene, labelled) {
+    const { pen, camera, ink } = this, involved = scene.involved.get(robot.uuid), chosen = robot.uuid === scene.robot;
+    if (involved || chosen) {
+      const path = new Path2D();
+      envelope(path, camera, robot, [robot.x, robot.y, robot.yaw], 3 / camera.scale);
+      pen.strokeStyle = chosen ? ink.accent : ink[involved];
+      pen.lineWidth = 2.5;
+      pen.stroke(path);
+    }
+    if (robot.doubtM > 0) {
+      pen.beginPath();
+      pen.arc(camera.px(robot.x), camera.py(robot.y), (robot.doubtM + robot.lengthM / 2) * camera.scale, 0, 2 * Math.PI);
+      pen.strokeStyle = ink.faint;
+      pen.setLineDash([2, 4]);
+      pen.stroke();
+      pen.setLineDash([]);
+    }
+    if (!(labelled || involved || chosen) || camera.scale < 3) return;
+    const silence = robot.away === "silent" ? ` silent ${Math.round(scene.nowS - robot.arrivalS)} s` : "";
+    const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}`;
+    const below = (Math.hypot(robot.lengthM, robot.widthM) / 2) * camera.scale + 13 * this.unit;
+    this.text(name, camera.px(robot.x), camera.py(robot.y) + below, involved ? 13 : 11, involved ? ink.ink : ink.faint, involved ? "600 " : "");
+  }
+
+  links(scene) {
+    const { pen, camera, ink } = this;
+    for (const one of scene.advisories) {
+      if (one.severity === "caution" && one.id !== scene.chosen) continue;
+      pen.strokeStyle = ink[one.severity];
+      pen.lineWidth = one.id === scene.chosen ? 2.5 : 1.2;
+      pen.setLineDash([6, 4]);
+      for (const robot of scene.robots) {
+        if (!one.robots.includes(robot.uuid)) continue;
+        pen.beginPath();
+        line(pen, camera.px(robot.x), camera.py(robot.y), camera.px(one.location.x), camera.py(one.location.y));
+        pen.stroke();
+      }
+      pen.setLineDash([]);
+    }
+  }
+
+  advisory(one, scene) {
+    const { pen, camera, ink } = this, chosen = one.id === scene.chosen;
+    const x = camera.px(one.location.x), y = camera.py(one.location.y), r = (chosen ? 15 : 11) * this.unit;
+    pen.beginPath();
+    pen.arc(x, y, r, 0, 2 * Math.PI);
+    pen.lineWidth = chosen ? 5 : 3;
+    pen.strokeStyle = ink[one.severity];
+    pen.globalAlpha = one.acknowledgement ? 0.6 : 1;
+    pen.stroke();
+    const said = `${SIGNS[one.severity]} ${one.acknowledgement ? "✓ " : ""}${countdown(one, scene.nowS)}`;
+    this.pill(said, x, y - r - 15 * this.unit, ink[one.severity], one.severity !== "caution" || chosen);
+    pen.globalAlpha = 1;
+  }
+
+  // A filled or outlined pill with text, moved up until it hides no other.
+  pill(said, x, y, colour, filled) {
+    const { pen, ink, unit } = this, high = 20 * unit;
+    pen.font = `700 ${13 * unit}px system-ui, sans-serif`;
+    const wide = pen.measureText(said).width + 12 * unit;
+    const hidden = () => this.said.find((one) => Math.abs(one.x - x) < (one.wide + wide) / 2 && Math.abs(one.y - y) < high);
+    for (let other = hidden(); other; other = hidden()) y = other.y - high - 2;
+    this.said.push({ x, y, wide });
+    pen.beginPath();
+    pen.roundRect(x - wide / 2, y - high / 2, wide, high, 6 * unit);
+    pen.fillStyle = filled ? colour : ink.halo;
+    pen.fill();
+    pen.strokeStyle = colour;
+    pen.lineWidth = 1.5;
+    pen.stroke();
+    pen.fillStyle = filled ? ink.halo : colour;
+    pen.textAlign = "center";
+    pen.fillText(said, x, y + 4.5 * unit);
+  }
+
+  text(said, x, y, size, colour, weight = "") {
+    const { pen, ink } = this;
+    pen.font = `${weight}${size * this.unit}px system-ui, sans-serif`;
+    pen.textAlign = "center";
+    pen.lineWidth = 3 * this.unit;
+    pen.lineJoin = "round";
+    pen.strokeStyle = ink.halo;
+    pen.strokeText(said, x, y);
+    pen.fillStyle = colour;
+    pen.fillText(said, x, y);
+  }
+}
+
+export function swatch(pen, colour, mark) {
+  const path = new Path2D();
+  pen.fillStyle = colour;
+  pen.fillRect(2, 4, 44, 28);
+  sign(path, 24, 18, 0, 26, mark);
+  pen.fillStyle = document.documentElement.dataset.theme === "dark" ? "#0e141a" : "#ffffff";
+  pen.fill(path);
+}
+
+// A vendor's sign, which points where the robot heads: arrow, chevron, tee, notched arrow; a person's is a dot.
+function sign(path, x, y, yaw, size, mark) {
+  const s = size * 0.34, cos = Math.cos(yaw) * s, sin = Math.sin(yaw) * s;
+  const shapes = [
+    [[1.1, 0], [-0.8, 0.9], [-0.8, -0.9]],
+    [[1.1, 0], [-0.2, 1], [-0.9, 1], [0.3, 0], [-0.9, -1], [-0.2, -1]],
+    [[1.1, 0.9], [1.1, -0.9], [0.5, -0.9], [0.5, -0.25], [-1.1, -0.25], [-1.1, 0.25], [0.5, 0.25], [0.5, 0.9]],
+    [[1.1, 0], [0, 0.9], [0, 0.35], [-1.1, 0.35], [-1.1, -0.35], [0, -0.35], [0, -0.9]],
+  ];
+  if (mark === shapes.length) {
+    path.moveTo(x + s * 0.8, y);
+    path.arc(x, y, s * 0.8, 0, 2 * Math.PI);
+    return;
+  }
+  shapes[mark].forEach(([a, b], i) => path[i ? "lineTo" : "moveTo"](x + a * cos - b * sin, y - a * sin - b * cos));
+  path.closePath();
+}
+
+function line(pen, x1, y1, x2, y2) {
+  pen.moveTo(x1, y1);
+  pen.lineTo(x2, y2);
+}
+
+function inside(polygon, x, y) {
+  let within = false;
+  for (let i = 0, j = polygon.length - 1; i < polygon.length; j = i, i += 1) {
+    const [ax, ay] = polygon[i], [bx, by] = polygon[j];
+    if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) within = !within;
+  }
+  return within;
+}
