@@ -173,7 +173,7 @@ class Fleet:
 
     def documents(self, now_s: float) -> list[dict[str, Any]]:
         """Everything each robot said and what was made of it, JSON-ready, by UUID."""
-        return [self._document(self.robots[uuid], now_s) for uuid in sorted(self.robots)]
+        return [self.document(self.robots[uuid], now_s) for uuid in sorted(self.robots)]
 
     def measure(self, now_s: float) -> None:
         """Bring the levels in `measures` up to date."""
@@ -345,7 +345,8 @@ class Fleet:
             return "silent"
         return robot.state if robot.state and robot.known_state else "other"
 
-    def _document(self, robot: Robot, now_s: float) -> dict[str, Any]:
+    def document(self, robot: Robot, now_s: float) -> dict[str, Any]:
+        """One of the `documents`."""
         return {
             "uuid": robot.uuid,
             "name": robot.name,

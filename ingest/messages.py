@@ -39,7 +39,16 @@ LOAD_USED_KEY = "loadPercentageUsed"
 """A key after the text of the standard (5.3.4), whose schema asks for what is still available."""
 _IDENTITY_KEYS = frozenset(("baseRobotEnvelope", "manufacturerName", "robotModel", "robotSerialNumber"))
 _STATUS_KEYS = frozenset(("operationalState", "location"))
-_PARTS = frozenset((Extent, Location, PredictedLocation, Quaternion, Velocity))
+_HOLDERS = {
+    IdentityReport: ("baseRobotEnvelope", "cargoMaxVolume"),
+    StatusReport: ("location", "velocity", "path", "destinations"),
+    Location: ("angle",),
+    PredictedLocation: ("angle",),
+    Velocity: ("angular",),
+    Extent: (),
+    Quaternion: (),
+}
+"""What of each report is a report in its turn."""
 
 
 class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
@@ -309,9 +318,10 @@ def _note_extras(report: Report, findings: Findings) -> None:
         raise RejectedError("number-not-finite", f"{_first(extra)} holds NaN or an infinite number; leave it out")
     if extra.keys() - {LOAD_USED_KEY}:
         findings["key-unknown"] = None
-    for value in vars(report).values():
-        for part in value if isinstance(value, list) else (value,):
-            if type(part) in _PARTS:
+    for name in _HOLDERS[type(report)]:
+        held = getattr(report, name)
+        for part in held if isinstance(held, list) else (held,):
+            if part is not None:
                 _note_extras(part, findings)
 
 

@@ -126,6 +126,13 @@ def _keys_and_types() -> Iterator[Vector]:
     yield Vector("a key of its own", said(mood="good"), ("key-unknown",), reads={"x": 1.0})
     yield Vector("a key of its own in an angle", said(location=here(angle=UPRIGHT | {"deg": 0})), ("key-unknown",))
     yield Vector("a key of its own in a point", said(path=[at(T, speed=1.0)]), ("key-unknown",))
+    for part, value in (
+        ("velocity", {"linear": 1.0, "knots": 2}),
+        ("velocity", {"linear": 1.0, "angular": UPRIGHT | {"deg": 0}}),
+        ("destinations", [at(T, angle=UPRIGHT | {"deg": 0})]),
+    ):
+        yield Vector(f"a key of its own in {part}", said(**{part: value}), ("key-unknown",))
+    yield Vector("a key of its own in a volume", named(cargoMaxVolume={"x": 1, "y": 1, "r": 2}), ("key-unknown",))
     yield Vector("a key of its own in an envelope", named(baseRobotEnvelope={"x": 1, "y": 1, "r": 2}), ("key-unknown",))
     yield Vector(
         "null for no battery", with_null(said(), "batteryPercentage"), ("null-value",), reads={"battery_pct": None}

@@ -5,6 +5,7 @@ import json
 import logging
 import time
 from collections.abc import Sequence
+from operator import attrgetter
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -28,6 +29,7 @@ logger = logging.getLogger(__name__)
 
 DISK_S = 0.05
 """How long a batch waits for its messages to be recorded. Where the disk still owes earlier ones it does not wait."""
+DOCUMENTS_AT_ONCE = 20
 RECOVERED_SEGMENTS = 2
 """Newest segments of the log that are read back at a start."""
 
@@ -172,7 +174,13 @@ class ReceiverRole:
         return told or parcel(self._recent.number, self.fleet.whole(_now_s()).to_bytes(), whole=True)
 
     async def _robots(self, _: bytes) -> bytes:
-        return json.dumps(self.fleet.documents(_now_s())).encode()
+        """All the documents, a few at a time: those of ten thousand robots take seconds, and messages can't wait."""
+        told, now_s = [], _now_s()
+        for number, robot in enumerate(sorted(self.fleet.robots.values(), key=attrgetter("uuid"))):
+            told.append(json.dumps(self.fleet.document(robot, now_s)))
+            if number % DOCUMENTS_AT_ONCE == 0:
+                await asyncio.sleep(0)
+        return f"[{','.join(told)}]".encode()
 
     async def _quarantine(self, _: bytes) -> bytes:
         return json.dumps(self.fleet.quarantine.documents()).encode()

@@ -1,4 +1,5 @@
 import asyncio
+import json
 import threading
 import time
 from collections.abc import AsyncIterator
@@ -9,8 +10,9 @@ import pytest
 from websockets.asyncio.client import connect
 
 from deconflict.link import AsyncCaller
-from deconflict.roles.receiver import ReceiverRole
+from deconflict.roles.receiver import DOCUMENTS_AT_ONCE, ReceiverRole
 from deconflict.site import Site
+from ingest.connection import Connection
 from ingest.logfiles import LogFiles
 from ingest.playback import EngineStarted, Received, Tick
 from ingest.seam import Batch
@@ -52,6 +54,23 @@ async def test_no_two_connections_of_a_log_have_the_same_number(tmp_path: Path) 
                     await socket.send(status(name, time.time()))
     numbers = [event.connection.id for event in read(tmp_path / "log")[0] if isinstance(event, Received)]
     assert numbers == [1, 2, 3, 4, 5, 6]
+
+
+async def test_messages_get_through_while_all_the_robots_are_told(tmp_path: Path) -> None:
+    async with serving(tmp_path) as role:
+        for number in range(10 * DOCUMENTS_AT_ONCE):
+            role.fleet.receive(status(f"R-{number:03}", time.time()), time.time(), Connection(1))
+        late = status("Z-1", time.time())
+        asking = asyncio.create_task(AsyncCaller(tmp_path, "receiver").call("robots"))
+        turns = 0
+        while not asking.done():
+            await asyncio.sleep(0)
+            role.fleet.receive(late, time.time(), Connection(1))
+            turns += 1
+        told = json.loads(await asking)
+        assert len(told) in {10 * DOCUMENTS_AT_ONCE, 10 * DOCUMENTS_AT_ONCE + 1}
+        assert [one["uuid"] for one in told] == sorted(one["uuid"] for one in told)
+        assert turns > 10
 
 
 async def test_a_disk_that_stalls_delays_no_batch_and_loses_nothing(
