@@ -245,13 +245,14 @@ class Boxes:
         is_changed[changed] = True
         if len(changed) <= FEW:
             return _one_by_one(self.all, rings, changed, is_changed)
-        return _in_cells(self.all, rings, changed, is_changed, 1.0 / self._side(rings, changed))
+        return _in_cells(self.all, rings, changed, is_changed, 1.0 / self._side(rings))
 
-    def _side(self, rings: Ints, changed: Ints) -> float:
+    def _side(self, rings: Ints) -> float:
         """Of a cell: what nine in ten boxes fit well into, by a sample."""
-        sample = self.all[np.ix_(rings, changed[:: 1 + len(changed) // 200])]
+        sample = self.all[rings, :: 1 + self.all.shape[1] // 200]
         there = sample[sample["floor"] != ABSENT]
         if not len(there):
             return NARROWEST_M
         longest = np.maximum(there["east"] - there["west"], there["north"] - there["south"])
-        return max(float(np.partition(longest, len(longest) * 9 // 10)[len(longest) * 9 // 10]) * ROOMY, NARROWEST_M)
+        most = len(longest) * 9 // 10
+        return max(ROOMY * float(np.partition(longest, most)[most]), NARROWEST_M)
