@@ -1,6 +1,7 @@
 """Contention through the whole service: real sockets in, the stored advisories and the metrics out."""
 
 import asyncio
+import json
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -10,8 +11,13 @@ from typing import Any
 import httpx
 from websockets.asyncio.client import connect
 
+from deconflict.advisory import AnyAdvisory
+from deconflict.engine import Engine
+from deconflict.roles.receiver import fleet_of
 from deconflict.service import in_one_process
 from deconflict.site import Operator
+from ingest.measures import Measures
+from ingest.playback import EngineStarted, Reader, Received, Tick
 from ingest.settings import Receiver
 from metrics.exposition import render
 from tests.deconflict.contention.scenes import Script, aisle, resource, site
@@ -69,6 +75,29 @@ async def until(url: str, *kinds: str) -> dict[str, Any]:
             await asyncio.sleep(0.1)
 
 
+async def revisions(url: str, *ids: str) -> list[dict[str, Any]]:
+    """Every revision of some advisories."""
+    async with httpx.AsyncClient() as client:
+        answers = [(await client.get(f"{url}/advisories/{one}")).json()["advisories"] for one in ids]
+    return [revision for answer in answers for revision in answer]
+
+
+def replayed(log: Path) -> dict[tuple[str, int], dict[str, Any]]:
+    """What the engine says of the recording, by id and revision."""
+    fleet, engine, told = fleet_of(SITE, Measures()), Engine(SITE), list[AnyAdvisory]()
+    everything = False
+    for event in Reader().read([log]):
+        if isinstance(event, Received):
+            fleet.receive(event.raw, event.arrival_s, event.connection)
+        elif isinstance(event, EngineStarted):
+            everything = True
+        elif isinstance(event, Tick):
+            engine.receive(fleet.cut(event.now_s, everything))
+            everything = False
+            told += engine.step(event.now_s)
+    return {(one.id, one.revision): json.loads(one.model_dump_json()) for one in told}
+
+
 async def test_a_deadlock_and_a_queue_are_told_ahead_and_keep_their_ids_over_a_restart(tmp_path: Path) -> None:
     start_s = time.time()
     async with running(tmp_path) as (robots, operator):
@@ -83,6 +112,9 @@ async def test_a_deadlock_and_a_queue_are_told_ahead_and_keep_their_ids_over_a_r
             text = (await client.get(f"{operator}/metrics")).text
         assert 'deconflict_resource_occupancy{resource="c1"} 1.0' in text
         driving.cancel()
+        live = await revisions(operator, found["deadlock"]["id"], found["contention"]["id"])
+    told = replayed(tmp_path / "log")
+    assert [one | {"seq": 0} for one in live] == [told[one["id"], one["revision"]] for one in live]
     async with running(tmp_path) as (robots, operator):
         driving = asyncio.create_task(drive(robots, start_s))
         again = await until(operator, "deadlock", "contention")

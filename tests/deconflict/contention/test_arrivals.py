@@ -1,0 +1,55 @@
+"""What a vendor's robots say of their arrivals, held against when they came."""
+
+import pytest
+
+from deconflict.contention.arrivals import MOST_RATIOS, Arrivals, Spot
+
+DOCK: Spot = ("hall", 10.0, 0.0)
+AWAY: Spot = ("hall", 0.0, 0.0)
+
+
+def trip(arrivals: Arrivals, robot: str, begins_s: float, takes_s: float, told_s: float) -> None:
+    arrivals.heard(robot, "Alder", begins_s, AWAY, [(begins_s + told_s, DOCK)])
+    arrivals.heard(robot, "Alder", begins_s + takes_s, DOCK, [(begins_s + told_s, DOCK)])
+
+
+def test_nothing_seen_means_that_the_robot_is_believed() -> None:
+    expected_s, spread_s = Arrivals().expected("Alder", 100.0, 160.0)
+    assert expected_s == 160.0
+    assert 0 < spread_s < 30
+
+
+def test_a_vendor_that_is_always_late_is_expected_late() -> None:
+    arrivals = Arrivals()
+    for number in range(20):
+        trip(arrivals, "r", 1000.0 * number, takes_s=90.0, told_s=60.0)
+    expected_s, spread_s = arrivals.expected("Alder", 0.0, 100.0)
+    assert expected_s == pytest.approx(150.0)
+    assert spread_s < 30
+    assert arrivals.expected("Corvid", 0.0, 100.0)[0] == 100.0
+
+
+def test_a_time_that_is_past_is_now() -> None:
+    assert Arrivals().expected("Alder", 100.0, 60.0) == (100.0, 0.0)
+
+
+def test_a_plan_that_is_given_up_teaches_nothing() -> None:
+    arrivals = Arrivals()
+    arrivals.heard("r", "Alder", 0.0, AWAY, [(60.0, DOCK)])
+    arrivals.heard("r", "Alder", 10.0, AWAY, [(60.0, ("hall", 50.0, 0.0))])
+    arrivals.heard("r", "Alder", 300.0, DOCK, [])
+    assert arrivals.seen().get("Alder", 0) == 0
+
+
+def test_a_robot_that_stands_at_its_destination_teaches_nothing() -> None:
+    arrivals = Arrivals()
+    for t in range(100):
+        arrivals.heard("r", "Alder", float(t), DOCK, [(500.0, DOCK)])
+    assert arrivals.seen().get("Alder", 0) == 0
+
+
+def test_what_is_kept_is_bounded() -> None:
+    arrivals = Arrivals()
+    for number in range(2 * MOST_RATIOS):
+        trip(arrivals, "r", 1000.0 * number, takes_s=60.0, told_s=60.0)
+    assert arrivals.seen() == {"Alder": MOST_RATIOS}

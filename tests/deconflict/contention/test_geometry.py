@@ -1,0 +1,82 @@
+"""Places: which resource a point is in, which zones an envelope sweeps through, and when."""
+
+from math import inf
+
+import numpy as np
+import pytest
+import shapely
+
+from deconflict.contention.ahead import Ahead, ahead
+from deconflict.contention.geometry import Geometry, Passage
+from ingest.seam import Forecasts
+from tests.deconflict.contention.scenes import aisle, box, resource
+from tests.saying import HALL, LOFT
+
+NOW_S = 1_790_000_000.0
+LANE = aisle("lane", 4, 10)
+
+
+def forecast(*knots: tuple[float, float, float, int], yaw_rad: float = 0.0) -> Forecasts:
+    """One robot of 1.0 x 0.5 m; knots of seconds from now, x, y and floor."""
+    t, x, y, floor = (np.array(column, float) for column in zip(*knots, strict=True))
+    one = np.ones(1)
+    return Forecasts(
+        np.array([0, len(t)]),
+        NOW_S + t,
+        x,
+        y,
+        np.full(len(t), yaw_rad),
+        floor.astype(np.int64),
+        1.0 * one,
+        0.5 * one,
+        -inf * one,
+        inf * one,
+    )
+
+
+def passage(of: Forecasts, geometry: Geometry) -> Passage | None:
+    view = ahead(of, NOW_S)
+    way = shapely.LineString(np.stack([view.x_m[0], view.y_m[0]], axis=-1))
+    return geometry.passages([HALL], view, [way], of.length_m, of.width_m).get(0, {}).get("lane")
+
+
+def test_the_sampling_reads_between_knots_and_stands_after_the_last() -> None:
+    view: Ahead = ahead(forecast((-1, 0, 0, 0), (1, 4, 0, 0), (3, 4, 2, 0)), NOW_S)
+    assert view.x_m[0, :5].tolist() == pytest.approx([2.0, 3.0, 4.0, 4.0, 4.0])
+    assert view.y_m[0, [2, 4, 6, 20]].tolist() == pytest.approx([0.0, 1.0, 2.0, 2.0])
+
+
+def test_the_envelope_and_not_its_middle_is_in_a_zone() -> None:
+    found = passage(forecast((0, 0, 0, 0), (20, 20, 0, 0)), Geometry([], [LANE]))
+    assert found
+    assert found.enter_s == pytest.approx(NOW_S + 3.5, abs=0.01)
+    assert found.direction == 1
+    assert found.leave_s == inf
+    assert found.at_m(NOW_S + 6) == pytest.approx(2.0)
+
+
+def test_a_robot_that_passes_beside_a_zone_is_not_in_it() -> None:
+    geometry = Geometry([], [LANE])
+    assert passage(forecast((0, 0, 1.1, 0), (20, 20, 1.1, 0)), geometry) is None
+    assert passage(forecast((0, 0, 1.0, 0), (20, 20, 1.0, 0)), geometry) is not None
+
+
+def test_a_robot_that_changes_floors_first_is_not_in_it() -> None:
+    assert passage(forecast((0, 0, 0, 0), (2, 2, 0, 1), (20, 20, 0, 1)), Geometry([], [LANE])) is None
+
+
+def test_numbers_that_are_not_finite_are_nowhere() -> None:
+    assert ahead(forecast((0, float("nan"), 0, 0)), NOW_S).floor[0, 0] == -1
+
+
+def test_a_lift_is_one_resource_on_all_its_floors() -> None:
+    lift = resource("l1", 0, 0, kind="lift", floors=({"datum": LOFT, "polygon": box(50, 0)},))
+    found = Geometry([lift], []).resources_at(
+        [HALL, LOFT, LOFT, "elsewhere"], np.array([0.5, 50.5, 0.5, 0.5]), np.zeros(4)
+    )
+    assert found == ["l1", "l1", None, None]
+
+
+def test_where_outlines_overlap_the_first_in_the_site_file_counts() -> None:
+    both = Geometry([resource("b", 0.5, 0), resource("a", 0, 0)], [])
+    assert both.resources_at([HALL, HALL], np.array([0.4, -0.9]), np.zeros(2)) == ["b", "a"]
