@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError
 
 from deconflict.contention.resources import ContentionSettings, Resource, Zone, place_problems
 from deconflict.fitness import datum_problems, map_problems
+from deconflict.floorplan import plan_problems
 from deconflict.outlets.settings import Mqtt, Webhook, outlet_problems
 from ingest.settings import (
     NIL_DATUM,
@@ -165,7 +166,11 @@ def from_told(told: Mapping[str, Any]) -> Site:
 def problems(site: Site) -> list[str]:
     """What is wrong with reference points and with vendors' readings of them, a sentence each; empty if nothing."""
     return [
-        *(f"datums[{row}].{one}" for row, datum in enumerate(site.datums) for one in datum_problems(datum)),
+        *(
+            f"datums[{row}].{one}"
+            for row, datum in enumerate(site.datums)
+            for one in (*datum_problems(datum), *plan_problems(datum))
+        ),
         *(
             f"vendors[{row}].maps[{column}].{one}"
             for row, vendor in enumerate(site.vendors)

@@ -43,6 +43,17 @@ class ReferencePoint(Section):
     """In the datum's `coordinates`; longitude where they are degrees."""
 
 
+class FloorPlan(Section):
+    """An image of the floor that lies under the map."""
+
+    image: str
+    """File of the image, PNG, JPEG, WebP or SVG; relative to where the service is started."""
+    readings: dict[str, tuple[Coordinate, Coordinate]]
+    """Reference point id to its column and row in the image, pixels from the upper left corner."""
+    tolerance_m: Metres = 0.5
+    """Largest residual of the fit accepted at a reference point, metres on the floor."""
+
+
 class Datum(Section):
     """A planar datum (standard 3.2): one floor's common frame."""
 
@@ -58,6 +69,8 @@ class Datum(Section):
     """Latitude and longitude of the floor's origin, degrees; needed where `coordinates` are degrees."""
     reference_points: tuple[ReferencePoint, ...] = ()
     """Marks that vendors with a map of their own have surveyed: at least two, better four, spread over the floor."""
+    plan: FloorPlan | None = None
+    """An image of the floor, placed by the reference points."""
 
 
 class VendorMap(Section):

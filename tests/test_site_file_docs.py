@@ -17,6 +17,7 @@ DOC = (Path(__file__).parent.parent / "docs" / "site-file.md").read_text(encodin
 SECTIONS: dict[str, type[settings.Section]] = {
     "`[[datums]]`": settings.Datum,
     "`[[datums.reference_points]]`": settings.ReferencePoint,
+    "`[datums.plan]`": settings.FloorPlan,
     "`[[vendors]]`": settings.Vendor,
     "`[[vendors.maps]]`": settings.VendorMap,
     "`[vendors.models.MODEL]`": settings.Model,

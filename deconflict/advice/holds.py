@@ -1,0 +1,251 @@
+"""Holds: which robots should wait where they are, and how long, so that a whole group of conflicts is cleared."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ortools.sat.python import cp_model
+
+from deconflict.advice.delays import STEP_S, Mover, Pair, Window, allowed_differences, meetings
+from deconflict.advice.effort import solve
+from deconflict.advisory import Hold, Recommendation
+
+EFFORT = 0.1
+SWITCH_S = 2.0
+WEIGHT = 100
+"""Priorities count in hundredths."""
+ROUNDS = 8
+"""So often a plan may turn out to bring others together before no hold is advised."""
+
+Plan = dict[str, int]
+"""Robot to its hold, in `STEP_S`."""
+
+
+@dataclass(slots=True)
+class Problem:
+    """A connected group of conflicts, and the differences of hold at which each pair keeps apart."""
+
+    movers: dict[str, Mover]
+    window: Window
+    allowed: dict[Pair, list[int]] = field(default_factory=dict)
+    hopeless: list[Pair] = field(default_factory=list)
+    """Pairs that no hold keeps apart."""
+
+    def constrain(self, pairs: Sequence[Pair]) -> None:
+        found = allowed_differences([(self.movers[a], self.movers[b]) for a, b in pairs], self.window)
+        for pair, steps in zip(pairs, found, strict=True):
+            self._allow(pair, [step for step in steps if self._reachable(pair, step)])
+
+    def forbid(self, pair: Pair, step: int) -> None:
+        self._allow(pair, [one for one in self.allowed[pair] if one != step])
+
+    def _allow(self, pair: Pair, steps: list[int]) -> None:
+        self.allowed[pair] = steps
+        if not steps:
+            del self.allowed[pair]
+            self.hopeless.append(pair)
+
+    def _reachable(self, pair: Pair, step: int) -> bool:
+        a, b = (self.movers[robot].holdable for robot in pair)
+        return step == 0 or (a if step > 0 else b)
+
+    def robots(self) -> list[str]:
+        return sorted({robot for pair in self.allowed for robot in pair})
+
+    def fits(self, plan: Plan) -> bool:
+        return all(plan.get(a, 0) - plan.get(b, 0) in steps for (a, b), steps in self.allowed.items())
+
+    def cost(self, plan: Plan) -> int:
+        return sum(_weight(self.movers[robot]) * hold for robot, hold in plan.items())
+
+
+def advise_holds(
+    movers: Sequence[Mover],
+    conflicts: Sequence[Pair],
+    window: Window,
+    *,
+    burdens_s: Mapping[str, float] | None = None,
+    standing: Recommendation | None = None,
+    effort: float = EFFORT,
+    switch_s: float = SWITCH_S,
+) -> Recommendation:
+    """The holds that clear `conflicts` at the least waiting in all, weighted by priority.
+
+    `movers` are the robots of the conflicts and everyone near: no hold may bring anyone together who keeps apart
+    without. Of plans that cost the same, the one that holds fewest, then the one that holds the vendors least burdened
+    before. To hold a robot that `standing` does not hold must save `switch_s`. Where no hold works, `note` says who
+    needs another route.
+    """
+    problem = Problem({one.robot: one for one in movers}, window)
+    without = meetings(movers, [0.0] * len(movers), window)
+    pairs = sorted({(min(pair), max(pair)) for pair in conflicts})
+    problem.constrain(pairs)
+    planner = Planner(
+        problem, _ranks(burdens_s or {}, movers), _held(standing), effort, round(switch_s / STEP_S * WEIGHT)
+    )
+    for _ in range(ROUNDS):
+        first = _first_come(problem, without)
+        found = planner.plan(first)
+        if found is None:
+            return _no_hold(problem)
+        plan, bound, proven = found
+        made = _made(problem, plan, without)
+        if not made:
+            return _recommended(problem, plan, bound, proven, first)
+        known = [pair for pair in made if pair in problem.allowed]
+        for a, b in known:
+            problem.forbid((a, b), plan.get(a, 0) - plan.get(b, 0))
+        problem.constrain([pair for pair in made if pair not in known])
+    return _no_hold(problem)
+
+
+def _made(problem: Problem, plan: Plan, without: Mapping[Pair, float]) -> list[Pair]:
+    """The plan swept again: pairs that it was to clear and did not, and pairs that it brings together."""
+    movers = list(problem.movers.values())
+    found = meetings(movers, [plan.get(one.robot, 0) * STEP_S for one in movers], problem.window)
+    ordered = {(min(pair), max(pair)) for pair in found}
+    before = {(min(pair), max(pair)) for pair in without} | set(problem.hopeless)
+    held = {robot for robot, hold in plan.items() if hold}
+    return sorted(
+        pair for pair in ordered if pair in problem.allowed or (pair not in before and not held.isdisjoint(pair))
+    )
+
+
+class Planner:
+    """Asks CP-SAT for holds: a whole number of steps each, every pair's difference among those allowed."""
+
+    def __init__(
+        self, problem: Problem, ranks: Mapping[str, int], standing: frozenset[str], effort: float, switch: int
+    ) -> None:
+        self.problem, self.ranks, self.effort = problem, ranks, effort
+        self.standing, self.switch = standing, switch
+
+    def plan(self, hint: Plan | None) -> tuple[Plan, int, bool] | None:
+        """Holds, the bound of their cost and whether that is proven; None where there are none."""
+        model, holds = _model(self.problem, self.problem.robots())
+        held = {robot: model.new_bool_var(f"{robot} held") for robot in holds}
+        for robot, hold in holds.items():
+            model.add(hold == 0).only_enforce_if(~held[robot])
+            if hint is not None:
+                model.add_hint(hold, hint.get(robot, 0))
+        cost = sum(_weight(self.problem.movers[robot]) * hold for robot, hold in holds.items())
+        change = sum(self.switch * held[robot] for robot in holds if self.standing and robot not in self.standing)
+        if hint is not None:
+            model.add(cost <= self.problem.cost(hint))
+        model.minimize(cost + change)
+        solved = solve(model, self.effort, presolve=False)
+        if not solved.found:
+            return None if hint is None or solved.proven else (hint, 0, False)
+        best = {robot: solved.solver.value(hold) for robot, hold in holds.items()}
+        proven = solved.proven and not self.standing
+        model.add(cost + change <= round(solved.solver.objective_value))
+        model.clear_objective()  # type: ignore[no-untyped-call]
+        most = 1 + sum(self.ranks[robot] * self.problem.window.steps for robot in holds)
+        model.minimize(
+            sum(most * held[robot] for robot in holds) + sum(self.ranks[robot] * hold for robot, hold in holds.items())
+        )
+        fairer = solve(model, self.effort, presolve=False)
+        if fairer.found:
+            best = {robot: fairer.solver.value(hold) for robot, hold in holds.items()}
+        bound = self.problem.cost(best) if proven else max(int(solved.bound), 0)
+        return best, min(bound, self.problem.cost(best)), proven
+
+
+def _model(problem: Problem, robots: Sequence[str]) -> tuple[cp_model.CpModel, dict[str, cp_model.IntVar]]:
+    """The holds of `robots`, and every constraint between them."""
+    model = cp_model.CpModel()
+    holds = {
+        robot: model.new_int_var(0, problem.window.steps if problem.movers[robot].holdable else 0, robot)
+        for robot in robots
+    }
+    for (a, b), steps in problem.allowed.items():
+        if a in holds and b in holds:
+            model.add_linear_expression_in_domain(holds[a] - holds[b], cp_model.Domain.from_values(steps))
+    return model, holds
+
+
+def _first_come(problem: Problem, without: Mapping[Pair, float]) -> Plan | None:
+    """First come, first served: in the order of their first meetings, each waits for those before it.
+
+    None where one of them then has no hold that works.
+    """
+    met_s = {
+        robot: min((at for pair, at in without.items() if robot in pair), default=0.0) for robot in problem.robots()
+    }
+    plan: Plan = {}
+    for robot in sorted(met_s, key=lambda one: (problem.movers[one].holdable, met_s[one], one)):
+        most = problem.window.steps if problem.movers[robot].holdable else 0
+        mine = {
+            pair: steps
+            for pair, steps in problem.allowed.items()
+            if robot in pair and set(pair) <= plan.keys() | {robot}
+        }
+        for hold in range(most + 1):
+            there = plan | {robot: hold}
+            if all(there[a] - there[b] in steps for (a, b), steps in mine.items()):
+                plan = there
+                break
+        else:
+            return None
+    return plan
+
+
+def _no_hold(problem: Problem) -> Recommendation:
+    """Says so, and who locks whom."""
+    if problem.allowed and not problem.hopeless:
+        ring = [problem.movers[robot].name for robot in _core(problem)]
+        note = f"no hold works for {_listed(ring)}: one of them needs another route"
+    else:
+        note = _needs_another_route(problem)
+    return Recommendation(cost_s=0.0, bound_s=0.0, proven_optimal=False, note=note)
+
+
+def _core(problem: Problem) -> list[str]:
+    """The fewest robots that already have no plan: without any one of them there is one."""
+    core = problem.robots()
+    for robot in list(core):
+        rest = [one for one in core if one != robot]
+        model, _ = _model(problem, rest)
+        solved = solve(model, EFFORT, presolve=False)
+        if solved.proven and not solved.found:
+            core = rest
+    return core
+
+
+def _needs_another_route(problem: Problem) -> str:
+    names = [tuple(problem.movers[robot].name for robot in pair) for pair in sorted(set(problem.hopeless))]
+    return "; ".join(f"no hold keeps {a} and {b} apart: one of them needs another route" for a, b in names)
+
+
+def _recommended(problem: Problem, plan: Plan, bound: int, proven: bool, first: Plan | None) -> Recommendation:
+    cost, first_cost = problem.cost(plan), None if first is None else problem.cost(first)
+    return Recommendation(
+        holds=tuple(Hold(robot=robot, hold_s=hold * STEP_S) for robot, hold in sorted(plan.items()) if hold),
+        cost_s=_seconds(cost),
+        bound_s=_seconds(bound),
+        first_come_cost_s=None if first_cost is None else _seconds(first_cost),
+        expected_saving_s=0.0 if first_cost is None else _seconds(first_cost - cost),
+        proven_optimal=proven,
+        note=_needs_another_route(problem),
+    )
+
+
+def _ranks(burdens_s: Mapping[str, float], movers: Sequence[Mover]) -> dict[str, int]:
+    """How little each robot should yield: the place of its vendor among the burdened."""
+    levels = sorted({burdens_s.get(one.vendor, 0.0) for one in movers})
+    return {one.robot: levels.index(burdens_s.get(one.vendor, 0.0)) for one in movers}
+
+
+def _held(standing: Recommendation | None) -> frozenset[str]:
+    return frozenset(one.robot for one in standing.holds) if standing else frozenset()
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _weight(mover: Mover) -> int:
+    return max(round(mover.priority * WEIGHT), 1)
+
+
+def _seconds(cost: int) -> float:
+    return cost * STEP_S / WEIGHT

@@ -1,0 +1,142 @@
+"""Holds that clear a group of conflicts: swept again they do, and nothing that can be tried is cheaper."""
+
+from itertools import combinations, product
+from math import cos, pi, sin
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from deconflict.advice.delays import STEP_S, Mover, Pair, Window, allowed_differences, meetings
+from deconflict.advice.holds import advise_holds
+from deconflict.advisory import Hold, Recommendation
+from tests.deconflict.made_encounters import NOW_S, robot
+
+WINDOW = Window(NOW_S, 10.0, 0.3, 6.0)
+
+
+def through(name: str, yaw_rad: float, *, before_m: float = 5.0, speed_mps: float = 1.0, vendor: str = "acme") -> Mover:
+    """Goes straight through the origin."""
+    reach_m = 10 * speed_mps - before_m
+    along = [-before_m, reach_m]
+    x, y = [m * cos(yaw_rad) for m in along], [m * sin(yaw_rad) for m in along]
+    return Mover(name, name, vendor, robot([0, 10], x, y, yaw_rad, (1.0, 0.6)))
+
+
+def standing(name: str, x_m: float, y_m: float = 0.0) -> Mover:
+    return Mover(name, name, "acme", robot([0], [x_m], [y_m], 0.0, (1.0, 0.6)), holdable=False)
+
+
+def pairs_of(movers: list[Mover]) -> list[Pair]:
+    return [(a.robot, b.robot) for a, b in combinations(movers, 2)]
+
+
+def holds_s(advice: Recommendation, movers: list[Mover]) -> list[float]:
+    told = {one.robot: one.hold_s for one in advice.holds}
+    return [told.get(one.robot, 0.0) for one in movers]
+
+
+def cheapest_s(movers: list[Mover], window: Window) -> float | None:
+    """The least waiting over every choice of holds, each swept as it is; None where none is clear."""
+    grid = [k * STEP_S for k in range(window.steps + 1)]
+    choices = sorted(product(*(grid if one.holdable else [0.0] for one in movers)), key=sum)
+    return next((sum(holds) for holds in choices if not meetings(movers, holds, window)), None)
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.floats(-pi, pi), st.floats(2.5, 6.0), st.floats(0.5, 1.5)),
+        min_size=2,
+        max_size=3,
+    )
+)
+def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, float]]) -> None:
+    window = Window(NOW_S, 10.0, 0.3, 4.0)
+    movers = [through(str(row), yaw, before_m=m, speed_mps=v) for row, (yaw, m, v) in enumerate(courses)]
+    found = meetings(movers, [0.0] * len(movers), window)
+    assume(found)
+    apart = all(
+        min(abs(a.forecast.x_m[0] - b.forecast.x_m[0]), 9.0) + abs(a.forecast.y_m[0] - b.forecast.y_m[0]) > 2.0
+        for a, b in combinations(movers, 2)
+    )
+    assume(apart)
+    advice = advise_holds(movers, pairs_of(movers), window)
+    assert advice == advise_holds(movers, pairs_of(movers), window)
+    cheapest = cheapest_s(movers, window)
+    if cheapest is None:
+        assert "needs another route" in advice.note
+        return
+    assert advice.cost_s == cheapest
+    assert advice.proven_optimal
+    assert meetings(movers, holds_s(advice, movers), window) == {}
+    assert advice.first_come_cost_s is None or advice.cost_s <= advice.first_come_cost_s
+
+
+def test_differences_are_those_at_which_the_sweep_finds_nothing() -> None:
+    a, b = through("a", 0.0), through("b", 1.2, before_m=4.0)
+    (allowed,) = allowed_differences([(a, b)], WINDOW)
+    swept = [
+        step
+        for step in range(-WINDOW.steps, WINDOW.steps + 1)
+        if not meetings([a, b], [max(step, 0) * STEP_S, max(-step, 0) * STEP_S], WINDOW)
+    ]
+    assert allowed == swept
+    assert 0 < len(allowed) < 2 * WINDOW.steps + 1
+
+
+def test_a_held_robot_that_stands_in_the_way_is_no_help() -> None:
+    ahead, behind = through("ahead", 0.0, before_m=2.0, speed_mps=0.5), through("behind", 0.0, before_m=5.5)
+    advice = advise_holds([ahead, behind], [("ahead", "behind")], WINDOW)
+    assert {one.robot for one in advice.holds} == {"behind"}
+
+
+def test_head_on_in_one_lane_needs_another_route() -> None:
+    advice = advise_holds([through("east", 0.0), through("west", pi)], [("east", "west")], WINDOW)
+    assert advice.holds == ()
+    assert advice.note == "no hold keeps east and west apart: one of them needs another route"
+
+
+def test_a_robot_that_stands_is_not_told_to_wait() -> None:
+    advice = advise_holds([standing("parked", 0.0), through("a", 0.0)], [("a", "parked")], WINDOW)
+    assert advice.holds == ()
+    assert "needs another route" in advice.note
+
+
+def test_no_hold_brings_another_pair_together() -> None:
+    """C comes up close behind A and would meet it if A waited: of two equal holds B's is the one that works."""
+    a, b = through("a", 0.0, vendor="bolt"), through("b", pi / 2)
+    tail = Mover("c", "c", "acme", robot([0, 10], [-7.0, 3.0], [0.0, 0.0], 0.0, (1.0, 0.6)), holdable=False)
+    burdens_s = {"acme": 60.0}
+    alone = advise_holds([a, b], [("a", "b")], WINDOW, burdens_s=burdens_s)
+    assert [one.robot for one in alone.holds] == ["a"]
+    movers = [a, b, tail]
+    advice = advise_holds(movers, [("a", "b")], WINDOW, burdens_s=burdens_s)
+    assert [one.robot for one in advice.holds] == ["b"]
+    before = meetings(movers, [0.0] * 3, WINDOW)
+    assert set(meetings(movers, holds_s(advice, movers), WINDOW)) <= set(before) - {("a", "b")}
+
+
+@pytest.mark.parametrize(("burdened", "yields"), [("acme", "b"), ("bolt", "a")])
+def test_a_tie_goes_against_the_least_burdened(burdened: str, yields: str) -> None:
+    pair = [through("a", 0.0, vendor="acme"), through("b", pi / 2, vendor="bolt")]
+    advice = advise_holds(pair, [("a", "b")], WINDOW, burdens_s={burdened: 60.0})
+    assert [one.robot for one in advice.holds] == [yields]
+
+
+def test_who_holds_changes_only_for_what_the_change_is_worth() -> None:
+    pair = [through("a", 0.0, before_m=5.3), through("b", pi / 2)]
+    fresh = advise_holds(pair, [("a", "b")], WINDOW)
+    assert fresh.holds == (Hold(robot="a", hold_s=2.0),)
+    before = fresh.model_copy(update={"holds": (Hold(robot="b", hold_s=2.0),)})
+    assert advise_holds(pair, [("a", "b")], WINDOW, standing=before).holds == (Hold(robot="b", hold_s=2.5),)
+    assert advise_holds(pair, [("a", "b")], WINDOW, standing=before, switch_s=0.25).holds == fresh.holds
+
+
+def test_four_ways_at_one_crossing() -> None:
+    movers = [through(name, row * pi / 4, before_m=5.0) for row, name in enumerate("abcd")]
+    advice = advise_holds(movers, pairs_of(movers), WINDOW)
+    assert advice.proven_optimal
+    assert meetings(movers, holds_s(advice, movers), WINDOW) == {}
+    assert advice.first_come_cost_s is not None
+    assert advice.cost_s <= advice.first_come_cost_s
