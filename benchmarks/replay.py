@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from deconflict import demo
-from deconflict.engine import Engine
+from deconflict.contention.watch import Contention
 from deconflict.life import Lives
+from deconflict.live import Live
 from deconflict.simulation.cast import cast
 from deconflict.simulation.dialects import DIALECTS
 from deconflict.simulation.layout import layout_for
@@ -30,6 +31,7 @@ from ingest import stamps
 from ingest.fleet import Fleet
 from ingest.playback import Reader
 from metrics import replay
+from metrics.arrivals import Arrivals
 from metrics.calibration import Calibration
 from metrics.forecasts import ForecastErrors
 from metrics.truth import Truth
@@ -38,10 +40,11 @@ START_S = 1_790_000_000.0
 STEP_S = 0.1
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "read messages": ((Fleet, "receive"),),
-    "cut batches": ((Fleet, "cut"), (Engine, "receive")),
+    "cut batches": ((Fleet, "cut"), (Live, "put")),
     "sweep": ((Sweeper, "update"), (Sweeper, "step")),
     "life of advisories": ((Lives, "step"),),
-    "truth": ((Truth, "report"), (Truth, "advance"), (Truth, "finish")),
+    "contention": ((Contention, "receive"), (Contention, "step")),
+    "truth, arrivals": ((Arrivals, "take"), (Truth, "report"), (Truth, "advance"), (Truth, "finish")),
     "forecast errors": ((ForecastErrors, "take"), (ForecastErrors, "advance"), (ForecastErrors, "finish")),
     "scoring": ((Calibration, "sample"), (Calibration, "resolve"), (replay, "score")),
 }
