@@ -15,6 +15,7 @@ from metrics.sketch import BINS, bins_of, quantile
 from metrics.truth import LAG_S
 
 HORIZONS_S = np.arange(1.0, 11.0)
+BANDS = (0.5, 0.8, 0.9)
 KINDS = ("distance", "along", "across")
 GATHERED_S = 5.0
 """Forecasts of so long are held against the motion together."""
@@ -31,20 +32,30 @@ class ForecastErrors:
     def __init__(self) -> None:
         self.counts: dict[Maker, Ints] = {}
         """(kinds, horizons, BINS) by vendor and model."""
+        self.inside: dict[Maker, Ints] = {}
+        """(horizons, bands + 1) by vendor and model: how many lay within each band, and of how many bands are known."""
         self._index: dict[str, int] = {}
         self._makers: list[Maker] = []
-        self._waiting: list[tuple[Ints, Ints, Forecasts]] = []
-        """Robot, maker, forecast."""
+        self._waiting: list[tuple[Ints, Ints, Floats, Forecasts]] = []
+        """Robot, maker, bands, forecast."""
         self._since_s: float | None = None
         """When the first of those that wait was made."""
 
-    def take(self, robots: Sequence[str], makers: Sequence[Maker], forecasts: Forecasts) -> None:
-        """Take the forecasts of robots that have reported; their first knots are where they were."""
+    def take(
+        self, robots: Sequence[str], makers: Sequence[Maker], forecasts: Forecasts, bands_m: Floats | None = None
+    ) -> None:
+        """Take the forecasts of robots that have reported; their first knots are where they were.
+
+        `bands_m` (n, horizons, bands) are the radii within which each is said to come true, with the probabilities of
+        `BANDS`; nan where none are.
+        """
         if not len(robots):
             return
         made_by = [self._maker(maker) for maker in makers]
         rows = [self._index.setdefault(robot, len(self._index)) for robot in robots]
-        self._waiting.append((np.array(rows), np.array(made_by), forecasts))
+        if bands_m is None:
+            bands_m = np.full((len(rows), len(HORIZONS_S), len(BANDS)), np.nan)
+        self._waiting.append((np.array(rows), np.array(made_by), bands_m, forecasts))
         if self._since_s is None:
             self._since_s = float(forecasts.t_s[forecasts.start[:-1]].min())
 
@@ -60,9 +71,16 @@ class ForecastErrors:
     def figures(self) -> dict[str, Any]:
         """Median and p90 by horizon, of all and by vendor and model."""
         return {
-            "all": _by_horizon(sum(self.counts.values(), np.zeros((len(KINDS), len(HORIZONS_S), BINS), np.int64))),
+            "all": _by_horizon(
+                sum(self.counts.values(), np.zeros((len(KINDS), len(HORIZONS_S), BINS), np.int64)),
+                sum(self.inside.values(), np.zeros((len(HORIZONS_S), len(BANDS) + 1), np.int64)),
+            ),
             "by_model": [
-                {"vendor": vendor, "model": model, "horizons": _by_horizon(self.counts[vendor, model])}
+                {
+                    "vendor": vendor,
+                    "model": model,
+                    "horizons": _by_horizon(self.counts[vendor, model], self.inside[vendor, model]),
+                }
                 for vendor, model in sorted(self.counts)
             ],
         }
@@ -70,13 +88,13 @@ class ForecastErrors:
     def _maker(self, maker: Maker) -> int:
         if maker not in self.counts:
             self.counts[maker] = np.zeros((len(KINDS), len(HORIZONS_S), BINS), np.int64)
+            self.inside[maker] = np.zeros((len(HORIZONS_S), len(BANDS) + 1), np.int64)
             self._makers.append(maker)
         return self._makers.index(maker)
 
     def _count(self, until_s: float) -> None:
-        robot = np.concatenate([rows for rows, _, _ in self._waiting])
-        maker = np.concatenate([rows for _, rows, _ in self._waiting])
-        forecasts = Forecasts.joined(forecasts for _, _, forecasts in self._waiting)
+        robot, maker, bands_m = (np.concatenate([waiting[n] for waiting in self._waiting]) for n in range(3))
+        forecasts = Forecasts.joined(waiting[3] for waiting in self._waiting)
         made_s = forecasts.t_s[forecasts.start[:-1]]
         due = np.flatnonzero(made_s < until_s)
         errors, known = _errors(robot, forecasts, due)
@@ -85,13 +103,16 @@ class ForecastErrors:
             at = np.nonzero(chosen)
             for kind in range(len(KINDS)):
                 np.add.at(self.counts[name][kind], (at[1], bins_of(errors[kind][at])), 1)
-        self._keep(robot, maker, forecasts, np.flatnonzero(made_s >= until_s))
+            bands = bands_m[due][at]
+            np.add.at(self.inside[name][:, :-1], at[1], errors[0][at][:, None] <= bands)
+            np.add.at(self.inside[name][:, -1], at[1], np.isfinite(bands).all(axis=1))
+        rows = np.flatnonzero(made_s >= until_s)
+        self._keep(robot[rows], maker[rows], bands_m[rows], forecasts.take(rows))
 
-    def _keep(self, robot: Ints, maker: Ints, forecasts: Forecasts, rows: Ints) -> None:
+    def _keep(self, robot: Ints, maker: Ints, bands_m: Floats, rest: Forecasts) -> None:
         self._waiting, self._since_s = [], None
-        if len(rows):
-            rest = forecasts.take(rows)
-            self._waiting = [(robot[rows], maker[rows], rest)]
+        if len(robot):
+            self._waiting = [(robot, maker, bands_m, rest)]
             self._since_s = float(rest.t_s[rest.start[:-1]].min())
 
 
@@ -132,12 +153,16 @@ def _told(forecasts: Forecasts, rows: Ints, t_s: Floats) -> tuple[Floats, Floats
     return x, y, forecasts.yaw_rad[knot], forecasts.floor[knot]
 
 
-def _by_horizon(counts: Ints) -> list[dict[str, Any]]:
+def _by_horizon(counts: Ints, inside: Ints) -> list[dict[str, Any]]:
     rows = []
     for column, horizon_s in enumerate(HORIZONS_S.tolist()):
         row: dict[str, Any] = {"horizon_s": horizon_s, "cases": int(counts[0, column].sum())}
         for kind, name in enumerate(KINDS):
             for share, label in ((0.5, "median"), (0.9, "p90")):
                 row[f"{name}_{label}_m"] = quantile(counts[kind, column], share)
+        *within, banded = inside[column].tolist()
+        row["banded"] = banded
+        for band, count in zip(BANDS, within, strict=True):
+            row[f"covered_{band:.0%}".rstrip("%")] = count / banded if banded else None
         rows.append(row)
     return rows

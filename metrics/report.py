@@ -5,6 +5,7 @@ from html import escape
 from typing import Any
 
 from metrics import figures
+from metrics.forecasts import BANDS
 from metrics.svg import Point
 
 Part = Mapping[str, Any]
@@ -131,12 +132,21 @@ def _errors(models: Sequence[Part]) -> str:
                 f"{_number(row[f'{kind}_median_m'], 2)} / {_number(row[f'{kind}_p90_m'], 2)}"
                 for kind in ("distance", "along", "across")
             ),
+            " / ".join(_share(row[f"covered_{band:.0%}".rstrip("%")]) for band in BANDS),
         ]
         for one in models
         for row in one["horizons"]
         if row["horizon_s"] in (1.0, 3.0, 5.0, 10.0)
     ]
-    head = ("vendor and model", "s ahead", "cases", "off, m: median / p90", "along the track", "across it")
+    head = (
+        "vendor and model",
+        "s ahead",
+        "cases",
+        "off, m: median / p90",
+        "along the track",
+        "across it",
+        "in the 50 / 80 / 90 % bands",
+    )
     chart = _figure(figures.errors(models), "Distance from forecast to truth: median (line), p90 (dashes)")
     return f'<div class="row">{chart}<ul class="legend">{legend}</ul></div>' + _table(head, rows)
 

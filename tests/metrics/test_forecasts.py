@@ -77,3 +77,16 @@ def test_quantiles_are_those_of_the_lengths_to_two_percent() -> None:
     for share in (0.1, 0.5, 0.9):
         assert quantile(counts, share) == pytest.approx(np.quantile(lengths, share), rel=0.02)
     assert quantile(np.zeros(BINS, np.int64), 0.5) is None
+
+
+def test_bands_cover_the_share_of_errors_within_them() -> None:
+    errors = ForecastErrors()
+    for second in range(40):
+        # off by 0.2 m for each second ahead; every other forecast comes with bands that are too narrow
+        bands = np.full((1, 10, 3), 5.0 if second % 2 else 0.1)
+        bands[0, :, 2] = 5.0
+        errors.take(["a"], [MAKER], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)), bands)
+    errors.finish()
+    told = row(errors, 5)
+    assert [told["banded"], told["covered_50"], told["covered_90"]] == pytest.approx([35, 17 / 35, 1.0])
+    assert row(driven(1.0, 1.0), 5)["covered_90"] is None
