@@ -122,7 +122,9 @@ class ConflictAdvisory(Advisory):
     vendors: tuple[str, str] = Field(description="of the robots, in the same order")
     encounter: int = Field(ge=1, description="ordinal of this encounter of this pair")
     encounter_class: EncounterClass
-    basis: tuple[str, str] = Field(description="what each forecast rests on: path, velocity, ...")
+    basis: tuple[str, str] = Field(
+        description="what each forecast rests on: path, velocity, ...; (distrusted) where it contradicts the motion"
+    )
     probability: float | None = Field(
         default=None, ge=0, le=1, description="that the envelopes come within the clearance in the horizon"
     )

@@ -14,7 +14,8 @@ import numpy as np
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.contention.watch import Contention
 from deconflict.encounter import Encounter, encounter, separation_m
-from deconflict.life import PASSED, STAND, UNPREDICTED, Lives, Pair, Party, Prediction, Scene
+from deconflict.foresight.foresight import Foresight, Swept
+from deconflict.life import HELD_SHARE, PASSED, STAND, UNPREDICTED, Lives, Pair, Party, Prediction, Scene
 from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
 from deconflict.site import Site
@@ -39,6 +40,8 @@ class Engine:
         self.live = Live()
         self._floor_names = {datum.id: datum.name for datum in site.datums}
         self._sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s)
+        conflict = site.conflict
+        self.foresight = Foresight(conflict.clearance_m, conflict.clear_margin_m, conflict.horizon_s, self.measures)
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
@@ -62,21 +65,37 @@ class Engine:
             self._rests.moves(uuid)
         self._sweeper.discard(batch.gone)
         self._contention.receive(batch)
+        self.foresight.receive(batch)
 
     def step(self, now_s: float) -> list[AnyAdvisory]:
         """Sweep what changed, and say what that changes for people."""
         self._sweep_again(self._told | self._grown(now_s))
         told, self._told = self._told, set()
         conflicts = self._sweeper.step(now_s)
+        predictions = self._foreseen(now_s, conflicts)
         scene = Scene(self._party, self._meet, self._separation_m, self._place_name)
-        revisions: list[AnyAdvisory] = [*self._lives.step(now_s, _predictions(conflicts), told, scene)]
+        revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene)]
         revisions += self._contention.step(now_s)
         self._measure(conflicts, revisions)
         return revisions
 
     def probabilities(self) -> list[tuple[Pair, float]]:
-        """The standing probability of each pair under watch for which one is published, right after `step`."""
-        return [(one.robots, one.probability) for one in self._lives.open() if one.probability is not None]
+        """The standing probability of every watched pair to come within the clearance in the horizon, after `step`."""
+        return self.foresight.probabilities()
+
+    def _foreseen(self, now_s: float, conflicts: PairConflicts) -> list[Prediction]:
+        """The pairs that the exact sweep found, and those that may well turn out otherwise."""
+        likely = self.site.conflict.raise_probability * HELD_SHARE
+        swept = Swept(conflicts.pairs, conflicts.separation_m, conflicts.separation_at_s)
+        foreseen = self.foresight.look(now_s, swept, likely)
+        n = len(conflicts.pairs)
+        contact_s = np.concatenate([conflicts.contact_s, foreseen.near_s[n:]])
+        separation_m = np.concatenate([conflicts.separation_m, foreseen.near_m[n:]])
+        start_m = np.concatenate([conflicts.start_separation_m, foreseen.now_m[n:]])
+        fresh = np.concatenate([conflicts.fresh, foreseen.fresh[n:]])
+        columns = (contact_s, separation_m, start_m, fresh, foreseen.probability)
+        every = zip(foreseen.pairs, *(column.tolist() for column in columns), strict=True)
+        return [Prediction(*one) for one in every]
 
     def _see_rest(self, uuid: str, robot: LiveRobot) -> None:
         floor = int(robot.forecast.floor[0])
@@ -124,7 +143,10 @@ class Engine:
         robot = self.live.robots.get(uuid)
         if robot is None:
             return None
-        return Party(robot.name, robot.vendor, robot.basis.name.lower(), robot.basis is Basis.STATIONARY)
+        basis = robot.basis.name.lower()
+        if self.foresight.distrusted(uuid):
+            basis += " (distrusted)"
+        return Party(robot.name, robot.vendor, basis, robot.basis is Basis.STATIONARY)
 
     def _meet(self, pair: Pair, contact_s: float) -> Encounter:
         return encounter(self.live.robots[pair[0]].forecast, self.live.robots[pair[1]].forecast, contact_s)
@@ -158,15 +180,3 @@ class Engine:
 
 def _widened(forecasts: Forecasts, by_m: Floats) -> Forecasts:
     return replace(forecasts, length_m=forecasts.length_m + by_m, width_m=forecasts.width_m + by_m)
-
-
-def _predictions(conflicts: PairConflicts) -> list[Prediction]:
-    columns = zip(
-        conflicts.pairs,
-        conflicts.contact_s.tolist(),
-        conflicts.separation_m.tolist(),
-        conflicts.start_separation_m.tolist(),
-        conflicts.fresh.tolist(),
-        strict=True,
-    )
-    return [Prediction(*row) for row in columns]

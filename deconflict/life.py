@@ -1,8 +1,8 @@
 """The life of advisories: which predictions are worth a person's attention, and until when.
 
-    nothing --(M of N looks predict it, or it is urgent)--> raised
-    raised, updated --(severity, time, place or depth changed enough)--> updated
-    raised, updated --(not predicted for a while and drawn apart; both stand; a robot left)--> cleared
+    nothing --(likely in M of N looks, or likely and urgent)--> raised
+    raised, updated --(severity, probability, time, place or depth changed enough)--> updated
+    raised, updated --(unlikely for a while and drawn apart; both stand; a robot left)--> cleared
 
 A look is a pass in which either robot had something new to say, so repeating an old forecast confirms nothing. An
 encounter lasts until the pair has drawn apart by the clearance and a margin: what begins within the clearance does
@@ -28,6 +28,12 @@ UPDATE_GAP_S = 1.0
 """At most one revision in this time, unless the severity rises."""
 MOVED_S, MOVED_M, DEEPER_M = 0.75, 1.0, 0.15
 """Changes of predicted time, place and separation that are worth a revision."""
+LIKELIER = 0.15
+"""A change of probability that is worth a revision."""
+HELD_SHARE = 0.3
+"""An advisory stands until its probability is below this share of the one that raises."""
+SURE = 0.8
+"""A conflict less likely than this is one level less severe."""
 TOUCHING_M = 0.1
 """A pair that begins nearer than this is touching already, for all that forecasts can tell."""
 
@@ -39,7 +45,7 @@ SEVERITIES = (Severity.CAUTION, Severity.WARNING, Severity.CRITICAL)
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """One pair that the sweep found to come within the clearance."""
+    """One pair that comes within the clearance by the forecasts as they stand, or is likely to."""
 
     pair: Pair
     contact_s: float
@@ -47,6 +53,8 @@ class Prediction:
     start_separation_m: float
     fresh: bool
     """Whether either robot's forecast is new in this pass."""
+    probability: float = 1.0
+    """That their envelopes come within the clearance in the horizon."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +90,7 @@ class Telling:
     updated_at: datetime
     predicted_at: datetime
     time_to_conflict_s: float
+    probability: float
     clearance_m: float
     min_separation_m: float
     closing_speed_mps: float
@@ -166,6 +175,8 @@ class Lives:
         alerting = self._alerting(track, prediction, now_s)
         if prediction.fresh:
             track.looks.append(alerting)
+        if track.advisory and not track.inside and not self._holds(prediction):
+            return self._unpredicted(track, pair, now_s, scene)
         if track.advisory:
             track.last_predicted_s = now_s
             standing = self._standing(track, track.advisory, now_s, scene)
@@ -184,20 +195,24 @@ class Lives:
         elif start_m > clearance_m + self.settings.clear_margin_m:
             track.inside = False
         about_to_touch = prediction.separation_m == 0 and start_m > TOUCHING_M
-        return about_to_touch if track.inside else prediction.contact_s > now_s
+        likely = prediction.probability >= self.settings.raise_probability
+        return about_to_touch if track.inside else likely and prediction.contact_s > now_s
+
+    def _holds(self, prediction: Prediction) -> bool:
+        return prediction.probability >= self.settings.raise_probability * HELD_SHARE
 
     def _confirmed(self, track: Track, prediction: Prediction, now_s: float) -> bool:
         wanted = self.settings.confirm[0]
         return sum(track.looks) >= wanted or prediction.contact_s - now_s <= self.settings.urgent_s
 
     def _severity(self, prediction: Prediction, now_s: float, before: Severity | None) -> Severity:
-        """By time to conflict; one level lower where more than half the clearance is left.
+        """By time to conflict; one level lower where more than half the clearance is left, or it may well not happen.
 
         A severity falls only once the time has grown by a second beyond its bound.
         """
         time_s = prediction.contact_s - now_s
         bounds_s = (self.settings.warning_s, self.settings.critical_s)
-        shallow = prediction.separation_m > self.settings.clearance_m / 2
+        shallow = prediction.separation_m > self.settings.clearance_m / 2 or prediction.probability < SURE
 
         def level(slack_s: float) -> int:
             reached = sum(time_s <= bound_s + slack_s for bound_s in bounds_s)
@@ -263,6 +278,7 @@ class Lives:
             updated_at=_moment(now_s),
             predicted_at=_moment(prediction.contact_s),
             time_to_conflict_s=round(time_s, 3),
+            probability=round(prediction.probability, 3),
             clearance_m=self.settings.clearance_m,
             min_separation_m=round(prediction.separation_m, 3),
             closing_speed_mps=round(met.closing_speed_mps, 3),
@@ -332,6 +348,7 @@ def _differs(before: ConflictAdvisory, told: Telling) -> bool:
         told.severity != before.severity
         or told.encounter_class != before.encounter_class
         or abs((told.predicted_at - before.predicted_at).total_seconds()) > MOVED_S
+        or abs(told.probability - (before.probability or 0.0)) > LIKELIER
         or abs(told.min_separation_m - before.min_separation_m) > DEEPER_M
         or told.location.datum != before.location.datum
         or hypot(told.location.x - before.location.x, told.location.y - before.location.y) > MOVED_M

@@ -43,6 +43,16 @@ def gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Floats, ha
     return Gap(distance, nx, ny)
 
 
+def signed_gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Floats, half_b: Floats) -> Floats:
+    """As the distance of `gap`, but negative where they overlap: how far one must move for them not to."""
+    distance = gap(dx, dy, yaw_a, yaw_b, half_a, half_b).distance
+    over = np.flatnonzero(distance == 0)
+    still = np.zeros(len(over))
+    pair = (dx[over], dy[over], still, still, yaw_a[over], yaw_b[over], half_a[:, over], half_b[:, over])
+    distance[over] = np.minimum(apart(*pair, still, 0.0).gap, 0.0)
+    return distance
+
+
 def _nearest_corner(
     cx: Floats, cy: Floats, c: Floats, s: Floats, half: Floats, other: Floats
 ) -> tuple[Floats, Floats, Floats]:

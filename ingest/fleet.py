@@ -158,6 +158,7 @@ class Fleet:
             floors=tuple(self._floors),
             robots=tuple(robot.uuid for robot in robots),
             vendors=tuple(robot.vendor for robot in robots),
+            models=tuple(robot.identity.model if robot.identity else "" for robot in robots),
             names=tuple(robot.name for robot in robots),
             states=tuple(robot.state for robot in robots),
             statuses=np.array([robot.statuses for robot in robots], np.int64),

@@ -124,6 +124,8 @@ class Batch:
     """(n,) UUIDs."""
     vendors: tuple[str, ...]
     """(n,)"""
+    models: tuple[str, ...]
+    """(n,) as the vendor names it; "" where the robot has not identified itself."""
     names: tuple[str, ...]
     """(n,) what a person calls the robot."""
     states: tuple[str, ...]
@@ -179,6 +181,6 @@ class Batch:
         return cls(now_s=now_s, **parts, **arrays, **told)
 
 
-_WORDS = ("now_s", "floors", "robots", "vendors", "names", "states", "gone")
+_WORDS = ("now_s", "floors", "robots", "vendors", "models", "names", "states", "gone")
 _ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m")
 _PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

@@ -88,6 +88,11 @@ CATALOGUE: dict[str, Entry] = {
         ("vendor", "outcome"),
         "Conflicts told of and over, once for each vendor in them: met, not_met (avoided, or a nuisance), or left.",
     ),
+    "deconflict_probability_outcomes_total": Entry(
+        "counter",
+        ("outcome",),
+        "Pairs under watch at a whole second, by what became of them in the horizon: met, passed, or left (not known).",
+    ),
     "deconflict_conflicts": Entry("gauge", (), "Pairs of robots in predicted conflict, confirmed or not."),
     "deconflict_invalid_forecasts_total": Entry(
         "counter", ("reason",), "Forecasts the engine could not use; the robot stands where it was."

@@ -52,6 +52,7 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         floors=("a", "ü\n"),
         robots=tuple(f"r{i}" for i in range(n)),
         vendors=("Vendor\n1",) * n,
+        models=("M",) * n,
         names=("N",) * n,
         states=("navigating",) * n,
         statuses=np.arange(n),

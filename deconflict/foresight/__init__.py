@@ -1,0 +1,1 @@
+"""Forecasts held to account, and what they are worth: the ledger of their errors, and probabilities of contact."""

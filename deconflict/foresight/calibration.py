@@ -1,0 +1,62 @@
+"""From what a forecast looks like to the probability of what will happen, learned on the site's own history.
+
+A logistic model with a Gaussian posterior, moved by each batch of outcomes by one Newton step (Laplace's
+approximation, as in Spiegelhalter and Lauritzen 1990). What it has learned fades towards the prior, so that it follows
+a site that changes; the prior is what was learned on recordings of people and of robots that avoid each other.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from deconflict.motion import Bools
+from ingest.seam import Floats
+
+FEATURES = 4
+PRIOR: Floats = np.array([0.62, 1.08, 0.11, -2.01])
+"""Weights of what `features` gives."""
+PRIOR_SD: Floats = np.array([2.0, 0.3, 0.3, 0.5])
+OUTCOME_WEIGHT = 0.25
+"""Outcomes of one pair in successive seconds say much the same."""
+FADES_S = 900.0
+CERTAIN = 0.01
+"""Shares this near to 0 or 1 are not told apart from them."""
+
+
+def features(likely: Floats, soon: Floats, far: Floats) -> Floats:
+    """(n, FEATURES) of the largest share of the error distribution that lies within the clearance at any moment of the
+    horizon, of the same in the next three seconds, and of how long the pair would need head-on, in horizons."""
+    return np.column_stack([np.ones(len(likely)), _log_odds(likely), _log_odds(soon), far])
+
+
+def _log_odds(share: Floats) -> Floats:
+    odds: Floats = np.log((share + CERTAIN) / (1 + CERTAIN - share))
+    return odds
+
+
+@dataclass(slots=True, eq=False)
+class Calibration:
+    """The model, and what it has learned."""
+
+    weights: Floats = field(default_factory=PRIOR.copy)
+    information: Floats = field(default_factory=lambda: np.diag(PRIOR_SD**-2.0))
+    """(FEATURES, FEATURES) inverse of the covariance of the weights."""
+    as_of_s: float | None = None
+
+    def probability(self, seen: Floats) -> Floats:
+        """(n,) for features (n, FEATURES)."""
+        with np.errstate(over="ignore"):
+            probability: Floats = 1.0 / (1.0 + np.exp(-seen @ self.weights))
+        return probability
+
+    def learn(self, seen: Floats, met: Bools, now_s: float) -> None:
+        """Take in what became of n pairs: their features then, and whether they met."""
+        if not len(seen):
+            return
+        kept = float(np.exp(-max(now_s - (self.as_of_s or now_s), 0.0) / FADES_S))
+        self.as_of_s = now_s
+        expected = self.probability(seen)
+        certain = OUTCOME_WEIGHT * expected * (1 - expected)
+        self.information = kept * self.information + (1 - kept) * np.diag(PRIOR_SD**-2.0)
+        self.information += (seen * certain[:, None]).T @ seen
+        self.weights = self.weights + np.linalg.solve(self.information, OUTCOME_WEIGHT * seen.T @ (met - expected))

@@ -1,0 +1,316 @@
+"""How likely each pair of robots is to come within the clearance, from what their forecasts were worth so far.
+
+At each look a pair's separation is sampled over the horizon. At each sample the share of the two robots' error
+distributions (the ledger's 80 % bands, taken as those of a normal one) that lies within the clearance is a first
+guess; robots see and avoid each other, so `calibration` makes of it the probability that holds on this site. Outcomes
+are told by the robots' own reports, as in offline scoring.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+from math import floor
+
+import numpy as np
+from scipy.special import ndtr
+
+from deconflict.foresight.calibration import FEATURES, Calibration, features
+from deconflict.foresight.followed import JOINED_S, LONG_AGO_S, Followed, Reports
+from deconflict.foresight.ledger import Errors, Ledger
+from deconflict.foresight.pairs import Outcomes, Pairs, boxes_near, codes
+from deconflict.foresight.sampling import Poses
+from deconflict.motion import Bools
+from deconflict.rectangles import signed_gap
+from ingest.measures import Measures
+from ingest.seam import Basis, Batch, Floats, Ints
+
+Pair = tuple[str, str]
+
+LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
+"""Parts of ten at which the horizon is sampled."""
+SOON_S = 3.0
+PAST_LOOKS: Floats = np.arange(1, 6) / 5
+EIGHTY = 1.28
+"""A normal distribution has 80 % within so many standard deviations."""
+EXACT_M = 0.02
+"""Standard deviation of a forecast that was never wrong."""
+CREEPING_MPS = 0.01
+MOST_GROWN_M = 0.75
+"""An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
+REMEMBERED_S = 15.0
+SURPRISE_KEEPS, SURPRISE_MOST, DISTRUSTED = 0.7, 10.0, 2.0
+"""A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
+FINEST_BAND_M = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Swept:
+    """What the exact sweep found: c pairs whose forecasts come within the clearance. Arrays are (c,)."""
+
+    pairs: Sequence[Pair]
+    separation_m: Floats
+    separation_at_s: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Foreseen:
+    """What is thought of w pairs; arrays are (w,). Those of the exact sweep come first, in its order."""
+
+    pairs: Sequence[Pair]
+    probability: Floats
+    near_s: Floats
+    near_m: Floats
+    now_m: Floats
+    """Separation when last looked at, by the newest forecasts."""
+    fresh: Bools
+    """Whether either robot has reported since the last look."""
+
+
+class Foresight:
+    """Ledger, calibration and the pairs under watch. Pure: the same calls give the same answers."""
+
+    def __init__(self, clearance_m: float, margin_m: float, horizon_s: float, measures: Measures) -> None:
+        self.ledger, self.calibration, self.measures = Ledger(), Calibration(), measures
+        self._clearance_m, self._margin_m = clearance_m, margin_m
+        self._ahead_s = LOOKS * (horizon_s / LOOKS[-1])
+        self._horizon_s = horizon_s
+        self._followed = Followed()
+        self._outcomes = Outcomes(horizon_s)
+        self._slots: dict[str, int] = {}
+        self._names: list[str] = []
+        self._spare: list[int] = []
+        self._kind = np.zeros(0, np.int64)
+        self._rank = np.zeros(0, np.int64)
+        """By UUID; pairs are named in its order."""
+        self._told: set[int] = set()
+        """Slots that have a new forecast since the last look."""
+        self._half = np.zeros((2, 0))
+        self._doubt_m = np.zeros(0)
+        self._surprise = np.zeros(0)
+        self._pairs = Pairs.none(FEATURES)
+        self._asked_s = self._looked_s = float("-inf")
+
+    def receive(self, batch: Batch) -> None:
+        """Hold earlier forecasts against the new reports, and keep the new forecasts."""
+        for uuid in batch.gone:
+            self._forget(uuid)
+        if not len(batch):
+            return
+        slots = np.array([self._slot(uuid) for uuid in batch.robots], np.int64)
+        kinds = zip(batch.vendors, batch.models, batch.basis.tolist(), strict=True)
+        self._kind[slots] = [self.ledger.row(v, m, Basis(b), batch.now_s) for v, m, b in kinds]
+        self._half[:, slots] = np.stack([batch.forecasts.length_m, batch.forecasts.width_m]) / 2
+        self._doubt_m[slots] = batch.doubt_m
+        self._told.update(slots.tolist())
+        reports = Reports.of(batch, slots, self._kind[slots])
+        errors = self._followed.take(reports, self.ledger.bands_m[reports.kind])
+        self.ledger.record(errors, batch.now_s)
+        self._wonder(errors)
+
+    def distrusted(self, uuid: str) -> bool:
+        """Whether a robot's forecasts contradict its own motion."""
+        slot = self._slots.get(uuid)
+        return slot is not None and bool(self._surprise[slot] > DISTRUSTED)
+
+    def probabilities(self) -> list[tuple[Pair, float]]:
+        """The standing probability of every pair under watch that is not in an encounter, both robots being heard."""
+        pairs = self._pairs
+        shown = pairs.take(self._open(pairs, np.flatnonzero(pairs.watched), self._looked_s))
+        return sorted(zip(self._named(shown), shown.probability.tolist(), strict=True))
+
+    def look(self, now_s: float, swept: Swept, likely: float) -> Foreseen:
+        """Look again at what changed, and learn from what has become known.
+
+        Tells of the swept pairs, and of others whose probability is at least `likely`.
+        """
+        flat = np.fromiter(map(self._slots.__getitem__, chain.from_iterable(swept.pairs)), np.int64)
+        exact = codes(flat[::2], flat[1::2])
+        told = np.zeros(len(self._kind), bool)
+        told[list(self._told)] = True
+        self._told.clear()
+        near = self._near(np.flatnonzero(told), now_s)
+        pairs = self._remembered(now_s).with_new(np.concatenate([exact, near]))
+        fresh = told[pairs.a] | told[pairs.b]
+        pairs.watched[fresh] = False
+        pairs.watched[pairs.rows(np.concatenate([exact, near]))] = True
+        swept_rows = pairs.rows(exact)
+        new = pairs.watched & (pairs.near_s == 0)
+        self._examine(pairs, np.flatnonzero(pairs.watched & fresh | new), now_s, swept_rows, swept)
+        pairs.asked_s[pairs.watched] = now_s
+        self._pairs, self._looked_s = pairs, now_s
+        self._learn(now_s)
+        pairs.probability[:] = self.calibration.probability(pairs.seen)
+        self._ask(now_s)
+        others = pairs.watched & (pairs.probability >= likely)
+        others[swept_rows] = False
+        rows = np.concatenate([swept_rows, np.flatnonzero(others)])
+        told_of = pairs.take(rows)
+        return Foreseen(
+            [*swept.pairs, *self._named(pairs.take(others))],
+            told_of.probability,
+            told_of.near_s,
+            told_of.near_m,
+            told_of.now_m,
+            fresh[rows],
+        )
+
+    def _named(self, pairs: Pairs) -> list[Pair]:
+        names = self._names
+        return [(names[a], names[b]) for a, b in zip(pairs.a.tolist(), pairs.b.tolist(), strict=True)]
+
+    def _ask(self, now_s: float) -> None:
+        if floor(now_s) > self._asked_s:
+            self._asked_s = floor(now_s)
+            rows = np.flatnonzero(self._pairs.watched)
+            self._outcomes.ask(now_s, self._pairs.take(self._open(self._pairs, rows, now_s)))
+
+    def _near(self, told: Ints, now_s: float) -> Ints:
+        """Codes of the pairs, one of `told` in each, that may come near in the horizon, whole second by whole second.
+
+        Circles around the envelopes are grown by the 80 % bands at the horizon, and by half of what a robot moves from
+        one second to the next.
+        """
+        slots = np.array(sorted(self._slots.values()), np.int64)
+        if not len(told) or len(slots) < 2:
+            return np.empty(0, np.int64)
+        t_s = np.broadcast_to(now_s + np.arange(self._horizon_s + 1), (len(slots), int(self._horizon_s) + 1))
+        way = self._followed.ahead(slots, t_s).columns()
+        reach = self.ledger.reach_m(self._kind[slots], np.full((len(slots), 1), self._horizon_s))[:, 0]
+        step_m = np.hypot(np.diff(way[..., 0]), np.diff(way[..., 1])).max(axis=1)
+        radius = np.hypot(*self._half[:, slots]) + np.minimum(reach * self._trust(slots), MOST_GROWN_M)
+        radius += step_m / 2 + self._clearance_m / 2 + self._doubt_m[slots]
+        i, j = boxes_near(way, radius, np.searchsorted(slots, told))
+        dx, dy = (way[i, :, k] - way[j, :, k] for k in (0, 1))
+        meet = (dx * dx + dy * dy <= ((radius[i] + radius[j]) ** 2)[:, None]) & (way[i, :, 3] == way[j, :, 3])
+        hit = np.flatnonzero((meet & (way[i, :, 3] >= 0)).any(axis=1))
+        a, b = slots[i[hit]], slots[j[hit]]
+        swapped = self._rank[a] > self._rank[b]
+        return np.unique(codes(np.where(swapped, b, a), np.where(swapped, a, b)))
+
+    def _examine(self, pairs: Pairs, rows: Ints, now_s: float, swept_rows: Ints, swept: Swept) -> None:
+        """Look at pairs of `rows`; the exact sweep found those of `swept_rows`."""
+        every_m, every_s = np.full(len(pairs), np.inf), np.full(len(pairs), now_s)
+        every_m[swept_rows], every_s[swept_rows] = swept.separation_m, swept.separation_at_s
+        exact_m, exact_s = every_m[rows], every_s[rows]
+        a, b = pairs.a[rows], pairs.b[rows]
+        past_s = self._past(a, b)
+        ahead_s = np.broadcast_to(now_s + self._ahead_s, (len(rows), len(self._ahead_s)))
+        there = [(self._followed.between(slots, past_s), self._followed.ahead(slots, ahead_s)) for slots in (a, b)]
+        past_m, ahead_m = self._separations(there, a, b)
+        self._meet(pairs, rows, past_s, past_m)
+        nearest = ahead_m.argmin(axis=1)
+        sampled_m = ahead_m[np.arange(len(rows)), nearest]
+        pairs.near_s[rows] = np.where(exact_m <= sampled_m, exact_s, now_s + self._ahead_s[nearest])
+        all_m = np.column_stack([ahead_m, exact_m])
+        all_s = np.column_stack([ahead_s, exact_s]) - now_s
+        spread_m = self._spread_m(a, b, now_s, all_s)
+        share = ndtr((self._clearance_m - all_m) / spread_m)
+        soon = np.where(all_s <= SOON_S, share, 0.0).max(axis=1)
+        pairs.seen[rows] = features(share.max(axis=1), soon, self._far(there, ahead_m[:, 0]))
+        pairs.near_m[rows] = np.maximum(np.minimum(sampled_m, exact_m), 0.0)
+        pairs.now_m[rows] = np.maximum(ahead_m[:, 0], 0.0)
+
+    def _separations(self, there: list[tuple[Poses, Poses]], a: Ints, b: Ints) -> tuple[Floats, Floats]:
+        """(n, past looks) and (n, looks ahead), negative where they overlap; inf where the two can't be compared."""
+        of_a, of_b = (np.concatenate([past.columns(), ahead.columns()], axis=1) for past, ahead in there)
+        width = of_a.shape[1]
+        dx, dy = ((of_b[..., k] - of_a[..., k]).ravel() for k in (0, 1))
+        half_a, half_b = (np.repeat(self._half[:, slots], width, axis=1) for slots in (a, b))
+        apart_m = signed_gap(dx, dy, of_a[..., 2].ravel(), of_b[..., 2].ravel(), half_a, half_b).reshape(len(a), width)
+        comparable = (of_a[..., 3] == of_b[..., 3]) & (of_a[..., 3] >= 0)
+        apart_m = np.where(comparable, apart_m, np.inf)
+        return apart_m[:, : len(PAST_LOOKS)], apart_m[:, len(PAST_LOOKS) :]
+
+    def _open(self, pairs: Pairs, rows: Ints, now_s: float) -> Ints:
+        """Those of `rows` that are not in an encounter, and of which both robots are heard."""
+        heard_s = np.minimum(*(self._followed.heard_s[slots[rows]] for slots in (pairs.a, pairs.b)))
+        return rows[~pairs.inside[rows] & (heard_s > now_s - JOINED_S)]
+
+    def _past(self, a: Ints, b: Ints) -> Floats:
+        """Times since the last look for which both robots have reported."""
+        before = [self._followed.last_two_s(slots) for slots in (a, b)]
+        begin_s, end_s = (np.maximum(before[0][0], before[1][0]), np.minimum(before[0][1], before[1][1]))
+        begin_s = np.where(begin_s > LONG_AGO_S, np.minimum(begin_s, end_s), end_s)
+        return begin_s[:, None] + (end_s - begin_s)[:, None] * PAST_LOOKS
+
+    def _meet(self, pairs: Pairs, rows: Ints, past_s: Floats, past_m: Floats) -> None:
+        """Follow who came within the clearance, and who drew apart again."""
+        below = past_m <= self._clearance_m
+        began = below.any(axis=1) & ~pairs.inside[rows]
+        pairs.started_s[rows[began]] = past_s[began, below[began].argmax(axis=1)]
+        apart = (past_m[:, -1] > self._clearance_m + self._margin_m) & np.isfinite(past_m[:, -1])
+        pairs.inside[rows] = (pairs.inside[rows] | began) & ~apart
+
+    def _far(self, there: list[tuple[Poses, Poses]], now_m: Floats) -> Floats:
+        """How long the pair would need if it went straight for each other, in horizons; at most 1."""
+        a, b = (ahead for _, ahead in there)
+        speeds = (np.hypot(np.diff(one.x_m[:, :2]), np.diff(one.y_m[:, :2]))[:, 0] / self._ahead_s[1] for one in (a, b))
+        needed_s = np.maximum(now_m - self._clearance_m, 0.0) / np.maximum(sum(speeds), CREEPING_MPS)
+        far: Floats = np.minimum(needed_s / self._horizon_s, 1.0)
+        return far
+
+    def _spread_m(self, a: Ints, b: Ints, now_s: float, ahead_s: Floats) -> Floats:
+        """(n, m) standard deviation of the distance of two robots."""
+        squares = np.zeros_like(ahead_s)
+        for slots in (a, b):
+            since_s = np.maximum(now_s - self._followed.heard_s[slots], 0.0)
+            reach = self.ledger.reach_m(self._kind[slots], ahead_s + since_s[:, None]) * self._trust(slots)[:, None]
+            squares += (reach / EIGHTY) ** 2 + (self._doubt_m[slots] ** 2)[:, None]
+        spread: Floats = np.sqrt(squares) + EXACT_M
+        return spread
+
+    def _trust(self, slots: Ints) -> Floats:
+        trust: Floats = np.maximum(self._surprise[slots], 1.0)
+        return trust
+
+    def _wonder(self, errors: Errors) -> None:
+        """Remember by how much robots' own errors a second ahead exceed the bands of their kind."""
+        next_second = np.flatnonzero(errors.horizon_s == 1)
+        slots = errors.robot[next_second]
+        bands_m = np.maximum(errors.bands_m[next_second, 2], FINEST_BAND_M)
+        ratio = np.minimum(errors.radial_m[next_second] / bands_m, SURPRISE_MOST)
+        self._surprise[slots] = SURPRISE_KEEPS * self._surprise[slots] + (1 - SURPRISE_KEEPS) * ratio
+
+    def _remembered(self, now_s: float) -> Pairs:
+        kept = self._pairs.asked_s >= now_s - REMEMBERED_S
+        return self._pairs if kept.all() else self._pairs.take(kept)
+
+    def _learn(self, now_s: float) -> None:
+        for question, met, told in self._outcomes.known(now_s, self._pairs, self._followed.heard_s):
+            self.calibration.learn(question.seen[told], met[told], now_s)
+            for name, count in (("met", met), ("passed", told & ~met), ("left", ~told)):
+                self.measures.count("deconflict_probability_outcomes_total", name, by=int(count.sum()))
+
+    def _slot(self, uuid: str) -> int:
+        slot = self._slots.get(uuid)
+        if slot is not None:
+            return slot
+        if self._spare:
+            slot = self._spare.pop()
+            self._names[slot] = uuid
+        else:
+            slot = len(self._names)
+            self._names.append(uuid)
+            if slot >= len(self._kind):
+                self._grow(max(2 * slot, 16))
+        self._slots[uuid] = slot
+        for rank, name in enumerate(sorted(self._slots)):
+            self._rank[self._slots[name]] = rank
+        return slot
+
+    def _grow(self, slots: int) -> None:
+        more = slots - len(self._kind)
+        for name in ("_kind", "_rank", "_half", "_doubt_m", "_surprise"):
+            column = getattr(self, name)
+            setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
+        self._followed.grow(slots)
+
+    def _forget(self, uuid: str) -> None:
+        slot = self._slots.pop(uuid, None)
+        if slot is None:
+            return
+        self._spare.append(slot)
+        self._told.discard(slot)
+        self._surprise[slot] = 0.0
+        self._followed.forget(np.array([slot]))
+        self._pairs = self._pairs.take((self._pairs.a != slot) & (self._pairs.b != slot))

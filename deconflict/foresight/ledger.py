@@ -1,0 +1,149 @@
+"""The ledger: how far forecasts turned out to be off, by vendor, model, basis and horizon.
+
+Bands are conformal: the radius of a band is an empirical quantile of past errors, and the level at which it is read
+follows the coverage that bands truly had, so that coverage holds whatever the shape of the errors and when they drift
+(Gibbs and Candes 2021, adaptive conformal inference). Old errors fade, a half in `HALF_LIFE_S`.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from deconflict.foresight.sketch import BINS, bins, quantiles
+from ingest.seam import Basis, Floats, Ints
+
+HORIZONS = 10
+"""Whole seconds ahead, from 1, at which forecasts are held to account."""
+SHARES: Floats = np.array([0.5, 0.8, 0.9])
+"""Of errors within the bands."""
+HALF_LIFE_S = 3 * 86_400.0
+PRIOR_CASES = 4.0
+PRIOR_MPS = {Basis.STATIONARY: 0.02, Basis.PATH: 0.05, Basis.VELOCITY: 0.1, Basis.DESTINATION: 0.2}
+"""Growth of the 80 % band of a vendor that has not been seen yet, metres a second."""
+PRIOR_SPREAD: Floats = np.array([0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.3, 1.8])
+LEVEL_GAIN = 0.003
+"""How fast the level of a band follows coverage."""
+LEVEL_SLACK, HIGHEST_LEVEL = 0.2, 0.998
+"""How far it may."""
+MOST_CLASSES = 100
+REFRESH_S = 1.0
+RADIAL, ALONG, ACROSS = range(3)
+
+
+class Kind(NamedTuple):
+    """Forecasts that are held to account together."""
+
+    vendor: str
+    model: str
+    basis: Basis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """e forecasts of one moment each, and how far off they were. Arrays are (e,) unless said otherwise."""
+
+    kind: Ints
+    """Row of the ledger."""
+    robot: Ints
+    """The caller's own number of the robot."""
+    horizon_s: Ints
+    """1 to `HORIZONS`."""
+    along_m: Floats
+    """Positive where the robot was further along its heading than forecast."""
+    across_m: Floats
+    """Positive to the left."""
+    bands_m: Floats
+    """(e, 3) radii of the bands when the forecast was made."""
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    @property
+    def radial_m(self) -> Floats:
+        return np.hypot(self.along_m, self.across_m)
+
+
+@dataclass(slots=True, eq=False)
+class Ledger:
+    """Errors by kind of forecast; rows are never reordered."""
+
+    kinds: dict[Kind, int] = field(default_factory=dict)
+    counts: Floats = field(default_factory=lambda: np.zeros((0, 3, HORIZONS, BINS)))
+    """(kinds, 3, HORIZONS, BINS) radial, along and across, faded."""
+    bias_m: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 2)))
+    """(kinds, HORIZONS, 2) sums of signed errors along and across, faded like the counts."""
+    level: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 3)))
+    covered: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 3)))
+    """How many errors lay within each band, faded."""
+    cases: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS)))
+    as_of_s: Floats = field(default_factory=lambda: np.zeros(0))
+    """(kinds,) when each was last faded."""
+    bands_m: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 3)))
+    """(kinds, HORIZONS, 3) radii in force; they grow with the horizon and with the share."""
+    _stale: set[int] = field(default_factory=set)
+    _refreshed_s: float = float("-inf")
+
+    def row(self, vendor: str, model: str, basis: Basis, now_s: float) -> int:
+        """The row of a kind, made with a prior where it is new; models beyond `MOST_CLASSES` kinds share one."""
+        found = self.kinds.get(Kind(vendor, model, basis))
+        if found is not None:
+            return found
+        kind = Kind(vendor, model if len(self.kinds) < MOST_CLASSES else "", basis)
+        if kind in self.kinds:
+            return self.kinds[kind]
+        row = self.kinds[kind] = len(self.kinds)
+        prior = np.zeros((1, 3, HORIZONS, BINS))
+        for horizon in range(HORIZONS):
+            spread = bins(PRIOR_SPREAD * PRIOR_MPS[basis] * (horizon + 1))
+            np.add.at(prior[0, RADIAL, horizon], spread, PRIOR_CASES / len(spread))
+        self.counts = np.concatenate([self.counts, prior])
+        self.level = np.concatenate([self.level, np.broadcast_to(SHARES, (1, HORIZONS, 3))])
+        for name in ("bias_m", "covered", "cases", "as_of_s", "bands_m"):
+            column = getattr(self, name)
+            setattr(self, name, np.concatenate([column, np.zeros((1, *column.shape[1:]))]))
+        self.as_of_s[row] = now_s
+        self._read_bands([row])
+        return row
+
+    def record(self, errors: Errors, now_s: float) -> None:
+        """Take in errors; the bands follow at most once in `REFRESH_S`."""
+        if len(errors):
+            rows = np.unique(errors.kind)
+            self._fade(rows, now_s)
+            at = (errors.kind, errors.horizon_s - 1)
+            inside = errors.radial_m[:, None] <= errors.bands_m
+            for part, size_m in enumerate((errors.radial_m, np.abs(errors.along_m), np.abs(errors.across_m))):
+                np.add.at(self.counts[:, part], (*at, bins(size_m)), 1.0)
+            np.add.at(self.bias_m, at, np.column_stack([errors.along_m, errors.across_m]))
+            np.add.at(self.covered, at, inside)
+            np.add.at(self.cases, at, 1.0)
+            np.add.at(self.level, at, LEVEL_GAIN * (SHARES - inside))
+            self.level[rows] = np.clip(
+                self.level[rows], SHARES - LEVEL_SLACK, np.minimum(SHARES + LEVEL_SLACK, HIGHEST_LEVEL)
+            )
+            self._stale.update(rows.tolist())
+        if self._stale and now_s - self._refreshed_s >= REFRESH_S:
+            self._refreshed_s = now_s
+            self._read_bands(sorted(self._stale))
+            self._stale.clear()
+
+    def reach_m(self, rows: Ints, ahead_s: Floats) -> Floats:
+        """(n, m) radius of the 80 % band of each row at the times ahead (n, m); linear between and beyond."""
+        band = np.concatenate([np.zeros((len(rows), 1)), self.bands_m[rows, :, 1]], axis=1)
+        whole = np.clip(np.floor(ahead_s).astype(np.int64), 0, HORIZONS - 1)
+        lane = np.arange(len(rows))[:, None]
+        before, after = band[lane, whole], band[lane, whole + 1]
+        reach: Floats = before + np.maximum(ahead_s - whole, 0.0) * (after - before)
+        return reach
+
+    def _fade(self, rows: Ints, now_s: float) -> None:
+        fresh = 0.5 ** (np.maximum(now_s - self.as_of_s[rows], 0.0) / HALF_LIFE_S)
+        self.as_of_s[rows] = np.maximum(self.as_of_s[rows], now_s)
+        for column in (self.counts, self.bias_m, self.covered, self.cases):
+            column[rows] *= fresh.reshape(-1, *([1] * (column.ndim - 1)))
+
+    def _read_bands(self, rows: list[int]) -> None:
+        radii = quantiles(self.counts[rows, RADIAL], self.level[rows])
+        radii = np.maximum.accumulate(np.maximum.accumulate(radii, axis=2), axis=1)
+        self.bands_m[rows] = radii

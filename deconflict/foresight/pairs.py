@@ -1,0 +1,137 @@
+"""Pairs of robots under watch, in columns: how near each pair is and was, and how likely it is to meet.
+
+A pair is known by one number, its two slots. Rows stay in order of it, so that a pass finds yesterday's rows by search,
+never pair by pair.
+"""
+
+from dataclasses import dataclass, field, fields, replace
+from typing import Self
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from deconflict.motion import Bools
+from ingest.seam import Floats, Ints
+
+SLOT_BITS = 24
+
+
+def codes(a: Ints, b: Ints) -> Ints:
+    """One number for each pair of slots."""
+    return (a << SLOT_BITS) | b
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pairs:
+    """p pairs, ascending by `code`. Arrays are (p,) unless said otherwise."""
+
+    code: Ints
+    seen: Floats
+    """(p, FEATURES) as last looked at."""
+    probability: Floats
+    near_s: Floats
+    """When the forecasts are nearest within the horizon."""
+    near_m: Floats
+    """How near they are then."""
+    now_m: Floats
+    """Separation when last looked at, by the newest forecasts."""
+    started_s: Floats
+    """When the last encounter began; -inf before the first."""
+    asked_s: Floats
+    """When it was last a candidate."""
+    watched: Bools
+    """Whether it is a candidate now."""
+    inside: Bools
+    """Within the clearance, or not yet drawn apart from it."""
+
+    def __len__(self) -> int:
+        return len(self.code)
+
+    @classmethod
+    def none(cls, features: int) -> Self:
+        real = np.empty(0)
+        return cls(
+            np.empty(0, np.int64), np.empty((0, features)), real, real, real, real, real, real, real > 0, real > 0
+        )
+
+    @property
+    def a(self) -> Ints:
+        return self.code >> SLOT_BITS
+
+    @property
+    def b(self) -> Ints:
+        return self.code & ((1 << SLOT_BITS) - 1)
+
+    def rows(self, code: Ints) -> Ints:
+        """The row of each of `code`; -1 where it is not there."""
+        if not len(self):
+            return np.full(len(code), -1)
+        at = np.minimum(np.searchsorted(self.code, code), len(self) - 1)
+        return np.where(self.code[at] == code, at, -1)
+
+    def take(self, rows: Ints | Bools) -> "Pairs":
+        return Pairs(*(getattr(self, one.name)[rows] for one in fields(self)))
+
+    def ordered(self) -> "Pairs":
+        """The same, ascending by `code`."""
+        return self.take(np.argsort(self.code))
+
+    def with_new(self, code: Ints) -> "Pairs":
+        """These and the pairs of `code` that are not among them, as never looked at."""
+        new = np.unique(code[self.rows(code) < 0])
+        if not len(new):
+            return self
+        n, real = len(new), np.zeros(len(new))
+        never, seen = np.full(n, -np.inf), np.zeros((n, self.seen.shape[1]))
+        fresh = Pairs(new, seen, real, real, real, real, never, real, real > 0, real > 0)
+        both = Pairs(*(np.concatenate([getattr(self, one.name), getattr(fresh, one.name)]) for one in fields(self)))
+        return both.ordered()
+
+
+def boxes_near(way: Floats, radius_m: Floats, chosen: Ints) -> tuple[Ints, Ints]:
+    """Pairs of rows, one of `chosen` first, that may come within their radii anywhere on their ways, (n, m, 2+).
+
+    Each way is taken as the circle around its box.
+    """
+    low, high = way[..., :2].min(axis=1), way[..., :2].max(axis=1)
+    centre, reach = (low + high) / 2, np.hypot(*(high - low).T) / 2 + radius_m
+    trees = KDTree(centre[chosen]), KDTree(centre)
+    near = trees[0].sparse_distance_matrix(trees[1], reach[chosen].max() + reach.max(), output_type="ndarray")
+    i, j = chosen[near["i"]], near["j"].astype(np.int64)
+    kept = np.flatnonzero((near["v"] <= reach[i] + reach[j]) & (i != j))
+    return i[kept], j[kept]
+
+
+@dataclass(slots=True, eq=False)
+class Question:
+    """What was asked of the pairs at one whole second, and not yet known."""
+
+    t_s: float
+    code: Ints
+    seen: Floats
+
+
+@dataclass(slots=True, eq=False)
+class Outcomes:
+    """Asks at each whole second whether pairs will meet within the horizon, and tells when that is known."""
+
+    horizon_s: float
+    waits_s: float = 2.0
+    """For reports that come late."""
+    open: list[Question] = field(default_factory=list)
+
+    def ask(self, t_s: float, pairs: Pairs) -> None:
+        self.open.append(Question(t_s, pairs.code, pairs.seen))
+
+    def known(self, now_s: float, pairs: Pairs, heard_s: Floats) -> list[tuple[Question, Bools, Bools]]:
+        """Questions whose time is over: which pairs met, and of which it can be told; `heard_s` is by slot."""
+        told = []
+        while self.open and self.open[0].t_s + self.horizon_s + self.waits_s <= now_s:
+            question = self.open.pop(0)
+            row, until_s = pairs.rows(question.code), question.t_s + self.horizon_s
+            started_s = np.where(row >= 0, pairs.started_s[row] if len(pairs) else 0.0, -np.inf)
+            met = (started_s > question.t_s) & (started_s <= until_s)
+            asked = replace(Pairs.none(1), code=question.code)
+            there = np.minimum(heard_s[asked.a], heard_s[asked.b]) >= until_s
+            told.append((question, met, met | there))
+        return told

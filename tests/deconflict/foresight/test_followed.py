@@ -1,0 +1,81 @@
+"""Forecasts against the next reports of the same robot."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from deconflict.foresight.followed import Followed, Reports
+from deconflict.foresight.ledger import HORIZONS, Errors
+from deconflict.foresight.sampling import poses_at
+from ingest.seam import Forecasts
+from tests.deconflict.made_encounters import NOW_S, robot
+
+BANDS_M = np.ones((1, HORIZONS, 3))
+
+
+def straight(t_s: float, x_m: float, y_m: float, speed_mps: float, yaw_rad: float = 0.0) -> Forecasts:
+    """A robot that says that it will go straight for 20 s."""
+    far = (x_m + 20 * speed_mps * np.cos(yaw_rad), y_m + 20 * speed_mps * np.sin(yaw_rad))
+    return robot([t_s - NOW_S, t_s - NOW_S + 20], [x_m, far[0]], [y_m, far[1]], yaw_rad, (1.0, 0.5))
+
+
+def take(followed: Followed, forecast: Forecasts, slot: int = 0) -> Errors:
+    followed.grow(slot + 1)
+    event_s = forecast.t_s[:1]
+    track = poses_at(forecast, event_s[:, None] + np.arange(13.0))
+    return followed.take(Reports(np.array([slot]), np.array([0]), event_s, track), BANDS_M)
+
+
+def run(course: list[tuple[float, float]], says_mps: float, yaw_rad: float = 0.0, every_s: float = 1.0) -> list[Errors]:
+    followed = Followed()
+    return [
+        take(followed, straight(NOW_S + n * every_s, x_m, y_m, says_mps, yaw_rad))
+        for n, (x_m, y_m) in enumerate(course)
+    ]
+
+
+def test_a_robot_that_does_what_it_says_has_no_error() -> None:
+    told = run([(0.8 * n, 0.0) for n in range(14)], 0.8)
+    assert len(told[0]) == 0
+    assert [len(one) for one in told[1:]] == [min(n, HORIZONS) for n in range(1, 14)]
+    assert max(np.abs(one.radial_m).max() for one in told[1:]) < 1e-6
+
+
+def test_one_that_is_slower_falls_behind_along_its_heading_by_the_horizon() -> None:
+    last = run([(0.0, 0.5 * n) for n in range(12)], 0.8, yaw_rad=pi / 2)[-1]
+    assert sorted(last.horizon_s.tolist()) == list(range(1, HORIZONS + 1))
+    assert last.along_m == pytest.approx(-0.3 * last.horizon_s)
+    assert last.across_m == pytest.approx(0, abs=1e-6)
+
+
+def test_one_that_veers_to_the_left_is_off_across() -> None:
+    last = run([(0.8 * n, 0.1 * n) for n in range(4)], 0.8)[-1]
+    assert last.across_m == pytest.approx(0.1 * last.horizon_s)
+
+
+def test_reports_between_whole_seconds_are_joined() -> None:
+    told = run([(0.7 * n, 0.0) for n in range(10)], 1.0, every_s=0.7)
+    assert sum(map(len, told)) > 8
+    for one in told:
+        assert one.along_m == pytest.approx(0, abs=1e-6)
+
+
+def test_a_gap_in_the_reports_tells_nothing() -> None:
+    followed = Followed()
+    take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
+    assert len(take(followed, straight(NOW_S + 5, 2.0, 0.0, 1.0))) == 0
+
+
+def test_a_report_told_again_counts_once() -> None:
+    followed = Followed()
+    take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
+    again = straight(NOW_S + 1, 1.0, 0.0, 1.0)
+    assert [len(take(followed, again)), len(take(followed, again))] == [1, 0]
+
+
+def test_a_slot_that_another_robot_has_now_does_not_remember() -> None:
+    followed = Followed()
+    take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
+    followed.forget(np.array([0]))
+    assert len(take(followed, straight(NOW_S + 1, 9.0, 0.0, 1.0))) == 0

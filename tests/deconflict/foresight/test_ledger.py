@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+from numpy.random import default_rng
+
+from deconflict.foresight.ledger import HALF_LIFE_S, HORIZONS, MOST_CLASSES, PRIOR_MPS, Errors, Ledger
+from ingest.seam import Basis, Floats
+
+NOW_S = 1_790_000_000.0
+
+
+def errors(ledger: Ledger, row: int, horizon_s: int, along_m: Floats) -> Errors:
+    n = len(along_m)
+    bands_m = np.repeat(ledger.bands_m[row, horizon_s - 1][None], n, axis=0)
+    return Errors(np.full(n, row), np.zeros(n, np.int64), np.full(n, horizon_s), along_m, np.zeros(n), bands_m)
+
+
+@pytest.mark.parametrize("scale_m", [0.01, 0.5])
+def test_bands_cover_what_they_say_even_as_errors_drift(scale_m: float) -> None:
+    ledger, rng = Ledger(), default_rng(7)
+    row = ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
+    inside = []
+    for second in range(3000):
+        grown_m = scale_m * (1 + second / 1500)
+        now = errors(ledger, row, 1, grown_m * rng.standard_t(3, 4))
+        if second > 300:
+            inside.append(np.abs(now.along_m)[:, None] <= now.bands_m)
+        ledger.record(now, NOW_S + second)
+    assert np.concatenate(inside).mean(axis=0) == pytest.approx([0.5, 0.8, 0.9], abs=0.025)
+
+
+def test_bands_widen_with_the_horizon_whatever_was_seen() -> None:
+    ledger = Ledger()
+    row = ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
+    ledger.record(errors(ledger, row, 2, np.full(100, 3.0)), NOW_S)
+    assert np.all(np.diff(ledger.bands_m[row], axis=0) >= 0)
+    assert np.all(np.diff(ledger.bands_m[row], axis=1) >= 0)
+    assert ledger.bands_m[row, 9, 0] >= 3.0
+
+
+def test_an_unknown_kind_begins_with_a_prior_for_its_basis() -> None:
+    ledger = Ledger()
+    row = ledger.row("Alder", "A-7", Basis.VELOCITY, NOW_S)
+    assert ledger.reach_m(np.array([row]), np.array([[5.0]]))[0, 0] == pytest.approx(
+        5 * PRIOR_MPS[Basis.VELOCITY], rel=0.15
+    )
+
+
+def test_reach_is_linear_between_and_beyond_whole_seconds() -> None:
+    ledger = Ledger()
+    row = np.array([ledger.row("Alder", "A-7", Basis.PATH, NOW_S)])
+    at = ledger.reach_m(row, np.array([[0.0, 0.5, 1.0, 9.0, 10.0, 20.0]]))[0]
+    assert at[0] == 0
+    assert at[1] == pytest.approx(at[2] / 2)
+    assert at[5] == pytest.approx(at[4] + 10 * (at[4] - at[3]))
+
+
+def test_old_errors_fade_by_a_half() -> None:
+    ledger = Ledger()
+    row = ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
+    ledger.record(errors(ledger, row, 1, np.ones(8)), NOW_S)
+    ledger.record(errors(ledger, row, 2, np.ones(1)), NOW_S + HALF_LIFE_S)
+    assert ledger.cases[row, :2].tolist() == pytest.approx([4.0, 1.0])
+
+
+def test_kinds_are_bounded_and_the_rest_share_one() -> None:
+    ledger = Ledger()
+    rows = {ledger.row("Alder", f"model-{n}", Basis.PATH, NOW_S) for n in range(MOST_CLASSES + 50)}
+    assert len(rows) == MOST_CLASSES + 1
+    assert ledger.bands_m.shape == (MOST_CLASSES + 1, HORIZONS, 3)

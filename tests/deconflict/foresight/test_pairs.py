@@ -1,0 +1,61 @@
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import default_rng
+
+from deconflict.foresight.pairs import Outcomes, Pairs, boxes_near, codes
+
+NOW_S = 1_790_000_000.0
+
+
+def pairs(*slots: tuple[int, int]) -> Pairs:
+    a, b = np.array(slots, np.int64).T
+    return Pairs.none(2).with_new(codes(a, b))
+
+
+def test_pairs_are_found_again_by_their_slots() -> None:
+    every = pairs((5, 2), (1, 9), (1, 3))
+    assert every.rows(codes(np.array([5, 1, 7]), np.array([2, 9, 7]))).tolist() == [2, 1, -1]
+    assert list(zip(every.a.tolist(), every.b.tolist(), strict=True)) == [(1, 3), (1, 9), (5, 2)]
+
+
+def test_new_pairs_take_their_place_and_the_others_stay_as_they_were() -> None:
+    before = pairs((1, 2), (7, 8))
+    before.probability[:] = 0.3, 0.8
+    after = before.with_new(codes(np.array([3, 1, 3]), np.array([4, 2, 4])))
+    assert after.a.tolist() == [1, 3, 7]
+    assert after.probability.tolist() == [0.3, 0.0, 0.8]
+
+
+def test_an_outcome_is_known_once_the_horizon_is_over() -> None:
+    every = replace(pairs((0, 1), (0, 2), (0, 3)), started_s=np.array([NOW_S + 4, -np.inf, -np.inf]))
+    outcomes = Outcomes(horizon_s=10.0)
+    outcomes.ask(NOW_S, every)
+    heard_s = np.array([NOW_S + 12, NOW_S + 5, NOW_S + 12, NOW_S + 6])
+    assert outcomes.known(NOW_S + 11, every, heard_s) == []
+    ((question, met, told),) = outcomes.known(NOW_S + 12, every, heard_s)
+    assert question.t_s == NOW_S
+    assert met.tolist() == [True, False, False]
+    # of the last pair a robot left before it could be known; the first met before one did
+    assert told.tolist() == [True, True, False]
+
+
+def test_an_encounter_after_the_horizon_is_none_in_it() -> None:
+    every = replace(pairs((0, 1)), started_s=np.array([NOW_S + 10.5]))
+    outcomes = Outcomes(horizon_s=10.0)
+    outcomes.ask(NOW_S, every)
+    ((_, met, told),) = outcomes.known(NOW_S + 13, every, np.full(2, NOW_S + 13))
+    assert (met.tolist(), told.tolist()) == ([False], [True])
+
+
+def test_no_pair_that_comes_near_is_left_out_and_some_are() -> None:
+    rng = default_rng(8)
+    way = np.cumsum(rng.normal(0, 1, (60, 11, 2)), axis=1) + rng.uniform(-40, 40, (60, 1, 2))
+    radius_m, chosen = rng.uniform(0.2, 1.5, 60), np.arange(0, 60, 3)
+    found = set(zip(*(rows.tolist() for rows in boxes_near(way, radius_m, chosen)), strict=True))
+    for i in chosen.tolist():
+        for j in range(60):
+            apart_m = np.hypot(*(way[i] - way[j]).T).min()
+            if i != j and apart_m <= radius_m[i] + radius_m[j]:
+                assert (i, j) in found
+    assert 0 < len(found) < len(chosen) * 59 / 2

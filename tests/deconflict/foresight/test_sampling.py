@@ -1,0 +1,27 @@
+import numpy as np
+import pytest
+from numpy.random import default_rng
+
+from deconflict.foresight.sampling import poses_at
+from deconflict.pose import pose_at
+from ingest.seam import Forecasts
+from tests.deconflict.made_encounters import encounters
+
+
+@pytest.mark.parametrize("family", ["random", "floor_changes", "full_turns", "late_or_early"])
+def test_many_at_once_are_where_each_is_alone(family: str) -> None:
+    forecasts = encounters(family, 20, seed=5, clearance_m=0.0)
+    begin_s = float(forecasts.t_s.min())
+    t_s = default_rng(3).uniform(begin_s - 2, begin_s + 20, (len(forecasts), 7))
+    poses = poses_at(forecasts, t_s)
+    for row in range(len(forecasts)):
+        for column, moment_s in enumerate(t_s[row].tolist()):
+            alone = pose_at(forecasts.one(row), moment_s)
+            assert poses.x_m[row, column] == pytest.approx(alone.x_m, abs=1e-6)
+            assert poses.y_m[row, column] == pytest.approx(alone.y_m, abs=1e-6)
+            assert np.cos(poses.yaw_rad[row, column] - alone.yaw_rad) == pytest.approx(1)
+            assert poses.floor[row, column] == alone.floor
+
+
+def test_nobody_is_nowhere() -> None:
+    assert poses_at(Forecasts.empty(), np.empty((0, 3))).x_m.shape == (0, 3)
