@@ -47,9 +47,15 @@ def signed_gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Flo
     """As the distance of `gap`, but negative where they overlap: how far one must move for them not to."""
     distance = gap(dx, dy, yaw_a, yaw_b, half_a, half_b).distance
     over = np.flatnonzero(distance == 0)
-    still = np.zeros(len(over))
-    pair = (dx[over], dy[over], still, still, yaw_a[over], yaw_b[over], half_a[:, over], half_b[:, over])
-    distance[over] = np.minimum(apart(*pair, still, 0.0).gap, 0.0)
+    turned = yaw_b[over] - yaw_a[over]
+    c, s = np.abs(np.cos(turned)), np.abs(np.sin(turned))
+    widest = np.full(len(over), -np.inf)
+    a, b = half_a[:, over], half_b[:, over]
+    for yaw, half, other in ((yaw_a[over], a, b), (yaw_b[over], b, a)):
+        along, across = np.cos(yaw) * dx[over] + np.sin(yaw) * dy[over], np.cos(yaw) * dy[over] - np.sin(yaw) * dx[over]
+        np.maximum(widest, np.abs(along) - half[0] - other[0] * c - other[1] * s, out=widest)
+        np.maximum(widest, np.abs(across) - half[1] - other[0] * s - other[1] * c, out=widest)
+    distance[over] = np.minimum(widest, 0.0)
     return distance
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deconflict.rectangles import Gap, gap
+from deconflict.rectangles import Gap, gap, signed_gap
 from ingest.seam import Floats
 from tests.oracle import rectangle_distance
 
@@ -55,3 +55,10 @@ def test_a_gap_of_any_smallness_is_told_from_contact(exponent: int, yaw: float, 
     found, _ = placed(b, np.array([yaw]), *half)
     assert found.distance[0] == pytest.approx(apart, abs=1e-12)
     assert (found.nx[0], found.ny[0]) == pytest.approx((np.cos(yaw), np.sin(yaw)), abs=1e-6)
+
+
+def test_where_they_overlap_the_gap_is_how_far_one_must_move() -> None:
+    zero, turned = np.zeros(3), np.array([0.0, np.pi / 2, 0.0])
+    half = np.repeat([[0.5], [0.25]], 3, axis=1)
+    dx = np.array([0.9, 0.0, 1.2])
+    assert signed_gap(dx, zero, zero, turned, half, half) == pytest.approx([-0.1, -0.75, 0.2])
