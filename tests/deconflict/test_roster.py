@@ -1,0 +1,71 @@
+"""A roster holds the newest forecast of each robot, whoever came, left or said more than before."""
+
+import numpy as np
+import pytest
+
+from deconflict import roster as module
+from deconflict.motion import KNOT, set_knots
+from deconflict.roster import Roster
+from ingest.seam import Forecasts
+from tests.deconflict.made_encounters import wanderer
+
+
+def assert_holds(roster: Roster, newest: dict[str, Forecasts]) -> None:
+    assert roster.slots.keys() == newest.keys()
+    for key, forecast in newest.items():
+        robot = roster.robots[roster.slots[key]]
+        said = np.zeros(len(forecast.t_s), KNOT)
+        set_knots(said, np.zeros(1, np.int64), forecast)
+        np.testing.assert_array_equal(roster.knots[robot["first"] : robot["first"] + robot["count"]], said)
+        assert 2 * robot["half_length"] == forecast.length_m[0]
+        assert robot["appears"] == forecast.t_s[0]
+        assert roster.keys[roster.slots[key]] == key
+
+
+def test_robots_come_go_and_say_more_or_less_than_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "FEWEST_KNOTS", 10)
+    rng, roster, newest, most = np.random.default_rng(71), Roster(), dict[str, Forecasts](), 0
+    for _ in range(60):
+        said = {f"r{row}": wanderer(rng, knots=int(rng.integers(1, 12))) for row in rng.choice(20, 6, replace=False)}
+        roster.put(list(said), Forecasts.joined(said.values()))
+        newest |= said
+        gone = [key for key in newest if rng.random() < 0.1]
+        roster.discard(gone)
+        newest = {key: forecast for key, forecast in newest.items() if key not in gone}
+        assert_holds(roster, newest)
+        most = max(most, len(roster))
+    assert most <= 20
+    assert len(roster.knots) <= 20 * 12 * 2
+
+
+def test_as_many_knots_as_before_take_the_place_of_the_old_ones() -> None:
+    rng, roster = np.random.default_rng(72), Roster()
+    for _ in range(5):
+        said = wanderer(rng, knots=7)
+        roster.put(["a"], said)
+        assert_holds(roster, {"a": said})
+        assert roster.robots["first"][roster.slots["a"]] == 0
+
+
+def test_ranks_follow_the_keys_not_the_slots() -> None:
+    rng, roster = np.random.default_rng(73), Roster()
+    roster.put(["c", "a"], Forecasts.joined([wanderer(rng), wanderer(rng)]))
+    assert roster.ranks()[[roster.slots["a"], roster.slots["c"]]].tolist() == [0, 1]
+    roster.put(["b"], wanderer(rng))
+    assert roster.ranks()[[roster.slots[key] for key in "abc"]].tolist() == [0, 1, 2]
+    roster.discard(["a"])
+    assert roster.present(np.arange(3)).tolist() == sorted([roster.slots["b"], roster.slots["c"]])
+
+
+def test_columns_may_lie_anywhere_in_memory_and_need_not_be_writable() -> None:
+    """As they do where a batch was read from bytes."""
+    said = wanderer(np.random.default_rng(74), knots=5)
+    moved = {}
+    for name in ("t_s", "x_m", "y_m", "yaw_rad", "floor"):
+        column = getattr(said, name)
+        moved[name] = np.frombuffer(b"x" + column.tobytes(), column.dtype, len(column), 1)
+        assert not moved[name].flags.aligned
+    by_robot = {name: getattr(said, name) for name in ("start", "length_m", "width_m", "bottom_m", "top_m")}
+    roster = Roster()
+    roster.put(["a"], Forecasts(**by_robot, **moved))
+    assert_holds(roster, {"a": said})
