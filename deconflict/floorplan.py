@@ -7,7 +7,7 @@ from deconflict.fitness import map_problems
 from ingest.frames import fit_map
 from ingest.settings import Datum, FloorPlan, VendorMap
 
-KINDS = {
+IMAGES = {
     ".png": "image/png",
     ".jpg": "image/jpeg",
     ".jpeg": "image/jpeg",
@@ -34,8 +34,8 @@ def plan_problems(datum: Datum) -> Iterator[str]:
     plan = datum.plan
     if plan is None:
         return
-    if Path(plan.image).suffix.casefold() not in KINDS:
-        yield f"plan.image: found {plan.image!r}; expected a file named {', '.join(KINDS)}"
+    if Path(plan.image).suffix.casefold() not in IMAGES:
+        yield f"plan.image: found {plan.image!r}; expected a file named {', '.join(IMAGES)}"
     elif not Path(plan.image).is_file():
         yield f"plan.image: there is no file {plan.image!r} where this was started"
     for problem in map_problems(_as_map(plan, datum), datum):

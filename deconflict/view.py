@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from importlib.resources import files
 from math import floor
+from pathlib import Path
 from typing import Annotated, Any, Protocol
 
 from fastapi import FastAPI, HTTPException, Query, Response, WebSocket
@@ -13,6 +14,7 @@ from pydantic_core import to_json
 
 from deconflict.advisory import AnyAdvisory
 from deconflict.contention.resources import Resource, Zone, outlines
+from deconflict.floorplan import IMAGES, matrix
 from deconflict.publisher import Publisher
 from deconflict.site import Site
 from deconflict.store import Store
@@ -90,6 +92,14 @@ class View:
         """The floors, their marks, resources and zones, and what counts as near and as silent."""
         return _json(site_document(self._site))
 
+    def plan(self, datum: str) -> Response:
+        """The image of a floor, as the site file has it."""
+        for one in self._site.datums:
+            if one.id == datum.lower() and one.plan and Path(one.plan.image).is_file():
+                kind = IMAGES[Path(one.plan.image).suffix.casefold()]
+                return Response(Path(one.plan.image).read_bytes(), headers=HEADERS, media_type=kind)
+        raise HTTPException(404, f"there is no image of the floor {datum!r}")
+
     def recorded(self) -> Response:
         """From when to when `/past` can answer."""
         from_s, to_s = self._source.recorded() or (None, None)
@@ -133,6 +143,7 @@ def add_view(app: FastAPI, publisher: Publisher, store: Store, source: FloorSour
     app.get("/", include_in_schema=False)(view.page)
     app.get("/page/{name}", include_in_schema=False)(view.file)
     app.get("/site", response_model=dict[str, Any])(view.site)
+    app.get("/plans/{datum}", response_class=Response)(view.plan)
     app.get("/recorded", response_model=Recorded)(view.recorded)
     app.get("/past", response_model=PastFloor)(view.past)
     app.get("/heat", response_model=Heat)(view.heat)
@@ -168,6 +179,7 @@ def site_document(site: Site) -> dict[str, Any]:
             "name": datum.name,
             "level": datum.level,
             "marks": [one.model_dump() for one in datum.reference_points if datum.coordinates == "metres"],
+            "plan": {"image": f"/plans/{datum.id}", "matrix": matrix(datum.plan, datum)} if datum.plan else None,
         }
         for datum in sorted(site.datums, key=lambda one: one.level)
     ]

@@ -75,6 +75,7 @@ function scene() {
     floor, theme: root.dataset.theme, nowS: atS, robots: here, advisories: told, involved, contended, chosen, robot: robotShown, horizonS: site.horizon_s,
     heat: heat && $("heat").ariaPressed === "true" ? heat : null,
     places: site.places.filter((one) => one.floor === floor), marks: floors().find((one) => one.id === floor)?.marks ?? [],
+    plan: floors().find((one) => one.id === floor)?.plan,
     poseS: () => atS,
   };
 }

@@ -16,6 +16,7 @@ export class FloorMap {
     this.camera = camera;
     this.vendors = vendors;
     this.pose = [0, 0, 0];
+    this.images = new Map();
   }
 
   colours() {
@@ -34,6 +35,7 @@ export class FloorMap {
     if (this.theme !== scene.theme) [this.theme, this.ink] = [scene.theme, this.colours()];
     pen.fillStyle = this.ink.floor;
     pen.fillRect(0, 0, camera.width, camera.height);
+    if (scene.plan) this.plan(scene.plan);
     this.grid();
     this.places(scene);
     this.marks(scene);
@@ -55,6 +57,20 @@ export class FloorMap {
       if (robot.x > left - reach && robot.x < right + reach && robot.y > bottom - reach && robot.y < top + reach) out.push(robot);
     }
     return out;
+  }
+
+  // The image of the floor: its matrix takes pixels to metres, and the camera those to the canvas.
+  plan({ image: address, matrix }) {
+    const { pen, camera, images } = this;
+    if (!images.has(address)) images.set(address, Object.assign(new Image(), { src: address }));
+    const image = images.get(address), scale = camera.scale;
+    if (!image.complete || !image.naturalWidth) return;
+    pen.save();
+    pen.globalAlpha = this.theme === "dark" ? 0.35 : 0.6;
+    pen.transform(scale, 0, 0, -scale, camera.px(0), camera.py(0));
+    pen.transform(...matrix);
+    pen.drawImage(image, 0, 0, image.naturalWidth, image.naturalHeight);
+    pen.restore();
   }
 
   grid() {

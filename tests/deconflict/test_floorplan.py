@@ -1,10 +1,15 @@
+import asyncio
+import shutil
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 from deconflict.floorplan import matrix
+from deconflict.service import in_one_process
 from deconflict.site import Site, load, problems
+from metrics.exposition import render
 from tests.deconflict.made_site import HALL, MARKS, put, sound, written
 
 HIGH_PX = 1000.0
@@ -58,3 +63,58 @@ def test_an_image_that_can_not_be_shown_is_named(image: str, message: str, tmp_p
 def test_a_point_that_the_floor_does_not_have_is_named(tmp_path: Path) -> None:
     (problem,) = problems(planned(tmp_path, {"door": [0, 0], "window": [1, 1]}))
     assert problem == "datums[0].plan.readings: reads window, which datum 'Hall' does not have"
+
+
+QUARTERS = """<svg xmlns="http://www.w3.org/2000/svg" width="880" height="560">
+<rect width="440" height="280" fill="#f00"/><rect x="440" width="440" height="280" fill="#0f0"/>
+<rect y="280" width="440" height="280" fill="#00f"/>
+<rect x="440" y="280" width="440" height="280" fill="#ff0"/></svg>"""
+MIDDLES = """() => {
+  const canvas = document.querySelector("canvas"), pen = canvas.getContext("2d");
+  const { data, width } = pen.getImageData(0, 0, canvas.width, canvas.height), found = {};
+  for (let at = 0; at < data.length; at += 4) {
+    const [r, g, b] = data.slice(at, at + 3), high = Math.max(r, g, b), low = Math.min(r, g, b);
+    if (high - low < 40) continue;
+    const name = [r, g, b].map((one) => (one > (high + low) / 2 ? 1 : 0)).join("");
+    const one = (found[name] ??= { count: 0, x: 0, y: 0 });
+    one.count += 1; one.x += (at / 4) % width; one.y += Math.floor(at / 4 / width);
+  }
+  return Object.fromEntries(Object.entries(found).filter(([, one]) => one.count > 5000)
+    .map(([name, one]) => [name, [one.x / one.count, one.y / one.count]]));
+}"""
+
+
+def quarters(folder: Path) -> Site:
+    """A hall whose plan has its upper left quarter red, upper right green, lower left blue and lower right yellow."""
+    (folder / "plan.svg").write_text(QUARTERS)
+    readings = {one: [20 * (x + 2), 560 - 20 * (y + 2)] for one, (x, y) in MARKS.items()}
+    site = planned(folder, readings, "plan.svg")
+    ports = {"receiver": site.receiver, "operator": site.operator}
+    return site.model_copy(update={name: one.model_copy(update={"port": 0}) for name, one in ports.items()})
+
+
+@pytest.mark.skipif(not shutil.which("chromium"), reason="chromium is not installed")
+async def test_the_image_lies_under_the_map_the_right_way_up(tmp_path: Path) -> None:
+    playwright = pytest.importorskip("playwright.async_api", reason="playwright drives the browser")
+    async with in_one_process(quarters(tmp_path), tmp_path / "data", render) as (_, operator):
+        address = f"http://127.0.0.1:{operator.port}"
+        async with httpx.AsyncClient(base_url=address) as client:
+            floors = (await client.get("/site")).json()["floors"]
+            plan = next(one["plan"] for one in floors if one["id"] == HALL)
+            image = await client.get(plan["image"])
+            assert (image.text, image.headers["content-type"]) == (QUARTERS, "image/svg+xml")
+            assert plan["matrix"] == pytest.approx([0.05, 0, 0, -0.05, -2, 26])
+            assert (await client.get("/plans/yard")).status_code == 404
+        async with playwright.async_playwright() as play:
+            browser = await play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+            page = await browser.new_page()
+            await page.goto(address)
+            async with asyncio.timeout(30):
+                while len(middles := await page.evaluate(MIDDLES)) < 4:
+                    await asyncio.sleep(0.1)
+            await browser.close()
+    red, green, blue, yellow = (middles[name] for name in ("100", "010", "001", "110"))
+    assert red[0] < green[0]
+    assert blue[0] < yellow[0]
+    assert red[1] < blue[1]
+    assert green[1] < yellow[1]
