@@ -224,6 +224,11 @@ def test_four_vendors_at_a_crossing_make_a_queue() -> None:
     assert len(set(one.vendors)) == 4
     assert one.queue_length >= 2
     assert one.time_to_conflict_s > 2
+    assert one.recommendation
+    slots = one.recommendation.slots
+    assert len(slots) == 4
+    assert all(b.start_at >= a.end_at for a, b in pairwise(slots)), "one after the other"
+    assert one.recommendation.cost_s <= (one.recommendation.first_come_cost_s or 0)
 
 
 def test_a_robot_that_stands_in_the_way_is_named_with_everyone_it_holds_up() -> None:
@@ -241,6 +246,12 @@ def test_a_robot_that_stands_in_the_way_is_named_with_everyone_it_holds_up() -> 
     assert last.holds_up == (robot("B"), robot("C"))
     assert 18 < after_s(one) < 24, "as soon as B's path reaches A"
     assert "Alder A has stood for" in one.summary
+
+
+def test_a_robot_that_has_arrived_is_held_up_by_nobody() -> None:
+    arrives = Script([(0, -10, 0), (10, 0, 0)], state=lambda t: "navigating" if t < 10 else waits())
+    behind = Script([(0, -1, 30), (30, -1, 0)], state=lambda t: "navigating" if t < 30 else waits())
+    assert raised(Scene(site(), {"A": arrives, "C": behind}).run(45), "blockage") == []
 
 
 def test_a_robot_that_rests_in_a_dock_is_no_blockage() -> None:
