@@ -184,6 +184,7 @@ def _robots_url(site: Site) -> str:
 def _tell_where(site: Site, console: Console, robots: int) -> None:
     face = f"{site.operator.host}:{site.operator.port}"
     console.print(f"{site.name}: {robots} simulated robots of four vendors talk to {_robots_url(site)}")
+    console.print(f"Open http://{face}/ to see the floor and what is predicted", style="bold")
     console.print(f"Advisories  http://{face}/advisories   stream ws://{face}/advisories/stream")
     console.print(f"Robots      http://{face}/robots       metrics http://{face}/metrics")
 

@@ -99,6 +99,7 @@ export class List {
     parts.take.setAttribute("aria-label", `Acknowledge: ${what(one)}`);
     parts.take.disabled = past;
     item.dataset.floor = floorName(one.location.datum);
+    item.dataset.kind = one.kind;
   }
 }
 

@@ -84,7 +84,7 @@ function bounds(shown) {
   const points = [...shown.marks.map((one) => [one.x, one.y]), ...shown.places.flatMap((one) => one.polygon), ...shown.robots.map((one) => one.knots.slice(1, 3))];
   if (!points.length) return [-10, -10, 10, 10];
   const xs = points.map((one) => one[0]).sort((a, b) => a - b), ys = points.map((one) => one[1]).sort((a, b) => a - b);
-  return [xs[0] - 1, ys[0] - 1.5, xs.at(-1) + 1, ys.at(-1) + 2];
+  return [xs[0] - 1, ys[0] - 3, xs.at(-1) + 1, ys.at(-1) + 2];
 }
 
 function draw(at) {

@@ -7,6 +7,7 @@ const FADES = 5;
 const STEPS_S = { exact: 0.15, line: 0.5 };
 const EXACT = 100; // ribbons of more robots than this are drawn as lines of the robot's width
 const LABELLED = 120;
+const MOVED = 2;
 const RIBBONED = 3000;
 
 export class FloorMap {
@@ -103,9 +104,9 @@ export class FloorMap {
       pen.lineWidth = contended ? 3 : 1.5;
       pen.stroke();
       const x = place.polygon.reduce((sum, point) => sum + point[0], 0) / place.polygon.length;
-      const top = Math.max(...place.polygon.map((point) => point[1]));
+      const ys = place.polygon.map((point) => camera.py(point[1])), y = contended ? Math.max(...ys) + 14 * this.unit : Math.min(...ys) - 5;
       const queue = contended?.queue_length ? `, ${contended.queue_length} will queue` : "";
-      if (camera.scale > 6 || contended) this.text(`${place.name || place.id} ${taken}/${place.capacity}${queue}`, camera.px(x), camera.py(top) - 5, 12, contended ? ink[contended.severity] : ink.faint);
+      if (camera.scale > 6 || contended) this.text(`${place.name || place.id} ${taken}/${place.capacity}${queue}`, camera.px(x), y, 12, contended ? ink[contended.severity] : ink.faint);
     }
   }
 
@@ -266,7 +267,9 @@ export class FloorMap {
     pen.font = `700 ${13 * unit}px system-ui, sans-serif`;
     const wide = pen.measureText(said).width + 12 * unit;
     const hidden = () => this.said.find((one) => Math.abs(one.x - x) < (one.wide + wide) / 2 && Math.abs(one.y - y) < high);
-    for (let other = hidden(); other; other = hidden()) y = other.y - high - 2;
+    let moves = 0;
+    for (let other = hidden(); other; other = hidden()) [y, moves] = [other.y - high - 2, moves + 1];
+    if (!filled && moves > MOVED) return; // where it is crowded, what is not urgent is left to its ring and the list
     this.said.push({ x, y, wide });
     pen.beginPath();
     pen.roundRect(x - wide / 2, y - high / 2, wide, high, 6 * unit);

@@ -1,0 +1,260 @@
+"""The operator's page in a real Chromium, on the real service, with the simulated vendors."""
+
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import pytest
+
+from deconflict.demo import demo_site
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+    Scheme = Literal["dark", "light"]
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+CHROMIUM = shutil.which("chromium")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is the browser that the page is looked at with")
+
+PICTURES = Path(__file__).parents[2] / "build" / "page"
+PATIENCE_MS = 30_000
+
+
+class Service:
+    """The service and the simulated vendors, each a process; the service can be ended and started again."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._robots, self._face = free_ports()
+        self._site = directory / "site.toml"
+        ports = f"\n[receiver]\nport = {self._robots}\n\n[operator]\nport = {self._face}\n"
+        self._site.write_text(demo_site().read_text() + ports)
+        self.url = f"http://127.0.0.1:{self._face}/"
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self) -> None:
+        self._run("serve", str(self._site), "--data", str(self._directory / "data"))
+
+    def simulate(self) -> None:
+        self._run("simulate", "--url", f"ws://127.0.0.1:{self._robots}", "--robots", "24")
+
+    def stop(self, command: str) -> None:
+        process = self._running.pop(command)
+        process.send_signal(signal.SIGINT)
+        process.wait(20)
+
+    def stop_all(self) -> None:
+        for command in reversed(list(self._running)):
+            self.stop(command)
+
+    def _run(self, command: str, *arguments: str) -> None:
+        with (self._directory / f"{command}.log").open("ab") as log:
+            self._running[command] = subprocess.Popen(
+                [sys.executable, "-m", "deconflict", command, *arguments], stdout=log, stderr=log
+            )
+
+
+def free_ports() -> tuple[int, int]:
+    with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
+        return one.getsockname()[1], other.getsockname()[1]
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    one = Service(tmp_path_factory.mktemp("page"))
+    one.start()
+    yield one
+    one.stop_all()
+
+
+@pytest.fixture(scope="module")
+def floor(service: Service) -> Service:
+    """The service once vendors talk to it; tests that need an empty floor come before those that need this."""
+    service.simulate()
+    return service
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator["Browser"]:
+    with sync_api.sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@contextmanager
+def opened(
+    browser: "Browser", service: Service, width: int = 1400, height: int = 850, scheme: "Scheme" = "light"
+) -> Iterator["Page"]:
+    """The page once it is live; what it throws or is forbidden to load fails the test."""
+    context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
+    page, wrong = context.new_page(), []
+    page.set_default_timeout(PATIENCE_MS)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda said: wrong.append(said.text) if "Content Security" in said.text else None)
+    arrive(page, service)
+    yield page
+    context.close()
+    assert not wrong
+
+
+def arrive(page: "Page", service: Service) -> None:
+    """Open the page, once the service serves it."""
+    for _ in range(300):
+        try:
+            page.goto(service.url)
+            break
+        except sync_api.Error:
+            page.wait_for_timeout(100)
+    page.wait_for_selector('[data-state="live"]')
+
+
+def until(page: "Page", condition: str) -> None:
+    """Wait for a condition in the page, asked from outside: the page's own policy forbids to evaluate text in it."""
+    for _ in range(PATIENCE_MS // 50):
+        if page.evaluate(condition):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(condition)
+
+
+def keep(page: "Page", name: str, *, full_page: bool = False) -> None:
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=PICTURES / f"{name}.png", full_page=full_page)
+
+
+def inked(page: "Page", left: float, top: float, size: int) -> int:
+    """How many pixels of a square of the map differ from its ground."""
+    script = """([left, top, size]) => {
+        const map = document.getElementById("map"), pen = map.getContext("2d");
+        const { data } = pen.getImageData(left - size / 2, top - size / 2, size, size);
+        const ground = pen.getImageData(1, 1, 1, 1).data;
+        let count = 0;
+        for (let i = 0; i < data.length; i += 4) count += [0, 1, 2].some((k) => Math.abs(data[i + k] - ground[k]) > 60);
+        return count;
+    }"""
+    return int(page.evaluate(script, [left, top, size]))
+
+
+def test_a_floor_without_robots_says_so(browser: "Browser", service: Service) -> None:
+    with opened(browser, service) as page:
+        page.wait_for_selector("#nothing:not([hidden])")
+        until(page, "document.getElementById('nothing').textContent.startsWith('No robot has been heard yet')")
+        assert page.is_visible("#none")
+        keep(page, "empty")
+
+
+def test_a_conflict_is_in_the_list_and_at_its_place_and_can_be_acknowledged(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor, scheme="light") as page, opened(browser, floor) as other:
+        card = page.wait_for_selector('#advisories li[data-kind="conflict"]')
+        assert card
+        advisory = card.get_attribute("data-id")
+        told = page.request.get(f"{floor.url}advisories/{advisory}").json()["advisories"][-1]
+        assert all(name in (card.text_content() or "") for name in told["names"])
+        page.click(f'#advisories li[data-id="{advisory}"] .show')
+        until(page, "document.querySelector('#advisories .chosen') !== null")
+        tab = page.text_content('#tabs [aria-selected="true"]') or ""
+        assert (card.get_attribute("data-floor") or "") in tab
+        page.wait_for_timeout(100)
+        middle = page.evaluate("[document.getElementById('map').width / 2, document.getElementById('map').height / 2]")
+        assert inked(page, middle[0], middle[1], 40) > 60
+        page.click(f'#advisories li[data-id="{advisory}"] .take')
+        page.fill("#who", "Kim <b>Lee</b>")
+        page.fill("#why", "both called back")
+        keep(page, "acknowledge")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#acknowledge", state="hidden")
+        stored = page.request.get(f"{floor.url}advisories/{advisory}").json()["advisories"]
+        assert stored[-1]["acknowledgement"]["name"] == "Kim <b>Lee</b>"
+        if stored[-1]["state"] != "cleared":
+            answer = f'#advisories li[data-id="{advisory}"] .answer'
+            assert "Kim <b>Lee</b>: both called back" in (other.text_content(answer) or "")
+
+
+def test_the_list_is_most_urgent_first_and_counts_down(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor) as page:
+        until(page, "document.querySelectorAll('#advisories li').length > 2")
+        shown = page.eval_on_selector_all("#advisories li", "all => all.map((one) => one.classList[0])")
+        order = ["critical", "warning", "caution"]
+        assert shown == sorted(shown, key=order.index)
+        first = page.text_content("#clock")
+        until(page, f"document.getElementById('clock').textContent !== '{first}'")
+
+
+def test_keys_alone_reach_the_floors_the_map_and_the_list(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor) as page:
+        page.wait_for_selector("#advisories li")
+        page.focus('#tabs [aria-selected="true"]')
+        page.keyboard.press("ArrowRight")
+        until(page, "document.querySelector('#tabs [aria-selected=true]').textContent.startsWith('Mezz')")
+        until(page, "document.getElementById('map').ariaLabel.startsWith('Map of Mezzanine')")
+        page.focus("#map")
+        for key in ("ArrowLeft", "+", "-", "0"):
+            page.keyboard.press(key)
+        reached = set()
+        for _ in range(40):
+            page.keyboard.press("Tab")
+            reached.add(page.evaluate("document.activeElement.className || document.activeElement.id"))
+        assert {"show", "take", "moment"} <= reached
+
+
+def test_the_slider_goes_back_to_what_was_recorded_and_live_returns(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor, scheme="dark") as page:
+        until(page, "((one) => one.max - one.min > 8)(document.getElementById('moment'))")
+        page.focus("#moment")
+        for _ in range(5):
+            page.keyboard.press("ArrowLeft")
+        page.wait_for_selector('[data-state="past"]')
+        until(page, "/^Showing [0-9:]+, [0-9]+ s ago$/.test(document.getElementById('status').textContent)")
+        at = page.text_content("#shown")
+        assert at == page.text_content("#clock")
+        assert page.evaluate("document.getElementById('map').ariaLabel").split(": ")[1][0] != "0"
+        keep(page, "past")
+        page.click("#live")
+        page.wait_for_selector('[data-state="live"]')
+        assert page.text_content("#shown") == "live"
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "height", "scheme"),
+    [
+        ("light", 1400, 850, "light"),
+        ("dark", 1400, 850, "dark"),
+        ("phone", 390, 844, "light"),
+        ("wall", 2560, 1440, "dark"),
+    ],
+)
+def test_it_fits_each_screen(
+    browser: "Browser", floor: Service, name: str, width: int, height: int, scheme: "Scheme"
+) -> None:
+    with opened(browser, floor, width, height, scheme) as page:
+        page.wait_for_selector("#advisories li")
+        until(page, "document.querySelectorAll('#vendors tbody tr').length === 4")
+        page.click("#heat")
+        until(page, "document.getElementById('heat').ariaPressed === 'true'")
+        page.click("#heat")
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert page.evaluate("document.documentElement.dataset.theme") == scheme
+        keep(page, name, full_page=name == "phone")
+
+
+def test_losing_the_service_is_said_and_greys_and_it_comes_back_by_itself(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor) as page:
+        page.wait_for_selector("#advisories li")
+        floor.stop("serve")
+        page.wait_for_selector('[data-state="lost"]')
+        assert "lost" in (page.text_content("#status") or "")
+        assert "grayscale" in page.evaluate("getComputedStyle(document.getElementById('stage')).filter")
+        assert page.query_selector("#advisories li")
+        keep(page, "lost")
+        floor.start()
+        page.wait_for_selector('[data-state="live"]')
+        page.wait_for_selector("#advisories li")
+        assert page.evaluate("getComputedStyle(document.getElementById('stage')).filter") == "none"
