@@ -2,7 +2,9 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from typing import Any
 
 import fcl
@@ -250,3 +252,23 @@ def test_times_may_count_from_any_epoch() -> None:
         at = shifted.contact_s - shift_s
         distance = [distance_at(crowd, (a, b), t) for (a, b), t in zip(shifted.pairs.tolist(), at, strict=True)]
         assert max(distance) <= 0.25 + DISTANCE_M + ROUNDING_M
+
+
+def rows_of(crowd: Forecasts, chosen: list[int]) -> dict[tuple[int, int], tuple[float, ...]]:
+    """The conflicts among the chosen robots, by their rows in the whole crowd: what one process of several finds."""
+    found = sweep(crowd.take(chosen), now_s=NOW_S, clearance_m=0.25)
+    figures = zip(*(getattr(found, column).tolist() for column in COLUMNS), strict=True)
+    return {(chosen[a], chosen[b]): row for (a, b), row in zip(found.pairs.tolist(), figures, strict=True)}
+
+
+def test_the_number_of_processes_makes_no_difference() -> None:
+    """Each process has two of four parts of the crowd, so that every pair is swept by at least one of them."""
+    crowd = crowd_of(60, 5)
+    parts = [list(range(start, 60, 4)) for start in range(4)]
+    shares = [sorted(parts[a] + parts[b]) for a in range(4) for b in range(a)]
+    with ProcessPoolExecutor(3, mp_context=get_context("spawn")) as pool:
+        told = list(pool.map(rows_of, [crowd] * len(shares), shares))
+    whole = rows_of(crowd, list(range(60)))
+    assert len(whole) > 50
+    assert all(share.items() <= whole.items() for share in told)
+    assert {pair: row for share in told for pair, row in share.items()} == whole
