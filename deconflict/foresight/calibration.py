@@ -13,9 +13,9 @@ from deconflict.motion import Bools
 from ingest.seam import Floats
 
 FEATURES = 4
-PRIOR: Floats = np.array([0.62, 1.08, 0.11, -2.01])
+PRIOR: Floats = np.array([0.38, 1.02, 0.4, -2.41])
 """Weights of what `features` gives."""
-PRIOR_SD: Floats = np.array([2.0, 0.3, 0.3, 0.5])
+PRIOR_SD: Floats = np.array([2.0, 0.3, 1.0, 0.5])
 OUTCOME_WEIGHT = 0.25
 """Outcomes of one pair in successive seconds say much the same."""
 FADES_S = 900.0
@@ -23,10 +23,11 @@ CERTAIN = 0.01
 """Shares this near to 0 or 1 are not told apart from them."""
 
 
-def features(likely: Floats, soon: Floats, far: Floats) -> Floats:
+def features(likely: Floats, far: Floats) -> Floats:
     """(n, FEATURES) of the largest share of the error distribution that lies within the clearance at any moment of the
-    horizon, of the same in the next three seconds, and of how long the pair would need head-on, in horizons."""
-    return np.column_stack([np.ones(len(likely)), _log_odds(likely), _log_odds(soon), far])
+    horizon, whether that is the half (the forecasts as they stand meet), and how long the pair would need if it went
+    straight for each other, in horizons."""
+    return np.column_stack([np.ones(len(likely)), _log_odds(likely), likely >= 0.5, far])
 
 
 def _log_odds(share: Floats) -> Floats:

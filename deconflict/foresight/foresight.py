@@ -28,7 +28,6 @@ Pair = tuple[str, str]
 
 LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
 """Parts of ten at which the horizon is sampled."""
-SOON_S = 3.0
 PAST_LOOKS: Floats = np.arange(1, 6) / 5
 EIGHTY = 1.28
 """A normal distribution has 80 % within so many standard deviations."""
@@ -205,8 +204,7 @@ class Foresight:
         all_s = np.column_stack([ahead_s, exact_s]) - now_s
         spread_m = self._spread_m(a, b, now_s, all_s)
         share = ndtr((self._clearance_m - all_m) / spread_m)
-        soon = np.where(all_s <= SOON_S, share, 0.0).max(axis=1)
-        pairs.seen[rows] = features(share.max(axis=1), soon, self._far(there, ahead_m[:, 0]))
+        pairs.seen[rows] = features(share.max(axis=1), self._far(there, ahead_m[:, 0]))
         pairs.near_m[rows] = np.maximum(np.minimum(sampled_m, exact_m), 0.0)
         pairs.now_m[rows] = np.maximum(ahead_m[:, 0], 0.0)
 
