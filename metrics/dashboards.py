@@ -1,6 +1,6 @@
 """The Grafana dashboards and the Prometheus rules, as files.
 
-Every metric of the catalogue is in one of the dashboards: what `metrics/pages.py` does not place gets a panel of its
+Every metric of the catalogue is in one of the dashboards: what `pages` and `health` do not place gets a panel of its
 own, in the last row of the third.
 """
 
@@ -9,7 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from metrics.exposition import CATALOGUE, Entry
-from metrics.pages import ENGINE, SITE, VENDORS, WINDOW
+from metrics.health import ENGINE
+from metrics.pages import SITE, VENDORS, WINDOW
 from metrics.panels import Dashboard, Panel, Query, Row, as_json, names_in
 from metrics.promql import level, quantile, rate
 from metrics.rules import rules_file

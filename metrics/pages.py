@@ -1,16 +1,15 @@
-"""What the dashboards show: the site, its vendors, and the engine with what feeds it."""
+"""What the dashboards of the site and of its vendors show. That of the service itself is in `health`."""
 
 from collections.abc import Iterable
 
 from metrics.panels import Dashboard, Panel, Query, Row
-from metrics.promql import level, or_zero_by_vendor, quantile, rate, share_within, time_share
+from metrics.promql import level, or_zero_by_vendor, rate, share_within
 from metrics.rules import OBJECTIVE_S, OBJECTIVE_SHARE
 
 WINDOW = "$__rate_interval"
 VENDOR = ["vendor"]
 
-_STATUS_WAIT = "deconflict_message_to_advisory_seconds"
-_STEP = "deconflict_sweep_duration_seconds"
+STATUS_WAIT = "deconflict_message_to_advisory_seconds"
 _PER_MESSAGE = rate("deconflict_messages_total", WINDOW, VENDOR)
 
 _DEVIATIONS = or_zero_by_vendor(f"{rate('deconflict_deviations_total', WINDOW, VENDOR)} / {_PER_MESSAGE}")
@@ -21,19 +20,19 @@ _NUISANCE = or_zero_by_vendor(
     f"{rate('deconflict_conflicts_ended_total', '1h', VENDOR, where={'outcome': 'not_met'})}"
     f" / {rate('deconflict_conflicts_ended_total', '1h', VENDOR)}"
 )
-_WITHIN = share_within(OBJECTIVE_S, _STATUS_WAIT, WINDOW, VENDOR)
+_WITHIN = share_within(OBJECTIVE_S, STATUS_WAIT, WINDOW, VENDOR)
 
 
-def _rate(name: str, by: Iterable[str] = (), legend: str = "") -> Query:
+def rated(name: str, by: Iterable[str] = (), legend: str = "") -> Query:
     return Query(rate(name, WINDOW, by), legend)
 
 
-def _rare(name: str, legend: str) -> Query:
+def rare(name: str, legend: str) -> Query:
     """A counter with labels that may not have begun: 0 until then."""
     return Query(f"{rate(name, WINDOW)} or vector(0)", legend)
 
 
-def _each(title: str, unit: str, name: str, label: str, warn_above: float | None = None) -> Panel:
+def each(title: str, unit: str, name: str, label: str, warn_above: float | None = None) -> Panel:
     """One line for each value of a label; 0 where the site has none."""
     query = f"{level(name, [label], over='max')} or vector(0)"
     return Panel(title, unit, (Query(query, f"{{{{{label}}}}}"),), warn_above=warn_above)
@@ -85,7 +84,7 @@ SITE = Dashboard(
                 Panel(
                     "Statuses within 250 ms",
                     "percentunit",
-                    (Query(share_within(OBJECTIVE_S, _STATUS_WAIT, WINDOW)),),
+                    (Query(share_within(OBJECTIVE_S, STATUS_WAIT, WINDOW)),),
                     "stat",
                     4,
                     5,
@@ -110,7 +109,7 @@ SITE = Dashboard(
                 Panel(
                     "Advisories raised, updated and cleared",
                     "ops",
-                    (_rate("deconflict_advisories_total", ["kind", "event"], "{{kind}} {{event}}"),),
+                    (rated("deconflict_advisories_total", ["kind", "event"], "{{kind}} {{event}}"),),
                     columns=12,
                 ),
                 Panel(
@@ -125,11 +124,11 @@ SITE = Dashboard(
         Row(
             "What is shared",
             (
-                _each("Robots at each resource and zone", "short", "deconflict_resource_occupancy", "resource"),
-                _each("Robots that have it or will want it", "short", "deconflict_resource_demand", "resource"),
-                _each("Longest wait expected", "s", "deconflict_resource_wait_seconds", "resource"),
-                _each("Robots that leave a zone", "ops", "deconflict_zone_flow_per_second", "zone"),
-                _each("Saturation of zones", "percentunit", "deconflict_zone_saturation_ratio", "zone", warn_above=1.0),
+                each("Robots at each resource and zone", "short", "deconflict_resource_occupancy", "resource"),
+                each("Robots that have it or will want it", "short", "deconflict_resource_demand", "resource"),
+                each("Longest wait expected", "s", "deconflict_resource_wait_seconds", "resource"),
+                each("Robots that leave a zone", "ops", "deconflict_zone_flow_per_second", "zone"),
+                each("Saturation of zones", "percentunit", "deconflict_zone_saturation_ratio", "zone", warn_above=1.0),
                 Panel("Deadlocks ahead", "short", (Query(level("deconflict_deadlocks_ahead"), "rings"),), warn_above=1),
             ),
         ),
@@ -172,7 +171,7 @@ VENDORS = Dashboard(
                 Panel(
                     "Deviations by rule",
                     "ops",
-                    (_rate("deconflict_deviations_total", ["vendor", "rule"], "{{vendor}} {{rule}}"),),
+                    (rated("deconflict_deviations_total", ["vendor", "rule"], "{{vendor}} {{rule}}"),),
                     columns=12,
                 ),
                 Panel(
@@ -212,8 +211,8 @@ VENDORS = Dashboard(
                     (Query(_WITHIN, "{{vendor}}"),),
                     warn_below=OBJECTIVE_SHARE,
                 ),
-                _each("Drift of the frame", "m", "deconflict_datum_drift_meters", "vendor", warn_above=0.2),
-                _each("Time to a destination over the time told", "short", "deconflict_arrival_time_ratio", "vendor"),
+                each("Drift of the frame", "m", "deconflict_datum_drift_meters", "vendor", warn_above=0.2),
+                each("Time to a destination over the time told", "short", "deconflict_arrival_time_ratio", "vendor"),
                 Panel(
                     "Conflicts that did not come about, of those ended in an hour",
                     "percentunit",
@@ -228,131 +227,6 @@ VENDORS = Dashboard(
                         ),
                     ),
                 ),
-            ),
-        ),
-    ),
-)
-
-ENGINE = Dashboard(
-    "deconflict-engine",
-    "Deconfliction: engine and ingest health",
-    (
-        Row(
-            "From message to advisory",
-            (
-                Panel(
-                    "Message to advisory",
-                    "s",
-                    tuple(
-                        Query(quantile(share, _STATUS_WAIT, WINDOW), f"p{share * 100:g}") for share in (0.5, 0.95, 0.99)
-                    ),
-                    warn_above=OBJECTIVE_S,
-                ),
-                Panel(
-                    "Duration of a pass",
-                    "s",
-                    tuple(Query(quantile(share, _STEP, WINDOW), f"p{share * 100:g}") for share in (0.5, 0.95, 0.99)),
-                ),
-                Panel(
-                    "Share of time computing",
-                    "percentunit",
-                    (Query(time_share(_STEP, WINDOW), "engine"),),
-                    warn_above=0.8,
-                ),
-                Panel("Ticks", "ops", (_rate("deconflict_ticks_total", legend="ticks"),)),
-                Panel(
-                    "Work of the sweep",
-                    "ops",
-                    (
-                        _rate("deconflict_sweep_segment_pairs_total", legend="segment pairs"),
-                        _rate("deconflict_sweep_fcl_calls_total", legend="collision library"),
-                    ),
-                ),
-                Panel(
-                    "Forecasts that could not be used",
-                    "ops",
-                    (_rare("deconflict_invalid_forecasts_total", "all reasons"),),
-                ),
-            ),
-        ),
-        Row(
-            "Ingest",
-            (
-                Panel(
-                    "Messages by result",
-                    "reqps",
-                    (_rate("deconflict_messages_total", ["result"], "{{result}}"),),
-                ),
-                Panel("Connections", "short", (Query(level("deconflict_connections"), "open"),)),
-                Panel(
-                    "Connections refused",
-                    "ops",
-                    (_rare("deconflict_connections_refused_total", "all reasons"),),
-                ),
-                Panel(
-                    "Statuses replaced before they were read",
-                    "ops",
-                    (
-                        Query(
-                            or_zero_by_vendor(rate("deconflict_statuses_superseded_total", WINDOW, VENDOR)),
-                            "{{vendor}}",
-                        ),
-                    ),
-                ),
-                Panel(
-                    "Messages beyond a vendor's share",
-                    "ops",
-                    (Query(or_zero_by_vendor(rate("deconflict_messages_shed_total", WINDOW, VENDOR)), "{{vendor}}"),),
-                ),
-                Panel("Recording", "Bps", (_rate("deconflict_recorded_bytes_total", legend="written"),)),
-                Panel("Lines not recorded", "ops", (_rate("deconflict_recorded_lines_dropped_total", legend="lost"),)),
-            ),
-        ),
-        Row(
-            "Roles, store and stream",
-            (
-                Panel(
-                    "Roles up", "short", (Query(level("deconflict_role_up", ["role"], over="min"), "{{role}}"),), "stat"
-                ),
-                Panel(
-                    "Restarts",
-                    "short",
-                    (Query(f"{rate('deconflict_role_restarts_total', WINDOW)} or vector(0)", "all"),),
-                ),
-                Panel(
-                    "Release",
-                    "short",
-                    (Query(level("deconflict_build_info", ["version"], over="max"), "{{version}}"),),
-                    "stat",
-                ),
-                Panel(
-                    "Revisions stored, and failures",
-                    "ops",
-                    (
-                        _rate("deconflict_advisories_stored_total", legend="stored"),
-                        _rate("deconflict_store_failures_total", legend="failures"),
-                    ),
-                ),
-                Panel("Followers of the stream", "short", (Query(level("deconflict_stream_subscribers"), "open"),)),
-                Panel(
-                    "Outlets: delivered and failed",
-                    "ops",
-                    (
-                        _rare("deconflict_outlet_deliveries_total", "delivered"),
-                        _rare("deconflict_outlet_failures_total", "failed"),
-                    ),
-                ),
-                Panel(
-                    "Outlets: waiting",
-                    "short",
-                    (
-                        Query(
-                            f"{level('deconflict_outlet_waiting', ['outlet'], over='max')} or vector(0)",
-                            "{{outlet}}",
-                        ),
-                    ),
-                ),
-                Panel("Followers dropped", "ops", (_rate("deconflict_stream_dropped_total", legend="dropped"),)),
             ),
         ),
     ),
