@@ -6,6 +6,7 @@ your own. One clearance, one core. Processor time, so that a busy machine change
 
 import argparse
 import json
+import resource
 import sys
 import time
 from collections.abc import Iterator
@@ -111,6 +112,11 @@ def read_alone(log: Path) -> float:
     return time.process_time() - began
 
 
+def peak_mb() -> float:
+    """The most memory that this process has had, in megabytes; Linux tells kilobytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("log", nargs="?", type=Path)
@@ -120,7 +126,9 @@ def main() -> None:
     args = options.parse_args()
     site = load(args.site or demo.demo_site()) if args.site or not args.log else Site()
     with TemporaryDirectory() as folder:
-        log = args.log or Path(folder) / "log.jsonl"
+        log, short = args.log or Path(folder) / "log.jsonl", Path(folder) / "short.jsonl"
+        write_log(short, 4, 3.0)
+        _, _, loading_s = measure(short, site)
         if not args.log:
             write_log(log, args.robots, args.seconds)
         result, spent, took_s = measure(log, site)
@@ -131,6 +139,7 @@ def main() -> None:
     print(f"{span_s / took_s:.0f} times real time, {messages / took_s:.0f} messages a second")
     for stage, stage_s in spent.items():
         print(f"{stage:<20}{stage_s / took_s:>6.0%}{stage_s / messages * 1e6:>9.1f} us a message")
+    print(f"before that, {loading_s:.1f} s to load what is compiled; {peak_mb():.0f} MB at the most")
     json.dump({name: result["scores"][0][name] for name in ("encounters", "alerts")}, sys.stdout)
     print()
 
