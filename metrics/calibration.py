@@ -103,6 +103,8 @@ class Calibration:
         self.by_vendors: dict[Vendors, Tally] = {}
         self.settled = Tally()
         """What was said after the first minutes."""
+        self.censored = 0
+        """Samples of pairs of which a robot left before anything happened."""
 
     def sample(self, now_s: float, probabilities: Sequence[tuple[Pair, float]]) -> None:
         """Take what is published at the first pass of each second."""
@@ -133,8 +135,10 @@ class Calibration:
                 break
             if one.start_s <= at_s + HORIZON_S:
                 return True
-        left_s = min(truth.motion.last_seen_s(robot) for robot in pair)
-        return False if left_s >= at_s + HORIZON_S else None
+        if min(truth.motion.last_seen_s(robot) for robot in pair) >= at_s + HORIZON_S:
+            return False
+        self.censored += 1
+        return None
 
     def _count(self, at_s: float, pair: Pair, vendors: Vendors, probability: float, outcome: bool) -> None:
         key = (min(vendors), max(vendors))

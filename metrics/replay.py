@@ -14,11 +14,11 @@ from deconflict.site import Site
 from ingest.fleet import Fleet
 from ingest.measures import Measures
 from ingest.playback import EngineStarted, Event, Reader, Received, Tick
-from ingest.seam import Batch
+from ingest.seam import Basis, Batch, Floats
 from metrics import conform
 from metrics.arrivals import Arrivals
 from metrics.calibration import SETTLED_S, Calibration
-from metrics.forecasts import ForecastErrors, Maker
+from metrics.forecasts import ForecastErrors
 from metrics.scenes import Scene
 from metrics.scoring import Alert, Presence, score
 from metrics.truth import Pair, Truth
@@ -155,7 +155,8 @@ class Replay:
         self._everything = False
         self.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
         self.truth.report(batch.robots, batch.forecasts)
-        self.forecasts.take(batch.robots, [self._maker(robot) for robot in batch.robots], batch.forecasts)
+        makers = list(zip(batch.vendors, batch.models, strict=True))
+        self.forecasts.take(batch.robots, makers, batch.forecasts, self._bands_m(batch))
         self.forecasts.advance(now_s)
         self.arrivals.take(batch)
         if self._watch:
@@ -169,9 +170,15 @@ class Replay:
         if self.truth.until_s > looked_until_s:
             self._resolve()
 
-    def _maker(self, robot: str) -> Maker:
-        known = self.fleet.robots[robot]
-        return known.vendor, known.identity.model if known.identity else ""
+    def _bands_m(self, batch: Batch) -> Floats | None:
+        """(n, horizons, bands) radii that the first engine's ledger holds for the forecasts of a batch."""
+        if not self.runs or not len(batch):
+            return None
+        ledger = self.runs[0].engine.foresight.ledger
+        kinds = zip(batch.vendors, batch.models, batch.basis.tolist(), strict=True)
+        rows = [ledger.row(vendor, model, Basis(basis), batch.now_s) for vendor, model, basis in kinds]
+        bands_m: Floats = ledger.bands_m[rows]
+        return bands_m
 
     def _scene(self, scene: Scene) -> dict[str, Any]:
         """One of the nearest moments, and how long before it the first clearance's advisory stood."""
@@ -195,7 +202,10 @@ class Replay:
             presence,
             run.calibration.by_vendors,
         )
-        return figures | {"settled": {"after_s": SETTLED_S, **run.calibration.settled.figures()}}
+        return figures | {
+            "censored_samples": run.calibration.censored,
+            "settled": {"after_s": SETTLED_S, **run.calibration.settled.figures()},
+        }
 
 
 def replay(

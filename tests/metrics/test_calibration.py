@@ -72,7 +72,7 @@ def test_seconds_within_an_encounter_and_those_before_a_robot_leaves_are_left_ou
     made = followed(Calibration(0.3), *[0.25] * 30)
     (whole,) = made.by_vendors.values()
     # in the encounter from 19.35 to 20.65 s; after 20 s nobody knows what would have been in ten seconds
-    assert (whole.fine[0].sum(), whole.fine[2].sum()) == (20, 10)
+    assert (whole.fine[0].sum(), whole.fine[2].sum(), made.censored) == (20, 10, 9)
 
 
 def test_the_first_minutes_are_counted_apart() -> None:
