@@ -12,6 +12,8 @@ from deconflict.contention.telling import Finding, moment
 
 QUIET_S = 30.0
 """A robot not heard of for this long is said to be so (standard 5.4)."""
+TELL_SPREAD_S = 3.0
+"""An arrival that is known better is told without how well."""
 SOON_S = 30.0
 """What begins sooner than this is a warning."""
 
@@ -32,6 +34,8 @@ def contention(
     longest_s, queue = max(turn.wait_s for turn in waiting), longest_queue(turns)
     who = names(robots, [turn.request.robot for turn in waiting])
     free_s = free_at_s(turns, capacity, now_s) - now_s
+    spread_s = waiting[0].request.arrival_spread_s
+    within = f", give or take {spread_s:.0f} s," if spread_s >= TELL_SPREAD_S else ""
     free = f"; it comes free in {free_s:.0f} s" if free_s > 0 else ""
     return Finding(
         kind="contention",
@@ -40,7 +44,7 @@ def contention(
         robots=tuple(sorted({turn.request.robot for turn in (*waiting, *there)})),
         predicted_s=first_s,
         location=_location(geometry, place),
-        summary=f"{who} will find {geometry.label(place)} taken {_when(first_s - now_s)} and wait up to "
+        summary=f"{who} will find {geometry.label(place)} taken {_when(first_s - now_s)}{within} and wait up to "
         f"{longest_s:.0f} s{free}{_advised(geometry, place, waiting, advice, robots)}",
         evidence=_queue_evidence(geometry, place, capacity, len(there), queue, longest_s),
         recommendation=advice,
