@@ -88,6 +88,21 @@ CATALOGUE: dict[str, Entry] = {
         ("vendor", "outcome"),
         "Conflicts told of and over, once for each vendor in them: met, not_met (avoided, or a nuisance), or left.",
     ),
+    "deconflict_forecast_error_metres": Entry(
+        "gauge",
+        ("vendor", "horizon_s", "share"),
+        "Forecasts that far ahead were off by at most this, in that share of cases; old cases fade over days.",
+        "largest",
+    ),
+    "deconflict_forecast_band_coverage_ratio": Entry(
+        "gauge", ("vendor", "share"), "Share of errors within the band that was to hold `share` of them.", "largest"
+    ),
+    "deconflict_forecast_grade": Entry(
+        "gauge",
+        ("vendor", "grade"),
+        "1 for the vendor's grade: A to E by what 80 % of forecasts are off 3 s ahead (0.1, 0.25, 0.5, 1 m, more).",
+        "largest",
+    ),
     "deconflict_probability_outcomes_total": Entry(
         "counter",
         ("outcome",),

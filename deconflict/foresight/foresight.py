@@ -16,6 +16,7 @@ from scipy.special import ndtr
 
 from deconflict.foresight.calibration import FEATURES, Calibration, features
 from deconflict.foresight.followed import JOINED_S, LONG_AGO_S, Followed, Reports
+from deconflict.foresight.grades import measure
 from deconflict.foresight.ledger import Errors, Ledger
 from deconflict.foresight.pairs import Outcomes, Pairs, boxes_near, codes
 from deconflict.foresight.sampling import Poses
@@ -160,6 +161,7 @@ class Foresight:
     def _ask(self, now_s: float) -> None:
         if floor(now_s) > self._asked_s:
             self._asked_s = floor(now_s)
+            measure(self.ledger, self.measures)
             rows = np.flatnonzero(self._pairs.watched)
             self._outcomes.ask(now_s, self._pairs.take(self._open(self._pairs, rows, now_s)))
 
