@@ -129,6 +129,8 @@ class Site(Section):
 
 
 DEFAULT = Site()
+SECRETS = ("password", "secret", "token")
+"""Keys whose value is never told: somebody may have put the secret there."""
 
 
 class SiteError(ValueError):
@@ -198,6 +200,8 @@ def _explained(error: Mapping[str, Any]) -> str:
         what = _schema_at(location)
         return f"{key}: is missing; expected {what.get('description') or what.get('type', 'a value')}"
     message = error["msg"][0].lower() + error["msg"][1:]
+    if location[-1] in SECRETS:
+        return f"{key}: {message}; expected env:NAME or file:PATH, not the secret itself"
     return f"{key}: {message}; found {str(error['input'])[:80]!r}"
 
 
