@@ -172,7 +172,7 @@ class Engine:
             key = (one.kind, one.severity.value)
             open_now[key] = open_now.get(key, 0) + 1
         self.measures.level("deconflict_advisories_open", open_now)
-        self.measures.level("deconflict_datum_drift_meters", self._rests.drift_m())
+        self.measures.level("deconflict_datum_drift_metres", self._rests.drift_m())
         self.measures.level("deconflict_conflicts", {(): len(conflicts.pairs)})
         self.measures.count("deconflict_sweep_segment_pairs_total", by=conflicts.segment_pairs)
         self.measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)

@@ -61,7 +61,7 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_messages_shed_total": Entry(
         "counter", ("vendor",), "Messages beyond the vendor's share, overtaken by newer ones before they were read."
     ),
-    "deconflict_datum_drift_meters": Entry(
+    "deconflict_datum_drift_metres": Entry(
         "gauge", ("vendor",), "How far the vendor's robots rest at docks and chargers from where they did at first."
     ),
     "deconflict_statuses_superseded_total": Entry(

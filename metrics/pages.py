@@ -20,6 +20,7 @@ _NUISANCE = or_zero_by_vendor(
     f"{rate('deconflict_conflicts_ended_total', '1h', VENDOR, where={'outcome': 'not_met'})}"
     f" / {rate('deconflict_conflicts_ended_total', '1h', VENDOR)}"
 )
+_OFF = "deconflict_forecast_error_metres"
 _WITHIN = share_within(OBJECTIVE_S, STATUS_WAIT, WINDOW, VENDOR)
 
 
@@ -188,6 +189,43 @@ VENDORS = Dashboard(
             ),
         ),
         Row(
+            "Forecasts",
+            (
+                Panel(
+                    "Off by at most this, in 80 % of cases",
+                    "m",
+                    (
+                        Query(
+                            level(_OFF, ["vendor", "horizon_s"], where={"share": "0.8"}, over="max") + " or vector(0)",
+                            "{{vendor}} {{horizon_s}} s ahead",
+                        ),
+                    ),
+                ),
+                Panel(
+                    "Share of errors within the band",
+                    "percentunit",
+                    (
+                        Query(
+                            f"{level('deconflict_forecast_band_coverage_ratio', ['vendor', 'share'], over='max')}"
+                            " or vector(0)",
+                            "{{vendor}}, of {{share}}",
+                        ),
+                    ),
+                ),
+                Panel(
+                    "Grade",
+                    "short",
+                    (
+                        Query(
+                            f"{level('deconflict_forecast_grade', ['vendor', 'grade'], over='max')} or vector(0)",
+                            "{{vendor}} {{grade}}",
+                        ),
+                    ),
+                    "stat",
+                ),
+            ),
+        ),
+        Row(
             "Clocks and forecasts",
             (
                 Panel(
@@ -211,7 +249,7 @@ VENDORS = Dashboard(
                     (Query(_WITHIN, "{{vendor}}"),),
                     warn_below=OBJECTIVE_SHARE,
                 ),
-                each("Drift of the frame", "m", "deconflict_datum_drift_meters", "vendor", warn_above=0.2),
+                each("Drift of the frame", "m", "deconflict_datum_drift_metres", "vendor", warn_above=0.2),
                 each("Time to a destination over the time told", "short", "deconflict_arrival_time_ratio", "vendor"),
                 Panel(
                     "Conflicts that did not come about, of those ended in an hour",

@@ -136,7 +136,7 @@ ALERTS = (
     ),
     Alert(
         "DeconflictDatumDrift",
-        f"{level('deconflict_datum_drift_meters', VENDOR, over='max')} > 0.2",
+        f"{level('deconflict_datum_drift_metres', VENDOR, over='max')} > 0.2",
         "30m",
         "ticket",
         "The frame of {{ $labels.vendor }} has drifted",

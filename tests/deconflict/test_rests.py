@@ -84,4 +84,4 @@ def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
             engine.receive(fleet.cut(t_s))
             engine.step(t_s)
             t_s += 20
-    assert engine.measures.values["deconflict_datum_drift_meters"]["Alder",] == pytest.approx(0.4)
+    assert engine.measures.values["deconflict_datum_drift_metres"]["Alder",] == pytest.approx(0.4)
