@@ -33,7 +33,7 @@ LIKELIER = 0.15
 HELD_SHARE = 0.3
 """An advisory stands until its probability is below this share of the one that raises."""
 SURE = 0.8
-"""A conflict less likely than this is one level less severe."""
+"""A conflict less likely than this is one level less severe, and none where the forecasts as they stand miss."""
 TOUCHING_M = 0.1
 """A pair that begins nearer than this is touching already, for all that forecasts can tell."""
 
@@ -195,7 +195,10 @@ class Lives:
         elif start_m > clearance_m + self.settings.clear_margin_m:
             track.inside = False
         about_to_touch = prediction.separation_m == 0 and start_m > TOUCHING_M
-        likely = prediction.probability >= self.settings.raise_probability
+        wanted = self.settings.raise_probability
+        if prediction.separation_m > clearance_m:
+            wanted = max(wanted, SURE)
+        likely = prediction.probability >= wanted
         return about_to_touch if track.inside else likely and prediction.contact_s > now_s
 
     def _holds(self, prediction: Prediction) -> bool:

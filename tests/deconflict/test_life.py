@@ -49,10 +49,11 @@ class Story:
         return self._step([], told)
 
     def predicted(
-        self, in_s: float, separation_m: float = 0.0, start_m: float = 5.0, fresh: bool = True
+        self, in_s: float, separation_m: float = 0.0, start_m: float = 5.0, fresh: bool = True, probability: float = 1.0
     ) -> list[ConflictAdvisory]:
         self.apart_m = start_m
-        return self._step([Prediction(PAIR, self.now_s + 1 + in_s, separation_m, start_m, fresh)], fresh)
+        one = Prediction(PAIR, self.now_s + 1 + in_s, separation_m, start_m, fresh, probability)
+        return self._step([one], fresh)
 
     def _step(self, predictions: list[Prediction], told: bool) -> list[ConflictAdvisory]:
         self.now_s += 1.0
@@ -237,3 +238,32 @@ def test_the_same_story_gives_the_same_advisories() -> None:
 
     assert tell() == tell()
     assert hypot(tell()[0].location.x, tell()[0].location.y) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    ("probability", "separation_m", "raises"),
+    [(0.4, 0.0, False), (0.6, 0.0, True), (0.6, 0.5, False), (0.9, 0.5, True)],
+)
+def test_it_is_raised_by_how_likely_it_is_and_more_is_asked_of_forecasts_that_miss(
+    probability: float, separation_m: float, raises: bool
+) -> None:
+    story = Story()
+    told = [one for in_s in (8, 7, 6) for one in story.predicted(in_s, separation_m, probability=probability)]
+    assert [one.state for one in told] == [AdvisoryState.RAISED] * raises
+
+
+def test_it_stands_until_it_has_become_unlikely() -> None:
+    story = Story()
+    story.raised()
+    assert all(
+        one.state is AdvisoryState.UPDATED for n in range(5) for one in story.predicted(6 - n / 2, probability=0.2)
+    )
+    told = [one for n in range(5) for one in story.predicted(4 - n / 2, probability=0.1)]
+    assert [one.cleared_because for one in told] == ["no longer predicted"]
+
+
+def test_a_conflict_that_may_well_not_happen_is_one_level_lower() -> None:
+    story = Story()
+    story.predicted(5, probability=0.7)
+    (advisory,) = story.predicted(4, probability=0.7)
+    assert (advisory.severity, advisory.probability) == (Severity.CAUTION, 0.7)
