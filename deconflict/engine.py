@@ -11,6 +11,8 @@ from math import floor
 
 import numpy as np
 
+from deconflict.advice.delays import Mover
+from deconflict.advice.desk import Desk, Submit, at_once
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.contention.watch import Contention
 from deconflict.encounter import Encounter, encounter, separation_m
@@ -33,7 +35,11 @@ class Engine:
     """Live state, the sweep, and the life of advisories. Keeps its own `measures`."""
 
     def __init__(
-        self, site: Site, restored: Iterable[AnyAdvisory] = (), ordinals: dict[Pair, int] | None = None
+        self,
+        site: Site,
+        restored: Iterable[AnyAdvisory] = (),
+        ordinals: dict[Pair, int] | None = None,
+        submit: Submit = at_once,
     ) -> None:
         self.site = site
         self.measures = Measures()
@@ -46,6 +52,7 @@ class Engine:
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
         self._contention = Contention(site.resources, site.zones, site.contention, self.measures, restored)
+        self._desk = Desk(site, submit)
         self._rests = Rests.at(site.resources)
         self._told: set[str] = set()
         """Robots with a new forecast since the last step."""
@@ -75,9 +82,29 @@ class Engine:
         predictions = self._foreseen(now_s, conflicts)
         scene = Scene(self._party, self._meet, self._separation_m, self._place_name)
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene)]
+        revisions += self._advise(now_s, revisions)
         revisions += self._contention.step(now_s)
         self._measure(conflicts, revisions)
         return revisions
+
+    def _advise(self, now_s: float, revisions: Iterable[AnyAdvisory]) -> list[AnyAdvisory]:
+        """The revisions that give conflicts the advice that is due."""
+        conflicts = [one for one in revisions if isinstance(one, ConflictAdvisory)]
+        self._desk.settle(one for one in conflicts if one.state is AdvisoryState.CLEARED)
+        due = self._desk.step(now_s, self._lives.open(), self._movers)
+        return [told for pair, advice in due if (told := self._lives.advise(pair, advice, now_s))]
+
+    def _movers(self) -> dict[str, Mover]:
+        return {
+            uuid: Mover(
+                uuid,
+                one.name,
+                one.vendor,
+                _widened(one.forecast, np.array([2 * (one.doubt_m + one.growth_m)])),
+                one.basis is not Basis.STATIONARY,
+            )
+            for uuid, one in self.live.robots.items()
+        }
 
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The standing probability of every watched pair to come within the clearance in the horizon, after `step`."""

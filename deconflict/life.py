@@ -16,7 +16,8 @@ from datetime import UTC, datetime
 from math import hypot
 from uuid import UUID, uuid5
 
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Location, Severity
+from deconflict.advice.desk import advised, differs
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Location, Recommendation, Severity
 from deconflict.encounter import Encounter
 from deconflict.site import Conflict
 
@@ -155,6 +156,26 @@ class Lives:
                 del self.tracks[pair]
         return revisions
 
+    def advise(self, pair: Pair, advice: Recommendation, now_s: float) -> ConflictAdvisory | None:
+        """The revision that gives a pair new advice; None where it has no advisory, or one that says the same."""
+        track = self.tracks.get(pair)
+        before = track.advisory if track else None
+        if track is None or before is None or not differs(before.recommendation, advice):
+            return None
+        bare = before.summary.split(";")[0]
+        track.advisory = before.model_copy(
+            update={
+                "revision": before.revision + 1,
+                "seq": 0,
+                "state": AdvisoryState.UPDATED,
+                "updated_at": _moment(now_s),
+                "time_to_conflict_s": round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
+                "recommendation": advice,
+                "summary": advised(bare, advice, before.robots, before.names),
+            }
+        )
+        return track.advisory
+
     def _new_track(self) -> Track:
         return Track(deque(maxlen=self.settings.confirm[1]))
 
@@ -260,7 +281,13 @@ class Lives:
         if not _differs(before, told):
             return None
         return before.model_copy(
-            update={"revision": before.revision + 1, "seq": 0, "state": AdvisoryState.UPDATED, **vars(told)}
+            update={
+                "revision": before.revision + 1,
+                "seq": 0,
+                "state": AdvisoryState.UPDATED,
+                **vars(told),
+                "summary": advised(told.summary, before.recommendation, before.robots, before.names),
+            }
         )
 
     def _telling(

@@ -59,6 +59,17 @@ class Conflict(Section):
     """Where that growth ends. Too large and one silent robot is in conflict with a whole aisle."""
 
 
+class Advice(Section):
+    """What is advised, and how much work goes into it."""
+
+    effort: Seconds = 0.1
+    """What one question may cost, in the solver's deterministic time: about seconds of one processor."""
+    longest_hold_s: Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)] = 15.0
+    """No robot is advised to wait longer. Too short and conflicts are said to need another route."""
+    switch_s: Seconds = 2.0
+    """Advice to hold another robot must save so much. 0 makes advice flicker."""
+
+
 class Engine(Section):
     """The pace of the engine."""
 
@@ -118,6 +129,7 @@ class Site(Section):
     recorder: Recorder = Recorder()
     reading: Reading = Reading()
     conflict: Conflict = Conflict()
+    advice: Advice = Advice()
     contention: ContentionSettings = ContentionSettings()
     engine: Engine = Engine()
     operator: Operator = Operator()

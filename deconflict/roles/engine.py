@@ -4,6 +4,7 @@ import json
 import queue
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ class EngineRole:
         self._site = site
         self._receiver = Caller(runtime, "receiver")
         self._outbox = Outbox(runtime)
+        self._adviser = ThreadPoolExecutor(1, "adviser")
 
     def run(self, stop: threading.Event) -> None:
         """Step until `stop` is set."""
@@ -43,6 +45,7 @@ class EngineRole:
                 continue
             ask = b""
             self._step(engine, batch)
+        self._adviser.shutdown(cancel_futures=True)
         self._outbox.stop()
         self._receiver.close()
 
@@ -57,7 +60,9 @@ class EngineRole:
                 continue
             operator.close()
             ordinals = {(a, b): count for a, b, count in stored["encounters"]}
-            return Engine(self._site, [ADVISORY.validate_python(one) for one in stored["open"]], ordinals)
+            return Engine(
+                self._site, [ADVISORY.validate_python(one) for one in stored["open"]], ordinals, self._adviser.submit
+            )
         return None
 
     def _step(self, engine: Engine, batch: Batch) -> None:

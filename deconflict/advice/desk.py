@@ -1,0 +1,165 @@
+"""When holds are asked for and when the answer is given: at event times, so that a replay gives the same advice.
+
+The desk asks for each connected group of conflicts ahead, and gives the answer at the first step at least
+`ANSWER_AFTER_S` later, however soon it was worked out; a live engine lets a thread do that and waits only for an answer
+that is late. Holds begin at that time: until then robots go on as forecast.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import hypot
+from typing import Protocol
+
+from deconflict.advice.delays import Mover, Pair, Window
+from deconflict.advice.holds import advise_holds
+from deconflict.advisory import ConflictAdvisory, Recommendation
+from deconflict.site import Site
+
+ANSWER_AFTER_S = 0.5
+AGAIN_S = 3.0
+"""A group that stays the same is looked at again after this time."""
+NEAR_M, MOST_NEAR = 20.0, 30
+"""Robots so near to one of a group are heeded, the nearest first."""
+CHANGED_S = 1.0
+"""A hold that differs by less is the same advice."""
+
+Pairs = tuple[Pair, ...]
+
+
+class Answer(Protocol):
+    """What is being worked out."""
+
+    def result(self) -> Recommendation: ...
+
+
+Submit = Callable[[Callable[[], Recommendation]], Answer]
+"""Has the work done, as `concurrent.futures.Executor.submit` does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """An answer that is there."""
+
+    advice: Recommendation
+
+    def result(self) -> Recommendation:
+        return self.advice
+
+
+def at_once(work: Callable[[], Recommendation]) -> Answer:
+    return Done(work())
+
+
+@dataclass(slots=True)
+class Asked:
+    """One group's question."""
+
+    at_s: float
+    answer: Answer | None
+
+
+class Desk:
+    """Questions under way, and how long the robots of each vendor were advised to yield."""
+
+    def __init__(self, site: Site, submit: Submit = at_once) -> None:
+        self._conflict, self._settings, self._submit = site.conflict, site.advice, submit
+        self._asked: dict[Pairs, Asked] = {}
+        self.burdens_s: dict[str, float] = {}
+
+    def step(
+        self, now_s: float, conflicts: Sequence[ConflictAdvisory], movers: Callable[[], Mapping[str, Mover]]
+    ) -> list[tuple[Pair, Recommendation]]:
+        """The advice that is due, by pair; asks for what is open and ahead. `movers` are all robots as swept."""
+        due = [(pairs, one.answer) for pairs, one in self._asked.items() if one.answer and self._is_due(one, now_s)]
+        told = [(pair, answer.result()) for pairs, answer in sorted(due, key=lambda one: one[0]) for pair in pairs]
+        for pairs, _ in due:
+            self._asked[pairs].answer = None
+        groups = _connected([one for one in conflicts if one.predicted_at.timestamp() > now_s + ANSWER_AFTER_S])
+        self._asked = {pairs: one for pairs, one in self._asked.items() if one.answer or pairs in groups}
+        for pairs, standing in groups.items():
+            before = self._asked.get(pairs)
+            if before is None or (before.answer is None and now_s - before.at_s >= AGAIN_S):
+                self._asked[pairs] = Asked(now_s, self._submit(self._question(pairs, standing, now_s, movers())))
+        return told
+
+    def settle(self, ended: Iterable[ConflictAdvisory]) -> None:
+        """Put the holds that stood when these conflicts ended to the account of the robots' vendors."""
+        for one in ended:
+            vendors = dict(zip(one.robots, one.vendors, strict=True))
+            for hold in one.recommendation.holds if one.recommendation else ():
+                if hold.robot in vendors:
+                    vendor = vendors[hold.robot]
+                    self.burdens_s[vendor] = self.burdens_s.get(vendor, 0.0) + hold.hold_s
+
+    def _is_due(self, one: Asked, now_s: float) -> bool:
+        return now_s >= one.at_s + ANSWER_AFTER_S
+
+    def _question(
+        self, pairs: Pairs, standing: Recommendation | None, now_s: float, movers: Mapping[str, Mover]
+    ) -> Callable[[], Recommendation]:
+        window = Window(
+            now_s + ANSWER_AFTER_S,
+            self._conflict.horizon_s,
+            self._conflict.clearance_m,
+            self._settings.longest_hold_s,
+        )
+        return partial(
+            advise_holds,
+            _near(pairs, movers),
+            [pair for pair in pairs if movers.keys() >= set(pair)],
+            window,
+            burdens_s=dict(self.burdens_s),
+            standing=standing,
+            effort=self._settings.effort,
+            switch_s=self._settings.switch_s,
+        )
+
+
+def differs(before: Recommendation | None, after: Recommendation) -> bool:
+    """Whether a site service would do otherwise."""
+    if before is None:
+        return True
+    held, hold = ({one.robot: one.hold_s for one in each.holds} for each in (before, after))
+    if held.keys() != hold.keys() or before.note != after.note:
+        return True
+    return any(abs(held[robot] - hold[robot]) > CHANGED_S for robot in held)
+
+
+def advised(summary: str, advice: Recommendation | None, robots: Sequence[str], names: Sequence[str]) -> str:
+    """The summary of an advisory with what is advised to its own robots."""
+    if advice is None:
+        return summary
+    called = dict(zip(robots, names, strict=True))
+    told = [f"{called[one.robot]} should wait {one.hold_s:g} s" for one in advice.holds if one.robot in called]
+    return "; ".join([summary, *(told or ([advice.note] if advice.note else []))])
+
+
+def _connected(conflicts: Iterable[ConflictAdvisory]) -> dict[Pairs, Recommendation | None]:
+    """Groups of conflicts that share robots, each with the advice that stands in it."""
+    groups: list[tuple[set[str], list[ConflictAdvisory]]] = []
+    for one in conflicts:
+        joined = [group for group in groups if group[0] & set(one.robots)]
+        groups = [group for group in groups if group not in joined]
+        robots = set(one.robots).union(*(group[0] for group in joined))
+        groups.append((robots, [one, *(other for group in joined for other in group[1])]))
+    found = {}
+    for _, members in groups:
+        ordered = sorted(members, key=lambda one: one.robots)
+        stands = [one.recommendation for one in ordered if one.recommendation and one.recommendation.holds]
+        found[tuple(one.robots for one in ordered)] = stands[0] if stands else None
+    return dict(sorted(found.items()))
+
+
+def _near(pairs: Pairs, movers: Mapping[str, Mover]) -> list[Mover]:
+    """The robots of a group and those near to one of them, in ascending order."""
+    group = {robot for pair in pairs for robot in pair} & movers.keys()
+    places = [(float(movers[one].forecast.x_m[0]), float(movers[one].forecast.y_m[0])) for one in sorted(group)]
+    floors = {int(movers[one].forecast.floor[0]) for one in group}
+    others = []
+    for robot, mover in movers.items():
+        if robot not in group and int(mover.forecast.floor[0]) in floors:
+            x_m, y_m = float(mover.forecast.x_m[0]), float(mover.forecast.y_m[0])
+            others.append((min(hypot(x_m - x, y_m - y) for x, y in places), robot))
+    nearest = [robot for distance_m, robot in sorted(others)[:MOST_NEAR] if distance_m <= NEAR_M]
+    return [movers[robot] for robot in sorted([*group, *nearest])]

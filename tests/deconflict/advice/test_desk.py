@@ -1,0 +1,101 @@
+"""Advice through the whole engine: given at event times, followed or ignored."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from shapely import Polygon, box
+from shapely.affinity import rotate, translate
+
+from deconflict.advice.desk import ANSWER_AFTER_S
+from deconflict.advisory import AdvisoryState, ConflictAdvisory
+from deconflict.engine import Engine
+from deconflict.life import PASSED, UNPREDICTED
+from tests.deconflict.test_engine import NOW_S, SITE, Course, Floor, eastward, northward
+from tests.saying import robot
+
+
+def crossing() -> Floor:
+    return Floor({"A": eastward(x=-12.0), "B": northward(y=-12.4)})
+
+
+def held(course: Course, from_s: float, hold_s: float) -> Course:
+    return lambda t: course(t if t < from_s else max(from_s, t - hold_s))
+
+
+def envelope(course: Course, t: float) -> Polygon:
+    x, y, yaw = course(t)
+    return translate(rotate(box(-0.5, -0.25, 0.5, 0.25), yaw, (0, 0), use_radians=True), x, y)
+
+
+def closest_m(floor: Floor, until_s: float) -> float:
+    a, b = floor.courses.values()
+    return float(min(envelope(a, k / 20).distance(envelope(b, k / 20)) for k in range(round(until_s * 20))))
+
+
+def until_advised(floor: Floor) -> tuple[ConflictAdvisory, float]:
+    """The first revision with advice, and when it came."""
+    for quarter in range(200):
+        for one in floor.run((quarter + 1) / 4, quarter / 4):
+            if one.recommendation:
+                return one, one.updated_at.timestamp() - NOW_S
+    raise AssertionError("nothing was advised")
+
+
+def test_advice_that_is_followed_ends_the_conflict_at_the_promised_cost() -> None:
+    floor = crossing()
+    told, at_s = until_advised(floor)
+    assert told.recommendation
+    (hold,) = told.recommendation.holds
+    assert hold.hold_s == told.recommendation.cost_s
+    assert told.recommendation.proven_optimal
+    name = next(one for one in floor.courses if robot(one) == hold.robot)
+    free = floor.courses[name]
+    floor.courses[name] = held(free, at_s, hold.hold_s)
+    after = floor.run(40, at_s + 0.25)
+    assert closest_m(floor, 40) > SITE.conflict.clearance_m
+    assert after[-1].state is AdvisoryState.CLEARED
+    assert after[-1].cleared_because == UNPREDICTED
+    assert floor.courses[name](40) == pytest.approx(free(40 - told.recommendation.cost_s))
+
+
+def test_a_robot_that_ignores_advice_is_still_told_of() -> None:
+    floor = crossing()
+    told = floor.run(40)
+    assert any(one.recommendation and one.recommendation.holds for one in told)
+    assert closest_m(floor, 40) == 0
+    assert told[-1].cleared_because == PASSED
+
+
+def test_the_summary_says_who_should_wait_through_every_revision() -> None:
+    told, _ = until_advised(floor := crossing())
+    later = floor.run(12, told.updated_at.timestamp() - NOW_S + 0.25)
+    for one in [told, *later]:
+        assert one.recommendation
+        if one.state is AdvisoryState.UPDATED and one.recommendation.holds:
+            (hold,) = one.recommendation.holds
+            assert one.summary.endswith(f"should wait {hold.hold_s:g} s")
+
+
+def test_an_answer_from_a_thread_is_given_at_the_same_event_time() -> None:
+    def run(floor: Floor) -> list[ConflictAdvisory]:
+        return floor.run(20)
+
+    with ThreadPoolExecutor(1) as pool:
+        threaded = crossing()
+        threaded.engine = Engine(threaded.site, submit=pool.submit)
+        assert run(threaded) == run(crossing())
+
+
+def test_advice_comes_no_sooner_than_its_time() -> None:
+    told, _ = until_advised(floor := crossing())
+    raised = next(one for one in floor.advisories if one.state is AdvisoryState.RAISED)
+    late_s = (told.updated_at - raised.raised_at).total_seconds()
+    assert ANSWER_AFTER_S <= late_s < ANSWER_AFTER_S + 0.3
+
+
+def test_who_waited_before_waits_less() -> None:
+    floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)})
+    first, _ = until_advised(floor)
+    floor.run(40, first.updated_at.timestamp() - NOW_S + 0.25)
+    assert first.recommendation
+    assert sum(floor.engine._desk.burdens_s.values()) > 0
