@@ -19,6 +19,7 @@ import numpy as np
 
 from deconflict import demo
 from deconflict.contention.watch import Contention
+from deconflict.foresight.foresight import Foresight
 from deconflict.life import Lives
 from deconflict.live import Live
 from deconflict.simulation.cast import cast
@@ -43,6 +44,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "read messages": ((Fleet, "receive"),),
     "cut batches": ((Fleet, "cut"), (Live, "put")),
     "sweep": ((Sweeper, "update"), (Sweeper, "step")),
+    "probabilities": ((Foresight, "receive"), (Foresight, "look")),
     "life of advisories": ((Lives, "step"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
     "truth, arrivals": ((Arrivals, "take"), (Truth, "report"), (Truth, "advance"), (Truth, "finish")),
