@@ -41,7 +41,8 @@ async def test_recorded_traffic_gives_advisories(tmp_path: Path) -> None:
                 if since_s < 0 or since_s >= STRETCH_S[0]:
                     await asyncio.sleep(max(since_s - STRETCH_S[0] - (time.time() - began_s), 0))
                     await socket.send(event.raw)
-        answer = await service.until("/advisories?state=all&kind=conflict", lambda answer: len(answer["advisories"]) > 0)
+        told = "/advisories?state=all&kind=conflict"
+        answer = await service.until(told, lambda answer: len(answer["advisories"]) > 0)
         robots = (await service.get("/robots")).json()["robots"]
     assert {one["state"] for one in answer["advisories"]} <= set(AdvisoryState)
     raised = [one for one in answer["advisories"] if one["state"] == AdvisoryState.RAISED]
