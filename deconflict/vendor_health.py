@@ -12,8 +12,11 @@ LEVELS = {
 }
 
 
-def vendor_health(documents: Iterable[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """By vendor: `robots`, `silent`, `messages` and `rejected` and `deviations` so far, and the levels there are."""
+def vendor_health(documents: Iterable[dict[str, Any]]) -> dict[str, dict[str, float | str]]:
+    """By vendor: `robots`, `silent`, `messages` and `rejected` and `deviations` so far, and the levels there are.
+
+    `grade`, from "A" to "E", tells how far its forecasts can be trusted; it comes with enough of them.
+    """
     values = joined_values(documents)
     told: dict[str, dict[str, float]] = {}
 
@@ -34,4 +37,8 @@ def vendor_health(documents: Iterable[dict[str, Any]]) -> dict[str, dict[str, fl
     for key, name in LEVELS.items():
         for (vendor,), level in values.get(name, {}).items():
             add(vendor, key, level)
-    return dict(sorted(told.items()))
+    grades = {vendor: grade for vendor, grade in values.get("deconflict_forecast_grade", {}) if vendor in told}
+    return {
+        vendor: counts | ({"grade": grades[vendor]} if vendor in grades else {})
+        for vendor, counts in sorted(told.items())
+    }

@@ -8,6 +8,8 @@ const COLOURS = {
 const MARKS = 4;
 const RATED_OVER = 6;
 const CLOCK_OFF_S = 0.5;
+// How far off a forecast three seconds ahead is, four times in five.
+const TRUST = { A: "within 0.1 m", B: "within 0.25 m", C: "within 0.5 m", D: "within 1 m", E: "over 1 m off" };
 
 export class Vendors {
   constructor() {
@@ -79,7 +81,7 @@ export class Vendors {
       [clock, clock !== "right"],
       [one.forecast_age_s === undefined ? "–" : `${one.forecast_age_s.toFixed(1)} s`, one.forecast_age_s > 3],
     ];
-    if (one.trust !== undefined) told.push([`${Math.round(one.trust * 100)} %`, one.trust < 0.5]);
+    told.push([one.grade === undefined ? "not yet known" : `${one.grade}: ${TRUST[one.grade]}`, one.grade >= "D"]);
     return told.map(([text, bad]) => {
       const cell = document.createElement("td");
       cell.textContent = text;
