@@ -4,16 +4,19 @@ Pure: `receive` takes a batch, `step` the time of a tick. The live service, test
 and the same calls give the same advisories.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from heapq import heappop, heappush
 from math import floor
 
 import numpy as np
 
+from deconflict.advice.account import Account, Solve, solve
 from deconflict.advice.delays import Mover
 from deconflict.advice.desk import Desk, Submit, at_once
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.contention.advising import Advising
 from deconflict.contention.watch import Contention
 from deconflict.encounter import Encounter, encounter, separation_m
 from deconflict.foresight.foresight import Foresight, Swept
@@ -40,6 +43,8 @@ class Engine:
         restored: Iterable[AnyAdvisory] = (),
         ordinals: dict[Pair, int] | None = None,
         submit: Submit = at_once,
+        solve: Solve = solve,
+        burdens_s: Mapping[str, float] | None = None,
     ) -> None:
         self.site = site
         self.measures = Measures()
@@ -51,8 +56,10 @@ class Engine:
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
-        self._contention = Contention(site.resources, site.zones, site.contention, self.measures, restored)
-        self._desk = Desk(site, submit)
+        self._account = Account(burdens_s)
+        advising = partial(Advising, account=self._account, effort=site.advice.effort, solve=solve)
+        self._contention = Contention(site.resources, site.zones, site.contention, self.measures, restored, advising)
+        self._desk = Desk(site, self._account, submit)
         self._rests = Rests.at(site.resources)
         self._told: set[str] = set()
         """Robots with a new forecast since the last step."""
@@ -82,15 +89,14 @@ class Engine:
         predictions = self._foreseen(now_s, conflicts)
         scene = Scene(self._party, self._meet, self._separation_m, self._place_name)
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene)]
-        revisions += self._advise(now_s, revisions)
+        revisions += self._advise(now_s)
         revisions += self._contention.step(now_s)
+        self._account.settle(revisions)
         self._measure(conflicts, revisions)
         return revisions
 
-    def _advise(self, now_s: float, revisions: Iterable[AnyAdvisory]) -> list[AnyAdvisory]:
+    def _advise(self, now_s: float) -> list[AnyAdvisory]:
         """The revisions that give conflicts the advice that is due."""
-        conflicts = [one for one in revisions if isinstance(one, ConflictAdvisory)]
-        self._desk.settle(one for one in conflicts if one.state is AdvisoryState.CLEARED)
         due = self._desk.step(now_s, self._lives.open(), self._movers)
         return [told for pair, advice in due if (told := self._lives.advise(pair, advice, now_s))]
 

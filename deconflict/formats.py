@@ -60,5 +60,6 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
         "ALTER TABLE advisories ADD COLUMN answers INTEGER NOT NULL DEFAULT 0",
     ),
     ("CREATE TABLE positions (outlet TEXT PRIMARY KEY, seq INTEGER NOT NULL) WITHOUT ROWID",),
+    ("CREATE TABLE burdens (vendor TEXT PRIMARY KEY, yielded_s REAL NOT NULL) WITHOUT ROWID",),
 )
 """Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1."""

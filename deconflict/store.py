@@ -15,6 +15,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Literal
 
+from deconflict.advice.account import yielded_s
 from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.formats import UPGRADES
 
@@ -82,6 +83,7 @@ class Store:
                     answers, newest = _answers(db, advisory.id)
                     known = advisory.model_copy(update={"seq": seq, "acknowledgement": newest})
                     _insert(db, known, answers, advisory.updated_at)
+                    _charge(db, known)
                 stored.append(known)
         return stored
 
@@ -186,6 +188,11 @@ class Store:
         """Put an outlet at the last revision it has delivered."""
         with self._writing() as db:
             db.execute("UPDATE positions SET seq = ? WHERE outlet = ?", (seq, outlet))
+
+    def burdens_s(self) -> dict[str, float]:
+        """How long the robots of each vendor were advised to yield, seconds; kept when advisories are pruned."""
+        with self._reading() as db:
+            return dict(db.execute("SELECT vendor, yielded_s FROM burdens").fetchall())
 
     def encounters(self) -> dict[tuple[str, str], int]:
         """The highest encounter ordinal of each pair of robots; kept when advisories are pruned."""
@@ -301,6 +308,14 @@ def _insert(db: sqlite3.Connection, advisory: AnyAdvisory, answers: int, at: dat
     db.executemany("INSERT OR IGNORE INTO parties VALUES (?, ?, ?)", [(advisory.id, *party) for party in parties])
     if isinstance(advisory, ConflictAdvisory):
         _count_encounter(db, advisory)
+
+
+def _charge(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
+    db.executemany(
+        """INSERT INTO burdens VALUES (?, ?)
+        ON CONFLICT (vendor) DO UPDATE SET yielded_s = yielded_s + excluded.yielded_s""",
+        list(yielded_s(advisory).items()),
+    )
 
 
 def _count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:

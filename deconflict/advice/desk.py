@@ -11,6 +11,7 @@ from functools import partial
 from math import hypot
 from typing import Protocol
 
+from deconflict.advice.account import Account
 from deconflict.advice.delays import Mover, Pair, Window
 from deconflict.advice.holds import advise_holds
 from deconflict.advisory import ConflictAdvisory, Recommendation
@@ -60,12 +61,12 @@ class Asked:
 
 
 class Desk:
-    """Questions under way, and how long the robots of each vendor were advised to yield."""
+    """Questions under way."""
 
-    def __init__(self, site: Site, submit: Submit = at_once) -> None:
+    def __init__(self, site: Site, account: Account, submit: Submit = at_once) -> None:
         self._conflict, self._settings, self._submit = site.conflict, site.advice, submit
+        self._account = account
         self._asked: dict[Pairs, Asked] = {}
-        self.burdens_s: dict[str, float] = {}
 
     def step(
         self, now_s: float, conflicts: Sequence[ConflictAdvisory], movers: Callable[[], Mapping[str, Mover]]
@@ -82,15 +83,6 @@ class Desk:
             if before is None or (before.answer is None and now_s - before.at_s >= AGAIN_S):
                 self._asked[pairs] = Asked(now_s, self._submit(self._question(pairs, standing, now_s, movers())))
         return told
-
-    def settle(self, ended: Iterable[ConflictAdvisory]) -> None:
-        """Put the holds that stood when these conflicts ended to the account of the robots' vendors."""
-        for one in ended:
-            vendors = dict(zip(one.robots, one.vendors, strict=True))
-            for hold in one.recommendation.holds if one.recommendation else ():
-                if hold.robot in vendors:
-                    vendor = vendors[hold.robot]
-                    self.burdens_s[vendor] = self.burdens_s.get(vendor, 0.0) + hold.hold_s
 
     def _is_due(self, one: Asked, now_s: float) -> bool:
         return now_s >= one.at_s + ANSWER_AFTER_S
@@ -109,7 +101,7 @@ class Desk:
             _near(pairs, movers),
             [pair for pair in pairs if movers.keys() >= set(pair)],
             window,
-            burdens_s=dict(self.burdens_s),
+            burdens_s=dict(self._account.burdens_s),
             standing=standing,
             effort=self._settings.effort,
             switch_s=self._settings.switch_s,

@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
+from deconflict.advice.account import Account, Solve, solve
 from deconflict.advice.slots import Queue, advise_slots
 from deconflict.advisory import Recommendation
 from deconflict.contention.deadlocks import Link
@@ -14,8 +16,9 @@ AGAIN_S = 10.0
 """Advice is worked out anew when who waits has changed, or after this time."""
 MOST_SOLVED = 2
 """Groups of places in one look; the others keep what was advised, or wait for the next look."""
-EFFORT = 0.05
-"""Of the solver's deterministic time, for one group."""
+
+EFFORT = 0.1
+"""Of the solver's deterministic time for one group, unless the site says otherwise."""
 
 NO_ORDER = Recommendation(
     cost_s=0.0,
@@ -35,11 +38,16 @@ class _Advised:
     advice: Recommendation
 
 
+def advising_alone(geometry: Geometry) -> "Advising":
+    """Advice where nothing is known of earlier burdens, at the usual effort."""
+    return Advising(geometry, Account(), EFFORT, solve)
+
+
 class Advising:
     """What was advised for each group of interchangeable places, by its first place."""
 
-    def __init__(self, geometry: Geometry) -> None:
-        self._geometry = geometry
+    def __init__(self, geometry: Geometry, account: Account, effort: float, solve: Solve) -> None:
+        self._geometry, self._account, self._effort, self._solve = geometry, account, effort, solve
         self._advised: dict[str, _Advised] = {}
         self._rings: dict[Signature, _Advised] = {}
         self._solved = 0
@@ -62,7 +70,7 @@ class Advising:
             return before.advice if before else None
         self._solved += 1
         queues = [Queue(one, self._geometry.capacity(one), tuple(requests[one])) for one in group]
-        advice = advise_slots(queues, now_s, standing=before.advice if before else None, effort=EFFORT)
+        advice = self._advise(queues, now_s, before.advice if before else None)
         self._advised[group[0]] = _Advised(signature, now_s, advice)
         return advice
 
@@ -90,11 +98,16 @@ class Advising:
             for link, one, has in zip(ring, passages, inside, strict=True)
             if one
         ]
-        advice = advise_slots([Queue(lane, 1, tuple(requests))], now_s, effort=EFFORT)
+        advice = self._advise([Queue(lane, 1, tuple(requests))], now_s, None)
         self._rings = {key: one for key, one in self._rings.items() if now_s - one.at_s < AGAIN_S} | {
             signature: _Advised(signature, now_s, advice)
         }
         return advice
+
+    def _advise(self, queues: Sequence[Queue], now_s: float, standing: Recommendation | None) -> Recommendation:
+        burdens_s = dict(self._account.burdens_s)
+        work = partial(advise_slots, queues, now_s, burdens_s=burdens_s, standing=standing, effort=self._effort)
+        return self._solve(work)
 
     def _left_s(self, one: Passage, lane: str, length_m: float, now_s: float) -> float:
         """Until all of its length is out."""

@@ -4,12 +4,12 @@ Pure: data and the time in, revisions out. Robots are taken in as they change; a
 changed with them: queues of resources that somebody wants, standing robots that are in somebody's way.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import inf
 
 from deconflict.advisory import AnyAdvisory
 from deconflict.contention import findings
-from deconflict.contention.advising import Advising
+from deconflict.contention.advising import Advising, advising_alone
 from deconflict.contention.blockages import blockages
 from deconflict.contention.congestion import Flow
 from deconflict.contention.deadlocks import Link, rings
@@ -38,13 +38,14 @@ class Contention:
         settings: ContentionSettings,
         measures: Measures,
         restored: Iterable[AnyAdvisory] = (),
+        advising: Callable[[Geometry], Advising] = advising_alone,
     ) -> None:
         self.geometry = Geometry(resources, zones)
         self.robots = Robots(self.geometry)
         self._settings, self._measures = settings, measures
         self._telling = Telling(settings.clear_after_s, restored)
         self._dwells = {one.id: Dwells(one) for one in self.geometry.resources.values()}
-        self._advising = Advising(self.geometry)
+        self._advising = advising(self.geometry)
         self._flows = {one.id: Flow(one.capacity) for one in self.geometry.zones.values()}
         self._inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
         self._looked_s = -inf

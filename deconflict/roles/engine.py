@@ -4,12 +4,14 @@ import json
 import queue
 import threading
 import time
+from collections import deque
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
-from deconflict.advisory import ADVISORY, AnyAdvisory
+from deconflict.advisory import ADVISORY, AnyAdvisory, Recommendation
 from deconflict.engine import Engine
 from deconflict.link import Caller, LinkDownError
 from deconflict.site import Site
@@ -28,6 +30,8 @@ class EngineRole:
         self._receiver = Caller(runtime, "receiver")
         self._outbox = Outbox(runtime)
         self._adviser = ThreadPoolExecutor(1, "adviser")
+        self._solved_s: deque[float] = deque()
+        """How long advice took to work out, filled by any thread."""
 
     def run(self, stop: threading.Event) -> None:
         """Step until `stop` is set."""
@@ -61,15 +65,28 @@ class EngineRole:
             operator.close()
             ordinals = {(a, b): count for a, b, count in stored["encounters"]}
             return Engine(
-                self._site, [ADVISORY.validate_python(one) for one in stored["open"]], ordinals, self._adviser.submit
+                self._site,
+                [ADVISORY.validate_python(one) for one in stored["open"]],
+                ordinals,
+                lambda work: self._adviser.submit(self._timed, work),
+                self._timed,
+                stored["burdens_s"],
             )
         return None
+
+    def _timed(self, work: Callable[[], Recommendation]) -> Recommendation:
+        began_s = time.perf_counter()
+        advice = work()
+        self._solved_s.append(time.perf_counter() - began_s)
+        return advice
 
     def _step(self, engine: Engine, batch: Batch) -> None:
         began_s = time.perf_counter()
         engine.receive(batch)
         revisions = engine.step(batch.now_s)
         engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
+        solved_s = [self._solved_s.popleft() for _ in range(len(self._solved_s))]
+        engine.measures.observe("deconflict_advice_solve_seconds", solved_s)
         self._outbox.put(revisions, arrivals_s(batch), engine.measures)
 
 

@@ -190,6 +190,7 @@ class OperatorRole:
         """What an engine needs to go on where the last one stopped."""
         stored = {
             "open": [one.model_dump(mode="json") for one in self._store.open()],
+            "burdens_s": self._store.burdens_s(),
             "encounters": [[*pair, count] for pair, count in self._store.encounters().items()],
         }
         return json.dumps(stored).encode()

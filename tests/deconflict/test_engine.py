@@ -52,6 +52,7 @@ class Floor:
     datum: dict[str, str] = field(default_factory=dict)
     silent_from_s: dict[str, float] = field(default_factory=dict)
     site: Site = SITE
+    makers: dict[str, str] = field(default_factory=dict)
     advisories: list[ConflictAdvisory] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -76,7 +77,7 @@ class Floor:
     def _report(self, name: str, t: float) -> None:
         course, datum = self.courses[name], self.datum.get(name, HALL)
         if t == 0:
-            self.fleet.receive(identity(name, NOW_S), NOW_S, LINE)
+            self.fleet.receive(identity(name, NOW_S, manufacturerName=self.makers.get(name, "Alder")), NOW_S, LINE)
         x, y, yaw = course(t)
         path = points(*((NOW_S + t + i, *course(t + i)) for i in range(1, 11)))
         location = {"x": x, "y": y, "angle": path[0]["angle"], "planarDatum": datum}

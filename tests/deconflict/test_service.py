@@ -99,6 +99,9 @@ async def test_robots_that_cross_are_told_of_from_raised_to_cleared(tmp_path: Pa
         assert [one.seq for one in told] == list(range(1, len(told) + 1))
         listed = (await service.get("/advisories?state=cleared")).json()["advisories"]
         assert [one["id"] for one in listed] == [told[0].id]
+        assert any(one.recommendation for one in told)
+        text = (await service.get("/metrics")).text
+        assert float(text.split("\ndeconflict_advice_solve_seconds_count ")[1].split()[0]) > 0
 
 
 async def test_robots_health_and_metrics_are_served(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from threading import Thread
 
 import pytest
 
-from deconflict.advisory import Acknowledgement
+from deconflict.advisory import Acknowledgement, Hold, Recommendation
 from deconflict.formats import UPGRADES
 from deconflict.store import FILE_NAME, Store, StoreError
 from tests.deconflict.made_advisories import ROBOTS, START, cleared, deadlock, made
@@ -208,6 +208,19 @@ def test_a_deadlock_of_three_is_kept_and_found_by_each_of_its_robots(store: Stor
         assert store.latest(kind="deadlock", robot=robot).advisories == [stored]
     assert store.latest(kind="conflict").advisories == []
     assert store.encounters() == {}
+
+
+def test_what_each_vendor_yielded_is_added_up_once_and_kept(store: Store) -> None:
+    advice = Recommendation(holds=(Hold(robot=ROBOTS[1], hold_s=4.0),), cost_s=4.0, bound_s=4.0, proven_optimal=True)
+    over = cleared(1, recommendation=advice)
+    store.append([made(1, recommendation=advice), over])
+    store.append([over])
+    store.acknowledge("advisory-1", Acknowledgement(name="Ada", reason="seen", at=START))
+    assert store.burdens_s() == {"Borealis": 4.0}
+    store.append([cleared(2, recommendation=advice)])
+    again = reopened(store)
+    assert again.burdens_s() == {"Borealis": 8.0}
+    again.close()
 
 
 def test_an_upgrade_that_fails_leaves_the_file_as_it_was(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

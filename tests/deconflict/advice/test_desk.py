@@ -6,6 +6,7 @@ import pytest
 from shapely import Polygon, box
 from shapely.affinity import rotate, translate
 
+from deconflict.advice.account import yielded_s
 from deconflict.advice.desk import ANSWER_AFTER_S
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.engine import Engine
@@ -93,9 +94,22 @@ def test_advice_comes_no_sooner_than_its_time() -> None:
     assert ANSWER_AFTER_S <= late_s < ANSWER_AFTER_S + 0.3
 
 
-def test_who_waited_before_waits_less() -> None:
+@pytest.mark.parametrize("burdened", ["Alder", "Basalt"])
+def test_the_vendor_that_waited_before_does_not_wait_again(burdened: str) -> None:
+    """Both cost the same here, so the account decides."""
+    floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)}, makers={"B": "Basalt"})
+    floor.engine = Engine(floor.site, burdens_s={burdened: 60.0})
+    told, _ = until_advised(floor)
+    assert told.recommendation
+    (hold,) = told.recommendation.holds
+    assert told.vendors[told.robots.index(hold.robot)] != burdened
+
+
+def test_what_was_advised_is_charged_when_the_advisory_ends() -> None:
     floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)})
     first, _ = until_advised(floor)
+    assert floor.engine._account.burdens_s == {}
     floor.run(40, first.updated_at.timestamp() - NOW_S + 0.25)
-    assert first.recommendation
-    assert sum(floor.engine._desk.burdens_s.values()) > 0
+    ended = [one for one in floor.advisories if one.state is AdvisoryState.CLEARED]
+    assert floor.engine._account.burdens_s == yielded_s(ended[0])
+    assert sum(yielded_s(ended[0]).values()) > 0
