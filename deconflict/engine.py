@@ -20,6 +20,7 @@ from deconflict.contention.advising import Advising
 from deconflict.contention.watch import Contention
 from deconflict.encounter import Encounter, encounter, separation_m
 from deconflict.foresight.foresight import Foresight, Swept
+from deconflict.landmarks import Landmarks
 from deconflict.life import HELD_SHARE, PASSED, STAND, UNPREDICTED, Lives, Pair, Party, Prediction, Scene
 from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
@@ -49,7 +50,7 @@ class Engine:
         self.site = site
         self.measures = Measures()
         self.live = Live()
-        self._floor_names = {datum.id: datum.name for datum in site.datums}
+        self._landmarks = Landmarks(site.datums, (*site.resources, *site.zones))
         self._sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s)
         conflict = site.conflict
         self.foresight = Foresight(conflict.clearance_m, conflict.clear_margin_m, conflict.horizon_s, self.measures)
@@ -87,7 +88,7 @@ class Engine:
         told, self._told = self._told, set()
         conflicts = self._sweeper.step(now_s)
         predictions = self._foreseen(now_s, conflicts)
-        scene = Scene(self._party, self._meet, self._separation_m, self._place_name)
+        scene = Scene(self._party, self._meet, self._separation_m, self._place)
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene)]
         revisions += self._advise(now_s)
         revisions += self._contention.step(now_s)
@@ -187,9 +188,9 @@ class Engine:
     def _separation_m(self, pair: Pair, now_s: float) -> float | None:
         return separation_m(self.live.robots[pair[0]].forecast, self.live.robots[pair[1]].forecast, now_s)
 
-    def _place_name(self, floor: int) -> tuple[str, str]:
-        datum = self.live.floors[floor]
-        return datum, self._floor_names.get(datum, datum)
+    def _place(self, met: Encounter) -> tuple[str, str]:
+        datum = self.live.floors[met.floor]
+        return datum, self._landmarks.place(datum, met.x_m, met.y_m)
 
     def _measure(self, conflicts: PairConflicts, revisions: list[AnyAdvisory]) -> None:
         for one in revisions:

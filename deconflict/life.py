@@ -77,8 +77,8 @@ class Scene:
     meet: Callable[[Pair, float], Encounter]
     separation_m: Callable[[Pair, float], float | None]
     """None where the two cannot be compared."""
-    place_name: Callable[[int], tuple[str, str]]
-    """Datum id and name of a floor."""
+    place: Callable[[Encounter], tuple[str, str]]
+    """The datum's id, and where on it in words."""
 
 
 @dataclass(frozen=True)
@@ -299,7 +299,7 @@ class Lives:
         before: ConflictAdvisory | None,
     ) -> Telling:
         met = scene.meet(prediction.pair, prediction.contact_s)
-        datum, floor_name = scene.place_name(met.floor)
+        datum, place = scene.place(met)
         time_s = max(prediction.contact_s - now_s, 0.0)
         return Telling(
             severity=self._severity(prediction, now_s, before.severity if before else None),
@@ -313,7 +313,7 @@ class Lives:
             min_separation_m=round(prediction.separation_m, 3),
             closing_speed_mps=round(met.closing_speed_mps, 3),
             location=Location(datum=datum, x=round(met.x_m, 3), y=round(met.y_m, 3)),
-            summary=_summary(parties, met, time_s, floor_name),
+            summary=_summary(parties, met, time_s, place),
         )
 
     def _standing(
@@ -385,7 +385,7 @@ def _differs(before: ConflictAdvisory, told: Telling) -> bool:
     )
 
 
-def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, floor_name: str) -> str:
+def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place: str) -> str:
     a, b = parties
     if met.encounter_class is EncounterClass.STATIONARY_OBSTACLE and b.standing and not a.standing:
         what = f"{a.name} reaches {b.name}, which stands still,"
@@ -399,4 +399,4 @@ def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, floor_
             EncounterClass.STATIONARY_OBSTACLE: "come close",
         }[met.encounter_class]
         what = f"{a.name} and {b.name} {verb}"
-    return f"{what} in {time_s:.0f} s near ({met.x_m:.1f}, {met.y_m:.1f}) on {floor_name}"
+    return f"{what} in {time_s:.0f} s {place}"

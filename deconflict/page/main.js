@@ -282,7 +282,10 @@ async function begin() {
   list();
 }
 
-dress(remembered("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+const darkness = matchMedia("(prefers-color-scheme: dark)");
+const settled = () => remembered("theme") ?? (darkness.matches ? "dark" : "light");
+darkness.onchange = () => { dress(settled()); list(); };
+dress(settled());
 begin();
 setInterval(list, 250);
 setInterval(warm, HEAT_MS);

@@ -17,9 +17,12 @@ export function countdown(advisory, nowS) {
   return left < 0.5 ? "now" : `${Math.ceil(left)} s`;
 }
 
-// The summary without its own count of seconds, which was true when it was written: the countdown beside it runs on.
+// The summary without its own count of seconds, which was true when it was written: the countdown beside it runs on. Nor the
+// advice that ends it, which has a line of its own.
 export function what(advisory) {
-  return advisory.summary.replace(/,? in \d+ s\b/, "");
+  const note = advisory.recommendation?.note;
+  const parts = advisory.summary.replace(/,? in \d+ s\b/, "").split("; ");
+  return parts.filter((part, i) => i === 0 || !(part.includes(" should wait ") || note?.split("; ").includes(part))).join("; ");
 }
 
 export function short(name, vendor) {
@@ -29,7 +32,7 @@ export function short(name, vendor) {
 export function advice(advisory, nameOf) {
   const told = advisory.recommendation;
   if (!told) return "";
-  const holds = told.holds.map((one) => `${nameOf(one.robot)} should wait ${Math.max(1, Math.round(one.hold_s))} s`);
+  const holds = told.holds.map((one) => `${nameOf(one.robot)} should wait ${+one.hold_s.toFixed(1)} s`);
   const slots = told.slots.map((one, i) => `${i + 1}. ${nameOf(one.robot)}${one.wait_s >= 1 ? ` (waits ${Math.round(one.wait_s)} s)` : ""}`);
   const order = slots.length ? [`order: ${slots.join(", ")}`] : [];
   return [...holds, ...order, ...(told.note ? [told.note] : [])].join("; ");

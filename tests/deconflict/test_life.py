@@ -41,7 +41,7 @@ class Story:
             party=self.floor.get,
             meet=lambda _, __: Encounter(EncounterClass.CROSSING, 1.2, self.x_m, 4.0, 0),
             separation_m=lambda _, __: self.apart_m,
-            place_name=lambda _: ("datum-1", "Hall"),
+            place=lambda _: ("datum-1", "in Aisle 4 on Hall"),
         )
 
     def quiet(self, told: bool = True) -> list[ConflictAdvisory]:
@@ -74,7 +74,7 @@ def test_two_looks_of_three_raise() -> None:
     assert advisory.state is AdvisoryState.RAISED
     assert advisory.robots == PAIR
     assert advisory.time_to_conflict_s == pytest.approx(7)
-    assert advisory.summary == "Alder 1 and Corvid 2 cross in 7 s near (3.0, 4.0) on Hall"
+    assert advisory.summary == "Alder 1 and Corvid 2 cross in 7 s in Aisle 4 on Hall"
 
 
 def test_one_look_of_three_does_not() -> None:
