@@ -5,6 +5,7 @@ import json
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -159,8 +160,17 @@ def load(path: Path) -> Site:
     Readings that fit nothing pass: `problems` judges those.
     """
     try:
-        told = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise SiteError([f"{path} can't be read: {error}"]) from error
+    return parsed(raw, path)
+
+
+def parsed(raw: bytes, path: Path) -> Site:
+    """The site in the bytes of a TOML file, which problems call `path`. Raises `SiteError` naming each wrong key."""
+    try:
+        told = tomllib.loads(raw.decode())
+    except UnicodeDecodeError as error:
         raise SiteError([f"{path} can't be read: {error}"]) from error
     except tomllib.TOMLDecodeError as error:
         raise SiteError([f"{path} is not TOML: {error}"]) from error
@@ -222,9 +232,14 @@ def _nearest(found: str, known: list[str]) -> str:
     return f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known) or 'none'}"
 
 
+@cache
+def _schema() -> dict[str, Any]:
+    return Site.model_json_schema()
+
+
 def _schema_at(location: Iterable[Any]) -> Any:
     """What the schema says of the key at `location`."""
-    schema = Site.model_json_schema()
+    schema = _schema()
     at: Any = schema
     for part in location:
         inner = at.get("items", {}) if isinstance(part, int) else at.get("properties", {}).get(part)

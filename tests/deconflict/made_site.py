@@ -1,5 +1,6 @@
 """A site file that holds, to be spoiled one key at a time."""
 
+import json
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -62,15 +63,20 @@ def put(told: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
 
 def written(told: dict[str, Any], folder: Path) -> Path:
     path = folder / "site.toml"
-    path.write_text("".join(f"{key} = {_toml(value)}\n" for key, value in told.items()), encoding="utf-8")
+    path.write_text(toml(told), encoding="utf-8")
     return path
+
+
+def toml(told: dict[str, Any]) -> str:
+    """A document as TOML, a line each of its own keys."""
+    return "".join(f"{json.dumps(key)} = {_toml(value)}\n" for key, value in told.items())
 
 
 def _toml(value: Any) -> str:
     if isinstance(value, dict):
-        return "{" + ", ".join(f'"{key}" = {_toml(one)}' for key, one in value.items()) + "}"
+        return "{" + ", ".join(f"{json.dumps(key)} = {_toml(one)}" for key, one in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_toml(one) for one in value) + "]"
     if isinstance(value, bool):
         return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    return json.dumps(value) if isinstance(value, str) else repr(value)
