@@ -15,6 +15,7 @@ import numpy as np
 from deconflict.advice.account import Account, Solve, solve
 from deconflict.advice.delays import Mover
 from deconflict.advice.desk import Desk, Submit, at_once
+from deconflict.advice.priorities import Priorities
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.contention.advising import Advising
 from deconflict.contention.watch import Contention
@@ -57,8 +58,9 @@ class Engine:
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
-        self._account = Account(burdens_s)
-        advising = partial(Advising, account=self._account, effort=site.advice.effort, solve=solve)
+        self._account, self._priorities = Account(burdens_s), Priorities(site.vendors)
+        effort = site.advice.effort
+        advising = partial(Advising, account=self._account, effort=effort, solve=solve, priority=self._priority)
         self._contention = Contention(site.resources, site.zones, site.contention, self.measures, restored, advising)
         self._desk = Desk(site, self._account, submit)
         self._rests = Rests.at(site.resources)
@@ -109,9 +111,14 @@ class Engine:
                 one.vendor,
                 _widened(one.forecast, np.array([2 * (one.doubt_m + one.growth_m)])),
                 one.basis is not Basis.STATIONARY,
+                self._priorities.of(one.vendor, one.model),
             )
             for uuid, one in self.live.robots.items()
         }
+
+    def _priority(self, uuid: str) -> float:
+        one = self.live.robots[uuid]
+        return self._priorities.of(one.vendor, one.model)
 
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The standing probability of every watched pair to come within the clearance in the horizon, after `step`."""

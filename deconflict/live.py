@@ -10,6 +10,7 @@ class LiveRobot:
     """One robot on the floor, until it is said to be gone: silence never removes it."""
 
     vendor: str
+    model: str
     name: str
     state: str
     basis: Basis
@@ -33,6 +34,7 @@ class Live:
         self.floors = batch.floors
         robot = LiveRobot(
             vendor=batch.vendors[row],
+            model=batch.models[row],
             name=batch.names[row],
             state=batch.states[row],
             basis=Basis(int(batch.basis[row])),

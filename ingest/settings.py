@@ -14,6 +14,7 @@ Metres = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 DatumId = Annotated[str, AfterValidator(str.lower)]
+Priority = Annotated[float, Field(gt=0, le=100)]
 Envelope = tuple[
     Annotated[float, Field(gt=0, allow_inf_nan=False)],
     Annotated[float, Field(gt=0, allow_inf_nan=False)],
@@ -99,6 +100,8 @@ class Model(Section):
     """Envelope while any load is carried."""
     loaded_offset_m: tuple[Coordinate, Coordinate] | None = None
     """Centre of `loaded_envelope_m`; `offset_m` if absent."""
+    priority: Priority | None = None
+    """What a second of its waiting counts in advice; the vendor's if absent."""
 
 
 class Vendor(Section):
@@ -110,6 +113,8 @@ class Vendor(Section):
     """Values of `manufacturerName` that mean this vendor; its own name always does. Case is ignored."""
     participant: Literal["robot", "person"] = "robot"
     """What moves: robots, or people who carry a device."""
+    priority: Priority | None = None
+    """What a second of its robots' waiting counts in advice; if absent 1, and 10 for people, to whom robots yield."""
     default_envelope_m: Envelope | None = None
     """Envelope of a robot that has not identified itself; the site's default if absent."""
     models: dict[str, Model] = {}

@@ -1,10 +1,11 @@
 """Advice for queues: slots that cost least in total, worked out anew only when it matters."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 from deconflict.advice.account import Account, Solve, solve
+from deconflict.advice.priorities import USUAL
 from deconflict.advice.slots import Queue, advise_slots
 from deconflict.advisory import Recommendation
 from deconflict.contention.deadlocks import Link
@@ -40,14 +41,23 @@ class _Advised:
 
 def advising_alone(geometry: Geometry) -> "Advising":
     """Advice where nothing is known of earlier burdens, at the usual effort."""
-    return Advising(geometry, Account(), EFFORT, solve)
+    return Advising(geometry, Account(), EFFORT, solve, lambda _: USUAL)
 
 
 class Advising:
     """What was advised for each group of interchangeable places, by its first place."""
 
-    def __init__(self, geometry: Geometry, account: Account, effort: float, solve: Solve) -> None:
+    def __init__(
+        self,
+        geometry: Geometry,
+        account: Account,
+        effort: float,
+        solve: Solve,
+        priority: Callable[[str], float],
+    ) -> None:
+        """`priority` says by UUID what a second of a robot's waiting counts."""
         self._geometry, self._account, self._effort, self._solve = geometry, account, effort, solve
+        self.priority = priority
         self._advised: dict[str, _Advised] = {}
         self._rings: dict[Signature, _Advised] = {}
         self._solved = 0
@@ -93,6 +103,7 @@ class Advising:
                 arrival_s=one.enter_s,
                 arrival_spread_s=0.0,
                 service_s=self._left_s(one, lane, robots[link.waiter].length_m, now_s),
+                priority=self.priority(link.waiter),
                 inside=has,
             )
             for link, one, has in zip(ring, passages, inside, strict=True)

@@ -98,7 +98,7 @@ class Contention:
             for zone, passage in one.passages.items():
                 through_s = min(passage.leave_s, float(passage.t_s[-1]) + LOOK_S) - max(passage.enter_s, now_s)
                 inside = one.uuid in self._inside[zone]
-                request = Request(one.uuid, one.vendor, passage.enter_s, LOOK_S, max(through_s, 0.0), inside=inside)
+                request = self._request(one, passage.enter_s, LOOK_S, max(through_s, 0.0), inside=inside)
                 wanted.setdefault(zone, []).append(request)
         for leg in journeys:
             if leg.node[1] == 0 and leg.place in self._dwells:
@@ -114,7 +114,7 @@ class Contention:
         left_s = self._dwells[leg.place].remaining_s(now_s - one.came_s)
         if leg.until_s < inf:
             left_s = leg.until_s - now_s
-        return Request(one.uuid, one.vendor, leg.since_s, 0.0, left_s, inside=True)
+        return self._request(one, leg.since_s, 0.0, left_s, inside=True)
 
     def _coming(self, one: Seen, now_s: float) -> Iterable[tuple[Request, str]]:
         """The resources that a robot goes to, once each."""
@@ -128,7 +128,12 @@ class Contention:
                 after = one.stops[number + 1]
                 away_s = ((after.x_m - stop.x_m) ** 2 + (after.y_m - stop.y_m) ** 2) ** 0.5
                 service_s = max(after.t_s - away_s - stop.t_s, 1.0)
-            yield Request(one.uuid, one.vendor, stop.t_s, stop.spread_s, service_s), stop.resource
+            yield self._request(one, stop.t_s, stop.spread_s, service_s), stop.resource
+
+    def _request(
+        self, one: Seen, arrival_s: float, spread_s: float, service_s: float, *, inside: bool = False
+    ) -> Request:
+        return Request(one.uuid, one.vendor, arrival_s, spread_s, service_s, self._advising.priority(one.uuid), inside)
 
     def _contended(self, now_s: float) -> Iterable[Finding]:
         """Places where somebody will wait long, with the slots that would cost least."""

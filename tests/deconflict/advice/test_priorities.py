@@ -1,0 +1,62 @@
+"""Whose waiting counts more is asked to wait less, in holds and in slots, as the site file says."""
+
+import pytest
+
+from deconflict.advice.priorities import Priorities
+from deconflict.advisory import ContentionAdvisory
+from deconflict.contention.resources import Resource
+from deconflict.engine import Engine
+from ingest.settings import Model, Vendor
+from tests.deconflict.advice.test_desk import until_advised
+from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
+from tests.deconflict.test_engine import SITE, Floor, eastward, northward
+from tests.saying import robot
+
+
+@pytest.mark.parametrize(
+    ("vendor", "yields"),
+    [
+        (Vendor(name="Alder", priority=3.0), "B"),
+        (Vendor(name="Basalt", priority=3.0), "A"),
+        (Vendor(name="Basalt", participant="person"), "A"),
+        (Vendor(name="Basalt", participant="person", priority=0.5), "B"),
+        (Vendor(name="Alder", models={"A1": Model(priority=3.0)}), "B"),
+    ],
+)
+def test_of_two_that_cross_the_one_whose_waiting_counts_less_holds(vendor: Vendor, yields: str) -> None:
+    """Both come at the same time; what is known of earlier burdens says otherwise."""
+    floor = Floor(
+        {"A": eastward(x=-12.0), "B": northward(y=-12.0)},
+        site=SITE.model_copy(update={"vendors": (vendor,)}),
+        makers={"B": "Basalt"},
+    )
+    against = {"A": {"Alder": 60.0}, "B": {"Basalt": 60.0}}
+    floor.engine = Engine(floor.site, burdens_s=against[yields])
+    told, _ = until_advised(floor)
+    assert told.recommendation
+    (hold,) = told.recommendation.holds
+    assert hold.robot == robot(yields)
+
+
+def charger() -> Resource:
+    return resource("c1", 0, 0, kind="charger", service_s=60.0)
+
+
+@pytest.mark.parametrize(("priority", "first"), [(1.0, "B"), (5.0, "C")])
+def test_a_later_robot_goes_first_where_its_waiting_counts_more(priority: float, first: str) -> None:
+    """The charger is free when B comes; C comes five seconds later."""
+    floor = site(charger(), vendors=(Vendor(name="Basalt", priority=priority),))
+    robots = {
+        "B": Script([(0, 30, 10)], [(40, 0, 0)], state=lambda _: "waitingExternalEvent"),
+        "C": Script([(0, 30, 20)], [(45, 0, 0)], state=lambda _: "waitingExternalEvent", vendor="Basalt"),
+    }
+    (one,) = raised(Scene(floor, robots).run(4), "contention")
+    assert isinstance(one, ContentionAdvisory)
+    assert one.recommendation
+    assert one.recommendation.slots[0].robot == robot(first)
+
+
+def test_a_model_counts_before_its_vendor_and_strangers_as_usual() -> None:
+    vendors = Priorities([Vendor(name="Alder", priority=2.0, models={"A1": Model(priority=4.0), "A2": Model()})])
+    assert [vendors.of("Alder", model) for model in ("A1", "A2", "A3")] == [4.0, 2.0, 2.0]
+    assert vendors.of("Basalt", "A1") == 1.0
