@@ -81,17 +81,19 @@ def kill_at_random(one: Running, face: str, kills: int, rng: random.Random) -> l
         victim: Watched = rng.choice(one.roles)
         if victim.process is None:
             continue
+        restarts = victim.restarts
         os.kill(victim.process.pid, signal.SIGKILL)
-        took_s.append(_until_whole(face))
+        took_s.append(_until_whole(face, victim.role, restarts + 1))
     return took_s
 
 
-def _until_whole(face: str) -> float:
+def _until_whole(face: str, role: str, restarts: int) -> float:
+    """Seconds until the role was started anew and the service says that it is whole."""
     began_s = time.monotonic()
-    time.sleep(0.1)
     while time.monotonic() < began_s + 60:
         try:
-            if httpx.get(f"{face}/healthz", timeout=2.0, trust_env=False).status_code == 200:
+            health = httpx.get(f"{face}/healthz", timeout=2.0, trust_env=False)
+            if health.status_code == 200 and health.json()["restarts"].get(role, 0) >= restarts:
                 break
         except httpx.HTTPError:
             pass

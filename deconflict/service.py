@@ -30,8 +30,9 @@ SITE_FILE = "site.json"
 """The settings in force, in the runtime directory, for each role to read."""
 STOP_WITHIN_S = 10.0
 BACKOFF_S = (0.2, 10.0)
-STEADY_S = 30.0
-"""A role that ran for this long is restarted at once."""
+"""First and longest wait before a role that keeps dying is started again; the first time it is at once."""
+STEADY_S = 10.0
+"""A role that ran for this long does not keep dying."""
 
 
 @dataclass(slots=True, eq=False)
@@ -43,28 +44,38 @@ class Watched:
     process: subprocess.Popen[bytes] | None = None
     restarts: int = 0
     started_s: float = field(default=float("-inf"))
-    backoff_s: float = BACKOFF_S[0]
+    backoff_s: float = 0.0
     due_s: float = float("-inf")
 
     def ensure(self, now_s: float) -> bool:
-        """Start or restart the process if it is not running and due; whether it did."""
+        """Start or restart the process if it is not running and due; whether it ended or began."""
         if self.process and self.process.poll() is None:
             return False
+        ended = self.process is not None
         if self.process:
             self._ended(now_s, self.process)
         if now_s < self.due_s:
-            return False
+            return ended
         self.process = subprocess.Popen(self.command, stdin=subprocess.PIPE, start_new_session=True)  # noqa: S603
         self.started_s = now_s
         return True
 
     def _ended(self, now_s: float, process: subprocess.Popen[bytes]) -> None:
-        log.warning("the %s ended with code %s and is restarted", self.role, process.returncode)
-        steady = now_s - self.started_s > STEADY_S
-        self.backoff_s = BACKOFF_S[0] if steady else min(self.backoff_s * 2, BACKOFF_S[1])
-        self.due_s = now_s if steady else now_s + self.backoff_s
+        if now_s - self.started_s > STEADY_S:
+            self.backoff_s = 0.0
+        log.warning(
+            "the %s ended with code %s and is restarted in %.1f s", self.role, process.returncode, self.backoff_s
+        )
+        self.due_s = now_s + self.backoff_s
+        self.backoff_s = min(max(2 * self.backoff_s, BACKOFF_S[0]), BACKOFF_S[1])
         self.restarts += 1
+        if process.stdin:
+            process.stdin.close()
         self.process = None
+
+    def told(self) -> dict[str, float | None]:
+        """What the other roles are told of this one: how often it was restarted, and since when it runs, if it does."""
+        return {"restarts": self.restarts, "since_s": self.started_s if self.process else None}
 
     def stop(self) -> None:
         if self.process is None:
@@ -93,17 +104,17 @@ class Supervisor:
         """Watch the roles until `stop` is set, then end them."""
         try:
             while not stop.is_set():
-                started = [role.role for role in self.roles if role.ensure(time.monotonic())]
-                if started:
-                    self._tell_restarts()
+                changed = [role.role for role in self.roles if role.ensure(time.monotonic())]
+                if changed:
+                    self._tell()
                 stop.wait(0.1)
         finally:
             for role in reversed(self.roles):
                 role.stop()
 
-    def _tell_restarts(self) -> None:
+    def _tell(self) -> None:
         told = self._runtime / (ROLES_FILE + ".new")
-        told.write_text(json.dumps({role.role: role.restarts for role in self.roles}))
+        told.write_text(json.dumps({role.role: role.told() for role in self.roles}))
         told.replace(self._runtime / ROLES_FILE)
 
 

@@ -33,7 +33,7 @@ ENGINE_STALE_S = 5.0
 PRUNE_EVERY_S = 3600.0
 REFRESH_EVERY_S = 5.0
 ROLES_FILE = "roles.json"
-"""What the supervisor says of its processes: role to restarts, in the runtime directory."""
+"""What the supervisor says of its processes, in the runtime directory: `Watched.told` by role."""
 
 
 class OperatorRole:
@@ -152,7 +152,15 @@ class OperatorRole:
         except LinkDownError:
             receiver = False
         engine = time.monotonic() - self._engine_heard_s < ENGINE_STALE_S
-        return {"receiver": receiver, "engine": engine, "operator": True}
+        return {"receiver": receiver, "engine": engine and self._engine_runs(), "operator": True}
+
+    def _engine_runs(self) -> bool:
+        """Whether the engine that was heard is the one that runs, as far as a supervisor says."""
+        told = self._supervised().get("engine")
+        if told is None:
+            return True
+        since_s = told["since_s"]
+        return since_s is not None and self._engine_heard_s >= since_s
 
     async def _ask(self, name: str) -> Any:
         try:
@@ -161,9 +169,12 @@ class OperatorRole:
             raise SourceUnavailableError("receiver") from error
 
     def _restarts(self) -> dict[str, int]:
+        return {role: told["restarts"] for role, told in self._supervised().items()}
+
+    def _supervised(self) -> dict[str, dict[str, Any]]:
         path = self._runtime / ROLES_FILE
-        restarts: dict[str, int] = json.loads(path.read_text()) if path.exists() else {}
-        return restarts
+        supervised: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.exists() else {}
+        return supervised
 
     async def _prune(self) -> None:
         """Forget advisories that were cleared long ago, now and every hour."""

@@ -17,6 +17,7 @@ from typing import Any
 import httpx
 import pytest
 
+from deconflict.service import STEADY_S, Watched
 from tests.deconflict.test_service import Course, drive
 
 MEETING: dict[str, Course] = {"A-1": lambda t: (-30.0 + t, 0.0, 0.0), "B-1": lambda t: (30.0 - t, 0.0, pi)}
@@ -97,12 +98,28 @@ async def test_an_engine_that_is_killed_is_told_of_and_goes_on_with_its_advisory
         async with service.with_robots(time.time() - 21.0):
             before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
             os.kill(children(pid)["engine"], signal.SIGKILL)
-            await service.until("/healthz", lambda health: health["restarts"].get("engine") == 1 and healthy(health))
+            told = await service.until("/healthz", lambda health: health["restarts"].get("engine") == 1)
+            assert (told["status"], told["roles"]["engine"]) == ("degraded", "down"), "healthy before it can be"
+            await service.until("/healthz", healthy)
             revision = before["advisories"][0]["revision"]
             after = await service.until(
                 "/advisories?state=all", lambda answer: answer["advisories"][0]["revision"] > revision
             )
         assert [one["id"] for one in after["advisories"]] == [before["advisories"][0]["id"]]
+
+
+def test_a_role_is_restarted_at_once_and_ever_more_slowly_where_it_keeps_dying() -> None:
+    role, now_s, waits_s = Watched("engine", [sys.executable, "-c", ""]), 0.0, []
+    for ran_for_s in (0.0, 0.0, 0.0, STEADY_S + 1.0, 0.0):
+        role.ensure(now_s)
+        assert role.process
+        role.process.wait(20)
+        now_s += ran_for_s
+        role.ensure(now_s)
+        waits_s.append(role.due_s - now_s)
+        now_s = role.due_s
+    role.stop()
+    assert waits_s == pytest.approx([0.0, 0.2, 0.4, 0.0, 0.2])
 
 
 async def test_a_service_that_is_killed_loses_no_stored_advisory_and_leaves_no_process(tmp_path: Path) -> None:
