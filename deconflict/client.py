@@ -7,7 +7,9 @@ async with Client("http://127.0.0.1:8080", token=token) as client:
 """
 
 import asyncio
+import ssl
 from collections.abc import AsyncGenerator, AsyncIterator
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -33,6 +35,10 @@ class NotAllowedError(ClientError):
     """The token is missing, wrong, or for a lesser role."""
 
 
+class UntrustedError(ClientError):
+    """What answers has no certificate of the authority, or not for its name."""
+
+
 class NoSuchAdvisoryError(ClientError):
     """The advisory is not stored, or no longer."""
 
@@ -44,10 +50,22 @@ class PositionLostError(ClientError):
 class Client:
     """Talks to one service. Use it as `async with`."""
 
-    def __init__(self, url: str, *, token: str | None = None, backoff_s: tuple[float, float] = BACKOFF_S) -> None:
-        """`url` is the operators' port, such as `http://127.0.0.1:8080`; `token` a person's of the site file."""
+    def __init__(
+        self,
+        url: str,
+        *,
+        token: str | None = None,
+        authority: Path | None = None,
+        backoff_s: tuple[float, float] = BACKOFF_S,
+    ) -> None:
+        """`url` is the operators' port, such as `https://floor.example:8080`; `token` a person's of the site file.
+
+        `authority` is a PEM file of who signed the certificate of an `https` port; those of the system if absent.
+        Raises `OSError` where that file can't be read.
+        """
         self._headers = {"authorization": f"Bearer {token}"} if token else {}
-        self._http = httpx.AsyncClient(base_url=url, headers=self._headers)
+        self._tls = ssl.create_default_context(cafile=authority) if url.startswith("https:") else None
+        self._http = httpx.AsyncClient(base_url=url, headers=self._headers, verify=self._tls or True)
         self._stream = "ws" + url.removeprefix("http").rstrip("/") + "/advisories/stream"
         self._backoff_s = backoff_s
 
@@ -87,13 +105,14 @@ class Client:
     async def follow(self, after: int) -> AsyncGenerator[AnyAdvisory, None]:
         """Every revision with a number above `after`, each once and in order, for ever.
 
-        A stream that is lost is sought again and resumed. Raises `PositionLostError` and `NotAllowedError`.
+        A stream that is lost is sought again and resumed. Raises `PositionLostError`, `NotAllowedError` and
+        `UntrustedError`.
         """
         wait_s = self._backoff_s[0]
         while True:
             try:
                 async with connect(
-                    f"{self._stream}?after={after}", additional_headers=self._headers, proxy=None
+                    f"{self._stream}?after={after}", additional_headers=self._headers, proxy=None, ssl=self._tls
                 ) as stream:
                     async for advisory in _revisions(stream):
                         yield advisory
@@ -101,6 +120,8 @@ class Client:
             except InvalidStatus as error:
                 if error.response.status_code in (401, 403):
                     raise NotAllowedError(f"{self._stream} answered {error.response.status_code}") from error
+            except ssl.SSLCertVerificationError as error:
+                raise UntrustedError(f"{self._stream}: {error.verify_message}") from error
             except (OSError, WebSocketException):
                 pass
             await asyncio.sleep(wait_s)

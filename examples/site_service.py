@@ -5,6 +5,9 @@
 It takes up every advisory that is urgent and that nobody has taken up, which stands for whatever a site does: calling
 a fleet manager, switching a light. What it has dealt with it notes in `place.json`, after dealing with it. So after a
 crash it may meet an advisory once more, and sees by its newest revision that it is taken up.
+
+`DECONFLICT_TOKEN` is the token of a person of the site file who may acknowledge, and `DECONFLICT_AUTHORITY` the file of
+the authority that signed the service's certificate; each only where the site has such.
 """
 
 import asyncio
@@ -20,7 +23,8 @@ NAME = "site service"
 
 
 async def serve(url: str, place: Path) -> None:
-    async with Client(url, token=os.environ.get("DECONFLICT_TOKEN")) as client:
+    token, authority = os.environ.get("DECONFLICT_TOKEN"), os.environ.get("DECONFLICT_AUTHORITY")
+    async with Client(url, token=token, authority=Path(authority) if authority else None) as client:
         if place.exists():
             seq = json.loads(place.read_text())["seq"]
         else:

@@ -2,19 +2,39 @@
 
 import asyncio
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
+
+import trustme
 
 from deconflict.advisory import AnyAdvisory, Severity
+from deconflict.site import Person
+from ingest.settings import Tls
 from tests.deconflict.made_advisories import cleared, made
 from tests.deconflict.served_face import Served, served, until
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "site_service.py"
+SAID = "the-token-of-the-site-service"
 
 
 def started(service: Served, place: Path) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, str(EXAMPLE), service.http, str(place)], stderr=subprocess.PIPE)
+    directory = place.parent
+    secrets = {"DECONFLICT_TOKEN": SAID, "DECONFLICT_AUTHORITY": str(directory / "ca.pem")}
+    command = [sys.executable, str(EXAMPLE), f"https://{service.address}", str(place)]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, env=os.environ | secrets)
+
+
+def secured(directory: Path) -> dict[str, Any]:
+    """The settings of a port that takes a token, with a certificate of the authority in `ca.pem`."""
+    authority = trustme.CA()
+    authority.cert_pem.write_to_path(str(directory / "ca.pem"))
+    authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(str(directory / "site.pem"))
+    (directory / "token").write_text(SAID)
+    person = Person(name="site service", role="acknowledge", token=f"file:{directory / 'token'}")
+    return {"people": (person,), "tls": Tls(certificate=str(directory / "site.pem"))}
 
 
 def place_of(place: Path) -> int:
@@ -29,7 +49,7 @@ def taken_up(service: Served) -> list[AnyAdvisory]:
 
 async def test_the_site_service_takes_up_each_advisory_once_though_it_is_killed(tmp_path: Path) -> None:
     place = tmp_path / "place.json"
-    async with served(tmp_path) as service:
+    async with served(tmp_path, **secured(tmp_path)) as service:
         await service.publish(made(1))
         running = started(service, place)
         await until(lambda: place_of(place) == 2)

@@ -19,6 +19,7 @@ from deconflict.recent import Recent, opened, parcel
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Operator, Site
 from deconflict.store import Store
+from ingest.certificates import Certificates
 from ingest.measures import Measures
 from ingest.seam import Batch
 from metrics.exposition import render
@@ -114,7 +115,8 @@ class Served:
 async def served(directory: Path, *, at: str = "127.0.0.1:0", **settings: Any) -> AsyncIterator[Served]:
     store, sources = Store(directory), GivenSources()
     app = create_app(store, sources, render, Site(operator=Operator(**settings)))
-    server = face_server(app)
+    tls = settings.get("tls")
+    server = face_server(app, Certificates(tls) if tls else None)
     host, _, port = at.partition(":")
     with socket.create_server((host, int(port))) as listening:
         serving = asyncio.create_task(server.serve([listening]))

@@ -5,10 +5,19 @@ from pathlib import Path
 
 import httpx
 import pytest
+import trustme
 
 from deconflict.advisory import AnyAdvisory
-from deconflict.client import Client, ClientError, NoSuchAdvisoryError, NotAllowedError, PositionLostError
+from deconflict.client import (
+    Client,
+    ClientError,
+    NoSuchAdvisoryError,
+    NotAllowedError,
+    PositionLostError,
+    UntrustedError,
+)
 from deconflict.site import Person
+from ingest.settings import Tls
 from tests.deconflict.made_advisories import cleared, made
 from tests.deconflict.served_face import Served, served
 
@@ -94,6 +103,29 @@ async def test_who_may_not_is_told_so(tmp_path: Path) -> None:
             assert await first(kim, 0, 1) == published
             with pytest.raises(NotAllowedError, match="this takes the role acknowledge"):
                 await kim.acknowledge("advisory-1", name="Kim", reason="none")
+
+
+async def test_a_service_of_the_sites_own_authority_is_trusted_and_no_other(tmp_path: Path) -> None:
+    site, foreign = trustme.CA(), trustme.CA()
+    site.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(str(tmp_path / "site.pem"))
+    for name, authority in (("site", site), ("foreign", foreign)):
+        authority.cert_pem.write_to_path(str(tmp_path / f"{name}-ca.pem"))
+    (tmp_path / "token").write_text("kim-has-a-long-token")
+    people = (Person(name="Kim", role="acknowledge", token=f"file:{tmp_path / 'token'}"),)
+    async with served(tmp_path, people=people, tls=Tls(certificate=str(tmp_path / "site.pem"))) as service:
+        url = f"https://{service.address}"
+        published = await service.publish(made(1))
+        async with Client(url, token="kim-has-a-long-token", authority=tmp_path / "site-ca.pem") as kim:
+            assert (await kim.open()).advisories == published
+            assert await first(kim, 0, 1) == published
+            answered = await kim.acknowledge("advisory-1", name="", reason="A-7 is called back")
+            assert answered.acknowledgement
+            assert answered.acknowledgement.name == "Kim"
+        async with Client(url, token="kim-has-a-long-token", authority=tmp_path / "foreign-ca.pem") as fooled:
+            with pytest.raises(httpx.ConnectError):
+                await fooled.open()
+            with pytest.raises(UntrustedError, match="unable to get local issuer"):
+                await first(fooled, 0, 1)
 
 
 async def test_a_service_that_is_not_there_is_an_error_when_asked() -> None:
