@@ -6,15 +6,15 @@ go: the path through (u, v) depends on the difference of the holds alone, and so
 Differences on the grid of holds are swept as they are, standing included, so on that grid the answer is exact.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
-from deconflict.pose import pose_at
 from deconflict.sweep import sweep
-from ingest.seam import Forecasts
+from ingest.seam import Floats, Forecasts
 
 STEP_S = 0.5
 """Holds are multiples of this."""
@@ -54,39 +54,61 @@ class Window:
         return int(self.longest_hold_s / STEP_S)
 
 
-def delayed(forecast: Forecasts, hold_s: float, window: Window) -> Forecasts:
-    """One robot's forecast from `window.start_s` on, `hold_s` late, to where the last robot ends its own."""
-    start_s = window.start_s
-    pose = pose_at(forecast, start_s)
-    later = forecast.t_s > start_s + 1e-6
-    leaves_s = [start_s] if hold_s == 0 else [start_s, start_s + hold_s]
-    head = {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad, "floor": pose.floor}
-    columns = {
-        name: np.concatenate([np.repeat(value, len(leaves_s)), getattr(forecast, name)[later]]).astype(
-            getattr(forecast, name).dtype
-        )
-        for name, value in head.items()
+def delayed(forecasts: Forecasts, hold_s: Floats, window: Window) -> Forecasts:
+    """The forecasts of n robots from `window.start_s` on, each `hold_s` (n,) late, to where the last ends its own."""
+    at = poses_from(forecasts, window.start_s)
+    later = np.flatnonzero(forecasts.t_s > window.start_s + 1e-6)
+    owner = np.repeat(np.arange(len(forecasts)), np.diff(forecasts.start))[later]
+    stands = np.flatnonzero(hold_s != 0)
+    row = np.concatenate([np.arange(len(forecasts)), stands, owner])
+    order = np.argsort(row, kind="stable")
+    leaves_s = np.full(len(forecasts), window.start_s)
+    columns = {"t_s": np.concatenate([leaves_s, window.start_s + hold_s[stands], forecasts.t_s[later] + hold_s[owner]])}
+    for name, there in at.items():
+        columns[name] = np.concatenate([there, there[stands], getattr(forecasts, name)[later]])
+    start = np.searchsorted(row[order], np.arange(len(forecasts) + 1))
+    whole = replace(forecasts, start=start, **{name: column[order] for name, column in columns.items()})
+    ends_s = window.start_s + window.horizon_s + hold_s
+    return _going_on(whole, by_s=ends_s - SHORT_S, to_s=ends_s + 2 * window.longest_hold_s)
+
+
+def poses_from(forecasts: Forecasts, t_s: float) -> dict[str, Any]:
+    """x_m, y_m, yaw_rad and floor of each robot at `t_s`, (n,) each, as `pose_at` has them."""
+    first, last = forecasts.start[:-1], forecasts.start[1:] - 1
+    passed = np.concatenate([[0], np.cumsum(forecasts.t_s <= t_s)])
+    knot = first + np.maximum(passed[last + 1] - passed[first] - 1, 0)
+    after = np.minimum(knot + 1, last)
+    moves = (after > knot) & (forecasts.t_s[knot] <= t_s) & (forecasts.floor[after] == forecasts.floor[knot])
+    after = np.where(moves, after, knot)
+    since_s, span_s = t_s - forecasts.t_s[knot], forecasts.t_s[after] - forecasts.t_s[knot]
+    share = np.where(moves, since_s / np.where(moves, span_s, 1.0), 0.0)
+    x, y, yaw = forecasts.x_m, forecasts.y_m, forecasts.yaw_rad
+    turn = (yaw[after] - yaw[knot] + np.pi) % (2 * np.pi) - np.pi
+    return {
+        "x_m": x[knot] + share * (x[after] - x[knot]),
+        "y_m": y[knot] + share * (y[after] - y[knot]),
+        "yaw_rad": yaw[knot] + share * turn,
+        "floor": forecasts.floor[knot],
     }
-    t_s = np.concatenate([leaves_s, forecast.t_s[later] + hold_s])
-    whole = replace(forecast, start=np.array([0, len(t_s)]), t_s=t_s, **columns)
-    ends_s = start_s + window.horizon_s + hold_s
-    return _goes_on(whole, by_s=ends_s - SHORT_S, to_s=ends_s + 2 * window.longest_hold_s)
 
 
-def _goes_on(forecast: Forecasts, by_s: float, to_s: float) -> Forecasts:
-    """With a last knot at `to_s` in line with its last two, unless it ends before `by_s`: there it stands."""
-    if len(forecast.t_s) < 2 or not by_s <= forecast.t_s[-1] < to_s or forecast.floor[-1] != forecast.floor[-2]:
-        return forecast
-    share = (to_s - forecast.t_s[-1]) / (forecast.t_s[-1] - forecast.t_s[-2])
+def _going_on(forecasts: Forecasts, by_s: Floats, to_s: Floats) -> Forecasts:
+    """Each with a last knot at `to_s` in line with its last two, unless it ends before `by_s`: there it stands."""
+    last, counts = forecasts.start[1:] - 1, np.diff(forecasts.start)
+    t_s, floor = forecasts.t_s, forecasts.floor
+    goes = (counts >= 2) & (by_s <= t_s[last]) & (t_s[last] < to_s) & (floor[last] == floor[last - 1])
+    rows = np.flatnonzero(goes)
+    a, b = last[rows] - 1, last[rows]
+    share = (to_s[rows] - t_s[b]) / (t_s[b] - t_s[a])
     beyond = {
-        "t_s": to_s,
-        "x_m": forecast.x_m[-1] + share * (forecast.x_m[-1] - forecast.x_m[-2]),
-        "y_m": forecast.y_m[-1] + share * (forecast.y_m[-1] - forecast.y_m[-2]),
-        "yaw_rad": forecast.yaw_rad[-1],
-        "floor": forecast.floor[-1],
+        "t_s": to_s[rows],
+        "x_m": forecasts.x_m[b] + share * (forecasts.x_m[b] - forecasts.x_m[a]),
+        "y_m": forecasts.y_m[b] + share * (forecasts.y_m[b] - forecasts.y_m[a]),
+        "yaw_rad": forecasts.yaw_rad[b],
+        "floor": floor[b],
     }
-    columns = {name: np.append(getattr(forecast, name), value) for name, value in beyond.items()}
-    return replace(forecast, start=np.array([0, len(columns["t_s"])]), **columns)
+    columns = {name: np.insert(getattr(forecasts, name), b + 1, value) for name, value in beyond.items()}
+    return replace(forecasts, start=np.concatenate([[0], np.cumsum(counts + goes)]), **columns)
 
 
 def meetings(movers: Sequence[Mover], holds_s: Sequence[float], window: Window) -> dict[Pair, float]:
@@ -94,7 +116,7 @@ def meetings(movers: Sequence[Mover], holds_s: Sequence[float], window: Window) 
 
     Until the last that is held has had its horizon. Pairs that begin within the clearance are left out.
     """
-    held = Forecasts.joined(delayed(one.forecast, hold_s, window) for one, hold_s in zip(movers, holds_s, strict=True))
+    held = delayed(Forecasts.joined(one.forecast for one in movers), np.array(holds_s, np.float64), window)
     horizon_s = window.horizon_s + max(holds_s, default=0.0)
     found = sweep(held, now_s=window.start_s, horizon_s=horizon_s, clearance_m=window.clearance_m)
     return {
@@ -138,19 +160,8 @@ def _contacts(
     contacts, begins = [[inf] * len(steps) for _ in pairs], [inf] * len(pairs)
     if not pairs:
         return contacts, begins
-    movers = {one.robot: one for pair in pairs for one in pair}
-    fans = {
-        robot: [delayed(one.forecast, k * STEP_S, window) for k in range(window.steps + 1)]
-        for robot, one in movers.items()
-    }
-    floors = 1 + max(int(one.forecast.floor.max()) for one in movers.values())
-    rows = []
-    for number, (a, b) in enumerate(pairs):
-        for column, step in enumerate(steps):
-            case = number * len(steps) + column
-            rows += _on_floor([fans[a.robot][max(step, 0)], fans[b.robot][max(-step, 0)]], case * floors)
     found = sweep(
-        Forecasts.joined(rows),
+        _cases(pairs, window),
         now_s=window.start_s,
         horizon_s=window.horizon_s + window.longest_hold_s,
         clearance_m=clearance_m,
@@ -164,5 +175,20 @@ def _contacts(
     return contacts, begins
 
 
-def _on_floor(forecasts: Iterable[Forecasts], base: int) -> list[Forecasts]:
-    return [replace(one, floor=np.where(one.floor < 0, -1, one.floor + base)) for one in forecasts]
+def _cases(pairs: Sequence[tuple[Mover, Mover]], window: Window) -> Forecasts:
+    """Both robots of every pair at every difference of hold, one after the other."""
+    movers = {one.robot: one for pair in pairs for one in pair}
+    place = {robot: row for row, robot in enumerate(movers)}
+    free = Forecasts.joined(one.forecast for one in movers.values())
+    holds = np.arange(window.steps + 1)
+    fans = delayed(
+        free.take(np.repeat(np.arange(len(movers)), len(holds))), np.tile(holds * STEP_S, len(movers)), window
+    )
+    steps = np.arange(-window.steps, window.steps + 1)
+    late = np.maximum(np.stack([steps, -steps], axis=1), 0)
+    of_pair = np.array([[place[one.robot] for one in pair] for pair in pairs], np.int64)
+    rows = (of_pair[:, None, :] * len(holds) + late).ravel()
+    cases = fans.take(rows)
+    case = np.repeat(np.arange(len(rows)) // 2, np.diff(cases.start))
+    floors = 1 + int(free.floor.max())
+    return replace(cases, floor=np.where(cases.floor < 0, -1, cases.floor + case * floors))
