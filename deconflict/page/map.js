@@ -9,6 +9,8 @@ const EXACT = 100; // ribbons of more robots than this are drawn as lines of the
 const LABELLED = 120;
 const MOVED = 2;
 const RIBBONED = 3000;
+const TURNED = 4; // pixels a metre: below, envelopes are specks
+const SPECK = 5;
 
 export class FloorMap {
   constructor(canvas, camera, vendors) {
@@ -178,32 +180,48 @@ export class FloorMap {
   }
 
   robots(robots, scene) {
-    const { pen, camera, ink } = this, small = camera.scale < 4, by = new Map();
+    const { pen, camera, ink } = this, by = new Map();
     for (const robot of robots) {
       const key = `${robot.vendor}\n${robot.away || ""}`;
       if (!by.has(key)) by.set(key, []);
       by.get(key).push(robot);
     }
     for (const group of by.values()) {
-      const path = new Path2D(), noses = new Path2D(), [{ vendor, away }] = group;
-      for (const robot of group) {
-        const pose = [robot.x, robot.y, robot.yaw];
-        envelope(path, camera, robot, pose, small ? Math.max(0, 2.5 / camera.scale - robot.widthM / 2) : 0);
-        if (!small) sign(noses, camera.px(robot.x), camera.py(robot.y), robot.yaw, Math.min(robot.widthM, robot.lengthM) * camera.scale, this.vendors.mark(vendor));
-      }
+      const [{ vendor, away }] = group;
       pen.fillStyle = away === "silent" ? ink.faint : this.vendors.colour(vendor, this.theme);
       pen.globalAlpha = away === "silent" ? 0.35 : away ? 0.6 : 1;
-      pen.fill(path);
+      if (camera.scale < TURNED) this.specks(group);
+      else this.envelopes(group, vendor, away);
       pen.globalAlpha = 1;
-      pen.setLineDash(away ? [4, 3] : []);
-      pen.strokeStyle = away ? ink.ink : ink.halo;
-      pen.lineWidth = away ? 1.5 : 1;
-      if (!small) pen.stroke(path);
-      pen.setLineDash([]);
-      pen.fillStyle = ink.halo;
-      pen.fill(noses);
     }
     for (const robot of robots) this.remarks(robot, scene, robots.length <= LABELLED && camera.scale > 7);
+  }
+
+  // Where an envelope is a few pixels, a square as large: its heading couldn't be seen, and a thousand squares cost what a
+  // hundred outlines do.
+  specks(group) {
+    const { pen, camera } = this;
+    for (const robot of group) {
+      const side = Math.max(SPECK, Math.sqrt(robot.lengthM * robot.widthM) * camera.scale);
+      pen.fillRect(camera.px(robot.x) - side / 2, camera.py(robot.y) - side / 2, side, side);
+    }
+  }
+
+  envelopes(group, vendor, away) {
+    const { pen, camera, ink } = this, path = new Path2D(), noses = new Path2D();
+    for (const robot of group) {
+      envelope(path, camera, robot, [robot.x, robot.y, robot.yaw]);
+      sign(noses, camera.px(robot.x), camera.py(robot.y), robot.yaw, Math.min(robot.widthM, robot.lengthM) * camera.scale, this.vendors.mark(vendor));
+    }
+    pen.fill(path);
+    pen.globalAlpha = 1;
+    pen.setLineDash(away ? [4, 3] : []);
+    pen.strokeStyle = away ? ink.ink : ink.halo;
+    pen.lineWidth = away ? 1.5 : 1;
+    pen.stroke(path);
+    pen.setLineDash([]);
+    pen.fillStyle = ink.halo;
+    pen.fill(noses);
   }
 
   remarks(robot, scene, labelled) {
@@ -231,14 +249,13 @@ export class FloorMap {
   }
 
   links(scene) {
-    const { pen, camera, ink } = this;
+    const { pen, camera, ink } = this, here = new Map(scene.robots.map((robot) => [robot.uuid, robot]));
     for (const one of scene.advisories) {
       if (one.severity === "caution" && one.id !== scene.chosen) continue;
       pen.strokeStyle = ink[one.severity];
       pen.lineWidth = one.id === scene.chosen ? 2.5 : 1.2;
       pen.setLineDash([6, 4]);
-      for (const robot of scene.robots) {
-        if (!one.robots.includes(robot.uuid)) continue;
+      for (const robot of one.robots.map((uuid) => here.get(uuid)).filter(Boolean)) {
         pen.beginPath();
         line(pen, camera.px(robot.x), camera.py(robot.y), camera.px(one.location.x), camera.py(one.location.y));
         pen.stroke();
