@@ -157,10 +157,15 @@ class Lives:
         return revisions
 
     def advise(self, pair: Pair, advice: Recommendation, now_s: float) -> ConflictAdvisory | None:
-        """The revision that gives a pair new advice; None where it has no advisory, or one that says the same."""
+        """The revision that gives a pair new advice; None where it has no advisory, or one that says the same.
+
+        Where nobody has to wait any more, what was advised before stands until the advisory is cleared.
+        """
         track = self.tracks.get(pair)
         before = track.advisory if track else None
         if track is None or before is None or not differs(before.recommendation, advice):
+            return None
+        if not advice.holds and not advice.note and before.recommendation:
             return None
         bare = before.summary.split(";")[0]
         track.advisory = before.model_copy(

@@ -10,6 +10,7 @@ from deconflict.advice.slots import Queue, advise_slots
 from deconflict.advisory import Recommendation
 from deconflict.contention.deadlocks import Link
 from deconflict.contention.demand import Request, Turn
+from deconflict.contention.detours import Refuge, detour
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.robots import Seen
 
@@ -84,13 +85,15 @@ class Advising:
         self._advised[group[0]] = _Advised(signature, now_s, advice)
         return advice
 
-    def way_through(self, ring: Sequence[Link], robots: Mapping[str, Seen], now_s: float) -> Recommendation:
-        """What ends a ring: in a lane that not all have entered, one after the other; else only another place to go."""
+    def way_out(
+        self, ring: Sequence[Link], robots: Mapping[str, Seen], refuges: Sequence[Refuge], now_s: float
+    ) -> Recommendation:
+        """What ends a ring: in a lane that not all have entered, one after the other; else one goes elsewhere first."""
         lane = ring[0].where
         passages = [robots[link.waiter].passages.get(lane) for link in ring]
         inside = [one is not None and one.enter_s <= now_s for one in passages]
         if {link.where for link in ring} != {lane} or None in passages or all(inside):
-            return NO_ORDER
+            return self._elsewhere(ring, robots, refuges, now_s)
         has_it = frozenset(link.waiter for link, has in zip(ring, inside, strict=True) if has)
         signature = ((lane, frozenset(link.waiter for link in ring), has_it),)
         before = self._rings.get(signature)
@@ -110,10 +113,23 @@ class Advising:
             if one
         ]
         advice = self._advise([Queue(lane, 1, tuple(requests))], now_s, None)
-        self._rings = {key: one for key, one in self._rings.items() if now_s - one.at_s < AGAIN_S} | {
-            signature: _Advised(signature, now_s, advice)
-        }
+        self._keep(signature, now_s, advice)
         return advice
+
+    def _elsewhere(
+        self, ring: Sequence[Link], robots: Mapping[str, Seen], refuges: Sequence[Refuge], now_s: float
+    ) -> Recommendation:
+        signature = tuple((link.where, frozenset((link.waiter,)), frozenset((link.holder,))) for link in ring)
+        before = self._rings.get(signature)
+        advice = detour(ring, robots, refuges, now_s, self.priority, before.advice if before else None)
+        if advice is None:
+            return NO_ORDER
+        self._keep(signature, now_s, advice)
+        return advice
+
+    def _keep(self, ring: Signature, now_s: float, advice: Recommendation) -> None:
+        self._rings = {key: one for key, one in self._rings.items() if now_s - one.at_s < AGAIN_S}
+        self._rings[ring] = _Advised(ring, now_s, advice)
 
     def _advise(self, queues: Sequence[Queue], now_s: float, standing: Recommendation | None) -> Recommendation:
         burdens_s = dict(self._account.burdens_s)

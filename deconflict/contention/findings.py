@@ -107,7 +107,8 @@ def deadlock(
         predicted_s=begins_s,
         location=_location(geometry, drawn) if drawn else Location(datum=seen.datum, x=seen.x_m, y=seen.y_m),
         summary=f"{who} {'lock' if left_s <= 0 else 'will lock'} each other{place}"
-        f"{'' if left_s <= 0 else ' ' + _when(left_s)}: each waits for the next{_way_out(geometry, advice, robots)}",
+        f"{'' if left_s <= 0 else ' ' + _when(left_s)}: each waits for the next"
+        f"{_way_out(geometry, ring, advice, robots)}",
         recommendation=advice,
         evidence={
             "cycle": tuple(
@@ -118,9 +119,13 @@ def deadlock(
     )
 
 
-def _way_out(geometry: Geometry, advice: Recommendation, robots: Mapping[str, Seen]) -> str:
+def _way_out(geometry: Geometry, ring: Sequence[Link], advice: Recommendation, robots: Mapping[str, Seen]) -> str:
     if not advice.slots:
         return f"; {advice.note}" if advice.note else ""
+    first = advice.slots[0]
+    if first.resource not in {link.where for link in ring}:
+        costs = f", which costs {advice.cost_s:.0f} s in all"
+        return f"; {robots[first.robot].name} should go to {geometry.label(first.resource)} first{costs}"
     last = max(advice.slots, key=lambda slot: slot.wait_s)
     lane = geometry.label(last.resource)
     return f"; {robots[last.robot].name} should wait {last.wait_s:.0f} s before {lane}"

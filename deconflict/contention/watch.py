@@ -14,6 +14,7 @@ from deconflict.contention.blockages import blockages
 from deconflict.contention.congestion import Flow
 from deconflict.contention.deadlocks import Link, rings
 from deconflict.contention.demand import Request, Turn, first_come
+from deconflict.contention.detours import Refuge
 from deconflict.contention.geometry import Geometry
 from deconflict.contention.journeys import Leg, aisle_wants, hindrances, legs, place_wants, way_wants
 from deconflict.contention.occupancy import Dwells
@@ -160,11 +161,21 @@ class Contention:
         aisles = [zone.id for zone in self.geometry.zones.values() if zone.kind == "aisle"]
         wants = place_wants(journeys, {one.id: one.capacity for one in resources.values()})
         self._rings = rings([*wants, *aisle_wants(every, aisles), *way_wants(in_way)])
+        refuges = self._refuges() if self._rings else []
         for ring in self._rings:
-            advice = self._advising.way_through(ring, self.robots.seen, now_s)
+            advice = self._advising.way_out(ring, self.robots.seen, refuges, now_s)
             yield findings.deadlock(self.geometry, ring, advice, self.robots.seen, now_s)
         for one in blockages(in_way, self.robots.seen, now_s, self._settings.stand_s):
             yield findings.blockage(one, self.robots.seen, now_s)
+
+    def _refuges(self) -> list[Refuge]:
+        """Places with room left where a robot is in nobody's way."""
+        free = [
+            one.id
+            for one in self.geometry.resources.values()
+            if one.kind != "lift" and len(self._turns.get(one.id, ())) < one.capacity
+        ]
+        return [Refuge(place, *self.geometry.middle(place)) for place in free]
 
     def _measure(self) -> None:
         places, turns = (*self._dwells, *self._flows), self._turns

@@ -57,6 +57,7 @@ def test_advice_that_is_followed_ends_the_conflict_at_the_promised_cost() -> Non
     assert after[-1].state is AdvisoryState.CLEARED
     assert after[-1].cleared_because == UNPREDICTED
     assert floor.courses[name](40) == pytest.approx(free(40 - told.recommendation.cost_s))
+    assert floor.engine._account.burdens_s == {"Alder": hold.hold_s}, "who waited as advised has yielded"
 
 
 def test_a_robot_that_ignores_advice_is_still_told_of() -> None:

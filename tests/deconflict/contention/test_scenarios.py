@@ -101,6 +101,22 @@ def test_two_that_will_swap_their_docks_are_told_a_minute_ahead() -> None:
     assert "one of them has to go elsewhere" in one.recommendation.note
 
 
+def test_one_of_two_that_swap_is_advised_to_go_to_the_nearest_free_place_first() -> None:
+    parking = [resource(name, x, y, kind="parking") for name, x, y in (("p1", 10, -8), ("p2", 10, 5), ("p3", 10, 1))]
+    docks = site(resource("d1", 0, 0), resource("d2", 20, 0), *parking)
+    robots = {"A": standing(0, 0, (80, 20, 0)), "B": standing(20, 0, (80, 0, 0)), "C": standing(10, 1)}
+    (one,) = raised(Scene(docks, robots).run(5), "deadlock")
+    assert one.recommendation
+    stay, *slots = one.recommendation.slots
+    assert stay.resource == "p2", "p3 is taken, p1 is farther"
+    other = slots[0]
+    assert [slot.robot for slot in slots] == [other.robot, stay.robot]
+    assert {stay.robot, other.robot} == {robot("A"), robot("B")}
+    # it has 22.4 m to go instead of 20; the other one sets out 2 s after it
+    assert one.recommendation.cost_s == pytest.approx(2.36 + 2.0, abs=0.1)
+    assert "should go to p2 first, which costs 4 s in all" in one.summary
+
+
 def test_two_that_swap_places_nobody_drew_are_told_too() -> None:
     scene = Scene(site(), {"A": standing(0, 0, (80, 20, 0)), "B": standing(20, 0, (80, 0, 0))})
     (one,) = raised(scene.run(5), "deadlock")
