@@ -22,6 +22,7 @@ from deconflict.contention.watch import Contention
 from deconflict.encounter import Encounter, encounter, separation_m
 from deconflict.foresight.foresight import Foresight, Swept
 from deconflict.landmarks import Landmarks
+from deconflict.learned import Part
 from deconflict.life import HELD_SHARE, PASSED, STAND, UNPREDICTED, Lives, Pair, Party, Prediction, Scene
 from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
@@ -47,7 +48,9 @@ class Engine:
         submit: Submit = at_once,
         solve: Solve = solve,
         burdens_s: Mapping[str, float] | None = None,
+        learned: Mapping[str, Part] | None = None,
     ) -> None:
+        """`learned` is what an earlier engine's `learned()` told. Raises `UnreadableError` where it can't be that."""
         self.site = site
         self.measures = Measures()
         self.live = Live()
@@ -64,10 +67,21 @@ class Engine:
         self._contention = Contention(site.resources, site.zones, site.contention, self.measures, restored, advising)
         self._desk = Desk(site, self._account, submit)
         self._rests = Rests.at(site.resources)
+        if learned:
+            self._resume(learned)
         self._told: set[str] = set()
         """Robots with a new forecast since the last step."""
         self._quiet: list[tuple[float, str]] = []
         """A heap of when a robot's silence is next looked at, and its UUID; one entry a robot."""
+
+    def learned(self) -> dict[str, Part]:
+        """What is worth keeping over a restart, as it is now: later calls do not change it."""
+        return self.foresight.learned() | self._contention.learned() | {"rests": self._rests.learned()}
+
+    def _resume(self, learned: Mapping[str, Part]) -> None:
+        self.foresight.resume(learned)
+        self._contention.resume(learned)
+        self._rests.resume(learned.get("rests", {}))
 
     def receive(self, batch: Batch) -> None:
         """Take in the robots that changed; a batch may be the whole floor."""

@@ -14,6 +14,7 @@ import shapely
 from shapely import Polygon
 
 from deconflict.contention.resources import Resource
+from deconflict.learned import Part, UnreadableError
 
 FIRST = 10
 """Rests at one resource that make its mark."""
@@ -64,6 +65,23 @@ class Rests:
             for vendor, offsets in self._offsets.items()
             if len(offsets) >= FEWEST
         }
+
+    def learned(self) -> Part:
+        """The marks, and the newest offsets from them."""
+        marks = [[vendor, resource, at] for (vendor, resource), at in self._firsts.items()]
+        return {"marks": marks, "offsets": {vendor: list(seen) for vendor, seen in self._offsets.items()}}
+
+    def resume(self, part: Part) -> None:
+        """Go on with what `learned` told; marks of resources that are no more are dropped. Raises `UnreadableError`."""
+        known = {resource for places in self._places.values() for resource, _ in places}
+        try:
+            for vendor, resource, at in part.get("marks", ()):
+                if resource in known:
+                    self._firsts[vendor, resource] = [(float(x), float(y)) for x, y in at[:FIRST]]
+            for vendor, seen in part.get("offsets", {}).items():
+                self._offsets[vendor] = deque(((float(x), float(y)) for x, y in seen), maxlen=LATER)
+        except (TypeError, ValueError, AttributeError) as error:
+            raise UnreadableError(f"marks of docks and chargers are not told: {error}") from error
 
     def _rested(self, vendor: str, resource: str, at: Spot) -> None:
         firsts = self._firsts.setdefault((vendor, resource), [])

@@ -134,6 +134,11 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "deconflict_advisories_stored_total": Entry("counter", (), "Revisions of advisories stored and published."),
     "deconflict_store_failures_total": Entry("counter", (), "Attempts to store advisories that failed."),
+    "deconflict_learning_failures_total": Entry(
+        "counter",
+        ("what",),
+        "Attempts that failed to read, or to write, what was learned of vendors; learning goes on without.",
+    ),
     "deconflict_page_viewers": Entry("gauge", (), "Pages that follow the live picture."),
     "deconflict_stream_subscribers": Entry("gauge", (), "Open subscriptions to the advisory stream."),
     "deconflict_stream_dropped_total": Entry("counter", (), "Subscribers dropped because they stopped reading."),

@@ -118,6 +118,11 @@ ENGINE = Dashboard(
                     ),
                 ),
                 Panel(
+                    "Learning that could not be read or kept",
+                    "ops",
+                    (rated("deconflict_learning_failures_total", ["what"], "{{what}}"),),
+                ),
+                Panel(
                     "Followers of the stream, and pages",
                     "short",
                     (

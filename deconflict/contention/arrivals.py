@@ -8,6 +8,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from math import hypot
 
+from deconflict.learned import Part, numbers
+
 ARRIVED_M = 0.75
 """A robot this near its destination has arrived."""
 SHORTEST_S = 5.0
@@ -90,6 +92,16 @@ class Arrivals:
     def seen(self) -> dict[str, int]:
         """How many arrivals are known, by vendor."""
         return {vendor: len(ratios.seen) for vendor, ratios in self._ratios.items()}
+
+    def learned(self) -> Part:
+        """By vendor, when arrivals were seen, and their ratios."""
+        return {vendor: list(ratios.seen) for vendor, ratios in self._ratios.items() if ratios.seen}
+
+    def resume(self, part: Part) -> None:
+        """Go on with what `learned` told. Raises `UnreadableError`."""
+        for vendor in part:
+            seen = numbers(part, vendor, (None, 2)).tolist()
+            self._ratios[vendor] = Ratios(deque(((at_s, ratio) for at_s, ratio in seen), maxlen=MOST_RATIOS))
 
     def _arrived(self, vendor: str, now_s: float, said: list[tuple[float, float]]) -> None:
         ratios = self._ratios.setdefault(vendor, Ratios())

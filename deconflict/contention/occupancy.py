@@ -1,6 +1,7 @@
 """How long robots keep each resource: learned from what is seen, from a prior on."""
 
 from collections import deque
+from collections.abc import Iterable
 
 from deconflict.contention.resources import PRIOR_SERVICE_S, Resource
 
@@ -24,6 +25,14 @@ class Dwells:
         """A robot has left that was inside for so long."""
         if dwell_s >= SHORTEST_S:
             self._seen_s.append(dwell_s)
+
+    def learned(self) -> list[float]:
+        """Stays seen, oldest first."""
+        return list(self._seen_s)
+
+    def resume(self, seen_s: Iterable[float]) -> None:
+        """Go on with stays that were seen before."""
+        self._seen_s.extend(seen_s)
 
     @property
     def service_s(self) -> float:

@@ -4,7 +4,7 @@ Pure: data and the time in, revisions out. Robots are taken in as they change; a
 changed with them: queues of resources that somebody wants, standing robots that are in somebody's way.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from math import inf
 
 from deconflict.advisory import AnyAdvisory
@@ -21,6 +21,7 @@ from deconflict.contention.occupancy import Dwells
 from deconflict.contention.resources import ContentionSettings, Resource, Zone
 from deconflict.contention.robots import Robots, Seen
 from deconflict.contention.telling import Finding, Telling, Told
+from deconflict.learned import Part, numbers
 from ingest.measures import Measures
 from ingest.seam import Batch
 
@@ -55,6 +56,18 @@ class Contention:
 
     def open(self) -> list[Told]:
         return self._telling.open()
+
+    def learned(self) -> dict[str, Part]:
+        """What is worth keeping over a restart: how wrong arrival times were, and how long robots keep what."""
+        stays = {resource: one.learned() for resource, one in self._dwells.items()}
+        return {"arrivals": self.robots.arrivals.learned(), "stays": stays}
+
+    def resume(self, parts: Mapping[str, Part]) -> None:
+        """Go on with what `learned` told. Raises `UnreadableError`."""
+        self.robots.arrivals.resume(parts.get("arrivals", {}))
+        stays = parts.get("stays", {})
+        for resource in stays.keys() & self._dwells.keys():
+            self._dwells[resource].resume(numbers(stays, resource, (None,)).tolist())
 
     def receive(self, batch: Batch) -> None:
         """Take in the robots that changed."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from deconflict.learned import Part, numbers
 from deconflict.motion import Bools
 from ingest.seam import Floats
 
@@ -61,3 +62,15 @@ class Calibration:
         self.information = kept * self.information + (1 - kept) * np.diag(PRIOR_SD**-2.0)
         self.information += (seen * certain[:, None]).T @ seen
         self.weights = self.weights + np.linalg.solve(self.information, OUTCOME_WEIGHT * seen.T @ (met - expected))
+
+    def learned(self) -> Part:
+        """The weights, and the prior that they began with."""
+        return {"prior": PRIOR, "weights": self.weights, "information": self.information, "as_of_s": self.as_of_s}
+
+    def resume(self, part: Part) -> None:
+        """Go on with what `learned` told, unless a release with another prior did. Raises `UnreadableError`."""
+        if not np.array_equal(part.get("prior", ()), PRIOR):
+            return
+        self.weights = numbers(part, "weights", PRIOR.shape)
+        self.information = numbers(part, "information", (len(PRIOR), len(PRIOR)))
+        self.as_of_s = None if part.get("as_of_s") is None else float(numbers(part, "as_of_s", ()))

@@ -6,7 +6,7 @@ guess; robots see and avoid each other, so `calibration` makes of it the probabi
 are told by the robots' own reports, as in offline scoring.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from math import floor
@@ -20,6 +20,7 @@ from deconflict.foresight.grades import measure
 from deconflict.foresight.ledger import Errors, Ledger
 from deconflict.foresight.pairs import Outcomes, Pairs, boxes_near, codes
 from deconflict.foresight.sampling import Poses
+from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
 from ingest.measures import Measures
@@ -89,6 +90,18 @@ class Foresight:
         self._surprise = np.zeros(0)
         self._pairs = Pairs.none(FEATURES)
         self._asked_s = self._looked_s = float("-inf")
+
+    def learned(self) -> dict[str, Part]:
+        """What is worth keeping over a restart; probabilities hold for the clearance and horizon of their learning."""
+        asked = {"clearance_m": self._clearance_m, "horizon_s": self._horizon_s}
+        return {"ledger": self.ledger.learned(), "calibration": self.calibration.learned() | asked}
+
+    def resume(self, parts: Mapping[str, Part]) -> None:
+        """Go on with what `learned` told. Raises `UnreadableError`."""
+        self.ledger.resume(parts.get("ledger", {}))
+        known = parts.get("calibration", {})
+        if (known.get("clearance_m"), known.get("horizon_s")) == (self._clearance_m, self._horizon_s):
+            self.calibration.resume(known)
 
     def receive(self, batch: Batch) -> None:
         """Hold earlier forecasts against the new reports, and keep the new forecasts."""

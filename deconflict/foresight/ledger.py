@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.foresight.sketch import BINS, bins, quantiles
+from deconflict.learned import Part, UnreadableError, numbers
 from ingest.seam import Basis, Floats, Ints
 
 HORIZONS = 10
@@ -27,6 +28,9 @@ LEVEL_GAIN = 0.003
 LEVEL_SLACK, HIGHEST_LEVEL = 0.2, 0.998
 """How far it may."""
 MOST_CLASSES = 100
+FEWEST_KEPT = 1.0
+"""A kind of which fewer cases are left is not remembered over a restart."""
+LEARNED = ("counts", "bias_m", "level", "covered", "cases", "as_of_s")
 REFRESH_S = 1.0
 RADIAL, ALONG, ACROSS = range(3)
 
@@ -127,6 +131,27 @@ class Ledger:
             self._refreshed_s = now_s
             self._read_bands(sorted(self._stale))
             self._stale.clear()
+
+    def learned(self) -> Part:
+        """All of it, without kinds of which nothing is left by the time of the newest."""
+        aged = 0.5 ** ((self.as_of_s.max(initial=0.0) - self.as_of_s) / HALF_LIFE_S)
+        rows = np.flatnonzero(self.cases.sum(axis=1) * aged >= FEWEST_KEPT)
+        kinds = list(self.kinds)
+        said: Part = {name: getattr(self, name)[rows] for name in LEARNED}
+        return said | {"kinds": [list(kinds[row]) for row in rows.tolist()]}
+
+    def resume(self, part: Part) -> None:
+        """Go on with what `learned` told. Raises `UnreadableError`, and is then as it was."""
+        try:
+            kinds = [Kind(str(vendor), str(model), Basis(basis)) for vendor, model, basis in part["kinds"]]
+        except (KeyError, TypeError, ValueError) as error:
+            raise UnreadableError(f"kinds of forecasts are not told: {error}") from error
+        columns = {name: numbers(part, name, (len(kinds), *getattr(self, name).shape[1:])) for name in LEARNED}
+        self.kinds = {kind: row for row, kind in enumerate(kinds)}
+        for name, column in columns.items():
+            setattr(self, name, column)
+        self.bands_m = np.zeros((len(kinds), HORIZONS, len(SHARES)))
+        self._read_bands(list(range(len(kinds))))
 
     def reach_m(self, rows: Ints, ahead_s: Floats) -> Floats:
         """(n, m) radius of the 80 % band of each row at the times ahead (n, m); linear between and beyond."""

@@ -7,18 +7,23 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from deconflict.advisory import ADVISORY, AnyAdvisory, Recommendation
 from deconflict.engine import Engine
+from deconflict.learned import Part, UnreadableError, packed, unpacked
 from deconflict.link import Caller, LinkDownError
 from deconflict.site import Site
 from ingest.measures import Measures
 from ingest.seam import Batch, Floats
 
 RETRY_S = 0.2
+LEARNED_EVERY_S = 60.0
+"""What was learned is handed to the operator face so often, and at the end."""
 MEASURES_EVERY_S = 1.0
 
 
@@ -32,6 +37,7 @@ class EngineRole:
         self._adviser = ThreadPoolExecutor(1, "adviser")
         self._solved_s: deque[float] = deque()
         """How long advice took to work out, filled by any thread."""
+        self._kept_s = time.monotonic()
 
     def run(self, stop: threading.Event) -> None:
         """Step until `stop` is set."""
@@ -50,29 +56,38 @@ class EngineRole:
             ask = b""
             self._step(engine, batch)
         self._adviser.shutdown(cancel_futures=True)
+        self._outbox.keep(engine.learned())
         self._outbox.stop()
         self._receiver.close()
 
     def _restored(self, stop: threading.Event) -> Engine | None:
-        """An engine that goes on with the stored advisories; None if stopped before they could be had."""
+        """An engine that goes on with what is stored; None if stopped before that could be had."""
         operator = Caller(self._outbox.runtime, "operator")
         while not stop.is_set():
             try:
-                stored = json.loads(operator.call("restore"))
+                stored, learned = json.loads(operator.call("restore")), operator.call("learned")
+                try:
+                    return self._engine(stored, unpacked(learned) if learned else None)
+                except UnreadableError as error:
+                    operator.call("unlearn", str(error).encode())
+                    return self._engine(stored, None)
             except LinkDownError:
                 stop.wait(RETRY_S)
-                continue
-            operator.close()
-            ordinals = {(a, b): count for a, b, count in stored["encounters"]}
-            return Engine(
-                self._site,
-                [ADVISORY.validate_python(one) for one in stored["open"]],
-                ordinals,
-                lambda work: self._adviser.submit(self._timed, work),
-                self._timed,
-                stored["burdens_s"],
-            )
+            finally:
+                operator.close()
         return None
+
+    def _engine(self, stored: dict[str, Any], learned: dict[str, Part] | None) -> Engine:
+        """An engine that goes on with the stored advisories, and with what was learned."""
+        return Engine(
+            self._site,
+            [ADVISORY.validate_python(one) for one in stored["open"]],
+            {(a, b): count for a, b, count in stored["encounters"]},
+            lambda work: self._adviser.submit(self._timed, work),
+            self._timed,
+            stored["burdens_s"],
+            learned,
+        )
 
     def _timed(self, work: Callable[[], Recommendation]) -> Recommendation:
         began_s = time.perf_counter()
@@ -88,6 +103,9 @@ class EngineRole:
         solved_s = [self._solved_s.popleft() for _ in range(len(self._solved_s))]
         engine.measures.observe("deconflict_advice_solve_seconds", solved_s)
         self._outbox.put(revisions, arrivals_s(batch), engine.measures)
+        if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
+            self._kept_s = time.monotonic()
+            self._outbox.keep(engine.learned())
 
 
 def arrivals_s(batch: Batch) -> dict[str, Floats]:
@@ -113,6 +131,7 @@ class Outbox:
         self._operator = Caller(runtime, "operator")
         self._waiting: queue.Queue[bytes | None] = queue.Queue()
         self._arrivals: queue.Queue[dict[str, Floats]] = queue.Queue()
+        self._learned: deque[dict[str, Part]] = deque(maxlen=1)
         self._thread = threading.Thread(target=self._deliver, name="outbox")
         self._stopping = threading.Event()
         self._measured_s = 0.0
@@ -139,6 +158,10 @@ class Outbox:
         }
         self._waiting.put(json.dumps(parcel).encode() if revisions or due else b"")
 
+    def keep(self, learned: dict[str, Part]) -> None:
+        """Hand over what was learned after the next parcel; what still waits is replaced by it."""
+        self._learned.append(learned)
+
     def _deliver(self) -> None:
         while (parcel := self._waiting.get()) is not None:
             if parcel:
@@ -147,6 +170,13 @@ class Outbox:
             for vendor, arrivals_s in self._arrivals.get().items():
                 waits_s = (now_s - arrivals_s).clip(0).tolist()
                 self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)
+            self._keep()
+        self._keep()
+
+    def _keep(self) -> None:
+        with suppress(LinkDownError):  # the next will come in a minute
+            while self._learned:
+                self._operator.call("learn", packed(self._learned.pop()))
 
     def _publish(self, parcel: bytes) -> None:
         while True:

@@ -12,6 +12,7 @@ from typing import Any
 
 from deconflict.advisory import ADVISORY
 from deconflict.asgi import face_server
+from deconflict.learned_file import LearnedFile
 from deconflict.link import AsyncCaller, LinkDownError, PortTakenError, listening, socket_path
 from deconflict.operator import Exposition, SourceUnavailableError, create_app
 from deconflict.outlets.broker import Broker
@@ -50,12 +51,21 @@ class OperatorRole:
         self._certificates = Certificates(site.operator.tls) if site.operator.tls else None
         self._store = Store(data)
         self._app = create_app(self._store, self, exposition, site)
+        self._learned_file = LearnedFile(data, self._app.state.measures)
         self._outlets = self._outlets_of(site)
         self._past = Past(site, data / "log")
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
-        calls = {"restore": self._restore, "publish": self._publish, "measures": self._measures, "health": self._health}
+        calls = {
+            "restore": self._restore,
+            "learned": self._learned,
+            "learn": self._learn,
+            "unlearn": self._unlearn,
+            "publish": self._publish,
+            "measures": self._measures,
+            "health": self._health,
+        }
         server, bound = face_server(self._app, self._certificates), self._bound()
         self.port = bound.getsockname()[1]
         async with listening(socket_path(self._runtime, "operator"), calls):
@@ -205,6 +215,17 @@ class OperatorRole:
             "encounters": [[*pair, count] for pair, count in self._store.encounters().items()],
         }
         return json.dumps(stored).encode()
+
+    async def _learned(self, _: bytes) -> bytes:
+        return await asyncio.to_thread(self._learned_file.read)
+
+    async def _learn(self, learned: bytes) -> bytes:
+        await asyncio.to_thread(self._learned_file.write, learned)
+        return b"kept"
+
+    async def _unlearn(self, why: bytes) -> bytes:
+        await asyncio.to_thread(self._learned_file.set_aside, why.decode())
+        return b"set aside"
 
     async def _measures(self, _: bytes) -> bytes:
         return json.dumps([*await self.measures(), self._app.state.measures.as_document()]).encode()

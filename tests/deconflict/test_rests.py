@@ -85,3 +85,16 @@ def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
             engine.step(t_s)
             t_s += 20
     assert engine.measures.values["deconflict_datum_drift_metres"]["Alder",] == pytest.approx(0.4)
+
+
+def test_marks_are_kept_over_a_restart_but_for_docks_that_are_no_more() -> None:
+    rests, _ = settled()
+    resumed, smaller = Rests.at(DOCKS), Rests.at(DOCKS[:1])
+    for one in (resumed, smaller):
+        one.resume(rests.learned())
+    for one in (rests, resumed, smaller):
+        for _ in range(FEWEST):
+            rest(one, 1, 0.5, 0.0)
+    assert resumed.drift_m() == rests.drift_m()
+    assert rests.drift_m()["Acme",] == pytest.approx(0.5, abs=0.1)
+    assert smaller.drift_m() == {}

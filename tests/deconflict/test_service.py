@@ -60,6 +60,13 @@ class Running:
                     return answer.json()
                 await asyncio.sleep(0.05)
 
+    async def metrics_with(self, name: str) -> str:
+        """The scrape once it has a series that begins so."""
+        async with asyncio.timeout(20):
+            while f"\n{name}" not in (text := (await self.get("/metrics")).text):
+                await asyncio.sleep(0.05)
+        return text
+
 
 @asynccontextmanager
 async def running(data: Path, site: Site = SITE) -> AsyncIterator[Running]:

@@ -53,3 +53,12 @@ def test_what_is_kept_is_bounded() -> None:
     for number in range(2 * MOST_RATIOS):
         trip(arrivals, "r", 1000.0 * number, takes_s=60.0, told_s=60.0)
     assert arrivals.seen() == {"Alder": MOST_RATIOS}
+
+
+def test_what_was_learned_goes_on_after_a_restart() -> None:
+    arrivals, resumed = Arrivals(), Arrivals()
+    for number in range(20):
+        trip(arrivals, "r", 1000.0 * number, takes_s=90.0, told_s=60.0)
+    resumed.resume(arrivals.learned())
+    assert resumed.quantiles("Alder") == arrivals.quantiles("Alder")
+    assert resumed.seen() == {"Alder": 20}

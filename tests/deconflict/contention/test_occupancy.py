@@ -41,3 +41,11 @@ def test_who_has_stayed_long_is_compared_with_those_who_stayed_longer() -> None:
     for dwell_s in (10.0, 10.0, 10.0, 10.0, 10.0, 100.0, 100.0):
         dwells.left_after(dwell_s)
     assert dwells.remaining_s(50.0) == 50.0
+
+
+def test_stays_that_were_seen_count_after_a_restart() -> None:
+    dwells, resumed = Dwells(resource("c", 0, 0, kind="charger")), Dwells(resource("c", 0, 0, kind="charger"))
+    for _ in range(9):
+        dwells.left_after(120.0)
+    resumed.resume(dwells.learned())
+    assert resumed.service_s == 120.0

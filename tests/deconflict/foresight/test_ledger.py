@@ -3,6 +3,7 @@ import pytest
 from numpy.random import default_rng
 
 from deconflict.foresight.ledger import HALF_LIFE_S, HORIZONS, MOST_CLASSES, PRIOR_MPS, Errors, Ledger
+from deconflict.learned import UnreadableError
 from ingest.seam import Basis, Floats
 
 NOW_S = 1_790_000_000.0
@@ -67,3 +68,32 @@ def test_kinds_are_bounded_and_the_rest_share_one() -> None:
     rows = {ledger.row("Alder", f"model-{n}", Basis.PATH, NOW_S) for n in range(MOST_CLASSES + 50)}
     assert len(rows) == MOST_CLASSES + 1
     assert ledger.bands_m.shape == (MOST_CLASSES + 1, HORIZONS, 3)
+
+
+def test_what_was_learned_fades_by_the_stamps_over_a_restart() -> None:
+    ledger, resumed = Ledger(), Ledger()
+    row = ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
+    ledger.record(errors(ledger, row, 1, np.ones(8)), NOW_S)
+    resumed.resume(ledger.learned())
+    resumed.record(errors(resumed, row, 2, np.ones(1)), NOW_S + HALF_LIFE_S)
+    assert resumed.cases[row, :2].tolist() == pytest.approx([4.0, 1.0])
+
+
+def test_a_kind_of_which_nothing_is_left_is_not_kept() -> None:
+    ledger, resumed = Ledger(), Ledger()
+    for model, at_s in (("A-7", NOW_S), ("A-8", NOW_S + 20 * HALF_LIFE_S)):
+        row = ledger.row("Alder", model, Basis.PATH, at_s)
+        ledger.record(errors(ledger, row, 1, np.ones(100)), at_s)
+    resumed.resume(ledger.learned())
+    assert [kind.model for kind in resumed.kinds] == ["A-8"]
+    assert resumed.bands_m[0].tolist() == ledger.bands_m[1].tolist()
+
+
+def test_learning_of_another_shape_is_refused_and_changes_nothing() -> None:
+    ledger = Ledger()
+    ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
+    told = ledger.learned()
+    for wrong in ({}, told | {"counts": np.zeros((1, 2))}, told | {"kinds": [["Alder", "", 77]]}):
+        with pytest.raises(UnreadableError):
+            ledger.resume(wrong)
+    assert len(ledger.kinds) == 1
