@@ -1,4 +1,4 @@
-"""The advisory as published, from raised to cleared: a conflict, a contention, a deadlock or a blockage."""
+"""The advisory as published, from raised to cleared: a conflict, a contention, a deadlock, a blockage or a claim."""
 
 from datetime import datetime
 from enum import StrEnum
@@ -106,14 +106,20 @@ class Advisory(Published):
     cleared_because: str | None = Field(default=None, description="why it was cleared, in words")
     predicted_at: datetime = Field(description="when what it warns of begins")
     time_to_conflict_s: float = Field(ge=0, description="from updated_at to predicted_at; 0 where it has begun")
-    location: Location = Field(description="where it begins")
+    location: Location | None = Field(description="where it begins; null where no place is known")
     summary: str = Field(description="one sentence for a person")
     recommendation: Recommendation | None = None
     acknowledgement: Acknowledgement | None = Field(default=None, description="the newest there is")
     safety_rated: Literal[False] = False
 
 
-class ConflictAdvisory(Advisory):
+class PlacedAdvisory(Advisory):
+    """An advisory on something that happens at a place."""
+
+    location: Location = Field(description="where it begins")
+
+
+class ConflictAdvisory(PlacedAdvisory):
     """One encounter of two robots: their envelopes come within the clearance."""
 
     kind: Literal["conflict"] = "conflict"
@@ -133,7 +139,7 @@ class ConflictAdvisory(Advisory):
     closing_speed_mps: float = Field(description="at predicted_at; negative where they draw apart")
 
 
-class ContentionAdvisory(Advisory):
+class ContentionAdvisory(PlacedAdvisory):
     """More robots than a resource or zone holds: soon (contention), or now (double occupancy)."""
 
     kind: Literal["contention", "double_occupancy"]
@@ -145,14 +151,14 @@ class ContentionAdvisory(Advisory):
     wait_s: float = Field(ge=0, description="longest wait expected")
 
 
-class DeadlockAdvisory(Advisory):
+class DeadlockAdvisory(PlacedAdvisory):
     """Robots that wait for each other in a ring, or will."""
 
     kind: Literal["deadlock"] = "deadlock"
     cycle: tuple[Wait, ...] = Field(min_length=1, description="the evidence; each holder is the next one's waiter")
 
 
-class BlockageAdvisory(Advisory):
+class BlockageAdvisory(PlacedAdvisory):
     """A robot that stands where others will pass."""
 
     kind: Literal["blockage"] = "blockage"
@@ -161,10 +167,21 @@ class BlockageAdvisory(Advisory):
     holds_up: tuple[Robot, ...] = Field(description="the robots that it will hold up, soonest first")
 
 
+class ClaimAdvisory(Advisory):
+    """Robots that another vendor reports (foreign claim), or that are reported from two places at once."""
+
+    kind: Literal["foreign_claim", "two_places"]
+    robots: tuple[Robot, ...] = Field(description="UUIDs of the first ten of them, in ascending order")
+    owner: str = Field(description="the vendor whose robots they are")
+    claimant: str = Field(description="the vendor that reports them; the owner where they are in two places")
+    claimed: int = Field(ge=1, description="how many robots there are in all, counted up to a thousand")
+
+
 AnyAdvisory = Annotated[
-    ConflictAdvisory | ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory, Field(discriminator="kind")
+    ConflictAdvisory | ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory,
+    Field(discriminator="kind"),
 ]
-Kind = Literal["conflict", "contention", "double_occupancy", "deadlock", "blockage"]
+Kind = Literal["conflict", "contention", "double_occupancy", "deadlock", "blockage", "foreign_claim", "two_places"]
 
 ADVISORY: TypeAdapter[AnyAdvisory] = TypeAdapter(AnyAdvisory)
 """Reads one revision of any kind."""

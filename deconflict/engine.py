@@ -16,7 +16,8 @@ from deconflict.advice.account import Account, Solve, solve
 from deconflict.advice.delays import Mover
 from deconflict.advice.desk import Desk, Submit, at_once
 from deconflict.advice.priorities import Priorities
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
+from deconflict.claims import Claims
 from deconflict.contention.advising import Advising
 from deconflict.contention.watch import Contention
 from deconflict.encounter import Encounter, encounter, separation_m
@@ -64,7 +65,9 @@ class Engine:
         self._account, self._priorities = Account(burdens_s), Priorities(site.vendors)
         effort = site.advice.effort
         advising = partial(Advising, account=self._account, effort=effort, solve=solve, priority=self._priority)
-        self._contention = Contention(site.resources, site.zones, site.contention, self.measures, restored, advising)
+        queues = [one for one in restored if not isinstance(one, ConflictAdvisory | ClaimAdvisory)]
+        self._contention = Contention(site.resources, site.zones, site.contention, self.measures, queues, advising)
+        self._claims = Claims(self.live, [one for one in restored if isinstance(one, ClaimAdvisory)])
         self._desk = Desk(site, self._account, submit)
         self._rests = Rests.at(site.resources)
         if learned:
@@ -96,6 +99,7 @@ class Engine:
             self._rests.moves(uuid)
         self._sweeper.discard(batch.gone)
         self._contention.receive(batch)
+        self._claims.receive(batch)
         self.foresight.receive(batch)
 
     def step(self, now_s: float) -> list[AnyAdvisory]:
@@ -108,6 +112,7 @@ class Engine:
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene)]
         revisions += self._advise(now_s)
         revisions += self._contention.step(now_s)
+        revisions += self._claims.step(now_s)
         self._account.settle(revisions)
         self._measure(conflicts, revisions)
         return revisions
@@ -223,7 +228,7 @@ class Engine:
                         "deconflict_conflicts_ended_total", vendor, OUTCOMES.get(one.cleared_because, "left")
                     )
         open_now: dict[tuple[str, ...], float] = {}
-        for one in (*self._lives.open(), *self._contention.open()):
+        for one in (*self._lives.open(), *self._contention.open(), *self._claims.open()):
             key = (one.kind, one.severity.value)
             open_now[key] = open_now.get(key, 0) + 1
         self.measures.level("deconflict_advisories_open", open_now)

@@ -123,8 +123,9 @@ class View:
         end_s = time.time() if until_s is None else until_s
         counts: dict[str, Counter[tuple[float, float]]] = {}
         for one in self._store.raised(end_s - HEAT_S, end_s):
-            cell = (_cell(one.location.x), _cell(one.location.y))
-            counts.setdefault(one.location.datum, Counter())[cell] += 1
+            if one.location:
+                cell = (_cell(one.location.x), _cell(one.location.y))
+                counts.setdefault(one.location.datum, Counter())[cell] += 1
         floors = {datum: [(*cell, count) for cell, count in cells.items()] for datum, cells in counts.items()}
         return _json(Heat(since_s=end_s - HEAT_S, until_s=end_s, cell_m=HEAT_CELL_M, floors=floors))
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ingest import messages, watch
+from ingest.claims import Claims
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.connection import Connection
 from ingest.forecast import Body, Forecast, Sighting, Stop, View, body_of, forecast, matches, stops
@@ -79,6 +80,7 @@ class Fleet:
         self._floors: dict[str, int] = {}
         self._speaking: dict[int, set[str]] = {}
         self._of_vendor: Counter[str] = Counter()
+        self._claims = Claims()
 
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         """Take one message; the code of the rule that rejected it, or None where it was accepted."""
@@ -92,7 +94,9 @@ class Fleet:
             reason = f"location {message.x}, {message.y} is nowhere on datum {message.datum}; check units and order"
             self.refuse("position-absurd", reason, raw, arrival_s, connection)
             return "position-absurd"
-        if owner := self._other_owner(message, connection):
+        owner, speaker = self._owner(message.uuid), self._speaker(message, connection)
+        if owner and speaker not in (None, owner):
+            self._claims.refused(message.uuid, owner, speaker or UNKNOWN, arrival_s)
             reason = f"robot {message.uuid} is {owner}'s; that vendor may report it, or the site file name another"
             self.refuse("uuid-of-another-vendor", reason, raw, arrival_s, connection)
             return "uuid-of-another-vendor"
@@ -170,6 +174,7 @@ class Fleet:
             forecasts=_layout([robot.forecast for robot in robots if robot.forecast]),
             destinations=_destinations([robot.stops for robot in robots]),
             gone=gone,
+            claims=self._claims.standing(now_s),
         )
 
     def documents(self, now_s: float) -> list[dict[str, Any]]:
@@ -215,14 +220,16 @@ class Fleet:
         only = next(iter(speaking)) if len(speaking) == 1 else UNKNOWN
         return self.vendors.of_robot(uuid) or connection.vendor or only
 
-    def _other_owner(self, message: Identity | Status, connection: Connection) -> str | None:
-        """The vendor that the robot belongs to, where the message speaks for another one."""
-        named, robot = self.vendors.of_robot(message.uuid), self.robots.get(message.uuid)
-        owner = named or (robot.vendor if robot and robot.owned else None)
-        speaker = connection.vendor
-        if speaker is None and named is None and isinstance(message, Identity):
-            speaker = self.vendors.of_manufacturer(message.manufacturer)
-        return owner if owner and speaker not in (None, owner) else None
+    def _owner(self, uuid: str) -> str | None:
+        """The vendor that the robot is known to belong to."""
+        robot = self.robots.get(uuid)
+        return self.vendors.of_robot(uuid) or (robot.vendor if robot and robot.owned else None)
+
+    def _speaker(self, message: Identity | Status, connection: Connection) -> str | None:
+        """The vendor that a message speaks for, where that is told."""
+        if connection.vendor or self.vendors.of_robot(message.uuid) or isinstance(message, Status):
+            return connection.vendor
+        return self.vendors.of_manufacturer(message.manufacturer)
 
     def _admit(self, uuid: str, connection: Connection) -> Robot:
         robot = Robot(uuid, self._vendor_of(uuid, connection), SenderClock(self.reading.clock_tolerance_s))
@@ -250,7 +257,7 @@ class Fleet:
         if robot.seen:
             status = messages.read(robot.status_raw, names_as_uuid=self._namer(connection))
             if isinstance(status, Status):
-                self._place(robot, status, robot.seen.t_s, None)
+                self._place(robot, status, *self._sight(robot, status, robot.seen.t_s), None)
         changed = before is not None and _who(before) != _who(identity)
         return ("identity-changed",) if changed else ()
 
@@ -262,8 +269,12 @@ class Fleet:
             findings += ("stamp-stale",)
         if abs(robot.clock.offset_s) > self.reading.clock_tolerance_s + status.stamp_resolution_s:
             findings += ("clock-off",)
+        frame, sight = self._sight(robot, status, event_s)
         if robot.seen:
             findings += watch.frequency(arrival_s - robot.arrival_s, self.reading.quiet_after_s)
+            if NOWHERE not in (sight.floor, robot.seen.floor):
+                gap_s = arrival_s - robot.arrival_s
+                self._claims.seen(robot.uuid, robot.vendor, robot.seen, sight, gap_s, arrival_s)
             if event_s < robot.seen.t_s:
                 return (*findings, "stamp-not-increasing")
         robot.status_raw, robot.arrival_s = raw, arrival_s
@@ -273,21 +284,26 @@ class Fleet:
         else:
             robot.first_arrival_s = arrival_s
         robot.statuses += 1
-        findings += self._place(robot, status, event_s, robot.seen)
+        findings += self._place(robot, status, frame, sight, robot.seen)
         self.robots.move_to_end(robot.uuid)
         return findings
 
-    def _place(self, robot: Robot, status: Status, event_s: float, before: Sighting | None) -> tuple[str, ...]:
-        """Put the robot on its floor and forecast it from there."""
+    def _sight(self, robot: Robot, status: Status, event_s: float) -> tuple[Frame, Sighting]:
         frame, floor = self._frame(robot.vendor, status.datum)
+        return frame, _sight(status, frame, floor, event_s)
+
+    def _place(
+        self, robot: Robot, status: Status, frame: Frame, sight: Sighting, before: Sighting | None
+    ) -> tuple[str, ...]:
+        """Put the robot on its floor and forecast it from there."""
         view = View(
             self._body(robot, status),
-            event_s - status.stamp_s,
+            sight.t_s - status.stamp_s,
             self._frame_of(robot.vendor, status.datum),
             self.reading,
         )
         robot.frame = frame
-        robot.seen, findings = watch.reconcile(before, _sight(status, frame, floor, event_s))
+        robot.seen, findings = watch.reconcile(before, sight)
         robot.forecast = forecast(status, robot.seen, view)
         robot.stops = stops(status, robot.seen, view)
         lost = matches(status.error_codes, self.reading.lost_errors)

@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,6 +113,19 @@ class Destinations:
     """(m,) index into the batch's floors; -1 where it is compared with nothing."""
 
 
+class Claim(NamedTuple):
+    """Robots of one vendor that another one reports; where both are the same, that are reported from two places."""
+
+    owner: str
+    claimant: str
+    robots: tuple[str, ...]
+    """UUIDs in the order in which they were claimed, the first few."""
+    claimed: int
+    """How many there are in all."""
+    since_s: float
+    """When the first report of it arrived."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Batch:
     """The robots that changed by the tick at `now_s`. All times are seconds since the epoch, service clock."""
@@ -148,6 +161,8 @@ class Batch:
     """Of n robots, in the same order."""
     gone: tuple[str, ...]
     """UUIDs of robots that were forgotten."""
+    claims: tuple[Claim, ...] = ()
+    """All that stand at the tick."""
 
     def __len__(self) -> int:
         return len(self.robots)
@@ -177,10 +192,13 @@ class Batch:
             for part, kind in _PARTS.items()
         }
         now_s = words.pop("now_s")
+        claims = tuple(
+            Claim(owner, claimant, tuple(robots), *told) for owner, claimant, robots, *told in words.pop("claims")
+        )
         told: dict[str, Any] = {name: tuple(value) for name, value in words.items()}
-        return cls(now_s=now_s, **parts, **arrays, **told)
+        return cls(now_s=now_s, claims=claims, **parts, **arrays, **told)
 
 
-_WORDS = ("now_s", "floors", "robots", "vendors", "models", "names", "states", "gone")
+_WORDS = ("now_s", "floors", "robots", "vendors", "models", "names", "states", "gone", "claims")
 _ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m")
 _PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

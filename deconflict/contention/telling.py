@@ -1,10 +1,11 @@
-"""The life of advisories on contention, deadlocks and blockages: which findings are told, and until when.
+"""The life of advisories on contention, deadlocks, blockages and claims: which findings are told, and until when.
 
 nothing --(2 of 3 looks find it)--> raised
 raised, updated --(who, when, how long or how badly changed enough)--> updated
 raised, updated --(not found for a while)--> cleared
 """
 
+import json
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -14,9 +15,8 @@ from uuid import uuid5
 
 from deconflict.advisory import (
     AdvisoryState,
-    AnyAdvisory,
     BlockageAdvisory,
-    ConflictAdvisory,
+    ClaimAdvisory,
     ContentionAdvisory,
     DeadlockAdvisory,
     Kind,
@@ -34,20 +34,24 @@ MOVED_S, MOVED_SHARE = 3.0, 0.2
 RESTORED_S = 15.0
 """A restored advisory that is not found again within this time is cleared."""
 
-MODELS: dict[str, type[ContentionAdvisory] | type[DeadlockAdvisory] | type[BlockageAdvisory]] = {
+Told = ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory
+
+MODELS: dict[str, type[Told]] = {
     "contention": ContentionAdvisory,
     "double_occupancy": ContentionAdvisory,
     "deadlock": DeadlockAdvisory,
     "blockage": BlockageAdvisory,
+    "foreign_claim": ClaimAdvisory,
+    "two_places": ClaimAdvisory,
 }
 OVER = {
     "contention": "nobody is expected to wait long any more",
     "double_occupancy": "no more robots are there than it takes",
     "deadlock": "they no longer wait for each other",
     "blockage": "it no longer stands in anybody's way",
+    "foreign_claim": "the other vendor no longer reports them",
+    "two_places": "they are reported from one place again",
 }
-
-Told = ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +60,12 @@ class Finding:
 
     kind: Kind
     about: str
-    """What stays the same while it lasts: the resource, the blocker, the robots of the ring."""
+    """What stays the same while it lasts: the resource, the blocker, the ring's robots, who claims whose."""
     severity: Severity
     robots: tuple[str, ...]
     """In ascending order."""
     predicted_s: float
-    location: Location
+    location: Location | None
     summary: str
     evidence: dict[str, Any]
     """The fields of its kind of advisory."""
@@ -82,27 +86,24 @@ class _Track:
 class Telling:
     """Every finding under watch, and the advisories open on them."""
 
-    def __init__(self, clear_after_s: float, restored: Iterable[AnyAdvisory] = ()) -> None:
+    def __init__(self, clear_after_s: float, restored: Iterable[Told] = ()) -> None:
         self._clear_after_s = clear_after_s
         self._tracks: dict[str, _Track] = {}
         self._restored = True
         for one in restored:
-            if not isinstance(one, ConflictAdvisory):
-                self._tracks[_key(one)] = _Track(advisory=one)
+            self._tracks[_key(one)] = _Track(advisory=one)
 
     def open(self) -> list[Told]:
         return [track.advisory for track in self._tracks.values() if track.advisory]
 
-    def step(
-        self, now_s: float, findings: Iterable[Finding], party: Callable[[str], tuple[str, str]]
-    ) -> list[AnyAdvisory]:
+    def step(self, now_s: float, findings: Iterable[Finding], party: Callable[[str], tuple[str, str]]) -> list[Told]:
         """The revisions that this look makes, by key. `party` gives the name and vendor of a robot that is known."""
         if self._restored:
             self._restored = False
             for track in self._tracks.values():
                 track.found_s = now_s + RESTORED_S - self._clear_after_s
         found = {one.key: one for one in findings}
-        revisions: list[AnyAdvisory] = []
+        revisions: list[Told] = []
         for key in sorted(found.keys() | self._tracks.keys()):
             track = self._tracks.setdefault(key, _Track())
             track.looks.append(key in found)
@@ -135,7 +136,13 @@ def moment(t_s: float) -> datetime:
 def _key(one: Told) -> str:
     if isinstance(one, ContentionAdvisory):
         return f"{one.kind} {one.resource}"
+    if isinstance(one, ClaimAdvisory):
+        return f"{one.kind} {about_claim(one.owner, one.claimant)}"
     return f"{one.kind} {one.blocker if isinstance(one, BlockageAdvisory) else ' '.join(one.robots)}"
+
+
+def about_claim(owner: str, claimant: str) -> str:
+    return json.dumps([owner, claimant])
 
 
 def _fields(finding: Finding, now_s: float, party: Callable[[str], tuple[str, str]]) -> dict[str, Any]:
@@ -190,6 +197,8 @@ def _differs(before: Told, told: dict[str, Any], now_s: float) -> bool:
         return bool(longer_s > max(MOVED_S, MOVED_SHARE * before.wait_s) or told["queue_length"] != before.queue_length)
     if isinstance(before, BlockageAdvisory):
         return bool(told["holds_up"] != before.holds_up)
+    if isinstance(before, ClaimAdvisory):
+        return bool(told["claimed"] >= 2 * before.claimed)
     return [(one.waiter, one.holder) for one in told["cycle"]] != [(one.waiter, one.holder) for one in before.cycle]
 
 

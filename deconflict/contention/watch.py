@@ -7,7 +7,6 @@ changed with them: queues of resources that somebody wants, standing robots that
 from collections.abc import Callable, Iterable, Mapping
 from math import inf
 
-from deconflict.advisory import AnyAdvisory
 from deconflict.contention import findings
 from deconflict.contention.advising import Advising, advising_alone
 from deconflict.contention.blockages import blockages
@@ -39,7 +38,7 @@ class Contention:
         zones: Iterable[Zone],
         settings: ContentionSettings,
         measures: Measures,
-        restored: Iterable[AnyAdvisory] = (),
+        restored: Iterable[Told] = (),
         advising: Callable[[Geometry], Advising] = advising_alone,
     ) -> None:
         self.geometry = Geometry(resources, zones)
@@ -77,7 +76,7 @@ class Contention:
                 self._dwells[resource].left_after(dwell_s)
         self.robots.forget(batch.gone)
 
-    def step(self, now_s: float) -> list[AnyAdvisory]:
+    def step(self, now_s: float) -> list[Told]:
         """The revisions of this look; none between looks."""
         if now_s - self._looked_s < LOOK_S:
             return []

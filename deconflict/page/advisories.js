@@ -91,15 +91,16 @@ export class List {
     say(parts.severity, `${SIGNS[one.severity]} ${one.severity}`);
     say(parts.when, countdown(one, nowS));
     say(parts.what, what(one));
-    say(parts.advice, said ? `Advised: ${said}` : "No advice yet");
+    say(parts.advice, said ? `Advised: ${said}` : one.claimant ? "" : "No advice yet");
     parts.advice.classList.toggle("none", !said);
     say(parts.answer, answer ? `✓ ${answer.name}: ${answer.reason}` : "");
     parts.answer.hidden = !answer;
     parts.show.setAttribute("aria-label", `Show on the map: ${what(one)}`);
     parts.take.setAttribute("aria-label", `Acknowledge: ${what(one)}`);
     parts.take.disabled = past;
-    item.dataset.floor = floorName(one.location.datum);
+    item.dataset.floor = one.location ? floorName(one.location.datum) : "";
     item.dataset.kind = one.kind;
+    parts.show.hidden = !one.location;
   }
 }
 

@@ -66,7 +66,7 @@ function scene() {
   const atS = nowS(), unidentified = new Set(past.floor ? [] : live.health.unidentified ?? []);
   const here = [...robots().values()].filter((one) => one.floor === floor);
   for (const robot of here) mark(robot, atS, unidentified);
-  const told = open().filter((one) => one.location.datum === floor).sort(urgency), involved = new Map(), contended = new Map();
+  const told = open().filter((one) => one.location?.datum === floor).sort(urgency), involved = new Map(), contended = new Map();
   for (const one of [...told].reverse()) {
     for (const uuid of one.robots) involved.set(uuid, one.severity);
     if (one.resource) contended.set(one.resource, one);
@@ -104,7 +104,7 @@ function draw(at) {
 
 function tabs() {
   const told = floors(), counts = new Map();
-  for (const one of open()) counts.set(one.location.datum, (counts.get(one.location.datum) ?? 0) + 1);
+  for (const one of open()) counts.set(one.location?.datum, (counts.get(one.location?.datum) ?? 0) + 1);
   const key = JSON.stringify([told.map((one) => [one.id, one.name, counts.get(one.id)]), floor]);
   if ($("tabs").dataset.key === key) return;
   $("tabs").dataset.key = key;
@@ -142,7 +142,7 @@ function list() {
   vendors.legend($("legend"), root.dataset.theme, swatch);
   $("nothing").hidden = here.length > 0;
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Point the robots at the service; they appear by themselves.";
-  $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${told.filter((one) => one.location.datum === floor).length} open advisories. Arrow keys move, plus and minus zoom, 0 shows all.`);
+  $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${told.filter((one) => one.location?.datum === floor).length} open advisories. Arrow keys move, plus and minus zoom, 0 shows all.`);
   $("clock").textContent = clock(nowS());
   vendors.table($("vendors").tBodies[0], live.health);
   if ($("robots").open) table(here);
@@ -187,10 +187,12 @@ function choose(id) {
   chosen = id;
   const one = open().find((other) => other.id === id);
   if (!one) return;
-  floor = one.location.datum;
-  moved = true;
-  camera.scale = Math.max(camera.scale, 28);
-  camera.look(one.location.x, one.location.y);
+  if (one.location) {
+    floor = one.location.datum;
+    moved = true;
+    camera.scale = Math.max(camera.scale, 28);
+    camera.look(one.location.x, one.location.y);
+  }
   $("map").scrollIntoView({ block: "nearest" });
   list();
 }

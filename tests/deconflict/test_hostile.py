@@ -145,9 +145,11 @@ async def test_hostile_senders_are_counted_and_honest_robots_are_still_warned(tm
         service = Running(*roles)
         abusing = [asyncio.create_task(abuse(service.robots_url)) for abuse in ABUSES]
         driving = asyncio.create_task(drive(f"{service.robots_url}/Alder", CROSSING, 30))
-        told = await first_advisory(service)
+        told = await first_advisory(service, "conflict")
         assert (told.state, set(told.robots)) == (AdvisoryState.RAISED, {robot("A-1"), robot("B-1")})
         await asyncio.gather(*abusing)
+        claimed = await first_advisory(service, "foreign_claim")
+        assert (claimed.owner, claimed.claimant, claimed.robots) == ("Alder", "Mallory", (robot("A-1"),))
         wanted = {*BROKEN, "robots-too-many", "uuid-of-another-vendor", "message-too-large"}
         async with asyncio.timeout(30):
             while not wanted <= set(rejections((await service.get("/metrics")).text)):
@@ -163,6 +165,9 @@ async def test_hostile_senders_are_counted_and_honest_robots_are_still_warned(tm
         assert (await service.get("/healthz")).status_code == 200
 
 
-async def first_advisory(service: Running) -> Any:
+async def first_advisory(service: Running, kind: str) -> Any:
     async with connect(f"ws://{service.face}/advisories/stream?after=0") as stream, asyncio.timeout(20):
-        return ADVISORY.validate_json(await stream.recv())
+        while True:
+            told = ADVISORY.validate_json(await stream.recv())
+            if told.kind == kind:
+                return told

@@ -5,14 +5,17 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import pytest
+from websockets.sync.client import connect
 
 from deconflict.demo import demo_site
+from tests.saying import identity, status
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -36,6 +39,7 @@ class Service:
         self._site = directory / "site.toml"
         ports = f"\n[receiver]\nport = {self._robots}\n\n[operator]\nport = {self._face}\n"
         self._site.write_text(demo_site().read_text() + ports)
+        self.robots_url = f"ws://127.0.0.1:{self._robots}"
         self.url = f"http://127.0.0.1:{self._face}/"
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
@@ -149,6 +153,21 @@ def test_a_floor_without_robots_says_so(browser: "Browser", service: Service) ->
         until(page, "document.getElementById('nothing').textContent.startsWith('No robot has been heard yet')")
         assert page.is_visible("#none")
         keep(page, "empty")
+
+
+def test_a_claim_on_a_robot_that_has_no_place_is_in_the_list_without_a_way_to_it(
+    browser: "Browser", service: Service
+) -> None:
+    with opened(browser, service) as page:
+        with connect(f"{service.robots_url}/Alder") as alder, connect(f"{service.robots_url}/Corvid") as corvid:
+            alder.send(identity("A-1", time.time()))
+            while not page.request.get(f"{service.url}robots").json()["robots"]:
+                page.wait_for_timeout(50)
+            corvid.send(status("A-1", time.time(), 5.0, 5.0))
+        card = page.wait_for_selector('#advisories li[data-kind="foreign_claim"]')
+        assert card
+        assert "Corvid reports Alder " in (card.text_content() or "")
+        assert not page.is_visible('#advisories li[data-kind="foreign_claim"] .show')
 
 
 def test_a_conflict_is_in_the_list_and_at_its_place_and_can_be_acknowledged(browser: "Browser", floor: Service) -> None:

@@ -102,6 +102,7 @@ async def test_robots_that_cross_are_told_of_from_raised_to_cleared(tmp_path: Pa
         assert {one.id for one in told} == {told[0].id}
         assert told[0].state is AdvisoryState.RAISED
         assert told[0].vendors == ("Alder", "Alder")
+        assert told[0].location
         assert told[0].location.datum == HALL
         assert [one.seq for one in told] == list(range(1, len(told) + 1))
         listed = (await service.get("/advisories?state=cleared")).json()["advisories"]

@@ -3,7 +3,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from ingest.seam import Basis, Batch, Destinations, Forecasts
+from ingest.seam import Basis, Batch, Claim, Destinations, Forecasts
 
 
 def forecasts(*knots: int, seed: int = 1) -> Forecasts:
@@ -70,12 +70,13 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
             floor=np.arange(n),
         ),
         gone=("g",),
+        claims=(Claim("Alder", "Mallory", ("r1", "r2"), 3, 1792000000.0),),
     )
     back = Batch.from_bytes(batch.to_bytes())
     assert_same(back.forecasts, batch.forecasts)
     for name in ("start", "t_s", "x_m", "y_m", "floor"):
         np.testing.assert_array_equal(getattr(back.destinations, name), getattr(batch.destinations, name))
-    for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone"):
+    for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone", "claims"):
         assert getattr(back, name) == getattr(batch, name)
     for name in ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m"):
         np.testing.assert_array_equal(getattr(back, name), getattr(batch, name))

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisory import AnyAdvisory, ContentionAdvisory, Location, Severity
-from deconflict.contention.telling import RESTORED_S, UPDATE_GAP_S, Finding, Telling
+from deconflict.advisory import ContentionAdvisory, Location, Severity
+from deconflict.contention.telling import RESTORED_S, UPDATE_GAP_S, Finding, Telling, Told
 from tests.saying import HALL
 
 NOW_S = 1_790_000_000.0
@@ -29,15 +29,15 @@ def party(uuid: str) -> tuple[str, str]:
     return uuid.upper(), "Alder"
 
 
-def run(telling: Telling, *looks: Finding | None, from_s: float = 0.0) -> list[AnyAdvisory]:
+def run(telling: Telling, *looks: Finding | None, from_s: float = 0.0) -> list[Told]:
     """One look a second."""
-    told: list[AnyAdvisory] = []
+    told: list[Told] = []
     for second, one in enumerate(looks):
         told += telling.step(NOW_S + from_s + second, [one] if one else [], party)
     return told
 
 
-def states(told: list[AnyAdvisory]) -> list[str]:
+def states(told: list[Told]) -> list[str]:
     return [one.state.value for one in told]
 
 
