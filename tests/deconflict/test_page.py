@@ -1,5 +1,6 @@
 """The operator's page in a real Chromium, on the real service, with the simulated vendors."""
 
+import os
 import shutil
 import signal
 import socket
@@ -15,6 +16,7 @@ import pytest
 from websockets.sync.client import connect
 
 from deconflict.demo import demo_site
+from tests.deconflict.role_processes import children
 from tests.saying import identity, status
 
 if TYPE_CHECKING:
@@ -48,6 +50,10 @@ class Service:
 
     def simulate(self) -> None:
         self._run("simulate", "--url", f"ws://127.0.0.1:{self._robots}", "--robots", "24")
+
+    def role(self, name: str) -> int:
+        """The process id of a role."""
+        return children(self._running["serve"].pid)[name]
 
     def stop(self, command: str) -> None:
         process = self._running.pop(command)
@@ -277,3 +283,25 @@ def test_losing_the_service_is_said_and_greys_and_it_comes_back_by_itself(browse
         page.wait_for_selector('[data-state="live"]')
         page.wait_for_selector("#advisories li")
         assert page.evaluate("getComputedStyle(document.getElementById('stage')).filter") == "none"
+
+
+def test_an_engine_that_stands_is_said_and_greys_while_the_page_stays_connected(
+    browser: "Browser", floor: Service
+) -> None:
+    with opened(browser, floor) as page:
+        engine = floor.role("engine")
+        os.kill(engine, signal.SIGSTOP)
+        try:
+            page.wait_for_selector('[data-state="stale"]')
+            assert "Nothing new since" in (page.text_content("#status") or "")
+            assert "grayscale" in page.evaluate("getComputedStyle(document.getElementById('stage')).filter")
+            keep(page, "stale")
+        finally:
+            os.kill(engine, signal.SIGCONT)
+        page.wait_for_selector('[data-state="live"]')
+
+
+def test_the_page_follows_the_system_into_the_dark(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor, scheme="light") as page:
+        page.emulate_media(color_scheme="dark")
+        page.wait_for_selector('[data-theme="dark"]')

@@ -18,6 +18,7 @@ import httpx
 import pytest
 
 from deconflict.service import STEADY_S, Watched
+from tests.deconflict.role_processes import children
 from tests.deconflict.test_service import Course, drive
 
 MEETING: dict[str, Course] = {"A-1": lambda t: (-30.0 + t, 0.0, 0.0), "B-1": lambda t: (30.0 - t, 0.0, pi)}
@@ -75,13 +76,6 @@ class Served:
         finally:
             driving.cancel()
             await asyncio.gather(driving, return_exceptions=True)
-
-
-def children(pid: int) -> dict[str, int]:
-    """Role to process id."""
-    pids = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    commands = {int(one): Path(f"/proc/{one}/cmdline").read_bytes().split(b"\0") for one in pids}
-    return {command[4].decode(): one for one, command in commands.items()}
 
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
