@@ -6,52 +6,35 @@ centre is within 0.75 m. The error of each word is told by how long ahead it was
 
 from collections.abc import Mapping
 from itertools import pairwise
-from math import hypot
 from typing import Any
 
 import numpy as np
 
-from ingest.seam import Batch, Ints
+from deconflict.contention.promises import Promise, Promises, Spot
+from deconflict.foresight.lateness import AHEAD_S
+from ingest.seam import Batch, Floats, Ints
 from metrics.sketch import BINS, bins_of, quantile
-
-ARRIVED_M = 0.75
-SAY_AGAIN_S = 30.0
-FORGET_S = 600.0
-"""Somebody this late is not waited for."""
-MOST_WORDS = 32
-"""Kept of one destination: a quarter of an hour."""
-AHEAD_S = (60.0, 300.0, 900.0)
-"""Words given at most so long ahead are told together."""
-
-Spot = tuple[int, float, float]
-"""Floor, x and y to the decimetre."""
 
 
 class Arrivals:
     """Words that wait for their robots, and counts of errors by vendor."""
 
     def __init__(self) -> None:
-        self._words: dict[str, dict[Spot, list[tuple[float, float]]]] = {}
-        """By robot and destination: when it was said, and the time that was told."""
+        self._promises = Promises()
         self._errors: dict[str, Ints] = {}
         """(late or early, ahead, BINS) by vendor."""
 
     def take(self, batch: Batch) -> None:
         """Robots that have reported, and where they say that they go."""
-        first = batch.forecasts.start[:-1]
-        here = zip(
-            batch.forecasts.floor[first].tolist(),
-            batch.forecasts.x_m[first].tolist(),
-            batch.forecasts.y_m[first].tolist(),
-            strict=True,
-        )
-        told = batch.destinations
-        stops = list(zip(told.floor.tolist(), told.x_m.tolist(), told.y_m.tolist(), told.t_s.tolist(), strict=True))
-        for row, (place, (begin, end)) in enumerate(zip(here, pairwise(told.start.tolist()), strict=True)):
-            if begin < end or batch.robots[row] in self._words:
-                self._hear(batch.robots[row], batch.vendors[row], float(batch.event_s[row]), place, stops[begin:end])
+        first, told = batch.forecasts.start[:-1], batch.destinations
+        here = _spots(batch, *(getattr(batch.forecasts, name)[first] for name in ("floor", "x_m", "y_m")))
+        stops = list(zip(told.t_s.tolist(), _spots(batch, told.floor, told.x_m, told.y_m), strict=True))
+        for row, (begin, end) in enumerate(pairwise(told.start.tolist())):
+            now_s, ahead = float(batch.event_s[row]), [one for one in stops[begin:end] if one[1][0]]
+            for said in self._promises.heard(batch.robots[row], now_s, here[row], ahead):
+                self._come(batch.vendors[row], now_s, said)
         for robot in batch.gone:
-            self._words.pop(robot, None)
+            self._promises.forget(robot)
 
     def figures(self) -> list[dict[str, Any]]:
         """By vendor and by how long ahead: arrivals told, how far off they were, and the share that came late."""
@@ -62,23 +45,7 @@ class Arrivals:
             if counts[:, column].any()
         ]
 
-    def _hear(
-        self, robot: str, vendor: str, now_s: float, here: Spot, stops: list[tuple[int, float, float, float]]
-    ) -> None:
-        words = self._words.setdefault(robot, {})
-        for spot in [one for one in words if _near(one, here)]:
-            self._come(vendor, now_s, words.pop(spot))
-        ahead = {(floor, round(x, 1), round(y, 1)): t_s for floor, x, y, t_s in stops if floor >= 0}
-        for spot in [one for one in words if one not in ahead and _is_over(words[one], now_s)]:
-            del words[spot]
-        for spot, t_s in ahead.items():
-            said = words.setdefault(spot, []) if not _near(spot, here) else None
-            if said is not None and len(said) < MOST_WORDS and (not said or now_s - said[-1][0] >= SAY_AGAIN_S):
-                said.append((now_s, t_s))
-        if not words:
-            del self._words[robot]
-
-    def _come(self, vendor: str, now_s: float, said: list[tuple[float, float]]) -> None:
+    def _come(self, vendor: str, now_s: float, said: list[Promise]) -> None:
         counts = self._errors.setdefault(vendor, np.zeros((2, len(AHEAD_S), BINS), np.int64))
         for at_s, told_s in said:
             column = next((n for n, ahead_s in enumerate(AHEAD_S) if told_s - at_s <= ahead_s), None)
@@ -87,14 +54,10 @@ class Arrivals:
                 counts[int(late_s > 0), column, bins_of(np.array([abs(late_s)]))] += 1
 
 
-def _is_over(said: list[tuple[float, float]], now_s: float) -> bool:
-    """Whether a destination that is no longer named lay ahead, which is another plan, or is long past."""
-    _, told_s = said[-1]
-    return told_s > now_s or told_s + FORGET_S < now_s
-
-
-def _near(a: Spot, b: Spot) -> bool:
-    return a[0] == b[0] and hypot(a[1] - b[1], a[2] - b[2]) <= ARRIVED_M
+def _spots(batch: Batch, floor: Ints, x_m: Floats, y_m: Floats) -> list[Spot]:
+    """Places; on "" where they are compared with nothing."""
+    datums = [batch.floors[one] if one >= 0 else "" for one in floor.tolist()]
+    return list(zip(datums, x_m.tolist(), y_m.tolist(), strict=True))
 
 
 def _row(counts: Ints) -> Mapping[str, Any]:

@@ -132,6 +132,15 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_arrival_time_ratio": Entry(
         "gauge", ("vendor",), "Time that robots take to a destination over the time that they tell, median."
     ),
+    "deconflict_arrival_error_seconds": Entry(
+        "gauge",
+        ("vendor", "ahead_up_to_s", "share"),
+        "Arrivals told of so long ahead were early or late by at most this, in that share of cases; old cases fade.",
+        "largest",
+    ),
+    "deconflict_arrivals_late_ratio": Entry(
+        "gauge", ("vendor", "ahead_up_to_s"), "Share of arrivals told of so long ahead that came late.", "largest"
+    ),
     "deconflict_advisories_stored_total": Entry("counter", (), "Revisions of advisories stored and published."),
     "deconflict_store_failures_total": Entry("counter", (), "Attempts to store advisories that failed."),
     "deconflict_learning_failures_total": Entry(

@@ -252,6 +252,31 @@ VENDORS = Dashboard(
                 each("Drift of the frame", "m", "deconflict_datum_drift_metres", "vendor", warn_above=0.2),
                 each("Time to a destination over the time told", "short", "deconflict_arrival_time_ratio", "vendor"),
                 Panel(
+                    "Arrivals early or late, median",
+                    "s",
+                    (
+                        Query(
+                            level(
+                                "deconflict_arrival_error_seconds",
+                                ["vendor", "ahead_up_to_s"],
+                                over="max",
+                                where={"share": "0.5"},
+                            ),
+                            "{{vendor}}, told up to {{ahead_up_to_s}} s ahead",
+                        ),
+                    ),
+                ),
+                Panel(
+                    "Arrivals that came late",
+                    "percentunit",
+                    (
+                        Query(
+                            level("deconflict_arrivals_late_ratio", ["vendor", "ahead_up_to_s"], over="max"),
+                            "{{vendor}}, told up to {{ahead_up_to_s}} s ahead",
+                        ),
+                    ),
+                ),
+                Panel(
                     "Conflicts that did not come about, of those ended in an hour",
                     "percentunit",
                     (Query(_NUISANCE, "{{vendor}}"),),

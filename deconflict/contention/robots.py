@@ -10,8 +10,9 @@ import shapely
 from shapely.ops import substring
 
 from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead
-from deconflict.contention.arrivals import Arrivals, Spot, near
+from deconflict.contention.arrivals import Arrivals
 from deconflict.contention.geometry import Geometry, Passage
+from deconflict.contention.promises import Spot, near
 from deconflict.motion import Bools
 from ingest.seam import Basis, Batch, Floats
 

@@ -12,8 +12,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from deconflict.contention.arrivals import near
 from deconflict.contention.geometry import Geometry
+from deconflict.contention.promises import near
 from deconflict.contention.resources import Resource
 from deconflict.importers.reading import section_lines
 from deconflict.roles.receiver import fleet_of

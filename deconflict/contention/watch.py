@@ -59,11 +59,13 @@ class Contention:
     def learned(self) -> dict[str, Part]:
         """What is worth keeping over a restart: how wrong arrival times were, and how long robots keep what."""
         stays = {resource: one.learned() for resource, one in self._dwells.items()}
-        return {"arrivals": self.robots.arrivals.learned(), "stays": stays}
+        arrivals = self.robots.arrivals
+        return {"arrivals": arrivals.learned(), "lateness": arrivals.lateness.learned(), "stays": stays}
 
     def resume(self, parts: Mapping[str, Part]) -> None:
         """Go on with what `learned` told. Raises `UnreadableError`."""
         self.robots.arrivals.resume(parts.get("arrivals", {}))
+        self.robots.arrivals.lateness.resume(parts.get("lateness", {}))
         stays = parts.get("stays", {})
         for resource in stays.keys() & self._dwells.keys():
             self._dwells[resource].resume(numbers(stays, resource, (None,)).tolist())
@@ -206,6 +208,7 @@ class Contention:
                 vendor: self.robots.arrivals.quantiles(vendor)[1] for vendor in self.robots.arrivals.seen()
             },
         }
+        self.robots.arrivals.lateness.measure(self._measures)
         for name, series in levels.items():
             self._measures.level(name, {(label,): value for label, value in series.items()})
         self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})

@@ -2,7 +2,8 @@
 
 import pytest
 
-from deconflict.contention.arrivals import MOST_RATIOS, Arrivals, Spot
+from deconflict.contention.arrivals import MOST_RATIOS, Arrivals
+from deconflict.contention.promises import Spot
 
 DOCK: Spot = ("hall", 10.0, 0.0)
 AWAY: Spot = ("hall", 0.0, 0.0)

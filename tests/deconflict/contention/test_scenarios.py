@@ -316,6 +316,9 @@ def test_arrivals_are_corrected_by_how_late_their_vendor_has_been() -> None:
     ratios = scene.engine.measures.values["deconflict_arrival_time_ratio"]
     assert ratios["Alder",] == pytest.approx(2.0, abs=0.1)
     assert ratios["Corvid",] == pytest.approx(1.0, abs=0.05)
+    off_s = scene.engine.measures.values["deconflict_arrival_error_seconds"]
+    assert off_s["Alder", "60", "0.5"] == pytest.approx(20.0, abs=2.5)
+    assert off_s["Corvid", "60", "0.9"] <= 1.5
 
 
 def test_the_same_messages_and_ticks_give_the_same_advisories() -> None:
