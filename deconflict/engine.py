@@ -14,7 +14,7 @@ import numpy as np
 
 from deconflict.advice.account import Account, Solve, solve
 from deconflict.advice.delays import Mover
-from deconflict.advice.desk import Desk, Submit, at_once
+from deconflict.advice.desk import MOST_NEAR, NEAR_M, Desk, Submit, at_once
 from deconflict.advice.priorities import Priorities
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
 from deconflict.claims import Claims
@@ -88,15 +88,12 @@ class Engine:
 
     def receive(self, batch: Batch) -> None:
         """Take in the robots that changed; a batch may be the whole floor."""
-        for row, uuid in enumerate(batch.robots):
-            if uuid not in self.live.robots:
-                heappush(self._quiet, (float(batch.event_s[row]) + self.site.reading.quiet_after_s, uuid))
-            self._see_rest(uuid, self.live.put(batch, row))
-            self._told.add(uuid)
-        for uuid in batch.gone:
-            self.live.robots.pop(uuid, None)
-            self._told.discard(uuid)
-            self._rests.moves(uuid)
+        for uuid in self.live.put(batch):
+            heappush(self._quiet, (self.live.robots[uuid].event_s + self.site.reading.quiet_after_s, uuid))
+        self._told.update(batch.robots)
+        self._rests.see(batch)
+        self.live.drop(batch.gone)
+        self._told.difference_update(batch.gone)
         self._sweeper.discard(batch.gone)
         self._contention.receive(batch)
         self._claims.receive(batch)
@@ -119,21 +116,23 @@ class Engine:
 
     def _advise(self, now_s: float) -> list[AnyAdvisory]:
         """The revisions that give conflicts the advice that is due."""
-        due = self._desk.step(now_s, self._lives.open(), self._movers)
+        due = self._desk.step(now_s, self._lives.open(), self._movers_around)
         return [told for pair, advice in due if (told := self._lives.advise(pair, advice, now_s))]
 
-    def _movers(self) -> dict[str, Mover]:
-        return {
-            uuid: Mover(
-                uuid,
-                one.name,
-                one.vendor,
-                _widened(one.forecast, np.array([2 * (one.doubt_m + one.growth_m)])),
-                one.basis is not Basis.STATIONARY,
-                self._priorities.of(one.vendor, one.model),
-            )
-            for uuid, one in self.live.robots.items()
-        }
+    def _movers_around(self, group: set[str]) -> list[Mover]:
+        """The robots of a group that are on the floor, and those near to them, as swept."""
+        uuids = self.live.around(group & self.live.robots.keys(), NEAR_M, MOST_NEAR)
+        return [self._mover(uuid, self.live.robots[uuid]) for uuid in uuids]
+
+    def _mover(self, uuid: str, one: LiveRobot) -> Mover:
+        return Mover(
+            uuid,
+            one.name,
+            one.vendor,
+            _widened(one.forecast, np.array([one.widened_m])),
+            one.basis is not Basis.STATIONARY,
+            self._priorities.of(one.vendor, one.model),
+        )
 
     def _priority(self, uuid: str) -> float:
         one = self.live.robots[uuid]
@@ -157,22 +156,12 @@ class Engine:
         every = zip(foreseen.pairs, *(column.tolist() for column in columns), strict=True)
         return [Prediction(*one) for one in every]
 
-    def _see_rest(self, uuid: str, robot: LiveRobot) -> None:
-        floor = int(robot.forecast.floor[0])
-        if robot.basis is not Basis.STATIONARY or floor < 0:
-            self._rests.moves(uuid)
-            return
-        at = (float(robot.forecast.x_m[0]), float(robot.forecast.y_m[0]))
-        self._rests.stands(uuid, robot.vendor, self.live.floors[floor], at)
-
     def _sweep_again(self, uuids: set[str]) -> None:
-        keys = [uuid for uuid in sorted(uuids) if uuid in self.live.robots]
+        keys, bare = self.live.forecasts(sorted(uuids))
         if not keys:
             return
-        robots = [self.live.robots[uuid] for uuid in keys]
-        grown = 2 * np.array([robot.doubt_m + robot.growth_m for robot in robots])
-        bare = Forecasts.joined(robot.forecast for robot in robots)
-        for _, reason in self._sweeper.update(keys, _widened(bare, grown)):
+        widened_m = np.array([self.live.robots[uuid].widened_m for uuid in keys])
+        for _, reason in self._sweeper.update(keys, _widened(bare, widened_m)):
             self.measures.count("deconflict_invalid_forecasts_total", reason)
 
     def _grown(self, now_s: float) -> set[str]:

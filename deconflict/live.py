@@ -1,8 +1,13 @@
 """What the engine knows of each robot: its newest row of a batch."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from ingest.seam import Basis, Batch, Forecasts
+import numpy as np
+
+from ingest.seam import Basis, Batch, Floats, Forecasts
+
+_BASES = tuple(Basis)
 
 
 @dataclass(slots=True, eq=False)
@@ -16,10 +21,22 @@ class LiveRobot:
     basis: Basis
     event_s: float
     doubt_m: float
-    forecast: Forecasts
-    """Of this robot alone, envelope as reported."""
+    told: Forecasts
+    """Of all robots of its batch, envelopes as reported."""
+    row: int
+    slot: int
     growth_m: float = 0.0
     """How far its uncertainty has grown since it fell quiet."""
+
+    @property
+    def forecast(self) -> Forecasts:
+        """Of this robot alone."""
+        return self.told.one(self.row)
+
+    @property
+    def widened_m(self) -> float:
+        """How much longer and wider its envelope is swept than it was reported."""
+        return 2 * (self.doubt_m + self.growth_m)
 
 
 @dataclass(slots=True, eq=False)
@@ -28,19 +45,79 @@ class Live:
 
     robots: dict[str, LiveRobot] = field(default_factory=dict)
     floors: tuple[str, ...] = ()
+    _uuids: list[str] = field(default_factory=list)
+    """By slot; "" where it is free."""
+    _free: list[int] = field(default_factory=list)
+    _at: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    """(slots, 3) x_m, y_m and floor of each first knot; nan where the slot is free."""
 
-    def put(self, batch: Batch, row: int) -> LiveRobot:
-        """Replace what is known of the robot in `row`."""
+    def put(self, batch: Batch) -> list[str]:
+        """Replace what is known of the robots of a batch; the UUIDs of those that are new."""
         self.floors = batch.floors
-        robot = LiveRobot(
-            vendor=batch.vendors[row],
-            model=batch.models[row],
-            name=batch.names[row],
-            state=batch.states[row],
-            basis=Basis(int(batch.basis[row])),
-            event_s=float(batch.event_s[row]),
-            doubt_m=float(batch.doubt_m[row]),
-            forecast=batch.forecasts.one(row),
+        new = [uuid for uuid in batch.robots if uuid not in self.robots]
+        known = zip(
+            batch.robots,
+            batch.vendors,
+            batch.models,
+            batch.names,
+            batch.states,
+            batch.basis.tolist(),
+            batch.event_s.tolist(),
+            batch.doubt_m.tolist(),
+            strict=True,
         )
-        self.robots[batch.robots[row]] = robot
-        return robot
+        slots = []
+        for row, (uuid, vendor, model, name, state, basis, event_s, doubt_m) in enumerate(known):
+            before = self.robots.get(uuid)
+            slot = before.slot if before else self._slot(uuid)
+            slots.append(slot)
+            self.robots[uuid] = LiveRobot(
+                vendor, model, name, state, _BASES[basis], event_s, doubt_m, batch.forecasts, row, slot
+            )
+        first = batch.forecasts.start[:-1]
+        told = (batch.forecasts.x_m, batch.forecasts.y_m, batch.forecasts.floor)
+        self._at[slots] = np.column_stack([column[first] for column in told])
+        return new
+
+    def drop(self, uuids: Iterable[str]) -> None:
+        """Forget robots; those that are not known are no error."""
+        for uuid in uuids:
+            robot = self.robots.pop(uuid, None)
+            if robot is not None:
+                self._uuids[robot.slot], self._at[robot.slot] = "", np.nan
+                self._free.append(robot.slot)
+
+    def forecasts(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts]:
+        """The forecasts of those of `uuids` that are on the floor, batch by batch, and whose they are."""
+        by_batch: dict[int, tuple[Forecasts, list[int], list[str]]] = {}
+        for uuid in uuids:
+            robot = self.robots.get(uuid)
+            if robot is not None:
+                _, rows, names = by_batch.setdefault(id(robot.told), (robot.told, [], []))
+                rows.append(robot.row)
+                names.append(uuid)
+        found = Forecasts.joined(told.take(rows) for told, rows, _ in by_batch.values())
+        return [uuid for _, _, names in by_batch.values() for uuid in names], found
+
+    def around(self, group: set[str], within_m: float, most: int) -> list[str]:
+        """The robots of a group and the nearest to any of them on their floors, in ascending order."""
+        slots = np.array([self.robots[uuid].slot for uuid in sorted(group)], np.int64)
+        x_m, y_m, floor = self._at.T
+        away_m = np.full(len(self._at), np.inf)
+        for slot in slots.tolist():
+            np.minimum(away_m, np.hypot(x_m - x_m[slot], y_m - y_m[slot]), out=away_m)
+        away_m[slots] = np.inf
+        near = np.flatnonzero((away_m <= within_m) & np.isin(floor, floor[slots]))
+        others = sorted(zip(away_m[near].tolist(), (self._uuids[slot] for slot in near.tolist()), strict=True))
+        return sorted([*group, *(uuid for _, uuid in others[:most])])
+
+    def _slot(self, uuid: str) -> int:
+        if self._free:
+            slot = self._free.pop()
+            self._uuids[slot] = uuid
+            return slot
+        slot = len(self._uuids)
+        self._uuids.append(uuid)
+        if slot == len(self._at):
+            self._at = np.concatenate([self._at, np.full((max(slot, 64), 3), np.nan)])
+        return slot

@@ -10,11 +10,13 @@ from dataclasses import dataclass, field
 from math import hypot
 from statistics import median
 
+import numpy as np
 import shapely
 from shapely import Polygon
 
 from deconflict.contention.resources import Resource
 from deconflict.learned import Part, UnreadableError
+from ingest.seam import Basis, Batch
 
 FIRST = 10
 """Rests at one resource that make its mark."""
@@ -43,6 +45,18 @@ class Rests:
             if one.kind in MARKS:
                 places.setdefault(one.datum, []).append((one.id, Polygon(one.polygon)))
         return cls(places)
+
+    def see(self, batch: Batch) -> None:
+        """Robots that reported: one that is forecast to stay where it is rests; those that are gone rest no more."""
+        if not self._places:
+            return
+        first, told = batch.forecasts.start[:-1], batch.forecasts
+        stand = (batch.basis == Basis.STATIONARY) & (told.floor[first] >= 0)
+        for uuid in (*batch.gone, *(batch.robots[row] for row in np.flatnonzero(~stand).tolist())):
+            self.moves(uuid)
+        for row in np.flatnonzero(stand).tolist():
+            at = (float(told.x_m[first[row]]), float(told.y_m[first[row]]))
+            self.stands(batch.robots[row], batch.vendors[row], batch.floors[told.floor[first[row]]], at)
 
     def moves(self, uuid: str) -> None:
         """The robot drives, or has left."""

@@ -5,10 +5,10 @@ The desk asks for each connected group of conflicts ahead, and gives the answer 
 that is late. Holds begin at that time: until then robots go on as forecast.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from math import hypot
+from operator import attrgetter
 from typing import Protocol
 
 from deconflict.advice.account import Account
@@ -34,6 +34,8 @@ class Answer(Protocol):
     def result(self) -> Recommendation: ...
 
 
+MoversAround = Callable[[set[str]], list[Mover]]
+"""The robots of a group and those near to one of them, as swept, in ascending order."""
 Submit = Callable[[Callable[[], Recommendation]], Answer]
 """Has the work done, as `concurrent.futures.Executor.submit` does."""
 
@@ -69,9 +71,9 @@ class Desk:
         self._asked: dict[Pairs, Asked] = {}
 
     def step(
-        self, now_s: float, conflicts: Sequence[ConflictAdvisory], movers: Callable[[], Mapping[str, Mover]]
+        self, now_s: float, conflicts: Sequence[ConflictAdvisory], movers_around: MoversAround
     ) -> list[tuple[Pair, Recommendation]]:
-        """The advice that is due, by pair; asks for what is open and ahead. `movers` are all robots as swept."""
+        """The advice that is due, by pair; asks for what is open and ahead."""
         due = [(pairs, one.answer) for pairs, one in self._asked.items() if one.answer and self._is_due(one, now_s)]
         told = [(pair, answer.result()) for pairs, answer in sorted(due, key=lambda one: one[0]) for pair in pairs]
         for pairs, _ in due:
@@ -81,15 +83,17 @@ class Desk:
         for pairs, standing in groups.items():
             before = self._asked.get(pairs)
             if before is None or (before.answer is None and now_s - before.at_s >= AGAIN_S):
-                self._asked[pairs] = Asked(now_s, self._submit(self._question(pairs, standing, now_s, movers())))
+                self._asked[pairs] = Asked(now_s, self._submit(self._question(pairs, standing, now_s, movers_around)))
         return told
 
     def _is_due(self, one: Asked, now_s: float) -> bool:
         return now_s >= one.at_s + ANSWER_AFTER_S
 
     def _question(
-        self, pairs: Pairs, standing: Recommendation | None, now_s: float, movers: Mapping[str, Mover]
+        self, pairs: Pairs, standing: Recommendation | None, now_s: float, movers_around: MoversAround
     ) -> Callable[[], Recommendation]:
+        movers = movers_around({robot for pair in pairs for robot in pair})
+        there = {one.robot for one in movers}
         window = Window(
             now_s + ANSWER_AFTER_S,
             self._conflict.horizon_s,
@@ -98,8 +102,8 @@ class Desk:
         )
         return partial(
             advise_holds,
-            _near(pairs, movers),
-            [pair for pair in pairs if movers.keys() >= set(pair)],
+            movers,
+            [pair for pair in pairs if there.issuperset(pair)],
             window,
             burdens_s=dict(self._account.burdens_s),
             standing=standing,
@@ -129,29 +133,18 @@ def advised(summary: str, advice: Recommendation | None, robots: Sequence[str], 
 
 def _connected(conflicts: Iterable[ConflictAdvisory]) -> dict[Pairs, Recommendation | None]:
     """Groups of conflicts that share robots, each with the advice that stands in it."""
-    groups: list[tuple[set[str], list[ConflictAdvisory]]] = []
+    group_of: dict[str, list[ConflictAdvisory]] = {}
     for one in conflicts:
-        joined = [group for group in groups if group[0] & set(one.robots)]
-        groups = [group for group in groups if group not in joined]
-        robots = set(one.robots).union(*(group[0] for group in joined))
-        groups.append((robots, [one, *(other for group in joined for other in group[1])]))
+        groups = [group_of.get(robot, []) for robot in one.robots]
+        joined, other = groups if len(groups[0]) >= len(groups[1]) else reversed(groups)
+        joined.append(one)
+        if other is not joined:
+            joined += other
+            group_of.update((robot, joined) for each in other for robot in each.robots)
+        group_of.update((robot, joined) for robot in one.robots)
     found = {}
-    for _, members in groups:
-        ordered = sorted(members, key=lambda one: one.robots)
+    for members in {id(group): group for group in group_of.values()}.values():
+        ordered = sorted(members, key=attrgetter("robots"))
         stands = [one.recommendation for one in ordered if one.recommendation and one.recommendation.holds]
         found[tuple(one.robots for one in ordered)] = stands[0] if stands else None
     return dict(sorted(found.items()))
-
-
-def _near(pairs: Pairs, movers: Mapping[str, Mover]) -> list[Mover]:
-    """The robots of a group and those near to one of them, in ascending order."""
-    group = {robot for pair in pairs for robot in pair} & movers.keys()
-    places = [(float(movers[one].forecast.x_m[0]), float(movers[one].forecast.y_m[0])) for one in sorted(group)]
-    floors = {int(movers[one].forecast.floor[0]) for one in group}
-    others = []
-    for robot, mover in movers.items():
-        if robot not in group and int(mover.forecast.floor[0]) in floors:
-            x_m, y_m = float(mover.forecast.x_m[0]), float(mover.forecast.y_m[0])
-            others.append((min(hypot(x_m - x, y_m - y) for x, y in places), robot))
-    nearest = [robot for distance_m, robot in sorted(others)[:MOST_NEAR] if distance_m <= NEAR_M]
-    return [movers[robot] for robot in sorted([*group, *nearest])]
