@@ -134,24 +134,26 @@ def _with_room(found: Pairs, needed: int) -> Pairs:
     return found if needed <= len(found) else np.concatenate((found, np.empty(needed, PAIR)))
 
 
-@kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], numba.int64[::1], numba.boolean[::1], numba.float64))
-def _in_cells(boxes: NDArray[Any], rings: Ints, changed: Ints, is_changed: Bools, share: float) -> Pairs:
-    """Narrow boxes that changed look into the cells around them, wide ones into all cells that they cover."""
+@kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], numba.boolean[::1], numba.float64))
+def _in_cells(boxes: NDArray[Any], rings: Ints, is_changed: Bools, share: float) -> Pairs:
+    """Narrow boxes that changed look into the cells around them, wide ones into all cells that they cover.
+
+    They are gone through cell by cell, so that what one looks at was just looked at by the one before.
+    """
     found, n, nobody = np.empty(1 << 14, PAIR), 0, np.zeros(len(is_changed), np.bool_)
     for ring in rings:
         row, before = boxes[ring], n
         start, slots, wide, still = _cells(row, is_changed, share)
         theirs, theirs_wide, theirs_still = row[slots], row[wide], row[still]
-        for slot in changed:
-            if row[slot].floor == ABSENT:
-                continue
+        for slot in slots[is_changed[slots]]:
             found = _with_room(found, n + len(row))
             n = _held_against(row, slot, still, theirs_still, 0, len(still), nobody, found, n)
-            if _is_wide(row[slot], share):
-                n = _held_against_cells(row, slot, start, slots, theirs, share, nobody, found, n)
-                n = _held_against(row, slot, wide, theirs_wide, 0, len(wide), is_changed, found, n)
-            else:
-                n = _held_against_cells(row, slot, start, slots, theirs, share, is_changed, found, n)
+            n = _held_against_cells(row, slot, start, slots, theirs, share, is_changed, found, n)
+        for slot in wide:
+            found = _with_room(found, n + len(row))
+            n = _held_against(row, slot, still, theirs_still, 0, len(still), nobody, found, n)
+            n = _held_against_cells(row, slot, start, slots, theirs, share, nobody, found, n)
+            n = _held_against(row, slot, wide, theirs_wide, 0, len(wide), is_changed, found, n)
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()
@@ -171,6 +173,38 @@ def _one_by_one(boxes: NDArray[Any], rings: Ints, changed: Ints, is_changed: Boo
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()
+
+
+@inner
+def _by_rank(slots: Ints, ranks: Ints, rows: Ints) -> Ints:
+    """`rows` in the order of the ranks of `slots[rows]`; those of one rank stay in the order they are in."""
+    place, ordered = np.zeros(len(ranks) + 1, np.int64), np.empty_like(rows)
+    for slot in slots:
+        place[ranks[slot] + 1] += 1
+    for rank in range(len(ranks)):
+        place[rank + 1] += place[rank]
+    for row in rows:
+        rank = ranks[slots[row]]
+        ordered[place[rank]] = row
+        place[rank] += 1
+    return ordered
+
+
+@kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1]))
+def in_order(pairs: Pairs, ranks: Ints, robots: Robots) -> Pairs:
+    """The pairs that are not above one another, the robot of the lower rank first, ascending by both ranks.
+
+    Those of the same two robots stay in the order they are in.
+    """
+    beside, n = np.empty_like(pairs), 0
+    for pair in pairs:
+        a, b = (pair.a, pair.b) if ranks[pair.a] < ranks[pair.b] else (pair.b, pair.a)
+        if robots[a].bottom <= robots[b].top and robots[b].bottom <= robots[a].top:
+            beside[n].ring, beside[n].a, beside[n].b = pair.ring, a, b
+            n += 1
+    beside = beside[:n]
+    a, b = beside["a"].copy(), beside["b"].copy()
+    return beside[_by_rank(a, ranks, _by_rank(b, ranks, np.arange(n)))]
 
 
 @inner
@@ -245,7 +279,7 @@ class Boxes:
         is_changed[changed] = True
         if len(changed) <= FEW:
             return _one_by_one(self.all, rings, changed, is_changed)
-        return _in_cells(self.all, rings, changed, is_changed, 1.0 / self._side(rings))
+        return _in_cells(self.all, rings, is_changed, 1.0 / self._side(rings))
 
     def _side(self, rings: Ints) -> float:
         """Of a cell: what nine in ten boxes fit well into, by a sample."""

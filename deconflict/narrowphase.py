@@ -7,7 +7,7 @@ once, the direction between the closest features, in which the gap is the distan
 smallest separation is found by branch and bound with the same bound.
 """
 
-from math import copysign, cos, inf, sin, sqrt
+from math import copysign, cos, floor, inf, sin, sqrt
 from typing import Any
 
 import numba
@@ -18,7 +18,7 @@ from deconflict.broadphase import BOX, PAIR, Pairs
 from deconflict.compiled import inner, kernel
 from deconflict.motion import KNOT, Knots
 from deconflict.roster import ROBOT, Robots
-from ingest.seam import Floats
+from ingest.seam import Floats, Ints
 
 TINY_MPS = 1e-12
 NEAR_M = 0.02
@@ -39,9 +39,13 @@ MEETING = np.dtype([(name, np.float64) for name in ("contact", "separation", "se
 """First contact, inf for none; smallest separation where there is contact, and when; from when on contact is left
 open, inf where it is not. Times are seconds into the slab."""
 
+PLACE = np.dtype([(name, np.float64) for name in ("t", "x", "y", "cos", "sin")] + [("floor", np.int64)], align=True)
+"""Where a robot's centre is at `t`, its heading, and on which floor."""
+
 Motions = NDArray[Any]
 """Of `MOTION`."""
-Span = tuple[float, float]
+Two = tuple[float, float]
+Span = Two
 """Times since the epoch, from and until."""
 Found = NDArray[Any]
 """Of `MEETING`."""
@@ -85,33 +89,43 @@ def _turned(m: Any, into: float) -> tuple[float, float, float, float]:
 
 
 @inner
-def gap(m: Any, t: float) -> tuple[float, float, float]:
-    """The distance at `t`, and the unit direction between the closest features, from A to B; all 0 for an overlap.
+def _between(
+    dx: float, dy: float, facing_a: Two, facing_b: Two, half_a: Two, half_b: Two
+) -> tuple[float, float, float]:
+    """The distance of rectangle B from A, and the unit direction between the closest features; all 0 for an overlap.
 
-    Two convex polygons that do not overlap are closest at a corner of one of them; whether they overlap is told by
-    the four axes of their sides (Gottschalk, Lin and Manocha 1996, in the plane).
+    (dx, dy) is from centre to centre; of each its heading's cosine and sine, and its half sides. Two convex polygons
+    that do not overlap are closest at a corner of one of them; whether they overlap is told by the four axes of their
+    sides (Gottschalk, Lin and Manocha 1996, in the plane).
     """
-    into = t - m.begin
-    dx, dy = m.dx + m.vx * into, m.dy + m.vy * into
-    ca, sa, cb, sb = _turned(m, into)
+    (ca, sa), (cb, sb), (length_a, width_a), (length_b, width_b) = facing_a, facing_b, half_a, half_b
     c, s = ca * cb + sa * sb, ca * sb - sa * cb
     ax, ay = ca * dx + sa * dy, ca * dy - sa * dx
     bx, by = -(cb * dx + sb * dy), -(cb * dy - sb * dx)
     if (
-        abs(ax) <= m.length_a + m.length_b * abs(c) + m.width_b * abs(s)
-        and abs(ay) <= m.width_a + m.length_b * abs(s) + m.width_b * abs(c)
-        and abs(bx) <= m.length_b + m.length_a * abs(c) + m.width_a * abs(s)
-        and abs(by) <= m.width_b + m.length_a * abs(s) + m.width_a * abs(c)
+        abs(ax) <= length_a + length_b * abs(c) + width_b * abs(s)
+        and abs(ay) <= width_a + length_b * abs(s) + width_b * abs(c)
+        and abs(bx) <= length_b + length_a * abs(c) + width_a * abs(s)
+        and abs(by) <= width_b + length_a * abs(s) + width_a * abs(c)
     ):
         return 0.0, 0.0, 0.0
-    of_b, px, py = _nearest_corner(ax, ay, c, s, m.length_b, m.width_b, m.length_a, m.width_a)
-    of_a, qx, qy = _nearest_corner(bx, by, c, -s, m.length_a, m.width_a, m.length_b, m.width_b)
+    of_b, px, py = _nearest_corner(ax, ay, c, s, length_b, width_b, length_a, width_a)
+    of_a, qx, qy = _nearest_corner(bx, by, c, -s, length_a, width_a, length_b, width_b)
     distance = sqrt(min(of_b, of_a))
     if distance == 0.0:
         return 0.0, 0.0, 0.0
     if of_b <= of_a:
         return distance, (ca * px - sa * py) / distance, (sa * px + ca * py) / distance
     return distance, -(cb * qx - sb * qy) / distance, -(sb * qx + cb * qy) / distance
+
+
+@inner
+def gap(m: Any, t: float) -> tuple[float, float, float]:
+    """The distance at `t`, and the unit direction between the closest features, from A to B; all 0 for an overlap."""
+    into = t - m.begin
+    ca, sa, cb, sb = _turned(m, into)
+    half_a, half_b = (m.length_a, m.width_a), (m.length_b, m.width_b)
+    return _between(m.dx + m.vx * into, m.dy + m.vy * into, (ca, sa), (cb, sb), half_a, half_b)
 
 
 @inner
@@ -193,8 +207,11 @@ def _smallest_of_one(
 
 
 @inner
-def smallest(motions: Motions, accuracy_m: float) -> tuple[float, float]:
-    """The smallest distance over all of `motions`, to the accuracy, and when; 0 where the rectangles overlap."""
+def smallest(motions: Motions, accuracy_m: float, lows: Floats, highs: Floats) -> tuple[float, float]:
+    """The smallest distance over all of `motions`, to the accuracy, and when; 0 where the rectangles overlap.
+
+    `lows` and `highs`, of `MOST_HALVINGS`, are to write in.
+    """
     best, when = inf, 0.0
     for m in motions:
         t, _ = nearest_centres(m)
@@ -208,7 +225,6 @@ def smallest(motions: Motions, accuracy_m: float) -> tuple[float, float]:
             distance, _, _ = gap(m, t)
             if distance < best:
                 best, when = distance, t
-    lows, highs = np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS)
     for m in motions:
         best, when = _smallest_of_one(m, best, when, accuracy_m, lows, highs)
     return best, when
@@ -293,7 +309,7 @@ def meet(
 
     Adds to `counts` the motions that were looked at, and those whose circles come near enough for a closer look.
     """
-    motions = np.empty(16, MOTION)
+    motions, lows, highs = np.empty(16, MOTION), np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS)
     for at in range(len(pairs)):
         motions, n, looked_at = _motions(boxes, robots, knots, pairs[at], span, target_m + tolerance_m, motions)
         counts[0] += looked_at
@@ -309,7 +325,7 @@ def meet(
                 meeting.open = t
                 break
         if meeting.contact < inf:
-            meeting.separation, meeting.separation_at = smallest(motions[:n], accuracy_m)
+            meeting.separation, meeting.separation_at = smallest(motions[:n], accuracy_m, lows, highs)
 
 
 @kernel(_MOTION[::1](_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1], _TWO))
@@ -322,15 +338,37 @@ def motions_of(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, 
 @kernel(_TWO(_MOTION[::1], numba.float64))
 def smallest_of(motions: Motions, accuracy_m: float) -> tuple[float, float]:
     """See `smallest`."""
-    return smallest(motions, accuracy_m)
+    return smallest(motions, accuracy_m, np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS))
 
 
-@kernel(numba.float64[::1](*_OF_PAIRS, numba.float64[::1]))
-def distances(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, at_s: Floats) -> Floats:
-    """(p,) how far the robots of each pair are from each other at `at_s` (p,); inf on different floors."""
-    apart_m, motions = np.full(len(pairs), inf), np.empty(16, MOTION)
-    for at in range(len(pairs)):
-        motions, n, _ = _motions(boxes, robots, knots, pairs[at], (at_s[at], at_s[at]), inf, motions)
-        if n:
-            apart_m[at], _, _ = gap(motions[n - 1], motions[n - 1].begin)
+@inner
+def _set_place(place: Any, box: Any, robot: Any, knots: Knots, t: float) -> None:
+    """Where a robot is at `t`, in the slab of `box`."""
+    k, last = robot.first + box.knot, robot.first + robot.count - 1
+    while k < last and knots[k + 1].t <= t:
+        k += 1
+    knot, into = knots[k], t - knots[k].t
+    yaw = knot.yaw + knot.turn * into
+    place.t, place.floor = t, knot.floor
+    place.x, place.y, place.cos, place.sin = knot.x + knot.vx * into, knot.y + knot.vy * into, cos(yaw), sin(yaw)
+
+
+@kernel(numba.float64[::1](numba.int64[::1], numba.int64[::1], *_OF_PAIRS[1:], numba.float64))
+def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float) -> Floats:
+    """(p,) how far the robots `a` (p,) and `b` (p,) are apart at `now_s`, or when the later of each two appears.
+
+    inf on different floors. A robot's place is worked out once for all its pairs.
+    """
+    apart_m, places = np.full(len(a), inf), np.empty(len(robots), PLACE)
+    places["t"][:] = -inf
+    for at in range(len(a)):
+        one, two = robots[a[at]], robots[b[at]]
+        t = max(now_s, one.appears, two.appears)
+        for slot in (a[at], b[at]):
+            if places[slot].t != t:
+                _set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
+        p, q = places[a[at]], places[b[at]]
+        if p.floor >= 0 and p.floor == q.floor:
+            half_a, half_b = (one.half_length, one.half_width), (two.half_length, two.half_width)
+            apart_m[at], _, _ = _between(q.x - p.x, q.y - p.y, (p.cos, p.sin), (q.cos, q.sin), half_a, half_b)
     return apart_m

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.broadphase import PAIR, Boxes, Pairs
+from deconflict.broadphase import PAIR, Boxes, Pairs, in_order
 from deconflict.exact import Decider
-from deconflict.meetings import Meetings
+from deconflict.meetings import Meetings, Names
 from deconflict.motion import Bools, Knots, faults
-from deconflict.narrowphase import MEETING, Found, Span, distances, meet, motions_of, smallest_of
+from deconflict.narrowphase import MEETING, Found, Span, meet, motions_of, smallest_of, start_distances
 from deconflict.roster import Robots, Roster
 from ingest.seam import Floats, Forecasts, Ints
 
@@ -70,7 +70,7 @@ class Sweeper:
         self._covered: Ints = np.zeros(0, np.int64)
         """(slots,) the last slab for which a robot has boxes."""
         self._boxes = Boxes(self._slabs)
-        self._meetings = Meetings.none()
+        self._meetings, self._names = Meetings.none(), Names()
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
 
     def update(self, keys: Sequence[str], forecasts: Forecasts) -> tuple[tuple[str, str], ...]:
@@ -105,8 +105,9 @@ class Sweeper:
         changed, told = self._taken_in(first_slab)
         self._keep(changed, first_slab)
         pairs = [self._covered_anew(changed, first_slab), *self._covered_further(first_slab, last_slab)]
-        self._meetings = Meetings.joined([self._meetings, *(self._meet(some, decider) for some in pairs)])
-        found = self._within(now_s, now_s + self._horizon_s, decider).by_pair(self._roster.ranks())
+        ranks = self._roster.ranks()
+        self._meetings = Meetings.joined([self._meetings, *(self._meet(some, decider) for some in pairs)], ranks)
+        found = self._within(now_s, now_s + self._horizon_s, decider).by_pair()
         return self._listed(found, now_s, told, decider)
 
     def _taken_in(self, first_slab: int) -> tuple[Ints, Ints]:
@@ -134,7 +135,7 @@ class Sweeper:
         self._boxes.clear(changed)
         present = self._roster.present(changed)
         self._cover(present, first_slab, self._slabs)
-        return self._boxes.pairs(present, np.arange(self._slabs))
+        return self._boxes.pairs(present, np.arange(first_slab, first_slab + self._slabs) % self._slabs)
 
     def _covered_further(self, first_slab: int, last_slab: int) -> list[Pairs]:
         """Cover robots without news in the slabs that have come into view; the pairs of boxes to look at."""
@@ -152,18 +153,9 @@ class Sweeper:
         grow_m = self._clearance_m / 2 + TOLERANCE_M
         self._boxes.cover(slots, self._roster.robots, self._roster.knots, first_slab, slabs, grow_m)
 
-    def _oriented(self, pairs: Pairs) -> Pairs:
-        """The pairs that are not above one another, the robot with the lower key first."""
-        a, b, robots, ranks = pairs["a"], pairs["b"], self._roster.robots, self._roster.ranks()
-        bottom, top = robots["bottom"], robots["top"]
-        swapped = ranks[a] > ranks[b]
-        pairs["a"], pairs["b"] = np.where(swapped, b, a), np.where(swapped, a, b)
-        beside: Pairs = pairs[(bottom[a] <= top[b]) & (bottom[b] <= top[a])]
-        return beside
-
     def _meet(self, pairs: Pairs, decider: Decider) -> Meetings:
         """The meetings of pairs in their slabs."""
-        pairs = self._oriented(pairs)
+        pairs = in_order(pairs, self._roster.ranks(), self._roster.robots)
         found = self._looked_at(pairs, (-inf, inf), decider)
         hit = np.flatnonzero(found["contact"] < inf)
         pairs, found = pairs[hit], found[hit]
@@ -211,24 +203,17 @@ class Sweeper:
         return pairs
 
     def _listed(self, m: Meetings, now_s: float, told: Ints, decider: Decider) -> PairConflicts:
-        keys = self._roster.keys
-        is_told = np.zeros(len(keys), bool)
+        is_told = np.zeros(len(self._roster), bool)
         is_told[told] = True
         return PairConflicts(
-            pairs=tuple(zip(keys[m.a].tolist(), keys[m.b].tolist(), strict=True)),
+            pairs=self._names.of(m, self._roster.keys, self._roster.ranks()),
             contact_s=np.maximum(m.contact, now_s),
             separation_m=m.separation,
             separation_at_s=m.separation_at,
-            start_separation_m=self._start_separation(m.a, m.b, now_s),
+            start_separation_m=start_distances(m.a, m.b, *self._where(), now_s),
             fresh=is_told[m.a] | is_told[m.b],
             box_pairs=self._box_pairs,
             segment_pairs=self._segment_pairs,
             advanced_pairs=self._advanced_pairs,
             fcl_calls=decider.calls,
         )
-
-    def _start_separation(self, a: Ints, b: Ints, now_s: float) -> Floats:
-        appears = self._roster.robots["appears"]
-        start_s = np.maximum(now_s, np.maximum(appears[a], appears[b]))
-        pairs = self._pairs(np.floor(start_s).astype(np.int64), a, b)
-        return distances(pairs, *self._where(), start_s)

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import Generator
 
-from deconflict.broadphase import ABSENT, FEW, MIXED, ROOMY, Boxes
-from deconflict.roster import Roster
+from deconflict.broadphase import ABSENT, FEW, MIXED, PAIR, ROOMY, Boxes, in_order
+from deconflict.roster import ROBOT, Roster
 from deconflict.sweeper import PairConflicts, Sweeper
 from ingest.seam import Forecasts, Ints
 from tests.deconflict.made_encounters import HORIZON_S, NOW_S, moved, robot, wanderer
@@ -222,3 +222,21 @@ def test_a_box_knows_the_knot_that_holds_when_it_begins() -> None:
     boxes.clear(np.arange(30))
     assert (boxes.all["floor"] == ABSENT).all()
     assert len(roster) == 30
+
+
+def test_pairs_are_put_in_order_without_those_above_one_another() -> None:
+    rng, robots = np.random.default_rng(71), np.zeros(40, ROBOT)
+    robots["bottom"] = rng.choice([0.0, 1.0, 2.0], 40)
+    robots["top"] = robots["bottom"] + rng.choice([0.5, 1.0], 40)
+    ranks, pairs = rng.permutation(40), np.zeros(3000, PAIR)
+    pairs["ring"], pairs["a"] = np.sort(rng.integers(0, 12, 3000)), rng.integers(0, 40, 3000)
+    pairs["b"] = (pairs["a"] + rng.integers(1, 40, 3000)) % 40
+    rank = dict(enumerate(ranks.tolist()))
+    expected = []
+    for ring, *both in pairs.tolist():
+        a, b = sorted(both, key=rank.__getitem__)
+        if max(robots["bottom"][[a, b]]) <= min(robots["top"][[a, b]]):
+            expected.append((ring, a, b))
+    expected.sort(key=lambda pair: (rank[pair[1]], rank[pair[2]]))
+    assert in_order(pairs, ranks, robots).tolist() == expected
+    assert 1000 < len(expected) < 2500

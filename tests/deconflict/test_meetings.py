@@ -1,0 +1,57 @@
+"""What pairs do in their slabs, put together, and the names under which they are listed."""
+
+from itertools import groupby
+
+import numpy as np
+
+from deconflict.meetings import Meetings, Names
+from ingest.seam import Ints
+
+RNG = np.random.default_rng(21)
+ROBOTS = 30
+RANKS = RNG.permutation(ROBOTS)
+
+
+def made(count: int, ranks: Ints) -> Meetings:
+    """So many different meetings, in order; many separations are alike."""
+    chosen = RNG.choice(ROBOTS * ROBOTS * 12, count, replace=False)
+    a, b, slab = chosen // (12 * ROBOTS), chosen // 12 % ROBOTS, 100 + chosen % 12
+    order = np.lexsort((slab, ranks[b], ranks[a]))
+    contact = slab + RNG.uniform(0, 1, count)
+    separation = RNG.choice([0.0, 0.1, 0.2], count)
+    return Meetings(a, b, slab, contact, separation, contact + 0.25).take(order)
+
+
+def rows(meetings: Meetings) -> list[tuple[float, ...]]:
+    return list(zip(*(getattr(meetings, name).tolist() for name in Meetings.__slots__), strict=True))
+
+
+def test_a_pair_has_its_first_contact_and_the_first_of_its_smallest_separations() -> None:
+    meetings = made(2000, RANKS)
+    expected = []
+    for pair, some in groupby(rows(meetings), key=lambda row: row[:2]):
+        every = list(some)
+        *_, separation, at = min(every, key=lambda row: row[4])
+        expected.append((*pair, every[0][2], min(row[3] for row in every), separation, at))
+    assert rows(meetings.by_pair()) == expected
+    assert 100 < len(expected) < 1000
+
+
+def test_parts_are_joined_in_the_order_of_keys_and_slabs() -> None:
+    whole = made(2000, RANKS)
+    part = RNG.integers(0, 4, len(whole))
+    assert rows(Meetings.joined([whole.take(part == n) for n in range(4)], RANKS)) == rows(whole)
+
+
+def test_names_are_those_of_the_pairs_whatever_was_listed_before() -> None:
+    names, kept, ranks = Names(), dict[tuple[str, str], tuple[str, str]](), RANKS
+    keys = np.array([f"r{slot}" for slot in range(ROBOTS)], object)
+    for turn in range(40):
+        if turn % 10 == 9:
+            keys, ranks = np.roll(keys, 1), RNG.permutation(ROBOTS)
+            kept.clear()
+        pairs = made(int(RNG.choice([0, 1, 800])), ranks).by_pair()
+        listed = names.of(pairs, keys, ranks)
+        assert listed == tuple((keys[a], keys[b]) for a, b in zip(pairs.a, pairs.b, strict=True))
+        assert all(kept.get(pair, pair) is pair for pair in listed)
+        kept = {pair: pair for pair in listed}
