@@ -22,6 +22,8 @@ AGAIN_S = 3.0
 """A group that stays the same is looked at again after this time."""
 NEAR_M, MOST_NEAR = 20.0, 30
 """Robots so near to one of a group are heeded, the nearest first."""
+GROWS_S = 1.5
+"""Advice waits for a group of conflicts to be complete for no longer than this."""
 CHANGED_S = 1.0
 """A hold that differs by less is the same advice."""
 
@@ -60,6 +62,8 @@ class Asked:
 
     at_s: float
     answer: Answer | None
+    since_s: float
+    """When the first question was asked that this one goes on from."""
 
 
 class Desk:
@@ -74,20 +78,28 @@ class Desk:
         self, now_s: float, conflicts: Sequence[ConflictAdvisory], movers_around: MoversAround
     ) -> list[tuple[Pair, Recommendation]]:
         """The advice that is due, by pair; asks for what is open and ahead."""
-        due = [(pairs, one.answer) for pairs, one in self._asked.items() if one.answer and self._is_due(one, now_s)]
-        told = [(pair, answer.result()) for pairs, answer in sorted(due, key=lambda one: one[0]) for pair in pairs]
-        for pairs, _ in due:
-            self._asked[pairs].answer = None
+        told = self._due(now_s)
         groups = _connected([one for one in conflicts if one.predicted_at.timestamp() > now_s + ANSWER_AFTER_S])
         self._asked = {pairs: one for pairs, one in self._asked.items() if one.answer or pairs in groups}
         for pairs, standing in groups.items():
             before = self._asked.get(pairs)
             if before is None or (before.answer is None and now_s - before.at_s >= AGAIN_S):
-                self._asked[pairs] = Asked(now_s, self._submit(self._question(pairs, standing, now_s, movers_around)))
+                goes_on = [one.since_s for other, one in self._asked.items() if _goes_on(other, one, pairs)]
+                answer = self._submit(self._question(pairs, standing, now_s, movers_around))
+                self._asked[pairs] = Asked(now_s, answer, min([now_s, *goes_on]))
         return told
 
-    def _is_due(self, one: Asked, now_s: float) -> bool:
-        return now_s >= one.at_s + ANSWER_AFTER_S
+    def _due(self, now_s: float) -> list[tuple[Pair, Recommendation]]:
+        """The answers to be given now, but for those to groups that have grown and will soon have a better one."""
+        told = []
+        for pairs, one in sorted(self._asked.items()):
+            if one.answer is None or now_s < one.at_s + ANSWER_AFTER_S:
+                continue
+            later = any(_goes_on(pairs, one, other) for other, new in self._asked.items() if new.at_s > one.at_s)
+            if not later or now_s - one.since_s >= GROWS_S:
+                told += [(pair, one.answer.result()) for pair in pairs]
+            one.answer = None
+        return told
 
     def _question(
         self, pairs: Pairs, standing: Recommendation | None, now_s: float, movers_around: MoversAround
@@ -148,3 +160,10 @@ def _connected(conflicts: Iterable[ConflictAdvisory]) -> dict[Pairs, Recommendat
         stands = [one.recommendation for one in ordered if one.recommendation and one.recommendation.holds]
         found[tuple(one.robots for one in ordered)] = stands[0] if stands else None
     return dict(sorted(found.items()))
+
+
+def _goes_on(before: Pairs, asked: Asked, after: Pairs) -> bool:
+    """Whether a question that is not answered yet is of a group that shares robots with another one."""
+    return asked.answer is not None and not {robot for pair in before for robot in pair}.isdisjoint(
+        robot for pair in after for robot in pair
+    )

@@ -26,6 +26,8 @@ class Queue:
     resource: str
     capacity: int
     requests: tuple[Request, ...]
+    changeover_s: float = 0.0
+    """From the end of one robot's turn to the beginning of the next one's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,8 @@ class Job:
     arrival: int
     service: int
     weight: int
+    keeps: int
+    """Service and changeover: until the next one can begin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,18 +67,21 @@ class Group:
     def __init__(self, places: Sequence[Queue], now_s: float) -> None:
         self.places, self.now_s = places, now_s
         self.inside = [self._ends(place) for place in places]
+        self.changeover_s = max((place.changeover_s for place in places), default=0.0)
         self.jobs = [
             self._job(one, asked) for asked, place in enumerate(places) for one in place.requests if not one.inside
         ]
 
     def _ends(self, place: Queue) -> list[int]:
         """When the last of those inside leave, as many as the place holds; the others leave before it has room."""
-        ends = sorted(_ms(one.service_s) for one in place.requests if one.inside)
+        ends = sorted(_ms(one.service_s + place.changeover_s) for one in place.requests if one.inside)
         return ends[-place.capacity :]
 
     def _job(self, one: Request, asked: int) -> Job:
         weight = max(round(one.priority * WEIGHT), 0)
-        return Job(one, asked, _ms(one.arrival_s - self.now_s), max(_ms(one.service_s), 0), weight)
+        service = max(_ms(one.service_s), 0)
+        keeps = service + _ms(self.changeover_s)
+        return Job(one, asked, _ms(one.arrival_s - self.now_s), service, weight, keeps)
 
     def served(self, order: Order) -> list[Served]:
         """Each as early as its arrival and those before it allow."""
@@ -84,7 +91,7 @@ class Group:
         turns = []
         for job, place in order:
             start = max(heappop(free[place]), job.arrival, 0)
-            heappush(free[place], start + job.service)
+            heappush(free[place], start + job.keeps)
             turns.append(Served(job, place, start))
         return turns
 
@@ -93,7 +100,7 @@ class Group:
         jobs = {job.request.robot: job for job in self.jobs}
         order = []
         for asked, place in enumerate(self.places):
-            turns = first_come(place.requests, place.capacity, self.now_s)
+            turns = first_come(place.requests, place.capacity, self.now_s, place.changeover_s)
             order += [(jobs[turn.request.robot], asked) for turn in turns if not turn.request.inside]
         return self.served(order)
 
@@ -113,10 +120,10 @@ class Group:
             at, place = heappop(free)
             at = max(at, min(job.arrival for job in waiting))
             there = [job for job in waiting if job.arrival <= at]
-            job = min(there, key=lambda one: (one.service / (one.weight or 0.5), one.asked != place, one.request.robot))
+            job = min(there, key=lambda one: (one.keeps / (one.weight or 0.5), one.asked != place, one.request.robot))
             waiting.remove(job)
             order.append((job, place))
-            heappush(free, (at + job.service, place))
+            heappush(free, (at + job.keeps, place))
         return self.served(order)
 
     def standing(self, advice: Recommendation) -> list[Served]:
@@ -205,7 +212,7 @@ class SlotModel:
     def __init__(self, group: Group, hint: list[Served]) -> None:
         self.group, self.model = group, cp_model.CpModel()
         ends = [end for inside in group.inside for end in inside]
-        last = max([0, *ends, *(job.arrival for job in group.jobs)]) + sum(job.service for job in group.jobs)
+        last = max([0, *ends, *(job.arrival for job in group.jobs)]) + sum(job.keeps for job in group.jobs)
         self.starts = [
             self.model.new_int_var(max(job.arrival, 0), last, f"start {row}") for row, job in enumerate(group.jobs)
         ]
@@ -221,7 +228,7 @@ class SlotModel:
 
     def _hold_capacity(self, place: int) -> None:
         intervals = [
-            self.model.new_optional_fixed_size_interval_var(start, job.service, chosen[place], f"{row} in {place}")
+            self.model.new_optional_fixed_size_interval_var(start, job.keeps, chosen[place], f"{row} in {place}")
             for row, (job, start, chosen) in enumerate(zip(self.group.jobs, self.starts, self.at, strict=True))
         ]
         intervals += [

@@ -9,7 +9,7 @@ from deconflict.advice.priorities import USUAL
 from deconflict.advice.slots import Queue, advise_slots
 from deconflict.advisory import Recommendation
 from deconflict.contention.deadlocks import Link
-from deconflict.contention.demand import Request, Turn
+from deconflict.contention.demand import CHANGEOVER_S, Request, Turn
 from deconflict.contention.detours import Refuge, detour
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.robots import Seen
@@ -80,7 +80,10 @@ class Advising:
         if self._solved == MOST_SOLVED:
             return before.advice if before else None
         self._solved += 1
-        queues = [Queue(one, self._geometry.capacity(one), tuple(requests[one])) for one in group]
+        queues = [
+            Queue(one, self._geometry.capacity(one), tuple(requests[one]), self._geometry.changeover_s(one))
+            for one in group
+        ]
         advice = self._advise(queues, now_s, before.advice if before else None)
         self._advised[group[0]] = _Advised(signature, now_s, advice)
         return advice
@@ -112,7 +115,7 @@ class Advising:
             for link, one, has in zip(ring, passages, inside, strict=True)
             if one
         ]
-        advice = self._advise([Queue(lane, 1, tuple(requests))], now_s, None)
+        advice = self._advise([Queue(lane, 1, tuple(requests), CHANGEOVER_S)], now_s, None)
         self._keep(signature, now_s, advice)
         return advice
 

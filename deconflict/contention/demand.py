@@ -4,6 +4,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 
+CHANGEOVER_S = 4.0
+"""From when a robot sets out from a resource, or is out of a lane, until the next one can be there."""
+
 
 @dataclass(frozen=True, slots=True)
 class Request:
@@ -36,14 +39,15 @@ class Turn:
         return 0.0 if self.request.inside else max(self.start_s - self.request.arrival_s, 0.0)
 
 
-def first_come(requests: Iterable[Request], capacity: int, now_s: float) -> list[Turn]:
+def first_come(requests: Iterable[Request], capacity: int, now_s: float, changeover_s: float = 0.0) -> list[Turn]:
     """Turns in the order served: those inside first, then by arrival, the robot's UUID settling ties.
 
-    Those inside beyond the capacity keep their turns; nobody else begins until fewer than `capacity` are left.
+    Those inside beyond the capacity keep their turns; nobody else begins until fewer than `capacity` are left, nor
+    within `changeover_s` of the turn before.
     """
     ordered = sorted(requests, key=lambda one: (not one.inside, one.arrival_s, one.robot))
     turns = [Turn(one, one.arrival_s, now_s + one.service_s) for one in ordered if one.inside]
-    ends = [turn.end_s for turn in turns]
+    ends = [turn.end_s + changeover_s for turn in turns]
     ends += [now_s] * (capacity - len(ends))
     heapify(ends)
     while len(ends) > capacity:
@@ -51,7 +55,7 @@ def first_come(requests: Iterable[Request], capacity: int, now_s: float) -> list
     for one in ordered[len(turns) :]:
         start_s = max(heappop(ends), one.arrival_s)
         turns.append(Turn(one, start_s, start_s + one.service_s))
-        heappush(ends, start_s + one.service_s)
+        heappush(ends, start_s + one.service_s + changeover_s)
     return turns
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from deconflict.contention.ahead import Ahead
+from deconflict.contention.demand import CHANGEOVER_S
 from deconflict.contention.resources import Place, Resource, Zone, outlines
 from deconflict.motion import Bools
 from ingest.seam import Floats
@@ -89,6 +90,10 @@ class Geometry:
     def capacity(self, place: str) -> int:
         found = self.resources.get(place)
         return found.capacity if found else self.zones[place].capacity
+
+    def changeover_s(self, place: str) -> float:
+        """From one robot's turn to the next one's; none at a zone, which is left when the last of a robot is out."""
+        return CHANGEOVER_S if place in self.resources else 0.0
 
     def lane_m(self, zone: str) -> float:
         """Length of an aisle's axis; 0 of another zone."""

@@ -121,7 +121,10 @@ class Contention:
         for one in self.robots.seen.values():
             for request, resource in self._coming(one, now_s):
                 wanted.setdefault(resource, []).append(request)
-        return {place: first_come(wanted[place], self.geometry.capacity(place), now_s) for place in sorted(wanted)}
+        return {
+            place: first_come(wanted[place], self.geometry.capacity(place), now_s, self.geometry.changeover_s(place))
+            for place in sorted(wanted)
+        }
 
     def _kept(self, leg: Leg, now_s: float) -> Request:
         """What a robot has now, for as long as it says, or else as long as robots usually stay."""

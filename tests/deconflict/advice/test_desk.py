@@ -6,11 +6,13 @@ import pytest
 from shapely import Polygon, box
 from shapely.affinity import rotate, translate
 
-from deconflict.advice.account import yielded_s
-from deconflict.advice.desk import ANSWER_AFTER_S
+from deconflict.advice.account import Account, yielded_s
+from deconflict.advice.desk import ANSWER_AFTER_S, Desk
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
+from deconflict.contention.telling import moment
 from deconflict.engine import Engine
 from deconflict.life import PASSED, UNPREDICTED
+from tests.deconflict.made_advisories import made
 from tests.deconflict.test_engine import NOW_S, SITE, Course, Floor, eastward, northward
 from tests.saying import robot
 
@@ -86,6 +88,37 @@ def test_an_answer_from_a_thread_is_given_at_the_same_event_time() -> None:
         threaded = crossing()
         threaded.engine = Engine(threaded.site, submit=pool.submit)
         assert run(threaded) == run(crossing())
+
+
+class Asking:
+    """A desk that is asked of open conflicts, a step each quarter of a second; which pairs it answers, and when."""
+
+    def __init__(self) -> None:
+        self.desk = Desk(SITE, Account())
+        self.now_s = NOW_S
+
+    def steps(self, count: int, *pairs: str) -> list[tuple[float, str]]:
+        """The pairs that are answered while these are open, and when."""
+        told = []
+        for _ in range(count):
+            open_ = [made(1, robots=(pair[0], pair[1]), predicted_at=moment(NOW_S + 30)) for pair in pairs]
+            due = self.desk.step(self.now_s, open_, lambda _: [])
+            told += [(self.now_s - NOW_S, "".join(pair)) for pair, _ in due]
+            self.now_s += 0.25
+        return told
+
+
+def test_a_group_that_grows_while_it_is_worked_out_is_answered_as_a_whole() -> None:
+    asking = Asking()
+    assert asking.steps(1, "ab") == []
+    assert asking.steps(4, "ab", "bc", "xy") == [(0.75, "ab"), (0.75, "bc"), (0.75, "xy")]
+
+
+def test_a_group_that_goes_on_growing_is_answered_all_the_same() -> None:
+    asking, pairs = Asking(), ["ab", "bc", "cd", "de", "ef", "fg"]
+    told = [one for count in range(1, 7) for one in asking.steps(1, *pairs[:count])]
+    assert told == []
+    assert asking.steps(1, *pairs) == [(1.5, pair) for pair in pairs[:5]]
 
 
 def test_advice_comes_no_sooner_than_its_time() -> None:

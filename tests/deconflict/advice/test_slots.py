@@ -37,7 +37,7 @@ def cheapest_s(places: list[Queue]) -> float:
 
 @st.composite
 def groups(draw: st.DrawFn, most: int) -> list[Queue]:
-    places = []
+    places, changeover_s = [], draw(st.sampled_from([0.0, 4.0]))
     for row in range(draw(st.integers(1, 2))):
         requests = tuple(
             request(
@@ -50,7 +50,7 @@ def groups(draw: st.DrawFn, most: int) -> list[Queue]:
             )
             for number in range(draw(st.integers(0, most)))
         )
-        places.append(Queue(f"dock-{row}", draw(st.integers(1, 2)), requests))
+        places.append(Queue(f"dock-{row}", draw(st.integers(1, 2)), requests, changeover_s))
     return places
 
 

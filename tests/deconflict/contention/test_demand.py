@@ -18,6 +18,12 @@ def test_one_place_serves_one_after_the_other() -> None:
     ]
 
 
+def test_the_next_one_begins_when_the_one_before_is_out_of_its_way() -> None:
+    waiting = [request("in", -9.0, 10.0, inside=True), request("a", 0.0), request("b", 0.0), request("c", 500.0)]
+    turns = first_come(waiting, capacity=1, now_s=0.0, changeover_s=4.0)
+    assert [turn.start_s for turn in turns[1:]] == [14.0, 78.0, 500.0]
+
+
 def test_two_places_serve_two_at_once() -> None:
     turns = first_come([request(name, 0.0) for name in "abc"], capacity=2, now_s=0.0)
     assert [turn.start_s for turn in turns] == [0.0, 0.0, 60.0]

@@ -51,7 +51,7 @@ def test_two_that_enter_an_aisle_from_both_ends_lock_each_other_ahead_of_time() 
     first, second = one.recommendation.slots
     assert first.wait_s == 0
     assert second.start_at >= first.end_at
-    assert second.wait_s == pytest.approx(20, abs=3), "for as long as the first is in the lane of 20 m"
+    assert second.wait_s == pytest.approx(24, abs=3), "for as long as the first is in the lane of 20 m, and a little"
     assert f"should wait {second.wait_s:.0f} s before lane" in one.summary
 
 
@@ -147,12 +147,12 @@ def test_a_lift_with_a_twin_standing_free_is_contended_and_its_twin_advised() ->
     (one,) = raised(two_lifts().run(5), "contention")
     assert isinstance(one, ContentionAdvisory)
     assert (one.resource, one.capacity, one.queue_length) == ("l1", 1, 1)
-    assert one.wait_s == pytest.approx(30, abs=4)
+    assert one.wait_s == pytest.approx(34, abs=4)
     assert one.recommendation
     (slot,) = one.recommendation.slots
     assert (slot.robot, slot.resource, slot.wait_s) == (robot("B"), "l2", 0.0)
     assert one.recommendation.first_come_cost_s == pytest.approx(one.wait_s, abs=1)
-    assert one.summary.endswith("Alder B should take l2, which saves 30 s in all")
+    assert one.summary.endswith("Alder B should take l2, which saves 34 s in all")
 
 
 def two_lifts() -> Scene:
@@ -197,8 +197,8 @@ def test_a_queue_for_a_charger_is_told_with_its_length_and_wait_before_anybody_i
     (one,) = raised(Scene(site(charger), robots).run(5), "contention")
     assert isinstance(one, ContentionAdvisory)
     assert one.queue_length == 2
-    # A leaves at 100 s, B charges until 200 s, C comes at 70 s
-    assert one.wait_s == pytest.approx(130, abs=4)
+    # A leaves at 100 s, B charges from 104 s to 204 s, C comes at 70 s
+    assert one.wait_s == pytest.approx(138, abs=4)
     assert one.time_to_conflict_s == pytest.approx(60, abs=4)
     assert "B and Basalt C will find Charger 1 taken in 5" in one.summary
     assert ", give or take 1" in one.summary, "20 % either way of a minute, as long as nothing is known of the vendor"
