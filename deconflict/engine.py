@@ -29,6 +29,7 @@ from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
 from deconflict.site import Site
 from deconflict.sweeper import PairConflicts, Sweeper
+from ingest import changes
 from ingest.measures import Measures
 from ingest.seam import Basis, Batch, Floats, Forecasts
 
@@ -222,6 +223,7 @@ class Engine:
             open_now[key] = open_now.get(key, 0) + 1
         self.measures.level("deconflict_advisories_open", open_now)
         self.measures.level("deconflict_datum_drift_metres", self._rests.drift_m())
+        changes.tell(self.measures, {"forecast": self.foresight.changes.changed(), "datum": self._rests.changed()})
         self.measures.level("deconflict_conflicts", {(): len(conflicts.pairs)})
         self.measures.count("deconflict_sweep_segment_pairs_total", by=conflicts.segment_pairs)
         self.measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)

@@ -16,6 +16,7 @@ from shapely import Polygon
 
 from deconflict.contention.resources import Resource
 from deconflict.learned import Part, UnreadableError
+from ingest.levels import Change, Level, Limits
 from ingest.seam import Basis, Batch
 
 FIRST = 10
@@ -23,6 +24,9 @@ FIRST = 10
 LATER, FEWEST = 30, 10
 """Of a vendor's rests after that, so many of the newest count, and from so many on."""
 MARKS = ("charger", "dock")
+
+LIMITS = Limits(least_spread=0.05, least_change=0.15)
+"""Metres along each axis."""
 
 Spot = tuple[float, float]
 
@@ -37,6 +41,8 @@ class Rests:
     _firsts: dict[tuple[str, str], list[Spot]] = field(default_factory=dict)
     """Vendor and resource to its first rests."""
     _offsets: dict[str, deque[Spot]] = field(default_factory=dict)
+    _levels: dict[str, tuple[Level, Level]] = field(default_factory=dict)
+    """Of x and of y, by vendor."""
 
     @classmethod
     def at(cls, resources: Iterable[Resource]) -> "Rests":
@@ -56,13 +62,19 @@ class Rests:
             self.moves(uuid)
         for row in np.flatnonzero(stand).tolist():
             at = (float(told.x_m[first[row]]), float(told.y_m[first[row]]))
-            self.stands(batch.robots[row], batch.vendors[row], batch.floors[told.floor[first[row]]], at)
+            self.stands(
+                batch.robots[row],
+                batch.vendors[row],
+                batch.floors[told.floor[first[row]]],
+                at,
+                float(batch.event_s[row]),
+            )
 
     def moves(self, uuid: str) -> None:
         """The robot drives, or has left."""
         self._resting.discard(uuid)
 
-    def stands(self, uuid: str, vendor: str, datum: str, at: Spot) -> None:
+    def stands(self, uuid: str, vendor: str, datum: str, at: Spot, at_s: float) -> None:
         """The robot stands at a place, metres in the datum's frame; counts once until it moves."""
         if uuid in self._resting:
             return
@@ -70,7 +82,7 @@ class Rests:
         point = shapely.Point(at)
         for resource, outline in self._places.get(datum, ()):
             if outline.contains(point):
-                self._rested(vendor, resource, at)
+                self._rested(vendor, resource, at, at_s)
 
     def drift_m(self) -> dict[tuple[str, ...], float]:
         """By vendor, how far its robots now rest from the marks; only those that rested often enough."""
@@ -82,8 +94,12 @@ class Rests:
 
     def learned(self) -> Part:
         """The marks, and the newest offsets from them."""
-        marks = [[vendor, resource, at] for (vendor, resource), at in self._firsts.items()]
-        return {"marks": marks, "offsets": {vendor: list(seen) for vendor, seen in self._offsets.items()}}
+        marks = [[vendor, resource, list(at)] for (vendor, resource), at in self._firsts.items()]
+        return {
+            "marks": marks,
+            "offsets": {vendor: list(seen) for vendor, seen in self._offsets.items()},
+            "levels": {vendor: [level.learned() for level in axes] for vendor, axes in self._levels.items()},
+        }
 
     def resume(self, part: Part) -> None:
         """Go on with what `learned` told; marks of resources that are no more are dropped. Raises `UnreadableError`."""
@@ -94,14 +110,32 @@ class Rests:
                     self._firsts[vendor, resource] = [(float(x), float(y)) for x, y in at[:FIRST]]
             for vendor, seen in part.get("offsets", {}).items():
                 self._offsets[vendor] = deque(((float(x), float(y)) for x, y in seen), maxlen=LATER)
+            for vendor, (x, y) in part.get("levels", {}).items():
+                self._levels[vendor] = (Level.resumed(LIMITS, x), Level.resumed(LIMITS, y))
         except (TypeError, ValueError, AttributeError) as error:
             raise UnreadableError(f"marks of docks and chargers are not told: {error}") from error
 
-    def _rested(self, vendor: str, resource: str, at: Spot) -> None:
+    def changed(self) -> dict[str, Change]:
+        """Since when robots rest elsewhere than they did, and by how many metres, of vendors of which that is so."""
+        told = {}
+        for vendor, axes in self._levels.items():
+            changes = [level.change for level in axes if level.change]
+            if changes:
+                told[vendor] = Change(min(one.since_s for one in changes), hypot(*(one.by for one in changes)))
+        return told
+
+    def _rested(self, vendor: str, resource: str, at: Spot, at_s: float) -> None:
         firsts = self._firsts.setdefault((vendor, resource), [])
         if len(firsts) < FIRST:
             firsts.append(at)
             return
         mark = (median(x for x, _ in firsts), median(y for _, y in firsts))
         offsets = self._offsets.setdefault(vendor, deque(maxlen=LATER))
-        offsets.append((at[0] - mark[0], at[1] - mark[1]))
+        off = (at[0] - mark[0], at[1] - mark[1])
+        offsets.append(off)
+        for level, metres in zip(self._levels.setdefault(vendor, _levels()), off, strict=True):
+            level.take(metres, at_s)
+
+
+def _levels() -> tuple[Level, Level]:
+    return Level(LIMITS), Level(LIMITS)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ingest import messages, watch
+from ingest import changes, messages, watch
 from ingest.claims import Claims
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.connection import Connection
@@ -77,6 +77,7 @@ class Fleet:
         self.robots: OrderedDict[str, Robot] = OrderedDict()
         """By UUID, those heard from longest ago first."""
         self._changed: dict[str, None] = {}
+        self._clock_changes = changes.ClockChanges()
         self._floors: dict[str, int] = {}
         self._speaking: dict[int, set[str]] = {}
         self._of_vendor: Counter[str] = Counter()
@@ -140,6 +141,7 @@ class Fleet:
     def cut(self, now_s: float, everything: bool = False) -> Batch:
         """The robots that changed since the last cut, or all of them, and those forgotten."""
         gone = self._forget(now_s)
+        self._clock_changes.look(now_s, ((one.vendor, one.clock) for one in self.robots.values() if one.seen))
         changed = self.robots if everything else self._changed
         robots = [robot for uuid in changed if (robot := self.robots[uuid]).forecast]
         self._changed = {}
@@ -200,6 +202,7 @@ class Fleet:
             (name,): float(np.median([one.delay_s for one in all_])) for name, all_ in clocks.items()
         }
         level("deconflict_clock_delay_seconds", delays)
+        changes.tell(self.measures, {"clock": self._clock_changes.changed()})
 
     def presence(self, robot: Robot, now_s: float) -> str:
         """`present`, `quiet` or `silent`, by how long ago it was last heard."""

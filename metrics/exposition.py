@@ -64,6 +64,24 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_datum_drift_metres": Entry(
         "gauge", ("vendor",), "How far the vendor's robots rest at docks and chargers from where they did at first."
     ),
+    "deconflict_changed_since_timestamp_seconds": Entry(
+        "gauge",
+        ("vendor", "what"),
+        "Since when the vendor's forecast, datum or clock is not as it usually was; absent where all is as usual.",
+        "largest",
+    ),
+    "deconflict_forecast_change_metres": Entry(
+        "gauge",
+        ("vendor",),
+        "How much further off than usual 80 % of forecasts are 3 s ahead.",
+        "largest",
+    ),
+    "deconflict_datum_change_metres": Entry(
+        "gauge", ("vendor",), "How far from usual the vendor's robots rest at docks and chargers.", "largest"
+    ),
+    "deconflict_clock_change_seconds": Entry(
+        "gauge", ("vendor",), "How much more than usual is added to the vendor's stamps; below 0: less.", "largest"
+    ),
     "deconflict_statuses_superseded_total": Entry(
         "counter", ("vendor",), "Status messages replaced by a newer one before the engine read them."
     ),
@@ -103,6 +121,12 @@ CATALOGUE: dict[str, Entry] = {
         ("vendor", "grade"),
         "1 for the vendor's grade: A to E by what 80 % of forecasts are off 3 s ahead (0.1, 0.25, 0.5, 1 m, more).",
         "largest",
+    ),
+    "deconflict_robots_distrusted": Entry(
+        "gauge", ("vendor",), "Robots that do other than they say: their forecasts are given wider errors.", "largest"
+    ),
+    "deconflict_forecasts_distrusted_total": Entry(
+        "counter", ("vendor",), "Forecasts of robots that did other than they had said, taken with wider errors."
     ),
     "deconflict_probability_outcomes_total": Entry(
         "counter",

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from ingest import changes
 from metrics.panels import Dashboard, Panel, Query, Row
 from metrics.promql import level, or_zero_by_vendor, rate, share_within
 from metrics.rules import OBJECTIVE_S, OBJECTIVE_SHARE
@@ -22,6 +23,11 @@ _NUISANCE = or_zero_by_vendor(
 )
 _OFF = "deconflict_forecast_error_metres"
 _WITHIN = share_within(OBJECTIVE_S, STATUS_WAIT, WINDOW, VENDOR)
+
+
+def _told(query: str, legend: str) -> Query:
+    """A query of what is told only at times; 0 at others."""
+    return Query(f"{query} or vector(0)", legend)
 
 
 def rated(name: str, by: Iterable[str] = (), legend: str = "") -> Query:
@@ -248,6 +254,36 @@ VENDORS = Dashboard(
                     "percentunit",
                     (Query(_WITHIN, "{{vendor}}"),),
                     warn_below=OBJECTIVE_SHARE,
+                ),
+                Panel(
+                    "Changed since",
+                    "dateTimeFromNow",
+                    (_told(f"1000 * {level(changes.SINCE, ['vendor', 'what'], over='max')}", "{{vendor}} {{what}}"),),
+                    "stat",
+                ),
+                Panel(
+                    "Changed by, metres",
+                    "m",
+                    tuple(
+                        _told(level(changes.AMOUNTS[what], VENDOR, over="max"), f"{{{{vendor}}}} {what}")
+                        for what in ("forecast", "datum")
+                    ),
+                ),
+                Panel(
+                    "Changed by, seconds",
+                    "s",
+                    (_told(level(changes.AMOUNTS["clock"], VENDOR, over="max"), "{{vendor}} clock"),),
+                ),
+                Panel(
+                    "Robots that do other than they say, and forecasts of theirs",
+                    "short",
+                    (
+                        _told(level("deconflict_robots_distrusted", VENDOR), "{{vendor}} robots"),
+                        _told(
+                            rate("deconflict_forecasts_distrusted_total", WINDOW, VENDOR),
+                            "{{vendor}} forecasts/s",
+                        ),
+                    ),
                 ),
                 each("Drift of the frame", "m", "deconflict_datum_drift_metres", "vendor", warn_above=0.2),
                 each("Time to a destination over the time told", "short", "deconflict_arrival_time_ratio", "vendor"),

@@ -144,6 +144,15 @@ ALERTS = (
         "they did at first. Their positions, and forecasts, are off by as much.",
     ),
     Alert(
+        "DeconflictForecastsWorse",
+        level("deconflict_forecast_change_metres", VENDOR, over="max") + " > 0",
+        "10m",
+        "ticket",
+        "Forecasts of {{ $labels.vendor }} are worse than they were",
+        'Forecasts of {{ $labels.vendor }} 3 s ahead are {{ printf "%.2f" $value }} m further off than usual. '
+        "Its conflicts are told with wider errors: later, or needlessly.",
+    ),
+    Alert(
         "DeconflictNuisanceRate",
         f"vendor:deconflict_nuisance:ratio_increase1h > 0.5 and on (vendor) ({increase(_ENDED, '1h', VENDOR)} > 10)",
         "15m",

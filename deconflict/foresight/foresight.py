@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from deconflict.foresight.calibration import FEATURES, Calibration, features
+from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.followed import JOINED_S, LONG_AGO_S, Followed, Reports
 from deconflict.foresight.grades import measure
 from deconflict.foresight.ledger import Errors, Ledger
@@ -23,7 +24,7 @@ from deconflict.foresight.sampling import Poses
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
-from ingest.measures import Measures
+from ingest.measures import Labels, Measures
 from ingest.seam import Basis, Batch, Floats, Ints
 
 Pair = tuple[str, str]
@@ -72,6 +73,7 @@ class Foresight:
 
     def __init__(self, clearance_m: float, margin_m: float, horizon_s: float, measures: Measures) -> None:
         self.ledger, self.calibration, self.measures = Ledger(), Calibration(), measures
+        self.changes = ForecastChanges()
         self._clearance_m, self._margin_m = clearance_m, margin_m
         self._ahead_s = LOOKS * (horizon_s / LOOKS[-1])
         self._horizon_s = horizon_s
@@ -94,11 +96,16 @@ class Foresight:
     def learned(self) -> dict[str, Part]:
         """What is worth keeping over a restart; probabilities hold for the clearance and horizon of their learning."""
         asked = {"clearance_m": self._clearance_m, "horizon_s": self._horizon_s}
-        return {"ledger": self.ledger.learned(), "calibration": self.calibration.learned() | asked}
+        return {
+            "ledger": self.ledger.learned(),
+            "calibration": self.calibration.learned() | asked,
+            "changes": self.changes.learned(),
+        }
 
     def resume(self, parts: Mapping[str, Part]) -> None:
         """Go on with what `learned` told. Raises `UnreadableError`."""
         self.ledger.resume(parts.get("ledger", {}))
+        self.changes.resume(parts.get("changes", {}))
         known = parts.get("calibration", {})
         if (known.get("clearance_m"), known.get("horizon_s")) == (self._clearance_m, self._horizon_s):
             self.calibration.resume(known)
@@ -118,12 +125,23 @@ class Foresight:
         reports = Reports.of(batch, slots, self._kind[slots])
         errors = self._followed.take(reports, self.ledger.bands_m[reports.kind])
         self.ledger.record(errors, batch.now_s)
+        self.changes.take(errors, list(self.ledger.kinds), batch.now_s)
         self._wonder(errors)
+        for row in np.flatnonzero(self._surprise[slots] > DISTRUSTED).tolist():
+            self.measures.count("deconflict_forecasts_distrusted_total", batch.vendors[row])
 
     def distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion."""
         slot = self._slots.get(uuid)
         return slot is not None and bool(self._surprise[slot] > DISTRUSTED)
+
+    def _distrusted(self) -> dict[Labels, float]:
+        """By vendor, robots whose forecasts contradict their own motion."""
+        kinds = list(self.ledger.kinds)
+        told: dict[Labels, float] = {(kind.vendor,): 0.0 for kind in kinds}
+        for slot in np.flatnonzero(self._surprise > DISTRUSTED).tolist():
+            told[kinds[self._kind[slot]].vendor,] += 1
+        return told
 
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The standing probability of every pair under watch that is not in an encounter, both robots being heard."""
@@ -175,6 +193,7 @@ class Foresight:
         if floor(now_s) > self._asked_s:
             self._asked_s = floor(now_s)
             measure(self.ledger, self.measures)
+            self.measures.level("deconflict_robots_distrusted", self._distrusted())
             rows = np.flatnonzero(self._pairs.watched)
             self._outcomes.ask(now_s, self._pairs.take(self._open(self._pairs, rows, now_s)))
 

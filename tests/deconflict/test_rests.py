@@ -22,11 +22,11 @@ DOCKS = tuple(
 )
 
 
-def rest(rests: Rests, dock: int, x_m: float, y_m: float, vendor: str = "Acme") -> None:
+def rest(rests: Rests, dock: int, x_m: float, y_m: float, vendor: str = "Acme", at_s: float = NOW_S) -> None:
     """A robot comes to a dock, stands, says so twice, and goes."""
     at = (10 * dock + 1 + x_m, 1 + y_m)
-    rests.stands("A-1", vendor, HALL, at)
-    rests.stands("A-1", vendor, HALL, at)
+    rests.stands("A-1", vendor, HALL, at, at_s)
+    rests.stands("A-1", vendor, HALL, at, at_s)
     rests.moves("A-1")
 
 
@@ -98,3 +98,18 @@ def test_marks_are_kept_over_a_restart_but_for_docks_that_are_no_more() -> None:
     assert resumed.drift_m() == rests.drift_m()
     assert rests.drift_m()["Acme",] == pytest.approx(0.5, abs=0.1)
     assert smaller.drift_m() == {}
+
+
+def test_a_frame_that_moves_is_told_with_since_when_until_it_is_back() -> None:
+    rests, rng = settled()
+    told = []
+    for row in range(150):
+        shift_m = 0.4 if 60 <= row < 100 else 0.0
+        rest(rests, row % 3, shift_m + rng.gauss(0, 0.05), rng.gauss(0, 0.05), at_s=NOW_S + 300 * row)
+        told.append(rests.changed().get("Acme"))
+    assert not any(told[:60])
+    change = told[99]
+    assert change
+    assert change.by == pytest.approx(0.4, abs=0.05)
+    assert abs(change.since_s - (NOW_S + 300 * 60)) <= 900
+    assert told[-1] is None

@@ -35,6 +35,7 @@ DEVIATIONS = 'deconflict_deviations_total{vendor="Acme",rule="clock-off"}'
 REJECTED = 'deconflict_messages_total{vendor="Acme",result="rejected"}'
 OFFSET = 'deconflict_clock_offset_seconds{vendor="Acme"}'
 DRIFT = 'deconflict_datum_drift_metres{vendor="Acme"}'
+WORSE = 'deconflict_forecast_change_metres{vendor="Acme"}'
 MET = 'deconflict_conflicts_ended_total{vendor="Acme",outcome="met"}'
 NOT_MET = 'deconflict_conflicts_ended_total{vendor="Acme",outcome="not_met"}'
 WITHIN = f'deconflict_message_to_advisory_seconds_bucket{{vendor="Acme",le="{OBJECTIVE_S}"}}'
@@ -62,6 +63,8 @@ CASES = [
     Case("DeconflictClockDrift", 60, None, {OFFSET: "-3x60"}),
     Case("DeconflictDatumDrift", 60, ACME, {DRIFT: "0.05x10 0.4x60"}),
     Case("DeconflictDatumDrift", 60, None, {DRIFT: "0.15x60"}),
+    Case("DeconflictForecastsWorse", 60, ACME, {WORSE: "_x20 0.4x60"}),
+    Case("DeconflictForecastsWorse", 60, None, {WORSE: "0.4x5 _x60"}),
     Case("DeconflictNuisanceRate", 90, ACME, {MET: "0+1x100", NOT_MET: "0+2x100"}),
     Case("DeconflictNuisanceRate", 90, None, {MET: "0+2x100", NOT_MET: "0+1x100"}),
     Case("DeconflictNuisanceRate", 90, None, {MET: "0x100", NOT_MET: "0x60 0+0.2x40"}),

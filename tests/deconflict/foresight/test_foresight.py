@@ -95,10 +95,14 @@ def test_one_that_contradicts_its_own_motion_is_distrusted_until_it_does_as_it_s
     for t_s in range(30, 36):
         stage.second(t_s)
     assert stage.foresight.distrusted("a")
+    values = stage.foresight.measures.values
+    assert values["deconflict_robots_distrusted"] == {("Alder",): 1.0}
+    assert values["deconflict_forecasts_distrusted_total"]["Alder",] >= 3
     stage.walks["a"].says = None
     for t_s in range(36, 50):
         stage.second(t_s)
     assert not stage.foresight.distrusted("a")
+    assert values["deconflict_robots_distrusted"] == {("Alder",): 0.0}
 
 
 @pytest.mark.parametrize("leaves", [True, False])
