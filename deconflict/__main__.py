@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from deconflict import access, demo, descriptions, schema, site
+from deconflict.blackbox.start import BoxError
 from deconflict.check import check
 from deconflict.contention.suggest import suggested
 from deconflict.importers import reading
@@ -202,7 +203,7 @@ def main() -> int:
         logging.getLogger(chatty).setLevel(logging.WARNING)
     try:
         return int(args.run(args))
-    except (site.SiteError, PlanError, PortTakenError, SecretError, CertificateError, logs.LogError) as error:
+    except (site.SiteError, PlanError, PortTakenError, SecretError, CertificateError, logs.LogError, BoxError) as error:
         sys.stderr.write(f"deconflict: {error}\n")
         return MISUSED
 

@@ -44,6 +44,12 @@ class _Nobody:
     def recorded(self) -> tuple[float, float] | None:
         return None
 
+    def blackboxes(self) -> list[Document]:
+        return []
+
+    def blackbox(self, file: str) -> Path | None:
+        return None if file else Path()
+
 
 def openapi() -> Document:
     """OpenAPI 3.1, as the service has it at `/openapi.json`."""

@@ -17,6 +17,7 @@ from deconflict.advice.delays import Mover
 from deconflict.advice.desk import MOST_NEAR, NEAR_M, Desk, Submit, at_once
 from deconflict.advice.priorities import Priorities
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
+from deconflict.blackbox.trigger import Trigger
 from deconflict.claims import Claims
 from deconflict.contention.advising import Advising
 from deconflict.contention.watch import Contention
@@ -73,6 +74,9 @@ class Engine:
         self._rests = Rests.at(site.resources)
         if learned:
             self._resume(learned)
+        self._trigger = Trigger(conflict.clearance_m, conflict.clear_margin_m)
+        self.near_misses: list[Pair] = []
+        """Pairs of which one moves that came within the clearance by the last step."""
         self._told: set[str] = set()
         """Robots with a new forecast since the last step."""
         self._quiet: list[tuple[float, str]] = []
@@ -105,6 +109,7 @@ class Engine:
         self._sweep_again(self._told | self._grown(now_s))
         told, self._told = self._told, set()
         conflicts = self._sweeper.step(now_s)
+        self.near_misses = [pair for pair in self._trigger.step(conflicts) if self._moves(pair)]
         predictions = self._foreseen(now_s, conflicts)
         scene = Scene(self._party, self._meet, self._separation_m, self._place)
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene)]
@@ -188,6 +193,9 @@ class Engine:
         if rate_mps == 0 or robot.growth_m >= limit_m:
             return since_s + quiet_for_s + self.site.reading.forget_after_s
         return since_s + steps * GROWTH_STEP_M / rate_mps
+
+    def _moves(self, pair: Pair) -> bool:
+        return any(self.live.robots[uuid].basis is not Basis.STATIONARY for uuid in pair)
 
     def _party(self, uuid: str) -> Party | None:
         robot = self.live.robots.get(uuid)

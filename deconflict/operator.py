@@ -8,10 +8,11 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from html import escape
 from importlib.metadata import version
+from pathlib import Path
 from typing import Annotated, Any, Protocol
 
 from fastapi import FastAPI, HTTPException, Query, Request, Response, WebSocket
-from fastapi.responses import HTMLResponse
+from fastapi.responses import FileResponse, HTMLResponse
 from pydantic import BaseModel, Field, StringConstraints
 from pydantic_core import to_json
 
@@ -61,6 +62,12 @@ class Sources(FloorSource, Protocol):
     async def health(self) -> Document:
         """`status`, "ok" or "degraded", and `roles`."""
 
+    def blackboxes(self) -> list[Document]:
+        """What is in each black box, the newest last. Raises `OSError`."""
+
+    def blackbox(self, file: str) -> Path | None:
+        """Where one is, None where there is no such."""
+
 
 class AdvisoryList(BaseModel):
     """The newest revision of each advisory that matches, newest first."""
@@ -95,6 +102,12 @@ class QuarantineList(BaseModel):
     """The rejected messages that are kept, each with its rule and reason."""
 
     rejected: list[Document]
+
+
+class BlackBoxList(BaseModel):
+    """The black boxes that are kept, the newest last: when, who, how near, and what would have avoided it."""
+
+    blackboxes: list[Document]
 
 
 class Problem(BaseModel):
@@ -157,6 +170,17 @@ class Face:
     async def quarantine(self) -> Response:
         """Rejected messages, each with its rule and reason."""
         return _json({"rejected": await self._sources.quarantine()})
+
+    def blackboxes(self) -> Response:
+        """Near misses, each with the file of what was heard and decided around it."""
+        return _json({"blackboxes": self._sources.blackboxes()})
+
+    def blackbox(self, file: str) -> Response:
+        """One black box, as JSON lines packed with zstd; `deconflict blackbox verify` proves it whole."""
+        path = self._sources.blackbox(file)
+        if path is None:
+            raise HTTPException(404, f"there is no black box {file!r}; the oldest are removed in time")
+        return FileResponse(path, media_type="application/zstd", filename=file)
 
     async def healthz(self) -> Response:
         """200 if every role and the store answer, else 503 with the same document."""
@@ -230,6 +254,8 @@ def _add_routes(app: FastAPI, face: Face) -> None:
     degraded: dict[int | str, Document] = {503: {"description": "A role or the store does not answer"}}
     text: dict[int | str, Document] = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
 
+    zstd: dict[int | str, Document] = {200: {"content": {"application/zstd": {}}}}
+
     get = app.get
     get("/advisories", response_model=AdvisoryList, responses=unavailable)(face.advisories)
     get("/advisories/{advisory_id}", response_model=RevisionList, responses=unavailable | missing)(face.advisory)
@@ -242,6 +268,8 @@ def _add_routes(app: FastAPI, face: Face) -> None:
     get("/robots", response_model=RobotList, responses=unavailable)(face.robots)
     get("/robots/{uuid}", response_model=Document, responses=unavailable | missing)(face.robot)
     get("/quarantine", response_model=QuarantineList, responses=unavailable)(face.quarantine)
+    get("/blackboxes", response_model=BlackBoxList)(face.blackboxes)
+    get("/blackboxes/{file}", response_class=Response, responses=missing | zstd)(face.blackbox)
     get("/healthz", response_model=Document, responses=degraded)(face.healthz)
     get("/metrics", response_class=Response, responses=text)(face.metrics)
     get("/schema/advisory", response_model=Document)(face.schema)

@@ -1,14 +1,12 @@
 """The floor as it was, read from the recording by a process of its own, so that the live picture never waits for it."""
 
 import asyncio
-import os
 import time
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context, parent_process
 from pathlib import Path
-from threading import Thread
 
+from deconflict.aside import worker
 from deconflict.picture import Picture
 from deconflict.roles.receiver import fleet_of, recover
 from deconflict.site import Site
@@ -53,7 +51,7 @@ class Past:
         if self._waiting >= MOST_WAITING:
             raise BusyError
         if self._worker is None:
-            self._worker = ProcessPoolExecutor(1, get_context("spawn"), _end_with_parent)
+            self._worker = worker()
         self._waiting += 1
         try:
             return await asyncio.wrap_future(self._worker.submit(floor_at, self._site, self._log, at_s))
@@ -66,14 +64,3 @@ class Past:
     def close(self) -> None:
         if self._worker:
             self._worker.shutdown(cancel_futures=True)
-
-
-def _end_with_parent() -> None:
-    Thread(target=_outlive_not, daemon=True).start()
-
-
-def _outlive_not() -> None:
-    parent = parent_process()
-    if parent:
-        parent.join()
-        os._exit(1)

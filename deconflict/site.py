@@ -113,6 +113,23 @@ class StoreSettings(Section):
     """How long a cleared advisory is kept; open ones stay."""
 
 
+class BlackBox(Section):
+    """Around each near miss a file of what was heard and decided, which replays; needs `recorder.enabled`."""
+
+    enabled: bool = True
+    """Whether there are any."""
+    before_s: Seconds = 60.0
+    """How much is kept of what was before a near miss."""
+    after_s: Seconds = 60.0
+    """And of what came after."""
+    files: Annotated[int, Field(gt=0)] = 500
+    """The oldest go when there are more."""
+    total_bytes: Annotated[int, Field(gt=0)] = 1024 * 1024 * 1024
+    """And when they hold more."""
+    keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 30.0
+    """And when they are older."""
+
+
 class Site(Section):
     """One site. Without a file every default holds, and every datum that robots name is a floor of its own."""
 
@@ -139,6 +156,7 @@ class Site(Section):
     mqtt: Mqtt | None = None
     """A broker that holds the open advisories."""
     store: StoreSettings = StoreSettings()
+    blackbox: BlackBox = BlackBox()
 
 
 DEFAULT = Site()

@@ -155,6 +155,15 @@ class Store:
         known = [_advisory(document) for document, _ in rows]
         return [one for one in known if one.state is not AdvisoryState.CLEARED]
 
+    def between(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
+        """Every revision decided after `since_s` and by `until_s`, ascending; without those that only answer."""
+        with self._reading() as db:
+            rows = db.execute(
+                "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
+                (since_s, until_s),
+            ).fetchall()
+        return [_advisory(document) for (document,) in rows]
+
     def raised(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
         """The first revision of each advisory raised in that time."""
         with self._reading() as db:

@@ -27,7 +27,8 @@ log = logging.getLogger(__name__)
 
 _MESSAGE = re.compile(r'"message"\s*:\s*')
 _DECODER = json.JSONDecoder()
-_UNREADABLE = (ValueError, KeyError, TypeError, RecursionError)
+UNREADABLE = (ValueError, KeyError, TypeError, RecursionError)
+"""What `parsed` raises."""
 _BROKEN = (OSError, EOFError, zstandard.ZstdError)
 
 
@@ -57,7 +58,15 @@ class EngineStarted:
     now_s: float
 
 
-Event = Received | Closed | Tick | EngineStarted
+@dataclass(frozen=True, slots=True)
+class Noted:
+    """What a black box says besides: what it is, what was decided, and where it ends."""
+
+    told: dict[str, Any]
+
+
+Event = Received | Closed | Tick | EngineStarted | Noted
+NOTES = ("blackbox", "decided", "end")
 
 
 class Reader:
@@ -83,7 +92,7 @@ class Reader:
             for file in segments(path):
                 with file.open("rb") as stored:
                     self._file = stored
-                    yield from self._events(file, _unpacked(file, stored))
+                    yield from self._events(file, unpacked(file, stored))
                     self._finished_bytes, self._file = self.bytes_read, None
 
     def _events(self, file: Path, lines: IO[bytes]) -> Iterator[Event]:
@@ -93,8 +102,8 @@ class Reader:
                 number += 1
                 if not line.isspace():
                     try:
-                        event = _parsed(line)
-                    except _UNREADABLE as error:
+                        event = parsed(line)
+                    except UNREADABLE as error:
                         self._leave_out(file, number, error)
                     else:
                         yield event
@@ -125,7 +134,16 @@ def segments(path: Path) -> list[Path]:
     return sorted(one for one in path.iterdir() if ".jsonl" in one.suffixes)
 
 
-def _unpacked(path: Path, stored: BinaryIO) -> IO[bytes]:
+def lines_of(file: Path) -> Iterator[bytes]:
+    """The lines of one log as they stand. Raises `OSError`, and `EOFError` or `ZstdError` where it breaks off."""
+    with file.open("rb") as stored:
+        lines = unpacked(file, stored)
+        while line := lines.readline(LONGEST_LINE):
+            yield line
+
+
+def unpacked(path: Path, stored: BinaryIO) -> IO[bytes]:
+    """The bytes of a log that is stored plain or packed."""
     if path.suffix == ".gz":
         return io.BufferedReader(gzip.open(stored))
     if path.suffix == ".zst":
@@ -141,12 +159,15 @@ class _Plain(msgspec.Struct, gc=False, forbid_unknown_fields=True):
     connection: int = 0
     peer: str = ""
     vendor: str | None = None
+    before: str = ""
+    """In a black box, the hash of the line before."""
 
 
 _PLAIN = msgspec.json.Decoder(_Plain)
 
 
-def _parsed(line: bytes) -> Event:
+def parsed(line: bytes) -> Event:
+    """What one line says. Raises one of `UNREADABLE`."""
     if line.startswith(b'{"tick":"') and line.endswith(b'"}\n'):
         return Tick(_time(line[9:-3].decode()))
     try:
@@ -165,6 +186,8 @@ def _told(line: str) -> Event:
         return Tick(_time(told["tick"]))
     if "engine" in told:
         return EngineStarted(_time(told["at"]))
+    if any(note in told for note in NOTES):
+        return Noted(told)
     if "closed" in told:
         return Closed(_connection_of(told))
     return Received(_raw(line, told), _time(told["received"]), _connection_of(told), told.get("rejected"))

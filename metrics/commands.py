@@ -1,4 +1,4 @@
-"""The commands that look at recorded logs: `replay` and `conform`."""
+"""The commands that look at recorded logs: `replay`, `conform` and `blackbox`."""
 
 import argparse
 import json
@@ -13,8 +13,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from deconflict import site, whatif
+from deconflict.blackbox.start import Start, head_of, site_of, start_of
 from ingest.playback import Event, Reader, segments
-from metrics import compare, conform, report
+from metrics import blackbox, compare, conform, report
 
 if TYPE_CHECKING:
     from metrics.replay import Tell, Watch
@@ -28,7 +29,7 @@ class LogError(ValueError):
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add both to the command line."""
+    """Add them to the command line."""
     again = commands.add_parser("replay", help="run recorded logs through the engine and score its advisories")
     _add_logs(again, "*")
     again.add_argument("--clearance", nargs="+", type=float, metavar="M", help="metres; the site's if not given")
@@ -43,6 +44,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     _add_logs(alone, "+")
     alone.add_argument("--json", type=Path, metavar="OUT.json", help="write the counts here too")
     alone.set_defaults(run=_conform)
+    blackbox.add(commands)
 
 
 def _add_logs(command: argparse.ArgumentParser, count: str) -> None:
@@ -66,7 +68,8 @@ def _replay(args: argparse.Namespace) -> int:
     with ExitStack() as files:
         tell, watch = _outputs(args, files)
         events = files.enter_context(_shown(reader, args.logs))
-        result = replay(reader, events, settings, clearances_m, tell=tell, watch=watch)
+        start = start_of(head) if (head := _head(args)) else Start()
+        result = replay(reader, events, settings, clearances_m, tell=tell, watch=watch, start=start)
     if args.html:
         title = f"Replay of {', '.join(log.name for log in args.logs)}"
         args.html.write_text(report.page(result, title), encoding="utf-8")
@@ -98,8 +101,14 @@ def _result(path: Path) -> dict[str, Any]:
     return told
 
 
+def _head(args: argparse.Namespace) -> dict[str, Any] | None:
+    """What the only log says of itself where it is a black box."""
+    return head_of(args.logs[0]) if len(args.logs) == 1 else None
+
+
 def _settings(args: argparse.Namespace) -> site.Site:
-    told = site.load(args.site) if args.site else site.DEFAULT
+    head = None if args.site else _head(args)
+    told = site_of(head) if head else site.load(args.site) if args.site else site.DEFAULT
     return whatif.changed(told, args.changes) if args.changes else told
 
 

@@ -180,6 +180,11 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "deconflict_outlet_failures_total": Entry("counter", ("outlet",), "Attempts to deliver that failed."),
     "deconflict_outlet_waiting": Entry("gauge", ("outlet",), "Revisions that wait for an outlet that takes none."),
+    "deconflict_blackboxes_total": Entry(
+        "counter",
+        ("outcome",),
+        "Black boxes by what became of them: kept, unfounded, failed or beyond.",
+    ),
     "deconflict_role_up": Entry("gauge", ("role",), "1 if this role of the service answers, else 0.", "largest"),
     "deconflict_role_restarts_total": Entry("counter", ("role",), "Times this role's process was restarted."),
     "deconflict_build_info": Entry("gauge", ("version",), "1 for the release that runs.", "largest"),

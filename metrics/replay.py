@@ -8,12 +8,13 @@ from math import floor, inf
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
+from deconflict.blackbox.start import Start
 from deconflict.engine import Engine
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
 from ingest.fleet import Fleet
 from ingest.measures import Measures
-from ingest.playback import EngineStarted, Event, Reader, Received, Tick
+from ingest.playback import EngineStarted, Event, Noted, Reader, Received, Tick
 from ingest.seam import Basis, Batch, Floats
 from metrics import conform
 from metrics.arrivals import Arrivals
@@ -38,7 +39,7 @@ def with_ticks(events: Iterable[Event]) -> Iterator[Event]:
     """The events, with ticks at whole multiples of `TICK_S` among them where the log has none."""
     last: int | None = None
     for event in events:
-        if isinstance(event, Tick):
+        if isinstance(event, Tick | Noted):
             last = -1
         if isinstance(event, Received) and last != -1:
             now = floor(event.arrival_s / TICK_S)
@@ -66,10 +67,16 @@ class Told:
 class Run:
     """One clearance's engine over one log."""
 
-    def __init__(self, site: Site, clearance_m: float) -> None:
+    def __init__(self, site: Site, clearance_m: float, start: Start) -> None:
         conflict = site.conflict.model_copy(update={"clearance_m": clearance_m})
         self.clearance_m = clearance_m
-        self.engine = Engine(site.model_copy(update={"conflict": conflict}))
+        self.engine = Engine(
+            site.model_copy(update={"conflict": conflict}),
+            start.open,
+            start.encounters,
+            burdens_s=start.burdens_s,
+            learned=start.learned,
+        )
         self.calibration = Calibration(clearance_m)
         self.raised: Counter[str] = Counter()
         """Advisories by kind."""
@@ -107,8 +114,10 @@ class Run:
 class Replay:
     """One log through one fleet and an engine for each clearance."""
 
-    def __init__(self, site: Site, clearances_m: Iterable[float], tell: Tell | None, watch: Watch | None) -> None:
-        self.runs = [Run(site, clearance_m) for clearance_m in clearances_m]
+    def __init__(
+        self, site: Site, clearances_m: Iterable[float], tell: Tell | None, watch: Watch | None, start: Start
+    ) -> None:
+        self.runs = [Run(site, clearance_m, start) for clearance_m in clearances_m]
         self.fleet: Fleet = fleet_of(site, Measures())
         self.truth = Truth([run.clearance_m for run in self.runs])
         self.forecasts, self.arrivals = ForecastErrors(), Arrivals()
@@ -216,13 +225,15 @@ def replay(
     *,
     tell: Tell | None = None,
     watch: Watch | None = None,
+    start: Start = Start(),  # noqa: B008 - frozen
 ) -> dict[str, Any]:
     """Scores of every clearance over the events that `reader` reads.
 
     `tell` is called with what the live stream would have said, as it is said, and `watch` with the time and the batch
-    of each pass. `speed_x_real_time` is the one value that differs from run to run.
+    of each pass. `start` is what the engine goes on with, of a black box. `speed_x_real_time` is the one value that
+    differs from run to run.
     """
-    run = Replay(site, clearances_m, tell, watch)
+    run = Replay(site, clearances_m, tell, watch, start)
     began = time.perf_counter()
     for event in with_ticks(events):
         run.take(event)

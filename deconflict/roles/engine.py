@@ -5,7 +5,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -102,10 +102,11 @@ class EngineRole:
         engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
         solved_s = [self._solved_s.popleft() for _ in range(len(self._solved_s))]
         engine.measures.observe("deconflict_advice_solve_seconds", solved_s)
-        self._outbox.put(revisions, arrivals_s(batch), engine.measures)
+        near = [(*pair, batch.now_s) for pair in engine.near_misses]
+        self._outbox.put(revisions, arrivals_s(batch), engine.measures, near)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
-            self._outbox.keep(engine.learned())
+            self._outbox.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
 
 
 def arrivals_s(batch: Batch) -> dict[str, Floats]:
@@ -146,8 +147,14 @@ class Outbox:
         self._thread.join()
         self._operator.close()
 
-    def put(self, revisions: list[AnyAdvisory], arrivals_s: dict[str, Floats], measures: Measures) -> None:
-        """Queue one step: its revisions, and the arrivals of the messages it reflects, by vendor."""
+    def put(
+        self,
+        revisions: list[AnyAdvisory],
+        arrivals_s: dict[str, Floats],
+        measures: Measures,
+        near_misses: Sequence[tuple[str, str, float]] = (),
+    ) -> None:
+        """Queue one step: its revisions, the arrivals of the messages it reflects, by vendor, and near misses."""
         self._arrivals.put(arrivals_s)
         due = time.monotonic() - self._measured_s >= MEASURES_EVERY_S
         if due:
@@ -155,8 +162,9 @@ class Outbox:
         parcel = {
             "advisories": [one.model_dump(mode="json") for one in revisions],
             "measures": [measures.as_document(), self.measures.as_document()] if due else None,
+            "near_misses": near_misses,
         }
-        self._waiting.put(json.dumps(parcel).encode() if revisions or due else b"")
+        self._waiting.put(json.dumps(parcel).encode() if revisions or due or near_misses else b"")
 
     def keep(self, learned: dict[str, Part]) -> None:
         """Hand over what was learned after the next parcel; what still waits is replaced by it."""

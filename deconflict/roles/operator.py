@@ -12,6 +12,8 @@ from typing import Any
 
 from deconflict.advisory import ADVISORY
 from deconflict.asgi import face_server
+from deconflict.blackbox.keeper import Keeper
+from deconflict.blackbox.order import Near
 from deconflict.learned_file import LearnedFile
 from deconflict.link import AsyncCaller, LinkDownError, PortTakenError, listening, socket_path
 from deconflict.operator import Exposition, SourceUnavailableError, create_app
@@ -54,6 +56,7 @@ class OperatorRole:
         self._learned_file = LearnedFile(data, self._app.state.measures)
         self._outlets = self._outlets_of(site)
         self._past = Past(site, data / "log")
+        self._keeper = Keeper(site, data, self._store, self._app.state.measures)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
@@ -72,7 +75,9 @@ class OperatorRole:
             serving = asyncio.create_task(server.serve([bound]))
             waiting = asyncio.create_task(stop.wait())
             outlets = (outlet.run() for outlet in self._outlets)
-            chores = [asyncio.create_task(one) for one in (self._prune(), self._refresh(), *outlets)]
+            chores = [
+                asyncio.create_task(one) for one in (self._prune(), self._refresh(), self._keeper.run(), *outlets)
+            ]
             self.ready.set()
             try:
                 await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
@@ -146,6 +151,12 @@ class OperatorRole:
             "unidentified": unidentified,
         }
 
+    def blackboxes(self) -> list[dict[str, Any]]:
+        return self._keeper.shelf.boxes()
+
+    def blackbox(self, file: str) -> Path | None:
+        return self._keeper.shelf.path(file)
+
     def recorded(self) -> tuple[float, float] | None:
         return self._past.recorded()
 
@@ -217,14 +228,19 @@ class OperatorRole:
         return json.dumps(stored).encode()
 
     async def _learned(self, _: bytes) -> bytes:
-        return await asyncio.to_thread(self._learned_file.read)
+        """What an engine that begins goes on with."""
+        learned = await asyncio.to_thread(self._learned_file.read)
+        await asyncio.to_thread(self._keeper.begun, learned)
+        return learned
 
     async def _learn(self, learned: bytes) -> bytes:
         await asyncio.to_thread(self._learned_file.write, learned)
+        await asyncio.to_thread(self._keeper.learned, learned)
         return b"kept"
 
     async def _unlearn(self, why: bytes) -> bytes:
         await asyncio.to_thread(self._learned_file.set_aside, why.decode())
+        await asyncio.to_thread(self._keeper.begun, b"")
         return b"set aside"
 
     async def _measures(self, _: bytes) -> bytes:
@@ -240,4 +256,6 @@ class OperatorRole:
         if parcel["advisories"]:
             advisories = [ADVISORY.validate_python(one) for one in parcel["advisories"]]
             await self._app.state.publisher.publish(advisories)
+        if parcel["near_misses"]:
+            await asyncio.to_thread(self._keeper.note, [Near(*one) for one in parcel["near_misses"]])
         return b"stored"

@@ -12,6 +12,7 @@ from fastapi import FastAPI
 
 from deconflict.advisory import AnyAdvisory
 from deconflict.asgi import FaceServer, face_server
+from deconflict.blackbox.shelf import Shelf
 from deconflict.link import LinkDownError
 from deconflict.operator import SourceUnavailableError, create_app
 from deconflict.picture import Picture
@@ -36,6 +37,7 @@ class GivenSources:
 
     down: set[str] = field(default_factory=set)
     recent: Recent = field(default_factory=Recent)
+    shelf: Shelf | None = None
     whole: Batch = field(default_factory=lambda: fleet_of(Site(), Measures()).whole(1.0))
 
     async def robots(self) -> list[dict[str, Any]]:
@@ -74,6 +76,12 @@ class GivenSources:
 
     def recorded(self) -> tuple[float, float] | None:
         return 1.0, 2.0
+
+    def blackboxes(self) -> list[dict[str, Any]]:
+        return self.shelf.boxes() if self.shelf else []
+
+    def blackbox(self, file: str) -> Path | None:
+        return self.shelf.path(file) if self.shelf else None
 
     def _ask(self, role: str) -> None:
         if role in self.down:

@@ -176,6 +176,8 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/quarantine",
         "/healthz",
         "/metrics",
+        "/blackboxes",
+        "/blackboxes/{file}",
         "/schema/advisory",
     }
     assert described["components"]["schemas"]["ConflictAdvisory"]["properties"]["severity"]

@@ -1,0 +1,162 @@
+"""Keeps the black boxes: notes near misses, waits for what comes after, and has the file cut by a process aside."""
+
+import asyncio
+import json
+import logging
+import time
+from collections import deque
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from deconflict.aside import AsideError, once
+from deconflict.blackbox.order import WARM_S, Near, Order, Snapshot, Span
+from deconflict.blackbox.shelf import FOLDER, Box, Shelf
+from deconflict.learned import unpacked
+from deconflict.site import Site
+from deconflict.store import Store, StoreError
+from ingest import stamps
+from ingest.measures import Measures
+
+log = logging.getLogger(__name__)
+
+JOINED_S = 60.0
+"""Near misses within this time of the first share its file."""
+MOST_PAIRS = 50
+"""So many of them; what else happened then is in the file without a word on it."""
+SETTLE_S = 2.0
+"""Until then the log and the store have what happened before."""
+LOOK_EVERY_S = 0.5
+SNAPSHOTS = 6
+"""Of the engine's learning that are remembered; one a minute."""
+PENDING = "pending.json"
+COUNTED = "deconflict_blackboxes_total"
+
+
+class Keeper:
+    """Of one service. Everything but `run` is quick."""
+
+    def __init__(self, site: Site, data: Path, store: Store, measures: Measures) -> None:
+        self._site, self._log, self._store, self._measures = site, data / "log", store, measures
+        self.shelf = Shelf(data / FOLDER)
+        self._enabled = site.blackbox.enabled and site.recorder.enabled
+        self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
+        self._pending: list[tuple[float, Near]] = []
+        """With when each was noted, by the monotonic clock, which nobody sets."""
+        for outcome in ("kept", "unfounded", "failed", "beyond"):
+            measures.count(COUNTED, outcome, by=0)
+
+    def note(self, near: Iterable[Near]) -> None:
+        """Near misses that the engine has just noticed. Writes them down, so that a restart forgets none."""
+        for one in near if self._enabled else ():
+            if len(self._pending) < MOST_PAIRS:
+                self._pending.append((time.monotonic(), one))
+            else:
+                self._measures.count(COUNTED, "beyond")
+        self._remember()
+
+    def begun(self, learned: bytes) -> None:
+        """An engine begins with what one before it had learned, nothing where there is none."""
+        self._snapshots.append(Snapshot(time.time(), learned, self._store.burdens_s()))
+
+    def learned(self, learned: bytes) -> None:
+        """What the engine had learned by a tick; boxes begin at such moments."""
+        tick = unpacked(learned).get("tick")
+        if tick:
+            self._snapshots.append(Snapshot(float(tick["now_s"]), learned, self._store.burdens_s()))
+
+    async def run(self) -> None:
+        """Cut what is due, until cancelled."""
+        await asyncio.to_thread(self._recall)
+        while True:
+            await asyncio.to_thread(self._prune)
+            while not (near := self._due(time.monotonic())):
+                await asyncio.sleep(LOOK_EVERY_S)
+            await self._keep(near)
+            self._pending = [pending for pending in self._pending if pending[1] not in near]
+            await asyncio.to_thread(self._remember)
+
+    def _due(self, now_s: float) -> list[Near]:
+        """Those of the next box, once all that comes after them is recorded."""
+        if not self._pending:
+            return []
+        after_s = self._site.blackbox.after_s
+        joined_s = self._pending[0][0] + min(JOINED_S, after_s)
+        joined = [pending for pending in self._pending if pending[0] <= joined_s]
+        return [near for _, near in joined] if now_s >= joined[-1][0] + after_s + SETTLE_S else []
+
+    async def _keep(self, near: list[Near]) -> None:
+        try:
+            box = await self._cut(near)
+        except (OSError, StoreError, AsideError) as error:
+            self._measures.count(COUNTED, "failed")
+            log.error("a near miss at %s has no black box: %s", stamps.write(near[0].at_s), error)
+            return
+        self._measures.count(COUNTED, "kept" if box else "unfounded")
+        if box:
+            told = "; ".join(one["summary"] for one in box["near_misses"])
+            log.warning("near miss: %s (%s, sha256 %s)", told, box["file"], box["sha256"])
+
+    async def _cut(self, near: list[Near]) -> Box | None:
+        order = await asyncio.to_thread(self._order, near)
+        return await once(_cut, order)
+
+    def _order(self, near: list[Near]) -> Order:
+        settings = self._site.blackbox
+        begins_s = min(one.at_s for one in near) - settings.before_s - WARM_S
+        snapshot = next((one for one in reversed(self._snapshots) if one.at_s <= begins_s), None)
+        span = Span.around(near, settings.before_s, settings.after_s, snapshot)
+        self.shelf.directory.mkdir(parents=True, exist_ok=True)
+        return Order(
+            self._site,
+            self._log,
+            self.shelf.directory,
+            tuple(near),
+            span,
+            snapshot,
+            tuple(one.model_dump_json() for one in self._store.open_at(span.engine_s)),
+            tuple(one.model_dump_json() for one in self._store.between(span.engine_s, span.until_s)),
+        )
+
+    def _prune(self) -> None:
+        settings = self._site.blackbox
+        before = datetime.now(UTC) - timedelta(days=settings.keep_days)
+        try:
+            gone = self.shelf.prune(
+                files=settings.files, total_bytes=settings.total_bytes, before=stamps.write(before.timestamp())
+            )
+        except OSError as error:
+            log.warning("old black boxes can't be removed: %s", error)
+        else:
+            if gone:
+                log.info("removed black boxes: %s", ", ".join(gone))
+
+    def _remember(self) -> None:
+        """Put what is pending on the disk; where that fails only a restart would lose it."""
+        path = self.shelf.directory / PENDING
+        try:
+            if self._pending:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(json.dumps([near for _, near in self._pending]))
+            else:
+                path.unlink(missing_ok=True)
+        except OSError as error:
+            log.warning("%s can't be written: %s", path, error)
+
+    def _recall(self) -> None:
+        """Go on with what was pending when the service ended."""
+        path = self.shelf.directory / PENDING
+        try:
+            told: list[list[Any]] = json.loads(path.read_text()) if path.exists() else []
+            near = [Near(str(a), str(b), float(at_s)) for a, b, at_s in told]
+        except (OSError, ValueError, TypeError) as error:
+            log.warning("%s can't be read: %s", path, error)
+        else:
+            self.note(near)
+
+
+def _cut(order: Order) -> Box | None:
+    from deconflict.blackbox.cut import cut  # noqa: PLC0415 - brings numba, which the operator face does without
+
+    return cut(order)

@@ -1,0 +1,84 @@
+"""The service keeps a black box of a near miss, which anyone may fetch and prove."""
+
+import asyncio
+import json
+import time
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.asyncio.client import connect
+
+from deconflict.blackbox.keeper import MOST_PAIRS, PENDING, Keeper
+from deconflict.blackbox.order import Near
+from deconflict.blackbox.shelf import FOLDER
+from deconflict.site import BlackBox
+from deconflict.store import Store
+from ingest.measures import Measures
+from metrics.blackbox import verify
+from tests.deconflict.test_service import SITE, Course, drive, running
+
+SETTINGS = SITE.model_copy(update={"blackbox": BlackBox(before_s=2.0, after_s=3.0)})
+PASSING: dict[str, Course] = {
+    "A-1": lambda t: (-6.0 + t, 0.0, 0.0),
+    "B-1": lambda t: (0.0, -7.7 + t, pi / 2),
+}
+
+
+async def test_a_near_miss_is_kept_listed_fetched_and_proved(tmp_path: Path) -> None:
+    def kept(answer: dict[str, Any]) -> bool:
+        return bool(answer["blackboxes"])
+
+    async with running(tmp_path / "data", SETTINGS) as service:
+        driving = asyncio.create_task(drive(service.robots_url, PASSING, 14))
+        async with asyncio.timeout(40):
+            while not kept(answer := (await service.get("/blackboxes")).json()):
+                await asyncio.sleep(0.2)
+        (box,) = answer["blackboxes"]
+        (miss,) = box["near_misses"]
+        fetched = await service.get(f"/blackboxes/{box['file']}")
+        assert (await service.get("/blackboxes/blackbox-20000101T000000000Z.jsonl.zst")).status_code == 404
+        text = (await service.get("/metrics")).text
+        driving.cancel()
+    assert miss["separation_m"] < 0.3
+    assert miss["warned_s"] > 0
+    (tmp_path / box["file"]).write_bytes(fetched.content)
+    verdict = await asyncio.to_thread(verify, tmp_path / box["file"])
+    assert (verdict.sha256, verdict.told > 0) == (box["sha256"], True)
+    assert verdict.same, verdict.words()
+    assert 'deconflict_blackboxes_total{outcome="kept"} 1.0' in text
+
+
+def test_what_is_pending_is_remembered_over_a_restart_and_bounded(tmp_path: Path) -> None:
+    store, measures = Store(tmp_path), Measures()
+    keeper = Keeper(SETTINGS, tmp_path, store, measures)
+    keeper.note(Near("a", f"{number:04}", 5.0) for number in range(MOST_PAIRS + 3))
+    assert measures.values["deconflict_blackboxes_total"][("beyond",)] == 3
+    assert len(json.loads((tmp_path / FOLDER / PENDING).read_text())) == MOST_PAIRS
+    store.close()
+
+
+async def test_a_near_miss_that_was_noted_before_a_restart_is_judged_after_it(tmp_path: Path) -> None:
+    (tmp_path / FOLDER).mkdir()
+    (tmp_path / FOLDER / PENDING).write_text(json.dumps([["a", "b", time.time() - 5.0]]))
+    async with running(tmp_path, SETTINGS) as service, connect(service.robots_url):
+        async with asyncio.timeout(40):
+            while 'deconflict_blackboxes_total{outcome="unfounded"} 1.0' not in (await service.get("/metrics")).text:
+                await asyncio.sleep(0.2)
+    assert not (tmp_path / FOLDER / PENDING).exists()
+
+
+async def test_a_box_that_cannot_be_written_is_counted_and_stops_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / FOLDER).write_text("a file where the directory belongs")
+    async with running(tmp_path, SETTINGS) as service:
+        driving = asyncio.create_task(drive(service.robots_url, PASSING, 14))
+        async with asyncio.timeout(40):
+            while 'deconflict_blackboxes_total{outcome="failed"} 1.0' not in (await service.get("/metrics")).text:
+                await asyncio.sleep(0.2)
+        assert (await service.get("/healthz")).status_code == 200
+        assert (await service.get("/advisories?state=all")).json()["advisories"]
+        driving.cancel()
+    assert "has no black box" in caplog.text

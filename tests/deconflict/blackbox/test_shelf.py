@@ -1,0 +1,61 @@
+from pathlib import Path
+
+import pytest
+
+from deconflict.blackbox.chain import NOTHING
+from deconflict.blackbox.shelf import REGISTER, Box, Shelf
+
+
+def put(shelf: Shelf, number: int, size: int = 100) -> Box:
+    name = f"blackbox-2026092{number}T141500000Z.jsonl.zst"
+    (shelf.directory / name).write_bytes(b"x" * size)
+    until = f"2026-09-2{number}T14:15:00.000000Z"
+    box = {"file": name, "bytes": size, "sha256": f"{number}" * 64, "until": until, "near_misses": []}
+    shelf.add(box)
+    return box
+
+
+@pytest.fixture
+def shelf(tmp_path: Path) -> Shelf:
+    return Shelf(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "bounds",
+    [
+        {"files": 2, "total_bytes": 10_000, "before": ""},
+        {"files": 9, "total_bytes": 250, "before": ""},
+        {"files": 9, "total_bytes": 10_000, "before": "2026-09-23"},
+    ],
+)
+def test_number_size_and_age_are_bounded_and_the_oldest_go(shelf: Shelf, bounds: dict[str, int | str]) -> None:
+    boxes = [put(shelf, number) for number in range(1, 5)]
+    gone = shelf.prune(**bounds)  # type: ignore[arg-type]
+    assert sorted(gone) == [one["file"] for one in boxes[:2]]
+    assert shelf.boxes() == boxes[2:]
+    assert [shelf.path(one["file"]) is None for one in boxes] == [True, True, False, False]
+
+
+def test_the_chain_goes_on_though_every_file_is_gone(shelf: Shelf) -> None:
+    assert shelf.head() == NOTHING
+    last = [put(shelf, number) for number in (1, 2)][-1]
+    shelf.prune(files=1, total_bytes=1, before="")
+    assert (shelf.boxes(), shelf.head()) == ([], last["sha256"])
+
+
+@pytest.mark.parametrize(
+    "file", ["../advisories.db", REGISTER, "blackbox-20260921T141500000Z.jsonl.zst/../register.jsonl"]
+)
+def test_nothing_else_of_the_directory_is_given_out(shelf: Shelf, file: str) -> None:
+    put(shelf, 1)
+    assert shelf.path(file) is None
+
+
+def test_a_line_of_the_register_that_cannot_be_read_hides_no_other(
+    shelf: Shelf, caplog: pytest.LogCaptureFixture
+) -> None:
+    box = put(shelf, 1)
+    with (shelf.directory / REGISTER).open("a") as register:
+        register.write('{"file": 3}\nnonsense\n')
+    assert shelf.boxes() == [box]
+    assert caplog.text.count("is left out") == 2
