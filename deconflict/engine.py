@@ -70,7 +70,7 @@ class Engine:
         queues = [one for one in restored if not isinstance(one, ConflictAdvisory | ClaimAdvisory)]
         self._contention = Contention(site.resources, site.zones, site.contention, self.measures, queues, advising)
         self._claims = Claims(self.live, [one for one in restored if isinstance(one, ClaimAdvisory)])
-        self._desk = Desk(site, self._account, submit)
+        self._desk = Desk(site, self._account, self.measures, submit)
         self._rests = Rests.at(site.resources)
         if learned:
             self._resume(learned)

@@ -92,6 +92,10 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_recorded_lines_dropped_total": Entry("counter", (), "Lines the recording could not take."),
     "deconflict_ticks_total": Entry("counter", (), "Ticks at which the engine was handed what had changed."),
     "deconflict_sweep_duration_seconds": Entry("histogram", (), "Duration of one step of the engine."),
+    "deconflict_advice_waiting": Entry("gauge", (), "Groups of conflicts whose advice is yet to be asked for."),
+    "deconflict_advice_late_total": Entry(
+        "counter", (), "Answers that were not worked out when their time had come, and were given later."
+    ),
     "deconflict_advice_solve_seconds": Entry("histogram", (), "Time to work out advice for one question."),
     "deconflict_message_to_advisory_seconds": Entry(
         "histogram",

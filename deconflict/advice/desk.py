@@ -1,21 +1,23 @@
 """When holds are asked for and when the answer is given: at event times, so that a replay gives the same advice.
 
 The desk asks for each connected group of conflicts ahead, and gives the answer at the first step at least
-`ANSWER_AFTER_S` later, however soon it was worked out; a live engine lets a thread do that and waits only for an answer
-that is late. Holds begin at that time: until then robots go on as forecast.
+`ANSWER_AFTER_S` later, however soon it was worked out; a live engine lets a thread do that, and never waits for it.
+What is asked is bounded, so that answers are there in time. Holds begin at that time: until then robots go on as
+forecast.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from operator import attrgetter
-from typing import Protocol
+from operator import attrgetter, itemgetter
+from typing import NamedTuple, Protocol
 
 from deconflict.advice.account import Account
 from deconflict.advice.delays import Mover, Pair, Window
 from deconflict.advice.holds import advise_holds
 from deconflict.advisory import ConflictAdvisory, Recommendation
 from deconflict.site import Site
+from ingest.measures import Measures
 
 ANSWER_AFTER_S = 0.5
 AGAIN_S = 3.0
@@ -24,6 +26,9 @@ NEAR_M, MOST_NEAR = 20.0, 30
 """Robots so near to one of a group are heeded, the nearest first."""
 GROWS_S = 1.5
 """Advice waits for a group of conflicts to be complete for no longer than this."""
+PAIRS_PER_S, MOST_PAIRS = 20.0, 60.0
+"""Conflicts in the questions of a second of event time, on average and at once; the soonest go first, others wait.
+People can follow no more, and a crowded floor would have the thread that works answers out fall ever further behind."""
 CHANGED_S = 1.0
 """A hold that differs by less is the same advice."""
 
@@ -32,6 +37,8 @@ Pairs = tuple[Pair, ...]
 
 class Answer(Protocol):
     """What is being worked out."""
+
+    def done(self) -> bool: ...
 
     def result(self) -> Recommendation: ...
 
@@ -47,6 +54,9 @@ class Done:
     """An answer that is there."""
 
     advice: Recommendation
+
+    def done(self) -> bool:
+        return True
 
     def result(self) -> Recommendation:
         return self.advice
@@ -64,42 +74,70 @@ class Asked:
     answer: Answer | None
     since_s: float
     """When the first question was asked that this one goes on from."""
+    late: bool = False
+    """Not there when its time had come."""
+
+
+class Group(NamedTuple):
+    """Conflicts that share robots."""
+
+    ahead_s: float
+    """When the first of them is predicted."""
+    pairs: Pairs
+    standing: Recommendation | None
+    """The advice that stands in it."""
 
 
 class Desk:
     """Questions under way."""
 
-    def __init__(self, site: Site, account: Account, submit: Submit = at_once) -> None:
+    def __init__(self, site: Site, account: Account, measures: Measures, submit: Submit = at_once) -> None:
         self._conflict, self._settings, self._submit = site.conflict, site.advice, submit
-        self._account = account
+        self._account, self._measures = account, measures
         self._asked: dict[Pairs, Asked] = {}
+        self._allowed, self._filled_s = MOST_PAIRS, 0.0
 
     def step(
         self, now_s: float, conflicts: Sequence[ConflictAdvisory], movers_around: MoversAround
     ) -> list[tuple[Pair, Recommendation]]:
         """The advice that is due, by pair; asks for what is open and ahead."""
-        told = self._due(now_s)
+        told = self._given(now_s)
         groups = _connected([one for one in conflicts if one.predicted_at.timestamp() > now_s + ANSWER_AFTER_S])
         self._asked = {pairs: one for pairs, one in self._asked.items() if one.answer or pairs in groups}
-        for pairs, standing in groups.items():
-            before = self._asked.get(pairs)
-            if before is None or (before.answer is None and now_s - before.at_s >= AGAIN_S):
-                goes_on = [one.since_s for other, one in self._asked.items() if _goes_on(other, one, pairs)]
-                answer = self._submit(self._question(pairs, standing, now_s, movers_around))
-                self._asked[pairs] = Asked(now_s, answer, min([now_s, *goes_on]))
+        due = [group for group in groups.values() if self._is_asked(group, now_s)]
+        self._allowed = min(self._allowed + (now_s - self._filled_s) * PAIRS_PER_S, MOST_PAIRS)
+        self._filled_s = now_s
+        while due and self._allowed > 0:
+            group = due.pop(0)
+            self._allowed -= len(group.pairs)
+            goes_on = [one.since_s for other, one in self._asked.items() if _goes_on(other, one, group.pairs)]
+            answer = self._submit(self._question(group.pairs, group.standing, now_s, movers_around))
+            self._asked[group.pairs] = Asked(now_s, answer, min([now_s, *goes_on]))
+        self._measures.level("deconflict_advice_waiting", {(): len(due)})
         return told
 
-    def _due(self, now_s: float) -> list[tuple[Pair, Recommendation]]:
-        """The answers to be given now, but for those to groups that have grown and will soon have a better one."""
-        told = []
-        for pairs, one in sorted(self._asked.items()):
-            if one.answer is None or now_s < one.at_s + ANSWER_AFTER_S:
-                continue
-            later = any(_goes_on(pairs, one, other) for other, new in self._asked.items() if new.at_s > one.at_s)
-            if not later or now_s - one.since_s >= GROWS_S:
+    def _given(self, now_s: float) -> list[tuple[Pair, Recommendation]]:
+        """The answers whose time has come, by pair, but for those to groups that have grown and will soon have a better
+        one. An answer that is still worked out then comes late, and nobody waits for it."""
+        told: list[tuple[Pair, Recommendation]] = []
+        due = [item for item in self._asked.items() if item[1].answer and now_s >= item[1].at_s + ANSWER_AFTER_S]
+        for pairs, one in sorted(due, key=itemgetter(0)):
+            if now_s - one.since_s < GROWS_S and self._has_grown(pairs, one):
+                one.answer = None
+            elif one.answer and one.answer.done():
                 told += [(pair, one.answer.result()) for pair in pairs]
-            one.answer = None
+                one.answer = None
+            elif not one.late:
+                one.late = True
+                self._measures.count("deconflict_advice_late_total")
         return told
+
+    def _has_grown(self, pairs: Pairs, one: Asked) -> bool:
+        return any(_goes_on(pairs, one, other) for other, new in self._asked.items() if new.at_s > one.at_s)
+
+    def _is_asked(self, group: Group, now_s: float) -> bool:
+        before = self._asked.get(group.pairs)
+        return before is None or (before.answer is None and now_s - before.at_s >= AGAIN_S)
 
     def _question(
         self, pairs: Pairs, standing: Recommendation | None, now_s: float, movers_around: MoversAround
@@ -143,8 +181,8 @@ def advised(summary: str, advice: Recommendation | None, robots: Sequence[str], 
     return "; ".join([summary, *(told or ([advice.note] if advice.note else []))])
 
 
-def _connected(conflicts: Iterable[ConflictAdvisory]) -> dict[Pairs, Recommendation | None]:
-    """Groups of conflicts that share robots, each with the advice that stands in it."""
+def _connected(conflicts: Iterable[ConflictAdvisory]) -> dict[Pairs, Group]:
+    """Groups of conflicts that share robots, the soonest first."""
     group_of: dict[str, list[ConflictAdvisory]] = {}
     for one in conflicts:
         groups = [group_of.get(robot, []) for robot in one.robots]
@@ -154,12 +192,13 @@ def _connected(conflicts: Iterable[ConflictAdvisory]) -> dict[Pairs, Recommendat
             joined += other
             group_of.update((robot, joined) for each in other for robot in each.robots)
         group_of.update((robot, joined) for robot in one.robots)
-    found = {}
+    found = []
     for members in {id(group): group for group in group_of.values()}.values():
         ordered = sorted(members, key=attrgetter("robots"))
         stands = [one.recommendation for one in ordered if one.recommendation and one.recommendation.holds]
-        found[tuple(one.robots for one in ordered)] = stands[0] if stands else None
-    return dict(sorted(found.items()))
+        ahead_s = min(one.predicted_at.timestamp() for one in members)
+        found.append(Group(ahead_s, tuple(one.robots for one in ordered), stands[0] if stands else None))
+    return {group.pairs: group for group in sorted(found, key=itemgetter(0, 1))}
 
 
 def _goes_on(before: Pairs, asked: Asked, after: Pairs) -> bool:

@@ -1,17 +1,21 @@
 """Advice through the whole engine: given at event times, followed or ignored."""
 
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from threading import Event
 
 import pytest
 from shapely import Polygon, box
 from shapely.affinity import rotate, translate
 
 from deconflict.advice.account import Account, yielded_s
-from deconflict.advice.desk import ANSWER_AFTER_S, Desk
-from deconflict.advisory import AdvisoryState, ConflictAdvisory
+from deconflict.advice.delays import Mover
+from deconflict.advice.desk import ANSWER_AFTER_S, MOST_PAIRS, PAIRS_PER_S, Answer, Desk
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation
 from deconflict.contention.telling import moment
 from deconflict.engine import Engine
 from deconflict.life import PASSED, UNPREDICTED
+from ingest.measures import Measures
 from tests.deconflict.made_advisories import made
 from tests.deconflict.test_engine import NOW_S, SITE, Course, Floor, eastward, northward
 from tests.saying import robot
@@ -84,9 +88,15 @@ def test_an_answer_from_a_thread_is_given_at_the_same_event_time() -> None:
     def run(floor: Floor) -> list[ConflictAdvisory]:
         return floor.run(20)
 
+    def in_time(work: Callable[[], Recommendation]) -> Answer:
+        """Here time passes faster than any thread can follow."""
+        answer = pool.submit(work)
+        answer.result()
+        return answer
+
     with ThreadPoolExecutor(1) as pool:
         threaded = crossing()
-        threaded.engine = Engine(threaded.site, submit=pool.submit)
+        threaded.engine = Engine(threaded.site, submit=in_time)
         assert run(threaded) == run(crossing())
 
 
@@ -94,7 +104,7 @@ class Asking:
     """A desk that is asked of open conflicts, a step each quarter of a second; which pairs it answers, and when."""
 
     def __init__(self) -> None:
-        self.desk = Desk(SITE, Account())
+        self.desk = Desk(SITE, Account(), Measures())
         self.now_s = NOW_S
 
     def steps(self, count: int, *pairs: str) -> list[tuple[float, str]]:
@@ -119,6 +129,47 @@ def test_a_group_that_goes_on_growing_is_answered_all_the_same() -> None:
     told = [one for count in range(1, 7) for one in asking.steps(1, *pairs[:count])]
     assert told == []
     assert asking.steps(1, *pairs) == [(1.5, pair) for pair in pairs[:5]]
+
+
+def test_an_answer_that_is_late_holds_nothing_up_and_is_counted() -> None:
+    free = Event()
+
+    def slow(work: Callable[[], Recommendation]) -> Answer:
+        return pool.submit(lambda: (free.wait(30), work())[1])
+
+    with ThreadPoolExecutor(1) as pool:
+        floor = crossing()
+        floor.engine = Engine(floor.site, submit=slow)
+        late = floor.run(8)
+        assert floor.engine.measures.values["deconflict_advice_late_total"] == {(): 1}
+        free.set()
+        wait([pool.submit(lambda: None)])
+        after = floor.run(9, 8)
+    assert any(one.state is AdvisoryState.RAISED for one in late)
+    assert all(one.recommendation is None for one in late)
+    assert any(one.recommendation for one in after)
+
+
+def test_a_crowded_floor_is_advised_bit_by_bit_the_soonest_first() -> None:
+    pairs = round(MOST_PAIRS) + 40
+    conflicts = [
+        made(n, robots=(f"a{n}", f"b{n}"), predicted_at=moment(NOW_S + 5 + (pairs - n) / 100)) for n in range(pairs)
+    ]
+    asked: list[set[str]] = []
+
+    def nobody(group: set[str]) -> list[Mover]:
+        asked.append(group)
+        return []
+
+    measures = Measures()
+    desk = Desk(SITE, Account(), measures)
+    desk.step(NOW_S, conflicts, nobody)
+    assert asked == [{f"a{n}", f"b{n}"} for n in reversed(range(40, pairs))]
+    assert measures.values["deconflict_advice_waiting"] == {(): 40}
+    desk.step(NOW_S + 1, conflicts, nobody)
+    assert len(asked) == MOST_PAIRS + PAIRS_PER_S
+    desk.step(NOW_S + 2, conflicts, nobody)
+    assert sorted(map(sorted, asked)) == sorted(sorted(one.robots) for one in conflicts)
 
 
 def test_advice_comes_no_sooner_than_its_time() -> None:
