@@ -125,21 +125,29 @@ def _given(values: dict[str, object]) -> dict[str, object]:
 
 
 def _serve(args: argparse.Namespace) -> int:
-    settings = _settings(args, args.site)
-    problems = site.problems(settings)
-    if problems:
-        raise site.SiteError(problems)
+    settings = _sound(args)
     if args.site is None:
         logging.getLogger("deconflict").warning("no site file: every datum is taken as a floor of its own")
-    _guard(settings, args.open)
     data = args.data or Path(settings.store.directory)
     data.mkdir(parents=True, exist_ok=True)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    with runtime_directory() as runtime:
-        Supervisor(settings, data, Path(runtime)).run(stop)
+    with runtime_directory() as name:
+        supervisor = Supervisor(settings, data, Path(name), lambda: _sound(args))
+        signal.signal(signal.SIGHUP, lambda *_: supervisor.reloader.ask())
+        supervisor.run(stop)
     return 0
+
+
+def _sound(args: argparse.Namespace) -> site.Site:
+    """The settings that the service may run with. Raises where it may not."""
+    settings = _settings(args, args.site)
+    problems = site.problems(settings)
+    if problems:
+        raise site.SiteError(problems)
+    _guard(settings, args.open)
+    return settings
 
 
 def _guard(settings: site.Site, asked: bool) -> None:

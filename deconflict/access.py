@@ -44,15 +44,10 @@ def exposed(site: Site) -> list[str]:
     return told
 
 
-def tokens_of(people: Iterable[Person]) -> Tokens:
-    """Everybody's token. Raises `SecretError` where one can't be had."""
-    return Tokens({person.name: person.token for person in people})
-
-
 def verify(site: Site) -> None:
     """Raises `SecretError` or `CertificateError` where something that the site file points at can't be used."""
     Credentials(site.vendors)
-    tokens_of(site.operator.people)
+    People(site.operator.people)
     for source in (*(one.secret for one in site.webhooks), *([site.mqtt.password] if site.mqtt else [])):
         if source:
             secret(source)
@@ -61,12 +56,40 @@ def verify(site: Site) -> None:
             Certificates(tls)
 
 
+class People:
+    """Who may use the port, by token, and each one's role."""
+
+    def __init__(self, people: Iterable[Person]) -> None:
+        """Raises `SecretError` where a token can't be had."""
+        self.renew(people)
+
+    def renew(self, people: Iterable[Person]) -> None:
+        """Other people from now on. Raises `SecretError`; then it stays as it was."""
+        people = tuple(people)
+        self._tokens = Tokens({person.name: person.token for person in people})
+        self._roles: dict[str, Role] = {person.name: person.role for person in people}
+
+    def __bool__(self) -> bool:
+        return bool(self._roles)
+
+    def owner(self, authorization: str | None) -> str | None:
+        """Whose token an `Authorization` header carries."""
+        return self._tokens.owner(authorization)
+
+    def role(self, person: str) -> Role | None:
+        """None for somebody who is no longer among them."""
+        return self._roles.get(person)
+
+    def refresh(self) -> None:
+        """Read the tokens again."""
+        self._tokens.refresh()
+
+
 class Access:
     """Middleware: lets a request through with the person's name in its state, or answers it."""
 
-    def __init__(self, app: ASGIApp, settings: Operator, tokens: Tokens) -> None:
-        self._app, self._tokens = app, tokens
-        self._roles: dict[str, Role] = {person.name: person.role for person in settings.people}
+    def __init__(self, app: ASGIApp, settings: Operator, people: People) -> None:
+        self._app, self._people = app, people
         self._secure = settings.tls is not None
         self._sessions: dict[str, str] = {}
 
@@ -87,20 +110,21 @@ class Access:
         method = "WEBSOCKET" if scope["type"] == "websocket" else scope["method"]
         if _foreign(headers):
             return _refused(403, "pages of other sites may not use this service")
-        if not self._tokens:
+        if not self._people:
             return None
         if path == "/login":
             return await self._sign_in(Request(scope, receive)) if method == "POST" else _login_page("")
-        person = self._tokens.owner(headers.get("authorization")) or self._of_session(headers)
+        person = self._people.owner(headers.get("authorization")) or self._of_session(headers)
         return None if path == "/healthz" else self._allow(person, scope, method, headers)
 
     def _allow(self, person: str | None, scope: Scope, method: str, headers: Headers) -> Response | None:
-        if person is None:
+        role = self._people.role(person) if person else None
+        if person is None or role is None:
             wants_page = method == "GET" and "text/html" in headers.get("accept", "")
             return _login_page("") if wants_page else _refused(401, "send 'Authorization: Bearer TOKEN', or sign in")
         wanted = needed(method, scope["path"])
-        if RANK[self._roles[person]] < RANK[wanted]:
-            return _refused(403, f"{person} may {self._roles[person]}; this takes the role {wanted}")
+        if RANK[role] < RANK[wanted]:
+            return _refused(403, f"{person} may {role}; this takes the role {wanted}")
         scope.setdefault("state", {})["person"] = person
         return None
 
@@ -111,7 +135,7 @@ class Access:
             if len(body) > MOST_FORM_BYTES:
                 return _refused(413, "the form is too long")
         told = parse_qs(body.decode("utf-8", "replace")).get("token", [""])[0]
-        person = self._tokens.owner(f"Bearer {told}")
+        person = self._people.owner(f"Bearer {told}")
         if person is None:
             return _login_page("That token is nobody's.")
         session = secrets.token_urlsafe(32)

@@ -32,6 +32,9 @@ class _Nobody:
     async def health(self) -> Document:
         return {}
 
+    async def reload(self) -> Document:
+        return {}
+
     async def pulse(self) -> Document:
         return {}
 

@@ -64,6 +64,7 @@ class Engine:
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
+        self._submit, self._solve = submit, solve
         self._account, self._priorities = Account(burdens_s), Priorities(site.vendors)
         effort = site.advice.effort
         advising = partial(Advising, account=self._account, effort=effort, solve=solve, priority=self._priority)
@@ -81,6 +82,22 @@ class Engine:
         """Robots with a new forecast since the last step."""
         self._quiet: list[tuple[float, str]] = []
         """A heap of when a robot's silence is next looked at, and its UUID; one entry a robot."""
+
+    def renewed(self, site: Site) -> "Engine":
+        """An engine for a changed site that goes on with what is open and learned, yet to hear of the floor."""
+        return Engine(
+            site,
+            self.open(),
+            self._lives.ordinals,
+            self._submit,
+            self._solve,
+            self._account.burdens_s,
+            self.learned(),
+        )
+
+    def open(self) -> list[AnyAdvisory]:
+        """The newest revision of every open advisory."""
+        return [*self._lives.open(), *self._contention.open(), *self._claims.open()]
 
     def learned(self) -> dict[str, Part]:
         """What is worth keeping over a restart, as it is now: later calls do not change it."""
@@ -226,7 +243,7 @@ class Engine:
                         "deconflict_conflicts_ended_total", vendor, OUTCOMES.get(one.cleared_because, "left")
                     )
         open_now: dict[tuple[str, ...], float] = {}
-        for one in (*self._lives.open(), *self._contention.open(), *self._claims.open()):
+        for one in self.open():
             key = (one.kind, one.severity.value)
             open_now[key] = open_now.get(key, 0) + 1
         self.measures.level("deconflict_advisories_open", open_now)

@@ -16,7 +16,7 @@ from fastapi.responses import FileResponse, HTMLResponse
 from pydantic import BaseModel, Field, StringConstraints
 from pydantic_core import to_json
 
-from deconflict.access import Access, tokens_of
+from deconflict.access import Access, People
 from deconflict.advisory import Acknowledgement, AnyAdvisory, Kind
 from deconflict.publisher import Publisher
 from deconflict.schema import SCHEMAS
@@ -68,6 +68,9 @@ class Sources(FloorSource, Protocol):
     def blackbox(self, file: str) -> Path | None:
         """Where one is, None where there is no such."""
 
+    async def reload(self) -> Document:
+        """Have the site file read again: a `Reloaded`, JSON-ready."""
+
 
 class AdvisoryList(BaseModel):
     """The newest revision of each advisory that matches, newest first."""
@@ -108,6 +111,14 @@ class BlackBoxList(BaseModel):
     """The black boxes that are kept, the newest last: when, who, how near, and what would have avoided it."""
 
     blackboxes: list[Document]
+
+
+class Reloaded(BaseModel):
+    """What became of a changed site file."""
+
+    applied: bool = Field(description="false where it was refused; then the old settings hold")
+    problems: list[str] = Field(description="what to change in it")
+    needs_restart: list[str] = Field(description="changed keys that hold after a restart")
 
 
 class Problem(BaseModel):
@@ -196,6 +207,11 @@ class Face:
             health = health | {"status": "degraded"}
         return _json(health | {"store": stored}, 200 if health["status"] == "ok" else 503)
 
+    async def reload(self) -> Response:
+        """Read the site file again and take up what has changed; 422 where the old settings hold."""
+        told = Reloaded.model_validate(await self._sources.reload())
+        return _json(told, 200 if told.applied else 422)
+
     async def metrics(self) -> Response:
         """Prometheus text; what a role that does not answer would have said is left out."""
         try:
@@ -213,7 +229,10 @@ class Face:
 
 
 def create_app(store: Store, sources: Sources, exposition: Exposition, site: Site) -> FastAPI:
-    """The application. `app.state.publisher` publishes advisories, `app.state.measures` are the face's own."""
+    """The application. `app.state.publisher` publishes advisories, `app.state.measures` are the face's own.
+
+    `app.state.site` is what it tells of the site and `app.state.people` who may ask; both may change as it runs.
+    """
     app = FastAPI(
         title="amr-deconflict",
         version=version("amr-deconflict"),
@@ -228,8 +247,8 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, site: Sit
     )
     publisher = Publisher(store, measures)
     app.state.publisher, app.state.measures = publisher, measures
-    app.state.tokens = tokens_of(settings.people)
-    app.add_middleware(Access, settings=settings, tokens=app.state.tokens)
+    app.state.site, app.state.people = site, People(settings.people)
+    app.add_middleware(Access, settings=settings, people=app.state.people)
     _add_routes(app, Face(publisher, store, sources, exposition))
     stream = Stream(store, publisher, measures, settings.stream_send_timeout_s)
 
@@ -237,7 +256,7 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, site: Sit
     async def follow(websocket: WebSocket) -> None:
         await stream.serve(websocket)
 
-    add_view(app, publisher, store, sources, site)
+    add_view(app, publisher, store, sources)
 
     @app.get("/api", include_in_schema=False)
     async def index() -> HTMLResponse:
@@ -265,6 +284,8 @@ def _add_routes(app: FastAPI, face: Face) -> None:
         status_code=201,
         responses=unavailable | missing,
     )(face.acknowledge)
+    refused: dict[int | str, Document] = {422: {"model": Reloaded, "description": "The file can't be used"}}
+    app.post("/site/reload", response_model=Reloaded, responses=unavailable | refused)(face.reload)
     get("/robots", response_model=RobotList, responses=unavailable)(face.robots)
     get("/robots/{uuid}", response_model=Document, responses=unavailable | missing)(face.robot)
     get("/quarantine", response_model=QuarantineList, responses=unavailable)(face.quarantine)

@@ -39,7 +39,7 @@ class Past:
     """Reads the past, one reading at a time."""
 
     def __init__(self, site: Site, log: Path) -> None:
-        self._site, self._log = site, log
+        self.site, self._log = site, log
         self._worker: ProcessPoolExecutor | None = None
         self._waiting = 0
 
@@ -54,7 +54,7 @@ class Past:
             self._worker = worker()
         self._waiting += 1
         try:
-            return await asyncio.wrap_future(self._worker.submit(floor_at, self._site, self._log, at_s))
+            return await asyncio.wrap_future(self._worker.submit(floor_at, self.site, self._log, at_s))
         except BrokenProcessPool:
             self._worker = None
             raise BusyError from None

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from deconflict.operator import Exposition
+from deconflict.reloading import SITE_FILE, Reloader, write
 from deconflict.roles.operator import ROLES_FILE, OperatorRole
 from deconflict.roles.receiver import ReceiverRole
 from deconflict.site import Site
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 ROLES = ("operator", "receiver", "engine")
-SITE_FILE = "site.json"
-"""The settings in force, in the runtime directory, for each role to read."""
 STOP_WITHIN_S = 10.0
 BACKOFF_S = (0.2, 10.0)
 """First and longest wait before a role that keeps dying is started again; the first time it is at once."""
@@ -93,9 +92,10 @@ class Watched:
 class Supervisor:
     """Keeps a process for each role running."""
 
-    def __init__(self, site: Site, data: Path, runtime: Path) -> None:
+    def __init__(self, site: Site, data: Path, runtime: Path, read: Callable[[], Site] | None = None) -> None:
+        """`read` reads the site again for `Reloader`; without it there is nothing to read."""
         self._runtime = runtime
-        (runtime / SITE_FILE).write_text(site.model_dump_json())
+        self.reloader = Reloader(site, read or (lambda: site), runtime)
         self.roles = [
             Watched(role, [sys.executable, "-m", "deconflict", "role", role, str(runtime), str(data)]) for role in ROLES
         ]
@@ -107,15 +107,14 @@ class Supervisor:
                 changed = [role.role for role in self.roles if role.ensure(time.monotonic())]
                 if changed:
                     self._tell()
+                self.reloader.look()
                 stop.wait(0.1)
         finally:
             for role in reversed(self.roles):
                 role.stop()
 
     def _tell(self) -> None:
-        told = self._runtime / (ROLES_FILE + ".new")
-        told.write_text(json.dumps({role.role: role.told() for role in self.roles}))
-        told.replace(self._runtime / ROLES_FILE)
+        write(self._runtime / ROLES_FILE, json.dumps({role.role: role.told() for role in self.roles}))
 
 
 def runtime_directory() -> tempfile.TemporaryDirectory[str]:

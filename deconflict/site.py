@@ -84,7 +84,7 @@ class Person(Section):
     name: str
     """A person, or a service of the site."""
     role: Role = "read"
-    """`read` sees everything, `acknowledge` may also answer advisories, `administer` may do all there is."""
+    """`read` sees everything, `acknowledge` may also answer advisories, `administer` may also reload the site file."""
     token: SecretSource
     """Where this person's bearer token is."""
 

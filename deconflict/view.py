@@ -78,8 +78,8 @@ class Heat(BaseModel):
 class View:
     """The routes' common state; each method answers one route."""
 
-    def __init__(self, site: Site, store: Store, source: FloorSource) -> None:
-        self._site, self._store, self._source = site, store, source
+    def __init__(self, app: FastAPI, store: Store, source: FloorSource) -> None:
+        self._app, self._store, self._source = app, store, source
         self._page = page_files()
 
     def page(self) -> Response:
@@ -90,11 +90,11 @@ class View:
 
     def site(self) -> Response:
         """The floors, their marks, resources and zones, and what counts as near and as silent."""
-        return _json(site_document(self._site))
+        return _json(site_document(self._app.state.site))
 
     def plan(self, datum: str) -> Response:
         """The image of a floor, as the site file has it."""
-        for one in self._site.datums:
+        for one in self._app.state.site.datums:
             if one.id == datum.lower() and one.plan and Path(one.plan.image).is_file():
                 kind = IMAGES[Path(one.plan.image).suffix.casefold()]
                 return Response(Path(one.plan.image).read_bytes(), headers=HEADERS, media_type=kind)
@@ -137,10 +137,10 @@ class View:
         return Response(content, headers=HEADERS, media_type=f"{kind}; charset=utf-8")
 
 
-def add_view(app: FastAPI, publisher: Publisher, store: Store, source: FloorSource, site: Site) -> None:
+def add_view(app: FastAPI, publisher: Publisher, store: Store, source: FloorSource) -> None:
     """Serve the page and what it asks for."""
-    view = View(site, store, source)
-    viewers = Viewers(source.follow, source.pulse, publisher.measures, site.operator.stream_send_timeout_s)
+    view, settings = View(app, store, source), app.state.site.operator
+    viewers = Viewers(source.follow, source.pulse, publisher.measures, settings.stream_send_timeout_s)
     app.get("/", include_in_schema=False)(view.page)
     app.get("/page/{name}", include_in_schema=False)(view.file)
     app.get("/site", response_model=dict[str, Any])(view.site)

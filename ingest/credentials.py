@@ -32,6 +32,10 @@ class Credentials:
     def needed(self) -> bool:
         return bool(self._tokens or self._names)
 
+    def known(self, vendor: str) -> bool:
+        """Whether the site file has this vendor."""
+        return vendor.casefold() in self._vendors
+
     def refresh(self) -> None:
         """Read the tokens again."""
         self._tokens.refresh()

@@ -138,6 +138,25 @@ class Fleet:
         """Forget who spoke on a connection; its robots stay."""
         self._speaking.pop(connection.id, None)
 
+    def renew(self, vendors: Vendors, frames: Frames, reading: Reading) -> None:
+        """Read by other settings from now on; robots are placed anew from what they said last.
+
+        A robot of a vendor that is no longer configured may be settled by whoever speaks for it next.
+        """
+        before, self.vendors, self._frames, self.reading = self.vendors, vendors, frames, reading
+        for robot in self.robots.values():
+            self._resettle(robot, before)
+            self._place_again(robot, robot.vendor if vendors.settings(robot.vendor).names_as_uuid else None)
+
+    def _resettle(self, robot: Robot, before: Vendors) -> None:
+        named = self.vendors.of_robot(robot.uuid)
+        if named is None and not self.vendors.configured(robot.vendor):
+            named = self.vendors.of_manufacturer(robot.identity.manufacturer) if robot.identity else robot.vendor
+            taken_out = before.configured(robot.vendor) and not self.vendors.configured(named)
+            robot.owned = robot.owned and not taken_out
+        if named:
+            self._settle(robot, named)
+
     def cut(self, now_s: float, everything: bool = False) -> Batch:
         """The robots that changed since the last cut, or all of them, and those forgotten."""
         gone = self._forget(now_s)
@@ -257,10 +276,7 @@ class Fleet:
         self._settle(robot, vendor or self.vendors.of_manufacturer(identity.manufacturer))
         if isnan(robot.arrival_s):
             robot.arrival_s = arrival_s
-        if robot.seen:
-            status = messages.read(robot.status_raw, names_as_uuid=self._namer(connection))
-            if isinstance(status, Status):
-                self._place(robot, status, *self._sight(robot, status, robot.seen.t_s), None)
+        self._place_again(robot, self._namer(connection))
         changed = before is not None and _who(before) != _who(identity)
         return ("identity-changed",) if changed else ()
 
@@ -290,6 +306,12 @@ class Fleet:
         findings += self._place(robot, status, frame, sight, robot.seen)
         self.robots.move_to_end(robot.uuid)
         return findings
+
+    def _place_again(self, robot: Robot, namer: str | None) -> None:
+        """From what it said last, by what is known of it now."""
+        status = messages.read(robot.status_raw, names_as_uuid=namer) if robot.seen else None
+        if robot.seen and isinstance(status, Status):
+            self._place(robot, status, *self._sight(robot, status, robot.seen.t_s), None)
 
     def _sight(self, robot: Robot, status: Status, event_s: float) -> tuple[Frame, Sighting]:
         frame, floor = self._frame(robot.vendor, status.datum)

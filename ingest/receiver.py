@@ -64,7 +64,7 @@ class Receiver:
     """Accepts robots and fleet managers. Delivers on the event loop, in order of arrival.
 
     `deconflict_connections_refused_total` counts by reason: `full` (answered 503, or aborted where even that would
-    take too many files), `unauthorised`, `another-vendor`, `replaced`, `idle`, `protocol-error`.
+    take too many files), `unauthorised`, `another-vendor`, `replaced`, `idle`, `vendor-removed`, `protocol-error`.
     """
 
     def __init__(
@@ -141,6 +141,14 @@ class Receiver:
             self._server.close()
             await asyncio.gather(*self._closing, *(line.socket.close() for line in self._all_lines()))
             await self._server.wait_closed()
+
+    def renew(self, credentials: Credentials) -> None:
+        """Let vendors in by other credentials. Open connections stay, but those of a vendor that is no longer there."""
+        self._credentials = credentials
+        for line in self._all_lines():
+            if line.connection.vendor and not credentials.known(line.connection.vendor):
+                reason = f"{line.connection.vendor} was taken out of the site file"
+                self._dismiss(line, "vendor-removed", CloseCode.POLICY_VIOLATION, reason)
 
     def new_connection(self, peer: str, path: str, vendor: str | None) -> Connection:
         """A connection with an id of its own; the dialled ones come here too."""

@@ -35,6 +35,10 @@ class Vendors:
         self._by_robot = {uuid.lower(): vendor.name for vendor in vendors for uuid in vendor.robots}
         self._met: dict[str, Vendor] = {}
 
+    def configured(self, name: str) -> bool:
+        """Whether the site file has this vendor."""
+        return name in self._configured
+
     def of_manufacturer(self, manufacturer: str) -> str:
         known = self._by_manufacturer.get(manufacturer.strip().casefold())
         if known:

@@ -190,6 +190,9 @@ CATALOGUE: dict[str, Entry] = {
         "Black boxes by what became of them: kept, unfounded, failed or beyond.",
     ),
     "deconflict_role_up": Entry("gauge", ("role",), "1 if this role of the service answers, else 0.", "largest"),
+    "deconflict_site_reloads_total": Entry(
+        "counter", ("result",), "Changed site files that were applied, or refused with the old settings kept."
+    ),
     "deconflict_role_restarts_total": Entry("counter", ("role",), "Times this role's process was restarted."),
     "deconflict_build_info": Entry("gauge", ("version",), "1 for the release that runs.", "largest"),
 }

@@ -33,6 +33,10 @@ def test_the_unit_is_shut_in() -> None:
     assert float(exposure[1]) <= 2.0
 
 
+def test_a_reload_asks_the_service_to_read_its_site_file_again() -> None:
+    assert re.search(r"^ExecReload=/bin/kill -HUP \$MAINPID$", UNIT.read_text(), re.M)
+
+
 def test_the_command_of_the_unit_exists() -> None:
     command = re.search(r"^ExecStart=\S+/deconflict (.+)$", UNIT.read_text(), re.M)
     assert command

@@ -38,7 +38,7 @@ class Keeper:
     """Of one service. Everything but `run` is quick."""
 
     def __init__(self, site: Site, data: Path, store: Store, measures: Measures) -> None:
-        self._site, self._log, self._store, self._measures = site, data / "log", store, measures
+        self.site, self._log, self._store, self._measures = site, data / "log", store, measures
         self.shelf = Shelf(data / FOLDER)
         self._enabled = site.blackbox.enabled and site.recorder.enabled
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
@@ -81,7 +81,7 @@ class Keeper:
         """Those of the next box, once all that comes after them is recorded."""
         if not self._pending:
             return []
-        after_s = self._site.blackbox.after_s
+        after_s = self.site.blackbox.after_s
         joined_s = self._pending[0][0] + min(JOINED_S, after_s)
         joined = [pending for pending in self._pending if pending[0] <= joined_s]
         return [near for _, near in joined] if now_s >= joined[-1][0] + after_s + SETTLE_S else []
@@ -103,13 +103,13 @@ class Keeper:
         return await once(_cut, order)
 
     def _order(self, near: list[Near]) -> Order:
-        settings = self._site.blackbox
+        settings = self.site.blackbox
         begins_s = min(one.at_s for one in near) - settings.before_s - WARM_S
         snapshot = next((one for one in reversed(self._snapshots) if one.at_s <= begins_s), None)
         span = Span.around(near, settings.before_s, settings.after_s, snapshot)
         self.shelf.directory.mkdir(parents=True, exist_ok=True)
         return Order(
-            self._site,
+            self.site,
             self._log,
             self.shelf.directory,
             tuple(near),
@@ -120,7 +120,7 @@ class Keeper:
         )
 
     def _prune(self) -> None:
-        settings = self._site.blackbox
+        settings = self.site.blackbox
         before = datetime.now(UTC) - timedelta(days=settings.keep_days)
         try:
             gone = self.shelf.prune(

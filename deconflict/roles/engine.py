@@ -17,6 +17,7 @@ from deconflict.advisory import ADVISORY, AnyAdvisory, Recommendation
 from deconflict.engine import Engine
 from deconflict.learned import Part, UnreadableError, packed, unpacked
 from deconflict.link import Caller, LinkDownError
+from deconflict.reloading import InForce
 from deconflict.site import Site
 from ingest.measures import Measures
 from ingest.seam import Batch, Floats
@@ -31,7 +32,7 @@ class EngineRole:
     """Computes. Holds no socket of the network, waits for no disk: a thread of its own delivers what it decided."""
 
     def __init__(self, site: Site, runtime: Path) -> None:
-        self._site = site
+        self._site, self._in_force = site, InForce(runtime, site)
         self._receiver = Caller(runtime, "receiver")
         self._outbox = Outbox(runtime)
         self._adviser = ThreadPoolExecutor(1, "adviser")
@@ -55,6 +56,8 @@ class EngineRole:
                 continue
             ask = b""
             self._step(engine, batch)
+            if changed := self._in_force.changed():
+                engine, ask = engine.renewed(changed), b"everything"
         self._adviser.shutdown(cancel_futures=True)
         self._outbox.keep(engine.learned())
         self._outbox.stop()

@@ -22,12 +22,14 @@ from deconflict.outlets.following import Following
 from deconflict.outlets.webhooks import Poster
 from deconflict.past import BusyError, Past
 from deconflict.recent import opened
+from deconflict.reloading import ASKED_FILE, InForce, reloads
 from deconflict.site import Site
 from deconflict.store import Store, StoreError
 from deconflict.vendor_health import vendor_health
 from ingest.certificates import Certificates
 from ingest.measures import Measures
 from ingest.seam import Batch
+from ingest.tokens import SecretError
 
 log = logging.getLogger(__name__)
 
@@ -35,6 +37,8 @@ ENGINE_STALE_S = 5.0
 """An engine not heard from for this long counts as down; it reports every second."""
 PRUNE_EVERY_S = 3600.0
 REFRESH_EVERY_S = 5.0
+RELOAD_CHECK_S = 0.2
+RELOAD_WITHIN_S = 10.0
 ROLES_FILE = "roles.json"
 """What the supervisor says of its processes, in the runtime directory: `Watched.told` by role."""
 
@@ -75,9 +79,8 @@ class OperatorRole:
             serving = asyncio.create_task(server.serve([bound]))
             waiting = asyncio.create_task(stop.wait())
             outlets = (outlet.run() for outlet in self._outlets)
-            chores = [
-                asyncio.create_task(one) for one in (self._prune(), self._refresh(), self._keeper.run(), *outlets)
-            ]
+            ours = (self._prune(), self._refresh(), self._renew(), self._keeper.run())
+            chores = [asyncio.create_task(one) for one in (*ours, *outlets)]
             self.ready.set()
             try:
                 await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
@@ -122,18 +125,37 @@ class OperatorRole:
         own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
         for role, restarts in self._restarts().items():
             own.count("deconflict_role_restarts_total", role, by=restarts)
+        if told := reloads(self._runtime):
+            for result in ("applied", "refused"):
+                own.count("deconflict_site_reloads_total", result, by=told[result])
         documents = [own.as_document(), *self._engine_measures]
         if up["receiver"]:
             documents.append(await self._ask("measures"))
         return documents
 
     async def health(self) -> dict[str, Any]:
-        up = await self._up()
+        up, told = await self._up(), reloads(self._runtime)
         return {
             "status": "ok" if all(up.values()) else "degraded",
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
             "restarts": self._restarts(),
+            "site": {key: told[key] for key in ("problems", "needs_restart")} if told else {},
         }
+
+    async def reload(self) -> dict[str, Any]:
+        """Have the supervisor read the site file again, and wait for what becomes of it."""
+        before = reloads(self._runtime)
+        if before is None:
+            raise SourceUnavailableError("supervisor")
+        (self._runtime / ASKED_FILE).touch()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(RELOAD_WITHIN_S):
+                while True:
+                    await asyncio.sleep(RELOAD_CHECK_S / 2)
+                    told = reloads(self._runtime)
+                    if told and told["applied"] + told["refused"] > before["applied"] + before["refused"]:
+                        return told | {"applied": not told["problems"]}
+        raise SourceUnavailableError("supervisor")
 
     async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
         return opened(await self._receiver.call("follow", str(number).encode()))
@@ -214,9 +236,21 @@ class OperatorRole:
         """Take up tokens and certificates that have changed."""
         while True:
             await asyncio.sleep(REFRESH_EVERY_S)
-            self._app.state.tokens.refresh()
+            self._app.state.people.refresh()
             if self._certificates:
                 self._certificates.refresh()
+
+    async def _renew(self) -> None:
+        """Take up changed settings as soon as they are in force."""
+        in_force = InForce(self._runtime, self._site)
+        while True:
+            if site := in_force.changed():
+                try:
+                    self._app.state.people.renew(site.operator.people)
+                except SecretError as error:
+                    log.error("operator.people stay as they were: %s", error)
+                self._site = self._app.state.site = self._past.site = self._keeper.site = site
+            await asyncio.sleep(RELOAD_CHECK_S)
 
     async def _restore(self, _: bytes) -> bytes:
         """What an engine needs to go on where the last one stopped."""

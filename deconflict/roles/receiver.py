@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from deconflict.link import PortTakenError, listening, socket_path
 from deconflict.recent import Recent, parcel
+from deconflict.reloading import InForce
 from deconflict.site import Site
 from ingest.connection import Connection
 from ingest.credentials import Credentials
@@ -23,6 +24,7 @@ from ingest.playback import Closed, Reader, Received, segments
 from ingest.quarantine import Quarantine
 from ingest.receiver import Receiver
 from ingest.recording import Recorder, quantise
+from ingest.tokens import SecretError
 from ingest.vendors import Vendors
 
 logger = logging.getLogger(__name__)
@@ -30,6 +32,7 @@ logger = logging.getLogger(__name__)
 DISK_S = 0.05
 """How long a batch waits for its messages to be recorded. Where the disk still owes earlier ones it does not wait."""
 DOCUMENTS_AT_ONCE = 20
+RELOAD_CHECK_S = 0.2
 RECOVERED_SEGMENTS = 2
 """Newest segments of the log that are read back at a start."""
 
@@ -97,6 +100,8 @@ class ReceiverRole:
         """Set once its ports are open."""
         self._tick_s = 0.0
         self._recent = Recent()
+        self._dialers: dict[tuple[str, str], asyncio.Task[None]] = {}
+        """By address and vendor."""
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
@@ -109,19 +114,17 @@ class ReceiverRole:
             "follow": self._follow,
         }
         await self._open_port()
-        dialers = [
-            asyncio.create_task(self._dialer(url, vendor.name).run())
-            for vendor in self.site.vendors
-            for url in vendor.dial
-        ]
+        self._dial()
+        renewing = asyncio.create_task(self._renew())
         try:
             async with listening(socket_path(self._runtime, "receiver"), calls):
                 self.ready.set()
                 await stop.wait()
         finally:
-            for dialer in dialers:
-                dialer.cancel()
-            await asyncio.gather(*dialers, return_exceptions=True)
+            ending = [renewing, *self._dialers.values()]
+            for task in ending:
+                task.cancel()
+            await asyncio.gather(*ending, return_exceptions=True)
             await self.receiver.close()
             self.recorder.close()
 
@@ -143,6 +146,32 @@ class ReceiverRole:
     def _closed(self, connection: Connection) -> None:
         self.fleet.closed(connection)
         self.recorder.closed(connection, _now_s())
+
+    async def _renew(self) -> None:
+        """Take up changed settings as soon as they are in force."""
+        in_force = InForce(self._runtime, self.site)
+        while True:
+            if site := in_force.changed():
+                self._take_up(site)
+            await asyncio.sleep(RELOAD_CHECK_S)
+
+    def _take_up(self, site: Site) -> None:
+        try:
+            self.receiver.renew(Credentials(site.vendors))
+        except SecretError as error:
+            logger.error("vendors' credentials stay as they were: %s", error)
+        before, self.site = self.site, site
+        if (before.datums, before.vendors, before.reading) != (site.datums, site.vendors, site.reading):
+            self.fleet.renew(Vendors(site.vendors), Frames(site.datums, site.vendors), site.reading)
+        self._dial()
+
+    def _dial(self) -> None:
+        """Dial the addresses of the site file, and no longer those that were taken out of it."""
+        wanted = {(url, vendor.name) for vendor in self.site.vendors for url in vendor.dial}
+        for gone in self._dialers.keys() - wanted:
+            self._dialers.pop(gone).cancel()
+        for new in sorted(wanted - self._dialers.keys()):
+            self._dialers[new] = asyncio.create_task(self._dialer(*new).run())
 
     def _dialer(self, url: str, vendor: str) -> Dialer:
         return Dialer(self.receiver, self.site.receiver, url, vendor, time.monotonic, Random())

@@ -36,6 +36,7 @@ class GivenSources:
     """Sources that answer what they were given; a role named in `down` does not answer."""
 
     down: set[str] = field(default_factory=set)
+    reloads: int = 0
     recent: Recent = field(default_factory=Recent)
     shelf: Shelf | None = None
     whole: Batch = field(default_factory=lambda: fleet_of(Site(), Measures()).whole(1.0))
@@ -58,6 +59,12 @@ class GivenSources:
         self._ask("supervisor")
         roles = {role: "down" if role in self.down else "up" for role in ("receiver", "engine")}
         return {"status": "degraded" if self.down else "ok", "roles": roles}
+
+    async def reload(self) -> dict[str, Any]:
+        self._ask("supervisor")
+        self.reloads += 1
+        problems = ["conflict.clearance_m: is missing"] if self.reloads > 1 else []
+        return {"applied": not problems, "problems": problems, "needs_restart": ["receiver.port"]}
 
     async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
         if "receiver" in self.down:

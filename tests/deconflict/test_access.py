@@ -11,13 +11,14 @@ from ingest.settings import Receiver, Vendor
 from tests.deconflict.made_advisories import made
 from tests.deconflict.served_face import served
 
-READER, LEADER = "reader-0123456789abcdef", "leader-0123456789abcdef"
+READER, LEADER, CHIEF = (f"{name}-0123456789abcdef" for name in ("reader", "leader", "chief"))
 
 
 @pytest.fixture
 def people(monkeypatch: pytest.MonkeyPatch) -> tuple[Person, ...]:
     monkeypatch.setenv("READER", READER)
     monkeypatch.setenv("LEADER", LEADER)
+    monkeypatch.setenv("CHIEF", CHIEF)
     return (
         Person(name="wallboard", token="env:READER"),
         Person(name="Ada", role="acknowledge", token="env:LEADER"),
@@ -71,6 +72,37 @@ async def test_a_browser_signs_in_once(tmp_path: Path, people: tuple[Person, ...
         assert {"HttpOnly", "SameSite=strict"} <= set(entered.headers["set-cookie"].split("; "))
         assert READER not in entered.headers["set-cookie"]
         assert (await browser.get("/advisories")).status_code == 200
+
+
+async def test_to_reload_the_site_takes_the_role_administer(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    chief = Person(name="Grace", role="administer", token="env:CHIEF")
+    async with (
+        served(tmp_path, people=(*people, chief)) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False) as client,
+    ):
+        for token, may in ((READER, "read"), (LEADER, "acknowledge")):
+            refused = await client.post("/site/reload", headers=bearer(token))
+            assert (refused.status_code, f"may {may}" in refused.json()["detail"]) == (403, True)
+        assert face.sources.reloads == 0
+        applied = await client.post("/site/reload", headers=bearer(CHIEF))
+        assert (applied.status_code, applied.json()["needs_restart"]) == (200, ["receiver.port"])
+        refused = await client.post("/site/reload", headers=bearer(CHIEF))
+        assert (refused.status_code, refused.json()["applied"]) == (422, False)
+        assert refused.json()["problems"]
+
+
+async def test_other_people_hold_at_once_and_end_the_sessions_of_those_who_went(
+    tmp_path: Path, people: tuple[Person, ...]
+) -> None:
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False) as browser,
+    ):
+        await browser.post("/login", data={"token": READER})
+        assert (await browser.get("/advisories")).status_code == 200
+        face.app.state.people.renew(people[1:])
+        assert (await browser.get("/advisories")).status_code == 401
+        assert (await browser.get("/advisories", headers=bearer(LEADER))).status_code == 200
 
 
 async def test_reading_is_not_answering(tmp_path: Path, people: tuple[Person, ...]) -> None:

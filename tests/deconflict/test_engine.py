@@ -160,6 +160,21 @@ def test_an_engine_that_restarts_goes_on_with_the_same_advisory() -> None:
     assert states(after) == [AdvisoryState.CLEARED]
 
 
+def test_an_engine_for_a_changed_site_goes_on_with_what_is_open_and_learned() -> None:
+    floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)})
+    before = floor.run(6)
+    wider = SITE.model_copy(update={"conflict": Conflict(clearance_m=0.5)})
+    renewed = floor.engine.renewed(wider)
+    knows, knew, new = (str(one.learned()["ledger"]) for one in (renewed, floor.engine, Engine(wider)))
+    assert knows == knew != new
+    floor.engine = renewed
+    floor.engine.receive(floor.fleet.cut(NOW_S + 6, everything=True))
+    after = floor.run(30, from_s=6)
+    assert {one.id for one in before + after} == {before[0].id}
+    assert after[-1].state is AdvisoryState.CLEARED
+    assert {one.clearance_m for one in after[:-1]} <= {0.3, 0.5}
+
+
 def test_the_same_messages_and_ticks_give_the_same_advisories() -> None:
     def told() -> list[str]:
         courses = {f"R{i}": eastward(1.0, -3.0 * i, 0.4 * i) for i in range(5)}

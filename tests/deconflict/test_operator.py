@@ -179,6 +179,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/blackboxes",
         "/blackboxes/{file}",
         "/schema/advisory",
+        "/site/reload",
     }
     assert described["components"]["schemas"]["ConflictAdvisory"]["properties"]["severity"]
     undocumented = [path for path, methods in paths.items() if not all(one["description"] for one in methods.values())]

@@ -36,14 +36,15 @@ def free_ports(count: int) -> list[int]:
 class Served:
     """A service in processes of its own."""
 
-    def __init__(self, data: Path) -> None:
+    def __init__(self, data: Path, site: Path | None = None) -> None:
         self.robots_port, self.operator_port = free_ports(2)
-        self._data = data
+        self._data, self._site = data, site
         self.process: subprocess.Popen[bytes] | None = None
 
     @contextmanager
     def running(self) -> Iterator[int]:
-        command = [sys.executable, "-m", "deconflict", "serve", "--data", str(self._data)]
+        command = [sys.executable, "-m", "deconflict", "serve", *([str(self._site)] if self._site else [])]
+        command += ["--data", str(self._data)]
         ports = ["--robots-port", str(self.robots_port), "--operator-port", str(self.operator_port)]
         with subprocess.Popen([*command, *ports], stderr=subprocess.DEVNULL) as process:
             try:
@@ -51,6 +52,10 @@ class Served:
             finally:
                 process.send_signal(signal.SIGTERM)
                 process.wait(30)
+
+    @property
+    def face_url(self) -> str:
+        return f"http://127.0.0.1:{self.operator_port}"
 
     @property
     def robots_url(self) -> str:

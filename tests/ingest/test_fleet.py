@@ -46,6 +46,23 @@ def test_a_status_becomes_a_row_of_the_next_batch_and_only_of_that() -> None:
     assert one.cut(NOW_S + 0.3, everything=True).robots == (robot("A-1"),)
 
 
+def test_changed_settings_place_robots_anew_and_give_them_to_vendors_anew() -> None:
+    alder, basalt = Vendor(name="Alder"), Vendor(name="Basalt")
+    one = fleet(alder, basalt)
+    one.receive(identity("A-1", NOW_S), NOW_S, Connection(1, vendor="Alder"))
+    one.receive(status("A-1", NOW_S, 3.0, 4.0), NOW_S, Connection(1, vendor="Alder"))
+    one.receive(status("B-1", NOW_S, 5.0), NOW_S, Connection(2, vendor="Basalt"))
+    one.cut(NOW_S)
+    makers = Vendor(name="Grove", manufacturers=("alder",), default_envelope_m=(2.0, 2.0, 0.0))
+    one.renew(Vendors((makers,)), Frames((), ()), Reading(default_envelope_m=(3.0, 3.0, 0.0)))
+    batch = one.cut(NOW_S)
+    assert dict(zip(batch.robots, batch.vendors, strict=True)) == {robot("A-1"): "Grove", robot("B-1"): "Basalt"}
+    assert sorted(batch.forecasts.length_m) == [1.0, 3.0]
+    assert one.receive(status("B-1", NOW_S + 1), NOW_S + 1, Connection(3, vendor="Grove")) is None
+    assert document(one, "B-1")["vendor"] == "Grove"
+    assert one.receive(status("A-1", NOW_S + 1), NOW_S + 1, Connection(4, vendor="Other")) == "uuid-of-another-vendor"
+
+
 def test_destinations_come_with_the_robot_by_time_and_each_on_its_floor() -> None:
     one = fleet(datums=(Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft")))
     far, near = points((NOW_S + 600, 1.0, 2.0, 0.0), (NOW_S + 60, 3.0, 4.0, 0.0))
