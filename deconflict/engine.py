@@ -137,6 +137,14 @@ class Engine:
         self._measure(conflicts, revisions)
         return revisions
 
+    def conflicts(self) -> list[ConflictAdvisory]:
+        """The newest revision of each open advisory of a conflict."""
+        return self._lives.open()
+
+    def adopt(self, told: ConflictAdvisory) -> None:
+        """Go on from a revision that another engine decided."""
+        self._lives.adopt(told)
+
     def _advise(self, now_s: float) -> list[AnyAdvisory]:
         """The revisions that give conflicts the advice that is due."""
         due = self._desk.step(now_s, self._lives.open(), self._movers_around)

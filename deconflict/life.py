@@ -132,6 +132,18 @@ class Lives:
             track.last_predicted_s = advisory.updated_at.timestamp()
             self.tracks[advisory.robots] = track
 
+    def adopt(self, told: ConflictAdvisory) -> None:
+        """Take a revision that another engine decided for this pair's own, whatever was thought of it here."""
+        track = self.tracks.get(told.robots)
+        self.ordinals[told.robots] = max(told.encounter, self.ordinals.get(told.robots, 0))
+        if told.state is not AdvisoryState.CLEARED:
+            if track is None:
+                self.restore([told])
+            else:
+                track.advisory, track.last_predicted_s = told, max(track.last_predicted_s, told.updated_at.timestamp())
+        elif track and track.advisory and track.advisory.id == told.id:
+            track.advisory = None
+
     def open(self) -> list[ConflictAdvisory]:
         return [track.advisory for track in self.tracks.values() if track.advisory]
 

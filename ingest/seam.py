@@ -6,8 +6,9 @@ of its floor. Nothing else passes from the vendors' sockets to the engine.
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
+from itertools import chain
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -68,9 +69,7 @@ class Forecasts:
     def take(self, rows: Sequence[int] | Ints) -> Self:
         """The forecasts of `rows`, in that order."""
         rows = np.asarray(rows, np.int64)
-        counts = np.diff(self.start)[rows]
-        start = np.concatenate([[0], np.cumsum(counts)])
-        knots = np.repeat(self.start[rows] - start[:-1], counts) + np.arange(start[-1])
+        start, knots = _taken(self.start, rows)
         by_knot = {name: getattr(self, name)[knots] for name in _BY_KNOT}
         return type(self)(start=start, **by_knot, **{name: getattr(self, name)[rows] for name in _BY_ROBOT})
 
@@ -93,6 +92,14 @@ class Forecasts:
         return cls(start=np.concatenate([[0], np.cumsum(counts)]), **columns)
 
 
+def _taken(start: Ints, rows: Ints) -> tuple[Ints, Ints]:
+    """Of parts that begin at `start`, the chosen ones: where each begins among them, and the rows that they had."""
+    counts = np.diff(start)[rows]
+    begins = np.concatenate([[0], np.cumsum(counts)])
+    return begins, np.repeat(start[rows] - begins[:-1], counts) + np.arange(begins[-1])
+
+
+_BY_STOP = ("t_s", "x_m", "y_m", "floor")
 _BY_KNOT = ("t_s", "x_m", "y_m", "yaw_rad", "floor")
 _BY_ROBOT = ("length_m", "width_m", "bottom_m", "top_m")
 
@@ -111,6 +118,18 @@ class Destinations:
     """(m,)"""
     floor: Ints
     """(m,) index into the batch's floors; -1 where it is compared with nothing."""
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """The stops of all the robots of `parts`, in order."""
+        counts = np.concatenate([np.diff(part.start) for part in parts])
+        columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _BY_STOP}
+        return cls(start=np.concatenate([[0], np.cumsum(counts)]), **columns)
+
+    def take(self, rows: Sequence[int] | Ints) -> Self:
+        """The stops of `rows`, in that order."""
+        start, stops = _taken(self.start, np.asarray(rows, np.int64))
+        return type(self)(start, self.t_s[stops], self.x_m[stops], self.y_m[stops], self.floor[stops])
 
 
 class Claim(NamedTuple):
@@ -167,9 +186,32 @@ class Batch:
     def __len__(self) -> int:
         return len(self.robots)
 
+    def take(self, rows: Ints, gone: tuple[str, ...] = ()) -> Self:
+        """The robots of `rows` (m,), in that order, and those that are gone."""
+        chosen = rows.tolist()
+        words: dict[str, Any] = {name: tuple(getattr(self, name)[row] for row in chosen) for name in _ROBOT_WORDS}
+        arrays: dict[str, Any] = {name: getattr(self, name)[rows] for name in _ARRAYS}
+        parts: dict[str, Any] = {part: getattr(self, part).take(rows) for part in _PARTS}
+        return replace(self, gone=gone, **words, **arrays, **parts)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """All the robots of one or more batches with the same floors, in order, as of the last one's tick."""
+        if len(parts) == 1:
+            return parts[0]
+        words: dict[str, Any] = {
+            name: tuple(chain.from_iterable(getattr(one, name) for one in parts)) for name in _ROBOT_WORDS
+        }
+        arrays: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in parts]) for name in _ARRAYS}
+        joint: dict[str, Any] = {
+            part: kind.joined([getattr(one, part) for one in parts]) for part, kind in _PARTS.items()
+        }
+        gone = tuple(chain.from_iterable(one.gone for one in parts))
+        return replace(parts[-1], gone=gone, **words, **arrays, **joint)
+
     def to_bytes(self) -> bytes:
         """A line of JSON with the words and the layout of the arrays, then the arrays' bytes in that order."""
-        arrays = {name: np.ascontiguousarray(getattr(self, name)) for name in _ARRAYS}
+        arrays: dict[str, Any] = {name: np.ascontiguousarray(getattr(self, name)) for name in _ARRAYS}
         for part, kind in _PARTS.items():
             arrays |= {f"{part}.{one.name}": getattr(getattr(self, part), one.name) for one in fields(kind)}
         head = {name: getattr(self, name) for name in _WORDS}
@@ -199,6 +241,7 @@ class Batch:
         return cls(now_s=now_s, claims=claims, **parts, **arrays, **told)
 
 
-_WORDS = ("now_s", "floors", "robots", "vendors", "models", "names", "states", "gone", "claims")
+_ROBOT_WORDS = ("robots", "vendors", "models", "names", "states")
+_WORDS = ("now_s", "floors", *_ROBOT_WORDS, "gone", "claims")
 _ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m")
 _PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

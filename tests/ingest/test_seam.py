@@ -1,4 +1,4 @@
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -44,10 +44,10 @@ def test_joining_nothing_is_empty() -> None:
     assert len(Forecasts.joined([])) == 0
 
 
-@pytest.mark.parametrize("knots", [(), (1,), (2, 11)])
-def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
+def batch_of(*knots: int) -> Batch:
+    """A robot for each number of knots."""
     n = len(knots)
-    batch = Batch(
+    return Batch(
         now_s=1792000000.123456,
         floors=("a", "ü\n"),
         robots=tuple(f"r{i}" for i in range(n)),
@@ -72,6 +72,11 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         gone=("g",),
         claims=(Claim("Alder", "Mallory", ("r1", "r2"), 3, 1792000000.0),),
     )
+
+
+@pytest.mark.parametrize("knots", [(), (1,), (2, 11)])
+def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
+    batch = batch_of(*knots)
     back = Batch.from_bytes(batch.to_bytes())
     assert_same(back.forecasts, batch.forecasts)
     for name in ("start", "t_s", "x_m", "y_m", "floor"):
@@ -80,3 +85,11 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         assert getattr(back, name) == getattr(batch, name)
     for name in ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m"):
         np.testing.assert_array_equal(getattr(back, name), getattr(batch, name))
+
+
+def test_a_batch_taken_apart_and_joined_is_the_same() -> None:
+    whole = batch_of(2, 11, 1)
+    parts = [whole.take(np.array([row]), ("gone",) if row == 2 else ()) for row in range(3)]
+    assert Batch.joined(parts).to_bytes() == replace(whole, gone=("gone",)).to_bytes()
+    assert parts[1].robots == ("r1",)
+    assert len(parts[1].forecasts.t_s) == 11

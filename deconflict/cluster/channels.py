@@ -1,0 +1,132 @@
+"""What ingest tells to whom: each robot on the channel of the tile it is in.
+
+A robot that has left a tile is told of once more on that tile's channel, so that nobody keeps it where it is not. One
+that may get further in the horizon than engines listen is told of to all of its floor.
+"""
+
+from dataclasses import dataclass, field, replace
+from math import ceil
+from urllib.parse import quote
+
+import numpy as np
+
+from deconflict.cluster.tiles import Grid, Place, Tile
+from deconflict.motion import Bools
+from deconflict.site import Conflict
+from ingest.seam import Batch, Floats, Ints
+
+GONE = "gone"
+"""The channel of robots that were forgotten, which everybody hears."""
+LEAD_S = 3.0
+"""How long before a robot can matter an engine hears of it: as long as the looks take that confirm a conflict."""
+BODY_M = 5.0
+"""What of an engine's reach is left for envelopes, clearance and doubt."""
+BAND_M = 1.0
+"""How far beside its forecast a robot may be met."""
+
+
+def reach_m(fastest_mps: float, conflict: Conflict) -> float:
+    """How far around its tiles an engine listens: as far as the fastest robot gets in the horizon, and that lead."""
+    return ceil(fastest_mps * (conflict.horizon_s + LEAD_S) + BODY_M)
+
+
+def channel(tile: Tile) -> str:
+    """Of a tile of the grid."""
+    return f"{_token(tile.datum)}.{tile.column}.{tile.row}"
+
+
+def wide_channel(datum: str) -> str:
+    """Of a whole floor."""
+    return f"{_token(datum)}.wide"
+
+
+def _token(name: str) -> str:
+    return quote(name, safe="").replace(".", "%2E")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Extents:
+    """Where the robots of a batch are and may be. Arrays are (n, 2) unless said otherwise, metres."""
+
+    at: Floats
+    low: Floats
+    """Corners of the box of all the knots of a forecast."""
+    high: Floats
+    slack_m: Floats
+    """(n,) how far from its knots a robot may be met, by its envelope, clearance and doubt."""
+    floor: Ints
+    """(n,) index of where the forecast begins."""
+
+    @classmethod
+    def of(cls, batch: Batch, conflict: Conflict) -> "Extents":
+        forecasts, begins = batch.forecasts, batch.forecasts.start[:-1]
+        knots = np.column_stack([forecasts.x_m, forecasts.y_m])
+        half_m = np.hypot(forecasts.length_m, forecasts.width_m) / 2
+        grown_m = np.sqrt(2.0) * (batch.doubt_m + conflict.silent_growth_limit_m)
+        none = not len(batch)
+        return cls(
+            knots[begins],
+            knots if none else np.minimum.reduceat(knots, begins),
+            knots if none else np.maximum.reduceat(knots, begins),
+            half_m + grown_m + conflict.clearance_m + conflict.clear_margin_m + BAND_M,
+            forecasts.floor[begins],
+        )
+
+    def beyond(self, reach_m: float) -> Bools:
+        """(n,) whether a robot may be met further from where it is than a reach."""
+        away_m = np.hypot(*np.maximum(self.at - self.low, self.high - self.at).T)
+        beyond: Bools = away_m + self.slack_m > reach_m
+        return beyond
+
+
+@dataclass(slots=True, eq=False)
+class Sorter:
+    """Sorts batches of one ingest by channel."""
+
+    grid: Grid
+    conflict: Conflict
+    reach_m: float
+    _last: dict[str, Tile] = field(default_factory=dict)
+    """The tile in which each robot was."""
+
+    def sort(self, batch: Batch) -> dict[str, Batch]:
+        """The part of a batch for each channel that has one. A robot on no floor is told of where it was before."""
+        rows: dict[str, list[int]] = {}
+        extents = Extents.of(batch, self.conflict)
+        wide = extents.beyond(self.reach_m).tolist()
+        where = zip(batch.robots, extents.floor.tolist(), extents.at.tolist(), wide, strict=True)
+        for row, (uuid, floor, (x_m, y_m), is_wide) in enumerate(where):
+            told = {channel(self._last[uuid])} if uuid in self._last else set()
+            self._last.pop(uuid, None)
+            if floor >= 0:
+                datum = batch.floors[floor]
+                tile = self._last[uuid] = self.grid.root(Place(datum, x_m, y_m))
+                told |= {channel(tile), *([wide_channel(datum)] if is_wide else [])}
+            for one in told:
+                rows.setdefault(one, []).append(row)
+        for uuid in batch.gone:
+            self._last.pop(uuid, None)
+        parts = {one: batch.take(np.array(chosen)) for one, chosen in sorted(rows.items())}
+        return parts | ({GONE: batch.take(np.zeros(0, np.int64), batch.gone)} if batch.gone else {})
+
+
+@dataclass(slots=True, eq=False)
+class Floors:
+    """One numbering of floors for batches of several ingests."""
+
+    names: list[str] = field(default_factory=list)
+    _numbers: dict[str, int] = field(default_factory=dict)
+
+    def renumbered(self, batch: Batch) -> Batch:
+        """The batch with floors numbered as here."""
+        for name in batch.floors:
+            if name not in self._numbers:
+                self._numbers[name] = len(self.names)
+                self.names.append(name)
+        number = np.array([*(self._numbers[name] for name in batch.floors), -1])
+        return replace(
+            batch,
+            floors=tuple(self.names),
+            forecasts=replace(batch.forecasts, floor=number[batch.forecasts.floor]),
+            destinations=replace(batch.destinations, floor=number[batch.destinations.floor]),
+        )

@@ -1,0 +1,204 @@
+"""One engine's share of the floors: it hears its tiles and what lies around them, and tells of what is its own.
+
+The rule of ownership: an advisory is told by whoever owns the tile in which it was raised, at the place where the two
+envelopes first come within the clearance, from then until it is cleared. Every engine that sees both robots judges
+them alike, so exactly one finds that place in a tile of its own; the others keep the same advisory in silence, take
+what the owner told for their own, and go on with it where the tile becomes theirs.
+"""
+
+from collections import Counter, OrderedDict
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from deconflict.advisory import AdvisoryState, ConflictAdvisory
+from deconflict.cluster.channels import GONE, Extents, Floors, channel, wide_channel
+from deconflict.cluster.tiles import Area, Grid, Place, Tile
+from deconflict.engine import Engine
+from deconflict.motion import Bools
+from deconflict.site import Site
+from ingest.seam import Batch, Ints
+
+PATIENCE_S = 10.0
+"""How long an advisory of a tile that was taken over waits for its robots to be heard."""
+REMEMBERED = 100_000
+"""Of so many advisories it is known which revision was told last."""
+
+
+class Told(NamedTuple):
+    """A revision as it is told, with the place that decides who tells it."""
+
+    home: Place
+    advisory: ConflictAdvisory
+
+
+def judging(site: Site) -> Site:
+    """The site of an engine that judges conflicts alone: what robots share is watched over by one for all."""
+    return site.model_copy(update={"resources": (), "zones": ()})
+
+
+class Shard:
+    """Pure, as the engine is: parcels in, revisions of its own out."""
+
+    def __init__(self, engine: Engine, grid: Grid, reach_m: float) -> None:
+        self.engine, self.area = engine, Area(grid, ())
+        self.loads: Counter[Tile] = Counter()
+        """Statuses by tile, since who reads it cleared it."""
+        self._grid, self._reach_m = grid, reach_m
+        self._around = {GONE}
+        """The channels of its tiles and of what is around them."""
+        self._floors = Floors()
+        self._arrived_s: dict[str, float] = {}
+        """When the newest status of each robot here arrived."""
+        self._homes: dict[str, Place] = {}
+        """By advisory that is open here or anywhere."""
+        self._open: dict[str, Told] = {}
+        """As told last."""
+        self._revisions: OrderedDict[str, int] = OrderedDict()
+        """The last revision of each advisory that was told."""
+        self._news: set[str] = set()
+        """Advisories that another has told of since the last step."""
+        self._awaited_s: dict[str, float] = {}
+        """Until when the robots of an advisory of this shard are waited for."""
+        self._due: list[Told] = []
+
+    def own(self, tiles: Iterable[Tile]) -> None:
+        """Own these tiles from now on; what is open in them here and was not told yet is told with the next step."""
+        self.area = Area(self._grid, tiles)
+        self._around = {GONE, *self._channels(self.area.roots_near(self._reach_m))}
+        for one in self.engine.conflicts():
+            home, told = self._homes.get(one.id), self._revisions.get(one.id, 0)
+            if home and home in self.area and one.revision > told:
+                state = one.state if told else AdvisoryState.RAISED
+                due = one.model_copy(update={"revision": told + 1, "state": state})
+                self.engine.adopt(due)
+                self._due.append(Told(home, due))
+                self._remember(self._due[-1])
+
+    def hears(self) -> set[str]:
+        """The channels of its tiles, of what is around them, and of where the robots of its advisories are."""
+        places = set[Place]()
+        for told in self._mine():
+            where = told.advisory.location
+            places |= {Place(where.datum, where.x, where.y), *self._places(told.advisory.robots)}
+        return self._around.union(*(self._channels(self._grid.roots_near(place, self._reach_m)) for place in places))
+
+    def _channels(self, roots: Iterable[Tile]) -> set[str]:
+        return {name for root in roots for name in (channel(root), wide_channel(root.datum))}
+
+    def receive(self, batches: Sequence[Batch]) -> None:
+        """Take in parcels of the channels it hears, in order of arrival."""
+        if not batches:
+            return
+        batches = [self._floors.renumbered(one) for one in batches]
+        batch = Batch.joined([replace(one, floors=batches[-1].floors) for one in batches])
+        rows = np.flatnonzero(~self._late(batch))
+        kept = rows[self._near(batch, rows)]
+        stay = {batch.robots[row] for row in kept.tolist()}
+        left = [batch.robots[row] for row in rows.tolist() if batch.robots[row] not in stay]
+        gone = [*left, *(uuid for uuid in batch.gone if self._forgotten(uuid, batch.now_s))]
+        known = tuple(dict.fromkeys(uuid for uuid in gone if uuid in self.engine.live.robots))
+        self._count(batch, kept)
+        self.engine.receive(batch.take(kept, known))
+        self._arrived_s.update((batch.robots[row], float(batch.arrival_s[row])) for row in kept.tolist())
+        for uuid in known:
+            self._arrived_s.pop(uuid, None)
+
+    def step(self, now_s: float) -> list[Told]:
+        """The revisions that are this shard's to tell."""
+        self._align(now_s)
+        due, self._due = self._due, []
+        for one in self.engine.step(now_s):
+            if not isinstance(one, ConflictAdvisory):
+                continue
+            home = self._homes.setdefault(one.id, Place(one.location.datum, one.location.x, one.location.y))
+            if one.state is AdvisoryState.CLEARED and one.id not in self._open:
+                del self._homes[one.id]
+            if home in self.area:
+                due.append(Told(home, one))
+                self._remember(due[-1])
+        return due
+
+    def hear(self, told: Told, *, overruled: bool = False) -> None:
+        """Take in a revision that was told, its own too; `overruled` where another's stands in place of its own."""
+        one = told.advisory
+        if one.revision <= self._revisions.get(one.id, 0) and not overruled:
+            return
+        self._remember(told)
+        if one.state is AdvisoryState.CLEARED:
+            self.engine.adopt(one)
+        else:
+            self._news.add(one.id)
+
+    def _remember(self, told: Told) -> None:
+        one = told.advisory
+        self._revisions[one.id] = one.revision
+        self._revisions.move_to_end(one.id)
+        if len(self._revisions) > max(REMEMBERED, 2 * len(self._open)):
+            self._revisions.popitem(last=False)
+        if one.state is AdvisoryState.CLEARED:
+            for known in (self._homes, self._open, self._awaited_s):
+                known.pop(one.id, None)
+            self._news.discard(one.id)
+        else:
+            self._homes[one.id], self._open[one.id] = told.home, told
+
+    def _align(self, now_s: float) -> None:
+        """Go on with what others told, where both robots are here; with its own also where they are awaited in vain."""
+        here = {one.id: one for one in self.engine.conflicts()}
+        live = self.engine.live.robots
+        for uuid, told in self._open.items():
+            known = here.get(uuid)
+            if known and (known == told.advisory or uuid not in self._news):
+                continue
+            if live.keys() >= set(told.advisory.robots) or known or self._waited(told, now_s):
+                self.engine.adopt(told.advisory)
+                self._news.discard(uuid)
+
+    def _waited(self, told: Told, now_s: float) -> bool:
+        return told.home in self.area and now_s >= self._awaited_s.setdefault(told.advisory.id, now_s + PATIENCE_S)
+
+    def _mine(self) -> list[Told]:
+        return [told for told in self._open.values() if told.home in self.area]
+
+    def _places(self, robots: Iterable[str]) -> Iterable[Place]:
+        live = self.engine.live.robots
+        for forecast in (live[uuid].forecast for uuid in robots if uuid in live):
+            floor = int(forecast.floor[0])
+            if floor >= 0:
+                yield Place(self._floors.names[floor], float(forecast.x_m[0]), float(forecast.y_m[0]))
+
+    def _late(self, batch: Batch) -> Bools:
+        """(n,) whether a newer status of the robot has come already, by another way."""
+        known_s = np.array([self._arrived_s.get(uuid, -np.inf) for uuid in batch.robots])
+        late: Bools = batch.arrival_s < known_s
+        return late
+
+    def _near(self, batch: Batch, rows: Ints) -> Bools:
+        """(m,) whether each of `rows` can matter here."""
+        part = batch.take(rows)
+        extents = Extents.of(part, self.engine.site.conflict)
+        near = np.zeros(len(part), bool)
+        for number, datum in enumerate(part.floors):
+            on = np.flatnonzero(extents.floor == number)
+            at, low, high = extents.at[on], extents.low[on], extents.high[on]
+            near[on] = self.area.within(datum, at, at, self._reach_m)
+            near[on] |= self.area.within(datum, low, high, extents.slack_m[on])
+        followed = {uuid for told in self._mine() for uuid in told.advisory.robots}
+        near |= np.array([uuid in followed for uuid in part.robots], bool)
+        return near
+
+    def _forgotten(self, uuid: str, now_s: float) -> bool:
+        """Whether nobody has heard of a robot that one ingest forgot."""
+        return now_s - self._arrived_s.get(uuid, now_s) > self.engine.site.reading.forget_after_s
+
+    def _count(self, batch: Batch, rows: Ints) -> None:
+        for row in rows[batch.statuses[rows] > 0].tolist():
+            knot = batch.forecasts.start[row]
+            floor = int(batch.forecasts.floor[knot])
+            x_m, y_m = float(batch.forecasts.x_m[knot]), float(batch.forecasts.y_m[knot])
+            tile = self.area.tile_of(Place(batch.floors[floor], x_m, y_m)) if floor >= 0 else None
+            if tile:
+                self.loads[tile] += int(batch.statuses[row])
