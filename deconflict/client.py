@@ -20,6 +20,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketExce
 from deconflict.advisory import ADVISORY, AnyAdvisory
 from deconflict.store import Listing
 from deconflict.stream import AFTER_BEYOND_LAST
+from deconflict.vendor_health import VendorHealth, VendorList
 
 MOST_LISTED = 1000
 BACKOFF_S = (0.2, 10.0)
@@ -93,6 +94,13 @@ class Client:
         """
         told = _answer(await self._http.get(f"/advisories/{advisory_id}"))
         return [ADVISORY.validate_python(one) for one in told["advisories"]]
+
+    async def vendors(self) -> list[VendorHealth]:
+        """How each vendor does, by name.
+
+        Raises `ClientError`, and `httpx.HTTPError` where the service can't be reached.
+        """
+        return VendorList.model_validate(_answer(await self._http.get("/vendors"))).vendors
 
     async def acknowledge(self, advisory_id: str, *, name: str, reason: str) -> AnyAdvisory:
         """Take an advisory up; everybody sees by whom and why. With a token the name is the token's.

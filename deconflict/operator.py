@@ -23,6 +23,7 @@ from deconflict.schema import SCHEMAS
 from deconflict.site import Site
 from deconflict.store import StateFilter, Store, StoreError
 from deconflict.stream import Stream
+from deconflict.vendor_health import VendorList, vendor_health
 from deconflict.view import FloorSource, add_view
 from ingest.measures import Measures
 
@@ -178,6 +179,10 @@ class Face:
                 return _json(one)
         raise HTTPException(404, f"no robot {uuid!r} has been heard")
 
+    async def vendors(self) -> Response:
+        """How each vendor does: its robots, messages, clocks, forecasts, grade, and what has changed of it."""
+        return _json(VendorList(vendors=vendor_health(await self._sources.measures())))
+
     async def quarantine(self) -> Response:
         """Rejected messages, each with its rule and reason."""
         return _json({"rejected": await self._sources.quarantine()})
@@ -288,6 +293,7 @@ def _add_routes(app: FastAPI, face: Face) -> None:
     app.post("/site/reload", response_model=Reloaded, responses=unavailable | refused)(face.reload)
     get("/robots", response_model=RobotList, responses=unavailable)(face.robots)
     get("/robots/{uuid}", response_model=Document, responses=unavailable | missing)(face.robot)
+    get("/vendors", response_model=VendorList, responses=unavailable)(face.vendors)
     get("/quarantine", response_model=QuarantineList, responses=unavailable)(face.quarantine)
     get("/blackboxes", response_model=BlackBoxList)(face.blackboxes)
     get("/blackboxes/{file}", response_class=Response, responses=missing | zstd)(face.blackbox)

@@ -22,6 +22,7 @@ from ingest.frames import Frame, Frames
 from ingest.measures import Labels, Measures
 from ingest.messages import Identity, Rejection, Status
 from ingest.quarantine import Quarantine, rejected
+from ingest.rates import MessageRates
 from ingest.seam import Basis, Batch, Destinations, Forecasts
 from ingest.settings import Reading
 from ingest.vendors import UNKNOWN, Vendors
@@ -77,7 +78,7 @@ class Fleet:
         self.robots: OrderedDict[str, Robot] = OrderedDict()
         """By UUID, those heard from longest ago first."""
         self._changed: dict[str, None] = {}
-        self._clock_changes = changes.ClockChanges()
+        self._clock_changes, self._rates = changes.ClockChanges(), MessageRates()
         self._floors: dict[str, int] = {}
         self._speaking: dict[int, set[str]] = {}
         self._of_vendor: Counter[str] = Counter()
@@ -160,6 +161,7 @@ class Fleet:
     def cut(self, now_s: float, everything: bool = False) -> Batch:
         """The robots that changed since the last cut, or all of them, and those forgotten."""
         gone = self._forget(now_s)
+        self._rates.look(now_s, self.measures.values["deconflict_messages_total"])
         self._clock_changes.look(now_s, ((one.vendor, one.clock) for one in self.robots.values() if one.seen))
         changed = self.robots if everything else self._changed
         robots = [robot for uuid in changed if (robot := self.robots[uuid]).forecast]
@@ -221,6 +223,7 @@ class Fleet:
             (name,): float(np.median([one.delay_s for one in all_])) for name, all_ in clocks.items()
         }
         level("deconflict_clock_delay_seconds", delays)
+        level("deconflict_messages_per_second", self._rates.per_s())
         changes.tell(self.measures, {"clock": self._clock_changes.changed()})
 
     def presence(self, robot: Robot, now_s: float) -> str:

@@ -30,6 +30,9 @@ class Entry:
 
 CATALOGUE: dict[str, Entry] = {
     "deconflict_messages_total": Entry("counter", ("vendor", "result"), "Messages received, by what became of them."),
+    "deconflict_messages_per_second": Entry(
+        "gauge", ("vendor",), "Messages a second in the last minute, whatever became of them."
+    ),
     "deconflict_deviations_total": Entry(
         "counter", ("vendor", "rule"), "Departures from the standard in messages that were understood."
     ),

@@ -172,7 +172,14 @@ VENDORS = Dashboard(
         Row(
             "Messages",
             (
-                Panel("Messages", "reqps", (Query(_PER_MESSAGE, "{{vendor}}"),)),
+                Panel(
+                    "Messages",
+                    "reqps",
+                    (
+                        Query(_PER_MESSAGE, "{{vendor}}"),
+                        Query(level("deconflict_messages_per_second", VENDOR), "{{vendor}}, last minute"),
+                    ),
+                ),
                 Panel("Deviations a message", "short", (Query(_DEVIATIONS, "{{vendor}}"),)),
                 Panel("Share rejected", "percentunit", (Query(_REJECTED, "{{vendor}}"),), warn_above=0.05),
                 Panel(

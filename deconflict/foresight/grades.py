@@ -19,6 +19,16 @@ def grade(band_m: float) -> str:
     return next(name for name, most_m in GRADES if band_m <= most_m)
 
 
+def in_words(grade: str | None) -> str:
+    """Why a vendor has that grade, or none."""
+    most_m = {name: most_m for name, most_m in GRADES if most_m < np.inf}
+    if grade is None:
+        return f"fewer than {FEWEST_CASES} forecasts have come due"
+    if grade not in most_m:
+        return f"more than 20 % of forecasts {GRADED_S} s ahead were over {max(most_m.values()):g} m off"
+    return f"80 % of forecasts {GRADED_S} s ahead were within {most_m[grade]:g} m"
+
+
 def measure(ledger: Ledger, measures: Measures) -> None:
     """Bring the levels of every vendor's forecasts up to date."""
     errors: dict[tuple[str, ...], float] = {}

@@ -11,6 +11,8 @@ const CLOCK_OFF_S = 0.5;
 // How far off a forecast three seconds ahead is, four times in five.
 const TRUST = { A: "within 0.1 m", B: "within 0.25 m", C: "within 0.5 m", D: "within 1 m", E: "over 1 m off" };
 
+const CLOCK = { hour: "2-digit", minute: "2-digit" };
+
 export class Vendors {
   constructor() {
     this.names = [];
@@ -79,9 +81,14 @@ export class Vendors {
       [rate === null ? "…" : `${rate.toFixed(1)}/s`, rate === 0],
       [one.rejected ? `${one.deviations}, ${one.rejected} rejected` : `${one.deviations}`, one.rejected > 0],
       [clock, clock !== "right"],
-      [one.forecast_age_s === undefined ? "–" : `${one.forecast_age_s.toFixed(1)} s`, one.forecast_age_s > 3],
+      [one.forecast_age_s === null ? "–" : `${one.forecast_age_s.toFixed(1)} s`, one.forecast_age_s > 3],
     ];
-    told.push([one.grade === undefined ? "not yet known" : `${one.grade}: ${TRUST[one.grade]}`, one.grade >= "D"]);
+    const flags = one.flags.map((flag) => `${flag.words} since ${new Date(flag.since).toLocaleTimeString([], CLOCK)}`);
+    if (one.distrusted) flags.push(`${one.distrusted} robots do other than they say`);
+    told.push(
+      [one.grade === null ? "not yet known" : `${one.grade}: ${TRUST[one.grade]}`, one.grade >= "D"],
+      [flags.join("; ") || "nothing", flags.length > 0],
+    );
     return told.map(([text, bad]) => {
       const cell = document.createElement("td");
       cell.textContent = text;

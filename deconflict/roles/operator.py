@@ -169,7 +169,7 @@ class OperatorRole:
                 unidentified = await self._ask("unidentified")
         return {
             "roles": {role: "up" if alive else "down" for role, alive in roles.items()},
-            "vendors": vendor_health(documents),
+            "vendors": {one.name: one.model_dump(mode="json", exclude={"name"}) for one in vendor_health(documents)},
             "unidentified": unidentified,
         }
 

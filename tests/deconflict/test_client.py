@@ -47,6 +47,15 @@ async def test_what_is_open_and_all_that_follows_is_told_without_a_gap(tmp_path:
         assert await one.revisions("advisory-2") == published[1:]
 
 
+async def test_how_each_vendor_does_is_told(tmp_path: Path) -> None:
+    async with served(tmp_path) as service, client(service) as one:
+        (acme,) = await one.vendors()
+        assert (acme.name, acme.messages, acme.grade, acme.flags) == ("Acme", 7, None, [])
+        service.sources.down.add("receiver")
+        with pytest.raises(ClientError, match="503"):
+            await one.vendors()
+
+
 async def test_an_advisory_is_acknowledged_and_the_stream_says_so(tmp_path: Path) -> None:
     async with served(tmp_path) as service, client(service) as one:
         await service.publish(made(1))

@@ -26,7 +26,9 @@ def found(document: dict[str, Any], reference: str) -> Any:
 def test_the_openapi_document_is_one_and_has_what_is_asked_of_the_service() -> None:
     document = openapi()
     validate(document)
-    assert {"/advisories", "/advisories/{advisory_id}/acknowledgement", "/metrics"} <= set(document["paths"])
+    assert {"/advisories", "/advisories/{advisory_id}/acknowledgement", "/metrics", "/vendors"} <= set(
+        document["paths"]
+    )
 
 
 def test_every_reference_of_the_asyncapi_document_leads_somewhere() -> None:

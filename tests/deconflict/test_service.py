@@ -129,6 +129,21 @@ async def test_robots_health_and_metrics_are_served(tmp_path: Path) -> None:
         assert 'deconflict_role_up{role="engine"} 1.0' in text
 
 
+async def test_each_vendor_has_its_rate_deviations_errors_and_grade(tmp_path: Path) -> None:
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(drive(service.robots_url, {"A-1": CROSSING["A-1"]}, 20))
+        told = await service.until(
+            "/vendors", lambda answer: answer["vendors"] and answer["vendors"][0]["messages_per_s"] is not None
+        )
+        driving.cancel()
+        (alder,) = told["vendors"]
+        assert (alder["name"], alder["robots"], alder["rejected"], alder["grade"]) == ("Alder", 1, 0, None)
+        assert 1.0 < alder["messages_per_s"] < 3.0
+        assert alder["coverage"]
+        assert [one["horizon_s"] for one in alder["forecast_error"]] == [1, 3, 5, 10]
+        assert sum(alder["deviations_by_rule"].values()) == alder["deviations"]
+
+
 async def test_every_measure_is_catalogued(tmp_path: Path) -> None:
     async with in_one_process(SITE, tmp_path, render) as (receiver, operator):
         url = f"ws://127.0.0.1:{receiver.receiver.port}"
