@@ -10,7 +10,7 @@ import threading
 from importlib.metadata import version
 from pathlib import Path
 
-from deconflict import access, demo, descriptions, schema, site
+from deconflict import access, demo, descriptions, drill, schema, site
 from deconflict.blackbox.start import BoxError
 from deconflict.check import check
 from deconflict.contention.suggest import suggested
@@ -18,6 +18,7 @@ from deconflict.importers import reading
 from deconflict.importers.plan import PlanError
 from deconflict.link import PortTakenError
 from deconflict.service import Supervisor, run_role, runtime_directory
+from deconflict.simulation.drills import DRILLS
 from deconflict.simulation.senders import simulate
 from ingest.certificates import CertificateError
 from ingest.tokens import SecretError
@@ -50,6 +51,11 @@ def parser() -> argparse.ArgumentParser:
     _add_ports(show)
     show.add_argument("--data", type=Path, help="keep recordings and advisories here; else they are discarded")
     show.set_defaults(run=_demo)
+
+    practise = commands.add_parser("drill", help="short scripts through the whole service, and what advice is worth")
+    practise.add_argument("names", nargs="*", metavar="NAME", choices=[[], *(one.name for one in DRILLS)])
+    practise.add_argument("--ignore", action="store_true", help="nobody does as advised, to see what comes of it")
+    practise.set_defaults(run=_drill)
 
     verify = commands.add_parser("check", help="check a site file and each vendor's fit to the common frame")
     verify.add_argument("site", type=Path, metavar="SITE.toml")
@@ -164,6 +170,11 @@ def _demo(args: argparse.Namespace) -> int:
     settings = _settings(args, demo.demo_site())
     _guard(settings, args.open)
     return demo.demo(settings, args.robots, args.seconds, args.seed, args.data)
+
+
+def _drill(args: argparse.Namespace) -> int:
+    drills = [one for one in DRILLS if one.name in (args.names or [one.name])]
+    return drill.drill(drills, render, ignored=args.ignore)
 
 
 def _site_import(args: argparse.Namespace) -> int:
