@@ -108,6 +108,8 @@ class Track:
     """Within the clearance, or not yet drawn apart from it."""
     met: bool = False
     """Came within the clearance while the advisory stood."""
+    weighed: tuple[object, ...] = ()
+    """The newest prediction that was not worth a revision, and of what revision that was thought."""
     last_predicted_s: float = 0.0
     advisory: ConflictAdvisory | None = None
 
@@ -218,7 +220,7 @@ class Lives:
         if track.advisory:
             track.last_predicted_s = now_s
             standing = self._standing(track, track.advisory, now_s, scene)
-            return standing or self._updated(track.advisory, prediction, now_s, scene)
+            return standing or self._updated(track, track.advisory, prediction, now_s, scene)
         if alerting and prediction.fresh and self._confirmed(track, prediction, now_s):
             track.last_predicted_s, track.met = now_s, False
             return self._raised(prediction, now_s, scene)
@@ -283,11 +285,14 @@ class Lives:
         )
 
     def _updated(
-        self, before: ConflictAdvisory, prediction: Prediction, now_s: float, scene: Scene
+        self, track: Track, before: ConflictAdvisory, prediction: Prediction, now_s: float, scene: Scene
     ) -> ConflictAdvisory | None:
         if before.time_to_conflict_s == 0 and prediction.contact_s <= now_s:
             return None
         severity = self._severity(prediction, now_s, before.severity)
+        weighed = (prediction.contact_s, prediction.separation_m, prediction.probability, severity, before.revision)
+        if weighed == track.weighed and not prediction.fresh:
+            return None
         rises = SEVERITIES.index(severity) > SEVERITIES.index(before.severity)
         if not rises and now_s - before.updated_at.timestamp() < UPDATE_GAP_S:
             return None
@@ -296,6 +301,7 @@ class Lives:
             return None
         told = self._telling(prediction, now_s, scene, (a, b), before)
         if not _differs(before, told):
+            track.weighed = weighed
             return None
         return before.model_copy(
             update={
@@ -337,8 +343,10 @@ class Lives:
         self, track: Track, advisory: ConflictAdvisory, now_s: float, scene: Scene
     ) -> ConflictAdvisory | None:
         """Clear a pair that met and now both stand: nothing more is predicted of it."""
+        if not track.inside:
+            return None
         parties = [scene.party(uuid) for uuid in advisory.robots]
-        stand = track.inside and all(one is not None and one.standing for one in parties)
+        stand = all(one is not None and one.standing for one in parties)
         since_s = now_s - advisory.updated_at.timestamp()
         return self._cleared(advisory, now_s, STAND) if stand and since_s > self.settings.clear_after_s else None
 

@@ -15,7 +15,7 @@ from deconflict.site import Site
 from ingest.fleet import Fleet
 from ingest.measures import Measures
 from ingest.playback import EngineStarted, Event, Noted, Reader, Received, Tick
-from ingest.seam import Basis, Batch, Floats
+from ingest.seam import Batch, Floats
 from metrics import conform
 from metrics.arrivals import Arrivals
 from metrics.calibration import SETTLED_S, Calibration
@@ -184,8 +184,7 @@ class Replay:
         if not self.runs or not len(batch):
             return None
         ledger = self.runs[0].engine.foresight.ledger
-        kinds = zip(batch.vendors, batch.models, batch.basis.tolist(), strict=True)
-        rows = [ledger.row(vendor, model, Basis(basis), batch.now_s) for vendor, model, basis in kinds]
+        rows = ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
         bands_m: Floats = ledger.bands_m[rows]
         return bands_m
 

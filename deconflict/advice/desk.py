@@ -8,6 +8,7 @@ forecast.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import partial
 from operator import attrgetter, itemgetter
 from typing import NamedTuple, Protocol
@@ -81,7 +82,7 @@ class Asked:
 class Group(NamedTuple):
     """Conflicts that share robots."""
 
-    ahead_s: float
+    first: datetime
     """When the first of them is predicted."""
     pairs: Pairs
     standing: Recommendation | None
@@ -102,7 +103,8 @@ class Desk:
     ) -> list[tuple[Pair, Recommendation]]:
         """The advice that is due, by pair; asks for what is open and ahead."""
         told = self._given(now_s)
-        groups = _connected([one for one in conflicts if one.predicted_at.timestamp() > now_s + ANSWER_AFTER_S])
+        from_then = datetime.fromtimestamp(now_s + ANSWER_AFTER_S, UTC)
+        groups = _connected([one for one in conflicts if one.predicted_at > from_then])
         self._asked = {pairs: one for pairs, one in self._asked.items() if one.answer or pairs in groups}
         due = [group for group in groups.values() if self._is_asked(group, now_s)]
         self._allowed = min(self._allowed + (now_s - self._filled_s) * PAIRS_PER_S, MOST_PAIRS)
@@ -196,8 +198,8 @@ def _connected(conflicts: Iterable[ConflictAdvisory]) -> dict[Pairs, Group]:
     for members in {id(group): group for group in group_of.values()}.values():
         ordered = sorted(members, key=attrgetter("robots"))
         stands = [one.recommendation for one in ordered if one.recommendation and one.recommendation.holds]
-        ahead_s = min(one.predicted_at.timestamp() for one in members)
-        found.append(Group(ahead_s, tuple(one.robots for one in ordered), stands[0] if stands else None))
+        first = min(one.predicted_at for one in members)
+        found.append(Group(first, tuple(one.robots for one in ordered), stands[0] if stands else None))
     return {group.pairs: group for group in sorted(found, key=itemgetter(0, 1))}
 
 

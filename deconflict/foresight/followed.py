@@ -47,6 +47,8 @@ class Followed:
         self._before = np.zeros((0, 5))
         self._track = np.zeros((0, TRACK_S + 1, 4))
         """Of the newest report: x_m, y_m, yaw_rad and floor."""
+        self._around = np.zeros((0, 4))
+        """(slots, 4) of the circle around the track: x_m, y_m and radius; and its longest step."""
         self._made_s = np.zeros((0, KEPT))
         self._next = np.zeros(0, np.int64)
         self._kind = np.zeros((0, KEPT), np.int64)
@@ -84,6 +86,12 @@ class Followed:
         x_m, y_m = (before[..., k] + share * (after[..., k] - before[..., k]) for k in (0, 1))
         return Poses(x_m, y_m, before[..., 2] + share * turn, before[..., 3].astype(np.int64))
 
+    def around(self, slots: Ints) -> tuple[Floats, Floats, Floats]:
+        """Centre (n, 2) and radius (n,) of a circle that robots will not leave, whenever `ahead` is asked, and the
+        furthest that they go in a second (n,)."""
+        around = self._around[slots]
+        return around[:, :2], around[:, 2], around[:, 3]
+
     def last_two_s(self, slots: Ints) -> tuple[Floats, Floats]:
         """(n,) times of the last two reports, the earlier first: `LONG_AGO_S` where there is none shortly before."""
         before_s, seen_s = self._before[slots, 0], self._seen[slots, 0]
@@ -96,6 +104,7 @@ class Followed:
         self._before[slots] = self._seen[slots]
         self._seen[slots, 0], self._seen[slots, 1:] = reports.event_s[newer], track[:, 0]
         self._track[slots] = track
+        self._around[slots] = _around(track)
         errors = self._shown(slots)
         self._keep(reports, newer, bands_m)
         return errors
@@ -127,6 +136,13 @@ class Followed:
         self._made_s[slots, place], self._kind[slots, place] = reports.event_s[rows], reports.kind[rows]
         self._ahead[slots, place] = reports.track.columns()[rows, 1 : HORIZONS + 1]
         self._bands_m[slots, place] = bands_m[rows]
+
+
+def _around(track: Floats) -> Floats:
+    """The circle around the box of each track (n, m, 4), and its longest step, (n, 4)."""
+    low, high = track[..., :2].min(axis=1), track[..., :2].max(axis=1)
+    steps = np.hypot(np.diff(track[..., 0]), np.diff(track[..., 1]))
+    return np.column_stack([(low + high) / 2, np.hypot(*(high - low).T) / 2, steps.max(axis=1)])
 
 
 def _joined(before: Floats, after: Floats, t_s: Floats) -> Poses:

@@ -19,13 +19,13 @@ from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.followed import JOINED_S, LONG_AGO_S, Followed, Reports
 from deconflict.foresight.grades import measure
 from deconflict.foresight.ledger import Errors, Ledger
-from deconflict.foresight.pairs import Outcomes, Pairs, boxes_near, codes
+from deconflict.foresight.pairs import Outcomes, Pairs, circles_near, codes
 from deconflict.foresight.sampling import Poses
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
 from ingest.measures import Labels, Measures
-from ingest.seam import Basis, Batch, Floats, Ints
+from ingest.seam import Batch, Floats, Ints
 
 Pair = tuple[str, str]
 
@@ -40,6 +40,7 @@ CREEPING_MPS = 0.01
 MOST_GROWN_M = 0.75
 """An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
 REMEMBERED_S = 15.0
+ROUNDING_M = 1e-6
 SURPRISE_KEEPS, SURPRISE_MOST, DISTRUSTED = 0.7, 10.0, 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
 FINEST_BAND_M = 0.05
@@ -85,6 +86,7 @@ class Foresight:
         self._kind = np.zeros(0, np.int64)
         self._rank = np.zeros(0, np.int64)
         """By UUID; pairs are named in its order."""
+        self._ranks_stale = False
         self._told: set[int] = set()
         """Slots that have a new forecast since the last look."""
         self._half = np.zeros((2, 0))
@@ -117,8 +119,9 @@ class Foresight:
         if not len(batch):
             return
         slots = np.array([self._slot(uuid) for uuid in batch.robots], np.int64)
-        kinds = zip(batch.vendors, batch.models, batch.basis.tolist(), strict=True)
-        self._kind[slots] = [self.ledger.row(v, m, Basis(b), batch.now_s) for v, m, b in kinds]
+        if self._ranks_stale:
+            self._rank_anew()
+        self._kind[slots] = self.ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
         self._half[:, slots] = np.stack([batch.forecasts.length_m, batch.forecasts.width_m]) / 2
         self._doubt_m[slots] = batch.doubt_m
         self._told.update(slots.tolist())
@@ -206,13 +209,18 @@ class Foresight:
         slots = np.array(sorted(self._slots.values()), np.int64)
         if not len(told) or len(slots) < 2:
             return np.empty(0, np.int64)
+        kinds = np.arange(len(self.ledger.kinds))
+        reach = self.ledger.reach_m(kinds, np.full((len(kinds), 1), self._horizon_s))[self._kind[slots], 0]
+        radius = np.hypot(*self._half[:, slots]) + np.minimum(reach * self._trust(slots), MOST_GROWN_M)
+        centre, around, step_m = self._followed.around(slots)
+        circle = around + radius + step_m / 2 + self._clearance_m / 2 + self._doubt_m[slots] + ROUNDING_M
+        i, j = circles_near(centre, circle, np.searchsorted(slots, told))
+        there, both = np.unique(np.concatenate([i, j]), return_inverse=True)
+        i, j, slots, radius = both[: len(i)], both[len(i) :], slots[there], radius[there]
         t_s = np.broadcast_to(now_s + np.arange(self._horizon_s + 1), (len(slots), int(self._horizon_s) + 1))
         way = self._followed.ahead(slots, t_s).columns()
-        reach = self.ledger.reach_m(self._kind[slots], np.full((len(slots), 1), self._horizon_s))[:, 0]
         step_m = np.hypot(np.diff(way[..., 0]), np.diff(way[..., 1])).max(axis=1)
-        radius = np.hypot(*self._half[:, slots]) + np.minimum(reach * self._trust(slots), MOST_GROWN_M)
         radius += step_m / 2 + self._clearance_m / 2 + self._doubt_m[slots]
-        i, j = boxes_near(way, radius, np.searchsorted(slots, told))
         dx, dy = (way[i, :, k] - way[j, :, k] for k in (0, 1))
         meet = (dx * dx + dy * dy <= ((radius[i] + radius[j]) ** 2)[:, None]) & (way[i, :, 3] == way[j, :, 3])
         hit = np.flatnonzero((meet & (way[i, :, 3] >= 0)).any(axis=1))
@@ -326,9 +334,12 @@ class Foresight:
             if slot >= len(self._kind):
                 self._grow(max(2 * slot, 16))
         self._slots[uuid] = slot
-        for rank, name in enumerate(sorted(self._slots)):
-            self._rank[self._slots[name]] = rank
+        self._ranks_stale = True
         return slot
+
+    def _rank_anew(self) -> None:
+        self._ranks_stale = False
+        self._rank[[self._slots[name] for name in sorted(self._slots)]] = np.arange(len(self._slots))
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._kind)

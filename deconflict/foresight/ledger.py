@@ -5,6 +5,7 @@ follows the coverage that bands truly had, so that coverage holds whatever the s
 (Gibbs and Candes 2021, adaptive conformal inference). Old errors fade, a half in `HALF_LIFE_S`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -109,6 +110,12 @@ class Ledger:
         self.as_of_s[row] = now_s
         self._read_bands([row])
         return row
+
+    def rows(self, vendors: Sequence[str], models: Sequence[str], bases: Sequence[int], now_s: float) -> list[int]:
+        """(n,) as `row`, of n kinds, most of them alike."""
+        kinds = list(zip(vendors, models, bases, strict=True))
+        found = {kind: self.row(*kind[:2], Basis(kind[2]), now_s) for kind in dict.fromkeys(kinds)}
+        return [found[kind] for kind in kinds]
 
     def record(self, errors: Errors, now_s: float) -> None:
         """Take in errors; the bands follow at most once in `REFRESH_S`."""

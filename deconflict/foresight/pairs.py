@@ -88,13 +88,8 @@ class Pairs:
         return both.ordered()
 
 
-def boxes_near(way: Floats, radius_m: Floats, chosen: Ints) -> tuple[Ints, Ints]:
-    """Pairs of rows, one of `chosen` first, that may come within their radii anywhere on their ways, (n, m, 2+).
-
-    Each way is taken as the circle around its box.
-    """
-    low, high = way[..., :2].min(axis=1), way[..., :2].max(axis=1)
-    centre, reach = (low + high) / 2, np.hypot(*(high - low).T) / 2 + radius_m
+def circles_near(centre: Floats, reach: Floats, chosen: Ints) -> tuple[Ints, Ints]:
+    """Pairs of rows, one of `chosen` first, whose circles around `centre` (n, 2) of radius `reach` (n,) meet."""
     trees = KDTree(centre[chosen]), KDTree(centre)
     near = trees[0].sparse_distance_matrix(trees[1], reach[chosen].max() + reach.max(), output_type="ndarray")
     i, j = chosen[near["i"]], near["j"].astype(np.int64)

@@ -79,3 +79,17 @@ def test_a_slot_that_another_robot_has_now_does_not_remember() -> None:
     take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
     followed.forget(np.array([0]))
     assert len(take(followed, straight(NOW_S + 1, 9.0, 0.0, 1.0))) == 0
+
+
+def test_no_robot_leaves_its_circle_or_goes_further_in_a_second_than_it_may() -> None:
+    followed, rng = Followed(), np.random.default_rng(4)
+    t_s = [float(n) for n in range(0, 24, 2)]
+    x_m, y_m = np.cumsum(rng.normal(0, 1.5, (2, len(t_s))), axis=1).tolist()
+    take(followed, robot(t_s, x_m, y_m, 0.0, (1.0, 0.5)))
+    (centre,), (radius_m,), (step_m,) = followed.around(np.array([0]))
+    for since_s in np.arange(0.0, 15.0, 0.1):
+        way = followed.ahead(np.array([0]), NOW_S + since_s + np.arange(11.0)[None, :])
+        x, y = way.x_m[0], way.y_m[0]
+        assert np.hypot(x - centre[0], y - centre[1]).max() <= radius_m + 1e-9
+        assert np.hypot(np.diff(x), np.diff(y)).max() <= step_m + 1e-9
+    assert radius_m < 12

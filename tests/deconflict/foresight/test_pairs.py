@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import default_rng
 
-from deconflict.foresight.pairs import Outcomes, Pairs, boxes_near, codes
+from deconflict.foresight.pairs import Outcomes, Pairs, circles_near, codes
 
 NOW_S = 1_790_000_000.0
 
@@ -52,7 +52,9 @@ def test_no_pair_that_comes_near_is_left_out_and_some_are() -> None:
     rng = default_rng(8)
     way = np.cumsum(rng.normal(0, 1, (60, 11, 2)), axis=1) + rng.uniform(-40, 40, (60, 1, 2))
     radius_m, chosen = rng.uniform(0.2, 1.5, 60), np.arange(0, 60, 3)
-    found = set(zip(*(rows.tolist() for rows in boxes_near(way, radius_m, chosen)), strict=True))
+    low, high = way.min(axis=1), way.max(axis=1)
+    reach_m = np.hypot(*(high - low).T) / 2 + radius_m
+    found = set(zip(*(rows.tolist() for rows in circles_near((low + high) / 2, reach_m, chosen)), strict=True))
     for i in chosen.tolist():
         for j in range(60):
             apart_m = np.hypot(*(way[i] - way[j]).T).min()
