@@ -27,6 +27,7 @@ from ingest.measures import Histogram
 from ingest.settings import Datum, Vendor
 
 LATENCY = "deconflict_message_to_advisory_seconds"
+LATE_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,10 @@ class Row:
     rejected: float
     superseded: float
     """Statuses replaced by a newer one before the engine read them."""
+    shed: float
+    """Messages given up because their vendor sent more than its share."""
+    late: float
+    """Messages that took more than `LATE_S` to an advisory, or to there being none."""
     p50_ms: float
     p99_ms: float
     slowest_ms: float
@@ -97,6 +102,8 @@ class Running:
             accepted=accepted,
             rejected=_rise(before, after, "deconflict_messages_total rejected"),
             superseded=_rise(before, after, "deconflict_statuses_superseded_total"),
+            shed=_rise(before, after, "deconflict_messages_shed_total"),
+            late=sum(count for bound, count in _by_bound(waits) if bound > LATE_S),
             p50_ms=round(waits.quantile(0.5) * 1000, 1),
             p99_ms=round(waits.quantile(0.99) * 1000, 1),
             slowest_ms=_slowest_s(waits) * 1000,
@@ -260,8 +267,12 @@ def _since(before: Histogram, after: Histogram) -> Histogram:
 
 
 def _slowest_s(waits: Histogram) -> float:
-    bounds = (*waits.bounds, math.inf)
-    return max((bound for bound, count in zip(bounds, waits.counts, strict=True) if count), default=0.0)
+    return max((bound for bound, count in _by_bound(waits) if count), default=0.0)
+
+
+def _by_bound(waits: Histogram) -> list[tuple[float, int]]:
+    """Upper bound of each bucket, and how many are in it."""
+    return list(zip((*waits.bounds, math.inf), waits.counts, strict=True))
 
 
 if __name__ == "__main__":

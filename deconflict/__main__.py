@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import json
 import logging
+import os
 import signal
 import sys
 import threading
@@ -17,6 +18,8 @@ from deconflict.contention.suggest import suggested
 from deconflict.importers import reading
 from deconflict.importers.plan import PlanError
 from deconflict.link import PortTakenError
+from deconflict.logs import FORMATS, VARIABLE
+from deconflict.logs import begin as begin_log
 from deconflict.service import Supervisor, run_role, runtime_directory
 from deconflict.simulation.drills import DRILLS
 from deconflict.simulation.senders import simulate
@@ -36,6 +39,10 @@ def parser() -> argparse.ArgumentParser:
         description="Traffic deconfliction for floors shared by robots of many vendors. Advisory, not safety rated.",
     )
     root.add_argument("--version", action="version", version=f"deconflict {version('amr-deconflict')}")
+    kind = os.environ.get(VARIABLE, "text")
+    root.add_argument(
+        "--log", choices=FORMATS, default=kind if kind in FORMATS else "text", help=f"how to log; also {VARIABLE}"
+    )
     commands = root.add_subparsers(dest="command", required=True)
 
     serve = commands.add_parser("serve", help="run the service")
@@ -61,18 +68,7 @@ def parser() -> argparse.ArgumentParser:
     verify.add_argument("site", type=Path, metavar="SITE.toml")
     verify.set_defaults(run=lambda args: check(args.site, sys.stdout))
 
-    plans = commands.add_parser("site", help="make parts of a site file").add_subparsers(dest="part", required=True)
-    take = plans.add_parser("import", help="from an Open-RMF building file or an openTCS plant model, to paste")
-    take.add_argument("file", type=Path, metavar="FILE")
-    take.add_argument("--width", type=float, default=reading.WIDTH_M, metavar="M", help="of lanes and places, metres")
-    take.set_defaults(run=_site_import)
-
-    propose = plans.add_parser("suggest", help="resources where robots of a recorded log keep standing, to paste")
-    propose.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
-    propose.add_argument(
-        "--site", type=Path, metavar="SITE.toml", help="how to read the log, and what is known already"
-    )
-    propose.set_defaults(run=_site_suggest)
+    _add_site(commands)
 
     pretend = commands.add_parser("simulate", help="simulated vendors that talk to a running service")
     pretend.add_argument("--url", default="ws://127.0.0.1:3000", help="the service's robots' port")
@@ -97,6 +93,21 @@ def parser() -> argparse.ArgumentParser:
     role.add_argument("data", type=Path)
     role.set_defaults(run=_role)
     return root
+
+
+def _add_site(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    plans = commands.add_parser("site", help="make parts of a site file").add_subparsers(dest="part", required=True)
+    take = plans.add_parser("import", help="from an Open-RMF building file or an openTCS plant model, to paste")
+    take.add_argument("file", type=Path, metavar="FILE")
+    take.add_argument("--width", type=float, default=reading.WIDTH_M, metavar="M", help="of lanes and places, metres")
+    take.set_defaults(run=_site_import)
+
+    propose = plans.add_parser("suggest", help="resources where robots of a recorded log keep standing, to paste")
+    propose.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
+    propose.add_argument(
+        "--site", type=Path, metavar="SITE.toml", help="how to read the log, and what is known already"
+    )
+    propose.set_defaults(run=_site_suggest)
 
 
 def _add_ports(command: argparse.ArgumentParser) -> None:
@@ -217,9 +228,7 @@ def _role(args: argparse.Namespace) -> int:
 def main() -> int:
     """Run one command; its exit code."""
     args = parser().parse_args()
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
-    for chatty in ("websockets", "uvicorn"):
-        logging.getLogger(chatty).setLevel(logging.WARNING)
+    begin_log(args.log)
     try:
         return int(args.run(args))
     except (site.SiteError, PlanError, PortTakenError, SecretError, CertificateError, logs.LogError, BoxError) as error:

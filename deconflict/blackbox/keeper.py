@@ -30,6 +30,8 @@ SETTLE_S = 2.0
 LOOK_EVERY_S = 0.5
 SNAPSHOTS = 6
 """Of the engine's learning that are remembered; one a minute."""
+TOLD = 3
+"""Near misses of one box that the service's log tells in words."""
 PENDING = "pending.json"
 COUNTED = "deconflict_blackboxes_total"
 
@@ -95,7 +97,8 @@ class Keeper:
             return
         self._measures.count(COUNTED, "kept" if box else "unfounded")
         if box:
-            told = "; ".join(one["summary"] for one in box["near_misses"])
+            every = [one["summary"] for one in box["near_misses"]]
+            told = "; ".join(every[:TOLD]) + (f"; and {len(every) - TOLD} more" if len(every) > TOLD else "")
             log.warning("near miss: %s (%s, sha256 %s)", told, box["file"], box["sha256"])
 
     async def _cut(self, near: list[Near]) -> Box | None:
