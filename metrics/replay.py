@@ -1,31 +1,31 @@
-"""A recorded log through the engine that the live service uses, and what became of its advisories."""
+"""A recorded log through the engine that the live service uses, and what became of its advisories.
+
+Three steps, each with a state of its own: `Reading` makes passes of messages, a `Run` for each clearance says what the
+engine says at a pass, and the `Outcome` holds that against what happened.
+"""
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import floor, inf
+from itertools import chain
+from math import inf
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.blackbox.start import Start
 from deconflict.engine import Engine
-from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
-from ingest.fleet import Fleet
-from ingest.measures import Measures
-from ingest.playback import EngineStarted, Event, Noted, Reader, Received, Tick
+from ingest.playback import Event, Reader
 from ingest.seam import Batch, Floats
 from metrics import conform
 from metrics.arrivals import Arrivals
 from metrics.calibration import SETTLED_S, Calibration
 from metrics.forecasts import ForecastErrors
+from metrics.passes import Pass, Reading
 from metrics.scenes import Scene
 from metrics.scoring import Alert, Presence, score
 from metrics.truth import Pair, Truth
-
-TICK_S = 0.25
-"""Between passes over a log that has no ticks of its own."""
 
 FORESEEN_S = 10.0
 """An advisory that was cleared longer before a near moment than this had nothing to do with it."""
@@ -33,23 +33,6 @@ FORESEEN_S = 10.0
 Line = dict[str, Any]
 Tell = Callable[[Line], None]
 Watch = Callable[[float, Batch], None]
-
-
-def with_ticks(events: Iterable[Event]) -> Iterator[Event]:
-    """The events, with ticks at whole multiples of `TICK_S` among them where the log has none."""
-    last: int | None = None
-    for event in events:
-        if isinstance(event, Tick | Noted):
-            last = -1
-        if isinstance(event, Received) and last != -1:
-            now = floor(event.arrival_s / TICK_S)
-            if last is not None:
-                # a gap in the recording is not stepped through
-                yield from (Tick(step * TICK_S) for step in range(max(last, now - 400) + 1, now + 1))
-            last = now
-        yield event
-    if last is not None and last != -1:
-        yield Tick((last + 1) * TICK_S)
 
 
 @dataclass(slots=True)
@@ -62,6 +45,18 @@ class Told:
     predicted_s: float
     place: tuple[str, float, float]
     cleared_s: float = inf
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What one clearance's engine had to say at one pass."""
+
+    revisions: list[ConflictAdvisory]
+    raised: Sequence[str]
+    """The kinds of the advisories that were raised."""
+    probabilities: Sequence[tuple[Pair, float]]
+    bands_m: Floats
+    """(n, horizons, bands) radii that its ledger held for the forecasts of the batch."""
 
 
 class Run:
@@ -77,22 +72,38 @@ class Run:
             burdens_s=start.burdens_s,
             learned=start.learned,
         )
+
+    def step(self, one: Pass) -> Said:
+        bands_m = self._bands_m(one.batch)
+        self.engine.receive(one.batch)
+        told = self.engine.step(one.now_s)
+        raised = [each.kind for each in told if each.state is AdvisoryState.RAISED]
+        revisions = [each for each in told if isinstance(each, ConflictAdvisory)]
+        return Said(revisions, raised, self.engine.probabilities(), bands_m)
+
+    def _bands_m(self, batch: Batch) -> Floats:
+        ledger = self.engine.foresight.ledger
+        rows = ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
+        bands_m: Floats = ledger.bands_m[rows]
+        return bands_m
+
+
+class Verdict:
+    """What one clearance's engine said, until it can be judged."""
+
+    def __init__(self, clearance_m: float) -> None:
+        self.clearance_m = clearance_m
         self.calibration = Calibration(clearance_m)
         self.raised: Counter[str] = Counter()
         """Advisories by kind."""
         self.told: dict[str, Told] = {}
         """By advisory."""
 
-    def step(self, batch: Batch, now_s: float) -> list[ConflictAdvisory]:
-        """One pass; what it has to say of conflicts."""
-        self.engine.receive(batch)
-        told = self.engine.step(now_s)
-        self.raised.update(one.kind for one in told if one.state is AdvisoryState.RAISED)
-        revisions = [one for one in told if isinstance(one, ConflictAdvisory)]
-        for one in revisions:
+    def take(self, now_s: float, said: Said) -> None:
+        self.raised.update(said.raised)
+        for one in said.revisions:
             self._take(one)
-        self.calibration.sample(now_s, self.engine.probabilities())
-        return revisions
+        self.calibration.sample(now_s, said.probabilities)
 
     def alerts(self, truth: Truth) -> Iterator[Alert]:
         for one in self.told.values():
@@ -111,108 +122,77 @@ class Run:
             told.cleared_s = one.updated_at.timestamp()
 
 
-class Replay:
-    """One log through one fleet and an engine for each clearance."""
+class Outcome:
+    """What happened on the floor, and what that makes of what every engine said."""
 
-    def __init__(
-        self, site: Site, clearances_m: Iterable[float], tell: Tell | None, watch: Watch | None, start: Start
-    ) -> None:
-        self.runs = [Run(site, clearance_m, start) for clearance_m in clearances_m]
-        self.fleet: Fleet = fleet_of(site, Measures())
-        self.truth = Truth([run.clearance_m for run in self.runs])
+    def __init__(self, clearances_m: Sequence[float]) -> None:
+        self.verdicts = [Verdict(clearance_m) for clearance_m in clearances_m]
+        self.truth = Truth(clearances_m)
         self.forecasts, self.arrivals = ForecastErrors(), Arrivals()
         self.vendor_of: dict[str, str] = {}
         """By robot that has said where it is."""
-        self.messages = 0
-        self.first_s, self.last_s = inf, -inf
-        self._tell, self._watch = tell, watch
-        self._everything = False
 
-    def take(self, event: Event) -> None:
-        if isinstance(event, Received):
-            self.messages += 1
-            self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
-            conform.take(self.fleet, event)
-        elif isinstance(event, EngineStarted):
-            self._everything = True
-        elif isinstance(event, Tick):
-            self._pass(event.now_s)
-
-    def finish(self) -> None:
-        """Look at what is left of what happened."""
-        self.truth.finish()
-        self.forecasts.finish()
-        self._resolve()
-
-    def result(self) -> dict[str, Any]:
-        """What the log held, and the scores of every clearance."""
-        presence = Presence(self.vendor_of, self.truth.motion.present_s())
-        return {
-            "messages": self.messages,
-            "robots": len(self.vendor_of),
-            "span_s": max(self.last_s - self.first_s, 0.0),
-            "scores": [self._score(run, presence) for run in self.runs],
-            "forecast_error": self.forecasts.figures(),
-            "arrivals": self.arrivals.figures(),
-            "advisories_raised": dict(sorted(self.runs[0].raised.items())) if self.runs else {},
-            "nearest": [self._scene(scene) for scene in self.truth.scenes.finish(self.truth.motion)],
-            "conformance": conform.findings(self.fleet.measures),
-        }
-
-    def _pass(self, now_s: float) -> None:
-        batch = self.fleet.cut(now_s, self._everything)
-        self._everything = False
+    def take(self, one: Pass, said: Sequence[Said]) -> list[Line]:
+        """One pass and what each engine said at it; what the live stream would have told."""
+        now_s, batch = one.now_s, one.batch
         self.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
         self.truth.report(batch.robots, batch.forecasts)
         makers = list(zip(batch.vendors, batch.models, strict=True))
-        self.forecasts.take(batch.robots, makers, batch.forecasts, self._bands_m(batch))
+        self.forecasts.take(batch.robots, makers, batch.forecasts, said[0].bands_m if said else None)
         self.forecasts.advance(now_s)
         self.arrivals.take(batch)
-        if self._watch:
-            self._watch(now_s, batch)
-        revisions = [one for run in self.runs for one in run.step(batch, now_s)]
-        if self._tell:
-            for one in sorted(revisions, key=lambda each: (each.clearance_m, each.id)):
-                self._tell(advisory_line(one))
+        for verdict, each in zip(self.verdicts, said, strict=True):
+            verdict.take(now_s, each)
         looked_until_s = self.truth.until_s
         self.truth.advance(now_s)
         if self.truth.until_s > looked_until_s:
             self._resolve()
+        revisions = [revision for each in said for revision in each.revisions]
+        return [advisory_line(revision) for revision in sorted(revisions, key=lambda each: (each.clearance_m, each.id))]
 
-    def _bands_m(self, batch: Batch) -> Floats | None:
-        """(n, horizons, bands) radii that the first engine's ledger holds for the forecasts of a batch."""
-        if not self.runs or not len(batch):
-            return None
-        ledger = self.runs[0].engine.foresight.ledger
-        rows = ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
-        bands_m: Floats = ledger.bands_m[rows]
-        return bands_m
+    def result(self, reading: Reading) -> dict[str, Any]:
+        """What the log held, and the scores of every clearance, once nothing more comes."""
+        self.truth.finish()
+        self.forecasts.finish()
+        self._resolve()
+        presence = Presence(self.vendor_of, self.truth.motion.present_s())
+        return {
+            "messages": reading.messages,
+            "robots": len(self.vendor_of),
+            "span_s": reading.span_s,
+            "scores": [self._score(verdict, presence) for verdict in self.verdicts],
+            "forecast_error": self.forecasts.figures(),
+            "arrivals": self.arrivals.figures(),
+            "advisories_raised": dict(sorted(self.verdicts[0].raised.items())) if self.verdicts else {},
+            "nearest": [self._scene(scene) for scene in self.truth.scenes.finish(self.truth.motion)],
+            "conformance": conform.findings(reading.fleet.measures),
+        }
 
     def _scene(self, scene: Scene) -> dict[str, Any]:
         """One of the nearest moments, and how long before it the first clearance's advisory stood."""
         before = (
             scene.at_s - told.raised_s
-            for told in self.runs[0].told.values()
+            for told in self.verdicts[0].told.values()
             if told.pair == scene.pair and told.raised_s < scene.at_s and told.cleared_s > scene.at_s - FORESEEN_S
         )
         vendors = [self.vendor_of[robot] for robot in scene.pair]
         return {"vendors": vendors, "warned_s": max(before, default=None), **scene.document()}
 
     def _resolve(self) -> None:
-        for run in self.runs:
-            run.calibration.resolve(self.truth, self.vendor_of)
+        for verdict in self.verdicts:
+            verdict.calibration.resolve(self.truth, self.vendor_of)
 
-    def _score(self, run: Run, presence: Presence) -> dict[str, Any]:
+    def _score(self, verdict: Verdict, presence: Presence) -> dict[str, Any]:
         figures = score(
-            self.truth.encounters(run.clearance_m),
-            list(run.alerts(self.truth)),
-            run.clearance_m,
+            self.truth.encounters(verdict.clearance_m),
+            list(verdict.alerts(self.truth)),
+            verdict.clearance_m,
             presence,
-            run.calibration.by_vendors,
+            verdict.calibration.by_vendors,
         )
         return figures | {
-            "censored_samples": run.calibration.censored,
-            "settled": {"after_s": SETTLED_S, **run.calibration.settled.figures()},
+            "censored_samples": verdict.calibration.censored,
+            "settled": {"after_s": SETTLED_S, **verdict.calibration.settled.figures()},
         }
 
 
@@ -220,7 +200,7 @@ def replay(
     reader: Reader,
     events: Iterable[Event],
     site: Site,
-    clearances_m: Iterable[float],
+    clearances_m: Sequence[float],
     *,
     tell: Tell | None = None,
     watch: Watch | None = None,
@@ -232,13 +212,20 @@ def replay(
     of each pass. `start` is what the engine goes on with, of a black box. `speed_x_real_time` is the one value that
     differs from run to run.
     """
-    run = Replay(site, clearances_m, tell, watch, start)
     began = time.perf_counter()
-    for event in with_ticks(events):
-        run.take(event)
-    run.finish()
-    result = run.result()
-    took_s = time.perf_counter() - began
+    reading, outcome = Reading(site), Outcome(clearances_m)
+    runs = [Run(site, clearance_m, start) for clearance_m in clearances_m]
+    for one in chain(reading.take(events), reading.finish()):
+        if watch:
+            watch(one.now_s, one.batch)
+        for line in outcome.take(one, [run.step(one) for run in runs]):
+            if tell:
+                tell(line)
+    return document(outcome.result(reading), reader, time.perf_counter() - began)
+
+
+def document(result: dict[str, Any], reader: Reader, took_s: float) -> dict[str, Any]:
+    """A result with how it was come by."""
     return {
         "messages": result["messages"],
         "robots": result["robots"],

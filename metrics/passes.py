@@ -1,0 +1,77 @@
+"""A recorded log as the passes that the engine makes: what each takes in, and when."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from math import floor, inf
+
+from deconflict.roles.receiver import fleet_of
+from deconflict.site import Site
+from ingest.measures import Measures
+from ingest.playback import EngineStarted, Event, Noted, Received, Tick
+from ingest.seam import Batch
+from metrics import conform
+
+TICK_S = 0.25
+"""Between passes over a log that has no ticks of its own."""
+LONGEST_GAP = 400
+"""A gap in a recording of more ticks than this is not stepped through."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """One look at the floor."""
+
+    now_s: float
+    batch: Batch
+
+
+class Reading:
+    """The messages of one log through one fleet."""
+
+    def __init__(self, site: Site) -> None:
+        self.fleet = fleet_of(site, Measures())
+        self.messages = 0
+        self.first_s, self.last_s = inf, -inf
+        self._everything = False
+        self._own_ticks = False
+        self._ticked: int | None = None
+        """The last tick that was made up for a log without any."""
+
+    @property
+    def span_s(self) -> float:
+        return max(self.last_s - self.first_s, 0.0)
+
+    def take(self, events: Iterable[Event]) -> Iterator[Pass]:
+        """The passes that the next events of the log bring about."""
+        for event in events:
+            if isinstance(event, Tick):
+                self._own_ticks = True
+                yield self._pass(event.now_s)
+            elif isinstance(event, Noted):
+                self._own_ticks = True
+            elif isinstance(event, EngineStarted):
+                self._everything = True
+            elif isinstance(event, Received):
+                if not self._own_ticks:
+                    yield from self._until(event.arrival_s)
+                self.messages += 1
+                self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
+                conform.take(self.fleet, event)
+
+    def finish(self) -> Iterator[Pass]:
+        """The pass after the last event."""
+        if not self._own_ticks and self._ticked is not None:
+            yield self._pass((self._ticked + 1) * TICK_S)
+
+    def _until(self, now_s: float) -> Iterator[Pass]:
+        """Passes at whole multiples of `TICK_S`, for a log that has no ticks of its own."""
+        now = floor(now_s / TICK_S)
+        if self._ticked is not None:
+            for step in range(max(self._ticked, now - LONGEST_GAP) + 1, now + 1):
+                yield self._pass(step * TICK_S)
+        self._ticked = now
+
+    def _pass(self, now_s: float) -> Pass:
+        batch = self.fleet.cut(now_s, self._everything)
+        self._everything = False
+        return Pass(now_s, batch)
