@@ -33,12 +33,14 @@ BOX = np.dtype(
 )
 """What a robot covers in a slab, and which of its knots holds when it begins or the robot appears."""
 
-PAIR = np.dtype([(name, np.int64) for name in ("ring", "a", "b")], align=True)
+PAIR = np.dtype([(name, np.int32) for name in ("ring", "a", "b")], align=True)
 
 Pairs = NDArray[Any]
 """Of `PAIR`: boxes that overlap."""
 Row = NDArray[Any]
 """Of `BOX`: the boxes of one slab, by slot."""
+Cells = tuple[Ints, Ints, Row]
+"""Where each cell starts, the slots cell by cell, and their boxes."""
 
 _BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR))
 
@@ -94,39 +96,52 @@ def _overlap(a: Any, b: Any) -> bool:
 
 @inner
 def _held_against(
-    row: Row, slot: int, others: Ints, theirs: Row, begin: int, end: int, asking: Bools, found: Pairs, n: int
+    box: Any, slot: int, own: int, others: Ints, theirs: Row, begin: int, end: int, asking: Bools, found: Pairs, n: int
 ) -> int:
-    """Add the pairs of `slot` with those of `others[begin:end]` that it overlaps; two that ask count once.
+    """Add the pairs of `slot` with those of `others[begin:end]` that its box overlaps; two that ask count once.
 
-    `theirs` are the boxes of `others`.
+    `theirs` are the boxes of `others`; `own` is the place of `slot` among them, -1 if it has none.
     """
-    box = row[slot]
     for at in range(begin, end):
-        other = others[at]
-        if _overlap(box, theirs[at]) and (other > slot or (other < slot and not asking[other])):
-            found[n].a, found[n].b = slot, other
+        if _overlap(box, theirs[at]) and (at > own or (at < own and not asking[others[at]])):
+            found[n].a, found[n].b = slot, others[at]
             n += 1
     return n
 
 
 @inner
 def _held_against_cells(
-    row: Row, slot: int, start: Ints, slots: Ints, theirs: Row, share: float, asking: Bools, found: Pairs, n: int
+    box: Any,
+    slot: int,
+    own: int,
+    cells: Cells,
+    first: int,
+    share: float,
+    asking: Bools,
+    found: Pairs,
+    n: int,
 ) -> int:
-    """The same with all boxes of the cells that `slot` may reach into."""
-    box, across = row[slot], int(np.sqrt(len(start)))
+    """The same with all boxes of the cells that `slot` may reach into, in the places from `first` on."""
+    start, slots, theirs = cells
+    across = int(np.sqrt(len(start)))
     last = across - 1
     west, east = floor(box.west * share - 0.5), floor(box.east * share + 0.5)
     south, north = floor(box.south * share - 0.5), floor(box.north * share + 0.5)
     low, high = west & last, min(east, west + last) & last
     for y in range(south, min(north, south + last) + 1):
         line = (y & last) * across
-        begin, end = start[line + low], start[line + high + 1]
+        begin, end = max(start[line + low], first), start[line + high + 1]
         if low > high:
-            n = _held_against(row, slot, slots, theirs, begin, start[line + across], asking, found, n)
-            begin = start[line]
-        n = _held_against(row, slot, slots, theirs, begin, end, asking, found, n)
+            n = _held_against(box, slot, own, slots, theirs, begin, start[line + across], asking, found, n)
+            begin = max(start[line], first)
+        n = _held_against(box, slot, own, slots, theirs, begin, end, asking, found, n)
     return n
+
+
+@inner
+def _asking(slots: Ints, is_changed: Bools) -> Ints:
+    """The places of those that changed."""
+    return np.flatnonzero(is_changed[slots])
 
 
 @inner
@@ -138,22 +153,27 @@ def _with_room(found: Pairs, needed: int) -> Pairs:
 def _in_cells(boxes: NDArray[Any], rings: Ints, is_changed: Bools, share: float) -> Pairs:
     """Narrow boxes that changed look into the cells around them, wide ones into all cells that they cover.
 
-    They are gone through cell by cell, so that what one looks at was just looked at by the one before.
+    They are gone through cell by cell, so that what one looks at was just looked at by the one before; where all ask,
+    each looks at those after it only.
     """
-    found, n, nobody = np.empty(1 << 14, PAIR), 0, np.zeros(len(is_changed), np.bool_)
+    found, n = np.empty(1 << 14, PAIR), 0
     for ring in rings:
         row, before = boxes[ring], n
         start, slots, wide, still = _cells(row, is_changed, share)
         theirs, theirs_wide, theirs_still = row[slots], row[wide], row[still]
-        for slot in slots[is_changed[slots]]:
+        cells = (start, slots, theirs)
+        asking = _asking(slots, is_changed)
+        for own in asking:
+            slot, box, first = slots[own], theirs[own], own + 1 if len(asking) == len(slots) else 0
             found = _with_room(found, n + len(row))
-            n = _held_against(row, slot, still, theirs_still, 0, len(still), nobody, found, n)
-            n = _held_against_cells(row, slot, start, slots, theirs, share, is_changed, found, n)
-        for slot in wide:
+            n = _held_against(box, slot, -1, still, theirs_still, 0, len(still), is_changed, found, n)
+            n = _held_against_cells(box, slot, own, cells, first, share, is_changed, found, n)
+        for own in range(len(wide)):
+            slot, box = wide[own], theirs_wide[own]
             found = _with_room(found, n + len(row))
-            n = _held_against(row, slot, still, theirs_still, 0, len(still), nobody, found, n)
-            n = _held_against_cells(row, slot, start, slots, theirs, share, nobody, found, n)
-            n = _held_against(row, slot, wide, theirs_wide, 0, len(wide), is_changed, found, n)
+            n = _held_against(box, slot, -1, still, theirs_still, 0, len(still), is_changed, found, n)
+            n = _held_against_cells(box, slot, -1, cells, 0, share, is_changed, found, n)
+            n = _held_against(box, slot, own, wide, theirs_wide, own + 1, len(wide), is_changed, found, n)
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()
@@ -169,7 +189,7 @@ def _one_by_one(boxes: NDArray[Any], rings: Ints, changed: Ints, is_changed: Boo
             if row[slot].floor == ABSENT:
                 continue
             found = _with_room(found, n + len(row))
-            n = _held_against(row, slot, everyone, row, 0, len(everyone), is_changed, found, n)
+            n = _held_against(row[slot], slot, slot, everyone, row, 0, len(everyone), is_changed, found, n)
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()

@@ -24,6 +24,8 @@ TINY_MPS = 1e-12
 NEAR_M = 0.02
 """So near the target, the distance itself is looked at."""
 MOST_HALVINGS = 40
+BLOCK = 32
+"""So many pairs have their first knots read together, so that the waits for memory overlap."""
 CLEAR, MET, OPEN = 0, 1, 2
 
 _MOTION_FIELDS = (
@@ -260,10 +262,25 @@ def _set_motion(
 
 
 @inner
+def _both_there(boxes: NDArray[Any], robots: Robots, knots: Knots, pair: Any) -> float:
+    """From when on the knots that begin the slab of a pair hold for both of its robots, or the slab begins."""
+    box_a, box_b = boxes[pair.ring, pair.a], boxes[pair.ring, pair.b]
+    of_a, of_b = knots[robots[pair.a].first + box_a.knot], knots[robots[pair.b].first + box_b.knot]
+    return float(max(of_a.t - box_a.slab, of_b.t - box_a.slab, 0.0))
+
+
+@inner
 def _motions(
-    boxes: NDArray[Any], robots: Robots, knots: Knots, pair: Any, span: Span, within_m: float, motions: Motions
+    boxes: NDArray[Any],
+    robots: Robots,
+    knots: Knots,
+    pair: Any,
+    there: float,
+    span: Span,
+    within_m: float,
+    motions: Motions,
 ) -> tuple[Motions, int, int]:
-    """The motions of a pair in its slab and in `span`, in order, whose circles come within `within_m`.
+    """The motions of a pair in its slab from `there` on and in `span`, in order, whose circles come within `within_m`.
 
     They are written to `motions`, which may grow; how many they are, and how many there would be of any distance.
     """
@@ -271,7 +288,7 @@ def _motions(
     slab, n, looked_at = box_a.slab, 0, 0
     low, high = span[0] - slab, span[1] - slab
     ka, kb, end_a, end_b = a.first + box_a.knot, b.first + box_b.knot, a.first + a.count, b.first + b.count
-    t = max(knots[ka].t - slab, knots[kb].t - slab, 0.0)
+    t = there
     while t < 1.0:
         while _until(knots, ka, end_a, slab) <= t:
             ka += 1
@@ -310,8 +327,14 @@ def meet(
     Adds to `counts` the motions that were looked at, and those whose circles come near enough for a closer look.
     """
     motions, lows, highs = np.empty(16, MOTION), np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS)
+    there = np.empty(BLOCK)
     for at in range(len(pairs)):
-        motions, n, looked_at = _motions(boxes, robots, knots, pairs[at], span, target_m + tolerance_m, motions)
+        if at % BLOCK == 0:
+            for ahead in range(min(BLOCK, len(pairs) - at)):
+                there[ahead] = _both_there(boxes, robots, knots, pairs[at + ahead])
+        motions, n, looked_at = _motions(
+            boxes, robots, knots, pairs[at], there[at % BLOCK], span, target_m + tolerance_m, motions
+        )
         counts[0] += looked_at
         counts[1] += n
         meeting = found[at]
@@ -331,7 +354,8 @@ def meet(
 @kernel(_MOTION[::1](_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1], _TWO))
 def motions_of(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, span: Span) -> Motions:
     """The motions of the one pair that `pairs` holds, within `span`."""
-    motions, n, _ = _motions(boxes, robots, knots, pairs[0], span, inf, np.empty(16, MOTION))
+    there = _both_there(boxes, robots, knots, pairs[0])
+    motions, n, _ = _motions(boxes, robots, knots, pairs[0], there, span, inf, np.empty(16, MOTION))
     return motions[:n].copy()
 
 
@@ -357,10 +381,14 @@ def _set_place(place: Any, box: Any, robot: Any, knots: Knots, t: float) -> None
 def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float) -> Floats:
     """(p,) how far the robots `a` (p,) and `b` (p,) are apart at `now_s`, or when the later of each two appears.
 
-    inf on different floors. A robot's place is worked out once for all its pairs.
+    inf on different floors. A robot's place is worked out once for all its pairs, in the order of slots.
     """
-    apart_m, places = np.full(len(a), inf), np.empty(len(robots), PLACE)
-    places["t"][:] = -inf
+    apart_m, places, wanted = np.full(len(a), inf), np.empty(len(robots), PLACE), np.zeros(len(robots), np.bool_)
+    for at in range(len(a)):
+        wanted[a[at]] = wanted[b[at]] = True
+    for slot in np.flatnonzero(wanted):
+        t = max(now_s, robots[slot].appears)
+        _set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
     for at in range(len(a)):
         one, two = robots[a[at]], robots[b[at]]
         t = max(now_s, one.appears, two.appears)

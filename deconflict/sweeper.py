@@ -63,10 +63,10 @@ class Sweeper:
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
         self._slabs = int(np.ceil(horizon_s)) + 1 + AHEAD
         self._roster = Roster()
-        self._touched: set[int] = set()
-        """Slots whose robot changed or left since the last pass."""
-        self._told: set[int] = set()
-        """Slots whose forecast is new since the last pass."""
+        self._touched: Bools = np.zeros(0, bool)
+        """(slots,) whether a slot's robot changed or left since the last pass."""
+        self._told: Bools = np.zeros(0, bool)
+        """(slots,) whether a slot's forecast is new since the last pass."""
         self._covered: Ints = np.zeros(0, np.int64)
         """(slots,) the last slab for which a robot has boxes."""
         self._boxes = Boxes(self._slabs)
@@ -86,16 +86,16 @@ class Sweeper:
             newest = {key: row for key, row in newest.items() if row not in wrong}
             forecasts = forecasts.take(list(newest.values()))
         if newest:
-            slots = self._roster.put(list(newest), forecasts).tolist()
-            self._touched.update(slots)
-            self._told.update(slots)
+            slots = self._roster.put(list(newest), forecasts)
+            for flags in (self._touched, self._told):
+                flags.resize(len(self._roster), refcheck=False)
+                flags[slots] = True
         return tuple((keys[row], reason) for row, reason in sorted(wrong.items()))
 
     def discard(self, keys: Iterable[str]) -> None:
         """Take robots off the floor."""
         left = self._roster.discard(keys)
-        self._touched.update(left)
-        self._told.difference_update(left)
+        self._touched[left] = True
 
     def step(self, now_s: float) -> PairConflicts:
         """The conflicts in [`now_s`, `now_s` + horizon]."""
@@ -110,15 +110,14 @@ class Sweeper:
         found = self._within(now_s, now_s + self._horizon_s, decider).by_pair()
         return self._listed(found, now_s, told, decider)
 
-    def _taken_in(self, first_slab: int) -> tuple[Ints, Ints]:
-        """The slots to cover anew and those with a new forecast, ascending."""
+    def _taken_in(self, first_slab: int) -> tuple[Ints, Bools]:
+        """The slots to cover anew, ascending, and which slots have a new forecast."""
         slots = len(self._roster)
-        self._covered = np.pad(self._covered, (0, slots - len(self._covered)))
+        self._covered.resize(slots, refcheck=False)
         self._boxes.grow(slots)
-        went_back = np.flatnonzero(self._covered - self._slabs >= first_slab).tolist()
-        changed = np.array(sorted(self._touched.union(went_back)), np.int64)
-        told = np.array(sorted(self._told), np.int64)
-        self._touched, self._told = set(), set()
+        went_back = self._covered - self._slabs >= first_slab
+        changed, told = np.flatnonzero(self._touched | went_back), self._told
+        self._touched, self._told = np.zeros(slots, bool), np.zeros(slots, bool)
         return changed, told
 
     def _keep(self, changed: Ints, first_slab: int) -> None:
@@ -159,7 +158,8 @@ class Sweeper:
         found = self._looked_at(pairs, (-inf, inf), decider)
         hit = np.flatnonzero(found["contact"] < inf)
         pairs, found = pairs[hit], found[hit]
-        a, b, slab = pairs["a"], pairs["b"], self._boxes.all["slab"][pairs["ring"], pairs["a"]]
+        a, b = pairs["a"].astype(np.int64), pairs["b"].astype(np.int64)
+        slab = self._boxes.all["slab"][pairs["ring"], a]
         return Meetings(a, b, slab, slab + found["contact"], found["separation"], slab + found["separation_at"])
 
     def _looked_at(self, pairs: Pairs, span: Span, decider: Decider) -> Found:
@@ -202,16 +202,14 @@ class Sweeper:
         pairs["ring"], pairs["a"], pairs["b"] = slab % self._slabs, a, b
         return pairs
 
-    def _listed(self, m: Meetings, now_s: float, told: Ints, decider: Decider) -> PairConflicts:
-        is_told = np.zeros(len(self._roster), bool)
-        is_told[told] = True
+    def _listed(self, m: Meetings, now_s: float, told: Bools, decider: Decider) -> PairConflicts:
         return PairConflicts(
             pairs=self._names.of(m, self._roster.keys, self._roster.ranks()),
             contact_s=np.maximum(m.contact, now_s),
             separation_m=m.separation,
             separation_at_s=m.separation_at,
             start_separation_m=start_distances(m.a, m.b, *self._where(), now_s),
-            fresh=is_told[m.a] | is_told[m.b],
+            fresh=told[m.a] | told[m.b],
             box_pairs=self._box_pairs,
             segment_pairs=self._segment_pairs,
             advanced_pairs=self._advanced_pairs,
