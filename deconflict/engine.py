@@ -12,9 +12,10 @@ from math import floor
 
 import numpy as np
 
-from deconflict.advice.account import Account, Solve, solve
+from deconflict.advice.account import Account
+from deconflict.advice.answers import Submit, at_once
 from deconflict.advice.delays import Mover
-from deconflict.advice.desk import MOST_NEAR, NEAR_M, Desk, Submit, at_once
+from deconflict.advice.desk import MOST_NEAR, NEAR_M, Desk
 from deconflict.advice.priorities import Priorities
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
 from deconflict.blackbox.trigger import Trigger
@@ -49,7 +50,6 @@ class Engine:
         restored: Iterable[AnyAdvisory] = (),
         ordinals: dict[Pair, int] | None = None,
         submit: Submit = at_once,
-        solve: Solve = solve,
         burdens_s: Mapping[str, float] | None = None,
         learned: Mapping[str, Part] | None = None,
     ) -> None:
@@ -64,10 +64,16 @@ class Engine:
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
-        self._submit, self._solve = submit, solve
+        self._submit = submit
         self._account, self._priorities = Account(burdens_s), Priorities(site.vendors)
-        effort = site.advice.effort
-        advising = partial(Advising, account=self._account, effort=effort, solve=solve, priority=self._priority)
+        advising = partial(
+            Advising,
+            account=self._account,
+            effort=site.advice.effort,
+            submit=submit,
+            priority=self._priority,
+            measures=self.measures,
+        )
         queues = [one for one in restored if not isinstance(one, ConflictAdvisory | ClaimAdvisory)]
         self._contention = Contention(site.resources, site.zones, site.contention, self.measures, queues, advising)
         self._claims = Claims(self.live, [one for one in restored if isinstance(one, ClaimAdvisory)])
@@ -90,7 +96,6 @@ class Engine:
             self.open(),
             self._lives.ordinals,
             self._submit,
-            self._solve,
             self._account.burdens_s,
             self.learned(),
         )

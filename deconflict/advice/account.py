@@ -1,15 +1,8 @@
 """How long the robots of each vendor were advised to yield: ties go against the vendor that yielded least."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Recommendation
-
-Solve = Callable[[Callable[[], Recommendation]], Recommendation]
-"""Works advice out at once; the edge may time it."""
-
-
-def solve(work: Callable[[], Recommendation]) -> Recommendation:
-    return work()
+from deconflict.advisory import AdvisoryState, AnyAdvisory
 
 
 def yielded_s(advisory: AnyAdvisory) -> dict[str, float]:

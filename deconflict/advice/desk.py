@@ -11,16 +11,16 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from operator import attrgetter, itemgetter
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from deconflict.advice.account import Account
+from deconflict.advice.answers import ANSWER_AFTER_S, Answer, Submit, at_once
 from deconflict.advice.delays import Mover, Pair, Window
 from deconflict.advice.holds import advise_holds
 from deconflict.advisory import ConflictAdvisory, Recommendation
 from deconflict.site import Site
 from ingest.measures import Measures
 
-ANSWER_AFTER_S = 0.5
 AGAIN_S = 3.0
 """A group that stays the same is looked at again after this time."""
 NEAR_M, MOST_NEAR = 20.0, 30
@@ -36,35 +36,8 @@ CHANGED_S = 1.0
 Pairs = tuple[Pair, ...]
 
 
-class Answer(Protocol):
-    """What is being worked out."""
-
-    def done(self) -> bool: ...
-
-    def result(self) -> Recommendation: ...
-
-
 MoversAround = Callable[[set[str]], list[Mover]]
 """The robots of a group and those near to one of them, as swept, in ascending order."""
-Submit = Callable[[Callable[[], Recommendation]], Answer]
-"""Has the work done, as `concurrent.futures.Executor.submit` does."""
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """An answer that is there."""
-
-    advice: Recommendation
-
-    def done(self) -> bool:
-        return True
-
-    def result(self) -> Recommendation:
-        return self.advice
-
-
-def at_once(work: Callable[[], Recommendation]) -> Answer:
-    return Done(work())
 
 
 @dataclass(slots=True)

@@ -1,10 +1,12 @@
 """Advice for queues: slots that cost least in total, worked out anew only when it matters."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from math import inf
 
-from deconflict.advice.account import Account, Solve, solve
+from deconflict.advice.account import Account
+from deconflict.advice.answers import ANSWER_AFTER_S, Answer, Submit, at_once
 from deconflict.advice.priorities import USUAL
 from deconflict.advice.slots import Queue, advise_slots
 from deconflict.advisory import Recommendation
@@ -13,6 +15,7 @@ from deconflict.contention.demand import CHANGEOVER_S, Request, Turn
 from deconflict.contention.detours import Refuge, detour
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.robots import Seen
+from ingest.measures import Measures
 
 AGAIN_S = 10.0
 """Advice is worked out anew when who waits has changed, or after this time."""
@@ -33,75 +36,77 @@ Signature = tuple[tuple[str, frozenset[str], frozenset[str]], ...]
 """Of each place of a group: who waits for it, who has it."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Advised:
-    signature: Signature
-    at_s: float
-    advice: Recommendation
+@dataclass(slots=True)
+class _Question:
+    """About one group of places, or one ring in a lane."""
+
+    advice: Recommendation | None = None
+    """The newest answer that was given."""
+    signature: Signature = ()
+    asked_s: float = -inf
+    answer: Answer | None = None
+    """Yet to be given."""
+    late: bool = False
+    """Not there when its time had come."""
+    wanted_s: float = -inf
 
 
 def advising_alone(geometry: Geometry) -> "Advising":
     """Advice where nothing is known of earlier burdens, at the usual effort."""
-    return Advising(geometry, Account(), EFFORT, solve, lambda _: USUAL)
+    return Advising(geometry, Account(), EFFORT, at_once, lambda _: USUAL, Measures())
 
 
 class Advising:
-    """What was advised for each group of interchangeable places, by its first place."""
+    """What is advised for each group of interchangeable places, and for each ring.
+
+    A look asks, and the next one gives the answer: a live engine lets a thread work it out, and never waits for it.
+    """
 
     def __init__(
         self,
         geometry: Geometry,
         account: Account,
         effort: float,
-        solve: Solve,
+        submit: Submit,
         priority: Callable[[str], float],
+        measures: Measures,
     ) -> None:
         """`priority` says by UUID what a second of a robot's waiting counts."""
-        self._geometry, self._account, self._effort, self._solve = geometry, account, effort, solve
+        self._geometry, self._account, self._effort = geometry, account, effort
+        self._submit, self._measures = submit, measures
         self.priority = priority
-        self._advised: dict[str, _Advised] = {}
-        self._rings: dict[Signature, _Advised] = {}
+        self._questions: dict[tuple[str, ...], _Question] = {}
+        self._detours: dict[tuple[Link, ...], Recommendation] = {}
+        self._before: dict[tuple[Link, ...], Recommendation] = {}
+        """The detours of the look before."""
         self._solved = 0
 
-    def begin(self, contended: Sequence[str]) -> None:
-        """A look begins, with these places contended; what was advised for others is forgotten."""
+    def begin(self, now_s: float) -> None:
+        """A look begins; what nobody has wanted to know for a while is forgotten."""
         self._solved = 0
-        kept = {self._group(place)[0] for place in contended}
-        self._advised = {place: one for place, one in self._advised.items() if place in kept}
+        self._before, self._detours = self._detours, {}
+        self._questions = {key: one for key, one in self._questions.items() if now_s - one.wanted_s < AGAIN_S}
 
     def slots(self, place: str, turns: Mapping[str, Sequence[Turn]], now_s: float) -> Recommendation | None:
         """The slots advised for everybody who waits for `place` or for one that can stand in for it."""
         group = self._group(place)
         requests = {one: [turn.request for turn in turns.get(one, ())] for one in group}
         signature = tuple((one, _robots(requests[one], False), _robots(requests[one], True)) for one in group)
-        before = self._advised.get(group[0])
-        if before and before.signature == signature and now_s - before.at_s < AGAIN_S:
-            return before.advice
-        if self._solved == MOST_SOLVED:
-            return before.advice if before else None
-        self._solved += 1
         queues = [
             Queue(one, self._geometry.capacity(one), tuple(requests[one]), self._geometry.changeover_s(one))
             for one in group
         ]
-        advice = self._advise(queues, now_s, before.advice if before else None)
-        self._advised[group[0]] = _Advised(signature, now_s, advice)
-        return advice
+        return self._told(tuple(group), signature, queues, now_s)
 
     def way_out(
         self, ring: Sequence[Link], robots: Mapping[str, Seen], refuges: Sequence[Refuge], now_s: float
-    ) -> Recommendation:
+    ) -> Recommendation | None:
         """What ends a ring: in a lane that not all have entered, one after the other; else one goes elsewhere first."""
         lane = ring[0].where
         passages = [robots[link.waiter].passages.get(lane) for link in ring]
         inside = [one is not None and one.enter_s <= now_s for one in passages]
         if {link.where for link in ring} != {lane} or None in passages or all(inside):
             return self._elsewhere(ring, robots, refuges, now_s)
-        has_it = frozenset(link.waiter for link, has in zip(ring, inside, strict=True) if has)
-        signature = ((lane, frozenset(link.waiter for link in ring), has_it),)
-        before = self._rings.get(signature)
-        if before and now_s - before.at_s < AGAIN_S:
-            return before.advice
         requests = [
             Request(
                 robot=link.waiter,
@@ -115,29 +120,43 @@ class Advising:
             for link, one, has in zip(ring, passages, inside, strict=True)
             if one
         ]
-        advice = self._advise([Queue(lane, 1, tuple(requests), CHANGEOVER_S)], now_s, None)
-        self._keep(signature, now_s, advice)
-        return advice
+        waiters = tuple(link.waiter for link in ring)
+        signature = ((lane, _robots(requests, False), _robots(requests, True)),)
+        return self._told((lane, *waiters), signature, [Queue(lane, 1, tuple(requests), CHANGEOVER_S)], now_s)
 
     def _elsewhere(
         self, ring: Sequence[Link], robots: Mapping[str, Seen], refuges: Sequence[Refuge], now_s: float
     ) -> Recommendation:
-        signature = tuple((link.where, frozenset((link.waiter,)), frozenset((link.holder,))) for link in ring)
-        before = self._rings.get(signature)
-        advice = detour(ring, robots, refuges, now_s, self.priority, before.advice if before else None)
+        key = tuple(replace(link, from_s=0.0) for link in ring)
+        advice = detour(ring, robots, refuges, now_s, self.priority, self._before.get(key))
         if advice is None:
             return NO_ORDER
-        self._keep(signature, now_s, advice)
+        self._detours[key] = advice
         return advice
 
-    def _keep(self, ring: Signature, now_s: float, advice: Recommendation) -> None:
-        self._rings = {key: one for key, one in self._rings.items() if now_s - one.at_s < AGAIN_S}
-        self._rings[ring] = _Advised(ring, now_s, advice)
+    def _told(
+        self, key: tuple[str, ...], signature: Signature, queues: Sequence[Queue], now_s: float
+    ) -> Recommendation | None:
+        """The newest answer to a question; asks it again when who waits has changed, or after a while."""
+        one = self._questions.setdefault(key, _Question())
+        one.wanted_s = now_s
+        if one.answer and now_s - one.asked_s >= ANSWER_AFTER_S:
+            self._take(one, one.answer)
+        changed = one.signature != signature or now_s - one.asked_s >= AGAIN_S
+        if one.answer is None and changed and self._solved < MOST_SOLVED:
+            self._solved += 1
+            burdens_s, standing = dict(self._account.burdens_s), one.advice
+            work = partial(advise_slots, queues, now_s, burdens_s=burdens_s, standing=standing, effort=self._effort)
+            one.answer, one.asked_s, one.signature, one.late = self._submit(work), now_s, signature, False
+        return one.advice
 
-    def _advise(self, queues: Sequence[Queue], now_s: float, standing: Recommendation | None) -> Recommendation:
-        burdens_s = dict(self._account.burdens_s)
-        work = partial(advise_slots, queues, now_s, burdens_s=burdens_s, standing=standing, effort=self._effort)
-        return self._solve(work)
+    def _take(self, one: _Question, answer: Answer) -> None:
+        """An answer that is still worked out when its time has come is counted, and taken later."""
+        if answer.done():
+            one.advice, one.answer = answer.result(), None
+        elif not one.late:
+            one.late = True
+            self._measures.count("deconflict_advice_late_total")
 
     def _left_s(self, one: Passage, lane: str, length_m: float, now_s: float) -> float:
         """Until all of its length is out."""

@@ -88,7 +88,7 @@ def double_occupancy(
 
 
 def deadlock(
-    geometry: Geometry, ring: Sequence[Link], advice: Recommendation, robots: Mapping[str, Seen], now_s: float
+    geometry: Geometry, ring: Sequence[Link], advice: Recommendation | None, robots: Mapping[str, Seen], now_s: float
 ) -> Finding:
     """Robots that will wait for each other in a ring, once the last of them waits."""
     begins_s = max(*(link.from_s for link in ring), now_s)
@@ -119,9 +119,11 @@ def deadlock(
     )
 
 
-def _way_out(geometry: Geometry, ring: Sequence[Link], advice: Recommendation, robots: Mapping[str, Seen]) -> str:
-    if not advice.slots:
-        return f"; {advice.note}" if advice.note else ""
+def _way_out(
+    geometry: Geometry, ring: Sequence[Link], advice: Recommendation | None, robots: Mapping[str, Seen]
+) -> str:
+    if advice is None or not advice.slots:
+        return f"; {advice.note}" if advice and advice.note else ""
     first = advice.slots[0]
     if first.resource not in {link.where for link in ring}:
         costs = f", which costs {advice.cost_s:.0f} s in all"

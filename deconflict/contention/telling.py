@@ -190,7 +190,9 @@ def _differs(before: Told, told: dict[str, Any], now_s: float) -> bool:
     begun = before.time_to_conflict_s == 0 and told["time_to_conflict_s"] == 0
     if not begun and moved_s > max(MOVED_S, MOVED_SHARE * left_s):
         return True
-    if told["severity"] != before.severity or told["robots"] != before.robots:
+    advice = told["recommendation"]
+    ordered_anew = advice is not None and _order(advice) != _order(before.recommendation)
+    if ordered_anew or told["severity"] != before.severity or told["robots"] != before.robots:
         return True
     if isinstance(before, ContentionAdvisory):
         longer_s = abs(told["wait_s"] - before.wait_s)

@@ -157,7 +157,7 @@ class Contention:
         """Places where somebody will wait long, with the slots that would cost least."""
         long = self._settings.least_wait_s
         contended = [place for place, turns in self._turns.items() if any(turn.wait_s >= long for turn in turns)]
-        self._advising.begin(contended)
+        self._advising.begin(now_s)
         for place in contended:
             advice = self._advising.slots(place, self._turns, now_s)
             yield findings.contention(self.geometry, place, self._turns[place], advice, self.robots.seen, now_s)

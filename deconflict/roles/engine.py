@@ -87,7 +87,6 @@ class EngineRole:
             [ADVISORY.validate_python(one) for one in stored["open"]],
             {(a, b): count for a, b, count in stored["encounters"]},
             lambda work: self._adviser.submit(self._timed, work),
-            self._timed,
             stored["burdens_s"],
             learned,
         )

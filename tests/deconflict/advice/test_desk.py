@@ -9,8 +9,9 @@ from shapely import Polygon, box
 from shapely.affinity import rotate, translate
 
 from deconflict.advice.account import Account, yielded_s
+from deconflict.advice.answers import ANSWER_AFTER_S, Answer
 from deconflict.advice.delays import Mover
-from deconflict.advice.desk import ANSWER_AFTER_S, MOST_PAIRS, PAIRS_PER_S, Answer, Desk
+from deconflict.advice.desk import MOST_PAIRS, PAIRS_PER_S, Desk
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation
 from deconflict.contention.telling import moment
 from deconflict.engine import Engine
