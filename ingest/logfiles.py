@@ -1,7 +1,7 @@
 """The files of the log: appended to, begun anew, and the oldest removed.
 
-Each start and each `segment_bytes` begins a new file, and so does recording after a failure, so nothing is ever
-appended to a torn line.
+Each start, each `segment_bytes` and each day begins a new file, and so does recording after a failure, so nothing is
+ever appended to a torn line.
 """
 
 import logging
@@ -15,6 +15,7 @@ log = logging.getLogger(__name__)
 
 RETRY_S = 5.0
 """How long after a failed write the next is tried."""
+DAY_S = 86_400.0
 PATTERN = "log-[0-9]*.jsonl"
 
 
@@ -24,8 +25,8 @@ class LogFiles:
     def __init__(self, settings: Settings, directory: Path, clock: Callable[[], float]) -> None:
         self._settings, self._directory, self._clock = settings, directory, clock
         self._file: FileIO | None = None
-        self._written = 0
-        """Bytes in the file."""
+        self._written, self._begun_s = 0, 0.0
+        """Bytes in the file, and when it was begun."""
         self._failed_s = 0.0
         self.failing: str | None = None
         """Why nothing can be written just now."""
@@ -53,20 +54,30 @@ class LogFiles:
         self._file = None
 
     def _segment(self) -> FileIO:
-        """The file to write to: a new one at first and where the last is long enough."""
-        if self._file is None or self._written >= self._settings.segment_bytes:
+        """The file to write to: a new one at first and where the last is long or old enough."""
+        is_old = abs(self._clock() - self._begun_s) >= DAY_S
+        if self._file is None or self._written >= self._settings.segment_bytes or is_old:
             self.close()
             self._directory.mkdir(parents=True, exist_ok=True)
             existing = sorted(self._directory.glob(PATTERN))
-            self._remove_oldest(existing)
+            self._remove_oldest(self._remove_old(existing))
             self._file = (self._directory / self._name(existing)).open("xb", buffering=0)
-            self._written = 0
+            self._written, self._begun_s = 0, self._clock()
         return self._file
 
     def _name(self, existing: list[Path]) -> str:
         """Later than the others by name, though the clock may have been set back."""
         newest_us = int("".join(filter(str.isdigit, existing[-1].stem))) if existing else 0
         return f"log-{max(round(self._clock() * 1e6), newest_us + 1):017d}.jsonl"
+
+    def _remove_old(self, segments: list[Path]) -> list[Path]:
+        """Remove those to which nothing was added for `keep_days`; the others."""
+        before_s = self._clock() - self._settings.keep_days * DAY_S
+        old = [segment for segment in segments if segment.stat().st_mtime < before_s]
+        for segment in old:
+            segment.unlink()
+            log.info("removed %s: it is older than keep_days", segment.name)
+        return [segment for segment in segments if segment not in old]
 
     def _remove_oldest(self, segments: list[Path]) -> None:
         """Keep the segments within `total_bytes`, with room for one more."""

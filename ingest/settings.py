@@ -178,6 +178,8 @@ class Recorder(Section):
     """The size at which a new segment is begun."""
     total_bytes: Annotated[int, Field(gt=0)] = 4 * 1024 * 1024 * 1024
     """The oldest segments go when the log grows beyond this."""
+    keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 30.0
+    """And segments to which nothing was added for this long."""
 
 
 class Reading(Section):

@@ -330,3 +330,36 @@ def test_a_file_of_the_second_format_keeps_its_numbers_and_never_gives_one_again
     assert store.open_at(kept.updated_at.timestamp() + 1) == [kept]
     assert [one.seq for one in store.append([made(3)])] == [10]
     store.close()
+
+
+@pytest.mark.parametrize("version", range(3, len(UPGRADES)))
+def test_a_file_of_each_later_format_is_read_with_its_answers_positions_and_burdens(
+    tmp_path: Path, version: int
+) -> None:
+    old = sqlite3.connect(tmp_path / FILE_NAME)
+    for statement in (one for step in UPGRADES[:version] for one in step):
+        old.execute(statement)
+    given, kept = answer("Kim"), made(2, seq=7)
+    answered = kept.model_copy(update={"seq": 8, "acknowledgement": given})
+    for one, answers in ((kept, 0), (answered, 1)):
+        row = (one.seq, one.id, 1, answers, one.updated_at.timestamp(), one.model_dump_json())
+        old.execute("INSERT INTO revisions VALUES (?, ?, ?, ?, ?, ?)", row)
+    old.execute(
+        "INSERT INTO advisories VALUES (?, 1, 8, 1, ?, 'conflict', ?, 1)",
+        (kept.id, kept.updated_at.timestamp(), given.model_dump_json()),
+    )
+    parties = zip(kept.robots, kept.vendors, strict=True)
+    old.executemany("INSERT INTO parties VALUES (?, ?, ?)", [(kept.id, *party) for party in parties])
+    old.execute("INSERT INTO encounters VALUES (?, ?, 5)", kept.robots)
+    if version > 3:
+        old.execute("INSERT INTO positions VALUES ('mqtt', 7)")
+    old.execute(f"PRAGMA user_version = {version}")
+    old.commit()
+    old.close()
+    store = Store(tmp_path)
+    assert store.latest(robot=ROBOTS[1]).advisories == [answered]
+    assert store.get(kept.id) == [kept, answered]
+    assert store.encounters() == {ROBOTS: 5}
+    assert store.position("mqtt", 3) == (7 if version > 3 else 3)
+    assert [(one.seq, one.acknowledgement) for one in store.append([made(3), cleared(2)])] == [(9, None), (10, given)]
+    store.close()

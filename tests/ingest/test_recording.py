@@ -1,4 +1,5 @@
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -146,6 +147,36 @@ def test_segments_rotate_and_the_oldest_go(tmp_path: Path) -> None:
     assert sum(sizes) <= 10_000
     ticks = [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)]
     assert ticks == [NOW_S + i for i in range(400 - len(ticks), 400)]
+
+
+def test_a_segment_is_begun_each_day_and_goes_when_it_is_too_old(tmp_path: Path) -> None:
+    clock = Clock()
+    writer = Recorder(Settings(keep_days=2.5), tmp_path, Measures(), clock)
+    for day in range(6):
+        clock.now_s = NOW_S + day * 90_000.0
+        for hour in (0, 1):
+            writer.tick(clock.now_s + hour)
+            assert writer.sync()
+        newest = max(tmp_path.iterdir())
+        os.utime(newest, (clock.now_s, clock.now_s))
+    writer.close()
+    ticks = [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)]
+    assert [round((tick_s - NOW_S) / 90_000.0, 2) for tick_s in ticks] == [3.0, 3.0, 4.0, 4.0, 5.0, 5.0]
+
+
+def test_a_log_of_the_first_release_is_read_to_the_last_line(tmp_path: Path) -> None:
+    """As it was written then: no vendor, no engine's start, a rejected message quoted."""
+    (tmp_path / "log-01790000000000000.jsonl").write_text(
+        '{"received":"2026-09-21T14:13:20.000000Z","connection":1,"peer":"127.0.0.1:1","message":{"uuid":"a"}}\n'
+        '{"received":"2026-09-21T14:13:20.500000Z","connection":1,"peer":"127.0.0.1:1","rejected":"not-json","raw":"{"}\n'
+        '{"tick":"2026-09-21T14:13:21.000000Z"}\n'
+        '{"closed":"2026-09-21T14:13:22.000000Z","connection":1}\n'
+    )
+    events, unreadable = read(tmp_path)
+    assert [type(event) for event in events] == [Received, Received, Tick, Closed]
+    assert unreadable == 0
+    assert isinstance(events[0], Received)
+    assert (events[0].raw, events[0].connection.vendor) == (b'{"uuid":"a"}', None)
 
 
 FAILING = """
