@@ -12,7 +12,7 @@ from itertools import chain
 from math import inf
 from typing import Any
 
-from deconflict.advisory import AdvisoryState, ConflictAdvisory
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.blackbox.start import Start
 from deconflict.engine import Engine
 from deconflict.site import Site
@@ -21,6 +21,7 @@ from ingest.seam import Batch, Floats
 from metrics import conform
 from metrics.arrivals import Arrivals
 from metrics.calibration import SETTLED_S, Calibration
+from metrics.contention import Contention
 from metrics.forecasts import ForecastErrors
 from metrics.passes import Pass, Reading
 from metrics.scenes import Scene
@@ -52,6 +53,8 @@ class Said:
     """What one clearance's engine had to say at one pass."""
 
     revisions: list[ConflictAdvisory]
+    others: Sequence[AnyAdvisory]
+    """Revisions of other kinds."""
     raised: Sequence[str]
     """The kinds of the advisories that were raised."""
     probabilities: Sequence[tuple[Pair, float]]
@@ -79,7 +82,8 @@ class Run:
         told = self.engine.step(one.now_s)
         raised = [each.kind for each in told if each.state is AdvisoryState.RAISED]
         revisions = [each for each in told if isinstance(each, ConflictAdvisory)]
-        return Said(revisions, raised, self.engine.probabilities(), bands_m)
+        others = [each for each in told if not isinstance(each, ConflictAdvisory)]
+        return Said(revisions, others, raised, self.engine.probabilities(), bands_m)
 
     def _bands_m(self, batch: Batch) -> Floats:
         ledger = self.engine.foresight.ledger
@@ -125,10 +129,10 @@ class Verdict:
 class Outcome:
     """What happened on the floor, and what that makes of what every engine said."""
 
-    def __init__(self, clearances_m: Sequence[float]) -> None:
+    def __init__(self, site: Site, clearances_m: Sequence[float]) -> None:
         self.verdicts = [Verdict(clearance_m) for clearance_m in clearances_m]
         self.truth = Truth(clearances_m)
-        self.forecasts, self.arrivals = ForecastErrors(), Arrivals()
+        self.forecasts, self.arrivals, self.contention = ForecastErrors(), Arrivals(), Contention(site)
         self.vendor_of: dict[str, str] = {}
         """By robot that has said where it is."""
 
@@ -141,6 +145,7 @@ class Outcome:
         self.forecasts.take(batch.robots, makers, batch.forecasts, said[0].bands_m if said else None)
         self.forecasts.advance(now_s)
         self.arrivals.take(batch)
+        self.contention.take(batch, said[0].others if said else ())
         for verdict, each in zip(self.verdicts, said, strict=True):
             verdict.take(now_s, each)
         looked_until_s = self.truth.until_s
@@ -163,6 +168,7 @@ class Outcome:
             "scores": [self._score(verdict, presence) for verdict in self.verdicts],
             "forecast_error": self.forecasts.figures(),
             "arrivals": self.arrivals.figures(),
+            "contention": self.contention.figures(),
             "advisories_raised": dict(sorted(self.verdicts[0].raised.items())) if self.verdicts else {},
             "nearest": [self._scene(scene) for scene in self.truth.scenes.finish(self.truth.motion)],
             "conformance": conform.findings(reading.fleet.measures),
@@ -213,7 +219,7 @@ def replay(
     differs from run to run.
     """
     began = time.perf_counter()
-    reading, outcome = Reading(site), Outcome(clearances_m)
+    reading, outcome = Reading(site), Outcome(site, clearances_m)
     runs = [Run(site, clearance_m, start) for clearance_m in clearances_m]
     for one in chain(reading.take(events), reading.finish()):
         if watch:

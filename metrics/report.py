@@ -34,6 +34,8 @@ def _sections(result: Part) -> Iterator[str]:
     yield "<h2>How far forecasts were off</h2>" + _errors(result["forecast_error"]["by_model"])
     if result["arrivals"]:
         yield "<h2>How far arrivals were off</h2>" + _arrivals(result["arrivals"])
+    if result["contention"]:
+        yield "<h2>Queues, crowds, deadlocks and blockages</h2>" + _contention(result["contention"])
     yield "<h2>The nearest moments</h2>" + _scenes(result["nearest"])
     yield "<h2>Departures from the standard</h2>" + _conformance(result["conformance"])
 
@@ -164,6 +166,30 @@ def _arrivals(rows: Sequence[Part]) -> str:
     ]
     head = ("vendor", "told up to so long ahead", "arrivals", "off, s: median / p90", "share that came late")
     return _table(head, cells)
+
+
+def _contention(kinds: Sequence[Part]) -> str:
+    rows = [
+        [
+            one["kind"].replace("_", " "),
+            f"{one['alerts']:,}",
+            f"{one['censored']:,}",
+            _sure(one, "precision"),
+            _spread(one["lead_time_s"]),
+            _number(one["wait_error_s"]),
+            "-" if one["happened"] is None else f"{one['happened']:,}",
+            _sure(one, "recall"),
+            _share(one["recall_any"]),
+        ]
+        for one in kinds
+    ]
+    head = ("advisory", "told", "can't be told", "came true", "lead time, s (p10 to p90)", "wait off by, s")
+    more = ("happened", "told before it began", "or while it lasted")
+    return _table((*head, *more), rows) + (
+        '<p class="note">A queue came true where one of its robots stood for 5 s while the place was full; a crowd'
+        " where more were inside than it takes; a deadlock where all of its ring stood for 10 s; a blockage where one"
+        " stood behind the blocker.</p>"
+    )
 
 
 def _scenes(scenes: Sequence[Part]) -> str:

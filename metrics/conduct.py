@@ -1,0 +1,243 @@
+"""What robots did at the places of a site, by their reports alone: where they stood, what was full, who waited for it.
+
+A robot has a resource while the middle of its envelope is inside, and is in a zone while its envelope touches it. It
+stands from when it came to where it is, within 0.1 m, for at least 3 s. It waited for a place if it stood outside of
+every resource for at least 5 s while the place was full, and then entered it or had told it as its destination.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import hypot, inf
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from deconflict.contention.resources import Place, Resource, Zone, outlines
+from ingest.seam import Batch, Floats
+
+STANDS_M, STOOD_S = 0.1, 3.0
+WAITED_S = 5.0
+JOINED_S = 5.0
+"""A robot that is silent for longer is not known to have stood."""
+MOST_PENDING = 32
+"""Stops of one robot that are kept until it enters a place."""
+
+
+class Span(NamedTuple):
+    """From when to when."""
+
+    from_s: float
+    to_s: float
+
+    def within(self, other: "Span") -> "Span":
+        """What the two have in common; ends before it begins where that is nothing."""
+        return Span(max(self.from_s, other.from_s), min(self.to_s, other.to_s))
+
+    @property
+    def lasts_s(self) -> float:
+        return self.to_s - self.from_s
+
+
+class Stand(NamedTuple):
+    """A robot stood, outside of every resource or in one."""
+
+    span: Span
+    floor: str
+    x_m: float
+    y_m: float
+    outside: bool
+    goals: frozenset[str]
+    """Resources that it had told as destinations."""
+
+
+class Wait(NamedTuple):
+    """A robot waited for a place."""
+
+    place: str
+    robot: str
+    span: Span
+
+
+class _Report(NamedTuple):
+    t_s: float
+    floor: str
+    x_m: float
+    y_m: float
+    places: frozenset[str]
+    outside: bool
+    goals: frozenset[str]
+
+
+@dataclass(slots=True, eq=False)
+class _Seen:
+    floor: str
+    x_m: float
+    y_m: float
+    came_s: float
+    seen_s: float
+    places: frozenset[str]
+    outside: bool
+    goals: frozenset[str]
+    pending: list[Stand] = field(default_factory=list)
+
+
+class Conduct:
+    """Robots as they report; what is kept is each stop, and when each place was full."""
+
+    def __init__(self, resources: Iterable[Resource], zones: Iterable[Zone]) -> None:
+        places: list[Place] = [*resources, *zones]
+        self._capacity = {one.id: one.capacity for one in places}
+        self._resources, self._zones = _by_floor(resources), _by_floor(zones)
+        self._inside: dict[str, set[str]] = {place: set() for place in self._capacity}
+        self._full: dict[str, list[Span]] = {place: [] for place in self._capacity}
+        self._since: dict[tuple[str, bool], float] = {}
+        """Since when a place is full; with True, since when more are in it than it takes."""
+        self._robots: dict[str, _Seen] = {}
+        self.stands: dict[str, list[Stand]] = {}
+        """By robot."""
+        self.waits: list[Wait] = []
+        self.crowds: dict[str, list[Span]] = {place: [] for place in self._capacity}
+        """By place, when more robots were in it than it takes."""
+        self.last_seen_s: dict[str, float] = {}
+
+    def take(self, batch: Batch) -> None:
+        """Robots that have reported, and those that are gone."""
+        for robot, report in zip(batch.robots, self._reports(batch), strict=True):
+            self._see(robot, report)
+        for robot in batch.gone:
+            self._leave(robot)
+
+    def finish(self) -> None:
+        """End what goes on."""
+        for robot in list(self._robots):
+            self._leave(robot)
+
+    def _see(self, robot: str, new: "_Report") -> None:
+        one = self._robots.get(robot)
+        if one and new.t_s - one.seen_s > JOINED_S:
+            self._leave(robot)
+            one = None
+        if one is None:
+            one = self._robots[robot] = _Seen(*new[1:4], new.t_s, new.t_s, frozenset(), new.outside, new.goals)
+        if new.t_s < one.seen_s:
+            return
+        if new.floor != one.floor or hypot(new.x_m - one.x_m, new.y_m - one.y_m) > STANDS_M:
+            self._move(robot, one)
+            one.floor, one.x_m, one.y_m, one.came_s = *new[1:4], new.t_s
+        one.seen_s = self.last_seen_s[robot] = new.t_s
+        one.outside, one.goals = new.outside, new.goals
+        self._occupy(robot, one, new.places, new.t_s)
+
+    def _move(self, robot: str, one: _Seen) -> None:
+        """It stands no longer where it stood."""
+        stand = Stand(Span(one.came_s, one.seen_s), one.floor, one.x_m, one.y_m, one.outside, one.goals)
+        if stand.span.lasts_s >= STOOD_S:
+            self.stands.setdefault(robot, []).append(stand)
+            one.pending = [*one.pending[1 - MOST_PENDING :], stand]
+
+    def _occupy(self, robot: str, one: _Seen, places: frozenset[str], t_s: float) -> None:
+        if places == one.places:
+            return
+        for place in one.places - places:
+            self._inside[place].discard(robot)
+            self._count(place, t_s)
+        entered = places - one.places
+        if entered:
+            self._waited(robot, one, entered)
+        for place in entered:
+            self._inside[place].add(robot)
+            self._count(place, t_s)
+        one.places = places
+
+    def _leave(self, robot: str) -> None:
+        one = self._robots.pop(robot, None)
+        if one:
+            self._move(robot, one)
+            self._waited(robot, one, frozenset())
+            self._occupy(robot, one, frozenset(), one.seen_s)
+
+    def _count(self, place: str, t_s: float) -> None:
+        """Follow whether the place is full, and whether it is more than full."""
+        inside, capacity = len(self._inside[place]), self._capacity[place]
+        for crowded, spans in ((False, self._full), (True, self.crowds)):
+            is_so, key = inside >= capacity + crowded, (place, crowded)
+            if is_so:
+                self._since.setdefault(key, t_s)
+            elif key in self._since:
+                spans[place].append(Span(self._since.pop(key), t_s))
+
+    def _waited(self, robot: str, one: _Seen, entered: frozenset[str]) -> None:
+        """It has entered places, or is gone: which of its stops were waits."""
+        for stand in one.pending:
+            for place in sorted(entered | stand.goals) if stand.outside else ():
+                waited = list(self._full_during(place, stand.span))
+                if sum(span.lasts_s for span in waited) >= WAITED_S:
+                    self.waits.append(Wait(place, robot, Span(waited[0].from_s, waited[-1].to_s)))
+        one.pending = []
+
+    def _full_during(self, place: str, stood: Span) -> Iterator[Span]:
+        """When the place was full while a robot stood, in order."""
+        full, since_s = self._full[place], self._since.get((place, False))
+        first = bisect_right(full, stood.from_s, key=lambda span: span.to_s)
+        for span in (*full[first:], *([] if since_s is None else [Span(since_s, inf)])):
+            if span.from_s < stood.to_s:
+                yield span.within(stood)
+
+    def _reports(self, batch: Batch) -> "Iterator[_Report]":
+        """One of each robot of the batch."""
+        first, told = batch.forecasts.start[:-1], batch.forecasts
+        floors = [batch.floors[floor] if floor >= 0 else "" for floor in told.floor[first].tolist()]
+        x_m, y_m = told.x_m[first], told.y_m[first]
+        resources = _touched(self._resources, floors, shapely.points(x_m, y_m))
+        zones = [frozenset[str]()] * len(floors)
+        if self._zones:
+            envelopes = _envelopes(x_m, y_m, told.yaw_rad[first], told.length_m, told.width_m)
+            zones = _touched(self._zones, floors, envelopes)
+        columns = (batch.event_s.tolist(), floors, x_m.tolist(), y_m.tolist(), resources, zones, self._goals(batch))
+        for t_s, floor, x, y, kept, passed, goals in zip(*columns, strict=True):
+            yield _Report(t_s, floor, x, y, kept | passed, not kept, goals)
+
+    def _goals(self, batch: Batch) -> list[frozenset[str]]:
+        """By robot, the resources that it says it goes to."""
+        told = batch.destinations
+        if not len(told.t_s) or not self._resources:
+            return [frozenset()] * len(batch)
+        floors = [batch.floors[floor] if floor >= 0 else "" for floor in told.floor.tolist()]
+        found = _touched(self._resources, floors, shapely.points(told.x_m, told.y_m))
+        return [frozenset().union(*found[begin:end]) for begin, end in pairwise(told.start.tolist())]
+
+
+Trees = dict[str, tuple[shapely.STRtree, list[str]]]
+
+
+def _by_floor(places: Iterable[Place]) -> Trees:
+    found: dict[str, list[tuple[str, shapely.Polygon]]] = {}
+    for place in places:
+        for datum, outline in outlines(place):
+            found.setdefault(datum, []).append((place.id, shapely.Polygon(outline)))
+    return {
+        datum: (shapely.STRtree([shape for _, shape in rows]), [place for place, _ in rows])
+        for datum, rows in found.items()
+    }
+
+
+def _touched(trees: Trees, floors: list[str], shapes: Any) -> list[frozenset[str]]:
+    """By shape, the places on its floor that it touches."""
+    found = [frozenset[str]()] * len(floors)
+    for floor, (tree, places) in trees.items():
+        rows = np.array([row for row, one in enumerate(floors) if one == floor], np.int64)
+        for row, place in tree.query(shapes[rows], predicate="intersects").T.tolist() if len(rows) else ():
+            found[rows[row]] |= {places[place]}
+    return found
+
+
+def _envelopes(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m: Floats) -> Any:
+    """(n,) polygons."""
+    ends, sides = np.array([1, -1, -1, 1]) / 2, np.array([1, 1, -1, -1]) / 2
+    along, across = length_m[:, None] * ends, width_m[:, None] * sides
+    c, s = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
+    corners = np.stack([x_m[:, None] + c * along - s * across, y_m[:, None] + s * along + c * across], axis=-1)
+    return shapely.polygons(corners)

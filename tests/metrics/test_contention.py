@@ -1,0 +1,124 @@
+"""Logs in which it is known by construction what became of advisories on contention."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deconflict.contention.resources import Resource, Zone
+from ingest import stamps
+from ingest.playback import Reader
+from metrics.replay import replay
+from metrics.report import page
+from tests.deconflict.contention.scenes import NOW_S, Script, aisle, resource, site
+from tests.saying import identity
+
+CHARGER = resource("c1", 0, 0, kind="charger", service_s=100.0)
+
+
+def log_of(path: Path, robots: dict[str, Script], until_s: int) -> Path:
+    raws = [(0.0, identity(name, NOW_S)) for name in robots]
+    raws += [(float(t), one.says(name, t)) for t in range(until_s) for name, one in robots.items()]
+    path.write_text(
+        "".join(f'{{"received":"{stamps.write(NOW_S + t + 0.05)}","message":{raw.decode()}}}\n' for t, raw in raws)
+    )
+    return path
+
+
+def run(folder: Path, robots: dict[str, Script], until_s: int, *places: Resource | Zone) -> dict[str, Any]:
+    reader = Reader()
+    return replay(reader, reader.read([log_of(folder / "log.jsonl", robots, until_s)]), site(*places), [0.3])
+
+
+def scored(
+    folder: Path, robots: dict[str, Script], until_s: int, *places: Resource | Zone
+) -> dict[str, dict[str, Any]]:
+    return {one["kind"]: one for one in run(folder, robots, until_s, *places)["contention"]}
+
+
+def state_until(t_s: float) -> Any:
+    return lambda t: "charging" if t < t_s else "navigating"
+
+
+def charges(leaves_s: float) -> Script:
+    """It is at the charger, and leaves."""
+    knots = [(0.0, 0.0, 0.0), (leaves_s, 0.0, 0.0), (leaves_s + 20, -20.0, 0.0), (400.0, -20.0, 0.0)]
+    return Script(knots, state=state_until(leaves_s))
+
+
+def comes(enters_s: float, *, says: bool = True) -> Script:
+    """It is 2.5 m before the charger after 20 s, stands there as long as it must, and goes in."""
+    knots = [(0.0, 22.5, 0.0), (20.0, 2.5, 0.0), (enters_s - 2, 2.5, 0.0), (enters_s, 0.3, 0.0), (400.0, 0.3, 0.0)]
+    goals = [(22.0, 0.0, 0.0)] if says else ()
+    return Script(knots, goals, state=lambda t: "navigating" if says or t >= enters_s - 2 else "idle")
+
+
+def test_a_queue_that_was_foretold_came_true_and_by_how_much_before(tmp_path: Path) -> None:
+    one = scored(tmp_path, {"A": charges(60), "B": comes(66)}, 130, CHARGER)["contention"]
+    assert (one["alerts"], one["censored"], one["precision"]) == (1, 0, 1.0)
+    assert (one["happened"], one["recall"], one["recall_any"]) == (1, 1.0, 1.0)
+    # told within two looks, 20 s before it came to stand
+    assert 16 <= one["lead_time_s"]["median"] <= 20
+    # 100 s were thought to be left of the charging, and it was 41 s after B came
+    assert one["wait_error_s"] == pytest.approx(80 - 41, abs=5)
+
+
+def test_a_queue_that_does_not_come_about_is_a_false_one(tmp_path: Path) -> None:
+    one = scored(tmp_path, {"A": charges(12), "B": comes(22)}, 130, CHARGER)["contention"]
+    assert (one["alerts"], one["precision"], one["happened"]) == (1, 0.0, 0)
+    assert (one["recall"], one["lead_time_s"]) == (None, None)
+
+
+def test_a_queue_of_a_robot_that_says_nothing_is_missed(tmp_path: Path) -> None:
+    one = scored(tmp_path, {"A": charges(60), "B": comes(66, says=False)}, 130, CHARGER)["contention"]
+    assert (one["alerts"], one["happened"], one["recall"]) == (0, 1, 0.0)
+    assert one["precision"] is None
+
+
+def test_what_the_log_does_not_show_any_more_is_not_scored(tmp_path: Path) -> None:
+    one = scored(tmp_path, {"A": charges(60), "B": comes(66)}, 15, CHARGER)["contention"]
+    assert (one["alerts"], one["censored"], one["precision"]) == (1, 1, None)
+
+
+def test_a_crowd_is_told_of_while_it_lasts(tmp_path: Path) -> None:
+    crowd = {
+        "A": Script([(0.0, -0.6, 0.0)], state=lambda _: "idle"),
+        "B": Script([(0.0, 10.0, 0.6), (10.0, 0.6, 0.6), (40.0, 0.6, 0.6), (50.0, 10.0, 0.6)]),
+    }
+    one = scored(tmp_path, crowd, 90, CHARGER)["double_occupancy"]
+    assert (one["alerts"], one["precision"], one["happened"]) == (1, 1.0, 1)
+    # nobody foretells it; it is seen within a few seconds
+    assert (one["recall"], one["recall_any"]) == (0.0, 1.0)
+    assert -5 <= one["lead_time_s"]["median"] < 0
+
+
+@pytest.mark.parametrize("gives_way", [False, True])
+def test_two_that_stand_before_each_other_in_a_lane_were_locked_as_foretold(tmp_path: Path, gives_way: bool) -> None:
+    east, west = [(0.0, -20.0, 0.0), (40.0, 20.0, 0.0)], [(0.0, 20.0, 0.0), (40.0, -20.0, 0.0)]
+    stops = [(0.0, -20.0, 0.0), (18.0, -2.0, 0.0), (100.0, -2.0, 0.0)]
+    backs = [(0.0, 20.0, 0.0), (18.0, 2.0, 0.0), (20.0, 2.0, 0.0), (36.0, 20.0, 0.0)]
+    robots = {
+        "A": Script(east if gives_way else stops, [(40.0, 20.0, 0.0)], means=east),
+        "B": Script(backs if gives_way else [*backs[:2], (100.0, 2.0, 0.0)], [(40.0, -20.0, 0.0)], means=west),
+    }
+    one = scored(tmp_path, robots, 90, aisle("lane", -10, 10))["deadlock"]
+    assert (one["precision"], one["happened"], one["recall"]) == (0.0 if gives_way else 1.0, None, None)
+    assert gives_way or one["lead_time_s"]["median"] > 0
+
+
+def test_a_robot_that_is_held_up_stands_behind_the_blocker(tmp_path: Path) -> None:
+    blocker = Script([(0.0, 0.0, 0.0)], state=lambda _: "idle")
+    way = [(0.0, -15.0, 0.0), (20.0, 5.0, 0.0)]
+    held = Script([(0.0, -15.0, 0.0), (13.0, -2.0, 0.0), (60.0, -2.0, 0.0)], means=way)
+    passing = Script([*way[:1], (13.0, -2.0, 0.0), (15.0, -2.0, 3.0), (30.0, 15.0, 3.0)], means=way)
+    assert scored(tmp_path, {"A": blocker, "B": held}, 90)["blockage"]["precision"] == 1.0
+    assert scored(tmp_path, {"A": blocker, "B": passing}, 90)["blockage"]["precision"] == 0.0
+
+
+def test_the_report_says_what_became_of_it(tmp_path: Path) -> None:
+    told = page(run(tmp_path, {"A": charges(60), "B": comes(66)}, 130, CHARGER), "Replay")
+    assert "Queues, crowds, deadlocks and blockages" in told
+
+
+def test_where_nothing_is_told_and_nothing_happens_there_are_no_figures(tmp_path: Path) -> None:
+    assert scored(tmp_path, {"A": Script([(0.0, 30.0, 0.0), (60.0, 90.0, 0.0)])}, 60, CHARGER) == {}
