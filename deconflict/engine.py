@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from heapq import heappop, heappush
-from math import floor
+from math import floor, inf
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from deconflict.blackbox.trigger import Trigger
 from deconflict.claims import Claims
 from deconflict.contention.advising import Advising
 from deconflict.contention.watch import Contention
+from deconflict.effort import Effort
 from deconflict.encounter import Encounter, encounter, separation_m
 from deconflict.foresight.foresight import Foresight, Swept
 from deconflict.landmarks import Landmarks
@@ -30,13 +31,17 @@ from deconflict.life import HELD_SHARE, PASSED, STAND, UNPREDICTED, Lives, Pair,
 from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
 from deconflict.site import Site
-from deconflict.sweeper import PairConflicts, Sweeper
+from deconflict.sweeper import ACCURACY_M, PairConflicts, Sweeper
 from ingest import changes
 from ingest.measures import Measures
 from ingest.seam import Basis, Batch, Floats, Forecasts
 
 GROWTH_STEP_M = 0.1
 """The uncertainty of a quiet robot grows in steps, so that it is swept again only when it matters."""
+COARSE_M = 0.25
+"""Of the smallest separation, where there is no time for more."""
+FAR_LOOK_S = 10.0
+"""How often queues are looked at where there is no time for more."""
 OUTCOMES = {PASSED: "met", STAND: "met", UNPREDICTED: "not_met"}
 """By why a conflict was cleared, whether its robots came within the clearance; "left" where one was taken away."""
 
@@ -84,6 +89,7 @@ class Engine:
         self._trigger = Trigger(conflict.clearance_m, conflict.clear_margin_m)
         self.near_misses: list[Pair] = []
         """Pairs of which one moves that came within the clearance by the last step."""
+        self._contended_s = -inf
         self._told: set[str] = set()
         """Robots with a new forecast since the last step."""
         self._quiet: list[tuple[float, str]] = []
@@ -126,17 +132,21 @@ class Engine:
         self._claims.receive(batch)
         self.foresight.receive(batch)
 
-    def step(self, now_s: float) -> list[AnyAdvisory]:
-        """Sweep what changed, and say what that changes for people."""
+    def step(self, now_s: float, effort: Effort = Effort.FULL) -> list[AnyAdvisory]:
+        """Sweep what changed, and say what that changes for people, with no more work than `effort` allows."""
         self._sweep_again(self._told | self._grown(now_s))
         told, self._told = self._told, set()
-        conflicts = self._sweeper.step(now_s)
+        reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
+        accuracy_m = COARSE_M if effort >= Effort.COARSE else ACCURACY_M
+        conflicts = self._sweeper.step(now_s, reach_s, accuracy_m)
         self.near_misses = [pair for pair in self._trigger.step(conflicts) if self._moves(pair)]
-        predictions = self._foreseen(now_s, conflicts)
+        predictions = [one for one in self._foreseen(now_s, conflicts) if one.contact_s <= now_s + reach_s]
         scene = Scene(self._party, self._meet, self._separation_m, self._place)
-        revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene)]
+        revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene, now_s + reach_s)]
         revisions += self._advise(now_s)
-        revisions += self._contention.step(now_s)
+        if effort < Effort.NEAR or now_s - self._contended_s >= FAR_LOOK_S:
+            revisions += self._contention.step(now_s)
+            self._contended_s = now_s
         revisions += self._claims.step(now_s)
         self._account.settle(revisions)
         self._measure(conflicts, revisions)

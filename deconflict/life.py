@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from math import hypot
+from math import hypot, inf
 from uuid import UUID, uuid5
 
 from deconflict.advice.desk import advised, differs
@@ -150,14 +150,24 @@ class Lives:
         return [track.advisory for track in self.tracks.values() if track.advisory]
 
     def step(
-        self, now_s: float, predictions: Iterable[Prediction], updated: set[str], scene: Scene
+        self,
+        now_s: float,
+        predictions: Iterable[Prediction],
+        updated: set[str],
+        scene: Scene,
+        until_s: float = inf,
     ) -> list[ConflictAdvisory]:
-        """The revisions that this pass makes, ordered by pair."""
+        """The revisions that this pass makes, ordered by pair.
+
+        It looked no further than `until_s`: an open advisory on what comes later stands as it is.
+        """
         self.started_s = now_s if self.started_s is None else self.started_s
         revisions = []
         predicted = {one.pair: one for one in predictions}
         for pair in sorted(predicted.keys() | self.tracks.keys()):
             track = self.tracks.get(pair)
+            if track and pair not in predicted and _later(track.advisory, until_s):
+                continue
             if track is None:
                 if not predicted[pair].fresh:
                     continue
@@ -391,6 +401,10 @@ class Lives:
                 "time_to_conflict_s": 0.0,
             }
         )
+
+
+def _later(advisory: ConflictAdvisory | None, until_s: float) -> bool:
+    return advisory is not None and advisory.predicted_at.timestamp() > until_s
 
 
 def _moment(t_s: float) -> datetime:

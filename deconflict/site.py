@@ -76,6 +76,8 @@ class Engine(Section):
 
     tick_s: Seconds = 0.1
     """Shortest time between two passes. Half of it is a message's mean wait; too short only burns processor time."""
+    deadline_s: Seconds = 0.5
+    """A pass that takes longer is late; where passes stay late, less is worked out. Too short and it is for nothing."""
 
 
 class Person(Section):

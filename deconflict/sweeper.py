@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import floor, inf
+from math import ceil, floor, inf
 from typing import Any
 
 import numpy as np
@@ -61,7 +61,8 @@ class Sweeper:
         if not clearance_m >= 0 or not 0 < horizon_s < float("inf"):
             raise ValueError("clearance_m must be at least 0 and horizon_s above 0")
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
-        self._slabs = int(np.ceil(horizon_s)) + 1 + AHEAD
+        self._accuracy_m = ACCURACY_M
+        self._slabs = ceil(horizon_s) + 1 + AHEAD
         self._roster = Roster()
         self._touched: Bools = np.zeros(0, bool)
         """(slots,) whether a slot's robot changed or left since the last pass."""
@@ -97,17 +98,22 @@ class Sweeper:
         left = self._roster.discard(keys)
         self._touched[left] = True
 
-    def step(self, now_s: float) -> PairConflicts:
-        """The conflicts in [`now_s`, `now_s` + horizon]."""
+    def step(self, now_s: float, reach_s: float = inf, accuracy_m: float = ACCURACY_M) -> PairConflicts:
+        """The conflicts in [`now_s`, `now_s` + horizon], or in the shorter `reach_s`.
+
+        The smallest separations of the pairs that are looked at anew are told to `accuracy_m`, never too small.
+        """
+        self._accuracy_m, reach_s = accuracy_m, min(reach_s, self._horizon_s)
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
         decider = Decider(self._clearance_m, TOLERANCE_M)
-        first_slab, last_slab = floor(now_s), floor(now_s + self._horizon_s)
+        first_slab, last_slab = floor(now_s), floor(now_s + reach_s)
         changed, told = self._taken_in(first_slab)
         self._keep(changed, first_slab)
-        pairs = [self._covered_anew(changed, first_slab), *self._covered_further(first_slab, last_slab)]
+        slabs = ceil(reach_s) + 1 + AHEAD
+        pairs = [self._covered_anew(changed, first_slab, slabs), *self._covered_further(first_slab, last_slab, slabs)]
         ranks = self._roster.ranks()
         self._meetings = Meetings.joined([self._meetings, *(self._meet(some, decider) for some in pairs)], ranks)
-        found = self._within(now_s, now_s + self._horizon_s, decider).by_pair()
+        found = self._within(now_s, now_s + reach_s, decider).by_pair()
         return self._listed(found, now_s, told, decider)
 
     def _taken_in(self, first_slab: int) -> tuple[Ints, Bools]:
@@ -129,20 +135,20 @@ class Sweeper:
         if not kept.all():
             self._meetings = m.take(kept)
 
-    def _covered_anew(self, changed: Ints, first_slab: int) -> Pairs:
-        """Cover the robots of `changed` in all slabs from `first_slab` on; the pairs of boxes to look at."""
+    def _covered_anew(self, changed: Ints, first_slab: int, slabs: int) -> Pairs:
+        """Cover the robots of `changed` in so many slabs from `first_slab` on; the pairs of boxes to look at."""
         self._boxes.clear(changed)
         present = self._roster.present(changed)
-        self._cover(present, first_slab, self._slabs)
-        return self._boxes.pairs(present, np.arange(first_slab, first_slab + self._slabs) % self._slabs)
+        self._cover(present, first_slab, slabs)
+        return self._boxes.pairs(present, np.arange(first_slab, first_slab + slabs) % self._slabs)
 
-    def _covered_further(self, first_slab: int, last_slab: int) -> list[Pairs]:
+    def _covered_further(self, first_slab: int, last_slab: int, slabs: int) -> list[Pairs]:
         """Cover robots without news in the slabs that have come into view; the pairs of boxes to look at."""
         behind = self._roster.present(np.flatnonzero(self._covered < last_slab))
         found = []
         for covered in np.unique(self._covered[behind]).tolist():
             slots = behind[self._covered[behind] == covered]
-            begin, end = max(covered + 1, first_slab), first_slab + self._slabs
+            begin, end = max(covered + 1, first_slab), first_slab + slabs
             self._cover(slots, begin, end - begin)
             found.append(self._boxes.pairs(slots, np.arange(begin, end) % self._slabs))
         return found
@@ -165,11 +171,11 @@ class Sweeper:
     def _looked_at(self, pairs: Pairs, span: Span, decider: Decider) -> Found:
         """What becomes of each pair within `span`; what advancement leaves open FCL decides."""
         found, counts, where = np.zeros(len(pairs), MEETING), np.zeros(2, np.int64), self._where()
-        meet(pairs, *where, span, self._clearance_m, TOLERANCE_M, ACCURACY_M, ROUNDS, found, counts)
+        meet(pairs, *where, span, self._clearance_m, TOLERANCE_M, self._accuracy_m, ROUNDS, found, counts)
         for row in np.flatnonzero(found["open"] < inf).tolist():
             motions = motions_of(pairs[row : row + 1], *where, span)
             contact = decider.first_contact(motions, float(found["open"][row]))
-            least = smallest_of(motions, ACCURACY_M) if contact < inf else (inf, inf)
+            least = smallest_of(motions, self._accuracy_m) if contact < inf else (inf, inf)
             found[row] = (contact, *least, inf)
         self._box_pairs += len(pairs)
         self._segment_pairs += int(counts[0])

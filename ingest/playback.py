@@ -51,6 +51,8 @@ class Closed:
 @dataclass(frozen=True, slots=True)
 class Tick:
     now_s: float
+    effort: int = 0
+    """Of the engine's pass, 0 where it did everything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +185,7 @@ def _told(line: str) -> Event:
     """What a line says that is not of the two kinds of which there are many."""
     told: dict[str, Any] = json.loads(line)
     if "tick" in told:
-        return Tick(_time(told["tick"]))
+        return Tick(_time(told["tick"]), told.get("effort", 0))
     if "engine" in told:
         return EngineStarted(_time(told["at"]))
     if any(note in told for note in NOTES):

@@ -193,6 +193,15 @@ CATALOGUE: dict[str, Entry] = {
         "Black boxes by what became of them: kept, unfounded, failed or beyond.",
     ),
     "deconflict_role_up": Entry("gauge", ("role",), "1 if this role of the service answers, else 0.", "largest"),
+    "deconflict_deadlines_missed_total": Entry(
+        "counter", (), "Passes of the engine that took longer than engine.deadline_s."
+    ),
+    "deconflict_engine_effort_reduced": Entry(
+        "gauge",
+        (),
+        "What the engine leaves out because it can't keep up: 0 nothing, 1 exact smallest separations, "
+        "2 also conflicts later than conflict.warning_s and most looks at queues.",
+    ),
     "deconflict_site_reloads_total": Entry(
         "counter", ("result",), "Changed site files that were applied, or refused with the old settings kept."
     ),

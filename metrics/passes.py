@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import floor, inf
 
+from deconflict.effort import Effort
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
 from ingest.measures import Measures
@@ -23,6 +24,8 @@ class Pass:
 
     now_s: float
     batch: Batch
+    effort: Effort = Effort.FULL
+    """What the engine had time for when it was recorded."""
 
 
 class Reading:
@@ -46,7 +49,7 @@ class Reading:
         for event in events:
             if isinstance(event, Tick):
                 self._own_ticks = True
-                yield self._pass(event.now_s)
+                yield self._pass(event.now_s, Effort(event.effort))
             elif isinstance(event, Noted):
                 self._own_ticks = True
             elif isinstance(event, EngineStarted):
@@ -71,7 +74,7 @@ class Reading:
                 yield self._pass(step * TICK_S)
         self._ticked = now
 
-    def _pass(self, now_s: float) -> Pass:
+    def _pass(self, now_s: float, effort: Effort = Effort.FULL) -> Pass:
         batch = self.fleet.cut(now_s, self._everything)
         self._everything = False
-        return Pass(now_s, batch)
+        return Pass(now_s, batch, effort)

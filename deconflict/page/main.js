@@ -53,6 +53,8 @@ function state() {
   const late = live.nowS() - live.tickS, down = Object.entries(live.health.roles ?? {}).filter(([, one]) => one !== "up").map(([role]) => role);
   if (!live.tickS) return ["loading", down.length ? `Waiting for the ${down.join(" and the ")}…` : "Loading the floor…"];
   if (late > STALE_S) return ["stale", `Nothing new since ${clock(live.tickS)}: ${down.length ? `the ${down.join(" and the ")} is down` : "predictions have stopped"}`];
+  const short = { coarse: "how near is told roughly", near: "only what is near is told" }[live.health.effort];
+  if (short) return ["live", `Live, but the service can't keep up: ${short}`];
   return ["live", `Live: ${live.robots.size} robots`];
 }
 

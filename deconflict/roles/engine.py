@@ -1,6 +1,7 @@
 """The engine's process: asks the receiver for a batch, steps, hands what it decided to the operator face."""
 
 import json
+import logging
 import queue
 import threading
 import time
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from deconflict.advisory import ADVISORY, AnyAdvisory, Recommendation
+from deconflict.effort import Effort, Pace
 from deconflict.engine import Engine
 from deconflict.learned import Part, UnreadableError, packed, unpacked
 from deconflict.link import Caller, LinkDownError
@@ -26,6 +28,15 @@ RETRY_S = 0.2
 LEARNED_EVERY_S = 60.0
 """What was learned is handed to the operator face so often, and at the end."""
 MEASURES_EVERY_S = 1.0
+EVERYTHING = b"everything"
+"""What an engine asks for that knows nothing of the floor. It may take long, so that its pass is not judged."""
+LEFT_OUT = {
+    Effort.FULL: "nothing is left out any more",
+    Effort.COARSE: "smallest separations are told to a quarter of a metre",
+    Effort.NEAR: "conflicts later than conflict.warning_s wait as well, and queues are looked at every ten seconds",
+}
+
+log = logging.getLogger(__name__)
 
 
 class EngineRole:
@@ -39,6 +50,7 @@ class EngineRole:
         self._solved_s: deque[float] = deque()
         """How long advice took to work out, filled by any thread."""
         self._kept_s = time.monotonic()
+        self._pace = Pace(site.engine.deadline_s)
 
     def run(self, stop: threading.Event) -> None:
         """Step until `stop` is set."""
@@ -46,18 +58,19 @@ class EngineRole:
         if engine is None:
             return
         self._outbox.start()
-        ask = b"everything"
+        ask = EVERYTHING
         while not stop.is_set():
             try:
-                batch = Batch.from_bytes(self._receiver.call("batch", ask))
+                batch = Batch.from_bytes(self._receiver.call("batch", b"%b %d" % (ask, self._pace.effort)))
             except LinkDownError:
-                ask = b"everything"
+                ask = EVERYTHING
                 stop.wait(RETRY_S)
                 continue
-            ask = b""
-            self._step(engine, batch)
+            self._step(engine, batch, judged=ask != EVERYTHING)
+            ask = b"changes"
             if changed := self._in_force.changed():
-                engine, ask = engine.renewed(changed), b"everything"
+                engine, ask = engine.renewed(changed), EVERYTHING
+                self._pace = Pace(changed.engine.deadline_s, self._pace.effort)
         self._adviser.shutdown(cancel_futures=True)
         self._outbox.keep(engine.learned())
         self._outbox.stop()
@@ -97,11 +110,14 @@ class EngineRole:
         self._solved_s.append(time.perf_counter() - began_s)
         return advice
 
-    def _step(self, engine: Engine, batch: Batch) -> None:
+    def _step(self, engine: Engine, batch: Batch, judged: bool) -> None:
         began_s = time.perf_counter()
         engine.receive(batch)
-        revisions = engine.step(batch.now_s)
-        engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
+        revisions = engine.step(batch.now_s, self._pace.effort)
+        took_s = time.perf_counter() - began_s
+        engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
+        if judged:
+            self._judge(engine.measures, took_s)
         solved_s = [self._solved_s.popleft() for _ in range(len(self._solved_s))]
         engine.measures.observe("deconflict_advice_solve_seconds", solved_s)
         near = [(*pair, batch.now_s) for pair in engine.near_misses]
@@ -109,6 +125,16 @@ class EngineRole:
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
             self._outbox.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
+
+    def _judge(self, measures: Measures, took_s: float) -> None:
+        """Say whether a pass was late, and do less or more from now on."""
+        before = self._pace.effort
+        measures.count("deconflict_deadlines_missed_total", by=self._pace.took(took_s))
+        measures.level("deconflict_engine_effort_reduced", {(): self._pace.effort})
+        if self._pace.effort > before:
+            log.warning("the engine can't keep up, a pass took %.2f s: %s", took_s, LEFT_OUT[self._pace.effort])
+        elif self._pace.effort < before:
+            log.info("the engine keeps up again: %s", LEFT_OUT[self._pace.effort])
 
 
 def arrivals_s(batch: Batch) -> dict[str, Floats]:

@@ -14,6 +14,7 @@ from deconflict.advisory import ADVISORY
 from deconflict.asgi import face_server
 from deconflict.blackbox.keeper import Keeper
 from deconflict.blackbox.order import Near
+from deconflict.effort import Effort
 from deconflict.learned_file import LearnedFile
 from deconflict.link import AsyncCaller, LinkDownError, PortTakenError, listening, socket_path
 from deconflict.operator import Exposition, SourceUnavailableError, create_app
@@ -27,7 +28,7 @@ from deconflict.site import Site
 from deconflict.store import Store, StoreError
 from deconflict.vendor_health import vendor_health
 from ingest.certificates import Certificates
-from ingest.measures import Measures
+from ingest.measures import Measures, joined_values
 from ingest.seam import Batch
 from ingest.tokens import SecretError
 
@@ -139,6 +140,7 @@ class OperatorRole:
             "status": "ok" if all(up.values()) else "degraded",
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
             "restarts": self._restarts(),
+            "effort": self._effort(),
             "site": {key: told[key] for key in ("problems", "needs_restart")} if told else {},
         }
 
@@ -170,6 +172,7 @@ class OperatorRole:
         return {
             "roles": {role: "up" if alive else "down" for role, alive in roles.items()},
             "vendors": {one.name: one.model_dump(mode="json", exclude={"name"}) for one in vendor_health(documents)},
+            "effort": self._effort(),
             "unidentified": unidentified,
         }
 
@@ -196,6 +199,11 @@ class OperatorRole:
             receiver = False
         engine = time.monotonic() - self._engine_heard_s < ENGINE_STALE_S
         return {"receiver": receiver, "engine": engine and self._engine_runs(), "operator": True}
+
+    def _effort(self) -> str:
+        """What the engine works out, as far as it is known: an `Effort` in lower case."""
+        told = joined_values(self._engine_measures).get("deconflict_engine_effort_reduced", {})
+        return Effort(int(told.get((), Effort.FULL))).name.lower()
 
     def _engine_runs(self) -> bool:
         """Whether the engine that was heard is the one that runs, as far as a supervisor says."""

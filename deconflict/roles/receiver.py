@@ -177,19 +177,20 @@ class ReceiverRole:
         return Dialer(self.receiver, self.site.receiver, url, vendor, time.monotonic, Random())
 
     async def _batch(self, payload: bytes) -> bytes:
-        """The next tick's batch. The first call of an engine asks for everything.
+        """The next tick's batch. The first call of an engine asks for everything, each tells its effort.
 
         What the engine is told is recorded before, so that it survives the death of this process, but only where the
         disk is prompt.
         """
-        everything = payload == b"everything"
+        what, _, effort = payload.partition(b" ")
+        everything = what == b"everything"
         await asyncio.sleep(max(self._tick_s + self.site.engine.tick_s - _now_s(), 0.0))
         now_s = quantise(max(_now_s(), self._tick_s))
         self._tick_s = now_s
         if everything:
             self.recorder.engine_started(now_s)
         was_behind = self.recorder.behind
-        self.recorder.tick(now_s)
+        self.recorder.tick(now_s, int(effort or 0))
         self.measures.count("deconflict_ticks_total")
         batch = self.fleet.cut(now_s, everything).to_bytes()
         self._recent.add(now_s, batch)

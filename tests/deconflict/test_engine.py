@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass
+from deconflict.effort import Effort
 from deconflict.engine import Engine
 from deconflict.site import Conflict, Site
 from ingest.connection import Connection
@@ -53,6 +54,7 @@ class Floor:
     silent_from_s: dict[str, float] = field(default_factory=dict)
     site: Site = SITE
     makers: dict[str, str] = field(default_factory=dict)
+    effort: Effort = Effort.FULL
     advisories: list[ConflictAdvisory] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -70,7 +72,7 @@ class Floor:
                     if t < self.silent_from_s.get(name, float("inf")):
                         self._report(name, t)
             self.engine.receive(Batch.from_bytes(self.fleet.cut(NOW_S + t).to_bytes()))
-            told += [one for one in self.engine.step(NOW_S + t) if isinstance(one, ConflictAdvisory)]
+            told += [one for one in self.engine.step(NOW_S + t, self.effort) if isinstance(one, ConflictAdvisory)]
         self.advisories += told
         return told
 

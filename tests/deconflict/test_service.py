@@ -14,11 +14,13 @@ from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
 from deconflict.advisory import ADVISORY, AdvisoryState
+from deconflict.effort import Effort
 from deconflict.engine import Engine
 from deconflict.roles.operator import OperatorRole
 from deconflict.roles.receiver import ReceiverRole, fleet_of
 from deconflict.service import in_one_process
 from deconflict.site import Conflict, Operator, Site
+from deconflict.site import Engine as EngineSettings
 from ingest.measures import Measures
 from ingest.playback import EngineStarted, Reader, Received, Tick
 from ingest.settings import Datum, Receiver, Vendor
@@ -179,6 +181,23 @@ async def test_the_recording_replays_to_the_same_advisories(tmp_path: Path) -> N
     assert [replayed | {"seq": 0} for replayed in replay(tmp_path / "log")] == [one | {"seq": 0} for one in live]
 
 
+async def test_a_service_that_can_not_keep_up_says_so_still_warns_and_replays_to_the_same(tmp_path: Path) -> None:
+    hurried = SITE.model_copy(update={"engine": EngineSettings(deadline_s=1e-9)})
+    async with running(tmp_path, hurried) as service:
+        await drive(service.robots_url, CROSSING, 9)
+        listed = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
+        live = (await service.get(f"/advisories/{listed['advisories'][0]['id']}")).json()["advisories"]
+        health = await service.until("/healthz", lambda health: health["effort"] == "near")
+        assert health["status"] == "ok"
+        text = (await service.get("/metrics")).text
+        assert "deconflict_engine_effort_reduced 2.0" in text
+        assert float(text.split("\ndeconflict_deadlines_missed_total ")[1].split()[0]) > 10
+    efforts = [event.effort for event in Reader().read([tmp_path / "log"]) if isinstance(event, Tick)]
+    assert (efforts[0], sorted(set(efforts)), efforts[-1]) == (0, [0, 1, 2], 2)
+    assert live[0]["time_to_conflict_s"] <= SITE.conflict.warning_s
+    assert replay(tmp_path / "log")[0] == live[0] | {"seq": 0}
+
+
 def replay(log: Path) -> list[dict[str, Any]]:
     fleet, engine, told = fleet_of(SITE, Measures()), Engine(SITE), []
     everything = False
@@ -190,7 +209,7 @@ def replay(log: Path) -> list[dict[str, Any]]:
         elif isinstance(event, Tick):
             engine.receive(fleet.cut(event.now_s, everything))
             everything = False
-            told += engine.step(event.now_s)
+            told += engine.step(event.now_s, Effort(event.effort))
     return [json.loads(one.model_dump_json()) for one in told]
 
 

@@ -61,8 +61,11 @@ def test_events_come_back_in_order(tmp_path: Path) -> None:
     writer.received(status("A-1", NOW_S), NOW_S, LINE, None)
     writer.tick(NOW_S)
     writer.closed(LINE, NOW_S)
+    writer.tick(NOW_S, effort=2)
     writer.close()
-    assert [type(event) for event in read(tmp_path)[0]] == [EngineStarted, Received, Tick, Closed]
+    events = read(tmp_path)[0]
+    assert [type(event) for event in events] == [EngineStarted, Received, Tick, Closed, Tick]
+    assert [event.effort for event in events if isinstance(event, Tick)] == [0, 2]
 
 
 def test_every_line_is_json_that_others_can_read(tmp_path: Path) -> None:
