@@ -1,8 +1,8 @@
 """Whether published probabilities mean what they say: calibration error, Brier score and skill, reliability diagram.
 
 A sample is a pair and a second for which a probability was published. It came true where an encounter of the pair
-began within the next 10 s. Pairs that are in an encounter are left out, as are those of which a robot left before
-anything happened: nobody knows what would have.
+began within the next 10 s. Pairs that are in an encounter are left out. So are those of which a robot left before
+anything happened: nobody knows what would have. Those that are known stand for them (`deconflict.foresight.leaving`).
 """
 
 from collections import deque
@@ -13,6 +13,7 @@ from zlib import crc32
 
 import numpy as np
 
+from deconflict.foresight.leaving import PARTS, STAYED, part_of, weights
 from ingest.seam import Floats
 from metrics.bootstrap import Interval, interval
 from metrics.summaries import brier, brier_skill
@@ -32,18 +33,21 @@ Vendors = tuple[str, str]
 
 
 class Tally:
-    """Samples counted by probability and by group of pairs: bounded however long a log is."""
+    """Samples counted by what became of them, by probability and by group of pairs: bounded however long a log is."""
 
     def __init__(self) -> None:
-        self.fine = np.zeros((3, FINE + 1))
-        """Samples, sum of probabilities and sum of outcomes by step of the probability."""
-        self.groups = np.zeros((3, GROUPS))
-        """Samples, sum of outcomes and sum of squared errors by group."""
+        self.fine = np.zeros((2, PARTS + 1, FINE + 1))
+        """Samples and sum of probabilities, by when it became known (`leaving`) and step of the probability."""
+        self.groups = np.zeros((2, PARTS + 1, GROUPS))
+        """Samples and sum of squared errors, by when it became known and group."""
+        self.left = np.zeros(PARTS + 1)
+        """Samples of which a robot left before anything happened, by when it did."""
 
-    def add(self, group: int, probability: float, outcome: bool) -> None:
+    def add(self, group: int, probability: float, part: int) -> None:
+        """A sample that came true in a part of the horizon, or not (`STAYED`)."""
         step = round(float(np.arcsin(np.sqrt(probability))) * 2 / np.pi * FINE)
-        self.fine[:, step] += (1.0, probability, outcome)
-        self.groups[:, group] += (1.0, outcome, (probability - outcome) ** 2)
+        self.fine[:, part, step] += (1.0, probability)
+        self.groups[:, part, group] += (1.0, (probability - (part < STAYED)) ** 2)
 
     @classmethod
     def joined(cls, parts: Iterable["Tally"]) -> "Tally":
@@ -51,20 +55,33 @@ class Tally:
         for part in parts:
             whole.fine += part.fine
             whole.groups += part.groups
+            whole.left += part.left
         return whole
+
+    def weights(self) -> Floats:
+        """(PARTS + 1,) what a sample counts, by when it became known."""
+        return weights(self.fine[0].sum(axis=1), self.left)
 
     def bins(self) -> Floats:
         """(b, 3) samples, mean probability and share that came true; at most `BINS`, of equal mass as far as equal
         probabilities are not torn apart."""
-        counts = self.fine[0]
+        counts, probabilities = np.tensordot(self.weights(), self.fine, (0, 1))
         total = counts.sum()
         if not total:
             return np.empty((0, 3))
         middle = np.cumsum(counts) - counts / 2
         bin_of = np.minimum((middle * BINS / total).astype(np.int64), BINS - 1)
-        sums = np.stack([np.bincount(bin_of, row, BINS) for row in self.fine], axis=1)
+        true = counts - self.fine[0, STAYED]
+        sums = np.stack([np.bincount(bin_of, row, BINS) for row in (counts, probabilities, true)], axis=1)
         sums = sums[sums[:, 0] > 0]
         return np.column_stack([sums[:, 0], sums[:, 1:] / sums[:, :1]])
+
+    def by_group(self) -> Floats:
+        """(g, 3) samples, those that came true and squared errors of each group of pairs that has any."""
+        samples, squared = self.groups
+        every = self.weights() @ np.stack([samples, samples * (np.arange(PARTS + 1) < STAYED)[:, None], squared])
+        held: Floats = every.T[every[0] > 0]
+        return held
 
     def ece(self) -> float | None:
         """Expected calibration error: mean distance of probability and share over the bins, by samples."""
@@ -75,21 +92,18 @@ class Tally:
         return {
             "samples": int(self.fine[0].sum()),
             "ece": self.ece(),
-            "brier": brier(self.groups.T),
-            "brier_skill": brier_skill(self.groups.T),
+            "brier": brier(self.by_group()),
+            "brier_skill": brier_skill(self.by_group()),
             "reliability": [
-                {"samples": int(count), "probability": probability, "came_true": share}
+                {"samples": round(count), "probability": probability, "came_true": share}
                 for count, probability, share in self.bins().tolist()
             ],
         }
 
     def intervals(self) -> dict[str, Interval]:
         """Of the Brier score and its skill, by drawing groups of pairs."""
-        groups = self.groups.T[self.groups[0] > 0]
-        return {
-            "brier": interval(groups, brier),
-            "brier_skill": interval(groups, brier_skill),
-        }
+        groups = self.by_group()
+        return {"brier": interval(groups, brier), "brier_skill": interval(groups, brier_skill)}
 
 
 class Calibration:
@@ -103,8 +117,6 @@ class Calibration:
         self.by_vendors: dict[Vendors, Tally] = {}
         self.settled = Tally()
         """What was said after the first minutes."""
-        self.censored = 0
-        """Samples of pairs of which a robot left before anything happened."""
 
     def sample(self, now_s: float, probabilities: Sequence[tuple[Pair, float]]) -> None:
         """Take what is published at the first pass of each second."""
@@ -120,29 +132,36 @@ class Calibration:
         while self._waiting and self._waiting[0][0] + HORIZON_S <= truth.until_s:
             at_s, probabilities = self._waiting.popleft()
             for pair, probability in probabilities:
-                outcome = self._outcome(truth, pair, at_s)
-                if outcome is not None:
-                    self._count(at_s, pair, (vendor_of[pair[0]], vendor_of[pair[1]]), probability, outcome)
+                self._judge(truth, pair, (vendor_of[pair[0]], vendor_of[pair[1]]), at_s, probability)
 
     def whole(self) -> Tally:
         return Tally.joined(self.by_vendors.values())
 
-    def _outcome(self, truth: Truth, pair: Pair, at_s: float) -> bool | None:
+    def _judge(self, truth: Truth, pair: Pair, vendors: Vendors, at_s: float, probability: float) -> None:
+        """Count one sample, unless it was said within an encounter."""
+        began_s = self._began_s(truth, pair, at_s)
+        if began_s == at_s:
+            return
+        tallies = [self.by_vendors.setdefault((min(vendors), max(vendors)), Tally())]
+        if at_s >= self._settled_from_s:
+            tallies.append(self.settled)
+        last_s = min(truth.motion.last_seen_s(robot) for robot in pair)
+        part = int(part_of(np.array(min(began_s, last_s) - at_s), HORIZON_S))
+        group = crc32("".join(pair).encode()) % GROUPS
+        for tally in tallies:
+            if began_s < inf:
+                tally.add(group, probability, min(part, STAYED - 1))
+            elif part == STAYED:
+                tally.add(group, probability, STAYED)
+            else:
+                tally.left[part] += 1
+
+    def _began_s(self, truth: Truth, pair: Pair, at_s: float) -> float:
+        """When the next encounter within the horizon begins; `at_s` within one, inf where there is none."""
+        began_s = inf
         for one in reversed(truth.of_pair(self._clearance_m, pair)):
             if one.start_s <= at_s:
-                if at_s <= one.end_s:
-                    return None
-                break
+                return at_s if at_s <= one.end_s else began_s
             if one.start_s <= at_s + HORIZON_S:
-                return True
-        if min(truth.motion.last_seen_s(robot) for robot in pair) >= at_s + HORIZON_S:
-            return False
-        self.censored += 1
-        return None
-
-    def _count(self, at_s: float, pair: Pair, vendors: Vendors, probability: float, outcome: bool) -> None:
-        key = (min(vendors), max(vendors))
-        group = crc32("".join(pair).encode()) % GROUPS
-        self.by_vendors.setdefault(key, Tally()).add(group, probability, outcome)
-        if at_s >= self._settled_from_s:
-            self.settled.add(group, probability, outcome)
+                began_s = one.start_s
+        return began_s

@@ -197,7 +197,7 @@ class Outcome:
             verdict.calibration.by_vendors,
         )
         return figures | {
-            "censored_samples": verdict.calibration.censored,
+            "censored_samples": int(verdict.calibration.whole().left.sum()),
             "settled": {"after_s": SETTLED_S, **verdict.calibration.settled.figures()},
         }
 

@@ -9,14 +9,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from deconflict.foresight.leaving import PARTS, counts, weights
+from deconflict.foresight.pairs import Fates
 from deconflict.learned import Part, numbers
 from deconflict.motion import Bools
 from ingest.seam import Floats
 
-FEATURES = 4
-PRIOR: Floats = np.array([0.38, 1.02, 0.4, -2.41])
+FEATURES = 5
+PRIOR: Floats = np.array([0.07, 1.07, 0.2, -0.27, -0.74])
 """Weights of what `features` gives."""
-PRIOR_SD: Floats = np.array([2.0, 0.3, 1.0, 0.5])
+PRIOR_SD: Floats = np.array([0.7, 0.3, 0.3, 0.7, 0.7])
 OUTCOME_WEIGHT = 0.25
 """Outcomes of one pair in successive seconds say much the same."""
 FADES_S = 900.0
@@ -24,11 +26,11 @@ CERTAIN = 0.01
 """Shares this near to 0 or 1 are not told apart from them."""
 
 
-def features(likely: Floats, far: Floats) -> Floats:
+def features(likely: Floats, soon: Floats, far: Floats, stands: Bools) -> Floats:
     """(n, FEATURES) of the largest share of the error distribution that lies within the clearance at any moment of the
-    horizon, whether that is the half (the forecasts as they stand meet), and how long the pair would need if it went
-    straight for each other, in horizons."""
-    return np.column_stack([np.ones(len(likely)), _log_odds(likely), likely >= 0.5, far])
+    horizon and in its first fifth, how long the pair would need if it went straight for each other, in horizons, and
+    whether either stands: it is seen, and gone around."""
+    return np.column_stack([np.ones(len(likely)), _log_odds(likely), _log_odds(soon), far, stands])
 
 
 def _log_odds(share: Floats) -> Floats:
@@ -43,6 +45,8 @@ class Calibration:
     weights: Floats = field(default_factory=PRIOR.copy)
     information: Floats = field(default_factory=lambda: np.diag(PRIOR_SD**-2.0))
     """(FEATURES, FEATURES) inverse of the covariance of the weights."""
+    ended: Floats = field(default_factory=lambda: np.zeros((2, PARTS + 1)))
+    """(2, PARTS + 1) how many pairs were known or left in each part of the horizon, faded."""
     as_of_s: float | None = None
 
     def probability(self, seen: Floats) -> Floats:
@@ -51,21 +55,24 @@ class Calibration:
             probability: Floats = 1.0 / (1.0 + np.exp(-seen @ self.weights))
         return probability
 
-    def learn(self, seen: Floats, met: Bools, now_s: float) -> None:
-        """Take in what became of n pairs: their features then, and whether they met."""
+    def learn(self, seen: Floats, fates: Fates, now_s: float) -> None:
+        """Take in what became of n pairs, of which these were the features (n, FEATURES)."""
         if not len(seen):
             return
         kept = float(np.exp(-max(now_s - (self.as_of_s or now_s), 0.0) / FADES_S))
         self.as_of_s = now_s
+        self.ended = kept * self.ended + np.stack([counts(fates.part, ~fates.left), counts(fates.part, fates.left)])
+        weight = OUTCOME_WEIGHT * np.where(fates.left, 0.0, weights(*self.ended)[fates.part])
         expected = self.probability(seen)
-        certain = OUTCOME_WEIGHT * expected * (1 - expected)
+        certain = weight * expected * (1 - expected)
         self.information = kept * self.information + (1 - kept) * np.diag(PRIOR_SD**-2.0)
         self.information += (seen * certain[:, None]).T @ seen
-        self.weights = self.weights + np.linalg.solve(self.information, OUTCOME_WEIGHT * seen.T @ (met - expected))
+        self.weights = self.weights + np.linalg.solve(self.information, seen.T @ (weight * (fates.met - expected)))
 
     def learned(self) -> Part:
         """The weights, and the prior that they began with."""
-        return {"prior": PRIOR, "weights": self.weights, "information": self.information, "as_of_s": self.as_of_s}
+        named = {"weights": self.weights, "information": self.information, "ended": self.ended}
+        return {"prior": PRIOR, **named, "as_of_s": self.as_of_s}
 
     def resume(self, part: Part) -> None:
         """Go on with what `learned` told, unless a release with another prior did. Raises `UnreadableError`."""
@@ -73,4 +80,5 @@ class Calibration:
             return
         self.weights = numbers(part, "weights", PRIOR.shape)
         self.information = numbers(part, "information", (len(PRIOR), len(PRIOR)))
+        self.ended = numbers(part, "ended", self.ended.shape)
         self.as_of_s = None if part.get("as_of_s") is None else float(numbers(part, "as_of_s", ()))

@@ -14,6 +14,7 @@ from math import floor
 import numpy as np
 from scipy.special import ndtr
 
+from deconflict.encounter import STANDING_MPS
 from deconflict.foresight.calibration import FEATURES, Calibration, features
 from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.followed import JOINED_S, LONG_AGO_S, Followed, Reports
@@ -36,6 +37,8 @@ EIGHTY = 1.28
 """A normal distribution has 80 % within so many standard deviations."""
 EXACT_M = 0.02
 """Standard deviation of a forecast that was never wrong."""
+SOON = 0.2
+"""The part of the horizon in which an overlap is looked for apart: forecasts are at their best there."""
 CREEPING_MPS = 0.01
 MOST_GROWN_M = 0.75
 """An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
@@ -246,7 +249,10 @@ class Foresight:
         all_s = np.column_stack([ahead_s, exact_s]) - now_s
         spread_m = self._spread_m(a, b, now_s, all_s)
         share = ndtr((self._clearance_m - all_m) / spread_m)
-        pairs.seen[rows] = features(share.max(axis=1), self._far(there, ahead_m[:, 0]))
+        soon = np.where(all_s <= SOON * self._horizon_s, share, 0.0).max(axis=1)
+        speeds_mps = self._speeds_mps(there)
+        far = self._far(speeds_mps.sum(axis=0), ahead_m[:, 0])
+        pairs.seen[rows] = features(share.max(axis=1), soon, far, speeds_mps.min(axis=0) < STANDING_MPS)
         pairs.near_m[rows] = np.maximum(np.minimum(sampled_m, exact_m), 0.0)
         pairs.now_m[rows] = np.maximum(ahead_m[:, 0], 0.0)
 
@@ -267,10 +273,11 @@ class Foresight:
         return rows[~pairs.inside[rows] & (heard_s > now_s - JOINED_S)]
 
     def _past(self, a: Ints, b: Ints) -> Floats:
-        """Times since the last look for which both robots have reported."""
+        """(n, past looks) times since the last look for which both robots have reported; nan where there are none."""
         before = [self._followed.last_two_s(slots) for slots in (a, b)]
         begin_s, end_s = (np.maximum(before[0][0], before[1][0]), np.minimum(before[0][1], before[1][1]))
-        begin_s = np.where(begin_s > LONG_AGO_S, np.minimum(begin_s, end_s), end_s)
+        begin_s = np.where(begin_s > LONG_AGO_S, begin_s, end_s)
+        end_s = np.where(begin_s <= end_s, end_s, np.nan)
         return begin_s[:, None] + (end_s - begin_s)[:, None] * PAST_LOOKS
 
     def _meet(self, pairs: Pairs, rows: Ints, past_s: Floats, past_m: Floats) -> None:
@@ -278,14 +285,21 @@ class Foresight:
         below = past_m <= self._clearance_m
         began = below.any(axis=1) & ~pairs.inside[rows]
         pairs.started_s[rows[began]] = past_s[began, below[began].argmax(axis=1)]
+        met = below.any(axis=1)
+        last = below.shape[1] - 1 - below[:, ::-1].argmax(axis=1)
+        pairs.below_s[rows[met]] = past_s[met, last[met]]
         apart = (past_m[:, -1] > self._clearance_m + self._margin_m) & np.isfinite(past_m[:, -1])
         pairs.inside[rows] = (pairs.inside[rows] | began) & ~apart
 
-    def _far(self, there: list[tuple[Poses, Poses]], now_m: Floats) -> Floats:
+    def _speeds_mps(self, there: list[tuple[Poses, Poses]]) -> Floats:
+        """(2, n) at which the robots of each pair go on from now, by their forecasts."""
+        ways = [np.hypot(np.diff(ahead.x_m[:, :2]), np.diff(ahead.y_m[:, :2]))[:, 0] for _, ahead in there]
+        speeds: Floats = np.stack(ways) / self._ahead_s[1]
+        return speeds
+
+    def _far(self, closing_mps: Floats, now_m: Floats) -> Floats:
         """How long the pair would need if it went straight for each other, in horizons; at most 1."""
-        a, b = (ahead for _, ahead in there)
-        speeds = (np.hypot(np.diff(one.x_m[:, :2]), np.diff(one.y_m[:, :2]))[:, 0] / self._ahead_s[1] for one in (a, b))
-        needed_s = np.maximum(now_m - self._clearance_m, 0.0) / np.maximum(sum(speeds), CREEPING_MPS)
+        needed_s = np.maximum(now_m - self._clearance_m, 0.0) / np.maximum(closing_mps, CREEPING_MPS)
         far: Floats = np.minimum(needed_s / self._horizon_s, 1.0)
         return far
 
@@ -316,9 +330,10 @@ class Foresight:
         return self._pairs if kept.all() else self._pairs.take(kept)
 
     def _learn(self, now_s: float) -> None:
-        for question, met, told in self._outcomes.known(now_s, self._pairs, self._followed.heard_s):
-            self.calibration.learn(question.seen[told], met[told], now_s)
-            for name, count in (("met", met), ("passed", told & ~met), ("left", ~told)):
+        for question, fates in self._outcomes.known(now_s, self._pairs, self._followed.heard_s):
+            self.calibration.learn(question.seen, fates, now_s)
+            passed = ~fates.met & ~fates.left
+            for name, count in (("met", fates.met), ("passed", passed), ("left", fates.left)):
                 self.measures.count("deconflict_probability_outcomes_total", name, by=int(count.sum()))
 
     def _slot(self, uuid: str) -> int:

@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 from scipy.spatial import KDTree
 
+from deconflict.foresight.leaving import STAYED, part_of
 from deconflict.motion import Bools
 from ingest.seam import Floats, Ints
 
@@ -37,6 +38,8 @@ class Pairs:
     """Separation when last looked at, by the newest forecasts."""
     started_s: Floats
     """When the last encounter began; -inf before the first."""
+    below_s: Floats
+    """When they were last seen within the clearance; -inf before the first."""
     asked_s: Floats
     """When it was last a candidate."""
     watched: Bools
@@ -51,7 +54,7 @@ class Pairs:
     def none(cls, features: int) -> Self:
         real = np.empty(0)
         return cls(
-            np.empty(0, np.int64), np.empty((0, features)), real, real, real, real, real, real, real > 0, real > 0
+            np.empty(0, np.int64), np.empty((0, features)), real, real, real, real, real, real, real, real > 0, real > 0
         )
 
     @property
@@ -83,7 +86,7 @@ class Pairs:
             return self
         n, real = len(new), np.zeros(len(new))
         never, seen = np.full(n, -np.inf), np.zeros((n, self.seen.shape[1]))
-        fresh = Pairs(new, seen, real, real, real, real, never, real, real > 0, real > 0)
+        fresh = Pairs(new, seen, real, real, real, real, never, never, real, real > 0, real > 0)
         both = Pairs(*(np.concatenate([getattr(self, one.name), getattr(fresh, one.name)]) for one in fields(self)))
         return both.ordered()
 
@@ -106,6 +109,17 @@ class Question:
     seen: Floats
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Fates:
+    """What became of pairs within the horizon. Arrays are (p,)."""
+
+    part: Ints
+    """Of the horizon, in which they met or one of them was last heard; `STAYED` where neither did."""
+    met: Bools
+    left: Bools
+    """One was last heard before they had met."""
+
+
 @dataclass(slots=True, eq=False)
 class Outcomes:
     """Asks at each whole second whether pairs will meet within the horizon, and tells when that is known."""
@@ -118,15 +132,30 @@ class Outcomes:
     def ask(self, t_s: float, pairs: Pairs) -> None:
         self.open.append(Question(t_s, pairs.code, pairs.seen))
 
-    def known(self, now_s: float, pairs: Pairs, heard_s: Floats) -> list[tuple[Question, Bools, Bools]]:
-        """Questions whose time is over: which pairs met, and of which it can be told; `heard_s` is by slot."""
+    def known(self, now_s: float, pairs: Pairs, heard_s: Floats) -> list[tuple[Question, Fates]]:
+        """Questions whose time is over, and what became of their pairs; `heard_s` is by slot.
+
+        Pairs that were in an encounter when it was asked, as reports have shown since, are left out.
+        """
         told = []
         while self.open and self.open[0].t_s + self.horizon_s + self.waits_s <= now_s:
             question = self.open.pop(0)
-            row, until_s = pairs.rows(question.code), question.t_s + self.horizon_s
-            started_s = np.where(row >= 0, pairs.started_s[row] if len(pairs) else 0.0, -np.inf)
-            met = (started_s > question.t_s) & (started_s <= until_s)
-            asked = replace(Pairs.none(1), code=question.code)
-            there = np.minimum(heard_s[asked.a], heard_s[asked.b]) >= until_s
-            told.append((question, met, met | there))
+            row = pairs.rows(question.code)
+            started_s, below_s = (_at(column, row) for column in (pairs.started_s, pairs.below_s))
+            apart = np.flatnonzero((started_s > question.t_s) | (below_s < question.t_s))
+            question = Question(question.t_s, question.code[apart], question.seen[apart])
+            told.append((question, self._fates(question, started_s[apart], heard_s)))
         return told
+
+    def _fates(self, question: Question, started_s: Floats, heard_s: Floats) -> Fates:
+        asked = replace(Pairs.none(1), code=question.code)
+        last_s = np.minimum(heard_s[asked.a], heard_s[asked.b])
+        met = (started_s > question.t_s) & (started_s <= question.t_s + self.horizon_s)
+        ended = part_of(np.where(met, started_s, last_s) - question.t_s, self.horizon_s)
+        part = np.where(met, np.minimum(ended, STAYED - 1), ended)
+        return Fates(part, met, ~met & (part < STAYED))
+
+
+def _at(times_s: Floats, row: Ints) -> Floats:
+    """The times of rows; -inf where there is no row."""
+    return np.append(times_s, -np.inf)[row]

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from deconflict.foresight.leaving import STAYED
 from metrics.bootstrap import interval
 from metrics.calibration import Calibration, Tally
 from tests.metrics.made_motion import driven, reported
@@ -14,7 +15,7 @@ def tally(*said: tuple[float, int, int]) -> Tally:
     made = Tally()
     for probability, samples, came_true in said:
         for n in range(samples):
-            made.add(n % 7, probability, n < came_true)
+            made.add(n % 7, probability, 0 if n < came_true else STAYED)
     return made
 
 
@@ -46,8 +47,30 @@ def test_where_nothing_was_published_or_nothing_ever_happened_there_is_no_figure
 def test_bins_hold_the_same_number_of_samples() -> None:
     made = Tally()
     for probability in np.linspace(0.0, 1.0, 5000) ** 4:
-        made.add(0, float(probability), False)
+        made.add(0, float(probability), STAYED)
     assert made.bins()[:, 0].tolist() == pytest.approx([500] * 10, abs=60)
+
+
+def test_pairs_that_are_known_stand_for_those_of_which_a_robot_left() -> None:
+    # three in ten meet in the sixth second; before that, a robot of half of the pairs has left
+    made = Tally()
+    for n in range(200):
+        if n % 2:
+            made.left[2] += 1
+        else:
+            made.add(n % 7, 0.3, 5 if n % 20 < 6 else STAYED)
+    assert made.figures()["ece"] == pytest.approx(0.0)
+    # and here those that would meet in the first second do so before half of the others leave
+    made = Tally()
+    for n in range(100):
+        if n < 30:
+            made.add(n % 7, 0.3, 0)
+        elif n % 2:
+            made.add(n % 7, 0.3, STAYED)
+        else:
+            made.left[2] += 1
+    assert made.figures()["ece"] == pytest.approx(0.0)
+    assert made.figures()["brier_skill"] == pytest.approx(0.0)
 
 
 def followed(calibration: Calibration, *probabilities: float) -> Calibration:
@@ -65,14 +88,14 @@ def test_a_sample_a_second_comes_true_where_an_encounter_begins_within_ten_secon
     (whole,) = made.by_vendors.values()
     assert made.by_vendors.keys() == {("Alder", "Corvid")}
     # of 0.05 ... 14.05 s, those after 9.35 s
-    assert (whole.fine[0].sum(), whole.fine[2].sum()) == (15, 5)
+    assert (whole.fine[0].sum(), whole.fine[0, :STAYED].sum()) == (15, 5)
 
 
 def test_seconds_within_an_encounter_and_those_before_a_robot_leaves_are_left_out() -> None:
     made = followed(Calibration(0.3), *[0.25] * 30)
     (whole,) = made.by_vendors.values()
     # in the encounter from 19.35 to 20.65 s; after 20 s nobody knows what would have been in ten seconds
-    assert (whole.fine[0].sum(), whole.fine[2].sum(), made.censored) == (20, 10, 9)
+    assert (whole.fine[0].sum(), whole.fine[0, :STAYED].sum(), whole.left.sum()) == (20, 10, 9)
 
 
 def test_the_first_minutes_are_counted_apart() -> None:

@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.foresight.calibration import PRIOR, Calibration, features
+from deconflict.foresight.calibration import FEATURES, PRIOR, Calibration, features
+from deconflict.foresight.leaving import STAYED
+from deconflict.foresight.pairs import Fates
+from deconflict.motion import Bools
 from ingest.seam import Floats
 
 NOW_S = 1_790_000_000.0
@@ -11,7 +14,12 @@ NOW_S = 1_790_000_000.0
 def pairs_of(n: int, seed: int) -> tuple[Floats, Floats]:
     """Features of n pairs and the share of the errors within the clearance that they rest on."""
     likely = default_rng(seed).uniform(0, 1, n)
-    return features(likely, np.full(n, 0.5)), likely
+    return features(likely, likely / 2, np.full(n, 0.5), np.zeros(n, bool)), likely
+
+
+def fates(met: Bools) -> Fates:
+    """Some met at once, the others stayed apart; nobody left."""
+    return Fates(np.where(met, 0, STAYED), met, np.zeros(len(met), bool))
 
 
 def test_on_day_one_a_likelier_overlap_is_a_likelier_meeting() -> None:
@@ -26,7 +34,7 @@ def test_it_comes_to_say_how_often_what_looks_so_does_happen(share: float) -> No
     calibration, rng = Calibration(), default_rng(2)
     for second in range(600):
         seen, likely = pairs_of(5, 100 + second)
-        calibration.learn(seen, rng.uniform(size=5) < share * likely, NOW_S + second)
+        calibration.learn(seen, fates(rng.uniform(size=5) < share * likely), NOW_S + second)
     seen, likely = pairs_of(4000, 3)
     told = calibration.probability(seen)
     for low in (0.0, 0.25, 0.5, 0.75):
@@ -37,13 +45,26 @@ def test_it_comes_to_say_how_often_what_looks_so_does_happen(share: float) -> No
 def test_what_was_learned_fades_to_the_prior() -> None:
     calibration = Calibration()
     seen, _ = pairs_of(200, 4)
-    calibration.learn(seen, np.ones(200, bool), NOW_S)
+    calibration.learn(seen, fates(np.ones(200, bool)), NOW_S)
     sure = np.linalg.det(calibration.information)
-    calibration.learn(seen[:1], np.ones(1, bool), NOW_S + 86_400)
+    calibration.learn(seen[:1], fates(np.ones(1, bool)), NOW_S + 86_400)
     assert np.linalg.det(calibration.information) < sure / 10
 
 
 def test_nothing_known_changes_nothing() -> None:
     calibration = Calibration()
-    calibration.learn(np.empty((0, 4)), np.empty(0, bool), NOW_S)
+    calibration.learn(np.empty((0, FEATURES)), fates(np.empty(0, bool)), NOW_S)
     assert calibration.weights.tolist() == PRIOR.tolist()
+
+
+def test_robots_that_leave_do_not_make_meetings_look_frequent() -> None:
+    # three in ten meet, evenly over the horizon, and half of all robots leave, evenly too
+    calibration, rng = Calibration(), default_rng(5)
+    for second in range(1200):
+        seen, _ = pairs_of(10, 300 + second)
+        meets_s = np.where(rng.uniform(size=10) < 0.3, rng.uniform(0, 10, 10), np.inf)
+        leaves_s = np.where(rng.uniform(size=10) < 0.5, rng.uniform(0, 10, 10), np.inf)
+        met = meets_s < leaves_s
+        part = np.minimum(np.minimum(meets_s, leaves_s), STAYED).astype(int)
+        calibration.learn(seen, Fates(part, met, ~met & (leaves_s < np.inf)), NOW_S + second)
+    assert calibration.probability(pairs_of(4000, 6)[0]).mean() == pytest.approx(0.3, abs=0.03)

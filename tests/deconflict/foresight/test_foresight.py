@@ -123,6 +123,17 @@ def test_what_became_of_pairs_is_counted_and_learned() -> None:
     assert stage.foresight.calibration.weights.tolist() != prior.tolist()
 
 
+def test_passing_where_a_robot_was_last_heard_of_is_no_meeting() -> None:
+    stage = Stage({"a": Walk((-12.0, 0.0), (1.0, 0.0)), "b": Walk((0.0, 0.0), (0.0, 0.0))})
+    stage.run(5)
+    del stage.walks["b"]
+    for t_s in range(5, 30):
+        stage.second(t_s)
+    outcomes = stage.foresight.measures.values["deconflict_probability_outcomes_total"]
+    assert outcomes[("left",)] >= 4
+    assert outcomes.get(("met",), 0) == 0
+
+
 def test_the_same_calls_give_the_same_answers() -> None:
     walks = {"a": Walk((0.0, -12.0), (0.0, 1.0), says=(0.2, 1.1)), "b": Walk((-12.0, 0.0), (1.0, 0.0))}
     assert Stage(dict(walks)).run(20) == Stage(dict(walks)).run(20)

@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import default_rng
 
-from deconflict.foresight.pairs import Outcomes, Pairs, circles_near, codes
+from deconflict.foresight.leaving import STAYED
+from deconflict.foresight.pairs import Fates, Outcomes, Pairs, Question, circles_near, codes
 
 NOW_S = 1_790_000_000.0
 
@@ -27,25 +28,36 @@ def test_new_pairs_take_their_place_and_the_others_stay_as_they_were() -> None:
     assert after.probability.tolist() == [0.3, 0.0, 0.8]
 
 
-def test_an_outcome_is_known_once_the_horizon_is_over() -> None:
-    every = replace(pairs((0, 1), (0, 2), (0, 3)), started_s=np.array([NOW_S + 4, -np.inf, -np.inf]))
+def outcome(*, started_s: list[float], below_s: list[float], heard_s: list[float]) -> tuple[Question, Fates]:
+    """Of pairs (0, 1), (0, 2) ... asked at `NOW_S`."""
+    every = pairs(*((0, n + 1) for n in range(len(started_s))))
+    every = replace(every, started_s=NOW_S + np.array(started_s), below_s=NOW_S + np.array(below_s))
     outcomes = Outcomes(horizon_s=10.0)
     outcomes.ask(NOW_S, every)
-    heard_s = np.array([NOW_S + 12, NOW_S + 5, NOW_S + 12, NOW_S + 6])
-    assert outcomes.known(NOW_S + 11, every, heard_s) == []
-    ((question, met, told),) = outcomes.known(NOW_S + 12, every, heard_s)
-    assert question.t_s == NOW_S
-    assert met.tolist() == [True, False, False]
-    # of the last pair a robot left before it could be known; the first met before one did
-    assert told.tolist() == [True, True, False]
+    heard = NOW_S + np.array(heard_s)
+    assert outcomes.known(NOW_S + 11, every, heard) == []
+    (told,) = outcomes.known(NOW_S + 12, every, heard)
+    return told
+
+
+def test_an_outcome_is_known_once_the_horizon_is_over() -> None:
+    # the first met before one left, of the second one left, the third stayed apart
+    never = [-np.inf] * 2
+    question, fates = outcome(started_s=[4.5, *never], below_s=[5.0, *never], heard_s=[12, 5.5, 6.5, 12])
+    assert (question.t_s, len(question.code)) == (NOW_S, 3)
+    assert fates.met.tolist() == [True, False, False]
+    assert fates.left.tolist() == [False, True, False]
+    assert fates.part.tolist() == [4, 6, STAYED]
 
 
 def test_an_encounter_after_the_horizon_is_none_in_it() -> None:
-    every = replace(pairs((0, 1)), started_s=np.array([NOW_S + 10.5]))
-    outcomes = Outcomes(horizon_s=10.0)
-    outcomes.ask(NOW_S, every)
-    ((_, met, told),) = outcomes.known(NOW_S + 13, every, np.full(2, NOW_S + 13))
-    assert (met.tolist(), told.tolist()) == ([False], [True])
+    _, fates = outcome(started_s=[10.5], below_s=[10.8], heard_s=[13, 13])
+    assert (fates.met.tolist(), fates.left.tolist(), fates.part.tolist()) == ([False], [False], [STAYED])
+
+
+def test_a_pair_that_was_together_when_asked_is_not_judged() -> None:
+    question, _ = outcome(started_s=[-0.5, -5.0], below_s=[0.4, -3.0], heard_s=[12, 12, 12])
+    assert question.code.tolist() == codes(np.array([0]), np.array([2])).tolist()
 
 
 def test_no_pair_that_comes_near_is_left_out_and_some_are() -> None:

@@ -1,0 +1,37 @@
+"""What outcomes count for where robots leave before it is known.
+
+Of pairs of which a robot leaves within the horizon, those that had met by then are known and those that had not are
+left out. Counted alike, the known ones would show more meetings than there are. So a meeting counts for as much as the
+share of the pairs still there at its moment that are there at the horizon's end: what is left out of those that had
+not met is left out of those that had (inverse probability of censoring, Graf et al. 1999, scaled so that no weight is
+above 1). The shares are those of Kaplan and Meier 1958. Where nobody leaves, every outcome counts 1.
+"""
+
+import numpy as np
+
+from deconflict.motion import Bools
+from ingest.seam import Floats, Ints
+
+PARTS = 10
+"""Of the horizon."""
+STAYED = PARTS
+"""In place of a part, for a pair of which both robots were there throughout and did not meet."""
+
+
+def part_of(after_s: Floats, horizon_s: float) -> Ints:
+    """The part of the horizon in which each moment lies, `STAYED` from its end on; `after_s` is since its beginning."""
+    part: Ints = np.clip(np.asarray(after_s) * (PARTS / horizon_s), 0, STAYED).astype(np.int64)
+    return part
+
+
+def counts(part: Ints, which: Bools) -> Floats:
+    """(PARTS + 1,) how many of those chosen ended in each part."""
+    return np.bincount(part[which], minlength=PARTS + 1).astype(np.float64)
+
+
+def weights(known: Floats, left: Floats) -> Floats:
+    """(PARTS + 1,) what an outcome in each part counts, of so many (PARTS + 1,) known and so many left in each."""
+    ended = known + left
+    followed = np.cumsum(ended[::-1])[::-1]
+    stays = 1 - left[:PARTS] / np.maximum(followed[:PARTS], 1e-12)
+    return np.append(np.cumprod(stays[::-1])[::-1], 1.0)
