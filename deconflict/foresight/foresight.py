@@ -94,6 +94,8 @@ class Foresight:
         """Slots that have a new forecast since the last look."""
         self._half = np.zeros((2, 0))
         self._doubt_m = np.zeros(0)
+        self._rests = np.zeros(0, np.bool_)
+        """Whether the robot stood, by its newest forecast, when that was made."""
         self._surprise = np.zeros(0)
         self._pairs = Pairs.none(FEATURES)
         self._asked_s = self._looked_s = float("-inf")
@@ -129,6 +131,8 @@ class Foresight:
         self._doubt_m[slots] = batch.doubt_m
         self._told.update(slots.tolist())
         reports = Reports.of(batch, slots, self._kind[slots])
+        first_m = np.hypot(*(np.diff(way[:, :2])[:, 0] for way in (reports.track.x_m, reports.track.y_m)))
+        self._rests[reports.slot] = first_m < STANDING_MPS
         errors = self._followed.take(reports, self.ledger.bands_m[reports.kind])
         self.ledger.record(errors, batch.now_s)
         self.changes.take(errors, list(self.ledger.kinds), batch.now_s)
@@ -304,10 +308,14 @@ class Foresight:
         return far
 
     def _spread_m(self, a: Ints, b: Ints, now_s: float, ahead_s: Floats) -> Floats:
-        """(n, m) standard deviation of the distance of two robots."""
+        """(n, m) standard deviation of the distance of two robots.
+
+        The place of one that fell silent grows uncertain, unless it stood: it is still there, for all that is known.
+        """
         squares = np.zeros_like(ahead_s)
         for slots in (a, b):
-            since_s = np.maximum(now_s - self._followed.heard_s[slots], 0.0)
+            silent_s = np.maximum(now_s - self._followed.heard_s[slots], 0.0)
+            since_s = np.where(self._rests[slots], 0.0, silent_s)
             reach = self.ledger.reach_m(self._kind[slots], ahead_s + since_s[:, None]) * self._trust(slots)[:, None]
             squares += (reach / EIGHTY) ** 2 + (self._doubt_m[slots] ** 2)[:, None]
         spread: Floats = np.sqrt(squares) + EXACT_M
@@ -358,7 +366,7 @@ class Foresight:
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._kind)
-        for name in ("_kind", "_rank", "_half", "_doubt_m", "_surprise"):
+        for name in ("_kind", "_rank", "_half", "_doubt_m", "_rests", "_surprise"):
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
         self._followed.grow(slots)

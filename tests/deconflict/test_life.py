@@ -242,7 +242,7 @@ def test_the_same_story_gives_the_same_advisories() -> None:
 
 @pytest.mark.parametrize(
     ("probability", "separation_m", "raises"),
-    [(0.4, 0.0, False), (0.6, 0.0, True), (0.6, 0.5, False), (0.9, 0.5, True)],
+    [(0.3, 0.0, False), (0.6, 0.0, True), (0.6, 0.5, False), (0.9, 0.5, True)],
 )
 def test_it_is_raised_by_how_likely_it_is_and_more_is_asked_of_forecasts_that_miss(
     probability: float, separation_m: float, raises: bool
