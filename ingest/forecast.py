@@ -30,6 +30,7 @@ PLAUSIBLE_SPEED_MPS = 5.0
 """Greatest speed of a robot that has not stated one."""
 
 
+_YAW = itemgetter(3)
 Knot = tuple[float, float, float, float]
 """t_s, x_m, y_m, yaw_rad"""
 Along = tuple[Sequence[Knot], tuple[int, ...]]
@@ -274,7 +275,7 @@ def _by_destination(destinations: Path, here: Sighting, view: View) -> Along | N
 
 def _headed(knots: list[Knot]) -> list[Knot]:
     """Fill unknown headings with the direction of travel; those of a robot that does not move stay nan."""
-    if not any(isnan(knot[3]) for knot in knots):
+    if not _unheaded(knots):
         return knots
     headed: list[Knot] = []
     for row, (t_s, x, y, sent_rad) in enumerate(knots):
@@ -287,6 +288,11 @@ def _headed(knots: list[Knot]) -> list[Knot]:
     return headed
 
 
+def _unheaded(knots: Sequence[Knot]) -> bool:
+    """Whether any heading is unknown: a sum with nan is nan."""
+    return isnan(sum(map(_YAW, knots)))
+
+
 def _enveloped(
     basis: Basis, knots: Sequence[Knot], floors: tuple[int, ...], body: Body, z_m: float, findings: tuple[str, ...]
 ) -> Forecast:
@@ -296,7 +302,7 @@ def _enveloped(
     """
     length_m, width_m, height_m = body.envelope_m
     dx, dy = body.offset_m
-    if any(isnan(knot[3]) for knot in knots):
+    if _unheaded(knots):
         length_m = width_m = hypot(length_m, width_m) + 2 * hypot(dx, dy)
         knots = [(t_s, x, y, 0.0) for t_s, x, y, _ in knots]
     elif dx or dy:

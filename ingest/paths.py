@@ -117,17 +117,23 @@ def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, fin
 def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
     rows: list[tuple[float, float, float, float, float]] = []
     datums: list[str] = []
+    told: tuple[str | None, str | None] | None = None
+    datum = ""
     for point in points[:MOST_POINTS_USED]:
         stamp = stamps.parse(point.timestamp)
+        x, y, z = point.x, point.y, point.z
         if stamp is None:
             findings["point-unreadable"] = None
-        elif not stamps.plausible(stamp.t_s) or absurd(point.x, point.y, point.z):
+        elif not stamps.plausible(stamp.t_s) or absurd(x, y, z):
             findings["point-absurd"] = None
         else:
             if stamp.findings:
                 findings.update(dict.fromkeys(stamp.findings))
-            rows.append((stamp.t_s, point.x, point.y, point.z, yaw_rad(point.angle, findings)))
-            datums.append(_datum(point, findings))
+            rows.append((stamp.t_s, x, y, z, yaw_rad(point.angle, findings)))
+            names = point.planarDatumUUID, point.planarDatum
+            if names != told:  # most points of a path name the datum of the one before
+                told, datum = names, _datum(point, findings)
+            datums.append(datum)
     if not rows:
         return NO_PATH
     if len({row[0] for row in rows}) < len(rows) and len(set(zip(rows, datums, strict=True))) < len(rows):
