@@ -75,6 +75,15 @@ def test_never_dearer_than_first_come_and_the_same_again(
     assert sorted(slot.robot for slot in advice.slots) == sorted(held)
 
 
+def test_a_long_queue_is_known_to_be_near_the_least_that_it_can_cost() -> None:
+    """Thirty robots in a quarter of an hour: too many to try every order, and more than one place can serve."""
+    queue = tuple(request(f"r{row}", 37 * row % 900, 30 + 53 * row % 90) for row in range(30))
+    advice = advise_slots([Queue("dock", 1, queue, 4.0)], NOW_S, effort=1e-4)
+    assert advice.first_come_cost_s is not None
+    assert advice.cost_s < 0.9 * advice.first_come_cost_s
+    assert 0.95 * advice.cost_s < advice.bound_s <= advice.cost_s
+
+
 def test_a_short_visit_goes_before_a_long_one() -> None:
     charger = Queue(
         "charger", 1, (request("long", 0, 600), request("short", 1, 30), request("in", -5, 20, inside=True))

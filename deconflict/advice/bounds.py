@@ -1,0 +1,87 @@
+"""Below what no order of service can cost, from two relaxations that take no search.
+
+Both let jobs be interrupted. All places together serve as one that is as many times as fast: Goemans, Queyranne,
+Schulz, Skutella and Wang (2002), "Single machine scheduling with release dates", show that each job ends, on the mean
+of its weight, no sooner than the mean time at which it is served plus half of its length, where at every moment the
+job that weighs most for its length is served; Schulz and Skutella (2002) the same for several places. Where one place
+serves jobs of one weight, the shortest rest first ends them soonest of all (Schrage 1968).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from math import ceil
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One job: whole milliseconds, weight by the millisecond."""
+
+    release: int
+    length: int
+    """More than 0."""
+    weight: int
+
+
+def least_weighted_ends(tasks: Sequence[Task], places: int) -> int:
+    """No schedule of `tasks` on so many like places has a smaller sum of weight times end."""
+    bound = sum(
+        task.weight * (busy + task.length / 2) for task, busy in zip(tasks, _mean_busy(tasks, places), strict=True)
+    )
+    weights = {task.weight for task in tasks}
+    if places == 1 and len(weights) == 1:
+        bound = max(bound, weights.pop() * sum(_shortest_rest_first(tasks)))
+    return ceil(bound - 1e-6 * max(abs(bound), 1.0))
+
+
+def _mean_busy(tasks: Sequence[Task], speed: int) -> list[float]:
+    """When each is served, on the mean, where the one that weighs most for its length always goes first."""
+    left = [float(task.length) for task in tasks]
+    moments = [0.0] * len(tasks)
+    for row, begin, end in _served(tasks, left, speed, [-task.weight / task.length for task in tasks]):
+        moments[row] += speed * (end * end - begin * begin) / 2
+    return [moment / task.length for moment, task in zip(moments, tasks, strict=True)]
+
+
+def _shortest_rest_first(tasks: Sequence[Task]) -> list[float]:
+    """When each ends, where the one with the least left to do always goes first."""
+    ends, now = [], 0.0
+    waiting: list[float] = []
+    releases = sorted((task.release, task.length) for task in tasks)
+    while releases or waiting:
+        if not waiting:
+            now = max(now, releases[0][0])
+        while releases and releases[0][0] <= now:
+            heappush(waiting, releases.pop(0)[1])
+        rest = heappop(waiting)
+        until = min(now + rest, releases[0][0]) if releases else now + rest
+        if until < now + rest:
+            heappush(waiting, now + rest - until)
+        else:
+            ends.append(until)
+        now = until
+    return ends
+
+
+def _served(
+    tasks: Sequence[Task], left: list[float], speed: int, rank: Sequence[float]
+) -> list[tuple[int, float, float]]:
+    """Which task is served from when to when, the lowest rank of those released first."""
+    order = sorted(range(len(tasks)), key=lambda row: tasks[row].release)
+    waiting: list[tuple[float, int]] = []
+    pieces, now, following = [], 0.0, 0
+    while following < len(order) or waiting:
+        if not waiting:
+            now = max(now, tasks[order[following]].release)
+        while following < len(order) and tasks[order[following]].release <= now:
+            heappush(waiting, (rank[order[following]], order[following]))
+            following += 1
+        row = waiting[0][1]
+        next_release = tasks[order[following]].release if following < len(order) else float("inf")
+        until = min(now + left[row] / speed, next_release)
+        pieces.append((row, now, until))
+        left[row] -= (until - now) * speed
+        if left[row] <= 1e-6:
+            heappop(waiting)
+        now = until
+    return pieces
