@@ -128,7 +128,7 @@ def partial_passes(repeats: int, robots: int) -> list[Row]:
         turns = 3 * repeats
         moved_on_s = 0.9 / (turns * len(CHANGED))
         for turn in range(turns):
-            full_ms.append(Running(world).pass_ms(0.0))
+            full_ms.append(Running(world).pass_ms(at_s))
             for changed in CHANGED:
                 chosen = np.random.default_rng([turn, changed]).choice(robots, changed, replace=False)
                 at_s += moved_on_s

@@ -303,7 +303,7 @@ class Boxes:
 
     def _side(self, rings: Ints) -> float:
         """Of a cell: what nine in ten boxes fit well into, by a sample."""
-        sample = self.all[rings, :: 1 + self.all.shape[1] // 200]
+        sample = self.all[rings, :: 1 + self.all.shape[1] // 100]
         there = sample[sample["floor"] != ABSENT]
         if not len(there):
             return NARROWEST_M

@@ -40,20 +40,22 @@ def faults(forecasts: Forecasts) -> dict[int, str]:
     finite &= np.isfinite(forecasts.y_m) & np.isfinite(forecasts.yaw_rad)
     near = (np.abs(forecasts.x_m) <= FARTHEST_M) & (np.abs(forecasts.y_m) <= FARTHEST_M)
     near &= (np.abs(forecasts.t_s) <= LATEST_S) & (np.abs(forecasts.yaw_rad) <= MOST_TURNED_RAD)
-    owner = np.repeat(np.arange(len(forecasts)), counts)
+    robots = np.arange(len(forecasts))
+    owner = np.repeat(robots, counts)
     later = np.ones(len(owner), bool)
     later[1:] = (forecasts.t_s[1:] > forecasts.t_s[:-1]) | (owner[1:] != owner[:-1])
-    for rows, reason in (
-        (np.flatnonzero(heights_wrong), "heights-not-ordered"),
-        (np.unique(owner[~later]), "times-not-increasing"),
-        (np.flatnonzero((sizes > FARTHEST_M).any(axis=1)), "out-of-range"),
-        (np.unique(owner[~near]), "out-of-range"),
-        (np.unique(owner[~finite]), "not-finite"),
-        (np.flatnonzero(~(sizes > 0).all(axis=1)), "size-not-positive"),
-        (np.flatnonzero(~np.isfinite(sizes).all(axis=1)), "size-not-finite"),
-        (np.flatnonzero(counts < 1), "no-knots"),
+    for wrong, whose, reason in (
+        (heights_wrong, robots, "heights-not-ordered"),
+        (~later, owner, "times-not-increasing"),
+        ((sizes > FARTHEST_M).any(axis=1), robots, "out-of-range"),
+        (~near, owner, "out-of-range"),
+        (~finite, owner, "not-finite"),
+        (~(sizes > 0).all(axis=1), robots, "size-not-positive"),
+        (~np.isfinite(sizes).all(axis=1), robots, "size-not-finite"),
+        (counts < 1, robots, "no-knots"),
     ):
-        found |= dict.fromkeys(rows.tolist(), reason)
+        if wrong.any():
+            found |= dict.fromkeys(whose[wrong].tolist(), reason)
     return found
 
 

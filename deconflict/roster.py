@@ -1,6 +1,7 @@
 """The robots on a floor: a slot for each, and what their newest forecasts say, in arrays."""
 
 from collections.abc import Iterable, Sequence
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ class Roster:
 
     def put(self, keys: Sequence[str], forecasts: Forecasts) -> Ints:
         """Replace the forecasts of `keys`, which are all different; their slots."""
-        slots = np.array([self.slots.get(key, -1) for key in keys], np.int64)
+        slots = np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys))
         unknown = np.flatnonzero(slots < 0)
         slots[unknown] = self._new_slots([keys[row] for row in unknown.tolist()])
         counts = np.diff(forecasts.start)
