@@ -1,6 +1,7 @@
 // Draws one floor: marks, places, heat, ribbons, robots, and where advisories say that something will happen.
 
 import { envelope, movesFor, poseAt } from "./motion.js";
+import { holds } from "./places.js";
 import { SIGNS, countdown, short } from "./words.js";
 
 const FADES = 5;
@@ -98,7 +99,7 @@ export class FloorMap {
       pen.beginPath();
       place.polygon.forEach(([x, y]) => pen.lineTo(camera.px(x), camera.py(y)));
       pen.closePath();
-      const taken = scene.robots.filter((robot) => robot.x !== undefined && inside(place.polygon, robot.x, robot.y)).length;
+      const taken = scene.robots.filter((robot) => holds(place, robot)).length;
       const contended = scene.contended.get(place.id);
       pen.fillStyle = ink.place;
       pen.fill();
@@ -343,13 +344,4 @@ function sign(path, x, y, yaw, size, mark) {
 function line(pen, x1, y1, x2, y2) {
   pen.moveTo(x1, y1);
   pen.lineTo(x2, y2);
-}
-
-function inside(polygon, x, y) {
-  let within = false;
-  for (let i = 0, j = polygon.length - 1; i < polygon.length; j = i, i += 1) {
-    const [ax, ay] = polygon[i], [bx, by] = polygon[j];
-    if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) within = !within;
-  }
-  return within;
 }

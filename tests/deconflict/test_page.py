@@ -176,6 +176,28 @@ def test_a_claim_on_a_robot_that_has_no_place_is_in_the_list_without_a_way_to_it
         assert not page.is_visible('#advisories li[data-kind="foreign_claim"] .show')
 
 
+def test_the_page_counts_who_is_in_a_place_as_the_service_does(browser: "Browser", service: Service) -> None:
+    """A zone has whoever touches it, corner or edge; a resource whoever's middle is inside."""
+    script = """async () => {
+        const { holds } = await import("/page/places.js");
+        const polygon = [[0, 0], [4, 0], [4, 2], [0, 2]], robot = { lengthM: 1, widthM: 0.5, yaw: 0 };
+        const at = (kind, x, y, yaw = 0) => holds({ kind, polygon }, { ...robot, x, y, yaw });
+        return {
+            aisle: [at("aisle", 4.4, 1), at("aisle", 4.6, 1), at("aisle", 4.4, 1, Math.PI / 2), at("aisle", 2, 1)],
+            dock: [at("dock", 4.4, 1), at("dock", 3.9, 1), at("dock", 2, 2.1)],
+            across: holds({ kind: "door", polygon }, { x: 2, y: 1, yaw: 0, lengthM: 9, widthM: 0.5 }),
+            unknown: holds({ kind: "door", polygon }, robot),
+        };
+    }"""
+    with opened(browser, service) as page:
+        assert page.evaluate(script) == {
+            "aisle": [True, False, False, True],
+            "dock": [False, True, False],
+            "across": True,
+            "unknown": False,
+        }
+
+
 def test_a_conflict_is_in_the_list_and_at_its_place_and_can_be_acknowledged(browser: "Browser", floor: Service) -> None:
     with opened(browser, floor, scheme="light") as page, opened(browser, floor) as other:
         card = page.wait_for_selector('#advisories li[data-kind="conflict"]')

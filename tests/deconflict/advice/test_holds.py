@@ -1,5 +1,6 @@
 """Holds that clear a group of conflicts: swept again they do, and nothing that can be tried is cheaper."""
 
+from dataclasses import replace
 from itertools import combinations, product
 from math import cos, pi, sin
 
@@ -15,12 +16,20 @@ from tests.deconflict.made_encounters import NOW_S, robot
 WINDOW = Window(NOW_S, 10.0, 0.3, 6.0)
 
 
-def through(name: str, yaw_rad: float, *, before_m: float = 5.0, speed_mps: float = 1.0, vendor: str = "acme") -> Mover:
+def through(
+    name: str,
+    yaw_rad: float,
+    *,
+    before_m: float = 5.0,
+    speed_mps: float = 1.0,
+    vendor: str = "acme",
+    priority: float = 1.0,
+) -> Mover:
     """Goes straight through the origin."""
     reach_m = 10 * speed_mps - before_m
     along = [-before_m, reach_m]
     x, y = [m * cos(yaw_rad) for m in along], [m * sin(yaw_rad) for m in along]
-    return Mover(name, name, vendor, robot([0, 10], x, y, yaw_rad, (1.0, 0.6)))
+    return Mover(name, name, vendor, robot([0, 10], x, y, yaw_rad, (1.0, 0.6)), priority=priority)
 
 
 def standing(name: str, x_m: float, y_m: float = 0.0) -> Mover:
@@ -37,23 +46,30 @@ def holds_s(advice: Recommendation, movers: list[Mover]) -> list[float]:
 
 
 def cheapest_s(movers: list[Mover], window: Window) -> float | None:
-    """The least waiting over every choice of holds, each swept as it is; None where none is clear."""
+    """The least weighted waiting over every choice of holds, each swept as it is; None where none is clear."""
+
+    def cost(holds: tuple[float, ...]) -> float:
+        return sum(one.priority * hold_s for one, hold_s in zip(movers, holds, strict=True))
+
     grid = [k * STEP_S for k in range(window.steps + 1)]
-    choices = sorted(product(*(grid if one.holdable else [0.0] for one in movers)), key=sum)
-    return next((sum(holds) for holds in choices if not meetings(movers, holds, window)), None)
+    choices = sorted(product(*(grid if one.holdable else [0.0] for one in movers)), key=cost)
+    return next((cost(holds) for holds in choices if not meetings(movers, holds, window)), None)
 
 
 @settings(max_examples=12, deadline=None)
 @given(
     st.lists(
-        st.tuples(st.floats(-pi, pi), st.floats(2.5, 6.0), st.floats(0.5, 1.5)),
+        st.tuples(st.floats(-pi, pi), st.floats(2.5, 6.0), st.floats(0.5, 1.5), st.sampled_from([0.5, 1.0, 10.0])),
         min_size=2,
         max_size=3,
     )
 )
-def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, float]]) -> None:
+def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, float, float]]) -> None:
     window = Window(NOW_S, 10.0, 0.3, 4.0)
-    movers = [through(str(row), yaw, before_m=m, speed_mps=v) for row, (yaw, m, v) in enumerate(courses)]
+    movers = [
+        through(str(row), yaw, before_m=m, speed_mps=v, priority=weight)
+        for row, (yaw, m, v, weight) in enumerate(courses)
+    ]
     found = meetings(movers, [0.0] * len(movers), window)
     assume(found)
     apart = all(
@@ -131,6 +147,25 @@ def test_who_holds_changes_only_for_what_the_change_is_worth() -> None:
     before = fresh.model_copy(update={"holds": (Hold(robot="b", hold_s=2.0),)})
     assert advise_holds(pair, [("a", "b")], WINDOW, standing=before).holds == (Hold(robot="b", hold_s=2.5),)
     assert advise_holds(pair, [("a", "b")], WINDOW, standing=before, switch_s=0.25).holds == fresh.holds
+
+
+def test_where_each_pair_can_be_cleared_but_not_all_the_ring_is_named() -> None:
+    """Each two of a, b and c keep apart if one waits 2 s; three would need 4 s, and nobody may wait longer than 3 s.
+
+    d only meets a, which both waiting d and waiting a would clear.
+    """
+    window = replace(WINDOW, longest_hold_s=3.0)
+    ring = [through(name, row * 2 * pi / 3) for row, name in enumerate("abc")]
+    for two in combinations(ring, 2):
+        alone = advise_holds(list(two), pairs_of(list(two)), window)
+        assert alone.holds, f"{two[0].name} and {two[1].name} alone"
+    other = Mover("d", "d", "acme", robot([0, 10], [-4.0, -4.0], [-6.0, 4.0], pi / 2, (1.0, 0.6)))
+    movers = [*ring, other]
+    assert cheapest_s(movers, window) is None
+    met = [pair for pair in pairs_of(movers) if set(pair) <= set("abc") or pair == ("a", "d")]
+    advice = advise_holds(movers, met, window)
+    assert advice.holds == ()
+    assert advice.note == "no hold works for a, b and c: one of them needs another route"
 
 
 def test_four_ways_at_one_crossing() -> None:

@@ -1,0 +1,39 @@
+// Who is in a place, as the service counts it: a zone has whoever touches it, a resource whoever's middle is inside.
+
+const ZONES = new Set(["crossing", "aisle", "door"]);
+
+export function holds(place, robot) {
+  if (robot.x === undefined) return false;
+  return ZONES.has(place.kind) ? touches(place.polygon, corners(robot)) : inside(place.polygon, robot.x, robot.y);
+}
+
+function corners(robot) {
+  const cos = Math.cos(robot.yaw), sin = Math.sin(robot.yaw), long = robot.lengthM / 2, wide = robot.widthM / 2;
+  return [[long, wide], [-long, wide], [-long, -wide], [long, -wide]].map(([a, b]) => [robot.x + a * cos - b * sin, robot.y + a * sin + b * cos]);
+}
+
+function touches(one, other) {
+  return one.some(([x, y]) => inside(other, x, y)) || other.some(([x, y]) => inside(one, x, y))
+    || edges(one).some(([a, b]) => edges(other).some(([c, d]) => cross(a, b, c, d)));
+}
+
+function edges(polygon) {
+  return polygon.map((point, i) => [point, polygon[(i + 1) % polygon.length]]);
+}
+
+function cross(a, b, c, d) {
+  return side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0;
+}
+
+function side([ax, ay], [bx, by], [x, y]) {
+  return (bx - ax) * (y - ay) - (by - ay) * (x - ax);
+}
+
+function inside(polygon, x, y) {
+  let within = false;
+  for (let i = 0, j = polygon.length - 1; i < polygon.length; j = i, i += 1) {
+    const [ax, ay] = polygon[i], [bx, by] = polygon[j];
+    if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) within = !within;
+  }
+  return within;
+}
