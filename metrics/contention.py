@@ -4,7 +4,7 @@
 | --- | --- |
 | contention | one of its robots waited for the place |
 | double occupancy | more robots were in the place than it takes, for at least 2 s |
-| deadlock | all robots of its ring stood at the same time for at least 10 s |
+| deadlock | all robots of its ring stood at the same time for at least 5 s |
 | blockage | a robot that it holds up stood within 4 m of the blocker, outside of every resource |
 
 What happened without an advisory is known of the first two: waits as long as the site wants to be told of, and crowds.
@@ -33,7 +33,7 @@ from metrics.summaries import mean, median, spread
 AFTER_S = 5.0
 TOLD_S = 30.0
 """Of an advisory without a consequence so long after the time that it told, there was none."""
-CROWDED_S, LOCKED_S = 2.0, 10.0
+CROWDED_S, LOCKED_S = 2.0, 5.0
 NEAR_M = 4.0
 KINDS = ("contention", "double_occupancy", "deadlock", "blockage")
 

@@ -187,7 +187,7 @@ def _contention(kinds: Sequence[Part]) -> str:
     more = ("happened", "told before it began", "or while it lasted")
     return _table((*head, *more), rows) + (
         '<p class="note">A queue came true where one of its robots stood for 5 s while the place was full; a crowd'
-        " where more were inside than it takes; a deadlock where all of its ring stood for 10 s; a blockage where one"
+        " where more were inside than it takes; a deadlock where all of its ring stood for 5 s; a blockage where one"
         " stood behind the blocker.</p>"
     )
 

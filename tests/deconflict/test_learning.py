@@ -1,5 +1,6 @@
 """What was learned of vendors goes on over a restart of the roles, and a damaged file of it stops nothing."""
 
+import asyncio
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,24 @@ async def test_what_was_learned_of_a_vendor_is_there_after_a_restart(tmp_path: P
     async with running(tmp_path) as service:
         # nobody speaks: it rests on what was seen before
         await service.metrics_with(covered)
+
+
+def _kept(data: Path) -> list[list[str | int]]:
+    """The kinds of forecasts that are known on the disk."""
+    file = data / FILE_NAME
+    return unpacked(file.read_bytes())["ledger"]["kinds"] if file.exists() else []
+
+
+async def test_an_engine_that_is_killed_loses_a_minute_of_learning_at_most(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.roles.engine.LEARNED_EVERY_S", 0.2)
+    async with running(tmp_path) as service:
+        await drive(service.robots_url, {"A-1": lambda t: (0.8 * t, 0.0, 0.0)}, 4)
+        async with asyncio.timeout(20):
+            while not (kept := _kept(tmp_path)):
+                await asyncio.sleep(0.05)
+    assert kept == [["Alder", "A1", 1]]
 
 
 @pytest.mark.parametrize("damaged", [b"", b"no such file", packed({"ledger": {"kinds": "none"}})])

@@ -6,9 +6,11 @@ from deconflict.contention.resources import Resource
 from deconflict.engine import Engine
 from deconflict.rests import FEWEST, FIRST, Rests
 from deconflict.site import Site
+from ingest import changes
 from ingest.connection import Connection
 from ingest.fleet import Fleet
 from ingest.frames import Frames
+from ingest.levels import LEARNED
 from ingest.measures import Measures
 from ingest.quarantine import Quarantine
 from ingest.settings import Datum
@@ -113,3 +115,23 @@ def test_a_frame_that_moves_is_told_with_since_when_until_it_is_back() -> None:
     assert change.by == pytest.approx(0.4, abs=0.05)
     assert abs(change.since_s - (NOW_S + 300 * 60)) <= 900
     assert told[-1] is None
+
+
+def test_the_engine_says_since_when_a_frame_has_moved() -> None:
+    site = Site(datums=(Datum(id=HALL, name="Hall"),), resources=DOCKS)
+    fleet = Fleet(Vendors(()), Frames(site.datums, ()), site.reading, Measures(), Quarantine())
+    engine, line, moved_at = Engine(site), Connection(1), FIRST + 2 * LEARNED
+    fleet.receive(identity("A-1", NOW_S), NOW_S, line)
+    for row in range(moved_at + LEARNED):
+        t_s, x_m = NOW_S + 40 * row, 1.0 if row < moved_at else 1.4
+        away = points((t_s + 5, 8.0, 8.0, 0.0))
+        for said, at_s in (
+            (status("A-1", t_s, 5.0, 8.0, path=away), t_s),
+            (status("A-1", t_s + 20, x_m, 1.0), t_s + 20),
+        ):
+            fleet.receive(said, at_s, line)
+            engine.receive(fleet.cut(at_s))
+            engine.step(at_s)
+    values = engine.measures.values
+    assert values[changes.AMOUNTS["datum"]]["Alder",] == pytest.approx(0.4, abs=0.02)
+    assert values[changes.SINCE]["Alder", "datum"] == pytest.approx(NOW_S + 40 * moved_at, abs=60)
