@@ -150,10 +150,10 @@ def service() -> Iterator[Running]:
 class Load:
     """The load, in a process of its own."""
 
-    def __init__(self, url: str, robots: int, seconds: float) -> None:
+    def __init__(self, url: str, robots: int, seconds: float, core: int | None = None) -> None:
         spawn = multiprocessing.get_context("spawn")
         self._pipe, child = spawn.Pipe()
-        self._process = spawn.Process(target=offer.serve, args=(child, url, robots, seconds))
+        self._process = spawn.Process(target=offer.serve, args=(child, url, robots, seconds, core))
         self._process.start()
         child.close()
 
@@ -168,10 +168,12 @@ class Load:
         return self.result()
 
 
-def measured(robots: int, seconds: float, settle_s: float = 10.0) -> tuple[Row, dict[str, float]]:
+def measured(
+    robots: int, seconds: float, settle_s: float = 10.0, load_core: int | None = None
+) -> tuple[Row, dict[str, float]]:
     """The figures of a run after `settle_s`, and what the load says of itself."""
     with service() as one:
-        offering = Load(one.url, robots, settle_s + seconds)
+        offering = Load(one.url, robots, settle_s + seconds, load_core)
         time.sleep(settle_s)
         one.row(robots)
         time.sleep(seconds - 1)
@@ -179,13 +181,14 @@ def measured(robots: int, seconds: float, settle_s: float = 10.0) -> tuple[Row, 
         return row, offering.result()
 
 
-def print_row(row: Row, load_late_s: float | None = None) -> None:
+def print_row(row: Row, load: dict[str, float] | None = None) -> None:
     cores = " ".join(f"{role} {share:.2f}" for role, share in row.core_s_a_second.items())
     memory = sum(row.memory_mb.values())
-    late = "" if load_late_s is None else f"  load late {load_late_s * 1000:.0f} ms"
+    late = f"  load late {load['late_s'] * 1000:.0f} ms cores {load['core_s'] / load['seconds']:.2f}" if load else ""
     print(
         f"{row.robots:6} robots {row.messages_a_second:6.0f} msg/s p50 {row.p50_ms:5.0f} ms  p99 {row.p99_ms:5.0f} ms  "
-        f"slowest < {row.slowest_ms:6.0f} ms  superseded {row.superseded:5.0f}  rejected {row.rejected:3.0f}  "
+        f"slowest < {row.slowest_ms:6.0f} ms  superseded {row.superseded:5.0f}  "
+        f"shed {row.shed:3.0f}  rejected {row.rejected:3.0f}  "
         f"cores {cores}  {memory:5.0f} MB  files {sum(row.files.values())}{late}",
         flush=True,
     )
@@ -195,12 +198,13 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--robots", type=int, nargs="+", default=[100, 1000, 3000, 10000])
     arguments.add_argument("--seconds", type=float, default=60.0)
+    arguments.add_argument("--load-core", type=int, help="the core that the load is kept to")
     arguments.add_argument("--json", type=Path)
     args = arguments.parse_args()
     told = []
     for robots in args.robots:
-        row, offered = measured(robots, args.seconds)
-        print_row(row, offered["late_s"])
+        row, offered = measured(robots, args.seconds, load_core=args.load_core)
+        print_row(row, offered)
         told.append(asdict(row) | {"load": offered})
     if len(told) > 1:
         print(f"growth exponent of core seconds: {_exponent(told):.2f}")

@@ -6,6 +6,7 @@ so that a figure of the service is not one of the generator.
 
 import asyncio
 import json
+import os
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -40,6 +41,8 @@ class Offered:
     late_s: float = 0.0
     """The most that a message was sent after it was due."""
     core_s: float = 0.0
+    seconds: float = 0.0
+    """From the first message that was due."""
 
 
 class Circling:
@@ -106,7 +109,7 @@ async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool]
         done_s = elapsed_s
     for line in lines:
         await line.close()
-    told.core_s = time.process_time() - began_core_s
+    told.core_s, told.seconds = time.process_time() - began_core_s, time.time() - began_s
     return told
 
 
@@ -147,8 +150,10 @@ class Line:
             await self._socket.close()
 
 
-def serve(parent: PipeConnection, url: str, robots: int, seconds: float) -> None:
+def serve(parent: PipeConnection, url: str, robots: int, seconds: float, core: int | None = None) -> None:
     """The load in this process, to the end or until `parent` says anything; tells it what was done."""
+    if core is not None:
+        os.sched_setaffinity(0, {core})
     parent.send(asdict(asyncio.run(offer(url, robots, seconds, parent.poll))))
 
 
