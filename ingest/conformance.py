@@ -80,6 +80,7 @@ _WHO = (
     Rule("uuid-is-name", "A name stands where a UUID belongs; the robot has a UUID derived from it.", "2.13"),
     _in_context("identity-missing", "A status before any identity; the default envelope is used.", "4.4"),
     _in_context("identity-changed", "The robot now names another maker, model, serial number or envelope.", "4.4"),
+    Rule("text-too-long", "A name or model is longer than 100 letters; cut.", "4.1"),
     Rule("text-empty", "A required text or an error code is empty; kept, the error code left out.", "4.1"),
 )
 _KEYS_AND_TYPES = (
@@ -116,6 +117,7 @@ _WHERE = (
     Rule("datum-empty", "A point's datum is empty or nil; read as the robot's own.", "3.3.1"),
     Rule("datum-not-uuid", "The datum is no UUID; used as a name, in lower case.", "3.2.1"),
     _in_context("datum-unknown", "The site file has no such datum; a floor of its own.", "3.3.1"),
+    _in_context("datum-too-many", "The vendor has named fifty unknown datums before; compared with nothing.", "3.3.1"),
     Rule("angle-missing", "A location has no angle; heading unknown.", "3.3.5"),
     Rule("angle-zero", "A quaternion is all zeros; heading unknown.", "3.3.5"),
     Rule("angle-not-unit", "A quaternion is not of unit length; normalised.", "3.3.5"),

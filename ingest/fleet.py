@@ -29,6 +29,8 @@ from ingest.vendors import UNKNOWN, Vendors
 
 STALE_S = 2.0
 """A status that takes this much longer than the sender's quickest is stale."""
+MOST_UNKNOWN = 50
+"""Floors that one vendor may bring by naming datums that the site file does not have: each batch names them all."""
 NOWHERE = -1
 """Floor index of a frame that is compared with nothing."""
 
@@ -82,6 +84,8 @@ class Fleet:
         self._floors: dict[str, int] = {}
         self._speaking: dict[int, set[str]] = {}
         self._of_vendor: Counter[str] = Counter()
+        self._made_up: Counter[str] = Counter()
+        """Floors by the vendor that named their datum first, of those that the site file does not have."""
         self._claims = Claims()
 
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
@@ -338,7 +342,8 @@ class Fleet:
         robot.doubt_m = self.reading.lost_doubt_m if lost else 0.0
         self._changed[robot.uuid] = None
         unknown = () if frame.known else ("datum-unknown",)
-        return (*findings, *robot.forecast.findings, *unknown)
+        too_many = ("datum-too-many",) if frame.comparable and sight.floor == NOWHERE else ()
+        return (*findings, *robot.forecast.findings, *unknown, *too_many)
 
     def _body(self, robot: Robot, status: Status) -> Body:
         vendor = self.vendors.settings(robot.vendor)
@@ -353,7 +358,12 @@ class Fleet:
         frame = self._frames.frame(vendor, datum)
         if not frame.comparable:
             return frame, NOWHERE
-        return frame, self._floors.setdefault(frame.floor, len(self._floors))
+        if frame.floor not in self._floors:
+            if not frame.known and self._made_up[vendor] >= MOST_UNKNOWN:
+                return frame, NOWHERE
+            self._made_up[vendor] += not frame.known
+            self._floors[frame.floor] = len(self._floors)
+        return frame, self._floors[frame.floor]
 
     def _has_place(self, status: Status, connection: Connection) -> bool:
         """Whether the location lies anywhere: degrees may be such as no place has."""

@@ -34,6 +34,8 @@ __all__ = ["Identity", "Path", "Rejection", "Status", "document", "read"]
 MAX_ENVELOPE_M = 100.0
 MAX_SPEED_MPS = 100.0
 MAX_REASON = 300
+MAX_TEXT = 100
+"""Letters kept of a name: it is in every batch and advisory of its robot."""
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 LOAD_USED_KEY = "loadPercentageUsed"
 """A key after the text of the standard (5.3.4), whose schema asks for what is still available."""
@@ -247,8 +249,11 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
     if max(size.x, size.y, size.z) > MAX_ENVELOPE_M:
         reason = f"baseRobotEnvelope is {size.x:g} x {size.y:g} x {size.z:g}; send metres"
         raise RejectedError("envelope-absurd", reason)
-    if not all(text.strip() for text in (report.manufacturerName, report.robotModel, report.robotSerialNumber)):
+    texts = (report.manufacturerName, report.robotModel, report.robotSerialNumber)
+    if not all(text.strip() for text in texts):
         findings["text-empty"] = None
+    if max(map(len, texts)) > MAX_TEXT:
+        findings["text-too-long"] = None
     _run_time(report.maxRunTime, findings)
     max_speed_mps = _speed(report.maxSpeed, findings)
     if max_speed_mps is not None and max_speed_mps <= 0:
@@ -257,9 +262,9 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
     return Identity(
         uuid=uuid,
         stamp_s=stamp.t_s,
-        manufacturer=report.manufacturerName,
-        model=report.robotModel,
-        serial=report.robotSerialNumber,
+        manufacturer=report.manufacturerName[:MAX_TEXT],
+        model=report.robotModel[:MAX_TEXT],
+        serial=report.robotSerialNumber[:MAX_TEXT],
         envelope_m=(size.x, size.y, size.z),
         max_speed_mps=max_speed_mps,
         findings=tuple(findings),

@@ -178,7 +178,7 @@ class Receiver:
         elif self._draining is None or self._draining.done():
             self._draining = asyncio.create_task(self._drain())
         if shed:
-            self._measures.count("deconflict_messages_shed_total", one.connection.vendor or UNKNOWN)
+            self._measures.count("deconflict_messages_shed_total", one.connection.vendor or UNKNOWN, by=len(shed))
 
     async def _drain(self) -> None:
         while self._shares.waiting:

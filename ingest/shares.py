@@ -15,6 +15,10 @@ BURST_S = 1.0
 """A vendor may send so many seconds' worth at once."""
 MOST_WAITING = 10_000
 """Robots of one vendor with a message waiting; beyond, the message that waited longest is shed."""
+MOST_SHARES = 1000
+"""Shares kept for vendors and addresses; beyond, those that are whole are forgotten."""
+MOST_WAITING_BYTES = 32 << 20
+"""The same of what its waiting messages weigh."""
 UUID = re.compile(rb'"uuid"\s*:\s*"([^"]{1,64})"', re.IGNORECASE)
 
 
@@ -33,6 +37,14 @@ class Share:
     tokens: float
     filled_s: float
     waiting: OrderedDict[bytes, Arrived] = field(default_factory=OrderedDict)
+    weight: int = 0
+    """Bytes of what waits."""
+
+    def first(self) -> Arrived:
+        """Take out what has waited longest."""
+        one = self.waiting.popitem(last=False)[1]
+        self.weight -= len(one.raw)
+        return one
 
     def fill(self, now_s: float, rate: float) -> None:
         self.tokens = min(self.tokens + max(now_s - self.filled_s, 0.0) * rate, rate * BURST_S)
@@ -46,43 +58,54 @@ class Shares:
         self._rate = messages_a_second
         self._shares: dict[str, Share] = {}
 
-    def admit(self, vendor: str, one: Arrived, now_s: float) -> tuple[bool, Arrived | None]:
-        """Whether a message may be taken at once; if not it waits, and the message that is shed for it is returned."""
+    def admit(self, vendor: str, one: Arrived, now_s: float) -> tuple[bool, list[Arrived]]:
+        """Whether a message may be taken at once; if not it waits, and what is shed for it is returned."""
         share = self._shares.get(vendor)
         if share is None:
+            if len(self._shares) >= MOST_SHARES:
+                self._forget_idle(now_s)
             share = self._shares[vendor] = Share(self._rate * BURST_S, now_s)
         share.fill(now_s, self._rate)
         if share.tokens >= 1 and not share.waiting:
             share.tokens -= 1
-            return True, None
+            return True, []
         return False, _wait(share, one)
 
     def due(self, now_s: float) -> list[Arrived]:
         """Messages whose turn has come, oldest first within a vendor; call it many times a second."""
-        taken, idle = [], []
-        for vendor, share in self._shares.items():
+        taken = []
+        for share in self._shares.values():
             share.fill(now_s, self._rate)
             while share.waiting and share.tokens >= 1:
                 share.tokens -= 1
-                taken.append(share.waiting.popitem(last=False)[1])
-            if not share.waiting and share.tokens >= self._rate * BURST_S:
-                idle.append(vendor)
-        for vendor in idle:
-            del self._shares[vendor]
+                taken.append(share.first())
+        self._forget_idle(now_s)
         return taken
+
+    def _forget_idle(self, now_s: float) -> None:
+        """A share that is whole again is as if it were new."""
+        for share in self._shares.values():
+            share.fill(now_s, self._rate)
+        whole = self._rate * BURST_S
+        self._shares = {name: one for name, one in self._shares.items() if one.waiting or one.tokens < whole}
+
+    def __len__(self) -> int:
+        return len(self._shares)
 
     @property
     def waiting(self) -> bool:
         return any(share.waiting for share in self._shares.values())
 
 
-def _wait(share: Share, one: Arrived) -> Arrived | None:
-    """Let it wait in the place of the older message of its robot, or at the end; the message shed for it."""
+def _wait(share: Share, one: Arrived) -> list[Arrived]:
+    """Let it wait in the place of the older message of its robot, or at the end; what is shed for it."""
     found = UUID.search(one.raw)
     key = found.group(1).lower() if found else b"connection %d" % one.connection.id
     key += b" status" if b'"operationalState"' in one.raw else b""
     overtaken = share.waiting.get(key)
     share.waiting[key] = one
-    if overtaken is None and len(share.waiting) > MOST_WAITING:
-        return share.waiting.popitem(last=False)[1]
-    return overtaken
+    share.weight += len(one.raw) - (len(overtaken.raw) if overtaken else 0)
+    shed = [overtaken] if overtaken else []
+    while len(share.waiting) > MOST_WAITING or share.weight > MOST_WAITING_BYTES:
+        shed.append(share.first())
+    return shed

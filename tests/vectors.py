@@ -115,6 +115,12 @@ def _who() -> Iterator[Vector]:
         reads={"uuid": str(uuid5(NAMED_ROBOTS, "Alder/forklift 7"))},
         names_as_uuid="Alder",
     )
+    yield Vector(
+        "a serial number without end",
+        named(robotSerialNumber="7" * 9000),
+        ("text-too-long",),
+        reads={"serial": "7" * 100},
+    )
     yield Vector("no serial number", named(robotSerialNumber=""), ("text-empty",), reads={"serial": ""})
     yield Vector(
         "an empty error code", said(errorCodes=["", "stuck"]), ("text-empty",), reads={"error_codes": ("stuck",)}

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from ingest.connection import Connection
-from ingest.fleet import NOWHERE, Fleet
+from ingest.fleet import MOST_UNKNOWN, NOWHERE, Fleet
 from ingest.frames import Frames
 from ingest.measures import Measures
 from ingest.quarantine import Quarantine
 from ingest.seam import Basis
 from ingest.settings import Datum, Model, Reading, Vendor
 from ingest.vendors import OTHER, UNKNOWN, Vendors
-from tests.saying import HALL, LOFT, identity, points, robot, status
+from tests.saying import HALL, LOFT, identity, points, robot, stamp, status
 
 NOW_S = 1_790_000_000.0
 LINE = Connection(1)
@@ -243,6 +243,21 @@ def test_whole_second_stamps_are_made_whole_again_in_the_forecast_too() -> None:
         one.receive(status("A-1", NOW_S + i, timestamp=stamp, path=path), NOW_S + i + 0.8, LINE)
     batch = one.cut(NOW_S + 4)
     assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 2.8, NOW_S + 6.8], abs=0.01)
+
+
+def test_made_up_datums_bring_only_so_many_floors_and_another_vendors_come_all_the_same() -> None:
+    one = fleet(Vendor(name="Alder"), Vendor(name="Mallory"))
+    mallory, alder = Connection(1, vendor="Mallory"), Connection(2, vendor="Alder")
+    for i in range(2 * MOST_UNKNOWN):
+        here = {"x": 1.0, "y": 2.0, "planarDatum": robot(f"floor {i}")}
+        path = [{"timestamp": stamp(NOW_S + i + 1), "x": 1.0, "y": 2.0, "planarDatumUUID": robot(f"far {i}")}]
+        one.receive(status("M-1", NOW_S + i, location=here, path=path), NOW_S + i, mallory)
+    assert len(one.cut(NOW_S).floors) == MOST_UNKNOWN
+    assert document(one, "M-1")["deviations"]["datum-too-many"] >= MOST_UNKNOWN
+    one.receive(status("A-1", NOW_S, location={"x": 1.0, "y": 2.0, "planarDatum": LOFT}), NOW_S, alder)
+    one.receive(status("A-2", NOW_S), NOW_S, alder)
+    batch = one.cut(NOW_S)
+    assert [batch.floors[floor] for floor in batch.forecasts.floor[batch.forecasts.start[:-1]]] == [LOFT, HALL]
 
 
 def test_an_unknown_datum_is_a_floor_of_its_own_and_found() -> None:
