@@ -10,6 +10,9 @@ from deconflict.foresight.grades import in_words
 from ingest import changes
 from ingest.measures import Labels, joined_values
 
+DIGITS = 3
+"""Millimetres and milliseconds are as fine as anybody can use."""
+
 Values = Mapping[str, Mapping[Labels, float]]
 
 
@@ -79,7 +82,10 @@ class VendorList(BaseModel):
 
 def vendor_health(documents: Iterable[dict[str, Any]]) -> list[VendorHealth]:
     """By name, from the measures of those roles that answer: what the others know is left out."""
-    values = joined_values(documents)
+    values = {
+        name: {labels: round(value, DIGITS) for labels, value in series.items()}
+        for name, series in joined_values(documents).items()
+    }
     heard = ("deconflict_robots", "deconflict_messages_total")
     names = {labels[0] for name in heard for labels in values.get(name, ())}
     return [_of(name, _part(values, name)) for name in sorted(names)]

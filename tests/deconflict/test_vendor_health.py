@@ -54,11 +54,11 @@ def test_errors_are_told_by_how_far_ahead() -> None:
 def test_what_has_changed_is_told_in_words_with_since_when() -> None:
     receiver, engine = Measures(), Measures()
     receiver.count("deconflict_messages_total", "Acme", "accepted")
-    changes.tell(receiver, {"clock": {"Acme": Change(SINCE_S, -3.04)}})
+    changes.tell(receiver, {"clock": {"Acme": Change(SINCE_S, -3.04099)}})
     changes.tell(engine, {"forecast": {"Acme": Change(SINCE_S + 60, 0.41)}, "datum": {}})
     (acme,) = vendor_health([receiver.as_document(), engine.as_document()])
     assert [(one.what, one.by, one.words) for one in acme.flags] == [
-        ("clock", -3.04, "clocks 3.0 s faster than usual"),
+        ("clock", -3.041, "clocks 3.0 s faster than usual"),
         ("forecast", 0.41, "forecasts 0.4 m further off than usual"),
     ]
     assert acme.flags[0].since == datetime.fromtimestamp(SINCE_S, UTC)
