@@ -68,6 +68,8 @@ class Sweeper:
         """(slots,) whether a slot's robot changed or left since the last pass."""
         self._told: Bools = np.zeros(0, bool)
         """(slots,) whether a slot's forecast is new since the last pass."""
+        self._since: Ints = np.zeros(0, np.int64)
+        """(slots,) the first slab from which on a robot has boxes without a gap."""
         self._covered: Ints = np.zeros(0, np.int64)
         """(slots,) the last slab for which a robot has boxes."""
         self._boxes = Boxes(self._slabs)
@@ -98,12 +100,13 @@ class Sweeper:
         left = self._roster.discard(keys)
         self._touched[left] = True
 
-    def step(self, now_s: float, reach_s: float = inf, accuracy_m: float = ACCURACY_M) -> PairConflicts:
+    def step(self, now_s: float, reach_s: float = inf, accuracy_m: float = 0.0) -> PairConflicts:
         """The conflicts in [`now_s`, `now_s` + horizon], or in the shorter `reach_s`.
 
-        The smallest separations of the pairs that are looked at anew are told to `accuracy_m`, never too small.
+        The smallest separations of the pairs that are looked at anew are told to `accuracy_m` where that is coarser
+        than a millimetre, never too small.
         """
-        self._accuracy_m, reach_s = accuracy_m, min(reach_s, self._horizon_s)
+        self._accuracy_m, reach_s = max(accuracy_m, ACCURACY_M), min(reach_s, self._horizon_s)
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
         decider = Decider(self._clearance_m, TOLERANCE_M)
         first_slab, last_slab = floor(now_s), floor(now_s + reach_s)
@@ -119,9 +122,10 @@ class Sweeper:
     def _taken_in(self, first_slab: int) -> tuple[Ints, Bools]:
         """The slots to cover anew, ascending, and which slots have a new forecast."""
         slots = len(self._roster)
-        self._covered.resize(slots, refcheck=False)
+        for column in (self._since, self._covered):
+            column.resize(slots, refcheck=False)
         self._boxes.grow(slots)
-        went_back = self._covered - self._slabs >= first_slab
+        went_back = np.maximum(self._since, self._covered - self._slabs + 1) > first_slab
         changed, told = np.flatnonzero(self._touched | went_back), self._told
         self._touched, self._told = np.zeros(slots, bool), np.zeros(slots, bool)
         return changed, told
@@ -139,6 +143,7 @@ class Sweeper:
         """Cover the robots of `changed` in so many slabs from `first_slab` on; the pairs of boxes to look at."""
         self._boxes.clear(changed)
         present = self._roster.present(changed)
+        self._since[present] = first_slab
         self._cover(present, first_slab, slabs)
         return self._boxes.pairs(present, np.arange(first_slab, first_slab + slabs) % self._slabs)
 
@@ -149,6 +154,8 @@ class Sweeper:
         for covered in np.unique(self._covered[behind]).tolist():
             slots = behind[self._covered[behind] == covered]
             begin, end = max(covered + 1, first_slab), first_slab + slabs
+            if begin > covered + 1:
+                self._since[slots] = begin
             self._cover(slots, begin, end - begin)
             found.append(self._boxes.pairs(slots, np.arange(begin, end) % self._slabs))
         return found

@@ -67,6 +67,15 @@ def test_time_may_go_back() -> None:
         assert_same(sweeper.step(now_s), swept_afresh(on_floor, now_s))
 
 
+def test_time_may_go_back_after_a_pass_of_little_reach() -> None:
+    rng = np.random.default_rng(9)
+    on_floor = {f"r{row}": said(rng, NOW_S) for row in range(30)}
+    sweeper = Sweeper(clearance_m=CLEARANCE_M)
+    sweeper.update(list(on_floor), Forecasts.joined(on_floor.values()))
+    sweeper.step(NOW_S + 5, reach_s=2.0)
+    assert_same(sweeper.step(NOW_S), swept_afresh(on_floor, NOW_S))
+
+
 def test_a_robot_that_changes_its_size_is_swept_with_the_new_one() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     stands, other = robot([0], [0], [0], 0, (1, 1)), robot([0], [2], [0], 0, (1, 1))
