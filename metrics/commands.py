@@ -4,8 +4,9 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,13 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     again.add_argument("--html", type=Path, metavar="OUT.html", help="a report for people, in one file")
     again.add_argument("--advisories", type=Path, metavar="OUT.jsonl", help="what the live stream would have said")
     again.add_argument("--mcap", type=Path, metavar="OUT.mcap", help="envelopes and advisories for robot viewers")
+    again.add_argument(
+        "--scheduler",
+        nargs="?",
+        const="",
+        metavar="ADDRESS",
+        help="spread the work over a Dask cluster; without an address over the cores of this machine",
+    )
     again.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"), help="say what a change did")
     again.set_defaults(run=_replay)
 
@@ -69,7 +77,8 @@ def _replay(args: argparse.Namespace) -> int:
         tell, watch = _outputs(args, files)
         events = files.enter_context(_shown(reader, args.logs))
         start = start_of(head) if (head := _head(args)) else Start()
-        result = replay(reader, events, settings, clearances_m, tell=tell, watch=watch, start=start)
+        again = replay if args.scheduler is None else _spread(args.scheduler, files)
+        result = again(reader, events, settings, clearances_m, tell=tell, watch=watch, start=start)
     if args.html:
         title = f"Replay of {', '.join(log.name for log in args.logs)}"
         args.html.write_text(report.page(result, title), encoding="utf-8")
@@ -78,6 +87,18 @@ def _replay(args: argparse.Namespace) -> int:
     elif not args.html:
         sys.stdout.write(_text(result))
     return 0
+
+
+def _spread(address: str, files: ExitStack) -> Callable[..., dict[str, Any]]:
+    """The replay on a cluster that `files` lets go of."""
+    try:
+        from metrics import spread  # noqa: PLC0415 - only where it is asked for
+    except ImportError as error:
+        raise LogError(f"--scheduler needs Dask ({error}): pip install '.[dask]'") from error
+    try:
+        return partial(spread.replay, files.enter_context(spread.cluster(address)))
+    except spread.ClusterError as error:
+        raise LogError(str(error)) from error
 
 
 def _conform(args: argparse.Namespace) -> int:

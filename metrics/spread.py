@@ -1,0 +1,150 @@
+"""A replay spread over a Dask cluster, with the result of a single run byte for byte.
+
+The log is cut into windows. Reading, the engine of each clearance and the judging go from window to window, each with a
+state of its own, so that a window's engines run while the next is read and the one before is judged. A task takes its
+state as bytes and gives it on as bytes: it changes nothing that another holds, so the scheduler may put it anywhere and
+repeat it where a worker is lost.
+"""
+
+import logging
+import pickle
+import sys
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from itertools import chain
+from operator import itemgetter
+from typing import Any
+
+from dask.distributed import Client, Future, LocalCluster
+
+from deconflict.blackbox.start import Start
+from deconflict.site import Site
+from ingest.playback import Event, Reader, Received, Tick
+from metrics.passes import Pass, Reading
+from metrics.replay import Line, Outcome, Run, Said, Tell, Watch, document
+
+WINDOW_S = 60.0
+"""Of the log's time in a window: some seconds of work, so that handing states on is a few hundredths of it."""
+AHEAD = 4
+"""Windows under way at once, which bounds the memory."""
+DASHBOARD = ":8787"
+
+State = bytes
+
+
+class ClusterError(ValueError):
+    """A cluster that can't be reached, and what to change."""
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Client]:
+    """A client of the scheduler at an address, or of a cluster of this machine's cores where that is empty."""
+    logging.getLogger("distributed").setLevel(logging.ERROR)
+    if address:
+        try:
+            client = Client(address, timeout="10s")  # type: ignore[no-untyped-call]
+        except (OSError, ValueError) as error:
+            raise ClusterError(f"no Dask scheduler answers at {address}: start one with `dask scheduler`") from error
+        with client:
+            yield client
+        return
+    drawn = DASHBOARD if find_spec("bokeh") else None
+    with (
+        LocalCluster(threads_per_worker=1, dashboard_address=drawn) as local,  # type: ignore[no-untyped-call]
+        Client(local) as client,  # type: ignore[no-untyped-call]
+    ):
+        if drawn:
+            sys.stderr.write(f"dashboard: {client.dashboard_link}\n")
+        yield client
+
+
+def replay(
+    client: Client,
+    reader: Reader,
+    events: Iterable[Event],
+    site: Site,
+    clearances_m: Sequence[float],
+    *,
+    tell: Tell | None = None,
+    watch: Watch | None = None,
+    start: Start = Start(),  # noqa: B008 - frozen
+    window_s: float = WINDOW_S,
+) -> dict[str, Any]:
+    """What `metrics.replay.replay` gives, worked out by the workers of `client`."""
+    began = time.perf_counter()
+    read: Any = (pickle.dumps(Reading(site)), [])
+    said: list[Any] = [(pickle.dumps(Run(site, clearance_m, start)), []) for clearance_m in clearances_m]
+    judged: Any = (pickle.dumps(Outcome(site, clearances_m)), [])
+    under_way: deque[tuple[Future[Any], Future[Any]]] = deque()
+    for part, last in _windows(events, window_s):
+        read = client.submit(_read, read, part, last, pure=False)
+        said = [client.submit(_say, run, read, pure=False) for run in said]
+        judged = client.submit(_judge, judged, read, *said, pure=False)
+        under_way.append((read, judged))
+        if len(under_way) > AHEAD:
+            _tell(client, *under_way.popleft(), tell, watch)
+    for one in under_way:
+        _tell(client, *one, tell, watch)
+    result = client.submit(_conclude, judged, read, pure=False).result()
+    return document(result, reader, time.perf_counter() - began)
+
+
+def _windows(events: Iterable[Event], window_s: float) -> Iterator[tuple[list[Event], bool]]:
+    """The events in parts, and whether each is the last."""
+    part: list[Event] = []
+    until_s: float | None = None
+    for event in events:
+        at_s = event.arrival_s if isinstance(event, Received) else event.now_s if isinstance(event, Tick) else None
+        if at_s is not None and (until_s is None or at_s >= until_s):
+            if until_s is not None:
+                yield part, False
+                part = []
+            until_s = at_s + window_s
+        part.append(event)
+    yield part, True
+
+
+def _tell(client: Client, read: Future[Any], judged: Future[Any], tell: Tell | None, watch: Watch | None) -> None:
+    """Wait for a window, and tell what the stream would have said in it."""
+    if watch:
+        for one in client.submit(itemgetter(1), read, pure=False).result():
+            watch(one.now_s, one.batch)
+    lines = client.submit(itemgetter(1), judged, pure=False).result()
+    if tell:
+        for line in lines:
+            tell(line)
+
+
+def _read(before: tuple[State, list[Pass]], part: list[Event], last: bool) -> tuple[State, list[Pass]]:
+    reading: Reading = _thawed(before[0])
+    passes = [*chain(reading.take(part), reading.finish() if last else ())]
+    return pickle.dumps(reading), passes
+
+
+def _say(before: tuple[State, list[Said]], read: tuple[State, list[Pass]]) -> tuple[State, list[Said]]:
+    run: Run = _thawed(before[0])
+    said = [run.step(one) for one in read[1]]
+    return pickle.dumps(run), said
+
+
+def _judge(
+    before: tuple[State, list[Line]], read: tuple[State, list[Pass]], *said: tuple[State, list[Said]]
+) -> tuple[State, list[Line]]:
+    outcome: Outcome = _thawed(before[0])
+    lines: list[Line] = []
+    for row, one in enumerate(read[1]):
+        lines += outcome.take(one, [each[1][row] for each in said])
+    return pickle.dumps(outcome), lines
+
+
+def _conclude(judged: tuple[State, list[Line]], read: tuple[State, list[Pass]]) -> dict[str, Any]:
+    outcome, reading = _thawed(judged[0]), _thawed(read[0])
+    result: dict[str, Any] = outcome.result(reading)
+    return result
+
+
+def _thawed(state: State) -> Any:
+    return pickle.loads(state)  # noqa: S301 - a worker runs whatever its scheduler sends, this too
