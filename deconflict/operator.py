@@ -206,6 +206,9 @@ class Face:
             health = {"status": "degraded", "roles": {error.role: "down"}}
         try:
             stored = {"status": "ok", "seq": self._store.last_seq()}
+            if self._publisher.failing:
+                unstored = {"reason": self._publisher.failing, "unstored": self._store.unstored}
+                stored |= {"status": "failing", **unstored}
         except StoreError as error:
             stored = {"status": "failing", "reason": str(error)}
         if stored["status"] != "ok":

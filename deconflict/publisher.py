@@ -1,15 +1,22 @@
-"""Publishing: store first, then wake whoever follows the stream. A follower is only its position in the store."""
+"""Publishing: store, then wake whoever follows the stream. A follower is only its position in the store.
+
+A disk that fails or takes longer than `PATIENCE_S` is not waited for: people are told, and the disk is tried again.
+"""
 
 import asyncio
+import logging
 from collections import deque
 from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple
 
 from deconflict.advisory import Acknowledgement, AnyAdvisory
-from deconflict.store import Store
+from deconflict.store import Store, StoreError
 from ingest.measures import Measures
 
+log = logging.getLogger(__name__)
+
+PATIENCE_S = 0.5
 TAIL_LENGTH = 1024
 STEP = 100
 
@@ -31,20 +38,60 @@ class Publisher:
         self._news = asyncio.Event()
         self.last_seq = store.last_seq()
         """The newest number known to followers."""
+        self.failing: str | None = None
+        """Why what is told is not stored just now."""
+        self._storing: asyncio.Task[None] | None = None
+        measures.level("deconflict_store_unstored", {(): 0})
 
     async def publish(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
-        """Store revisions and make them known; returns them with their numbers. Raises `StoreError`.
+        """Store revisions and make them known; returns them with their numbers.
 
-        What could not be stored is not made known. It may be sent again: what is stored already is not doubled.
+        They may be sent again: what is known already is not doubled. Raises `StoreError` where the store can't be read
+        or too many wait for it; then they are not made known.
         """
         async with self._appending:
             try:
-                stored = await asyncio.to_thread(self._store.append, advisories)
+                taken = await asyncio.to_thread(self._store.take, advisories)
             except Exception:
                 self.measures.count("deconflict_store_failures_total")
                 raise
-            self._announce([one for one in stored if one.seq > self.last_seq])
-        return stored
+            await self.settle()
+            self._announce([one for one in taken if one.seq > self.last_seq])
+        return taken
+
+    async def settle(self) -> None:
+        """Have what waits for the disk stored, and wait for that a little while."""
+        if self._storing is None or self._storing.done():
+            self._storing = asyncio.create_task(self._store_all())
+        await asyncio.wait({self._storing}, timeout=PATIENCE_S)
+        if self._storing.done():
+            self._storing.result()
+        elif not self.failing:
+            self._fail("the disk is slow")
+        self.measures.level("deconflict_store_unstored", {(): self._store.unstored})
+
+    async def close(self) -> None:
+        """Have the rest stored, as far as the disk takes it; what it does not is told in the log."""
+        await self.settle()
+        if self._store.unstored:
+            log.error("%d revisions were told and never stored", self._store.unstored)
+
+    async def _store_all(self) -> None:
+        while self._store.unstored:
+            try:
+                await asyncio.to_thread(self._store.flush)
+            except StoreError as error:
+                self.measures.count("deconflict_store_failures_total")
+                self._fail(str(error))
+                return
+        if self.failing:
+            log.warning("advisories are stored again")
+        self.failing = None
+
+    def _fail(self, why: str) -> None:
+        if not self.failing:
+            log.error("advisories are told and not stored: %s; they are, as soon as the disk takes them", why)
+        self.failing = why
 
     async def acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyAdvisory | None:
         """Store an answer and make it known; the newest revision with it, or None where there is no such advisory."""

@@ -1,7 +1,8 @@
 """The advisories on disk: every published revision, numbered once, in one SQLite file.
 
-A revision is stored before anybody is told of it. Its sequence number is never given to another revision, neither
-after a crash nor after old advisories are removed. The write-ahead log is synchronised at each commit
+A revision is stored before anybody is told of it, and its number is never given to another, neither after a crash nor
+after old advisories are removed. Where the disk fails or stalls, revisions are numbered, told of and read all the same,
+and stored under their numbers as soon as it takes them. The write-ahead log is synchronised at each commit
 (`synchronous=FULL`): what `append` has returned survives the death of the process and, on a drive that keeps its
 promise to flush, the loss of power. A drive that does not may lose the last commits, but not the file.
 """
@@ -12,12 +13,15 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from threading import Lock
+from threading import Lock, RLock
 from typing import Literal
 
 from deconflict.advice.account import yielded_s
-from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.ahead import MOST_AHEAD, Ahead, decided, matches, newest, revisions
 from deconflict.formats import UPGRADES
+from deconflict.rows import StoreError as StoreError  # noqa: PLC0414 - told on
+from deconflict.rows import advisory_of, answers_of, charge, insert, last_seq, stored_revision
 
 FILE_NAME = "advisories.db"
 BUSY_TIMEOUT_S = 5.0
@@ -28,10 +32,6 @@ LOOK_BACK_S = 3600.0
 StateFilter = Literal["open", "cleared", "all"]
 
 _OPEN_VALUES: dict[StateFilter, tuple[int, int]] = {"open": (1, 1), "cleared": (0, 0), "all": (0, 1)}
-
-
-class StoreError(Exception):
-    """The advisories can't be read or written; the message says what to do about it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,8 @@ class Store:
             directory.mkdir(parents=True, exist_ok=True)
             self._writer = self._connect()
             self._reader = self._connect()
-        self._write_lock, self._read_lock = Lock(), Lock()
+        self._write_lock, self._read_lock, self._number_lock = Lock(), Lock(), RLock()
+        self._ahead: list[AnyAdvisory] = []
         try:
             self._upgrade()
             self._reader.execute("PRAGMA query_only = ON")
@@ -67,53 +68,99 @@ class Store:
             self._reader.close()
             self._writer.close()
 
+    @property
+    def unstored(self) -> int:
+        """Revisions that wait for the disk."""
+        return len(self._ahead)
+
+    def take(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
+        """Number revisions and keep them for `flush`; every other method knows them from now on.
+
+        One that is there already is returned as it was. Raises `StoreError`, also where too many wait.
+        """
+        with self._number_lock:
+            if len(self._ahead) + len(advisories) > MOST_AHEAD:
+                raise StoreError(f"{self.path}: {len(self._ahead)} revisions wait for the disk; free or mend it")
+            ahead, taken, waiting = list(self._ahead), [], revisions(self._ahead)
+            with self._reading() as db:
+                seq = max(last_seq(db), ahead[-1].seq if ahead else 0)
+                for advisory in advisories:
+                    known = stored_revision(db, advisory.id, advisory.revision)
+                    known = known or waiting.get((advisory.id, advisory.revision))
+                    if known is None:
+                        seq += 1
+                        answer = answers_of(db, advisory.id)[1]
+                        known = advisory.model_copy(update={"seq": seq, "acknowledgement": answer})
+                        ahead.append(known)
+                        waiting[known.id, known.revision] = known
+                    taken.append(known)
+            self._ahead = ahead
+        return taken
+
+    def flush(self) -> None:
+        """Store what was taken, in one transaction. Raises `StoreError`; then it is still there, to be tried again."""
+        ahead = self._ahead
+        if not ahead:
+            return
+        with self._writing() as db:
+            last = last_seq(db)
+            for one in ahead:
+                if one.seq > last:
+                    insert(db, one, answers_of(db, one.id)[0], one.updated_at)
+                    charge(db, one)
+        with self._number_lock:
+            self._ahead = [one for one in self._ahead if one.seq > ahead[-1].seq]
+
     def append(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
         """Store revisions in one transaction and return them as stored, each with its sequence number.
 
         A revision that is there already (same advisory id and revision) is returned as it was first stored, with
         the number it had, so a sender that does not know whether it was heard may send again.
         """
-        with self._writing() as db:
-            seq = _last_seq(db)
+        with self._number_lock, self._writing_after_flush() as db:
+            seq = last_seq(db)
             stored = []
             for advisory in advisories:
-                known = _revision(db, advisory.id, advisory.revision)
+                known = stored_revision(db, advisory.id, advisory.revision)
                 if known is None:
                     seq += 1
-                    answers, newest = _answers(db, advisory.id)
+                    answers, newest = answers_of(db, advisory.id)
                     known = advisory.model_copy(update={"seq": seq, "acknowledgement": newest})
-                    _insert(db, known, answers, advisory.updated_at)
-                    _charge(db, known)
+                    insert(db, known, answers, advisory.updated_at)
+                    charge(db, known)
                 stored.append(known)
         return stored
 
     def acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyAdvisory | None:
         """Store the newest revision once more, with the answer and a number of its own; None where there is none.
 
-        Every later revision of the advisory carries the answer.
+        Every later revision of the advisory carries the answer. Raises `StoreError`, also while others wait for the
+        disk.
         """
-        with self._writing() as db:
+        with self._number_lock, self._writing_after_flush() as db:
             newest = db.execute(
                 "SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq WHERE a.id = ?",
                 (advisory_id,),
             ).fetchone()
             if newest is None:
                 return None
-            answered = _advisory(newest[0]).model_copy(update={"seq": _last_seq(db) + 1, "acknowledgement": answer})
+            answered = advisory_of(newest[0]).model_copy(update={"seq": last_seq(db) + 1, "acknowledgement": answer})
             db.execute(
                 "UPDATE advisories SET answers = answers + 1, acknowledgement = ? WHERE id = ?",
                 (answer.model_dump_json(), advisory_id),
             )
-            _insert(db, answered, _answers(db, advisory_id)[0], answer.at)
+            insert(db, answered, answers_of(db, advisory_id)[0], answer.at)
         return answered
 
     def after(self, seq: int, limit: int = 100) -> list[AnyAdvisory]:
-        """Up to `limit` stored revisions with a number above `seq`, ascending."""
-        with self._reading() as db:
+        """Up to `limit` revisions with a number above `seq`, ascending; all of them where it is below 0."""
+        with self._both() as (db, ahead):
             rows = db.execute(
                 "SELECT document FROM revisions WHERE seq > ? ORDER BY seq LIMIT ?", (seq, limit)
             ).fetchall()
-        return [_advisory(document) for (document,) in rows]
+        stored = [advisory_of(document) for (document,) in rows]
+        found = [*stored, *(one for one in ahead if one.seq > seq)]
+        return found if limit < 0 else found[:limit]
 
     def latest(
         self,
@@ -127,8 +174,10 @@ class Store:
         """The newest revision of each advisory that matches, newest first, at most `limit` of them."""
         chosen = {"kind": kind, "vendor": vendor, "robot": robot, "limit": -1 if limit is None else limit + 1}
         chosen["low"], chosen["high"] = _OPEN_VALUES[state]
-        with self._reading() as db:
-            seq = _last_seq(db)
+        with self._both() as (db, ahead):
+            seq, changed = _last(db, ahead), newest(ahead)
+            if limit is not None:
+                chosen["limit"] = limit + 1 + len(changed)
             rows = db.execute(
                 """SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq
                 WHERE a.open IN (:low, :high)
@@ -138,8 +187,10 @@ class Store:
                 ORDER BY a.seq DESC LIMIT :limit""",
                 chosen,
             ).fetchall()
-        found = [_advisory(document) for (document,) in rows[:limit]]
-        return Listing(seq=seq, advisories=found, more=len(found) < len(rows))
+        stored = [one for one in (advisory_of(document) for (document,) in rows) if one.id not in changed]
+        others = [one for one in changed.values() if matches(one, _OPEN_VALUES[state], kind, vendor, robot)]
+        found = sorted([*stored, *others], key=lambda one: -one.seq)
+        return Listing(seq=seq, advisories=found[:limit], more=limit is not None and len(found) > limit)
 
     def open(self) -> list[AnyAdvisory]:
         """The newest revision of every open advisory: what an engine goes on with after a restart."""
@@ -147,44 +198,48 @@ class Store:
 
     def open_at(self, now_s: float) -> list[AnyAdvisory]:
         """What was open at a time: the newest revision by then of each that changed in the hour before it."""
-        with self._reading() as db:
+        with self._both() as (db, ahead):
             rows = db.execute(
                 "SELECT document, max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id ORDER BY seq",
                 (now_s - LOOK_BACK_S, now_s),
             ).fetchall()
-        known = [_advisory(document) for document, _ in rows]
-        return [one for one in known if one.state is not AdvisoryState.CLEARED]
+        known = {one.id: one for one in (advisory_of(document) for document, _ in rows)}
+        known |= newest(decided(ahead, now_s - LOOK_BACK_S, now_s))
+        return [one for one in known.values() if one.state is not AdvisoryState.CLEARED]
 
     def between(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
         """Every revision decided after `since_s` and by `until_s`, ascending; without those that only answer."""
-        with self._reading() as db:
+        with self._both() as (db, ahead):
             rows = db.execute(
                 "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
                 (since_s, until_s),
             ).fetchall()
-        return [_advisory(document) for (document,) in rows]
+        later = (one for one in decided(ahead, since_s, until_s) if one.updated_at.timestamp() > since_s)
+        return [*(advisory_of(document) for (document,) in rows), *later]
 
     def raised(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
         """The first revision of each advisory raised in that time."""
-        with self._reading() as db:
+        with self._both() as (db, ahead):
             rows = db.execute(
-                "SELECT document FROM revisions WHERE revision = 1 AND answers = 0 AND updated_s BETWEEN ? AND ?",
+                "SELECT document FROM revisions WHERE revision = 1 AND answers = 0 AND updated_s BETWEEN ? AND ? "
+                "ORDER BY seq",
                 (since_s, until_s),
             ).fetchall()
-        return [_advisory(document) for (document,) in rows]
+        new = (one for one in decided(ahead, since_s, until_s) if one.revision == 1)
+        return [*(advisory_of(document) for (document,) in rows), *new]
 
     def get(self, advisory_id: str) -> list[AnyAdvisory]:
-        """Every stored revision of one advisory, ascending; empty where there is none."""
-        with self._reading() as db:
+        """Every revision of one advisory, ascending; empty where there is none."""
+        with self._both() as (db, ahead):
             rows = db.execute(
                 "SELECT document FROM revisions WHERE id = ? ORDER BY revision, answers", (advisory_id,)
             ).fetchall()
-        return [_advisory(document) for (document,) in rows]
+        return [*(advisory_of(document) for (document,) in rows), *(one for one in ahead if one.id == advisory_id)]
 
     def last_seq(self) -> int:
         """The highest number ever given; 0 before the first."""
-        with self._reading() as db:
-            return _last_seq(db)
+        with self._both() as (db, ahead):
+            return _last(db, ahead)
 
     def position(self, outlet: str, first: int) -> int:
         """The number of the last revision that an outlet has delivered; one that is new is put at `first`."""
@@ -200,14 +255,21 @@ class Store:
 
     def burdens_s(self) -> dict[str, float]:
         """How long the robots of each vendor were advised to yield, seconds; kept when advisories are pruned."""
-        with self._reading() as db:
-            return dict(db.execute("SELECT vendor, yielded_s FROM burdens").fetchall())
+        with self._both() as (db, ahead):
+            burdens_s: dict[str, float] = dict(db.execute("SELECT vendor, yielded_s FROM burdens").fetchall())
+        for vendor, more_s in (item for one in ahead for item in yielded_s(one).items()):
+            burdens_s[vendor] = burdens_s.get(vendor, 0.0) + more_s
+        return burdens_s
 
     def encounters(self) -> dict[tuple[str, str], int]:
         """The highest encounter ordinal of each pair of robots; kept when advisories are pruned."""
-        with self._reading() as db:
+        with self._both() as (db, ahead):
             rows = db.execute("SELECT robot_a, robot_b, ordinal FROM encounters").fetchall()
-        return {(a, b): ordinal for a, b, ordinal in rows}
+        found = {(a, b): int(ordinal) for a, b, ordinal in rows}
+        for one in ahead:
+            if isinstance(one, ConflictAdvisory):
+                found[one.robots] = max(one.encounter, found.get(one.robots, 0))
+        return found
 
     def prune(self, before: datetime) -> int:
         """Remove cleared advisories last changed before `before`, with every revision; how many went.
@@ -245,10 +307,23 @@ class Store:
                 )
             for statement in (one for step in UPGRADES[version:] for one in step):
                 db.execute(statement)
-            db.execute(f"PRAGMA user_version = {len(UPGRADES)}")
+            if version < len(UPGRADES):
+                db.execute(f"PRAGMA user_version = {len(UPGRADES)}")
 
     def _writing(self) -> AbstractContextManager[sqlite3.Connection]:
         return self._transaction(self._writer, self._write_lock, "BEGIN IMMEDIATE")
+
+    @contextmanager
+    def _both(self) -> Iterator[tuple[sqlite3.Connection, Ahead]]:
+        """The file as it is now, and what is told of and not yet in it."""
+        ahead = self._ahead
+        with self._reading() as db:
+            last = last_seq(db)
+            yield db, [one for one in ahead if one.seq > last]
+
+    def _writing_after_flush(self) -> AbstractContextManager[sqlite3.Connection]:
+        self.flush()
+        return self._writing()
 
     def _reading(self) -> AbstractContextManager[sqlite3.Connection]:
         return self._transaction(self._reader, self._read_lock, "BEGIN")
@@ -275,74 +350,8 @@ class Store:
             raise StoreError(f"{self.path}: {error}: choose a directory this user can write to") from error
 
 
-def _last_seq(db: sqlite3.Connection) -> int:
-    row = db.execute("SELECT seq FROM sqlite_sequence WHERE name = 'revisions'").fetchone()
-    return int(row[0]) if row else 0
-
-
-def _revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> AnyAdvisory | None:
-    row = db.execute(
-        "SELECT document FROM revisions WHERE id = ? AND revision = ? ORDER BY seq LIMIT 1", (advisory_id, revision)
-    ).fetchone()
-    return _advisory(row[0]) if row else None
-
-
-def _answers(db: sqlite3.Connection, advisory_id: str) -> tuple[int, Acknowledgement | None]:
-    """How often an advisory was acknowledged, and the newest of it."""
-    row = db.execute("SELECT answers, acknowledgement FROM advisories WHERE id = ?", (advisory_id,)).fetchone()
-    count, newest = row or (0, None)
-    return count, Acknowledgement.model_validate_json(newest) if newest else None
-
-
-def _insert(db: sqlite3.Connection, advisory: AnyAdvisory, answers: int, at: datetime) -> None:
-    db.execute(
-        "INSERT INTO revisions (seq, id, revision, answers, updated_s, document) VALUES (?, ?, ?, ?, ?, ?)",
-        (advisory.seq, advisory.id, advisory.revision, answers, at.timestamp(), advisory.model_dump_json()),
-    )
-    db.execute(
-        """INSERT INTO advisories (id, revision, seq, open, updated_s, kind) VALUES (?, ?, ?, ?, ?, ?)
-        ON CONFLICT (id) DO UPDATE SET
-            revision = excluded.revision, seq = excluded.seq, open = excluded.open, updated_s = excluded.updated_s
-        WHERE excluded.revision >= revision""",
-        (
-            advisory.id,
-            advisory.revision,
-            advisory.seq,
-            advisory.state is not AdvisoryState.CLEARED,
-            advisory.updated_at.timestamp(),
-            advisory.kind,
-        ),
-    )
-    parties = zip(advisory.robots, advisory.vendors, strict=True)
-    db.executemany("INSERT OR IGNORE INTO parties VALUES (?, ?, ?)", [(advisory.id, *party) for party in parties])
-    if isinstance(advisory, ConflictAdvisory):
-        _count_encounter(db, advisory)
-
-
-def _charge(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
-    db.executemany(
-        """INSERT INTO burdens VALUES (?, ?)
-        ON CONFLICT (vendor) DO UPDATE SET yielded_s = yielded_s + excluded.yielded_s""",
-        list(yielded_s(advisory).items()),
-    )
-
-
-def _count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:
-    db.execute(
-        """INSERT INTO encounters VALUES (?, ?, ?)
-        ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = max(ordinal, excluded.ordinal)""",
-        (*advisory.robots, advisory.encounter),
-    )
-
-
-def _advisory(document: str) -> AnyAdvisory:
-    try:
-        return ADVISORY.validate_json(document)
-    except ValueError as error:
-        raise StoreError(
-            f"a stored advisory is not readable by this release ({error}): run the release that wrote it, "
-            "or move the file aside to start a new one"
-        ) from error
+def _last(db: sqlite3.Connection, ahead: Ahead) -> int:
+    return ahead[-1].seq if ahead else last_seq(db)
 
 
 def _remedy(error: sqlite3.Error) -> str:

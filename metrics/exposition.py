@@ -179,6 +179,7 @@ CATALOGUE: dict[str, Entry] = {
         ("what",),
         "Attempts that failed to read, or to write, what was learned of vendors; learning goes on without.",
     ),
+    "deconflict_store_unstored": Entry("gauge", (), "Revisions that are told and wait for the disk."),
     "deconflict_page_viewers": Entry("gauge", (), "Pages that follow the live picture."),
     "deconflict_stream_subscribers": Entry("gauge", (), "Open subscriptions to the advisory stream."),
     "deconflict_stream_dropped_total": Entry("counter", (), "Subscribers dropped because they stopped reading."),

@@ -94,6 +94,7 @@ class OperatorRole:
                 await serving
                 bound.close()
         self._past.close()
+        await self._app.state.publisher.close()
         self._store.close()
 
     def _outlets_of(self, site: Site) -> list[Poster | Broker]:
@@ -241,9 +242,11 @@ class OperatorRole:
             await asyncio.sleep(PRUNE_EVERY_S)
 
     async def _refresh(self) -> None:
-        """Take up tokens and certificates that have changed."""
+        """Take up tokens and certificates that have changed, and try a disk again that failed."""
         while True:
             await asyncio.sleep(REFRESH_EVERY_S)
+            if self._store.unstored:
+                await self._app.state.publisher.settle()
             self._app.state.people.refresh()
             if self._certificates:
                 self._certificates.refresh()

@@ -1,0 +1,81 @@
+"""How revisions lie in the tables of the store."""
+
+import sqlite3
+from datetime import datetime
+
+from deconflict.advice.account import yielded_s
+from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
+
+
+class StoreError(Exception):
+    """The advisories can't be read or written; the message says what to do about it."""
+
+
+def last_seq(db: sqlite3.Connection) -> int:
+    row = db.execute("SELECT seq FROM sqlite_sequence WHERE name = 'revisions'").fetchone()
+    return int(row[0]) if row else 0
+
+
+def stored_revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> AnyAdvisory | None:
+    row = db.execute(
+        "SELECT document FROM revisions WHERE id = ? AND revision = ? ORDER BY seq LIMIT 1", (advisory_id, revision)
+    ).fetchone()
+    return advisory_of(row[0]) if row else None
+
+
+def answers_of(db: sqlite3.Connection, advisory_id: str) -> tuple[int, Acknowledgement | None]:
+    """How often an advisory was acknowledged, and the newest of it."""
+    row = db.execute("SELECT answers, acknowledgement FROM advisories WHERE id = ?", (advisory_id,)).fetchone()
+    count, newest = row or (0, None)
+    return count, Acknowledgement.model_validate_json(newest) if newest else None
+
+
+def insert(db: sqlite3.Connection, advisory: AnyAdvisory, answers: int, at: datetime) -> None:
+    db.execute(
+        "INSERT INTO revisions (seq, id, revision, answers, updated_s, document) VALUES (?, ?, ?, ?, ?, ?)",
+        (advisory.seq, advisory.id, advisory.revision, answers, at.timestamp(), advisory.model_dump_json()),
+    )
+    db.execute(
+        """INSERT INTO advisories (id, revision, seq, open, updated_s, kind) VALUES (?, ?, ?, ?, ?, ?)
+        ON CONFLICT (id) DO UPDATE SET
+            revision = excluded.revision, seq = excluded.seq, open = excluded.open, updated_s = excluded.updated_s
+        WHERE excluded.revision >= revision""",
+        (
+            advisory.id,
+            advisory.revision,
+            advisory.seq,
+            advisory.state is not AdvisoryState.CLEARED,
+            advisory.updated_at.timestamp(),
+            advisory.kind,
+        ),
+    )
+    parties = zip(advisory.robots, advisory.vendors, strict=True)
+    db.executemany("INSERT OR IGNORE INTO parties VALUES (?, ?, ?)", [(advisory.id, *party) for party in parties])
+    if isinstance(advisory, ConflictAdvisory):
+        count_encounter(db, advisory)
+
+
+def charge(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
+    db.executemany(
+        """INSERT INTO burdens VALUES (?, ?)
+        ON CONFLICT (vendor) DO UPDATE SET yielded_s = yielded_s + excluded.yielded_s""",
+        list(yielded_s(advisory).items()),
+    )
+
+
+def count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:
+    db.execute(
+        """INSERT INTO encounters VALUES (?, ?, ?)
+        ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = max(ordinal, excluded.ordinal)""",
+        (*advisory.robots, advisory.encounter),
+    )
+
+
+def advisory_of(document: str) -> AnyAdvisory:
+    try:
+        return ADVISORY.validate_json(document)
+    except ValueError as error:
+        raise StoreError(
+            f"a stored advisory is not readable by this release ({error}): run the release that wrote it, "
+            "or move the file aside to start a new one"
+        ) from error
