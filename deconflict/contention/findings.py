@@ -12,6 +12,14 @@ from deconflict.contention.telling import Finding, moment
 
 QUIET_S = 30.0
 """A robot not heard of for this long is said to be so (standard 5.4)."""
+IN_WORDS = {
+    "waitingHumanEvent": "waits for a person",
+    "waitingExternalEvent": "waits for something around it",
+    "waitingInternalEvent": "busy with itself",
+    "navigating": "says that it drives",
+    "manualOverride": "driven by hand",
+}
+"""States of the standard (5.2) that do not read as words."""
 TELL_SPREAD_S = 3.0
 """An arrival that is known better is told without how well."""
 SOON_S = 30.0
@@ -133,11 +141,17 @@ def _way_out(
     return f"; {robots[last.robot].name} should wait {last.wait_s:.0f} s before {lane}"
 
 
+def _says(seen: Seen, now_s: float) -> str:
+    """What a standing robot says of itself, in words."""
+    quiet_s = now_s - seen.event_s
+    if quiet_s >= QUIET_S:
+        return f"last heard {quiet_s:.0f} s ago"
+    return IN_WORDS.get(seen.state, seen.state) or "no state"
+
+
 def blockage(one: Blocked, robots: Mapping[str, Seen], now_s: float) -> Finding:
     """A robot that stands where others will pass."""
     seen = robots[one.blocker]
-    quiet_s = now_s - seen.event_s
-    says = f"last heard {quiet_s:.0f} s ago" if quiet_s >= QUIET_S else seen.state or "no state"
     return Finding(
         kind="blockage",
         about=one.blocker,
@@ -145,7 +159,7 @@ def blockage(one: Blocked, robots: Mapping[str, Seen], now_s: float) -> Finding:
         robots=tuple(sorted((one.blocker, *one.holds_up))),
         predicted_s=max(one.from_s, now_s),
         location=Location(datum=seen.datum, x=round(seen.x_m, 3), y=round(seen.y_m, 3)),
-        summary=f"{seen.name} has stood for {now_s - one.since_s:.0f} s ({says}) in the way of "
+        summary=f"{seen.name} has stood for {now_s - one.since_s:.0f} s ({_says(seen, now_s)}) in the way of "
         f"{names(robots, one.holds_up)}",
         evidence={"blocker": one.blocker, "since_at": moment(one.since_s), "holds_up": one.holds_up},
     )

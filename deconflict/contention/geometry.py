@@ -27,6 +27,8 @@ class Passage:
     """(k,) times at which it is in the zone."""
     along_m: Floats
     """(k,) where its centre then is along the aisle's axis; zeros where the zone has none."""
+    across_m: float = 0.0
+    """How far to the left of the axis its centre is, on the mean."""
 
     @property
     def direction(self) -> int:
@@ -144,13 +146,14 @@ class Geometry:
         out = np.flatnonzero(~inside[first:])
         end = first + int(out[0]) if len(out) else len(inside)
         axis = self.zones[zone].axis
-        along_m = np.zeros(end - first)
+        along_m, across_m = np.zeros(end - first), 0.0
         if axis:
             (ax, ay), (bx, by) = axis
             unit = np.array([bx - ax, by - ay]) / np.hypot(bx - ax, by - ay)
-            along_m = (one.x_m[row, first:end] - ax) * unit[0] + (one.y_m[row, first:end] - ay) * unit[1]
+            x_m, y_m = one.x_m[row, first:end] - ax, one.y_m[row, first:end] - ay
+            along_m, across_m = x_m * unit[0] + y_m * unit[1], float((y_m * unit[0] - x_m * unit[1]).mean())
         leave_s = float(one.t_s[end]) if len(out) else inf
-        return Passage(zone, float(one.t_s[first]), leave_s, one.t_s[first:end], along_m)
+        return Passage(zone, float(one.t_s[first]), leave_s, one.t_s[first:end], along_m, across_m)
 
 
 def _middle(place: Place) -> tuple[str, float, float]:

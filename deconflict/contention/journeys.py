@@ -158,10 +158,15 @@ def aisle_wants(robots: Iterable[Seen], aisles: Iterable[str]) -> list[Want]:
 
 
 def _meet_s(forth: Seen, back: Seen, zone: str) -> float | None:
-    """When two that drive towards each other in a lane are nose to nose; None where they do not come to that."""
+    """When two that drive towards each other in a lane are nose to nose; None where they do not come to that.
+
+    Nor do they where the lane is wide enough for their ways to pass each other.
+    """
     a, b = forth.passages[zone], back.passages[zone]
     first_s, noses_m = max(a.enter_s, b.enter_s), (forth.length_m + back.length_m) / 2
     if first_s >= min(a.leave_s, b.leave_s) or a.reach_m <= b.reach_m:
+        return None
+    if abs(a.across_m - b.across_m) >= (forth.width_m + back.width_m) / 2:
         return None
     between_m = b.at_m(first_s) - a.at_m(first_s)
     if between_m <= 0:

@@ -24,6 +24,8 @@ QUICKEST_MPS = 2.0
 """Nobody is expected to be anywhere sooner than at this speed in a straight line."""
 WAY_M = 0.5
 """A way with less than this left is gone."""
+STRAIGHT_S = 3.0
+"""A robot that tells no path is taken to go straight on for so long; nobody knows its way beyond."""
 RESTING = frozenset(("idle", "charging", "disabled", "offline"))
 """States of robots that want to go nowhere now."""
 
@@ -121,7 +123,9 @@ class Robots:
             one.event_s = float(batch.event_s[row])
             self._place(one, datums[row], here[row], shapes, row)
             one.passages = passages.get(row, {})
-            one.stops = self._ahead(one, batch.now_s, stops[row]) or self._end_of_way(one, view, row)
+            one.stops = self._ahead(one, batch.now_s, stops[row])
+            if not one.stops and batch.basis[row] != Basis.VELOCITY:
+                one.stops = self._end_of_way(one, view, row)
             told.append(one)
         return told
 
@@ -185,7 +189,7 @@ class Robots:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shapes:
-    """Of n robots: envelopes now, and ways as far as they stay on their floor."""
+    """Of n robots: envelopes now, and ways as far as they are known and stay on their floor."""
 
     x_m: Floats
     y_m: Floats
@@ -204,13 +208,16 @@ def _shapes(batch: Batch, view: Ahead) -> _Shapes:
     column = np.minimum(np.arange(stays.shape[1]), last[:, None])
     x_m, y_m = np.take_along_axis(view.x_m, column, 1), np.take_along_axis(view.y_m, column, 1)
     way_m = np.hypot(np.diff(x_m, axis=1), np.diff(y_m, axis=1)).sum(axis=1)
+    known = np.where(batch.basis == Basis.VELOCITY, int(STRAIGHT_S / STEP_S), stays.shape[1] - 1)
+    column = np.minimum(np.arange(stays.shape[1]), known[:, None])
+    ways = np.stack([np.take_along_axis(x_m, column, 1), np.take_along_axis(y_m, column, 1)], axis=-1)
     return _Shapes(
         x_m=x_m[:, 0],
         y_m=y_m[:, 0],
         length_m=sizes.length_m,
         width_m=sizes.width_m,
         outlines=shapely.polygons(view.corners(everybody, sizes.length_m, sizes.width_m, 1)[:, 0]).tolist(),
-        ways=shapely.linestrings(np.stack([x_m, y_m], axis=-1)).tolist(),
+        ways=shapely.linestrings(ways).tolist(),
         way_m=way_m,
         goes=(batch.basis != Basis.STATIONARY) & (way_m > WAY_M),
     )

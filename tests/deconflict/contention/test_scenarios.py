@@ -79,6 +79,14 @@ def test_two_that_follow_each_other_through_an_aisle_do_not() -> None:
     assert raised(scene.run(30), "deadlock") == []
 
 
+def test_two_that_keep_right_in_an_aisle_wide_enough_for_both_do_not() -> None:
+    wide = aisle("lane", -8, 12).model_copy(update={"polygon": box(2, 0, 20, 3)})
+    east, west = Script([(0, -16, -0.6), (40, 24, -0.6)]), Script([(0, 20, 0.6), (40, -20, 0.6)])
+    assert raised(Scene(site(wide), {"A": east, "B": west}).run(30), "deadlock") == []
+    narrow = [Script([(t, x, y / 3) for t, x, y in one.knots]) for one in (east, west)]
+    assert raised(Scene(site(wide), dict(zip("AB", narrow, strict=True))).run(12), "deadlock")
+
+
 def test_one_that_stops_in_an_aisle_short_of_the_other_does_not() -> None:
     scene = Scene(
         site(aisle("lane", -8, 12)),
@@ -263,6 +271,16 @@ def test_a_robot_that_stands_in_the_way_is_named_with_everyone_it_holds_up() -> 
     assert last.holds_up == (robot("B"), robot("C"))
     assert 18 < after_s(one) < 24, "as soon as B's path reaches A"
     assert "Alder A has stood for" in one.summary
+
+
+def test_a_robot_that_tells_no_path_is_held_up_by_what_is_just_ahead_of_it_alone() -> None:
+    def walks(_: float) -> str:
+        return "manualOverride"
+
+    robots = {"A": standing(0, 0), "B": Script([(0, -14, 0), (14, -1, 0)], state=walks)}
+    (one,) = raised(Scene(site(), robots).run(16), "blockage")
+    assert after_s(one) > 10
+    assert "waits for something around it" in one.summary
 
 
 def test_a_robot_that_has_arrived_is_held_up_by_nobody() -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -82,6 +83,26 @@ async def revisions(url: str, *ids: str) -> list[dict[str, Any]]:
     return [revision for answer in answers for revision in answer]
 
 
+async def told_in_metrics(url: str) -> None:
+    """Demand, occupancy and wait at each place, deadlocks ahead, and what solves took."""
+    async with httpx.AsyncClient() as client, asyncio.timeout(20):
+        while True:
+            text = (await client.get(f"{url}/metrics")).text
+            told = dict(re.findall(r"^(deconflict_[^ ]+) ([\d.e+-]+)$", text, re.M))
+            if float(told.get("deconflict_advice_solve_seconds_count", 0)) >= 2:
+                break
+            await asyncio.sleep(0.1)
+    expected = {
+        'deconflict_resource_occupancy{resource="c1"}': 1.0,
+        'deconflict_resource_demand{resource="c1"}': 3.0,
+        'deconflict_resource_demand{resource="lane"}': 2.0,
+        "deconflict_deadlocks_ahead": 1.0,
+    }
+    assert {name: float(told[name]) for name in expected} == expected
+    wait_s = float(told['deconflict_resource_wait_seconds{resource="c1"}'])
+    assert 100 < wait_s < 160, "one robot stays for 100 s before the other one's turn"
+
+
 def replayed(log: Path) -> dict[tuple[str, int], dict[str, Any]]:
     """What the engine says of the recording, by id and revision."""
     fleet, engine, told = fleet_of(SITE, Measures()), Engine(SITE), list[AnyAdvisory]()
@@ -108,9 +129,7 @@ async def test_a_deadlock_and_a_queue_are_told_ahead_and_keep_their_ids_over_a_r
         assert found["deadlock"]["time_to_conflict_s"] > 3
         assert (found["contention"]["resource"], found["contention"]["queue_length"]) == ("c1", 2)
         assert found["contention"]["recommendation"]["slots"]
-        async with httpx.AsyncClient() as client:
-            text = (await client.get(f"{operator}/metrics")).text
-        assert 'deconflict_resource_occupancy{resource="c1"} 1.0' in text
+        await told_in_metrics(operator)
         driving.cancel()
         live = await revisions(operator, found["deadlock"]["id"], found["contention"]["id"])
     told = replayed(tmp_path / "log")
