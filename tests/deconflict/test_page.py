@@ -284,6 +284,8 @@ def test_it_fits_each_screen(
     with opened(browser, floor, width, height, scheme) as page:
         page.wait_for_selector("#advisories li")
         until(page, "document.querySelectorAll('#vendors tbody tr').length === 4")
+        # every vendor has a cell in every column, the last of what has changed
+        assert page.evaluate("[...document.querySelectorAll('#vendors tr')].every((row) => row.cells.length === 8)")
         page.click("#heat")
         until(page, "document.getElementById('heat').ariaPressed === 'true'")
         page.click("#heat")
