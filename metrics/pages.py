@@ -298,7 +298,7 @@ VENDORS = Dashboard(
                     "Arrivals early or late, median",
                     "s",
                     (
-                        Query(
+                        _told(
                             level(
                                 "deconflict_arrival_error_seconds",
                                 ["vendor", "ahead_up_to_s"],
@@ -313,7 +313,7 @@ VENDORS = Dashboard(
                     "Arrivals that came late",
                     "percentunit",
                     (
-                        Query(
+                        _told(
                             level("deconflict_arrivals_late_ratio", ["vendor", "ahead_up_to_s"], over="max"),
                             "{{vendor}}, told up to {{ahead_up_to_s}} s ahead",
                         ),
