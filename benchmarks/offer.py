@@ -28,6 +28,11 @@ SLICE_S = 0.02
 ROBOTS_A_CONNECTION = 10
 
 
+def vendor_of(robot: int) -> str:
+    """Every connection is of one vendor's robots and names it, so that each vendor has a share of its own."""
+    return VENDORS[robot // ROBOTS_A_CONNECTION % len(VENDORS)]
+
+
 @dataclass(slots=True)
 class Offered:
     """What a load did. Times in seconds."""
@@ -70,7 +75,7 @@ class Circling:
             {
                 "uuid": self.uuids[robot],
                 "timestamp": _stamp(time.time()),
-                "manufacturerName": VENDORS[robot // ROBOTS_A_CONNECTION % len(VENDORS)],
+                "manufacturerName": vendor_of(robot),
                 "robotModel": "M1",
                 "robotSerialNumber": f"R-{robot}",
                 "baseRobotEnvelope": {"x": 1.0, "y": 0.6, "z": 1.0},
@@ -92,7 +97,10 @@ async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool]
     """Connect, identify, then send for `seconds` or until `ended`."""
     world, told, began_core_s = Circling(robots), Offered(), time.process_time()
     groups = np.array_split(np.arange(robots), -(-robots // ROBOTS_A_CONNECTION))
-    lines = [Line(url, [world.identity(robot) for robot in group.tolist()], told) for group in groups]
+    lines = [
+        Line(f"{url}/{vendor_of(group[0])}", [world.identity(robot) for robot in group.tolist()], told)
+        for group in groups
+    ]
     line_of = [line for line, group in zip(lines, groups, strict=True) for _ in group]
     for line in lines:
         await line.open()
