@@ -30,6 +30,7 @@ from ingest.credentials import Credentials, Refusal
 from ingest.measures import Measures
 from ingest.settings import Receiver as Settings
 from ingest.shares import Arrived, Shares
+from ingest.turns import Turns
 from ingest.vendors import UNKNOWN
 
 Deliver = Callable[[bytes, float, Connection], None]
@@ -61,7 +62,7 @@ class Line:
 
 
 class Receiver:
-    """Accepts robots and fleet managers. Delivers on the event loop, in order of arrival.
+    """Accepts robots and fleet managers. Delivers on the event loop, in order of arrival and in short turns.
 
     `deconflict_connections_refused_total` counts by reason: `full` (answered 503, or aborted where even that would
     take too many files), `unauthorised`, `another-vendor`, `replaced`, `idle`, `vendor-removed`, `protocol-error`.
@@ -93,6 +94,7 @@ class Receiver:
         self._closing: set[asyncio.Task[None]] = set()
         self._limit = settings.max_connections
         self._shares = Shares(settings.max_messages_per_s)
+        self._turns = Turns()
         self._draining: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
@@ -141,6 +143,7 @@ class Receiver:
             self._server.close()
             await asyncio.gather(*self._closing, *(line.socket.close() for line in self._all_lines()))
             await self._server.wait_closed()
+        self._turns.finish()
 
     def renew(self, credentials: Credentials) -> None:
         """Let vendors in by other credentials. Open connections stay, but those of a vendor that is no longer there."""
@@ -162,19 +165,20 @@ class Receiver:
         try:
             while True:
                 raw = await socket.recv(decode=False)
+                await self._turns.room()
                 self._take(Arrived(raw, self._clock(), connection), now_s())
                 line.heard_s = now_s()
         except ConnectionClosed as ended:
             self._ended(ended, connection)
         finally:
             self._leave(connection)
-            self._closed(connection)
+            self._turns.do(partial(self._closed, connection))
 
     def _take(self, one: Arrived, now_s: float) -> None:
         """Deliver a message now, or when its sender's share allows."""
         at_once, shed = self._shares.admit(one.connection.vendor or one.connection.peer, one, now_s)
         if at_once:
-            self._deliver(*one)
+            self._turns.do(partial(self._deliver, *one))
         elif self._draining is None or self._draining.done():
             self._draining = asyncio.create_task(self._drain())
         if shed:
@@ -184,7 +188,7 @@ class Receiver:
         while self._shares.waiting:
             await asyncio.sleep(DRAIN_EVERY_S)
             for one in self._shares.due(asyncio.get_running_loop().time()):
-                self._deliver(*one)
+                self._turns.do(partial(self._deliver, *one))
 
     def _enter(self, line: Line) -> None:
         _keep_alive(line.socket)
@@ -212,7 +216,7 @@ class Receiver:
         if code == CloseCode.MESSAGE_TOO_BIG:
             most = self._settings.max_message_bytes
             reason = f"larger than {most} bytes or in too many fragments; send a shorter path"
-            self._refuse("message-too-large", reason, self._clock(), connection)
+            self._turns.do(partial(self._refuse, "message-too-large", reason, self._clock(), connection))
         elif code in {CloseCode.PROTOCOL_ERROR, CloseCode.INVALID_DATA}:
             self._count_refused("protocol-error")
 

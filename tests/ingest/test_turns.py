@@ -1,0 +1,98 @@
+import asyncio
+import time
+from functools import partial
+
+from ingest.turns import MOST_WAITING, Turns
+
+
+def test_calls_are_made_in_their_order_and_at_once_where_there_is_time() -> None:
+    async def run() -> tuple[list[int], list[int]]:
+        turns, done = Turns(turn_s=10.0), list[int]()
+        for n in range(5):
+            turns.do(partial(done.append, n))
+        return list(done), done
+
+    at_once, done = asyncio.run(run())
+    assert at_once == done == [0, 1, 2, 3, 4]
+
+
+def test_the_loop_goes_round_between_turns_and_nothing_changes_places() -> None:
+    async def run() -> list[str | int]:
+        turns, done = Turns(turn_s=0.0), list[str | int]()
+        loop = asyncio.get_running_loop()
+        for n in range(3):
+            turns.do(partial(done.append, n))
+        loop.call_soon(done.append, "another")
+        assert done == []
+        while len(done) < 4:
+            await asyncio.sleep(0)
+        return done
+
+    assert asyncio.run(run()) == [0, "another", 1, 2]
+
+
+def test_at_the_end_all_that_waits_is_done() -> None:
+    async def run() -> list[int]:
+        turns, done = Turns(turn_s=0.0), list[int]()
+        for n in range(3):
+            turns.do(partial(done.append, n))
+        turns.finish()
+        return done
+
+    assert asyncio.run(run()) == [0, 1, 2]
+
+
+def test_what_takes_long_leaves_room_for_others() -> None:
+    """Three hundredths of a second of work, in turns of one."""
+
+    async def run() -> list[str]:
+        turns, done = Turns(turn_s=0.01), list[str]()
+
+        def work() -> None:
+            until_s = time.monotonic() + 0.01
+            while time.monotonic() < until_s:
+                pass
+            done.append("work")
+
+        for _ in range(3):
+            turns.do(work)
+        asyncio.get_running_loop().call_soon(done.append, "another")
+        while len(done) < 4:
+            await asyncio.sleep(0)
+        return done
+
+    assert asyncio.run(run()).index("another") < 3
+
+
+def test_who_brings_too_much_waits_until_there_is_room_again() -> None:
+    async def run() -> list[int]:
+        turns, done = Turns(turn_s=0.0), list[int]()
+
+        async def bring() -> None:
+            for n in range(2 * MOST_WAITING):
+                await turns.room()
+                turns.do(partial(done.append, n))
+
+        bringing = asyncio.create_task(bring())
+        await asyncio.sleep(0)
+        assert not bringing.done()
+        assert len(done) == 0
+        await bringing
+        assert len(done) >= MOST_WAITING // 2
+        turns.finish()
+        return done
+
+    assert asyncio.run(run()) == list(range(2 * MOST_WAITING))
+
+
+def test_a_call_that_fails_does_not_keep_the_others() -> None:
+    async def run() -> list[int]:
+        turns, done = Turns(turn_s=0.0), list[int]()
+        asyncio.get_running_loop().set_exception_handler(lambda *_: done.append(-1))
+        turns.do(lambda: done.append(1 // 0))
+        turns.do(partial(done.append, 2))
+        while 2 not in done:
+            await asyncio.sleep(0)
+        return done
+
+    assert asyncio.run(run()) == [-1, 2]
