@@ -133,8 +133,17 @@ class Rests:
         offsets = self._offsets.setdefault(vendor, deque(maxlen=LATER))
         off = (at[0] - mark[0], at[1] - mark[1])
         offsets.append(off)
-        for level, metres in zip(self._levels.setdefault(vendor, _levels()), off, strict=True):
+        axes = self._levels.setdefault(vendor, _levels())
+        for level, metres in zip(axes, off, strict=True):
             level.take(metres, at_s)
+        if not all(level.seen for level in axes):
+            self._mark_anew(vendor)
+
+    def _mark_anew(self, vendor: str) -> None:
+        """Its frame has been elsewhere for so long that it is usual there."""
+        for key in [one for one in self._firsts if one[0] == vendor]:
+            del self._firsts[key]
+        del self._offsets[vendor], self._levels[vendor]
 
 
 def _levels() -> tuple[Level, Level]:

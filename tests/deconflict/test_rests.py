@@ -10,7 +10,7 @@ from ingest import changes
 from ingest.connection import Connection
 from ingest.fleet import Fleet
 from ingest.frames import Frames
-from ingest.levels import LEARNED
+from ingest.levels import ADOPTED_S, LEARNED
 from ingest.measures import Measures
 from ingest.quarantine import Quarantine
 from ingest.settings import Datum
@@ -115,6 +115,19 @@ def test_a_frame_that_moves_is_told_with_since_when_until_it_is_back() -> None:
     assert change.by == pytest.approx(0.4, abs=0.05)
     assert abs(change.since_s - (NOW_S + 300 * 60)) <= 900
     assert told[-1] is None
+
+
+def test_a_frame_that_stays_elsewhere_for_a_day_has_its_marks_there() -> None:
+    rests, rng = settled()
+    told, every_s = [], 600.0
+    for row in range(60 + int(ADOPTED_S / every_s) + 6 * FIRST):
+        shift_m = 0.4 if row >= 60 else 0.0
+        rest(rests, row % 3, shift_m + rng.gauss(0, 0.05), rng.gauss(0, 0.05), at_s=NOW_S + every_s * row)
+        told.append((rests.drift_m().get(("Acme",), 0.0), rests.changed()))
+    assert told[100][0] > 0.3
+    assert told[100][1]
+    assert told[-1][0] < 0.1
+    assert not told[-1][1]
 
 
 def test_the_engine_says_since_when_a_frame_has_moved() -> None:
