@@ -124,14 +124,14 @@ def runtime_directory() -> tempfile.TemporaryDirectory[str]:
 
 @asynccontextmanager
 async def in_one_process(
-    site: Site, data: Path, exposition: Exposition
+    site: Site, data: Path, exposition: Exposition, wall: Callable[[], float] = time.time
 ) -> AsyncIterator[tuple[ReceiverRole, OperatorRole]]:
     """The same three roles on one event loop, the engine on a thread: for tests and small runs."""
     with runtime_directory() as name:
         runtime, stop, stop_engine = Path(name), asyncio.Event(), threading.Event()
         data.mkdir(parents=True, exist_ok=True)
         operator = OperatorRole(site, runtime, data, exposition)
-        receiver = ReceiverRole(site, runtime, data / "log")
+        receiver = ReceiverRole(site, runtime, data / "log", wall)
         engine = _engine_role(site, runtime)
         async with asyncio.TaskGroup() as roles:
             roles.create_task(operator.run(stop))

@@ -58,6 +58,9 @@ CATALOGUE: dict[str, Entry] = {
         "Time from a pose being true to its arrival, median of the vendor's robots.",
         "largest",
     ),
+    "deconflict_host_clock_off_seconds": Entry(
+        "gauge", (), "What the host's clock is ahead of the service's, which does not leap when that is set.", "largest"
+    ),
     "deconflict_forecast_age_seconds": Entry(
         "gauge", ("vendor",), "Age of the poses that forecasts rest on, median of the vendor's robots.", "largest"
     ),

@@ -28,6 +28,8 @@ RETRY_S = 0.2
 LEARNED_EVERY_S = 60.0
 """What was learned is handed to the operator face so often, and at the end."""
 MEASURES_EVERY_S = 1.0
+STEPPED_S = 30.0
+"""A batch is never so old: the host's clock has been set, and the service's goes on."""
 EVERYTHING = b"everything"
 """What an engine asks for that knows nothing of the floor. It may take long, so that its pass is not judged."""
 LEFT_OUT = {
@@ -121,7 +123,7 @@ class EngineRole:
         solved_s = [self._solved_s.popleft() for _ in range(len(self._solved_s))]
         engine.measures.observe("deconflict_advice_solve_seconds", solved_s)
         near = [(*pair, batch.now_s) for pair in engine.near_misses]
-        self._outbox.put(revisions, arrivals_s(batch), engine.measures, near)
+        self._outbox.put(revisions, arrivals_s(batch, time.time()), engine.measures, near)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
             self._outbox.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
@@ -137,17 +139,20 @@ class EngineRole:
             log.info("the engine keeps up again: %s", LEFT_OUT[self._pace.effort])
 
 
-def arrivals_s(batch: Batch) -> dict[str, Floats]:
-    """When each message that the batch reflects arrived, by vendor.
+def arrivals_s(batch: Batch, host_s: float) -> dict[str, Floats]:
+    """When each message that the batch reflects arrived, by vendor, by the host's clock, which says `host_s` now.
 
     Those that a newer one of the same robot has replaced count as long as the first of them; a robot that is only told
     again counts nothing.
     """
     vendors, by_vendor = np.array(batch.vendors), {}
+    ahead_s = host_s - batch.now_s
+    ahead_s = ahead_s if abs(ahead_s) > STEPPED_S else 0.0
     newest_s, first_s = batch.arrival_s, batch.first_arrival_s
     for vendor in dict.fromkeys(batch.vendors):
         rows = np.flatnonzero((vendors == vendor) & (batch.statuses > 0))
-        by_vendor[vendor] = np.concatenate([newest_s[rows], np.repeat(first_s[rows], batch.statuses[rows] - 1)])
+        arrived_s = np.concatenate([newest_s[rows], np.repeat(first_s[rows], batch.statuses[rows] - 1)])
+        by_vendor[vendor] = arrived_s + ahead_s
     return by_vendor
 
 

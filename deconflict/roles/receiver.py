@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from operator import attrgetter
 from pathlib import Path
 from random import Random
@@ -24,6 +24,7 @@ from ingest.playback import Closed, Reader, Received, segments
 from ingest.quarantine import Quarantine
 from ingest.receiver import Receiver
 from ingest.recording import Recorder, quantise
+from ingest.steady import SteadyClock
 from ingest.tokens import SecretError
 from ingest.vendors import Vendors
 
@@ -75,17 +76,19 @@ def recover(fleet: Fleet, files: Sequence[Path], now_s: float) -> Recovered:
 class ReceiverRole:
     """Holds the robots' port, the fleet's state and the recording. The engine paces it by asking for batches."""
 
-    def __init__(self, site: Site, runtime: Path, log: Path) -> None:
+    def __init__(self, site: Site, runtime: Path, log: Path, wall: Callable[[], float] = time.time) -> None:
+        """`wall` is the host's clock."""
+        self._clock = SteadyClock(wall, time.monotonic)
         self.site, self._runtime = site, runtime
         self.measures = Measures()
         self.measures.begin(
             "deconflict_ticks_total", "deconflict_recorded_bytes_total", "deconflict_recorded_lines_dropped_total"
         )
         self.fleet = fleet_of(site, self.measures)
-        found = recover(self.fleet, segments(log) if log.is_dir() else [], _now_s())
+        found = recover(self.fleet, segments(log) if log.is_dir() else [], self._now_s())
         if found.messages:
             logger.info("the floor is as it was: %s messages read back from the recording", found.messages)
-        self.recorder = Recorder(site.recorder, log, self.measures, _now_s)
+        self.recorder = Recorder(site.recorder, log, self.measures, self._now_s)
         self.receiver = Receiver(
             site.receiver,
             Credentials(site.vendors),
@@ -93,7 +96,7 @@ class ReceiverRole:
             self._refuse,
             self._closed,
             measures=self.measures,
-            clock=_now_s,
+            clock=self._now_s,
             first_id=found.connection + 1,
         )
         self.ready = asyncio.Event()
@@ -145,7 +148,7 @@ class ReceiverRole:
 
     def _closed(self, connection: Connection) -> None:
         self.fleet.closed(connection)
-        self.recorder.closed(connection, _now_s())
+        self.recorder.closed(connection, self._now_s())
 
     async def _renew(self) -> None:
         """Take up changed settings as soon as they are in force."""
@@ -184,8 +187,8 @@ class ReceiverRole:
         """
         what, _, effort = payload.partition(b" ")
         everything = what == b"everything"
-        await asyncio.sleep(max(self._tick_s + self.site.engine.tick_s - _now_s(), 0.0))
-        now_s = quantise(max(_now_s(), self._tick_s))
+        await asyncio.sleep(max(self._tick_s + self.site.engine.tick_s - self._now_s(), 0.0))
+        now_s = quantise(max(self._now_s(), self._tick_s))
         self._tick_s = now_s
         if everything:
             self.recorder.engine_started(now_s)
@@ -201,11 +204,11 @@ class ReceiverRole:
     async def _follow(self, payload: bytes) -> bytes:
         """The batch after the one with the given number, as the engine was given it, for who watches the floor."""
         told = await self._recent.after(int(payload))
-        return told or parcel(self._recent.number, self.fleet.whole(_now_s()).to_bytes(), whole=True)
+        return told or parcel(self._recent.number, self.fleet.whole(self._now_s()).to_bytes(), whole=True)
 
     async def _robots(self, _: bytes) -> bytes:
         """All the documents, a few at a time: those of ten thousand robots take seconds, and messages can't wait."""
-        told, now_s = [], _now_s()
+        told, now_s = [], self._now_s()
         for number, robot in enumerate(sorted(self.fleet.robots.values(), key=attrgetter("uuid"))):
             told.append(json.dumps(self.fleet.document(robot, now_s)))
             if number % DOCUMENTS_AT_ONCE == 0:
@@ -219,9 +222,9 @@ class ReceiverRole:
         return json.dumps(self.fleet.unidentified()).encode()
 
     async def _measures(self, _: bytes) -> bytes:
-        self.fleet.measure(_now_s())
+        self.fleet.measure(self._now_s())
+        self.measures.level("deconflict_host_clock_off_seconds", {(): self._clock.off_s})
         return json.dumps(self.measures.as_document()).encode()
 
-
-def _now_s() -> float:
-    return quantise(time.time())
+    def _now_s(self) -> float:
+        return quantise(self._clock())

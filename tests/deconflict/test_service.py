@@ -5,11 +5,13 @@ import json
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from datetime import datetime
 from math import pi
 from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
@@ -71,8 +73,8 @@ class Running:
 
 
 @asynccontextmanager
-async def running(data: Path, site: Site = SITE) -> AsyncIterator[Running]:
-    async with in_one_process(site, data, render) as (receiver, operator):
+async def running(data: Path, site: Site = SITE, wall: Callable[[], float] = time.time) -> AsyncIterator[Running]:
+    async with in_one_process(site, data, render, wall) as (receiver, operator):
         yield Running(receiver, operator)
 
 
@@ -171,6 +173,27 @@ async def test_an_open_advisory_survives_a_restart_with_its_id(tmp_path: Path) -
         )
         driving.cancel()
         assert [one["id"] for one in again["advisories"]] == [first["advisories"][0]["id"]]
+
+
+@pytest.mark.parametrize("step_s", [-7200.0, 7200.0])
+async def test_a_step_of_the_hosts_clock_ends_no_advisory_and_hides_no_robot(tmp_path: Path, step_s: float) -> None:
+    stepped_s = [0.0]
+    async with running(tmp_path, wall=lambda: time.time() + stepped_s[0]) as service:
+        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 9))
+        raised = await service.until("/advisories", lambda answer: answer["advisories"])
+        stepped_s[0] = step_s
+        cleared = await service.until("/advisories?state=cleared", lambda answer: answer["advisories"])
+        await driving
+        (before,), (after,) = raised["advisories"], cleared["advisories"]
+        assert (after["id"], after["cleared_because"]) == (before["id"], "they have passed each other")
+        assert -10 < seconds_between(before["raised_at"], after["cleared_at"]) < 15
+        robots = (await service.get("/robots")).json()["robots"]
+        assert {one["presence"] for one in robots} == {"present"}
+        assert "deconflict_host_clock_off_seconds" in (await service.get("/metrics")).text
+
+
+def seconds_between(earlier: str, later: str) -> float:
+    return (datetime.fromisoformat(later) - datetime.fromisoformat(earlier)).total_seconds()
 
 
 async def test_the_recording_replays_to_the_same_advisories(tmp_path: Path) -> None:

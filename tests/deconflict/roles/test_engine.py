@@ -1,5 +1,7 @@
 """Whose messages a pass reflects, and since when they waited."""
 
+import pytest
+
 from deconflict.roles.engine import arrivals_s
 from ingest.connection import Connection
 from ingest.fleet import Fleet
@@ -24,13 +26,22 @@ def test_each_valid_status_counts_once_for_its_vendor_and_a_replaced_one_from_th
         one.receive(status("A-1", NOW_S + i), NOW_S + i, acme)
     one.receive(status("B-1", NOW_S + 1), NOW_S + 1.5, bolt)
     batch = one.cut(NOW_S + 3)
-    waited = {vendor: sorted((arrivals - NOW_S).tolist()) for vendor, arrivals in arrivals_s(batch).items()}
+    waited = {
+        vendor: sorted((arrivals - NOW_S).tolist()) for vendor, arrivals in arrivals_s(batch, batch.now_s).items()
+    }
     assert waited == {"Acme": [0.0, 0.0, 2.0], "Bolt": [1.5]}
+
+
+def test_arrivals_are_told_by_the_hosts_clock_also_after_it_was_set() -> None:
+    one = fleet()
+    one.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Acme"))
+    told = arrivals_s(one.cut(NOW_S + 0.1), NOW_S + 7200.1)
+    assert told["Acme"].tolist() == pytest.approx([NOW_S + 7200.0])
 
 
 def test_a_floor_that_is_told_again_to_a_new_engine_counts_no_message_twice() -> None:
     one, acme = fleet(), Connection(1, vendor="Acme")
     one.receive(status("A-1", NOW_S), NOW_S, acme)
     one.cut(NOW_S + 0.1)
-    again = arrivals_s(one.cut(NOW_S + 60, everything=True))
+    again = arrivals_s(one.cut(NOW_S + 60, everything=True), NOW_S + 60)
     assert {vendor: len(arrivals) for vendor, arrivals in again.items()} == {"Acme": 0}
