@@ -12,7 +12,7 @@ from deconflict.advice.slots import Queue, advise_slots
 from deconflict.advisory import Recommendation
 from deconflict.contention.deadlocks import Link
 from deconflict.contention.demand import CHANGEOVER_S, Request, Turn
-from deconflict.contention.detours import Refuge, detour
+from deconflict.contention.detours import Refuge, back_out, detour
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.robots import Seen
 from ingest.measures import Measures
@@ -105,8 +105,10 @@ class Advising:
         lane = ring[0].where
         passages = [robots[link.waiter].passages.get(lane) for link in ring]
         inside = [one is not None and one.enter_s <= now_s for one in passages]
-        if {link.where for link in ring} != {lane} or None in passages or all(inside):
+        if {link.where for link in ring} != {lane} or None in passages:
             return self._elsewhere(ring, robots, refuges, now_s)
+        if all(inside):
+            return self._back_out(ring, robots, now_s)
         requests = [
             Request(
                 robot=link.waiter,
@@ -123,6 +125,12 @@ class Advising:
         waiters = tuple(link.waiter for link in ring)
         signature = ((lane, _robots(requests, False), _robots(requests, True)),)
         return self._told((lane, *waiters), signature, [Queue(lane, 1, tuple(requests), CHANGEOVER_S)], now_s)
+
+    def _back_out(self, ring: Sequence[Link], robots: Mapping[str, Seen], now_s: float) -> Recommendation:
+        lane = ring[0].where
+        advice, robot, back_m = back_out(ring, robots, self._geometry.lane_m(lane), now_s, self.priority)
+        note = f"{robots[robot].name} should back out of {self._geometry.label(lane)}, {back_m:.0f} m"
+        return advice.model_copy(update={"note": note})
 
     def _elsewhere(
         self, ring: Sequence[Link], robots: Mapping[str, Seen], refuges: Sequence[Refuge], now_s: float

@@ -1,12 +1,14 @@
-"""What ends a ring of robots that each want the next one's place: one of them goes elsewhere first."""
+"""What ends a ring where no order of waiting does: one robot goes elsewhere first, or backs out of a lane."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import hypot
+from operator import itemgetter
 
 from deconflict.advisory import Recommendation, Slot
 from deconflict.contention.deadlocks import Link
+from deconflict.contention.demand import CHANGEOVER_S
 from deconflict.contention.robots import Seen, Stop
 
 PACE_MPS = 1.0
@@ -70,6 +72,49 @@ def detour(
     best = min(plans, key=lambda one: (one.cost_s, _sent(one)))
     kept = [one for one in plans if standing and standing.slots and _sent(one) == _sent(standing)]
     return kept[0] if kept and kept[0].cost_s <= best.cost_s + switch_s else best
+
+
+def back_out(
+    ring: Sequence[Link], robots: Mapping[str, Seen], lane_m: float, now_s: float, priority: Callable[[str], float]
+) -> tuple[Recommendation, str, float]:
+    """Of two in a lane towards each other, the one for which it costs least backs out and comes again; who, how far.
+
+    It waits before the lane until the other one is out of it, and then has the way back to go.
+    """
+    plans = []
+    for link in ring:
+        one, other = robots[link.waiter], robots[link.holder]
+        back_m, other_m = (_depth_m(each, link.where, lane_m, now_s) for each in (one, other))
+        out_s = max(lane_m + other.length_m - other_m, back_m) / PACE_MPS
+        starts_s = now_s + out_s + CHANGEOVER_S
+        cost_s = priority(one.uuid) * (starts_s - now_s + back_m / PACE_MPS)
+        first = Slot(
+            robot=other.uuid,
+            resource=link.where,
+            start_at=_moment(now_s),
+            end_at=_moment(now_s + out_s),
+            wait_s=0.0,
+        )
+        second = first.model_copy(
+            update={"robot": one.uuid, "wait_s": round(starts_s - now_s, 3), "start_at": _moment(starts_s)}
+        )
+        second = second.model_copy(update={"end_at": _moment(starts_s + lane_m / PACE_MPS)})
+        advice = Recommendation(
+            slots=(first, second),
+            cost_s=round(cost_s, 3),
+            bound_s=0.0,
+            proven_optimal=False,
+        )
+        plans.append((cost_s, one.uuid, back_m, advice))
+    _, robot, back_m, advice = min(plans, key=itemgetter(0, 1))
+    return advice, robot, back_m
+
+
+def _depth_m(one: Seen, lane: str, lane_m: float, now_s: float) -> float:
+    """How far its back has to go until its front is out where it came in."""
+    passage = one.passages[lane]
+    along_m = passage.at_m(now_s)
+    return max((along_m if passage.direction > 0 else lane_m - along_m) + one.length_m / 2, 0.0)
 
 
 def _sent(advice: Recommendation) -> tuple[str, str]:

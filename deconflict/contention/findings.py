@@ -130,7 +130,7 @@ def deadlock(
 def _way_out(
     geometry: Geometry, ring: Sequence[Link], advice: Recommendation | None, robots: Mapping[str, Seen]
 ) -> str:
-    if advice is None or not advice.slots:
+    if advice is None or advice.note or not advice.slots:
         return f"; {advice.note}" if advice and advice.note else ""
     first = advice.slots[0]
     if first.resource not in {link.where for link in ring}:

@@ -27,8 +27,8 @@ from deconflict.advisory import (
 from deconflict.life import ADVISORIES, SEVERITIES
 
 LOOKS, WANTED = 3, 2
-UPDATE_GAP_S = 2.0
-"""At most one revision in this time, unless the severity rises."""
+UPDATE_GAP_S, ADVICE_GAP_S = 5.0, 2.0
+"""At most one revision in this time, unless the severity rises; and one that advises another order."""
 MOVED_S, MOVED_SHARE = 3.0, 0.2
 """Changes of a time, or of this share of what was left, that are worth a revision."""
 RESTORED_S = 15.0
@@ -175,10 +175,12 @@ def _raised(finding: Finding, now_s: float, party: Callable[[str], tuple[str, st
 
 def _updated(before: Told, finding: Finding, now_s: float, party: Callable[[str], tuple[str, str]]) -> Told | None:
     rises = SEVERITIES.index(finding.severity) > SEVERITIES.index(before.severity)
-    if not rises and now_s - before.updated_at.timestamp() < UPDATE_GAP_S:
+    advice = finding.recommendation
+    anew = advice is not None and _order(advice) != _order(before.recommendation)
+    if not rises and now_s - before.updated_at.timestamp() < (ADVICE_GAP_S if anew else UPDATE_GAP_S):
         return None
     told = _fields(finding, now_s, party)
-    if not rises and not _differs(before, told, now_s):
+    if not rises and not anew and not _differs(before, told, now_s):
         return None
     return before.model_copy(update={"revision": before.revision + 1, "seq": 0, "state": AdvisoryState.UPDATED, **told})
 
@@ -190,9 +192,7 @@ def _differs(before: Told, told: dict[str, Any], now_s: float) -> bool:
     begun = before.time_to_conflict_s == 0 and told["time_to_conflict_s"] == 0
     if not begun and moved_s > max(MOVED_S, MOVED_SHARE * left_s):
         return True
-    advice = told["recommendation"]
-    ordered_anew = advice is not None and _order(advice) != _order(before.recommendation)
-    if ordered_anew or told["severity"] != before.severity or told["robots"] != before.robots:
+    if told["severity"] != before.severity or told["robots"] != before.robots:
         return True
     if isinstance(before, ContentionAdvisory):
         longer_s = abs(told["wait_s"] - before.wait_s)

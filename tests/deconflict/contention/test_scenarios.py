@@ -1,5 +1,6 @@
 """Scenarios of contention, each a short script of robots through fleet and engine."""
 
+import re
 from itertools import pairwise
 from typing import Any
 
@@ -70,6 +71,21 @@ def test_one_that_waits_beside_the_aisles_end_as_advised_ends_the_deadlock_at_th
     told = scene.run(enters_s + 25, from_s=6)
     assert [each.id for each in cleared(told, "deadlock")] == [one.id]
     assert raised(told, "deadlock") == []
+
+
+def test_of_two_that_are_both_in_an_aisle_the_one_that_is_less_far_in_should_back_out() -> None:
+    robots = {"A": Script([(0, -16, 0), (40, 24, 0)]), "B": Script([(0, 16, 0), (40, -24, 0)])}
+    scene = Scene(site(aisle("lane", -8, 12)), robots)
+    (one,) = raised(scene.run(8), "deadlock")
+    last = [each for each in scene.run(12, from_s=8) if each.id == one.id][-1]
+    assert last.recommendation
+    assert re.search(r"Alder A should back out of lane, [0-3] m$", last.summary)
+    first, second = last.recommendation.slots
+    assert (first.robot, first.wait_s) == (robot("B"), 0.0)
+    assert second.robot == robot("A")
+    # B has about 16 m to go until it is out, 4 s later A may come, and has its way back to go
+    assert second.wait_s == pytest.approx(16 + 4, abs=3)
+    assert last.recommendation.cost_s >= second.wait_s
 
 
 def test_two_that_follow_each_other_through_an_aisle_do_not() -> None:

@@ -64,7 +64,7 @@ def test_a_wait_is_told_again_when_it_has_changed_enough(wait_s: float, updates:
 
 
 def test_updates_keep_their_distance_but_for_a_severity_that_rises() -> None:
-    waits = [finding(30.0 + 20 * step) for step in range(12)]
+    waits = [finding(30.0 + 20 * step) for step in range(24)]
     told = run(Telling(3.0), *waits)
     gaps = [b.updated_at.timestamp() - a.updated_at.timestamp() for a, b in pairwise(told)]
     assert len(told) > 3
