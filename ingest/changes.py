@@ -28,7 +28,7 @@ class ClockChanges:
 
     def look(self, now_s: float, clocks: Iterable[tuple[str, SenderClock]]) -> None:
         """Take in how far clocks are off now, each with its vendor, if a look is due."""
-        if now_s - self._looked_s < LOOK_S:
+        if 0 <= now_s - self._looked_s < LOOK_S:
             return
         self._looked_s = now_s
         of_vendor: dict[str, list[SenderClock]] = {}

@@ -79,7 +79,7 @@ class Level:
         return max(sqrt(self.variance), self.limits.least_spread)
 
     def take(self, value: float, at_s: float) -> None:
-        """One more value, of the time from `at_s` on; times do not decrease."""
+        """One more value, of the time from `at_s` on; times may go back where a clock is set back."""
         self.newest = [*self.newest[1 - NEWEST :], (at_s, value)]
         if self.seen < LEARNED:
             self._begin()
@@ -122,7 +122,7 @@ class Level:
 
     def _learn(self, off: float, at_s: float) -> None:
         self.seen += 1
-        share = max(1 / self.seen, 1 - 0.5 ** ((at_s - self.at_s) / HALF_LIFE_S))
+        share = max(1 / self.seen, 1 - 0.5 ** (max(at_s - self.at_s, 0.0) / HALF_LIFE_S))
         deviation = off * self.spread
         self.usual += share * deviation
         self.variance += share * (deviation**2 - self.variance)
@@ -143,7 +143,8 @@ class Level:
             self.change, self.seen, self.newest = None, 0, []
 
     def _above(self, since_s: float) -> float:
-        return median(value for at_s, value in self.newest if at_s >= since_s) - self.usual
+        later = [value for at_s, value in self.newest if at_s >= since_s]
+        return median(later or [value for _, value in self.newest]) - self.usual
 
 
 _STATE = TypeAdapter(Level)

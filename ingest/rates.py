@@ -20,6 +20,9 @@ class MessageRates:
     def look(self, now_s: float, counted: Mapping[Labels, float]) -> None:
         """Take in the messages counted by now, by vendor and result, if a look is due."""
         looked_s = self._looks[-1][0] if self._looks else -inf
+        if now_s < looked_s:
+            self._looks.clear()
+            looked_s = -inf
         if now_s - looked_s >= LOOK_S:
             totals: dict[str, float] = {}
             for (vendor, _), count in counted.items():

@@ -68,6 +68,7 @@ class ForecastChanges:
 
     def _gather(self, vendor: str, counts: Floats, now_s: float) -> None:
         gathered = self._gathered.setdefault(vendor, Gathered(now_s))
+        gathered.since_s = min(gathered.since_s, now_s)
         gathered.counts += counts
         if now_s - gathered.since_s >= GATHERED_S and gathered.counts.sum() >= FEWEST:
             size_m = float(quantiles(gathered.counts, SHARE)[0])

@@ -134,7 +134,7 @@ class Ledger:
                 self.level[rows], SHARES - LEVEL_SLACK, np.minimum(SHARES + LEVEL_SLACK, HIGHEST_LEVEL)
             )
             self._stale.update(rows.tolist())
-        if self._stale and now_s - self._refreshed_s >= REFRESH_S:
+        if self._stale and not 0 <= now_s - self._refreshed_s < REFRESH_S:
             self._refreshed_s = now_s
             self._read_bands(sorted(self._stale))
             self._stale.clear()

@@ -91,6 +91,17 @@ def test_what_lasts_a_day_is_the_new_usual() -> None:
     assert flagged[-1] > 50 + DAY + 50
 
 
+def test_a_clock_that_is_set_back_by_years_neither_hides_nor_ends_a_change() -> None:
+    level = Level(LIMITS)
+    for number in range(100):
+        at_s = NOW_S + number * STEP_S - (1e9 if number >= 70 else 0.0)
+        level.take(1.0 if number >= 50 else 0.0, at_s)
+        assert bool(level.change) == (number >= 60) or 50 <= number < 60
+    for number in range(100, 120):
+        level.take(0.0, NOW_S + number * STEP_S - 1e9)
+    assert level.change is None
+
+
 def test_a_level_goes_on_after_a_restart() -> None:
     values = [value + (1.0 if n >= 60 else 0.0) for n, value in enumerate(noise(90, 6, spread=0.1))]
     for stop in (5, 40, 63, 80):

@@ -20,3 +20,10 @@ def test_a_vendor_that_is_new_counts_from_nothing() -> None:
     rates.look(0.0, {})
     rates.look(10.0, {("Acme", "accepted"): 20.0})
     assert rates.per_s() == {("Acme",): 2.0}
+
+
+def test_a_clock_that_is_set_back_is_followed() -> None:
+    rates = MessageRates()
+    for second in range(100):
+        rates.look(1000.0 + second - (5000 if second >= 50 else 0), {("Acme", "accepted"): 2.0 * second})
+    assert rates.per_s() == {("Acme",): 2.0}

@@ -97,3 +97,11 @@ def test_learning_of_another_shape_is_refused_and_changes_nothing() -> None:
         with pytest.raises(UnreadableError):
             ledger.resume(wrong)
     assert len(ledger.kinds) == 1
+
+
+def test_bands_follow_errors_after_the_clock_was_set_back() -> None:
+    ledger = Ledger()
+    row = ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
+    ledger.record(errors(ledger, row, 1, np.zeros(100)), NOW_S)
+    ledger.record(errors(ledger, row, 1, np.full(400, 2.0)), NOW_S - 3600)
+    assert ledger.bands_m[row, 0, 0] >= 2.0
