@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint types check-wheel clean
+.PHONY: demo test lint types audit check-wheel clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed; set PYTHON=python3.x") if sys.version_info < (3, 11) else None'
@@ -25,6 +25,12 @@ lint: $(READY)
 
 types: $(READY)
 	$(BIN)/mypy
+
+# Asks for known vulnerabilities of everything that is pinned; fails too where there is nobody to ask.
+audit:
+	$(PYTHON) -m venv build/audit
+	build/audit/bin/python -m pip install --quiet pip-audit
+	build/audit/bin/pip-audit --strict --no-deps --disable-pip --requirement constraints.txt
 
 # Installs the built wheel in an empty environment and runs the command from it.
 check-wheel: $(READY)
