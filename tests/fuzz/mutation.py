@@ -68,7 +68,7 @@ def mutated(raw: bytes, random: Random, form: Format) -> bytes:
 def _changed(told: Any, random: Random) -> Any:
     places = list(_places(told))
     if not places:
-        return random.choice(HOSTILE)
+        return told
     holder, key = random.choice(places)
     change = random.choice((_replace, _remove, _exchange, _scale, _repeat, _rename))
     change(holder, key, places, random)
