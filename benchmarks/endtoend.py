@@ -135,7 +135,7 @@ def service() -> Iterator[Running]:
     """The service with a process a role, until the end of the block."""
     stop, (robots_port, operator_port) = threading.Event(), _free_ports()
     with tempfile.TemporaryDirectory(prefix="benchmark-") as data, runtime_directory() as runtime:
-        supervisor = Supervisor(_site(robots_port, operator_port), Path(data), Path(runtime))
+        supervisor = Supervisor(benchmark_site(robots_port, operator_port), Path(data), Path(runtime))
         running = threading.Thread(target=supervisor.run, args=(stop,))
         running.start()
         try:
@@ -218,7 +218,7 @@ def _exponent(told: list[dict[str, Any]]) -> float:
     return math.log(cores[1] / cores[0]) / math.log(last["robots"] / first["robots"])
 
 
-def _site(robots_port: int, operator_port: int) -> Site:
+def benchmark_site(robots_port: int, operator_port: int) -> Site:
     return DEFAULT.model_copy(
         update={
             "datums": (Datum(id=offer.DATUM, name="Hall"),),

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from deconflict import demo
+from deconflict.advice.desk import Desk
 from deconflict.contention.watch import Contention
 from deconflict.foresight.foresight import Foresight
 from deconflict.life import Lives
@@ -46,11 +47,16 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "sweep": ((Sweeper, "update"), (Sweeper, "step")),
     "probabilities": ((Foresight, "receive"), (Foresight, "look")),
     "life of advisories": ((Lives, "step"),),
+    "advice on conflicts": ((Desk, "step"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
     "truth, arrivals": ((Arrivals, "take"), (Truth, "report"), (Truth, "advance"), (Truth, "finish")),
     "forecast errors": ((ForecastErrors, "take"), (ForecastErrors, "advance"), (ForecastErrors, "finish")),
     "scoring": ((Calibration, "sample"), (Calibration, "resolve"), (replay, "score")),
 }
+
+
+_within: list[str] = []
+"""The stage that is under way, if any: advice sweeps too."""
 
 
 def write_log(path: Path, robots: int, seconds: float) -> int:
@@ -77,14 +83,18 @@ def write_log(path: Path, robots: int, seconds: float) -> int:
 
 @contextmanager
 def timed(spent: dict[str, float], stage: str, owner: Any, name: str) -> Iterator[None]:
-    """Add what every call of `owner.name` takes to the stage."""
+    """Add what every call of `owner.name` takes to the stage, but for calls within another stage."""
     call = getattr(owner, name)
 
     def told(*args: Any, **named: Any) -> Any:
+        if _within:
+            return call(*args, **named)
+        _within.append(stage)
         began = time.process_time()
         try:
             return call(*args, **named)
         finally:
+            _within.pop()
             spent[stage] += time.process_time() - began
 
     setattr(owner, name, told)

@@ -1,0 +1,120 @@
+"""What a message costs from its bytes to advisories, stage by stage: `python -m benchmarks.stages [--robots 100 1000]`.
+
+The load of `benchmarks.offer` without its sockets, through a fleet and an engine in this process, ten passes a second.
+Processor time of one core, microseconds a message, after the first half of the run. Advice is worked out within the
+step here, in a thread of the engine in the service.
+"""
+
+import argparse
+import math
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from itertools import pairwise
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from benchmarks.endtoend import benchmark_site
+from benchmarks.offer import ROBOTS_A_CONNECTION, Circling, vendor_of
+from benchmarks.replay import timed
+from deconflict.advice.desk import Desk
+from deconflict.contention.watch import Contention
+from deconflict.engine import Engine
+from deconflict.foresight.foresight import Foresight
+from deconflict.life import Lives
+from deconflict.roles.receiver import fleet_of
+from deconflict.sweeper import Sweeper
+from ingest.connection import Connection
+from ingest.fleet import Fleet
+from ingest.measures import Measures
+from ingest.seam import Batch, Floats
+
+START_S = 1_790_000_000.0
+TICK_S = 0.1
+STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
+    "read messages": ((Fleet, "receive"),),
+    "batches": ((Fleet, "cut"), (Batch, "to_bytes")),
+    "sweep": ((Sweeper, "update"), (Sweeper, "step")),
+    "probabilities": ((Foresight, "receive"), (Foresight, "look")),
+    "life": ((Lives, "step"),),
+    "contention": ((Contention, "receive"), (Contention, "step")),
+    "advice": ((Desk, "step"),),
+}
+
+
+@dataclass
+class Floor:
+    """Robots that report once a second, and all that follows in the service."""
+
+    robots: int
+    world: Circling = field(init=False)
+    messages: int = 0
+    passes_s: list[float] = field(default_factory=list)
+    """Processor time of each step of the engine."""
+
+    def __post_init__(self) -> None:
+        self.world, site = Circling(self.robots), benchmark_site(0, 0)
+        self.fleet, self.engine = fleet_of(site, Measures()), Engine(site)
+        self.lines = [
+            Connection(n + 1, f"10.0.{n // 250}.{n % 250}", "/", vendor_of(n * ROBOTS_A_CONNECTION))
+            for n in range(-(-self.robots // ROBOTS_A_CONNECTION))
+        ]
+        for robot in range(self.robots):
+            self.fleet.receive(self.world.identity(robot).encode(), START_S, self.lines[robot // ROBOTS_A_CONNECTION])
+
+    def run(self, ticks: Floats) -> None:
+        """Every message that is due from tick to tick, and a pass at each."""
+        for before_s, now_s in pairwise(ticks.tolist()):
+            due_s = self.world.due_s
+            due = np.flatnonzero(np.floor(now_s - due_s) > np.floor(before_s - due_s))
+            said = self.world.statuses(due, START_S, START_S + now_s)
+            for robot, status in zip(due.tolist(), said, strict=True):
+                self.fleet.receive(status.encode(), START_S + now_s, self.lines[robot // ROBOTS_A_CONNECTION])
+            batch = Batch.from_bytes(self.fleet.cut(START_S + now_s).to_bytes())
+            began_s = process_time()
+            self.engine.receive(batch)
+            self.engine.step(START_S + now_s)
+            self.passes_s.append(process_time() - began_s)
+            self.messages += len(due)
+
+
+def measured(robots: int, seconds: float) -> tuple[dict[str, float], list[float]]:
+    """Microseconds a message by stage, and the processor time of each pass."""
+    floor, ticks = Floor(robots), np.arange(0.0, seconds, TICK_S)
+    floor.run(ticks[: len(ticks) // 2 + 1])
+    floor.messages, floor.passes_s = 0, []
+    spent = dict.fromkeys(STAGES, 0.0)
+    with ExitStack() as timers:
+        for stage, calls in STAGES.items():
+            for owner, name in calls:
+                timers.enter_context(timed(spent, stage, owner, name))
+        floor.run(ticks[len(ticks) // 2 :])
+    inside = ("sweep", "probabilities", "life", "contention", "advice")
+    spent["the rest of a pass"] = sum(floor.passes_s) - sum(spent[stage] for stage in inside)
+    return {stage: stage_s / floor.messages * 1e6 for stage, stage_s in spent.items()}, floor.passes_s
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--robots", type=int, nargs="+", default=[100, 1000, 3000, 10000])
+    arguments.add_argument("--seconds", type=float, default=10.0)
+    args = arguments.parse_args()
+    measured(20, 2.0)
+    sums = []
+    for robots in args.robots:
+        spent, passes_s = measured(robots, args.seconds)
+        sums.append(sum(spent.values()))
+        told = "  ".join(f"{stage} {us:.0f}" for stage, us in spent.items())
+        slowest_ms = np.percentile(passes_s, 99) * 1000
+        print(
+            f"{robots:6} robots, us a message: {told}, in all {sums[-1]:.0f}; p99 of a pass {slowest_ms:.0f} ms",
+            flush=True,
+        )
+    if len(sums) > 1:
+        growth = 1 + math.log(sums[-1] / sums[0]) / math.log(args.robots[-1] / args.robots[0])
+        print(f"growth exponent of processor time: {growth:.2f}")
+
+
+if __name__ == "__main__":
+    main()
