@@ -121,6 +121,8 @@ class Planner:
 
     def plan(self, hint: Plan | None) -> tuple[Plan, int, bool] | None:
         """Holds, the bound of their cost and whether that is proven; None where there are none."""
+        if len(self.problem.allowed) == 1 and (only := self._of_one_pair(hint)):
+            return only, self.problem.cost(only), not self.standing
         model, holds = _model(self.problem, self.problem.robots())
         held = {robot: model.new_bool_var(f"{robot} held") for robot in holds}
         for robot, hold in holds.items():
@@ -148,6 +150,26 @@ class Planner:
             best = {robot: fairer.solver.value(hold) for robot, hold in holds.items()}
         bound = self.problem.cost(best) if proven else max(int(solved.bound), 0)
         return best, min(bound, self.problem.cost(best)), proven
+
+    def _of_one_pair(self, hint: Plan | None) -> Plan | None:
+        """What the solver would find for a single pair; None where it would have to choose, or finds nothing.
+
+        Of the plans of one difference the one in which somebody is not held costs least, so these are all.
+        """
+        (((a, b), allowed),) = self.problem.allowed.items()
+        most = 1 + (self.ranks[a] + self.ranks[b]) * self.problem.window.steps
+        ranked = []
+        for step in allowed:
+            robot, hold = (a, step) if step > 0 else (b, -step)
+            cost = self.problem.cost({robot: hold})
+            change = self.switch if hold and self.standing and robot not in self.standing else 0
+            if hint is None or cost <= self.problem.cost(hint):
+                ranked.append((cost + change, most * (hold > 0) + self.ranks[robot] * hold, step))
+        ranked.sort()
+        if not ranked or (len(ranked) > 1 and ranked[0][:2] == ranked[1][:2]):
+            return None
+        step = ranked[0][2]
+        return {a: max(step, 0), b: max(-step, 0)}
 
 
 def _model(problem: Problem, robots: Sequence[str]) -> tuple[cp_model.CpModel, dict[str, cp_model.IntVar]]:

@@ -1,15 +1,17 @@
 """Holds that clear a group of conflicts: swept again they do, and nothing that can be tried is cheaper."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import combinations, product
 from math import cos, pi, sin
+from random import Random
 
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from deconflict.advice.delays import STEP_S, Mover, Pair, Window, allowed_differences, meetings
-from deconflict.advice.holds import advise_holds
+from deconflict.advice.holds import Planner, advise_holds
 from deconflict.advisory import Hold, Recommendation
 from tests.deconflict.made_encounters import NOW_S, robot
 
@@ -87,6 +89,24 @@ def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, f
     assert advice.proven_optimal
     assert meetings(movers, holds_s(advice, movers), window) == {}
     assert advice.first_come_cost_s is None or advice.cost_s <= advice.first_come_cost_s
+
+
+def test_a_single_pair_is_planned_as_the_solver_would(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng, told = Random(3), []
+    for _ in range(12):
+        a = through("a", rng.uniform(-pi, pi), before_m=rng.uniform(3, 6), priority=rng.choice([0.5, 1.0, 10.0]))
+        b = through(
+            "b", rng.uniform(-pi, pi), before_m=rng.uniform(3, 6), vendor="bolt", speed_mps=rng.uniform(0.5, 1.5)
+        )
+        question = partial(advise_holds, [a, b], [("a", "b")], WINDOW, burdens_s={"bolt": 5.0})
+        alone = question()
+        again = partial(question, standing=alone) if alone.holds else question
+        quick = [alone, again()]
+        with monkeypatch.context() as patched:
+            patched.setattr(Planner, "_of_one_pair", lambda *_: None)
+            assert quick == [question(), again()]
+        told.append(bool(alone.holds))
+    assert sum(told) > 3
 
 
 def test_differences_are_those_at_which_the_sweep_finds_nothing() -> None:
