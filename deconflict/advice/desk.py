@@ -22,7 +22,7 @@ from deconflict.site import Site
 from ingest.measures import Measures
 
 AGAIN_S = 3.0
-"""A group that stays the same is looked at again after this time."""
+"""A conflict is asked of again after this time, with its group; a new one at once."""
 NEAR_M, MOST_NEAR = 20.0, 30
 """Robots so near to one of a group are heeded, the nearest first."""
 GROWS_S = 1.5
@@ -69,6 +69,8 @@ class Desk:
         self._conflict, self._settings, self._submit = site.conflict, site.advice, submit
         self._account, self._measures = account, measures
         self._asked: dict[Pairs, Asked] = {}
+        self._asked_s: dict[Pair, float] = {}
+        """When each conflict was last asked of."""
         self._allowed, self._filled_s = MOST_PAIRS, 0.0
 
     def step(
@@ -79,7 +81,8 @@ class Desk:
         from_then = datetime.fromtimestamp(now_s + ANSWER_AFTER_S, UTC)
         groups = _connected([one for one in conflicts if one.predicted_at > from_then])
         self._asked = {pairs: one for pairs, one in self._asked.items() if one.answer or pairs in groups}
-        due = [group for group in groups.values() if self._is_asked(group, now_s)]
+        self._asked_s = {pair: at_s for pair, at_s in self._asked_s.items() if now_s - at_s < AGAIN_S}
+        due = [group for group in groups.values() if self._is_asked(group)]
         self._allowed = min(self._allowed + (now_s - self._filled_s) * PAIRS_PER_S, MOST_PAIRS)
         self._filled_s = now_s
         while due and self._allowed > 0:
@@ -88,6 +91,7 @@ class Desk:
             goes_on = [one.since_s for other, one in self._asked.items() if _goes_on(other, one, group.pairs)]
             answer = self._submit(self._question(group.pairs, group.standing, now_s, movers_around))
             self._asked[group.pairs] = Asked(now_s, answer, min([now_s, *goes_on]))
+            self._asked_s |= dict.fromkeys(group.pairs, now_s)
         self._measures.level("deconflict_advice_waiting", {(): len(due)})
         return told
 
@@ -110,9 +114,11 @@ class Desk:
     def _has_grown(self, pairs: Pairs, one: Asked) -> bool:
         return any(_goes_on(pairs, one, other) for other, new in self._asked.items() if new.at_s > one.at_s)
 
-    def _is_asked(self, group: Group, now_s: float) -> bool:
+    def _is_asked(self, group: Group) -> bool:
+        """Whether there is a conflict in a group that was not asked of lately: one that is over changes no advice."""
         before = self._asked.get(group.pairs)
-        return before is None or (before.answer is None and now_s - before.at_s >= AGAIN_S)
+        pending = before is not None and before.answer is not None
+        return not pending and not self._asked_s.keys() >= set(group.pairs)
 
     def _question(
         self, pairs: Pairs, standing: Recommendation | None, now_s: float, movers_around: MoversAround

@@ -125,6 +125,13 @@ def test_a_group_that_grows_while_it_is_worked_out_is_answered_as_a_whole() -> N
     assert asking.steps(4, "ab", "bc", "xy") == [(0.75, "ab"), (0.75, "bc"), (0.75, "xy")]
 
 
+def test_a_group_that_gets_smaller_is_not_asked_of_again_before_its_time() -> None:
+    asking = Asking()
+    assert asking.steps(3, "ab", "bc") == [(0.5, "ab"), (0.5, "bc")]
+    assert asking.steps(11, "ab") == []
+    assert asking.steps(1, "ab") == [(3.5, "ab")]
+
+
 def test_a_group_that_goes_on_growing_is_answered_all_the_same() -> None:
     asking, pairs = Asking(), ["ab", "bc", "cd", "de", "ef", "fg"]
     told = [one for count in range(1, 7) for one in asking.steps(1, *pairs[:count])]
