@@ -28,6 +28,7 @@ MOST_PAIRS = 50
 SETTLE_S = 2.0
 """Until then the log and the store have what happened before."""
 LOOK_EVERY_S = 0.5
+PRUNE_EVERY_S = 3600.0
 SNAPSHOTS = 6
 """Of the engine's learning that are remembered; one a minute."""
 TOLD = 3
@@ -71,13 +72,17 @@ class Keeper:
     async def run(self) -> None:
         """Cut what is due, until cancelled."""
         await asyncio.to_thread(self._recall)
+        pruned_s = float("-inf")
         while True:
-            await asyncio.to_thread(self._prune)
-            while not (near := self._due(time.monotonic())):
-                await asyncio.sleep(LOOK_EVERY_S)
-            await self._keep(near)
-            self._pending = [pending for pending in self._pending if pending[1] not in near]
-            await asyncio.to_thread(self._remember)
+            if time.monotonic() - pruned_s >= PRUNE_EVERY_S:
+                pruned_s = time.monotonic()
+                await asyncio.to_thread(self._prune)
+            if near := self._due(time.monotonic()):
+                await self._keep(near)
+                self._pending = [pending for pending in self._pending if pending[1] not in near]
+                await asyncio.to_thread(self._remember)
+                await asyncio.to_thread(self._prune)
+            await asyncio.sleep(LOOK_EVERY_S)
 
     def _due(self, now_s: float) -> list[Near]:
         """Those of the next box, once all that comes after them is recorded."""

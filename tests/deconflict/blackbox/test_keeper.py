@@ -12,11 +12,12 @@ from websockets.asyncio.client import connect
 
 from deconflict.blackbox.keeper import MOST_PAIRS, PENDING, Keeper
 from deconflict.blackbox.order import Near
-from deconflict.blackbox.shelf import FOLDER
+from deconflict.blackbox.shelf import FOLDER, Shelf
 from deconflict.site import BlackBox
 from deconflict.store import Store
 from ingest.measures import Measures
 from metrics.blackbox import verify
+from tests.deconflict.blackbox.test_shelf import put
 from tests.deconflict.test_service import SITE, Course, drive, running
 
 SETTINGS = SITE.model_copy(update={"blackbox": BlackBox(before_s=2.0, after_s=3.0)})
@@ -59,13 +60,18 @@ def test_what_is_pending_is_remembered_over_a_restart_and_bounded(tmp_path: Path
     store.close()
 
 
-async def test_a_near_miss_that_was_noted_before_a_restart_is_judged_after_it(tmp_path: Path) -> None:
+async def test_a_near_miss_noted_before_a_restart_is_judged_after_it_and_what_is_old_goes(tmp_path: Path) -> None:
     (tmp_path / FOLDER).mkdir()
+    old = put(Shelf(tmp_path / FOLDER), 1, year=2001)
+    old_file = tmp_path / FOLDER / old["file"]
+    assert old_file.exists()
     (tmp_path / FOLDER / PENDING).write_text(json.dumps([["a", "b", time.time() - 5.0]]))
     async with running(tmp_path, SETTINGS) as service, connect(service.robots_url):
         async with asyncio.timeout(40):
             while 'deconflict_blackboxes_total{outcome="unfounded"} 1.0' not in (await service.get("/metrics")).text:
                 await asyncio.sleep(0.2)
+        assert (await service.get("/blackboxes")).json() == {"blackboxes": []}
+    assert not old_file.exists()
     assert not (tmp_path / FOLDER / PENDING).exists()
 
 

@@ -6,10 +6,10 @@ from deconflict.blackbox.chain import NOTHING
 from deconflict.blackbox.shelf import REGISTER, Box, Shelf
 
 
-def put(shelf: Shelf, number: int, size: int = 100) -> Box:
-    name = f"blackbox-2026092{number}T141500000Z.jsonl.zst"
+def put(shelf: Shelf, number: int, size: int = 100, year: int = 2026) -> Box:
+    name = f"blackbox-{year}092{number}T141500000Z.jsonl.zst"
     (shelf.directory / name).write_bytes(b"x" * size)
-    until = f"2026-09-2{number}T14:15:00.000000Z"
+    until = f"{year}-09-2{number}T14:15:00.000000Z"
     box = {"file": name, "bytes": size, "sha256": f"{number}" * 64, "until": until, "near_misses": []}
     shelf.add(box)
     return box
