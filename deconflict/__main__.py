@@ -21,7 +21,7 @@ from deconflict.importers.plan import PlanError
 from deconflict.link import PortTakenError
 from deconflict.logs import FORMATS, VARIABLE
 from deconflict.logs import begin as begin_log
-from deconflict.service import Supervisor, run_role, runtime_directory
+from deconflict.service import PARTS, Supervisor, run_role, runtime_directory
 from deconflict.simulation.drills import DRILLS
 from deconflict.simulation.senders import simulate
 from ingest.certificates import CertificateError
@@ -53,6 +53,9 @@ def parser() -> argparse.ArgumentParser:
     serve.add_argument("site", nargs="?", type=Path, metavar="SITE.toml", help="without it, each datum is a floor")
     _add_ports(serve)
     serve.add_argument("--data", type=Path, help="directory for recordings and advisories")
+    serve.add_argument(
+        "--part", action="append", choices=list(PARTS), help="of a cluster, run this here; may be repeated"
+    )
     serve.set_defaults(run=_serve)
 
     show = commands.add_parser("demo", help="run the service with simulated vendors on a bundled site")
@@ -149,13 +152,15 @@ def _serve(args: argparse.Namespace) -> int:
     settings = _sound(args)
     if args.site is None:
         logging.getLogger("deconflict").warning("no site file: every datum is taken as a floor of its own")
+    if args.part and not settings.cluster:
+        raise site.SiteError(["cluster.nats: is missing; --part needs other machines to run the other parts"])
     data = args.data or Path(settings.store.directory)
     data.mkdir(parents=True, exist_ok=True)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     with runtime_directory() as name:
-        supervisor = Supervisor(settings, data, Path(name), lambda: _sound(args))
+        supervisor = Supervisor(settings, data, Path(name), lambda: _sound(args), args.part or PARTS)
         signal.signal(signal.SIGHUP, lambda *_: supervisor.reloader.ask())
         supervisor.run(stop)
     return 0

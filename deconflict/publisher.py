@@ -6,7 +6,7 @@ A disk that fails or takes longer than `PATIENCE_S` is not waited for: people ar
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from itertools import islice
 from typing import NamedTuple
 
@@ -33,6 +33,8 @@ class Publisher:
 
     def __init__(self, store: Store, measures: Measures) -> None:
         self._store, self.measures = store, measures
+        self.carry: Callable[[str, Acknowledgement], Awaitable[None]] | None = None
+        """Takes answers to where they get their numbers, and returns once they are back; this store's own if None."""
         self._tail: deque[Line] = deque(maxlen=TAIL_LENGTH)
         self._appending = asyncio.Lock()
         self._news = asyncio.Event()
@@ -94,18 +96,31 @@ class Publisher:
         self.failing = why
 
     async def acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyAdvisory | None:
-        """Store an answer and make it known; the newest revision with it, or None where there is no such advisory."""
+        """Have an answer stored and made known; the newest revision with it, or None where there is no such."""
+        if self.carry is None:
+            return await self.answered(advisory_id, answer)
+        if not await asyncio.to_thread(self._store.get, advisory_id):
+            return None
+        await self.carry(advisory_id, answer)
+        return (await asyncio.to_thread(self._store.get, advisory_id))[-1]
+
+    async def answered(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyAdvisory | None:
+        """Store an answer, under the number that it was given if any, and make it known."""
         async with self._appending:
-            answered = await asyncio.to_thread(self._store.acknowledge, advisory_id, answer)
-            if answered:
+            answered = await asyncio.to_thread(self._store.acknowledge, advisory_id, answer, seq)
+            if answered and answered.seq > self.last_seq:
                 self._announce([answered])
         return answered
+
+    async def reached(self, seq: int) -> None:
+        """Wait until the revision with a number is known."""
+        while self.last_seq < seq:
+            await self._news.wait()
 
     async def after(self, seq: int) -> list[Line]:
         """Up to `STEP` lines with numbers above `seq`, ascending; waits for the first. Raises `StoreError`."""
         while True:
-            while self.last_seq <= seq:
-                await self._news.wait()
+            await self.reached(seq + 1)
             if self._tail and self._tail[0].seq <= seq + 1:
                 skipped = seq + 1 - self._tail[0].seq
                 return list(islice(self._tail, skipped, skipped + STEP))

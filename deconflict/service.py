@@ -8,13 +8,15 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
+from deconflict.cluster.settings import Cluster
 from deconflict.operator import Exposition
 from deconflict.reloading import SITE_FILE, Reloader, write
 from deconflict.roles.operator import ROLES_FILE, OperatorRole
@@ -26,7 +28,10 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-ROLES = ("operator", "receiver", "engine")
+PARTS = {"face": ("operator",), "ingest": ("receiver",), "engine": ("engine",)}
+"""The parts of the service, and the roles of each, in the order in which they start."""
+CLUSTER_PARTS = {"face": ("operator", "follower"), "ingest": ("receiver", "feed"), "engine": ("engine",)}
+"""The same where several machines share the work; each runs the parts that it is told to."""
 STOP_WITHIN_S = 10.0
 BACKOFF_S = (0.2, 10.0)
 """First and longest wait before a role that keeps dying is started again; the first time it is at once."""
@@ -92,12 +97,20 @@ class Watched:
 class Supervisor:
     """Keeps a process for each role running."""
 
-    def __init__(self, site: Site, data: Path, runtime: Path, read: Callable[[], Site] | None = None) -> None:
+    def __init__(
+        self,
+        site: Site,
+        data: Path,
+        runtime: Path,
+        read: Callable[[], Site] | None = None,
+        parts: Iterable[str] = PARTS,
+    ) -> None:
         """`read` reads the site again for `Reloader`; without it there is nothing to read."""
+        roles = chain.from_iterable((CLUSTER_PARTS if site.cluster else PARTS)[part] for part in parts)
         self._runtime = runtime
         self.reloader = Reloader(site, read or (lambda: site), runtime)
         self.roles = [
-            Watched(role, [sys.executable, "-m", "deconflict", "role", role, str(runtime), str(data)]) for role in ROLES
+            Watched(role, [sys.executable, "-m", "deconflict", "role", role, str(runtime), str(data)]) for role in roles
         ]
 
     def run(self, stop: threading.Event) -> None:
@@ -155,7 +168,7 @@ def _engine_role(site: Site, runtime: Path) -> "EngineRole":
 def run_role(role: str, runtime: Path, data: Path, exposition: Exposition) -> None:
     """Be one role until standard input ends, as a supervisor's child."""
     site = Site.model_validate_json((runtime / SITE_FILE).read_text())
-    if role == "engine":
+    if role == "engine" and not site.cluster:
         ended = threading.Event()
         threading.Thread(target=_call_at_end_of_input, args=(ended.set,), daemon=True).start()
         _engine_role(site, runtime).run(ended)
@@ -169,8 +182,24 @@ async def _run_async_role(role: str, site: Site, runtime: Path, data: Path, expo
     threading.Thread(target=_call_at_end_of_input, args=(ended,), daemon=True).start()
     if role == "receiver":
         await ReceiverRole(site, runtime, data / "log").run(stop)
-    else:
+    elif role == "operator":
         await OperatorRole(site, runtime, data, exposition).run(stop)
+    elif site.cluster:
+        await _cluster_role(role, site, site.cluster, runtime).run(stop)
+
+
+class Runs(Protocol):
+    async def run(self, stop: asyncio.Event) -> None: ...
+
+
+def _cluster_role(role: str, site: Site, settings: Cluster, runtime: Path) -> Runs:
+    from deconflict.cluster.feed import Feed  # noqa: PLC0415 - brings the NATS client, which nothing else needs
+    from deconflict.cluster.follower import Follower  # noqa: PLC0415
+    from deconflict.cluster.member import Member  # noqa: PLC0415
+
+    if role == "feed":
+        return Feed(site, settings, runtime)
+    return Follower(site, settings, runtime) if role == "follower" else Member(site, settings)
 
 
 def _call_at_end_of_input(then: Callable[[], object]) -> None:

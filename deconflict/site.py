@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
+from deconflict.cluster.settings import Cluster
 from deconflict.contention.resources import ContentionSettings, Resource, Zone, place_problems
 from deconflict.fitness import datum_problems, map_problems
 from deconflict.floorplan import plan_problems
@@ -158,6 +159,8 @@ class Site(Section):
     mqtt: Mqtt | None = None
     """A broker that holds the open advisories."""
     store: StoreSettings = StoreSettings()
+    cluster: Cluster | None = None
+    """The work is shared with other machines."""
     blackbox: BlackBox = BlackBox()
 
 

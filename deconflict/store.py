@@ -76,6 +76,7 @@ class Store:
     def take(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
         """Number revisions and keep them for `flush`; every other method knows them from now on.
 
+        One that has a number keeps it: it was given elsewhere, in a stream that this store follows.
         One that is there already is returned as it was. Raises `StoreError`, also where too many wait.
         """
         with self._number_lock:
@@ -88,7 +89,7 @@ class Store:
                     known = stored_revision(db, advisory.id, advisory.revision)
                     known = known or waiting.get((advisory.id, advisory.revision))
                     if known is None:
-                        seq += 1
+                        seq = advisory.seq or seq + 1
                         answer = answers_of(db, advisory.id)[1]
                         known = advisory.model_copy(update={"seq": seq, "acknowledgement": answer})
                         ahead.append(known)
@@ -114,6 +115,7 @@ class Store:
     def append(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
         """Store revisions in one transaction and return them as stored, each with its sequence number.
 
+        One that has a number keeps it: it was given elsewhere, in a stream that this store follows.
         A revision that is there already (same advisory id and revision) is returned as it was first stored, with
         the number it had, so a sender that does not know whether it was heard may send again.
         """
@@ -123,7 +125,7 @@ class Store:
             for advisory in advisories:
                 known = stored_revision(db, advisory.id, advisory.revision)
                 if known is None:
-                    seq += 1
+                    seq = advisory.seq or seq + 1
                     answers, newest = answers_of(db, advisory.id)
                     known = advisory.model_copy(update={"seq": seq, "acknowledgement": newest})
                     insert(db, known, answers, advisory.updated_at)
@@ -131,8 +133,10 @@ class Store:
                 stored.append(known)
         return stored
 
-    def acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyAdvisory | None:
+    def acknowledge(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyAdvisory | None:
         """Store the newest revision once more, with the answer and a number of its own; None where there is none.
+
+        `seq` is that number where it was given elsewhere; an answer with one that is stored already is not doubled.
 
         Every later revision of the advisory carries the answer. Raises `StoreError`, also while others wait for the
         disk.
@@ -144,7 +148,10 @@ class Store:
             ).fetchone()
             if newest is None:
                 return None
-            answered = advisory_of(newest[0]).model_copy(update={"seq": last_seq(db) + 1, "acknowledgement": answer})
+            if seq is not None and seq <= last_seq(db):
+                return advisory_of(newest[0])
+            number = seq or last_seq(db) + 1
+            answered = advisory_of(newest[0]).model_copy(update={"seq": number, "acknowledgement": answer})
             db.execute(
                 "UPDATE advisories SET answers = answers + 1, acknowledgement = ? WHERE id = ?",
                 (answer.model_dump_json(), advisory_id),

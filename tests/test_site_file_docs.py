@@ -9,6 +9,7 @@ from pydantic_core import to_jsonable_python
 
 from deconflict import site
 from deconflict.check import report
+from deconflict.cluster.settings import Cluster
 from deconflict.contention import resources
 from deconflict.outlets import settings as outlets
 from ingest import settings
@@ -28,6 +29,7 @@ SECTIONS: dict[str, type[settings.Section]] = {
     "`[receiver.tls]`": settings.Tls,
     "`[[webhooks]]`": outlets.Webhook,
     "`[mqtt]`": outlets.Mqtt,
+    "`[cluster]`": Cluster,
 }
 SECTIONS |= {
     f"`[{name}]`": type(field.default)

@@ -5,7 +5,9 @@ that may get further in the horizon than engines listen is told of to all of its
 """
 
 from dataclasses import dataclass, field, replace
+from itertools import product
 from math import ceil
+from typing import NamedTuple
 from urllib.parse import quote
 
 import numpy as np
@@ -32,15 +34,16 @@ def reach_m(fastest_mps: float, conflict: Conflict) -> float:
 
 def channel(tile: Tile) -> str:
     """Of a tile of the grid."""
-    return f"{_token(tile.datum)}.{tile.column}.{tile.row}"
+    return f"{token(tile.datum)}.{tile.column}.{tile.row}"
 
 
 def wide_channel(datum: str) -> str:
     """Of a whole floor."""
-    return f"{_token(datum)}.wide"
+    return f"{token(datum)}.wide"
 
 
-def _token(name: str) -> str:
+def token(name: str) -> str:
+    """A name as one part of a subject."""
     return quote(name, safe="").replace(".", "%2E")
 
 
@@ -88,6 +91,12 @@ class Sorter:
     reach_m: float
     _last: dict[str, Tile] = field(default_factory=dict)
     """The tile in which each robot was."""
+    _spans: dict[str, "Span"] = field(default_factory=dict)
+
+    def roots(self) -> set[Tile]:
+        """The tiles of the grid in which a robot is or may be met."""
+        spans = set(self._spans.values())
+        return {Tile(one.datum, *cell) for one in spans for cell in product(one.columns, one.rows)}
 
     def sort(self, batch: Batch) -> dict[str, Batch]:
         """The part of a batch for each channel that has one. A robot on no floor is told of where it was before."""
@@ -95,19 +104,42 @@ class Sorter:
         extents = Extents.of(batch, self.conflict)
         wide = extents.beyond(self.reach_m).tolist()
         where = zip(batch.robots, extents.floor.tolist(), extents.at.tolist(), wide, strict=True)
+        spans = self._cells(extents)
         for row, (uuid, floor, (x_m, y_m), is_wide) in enumerate(where):
             told = {channel(self._last[uuid])} if uuid in self._last else set()
-            self._last.pop(uuid, None)
+            self._forget(uuid)
             if floor >= 0:
                 datum = batch.floors[floor]
                 tile = self._last[uuid] = self.grid.root(Place(datum, x_m, y_m))
+                west, south, east, north = spans[row]
+                self._spans[uuid] = Span(datum, range(west, east + 1), range(south, north + 1))
                 told |= {channel(tile), *([wide_channel(datum)] if is_wide else [])}
             for one in told:
                 rows.setdefault(one, []).append(row)
         for uuid in batch.gone:
-            self._last.pop(uuid, None)
+            self._forget(uuid)
         parts = {one: batch.take(np.array(chosen)) for one, chosen in sorted(rows.items())}
         return parts | ({GONE: batch.take(np.zeros(0, np.int64), batch.gone)} if batch.gone else {})
+
+    def _forget(self, uuid: str) -> None:
+        self._last.pop(uuid, None)
+        self._spans.pop(uuid, None)
+
+    def _cells(self, extents: Extents) -> list[list[int]]:
+        """By robot the first and last column and row where it may be met, no further than engines listen."""
+        slack_m = extents.slack_m[:, None]
+        low = np.maximum(extents.low - slack_m, extents.at - self.reach_m)
+        high = np.minimum(extents.high + slack_m, extents.at + self.reach_m)
+        cells: list[list[int]] = np.floor(np.column_stack([low, high]) / self.grid.side_m).astype(np.int64).tolist()
+        return cells
+
+
+class Span(NamedTuple):
+    """A rectangle of tiles."""
+
+    datum: str
+    columns: range
+    rows: range
 
 
 @dataclass(slots=True, eq=False)

@@ -17,6 +17,7 @@ from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.cluster.channels import GONE, Extents, Floors, channel, wide_channel
 from deconflict.cluster.tiles import Area, Grid, Place, Tile
 from deconflict.engine import Engine
+from deconflict.life import Pair
 from deconflict.motion import Bools
 from deconflict.site import Site
 from ingest.seam import Batch, Ints
@@ -54,13 +55,13 @@ class Shard:
         """When the newest status of each robot here arrived."""
         self._homes: dict[str, Place] = {}
         """By advisory that is open here or anywhere."""
-        self._open: dict[str, Told] = {}
+        self._open: dict[Pair, Told] = {}
         """As told last."""
         self._revisions: OrderedDict[str, int] = OrderedDict()
         """The last revision of each advisory that was told."""
-        self._news: set[str] = set()
-        """Advisories that another has told of since the last step."""
-        self._awaited_s: dict[str, float] = {}
+        self._news: set[Pair] = set()
+        """Pairs of which another has told since the last step."""
+        self._awaited_s: dict[Pair, float] = {}
         """Until when the robots of an advisory of this shard are waited for."""
         self._due: list[Told] = []
 
@@ -88,10 +89,10 @@ class Shard:
     def _channels(self, roots: Iterable[Tile]) -> set[str]:
         return {name for root in roots for name in (channel(root), wide_channel(root.datum))}
 
-    def receive(self, batches: Sequence[Batch]) -> None:
-        """Take in parcels of the channels it hears, in order of arrival."""
+    def receive(self, batches: Sequence[Batch]) -> Batch | None:
+        """Take in parcels of the channels it hears, in order of arrival; the robots in its own tiles, if any came."""
         if not batches:
-            return
+            return None
         batches = [self._floors.renumbered(one) for one in batches]
         batch = Batch.joined([replace(one, floors=batches[-1].floors) for one in batches])
         rows = np.flatnonzero(~self._late(batch))
@@ -100,11 +101,12 @@ class Shard:
         left = [batch.robots[row] for row in rows.tolist() if batch.robots[row] not in stay]
         gone = [*left, *(uuid for uuid in batch.gone if self._forgotten(uuid, batch.now_s))]
         known = tuple(dict.fromkeys(uuid for uuid in gone if uuid in self.engine.live.robots))
-        self._count(batch, kept)
+        own = self._counted(batch, kept)
         self.engine.receive(batch.take(kept, known))
         self._arrived_s.update((batch.robots[row], float(batch.arrival_s[row])) for row in kept.tolist())
         for uuid in known:
             self._arrived_s.pop(uuid, None)
+        return own
 
     def step(self, now_s: float) -> list[Told]:
         """The revisions that are this shard's to tell."""
@@ -114,7 +116,7 @@ class Shard:
             if not isinstance(one, ConflictAdvisory):
                 continue
             home = self._homes.setdefault(one.id, Place(one.location.datum, one.location.x, one.location.y))
-            if one.state is AdvisoryState.CLEARED and one.id not in self._open:
+            if one.state is AdvisoryState.CLEARED and one.robots not in self._open:
                 del self._homes[one.id]
             if home in self.area:
                 due.append(Told(home, one))
@@ -130,7 +132,7 @@ class Shard:
         if one.state is AdvisoryState.CLEARED:
             self.engine.adopt(one)
         else:
-            self._news.add(one.id)
+            self._news.add(one.robots)
 
     def _remember(self, told: Told) -> None:
         one = told.advisory
@@ -138,27 +140,36 @@ class Shard:
         self._revisions.move_to_end(one.id)
         if len(self._revisions) > max(REMEMBERED, 2 * len(self._open)):
             self._revisions.popitem(last=False)
-        if one.state is AdvisoryState.CLEARED:
-            for known in (self._homes, self._open, self._awaited_s):
-                known.pop(one.id, None)
-            self._news.discard(one.id)
-        else:
-            self._homes[one.id], self._open[one.id] = told.home, told
+        before = self._open.get(one.robots)
+        if before and before.advisory.id != one.id and one.state is not AdvisoryState.CLEARED:
+            self._homes.pop(before.advisory.id, None)
+        if one.state is not AdvisoryState.CLEARED:
+            self._homes[one.id], self._open[one.robots] = told.home, told
+            return
+        self._homes.pop(one.id, None)
+        if before and before.advisory.id == one.id:
+            del self._open[one.robots]
+            self._awaited_s.pop(one.robots, None)
+            self._news.discard(one.robots)
 
     def _align(self, now_s: float) -> None:
         """Go on with what others told, where both robots are here; with its own also where they are awaited in vain."""
-        here = {one.id: one for one in self.engine.conflicts()}
+        here = {one.robots: one for one in self.engine.conflicts()}
         live = self.engine.live.robots
-        for uuid, told in self._open.items():
-            known = here.get(uuid)
-            if known and (known == told.advisory or uuid not in self._news):
+        for pair, told in self._open.items():
+            known = here.get(pair)
+            same = known is not None and known.id == told.advisory.id
+            if known == told.advisory or (same and pair not in self._news):
                 continue
-            if live.keys() >= set(told.advisory.robots) or known or self._waited(told, now_s):
+            if known or live.keys() >= set(pair) or self._waited(told, now_s):
                 self.engine.adopt(told.advisory)
-                self._news.discard(uuid)
+                self._news.discard(pair)
 
     def _waited(self, told: Told, now_s: float) -> bool:
-        return told.home in self.area and now_s >= self._awaited_s.setdefault(told.advisory.id, now_s + PATIENCE_S)
+        if told.home not in self.area:
+            self._awaited_s.pop(told.advisory.robots, None)
+            return False
+        return now_s >= self._awaited_s.setdefault(told.advisory.robots, now_s + PATIENCE_S)
 
     def _mine(self) -> list[Told]:
         return [told for told in self._open.values() if told.home in self.area]
@@ -194,7 +205,9 @@ class Shard:
         """Whether nobody has heard of a robot that one ingest forgot."""
         return now_s - self._arrived_s.get(uuid, now_s) > self.engine.site.reading.forget_after_s
 
-    def _count(self, batch: Batch, rows: Ints) -> None:
+    def _counted(self, batch: Batch, rows: Ints) -> Batch:
+        """Those of `rows` that are in its tiles, their statuses counted."""
+        own = []
         for row in rows[batch.statuses[rows] > 0].tolist():
             knot = batch.forecasts.start[row]
             floor = int(batch.forecasts.floor[knot])
@@ -202,3 +215,5 @@ class Shard:
             tile = self.area.tile_of(Place(batch.floors[floor], x_m, y_m)) if floor >= 0 else None
             if tile:
                 self.loads[tile] += int(batch.statuses[row])
+                own.append(row)
+        return batch.take(np.array(own, np.int64))

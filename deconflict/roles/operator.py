@@ -7,10 +7,11 @@ import socket
 import time
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from deconflict.advisory import ADVISORY
+from deconflict.advisory import ADVISORY, Acknowledgement
 from deconflict.asgi import face_server
 from deconflict.blackbox.keeper import Keeper
 from deconflict.blackbox.order import Near
@@ -38,6 +39,7 @@ ENGINE_STALE_S = 5.0
 """An engine not heard from for this long counts as down; it reports every second."""
 PRUNE_EVERY_S = 3600.0
 REFRESH_EVERY_S = 5.0
+CARRIED_WITHIN_S = 5.0
 RELOAD_CHECK_S = 0.2
 RELOAD_WITHIN_S = 10.0
 ROLES_FILE = "roles.json"
@@ -58,6 +60,8 @@ class OperatorRole:
         self._certificates = Certificates(site.operator.tls) if site.operator.tls else None
         self._store = Store(data)
         self._app = create_app(self._store, self, exposition, site)
+        if site.cluster:
+            self._app.state.publisher.carry = self._carry
         self._learned_file = LearnedFile(data, self._app.state.measures)
         self._outlets = self._outlets_of(site)
         self._past = Past(site, data / "log")
@@ -71,6 +75,8 @@ class OperatorRole:
             "learn": self._learn,
             "unlearn": self._unlearn,
             "publish": self._publish,
+            "stored": self._stored,
+            "told": self._told,
             "measures": self._measures,
             "health": self._health,
         }
@@ -131,7 +137,7 @@ class OperatorRole:
             for result in ("applied", "refused"):
                 own.count("deconflict_site_reloads_total", result, by=told[result])
         documents = [own.as_document(), *self._engine_measures]
-        if up["receiver"]:
+        if up.get("receiver"):
             documents.append(await self._ask("measures"))
         return documents
 
@@ -166,7 +172,7 @@ class OperatorRole:
     async def pulse(self) -> dict[str, Any]:
         """Roles, vendors, and the robots that are unidentified as far as the receiver answers."""
         roles, documents, unidentified = await self._up(), self._engine_measures, []
-        if roles["receiver"]:
+        if roles.get("receiver"):
             with suppress(SourceUnavailableError):
                 documents = [*documents, await self._ask("measures")]
                 unidentified = await self._ask("unidentified")
@@ -199,7 +205,9 @@ class OperatorRole:
         except LinkDownError:
             receiver = False
         engine = time.monotonic() - self._engine_heard_s < ENGINE_STALE_S
-        return {"receiver": receiver, "engine": engine and self._engine_runs(), "operator": True}
+        up = {"receiver": receiver, "engine": engine and self._engine_runs(), "operator": True}
+        supervised = self._supervised()
+        return {role: alive for role, alive in up.items() if role in supervised or role != "receiver" or not supervised}
 
     def _effort(self) -> str:
         """What the engine works out, as far as it is known: an `Effort` in lower case."""
@@ -271,6 +279,35 @@ class OperatorRole:
             "encounters": [[*pair, count] for pair, count in self._store.encounters().items()],
         }
         return json.dumps(stored).encode()
+
+    async def _stored(self, _: bytes) -> bytes:
+        """Up to where a stream that is followed is stored."""
+        return json.dumps({"seq": self._store.last_seq()}).encode()
+
+    async def _told(self, payload: bytes) -> bytes:
+        """Store what a stream tells, in its order and under its numbers."""
+        publisher = self._app.state.publisher
+        for is_answer, lines in groupby(json.loads(payload), lambda line: "answer" in line):
+            if is_answer:
+                for line in lines:
+                    answer = Acknowledgement.model_validate(line["answer"])
+                    await publisher.answered(line["id"], answer, line["seq"])
+            else:
+                told = [ADVISORY.validate_python(line["advisory"] | {"seq": line["seq"]}) for line in lines]
+                await publisher.publish(told)
+        return b"stored"
+
+    async def _carry(self, advisory_id: str, answer: Acknowledgement) -> None:
+        """Have the follower tell an answer to the stream, and wait until it comes back."""
+        payload = json.dumps({"id": advisory_id, "answer": answer.model_dump(mode="json")}).encode()
+        try:
+            seq = json.loads(await AsyncCaller(self._runtime, "follower").call("answer", payload))["seq"]
+            async with asyncio.timeout(CARRIED_WITHIN_S):
+                await self._app.state.publisher.reached(seq)
+        except (LinkDownError, TimeoutError) as error:
+            raise SourceUnavailableError("follower") from error
+        if not seq:
+            raise SourceUnavailableError("NATS server")
 
     async def _learned(self, _: bytes) -> bytes:
         """What an engine that begins goes on with."""

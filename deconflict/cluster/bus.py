@@ -1,0 +1,244 @@
+"""NATS as the cluster uses it: parcels, told revisions, members and the table. Nothing else here speaks to it.
+
+Parcels go on `NAME.rows.CHANNEL` into a stream in memory that is kept for half a minute; revisions on `NAME.told.KEY`
+into a durable one, whose sequence numbers are those of the advisories. The key of a conflict is its pair of robots.
+"""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Awaitable, Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import nats
+from nats.aio.msg import Msg
+from nats.errors import Error as NatsError
+from nats.js import JetStreamContext, api
+from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError
+
+from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory
+from deconflict.cluster.channels import token
+from deconflict.cluster.settings import Cluster
+from deconflict.cluster.tiles import Place
+
+log = logging.getLogger(__name__)
+
+KEPT_S = 30.0
+"""How long parcels are kept."""
+REPLAYED_S = 15.0
+"""How much of them who takes a tile over hears again."""
+LEASE_S = 4.0
+"""A member not heard of for this long is gone."""
+SAME_S = 120.0
+"""A revision that is sent again within this time is not doubled."""
+CLOSE_S = 2.0
+WRONG_LAST_SEQUENCE = 10071
+PENDING = 1 << 20
+"""Messages that may wait to be taken in."""
+
+BUS_ERRORS = (NatsError, TimeoutError, OSError)
+"""What a call raises while the server can't be had."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """What the durable stream carries: a revision and the place that decides who tells it, or an answer to one."""
+
+    seq: int
+    key: str
+    """Of the advisory; in an answer its id."""
+    home: Place | None = None
+    advisory: AnyAdvisory | None = None
+    answer: Acknowledgement | None = None
+
+
+class OverruledError(Exception):
+    """Another has told something of that key in the meantime."""
+
+
+def key_of(advisory: AnyAdvisory) -> str:
+    """What an advisory is told under: there is at most one open of a key."""
+    return token("_".join(advisory.robots) if advisory.kind == "conflict" else advisory.id)
+
+
+class Bus:
+    """One connection. Calls raise one of `BUS_ERRORS` while the server can't be had; hearing goes on by itself."""
+
+    def __init__(self, settings: Cluster, keep_days: float) -> None:
+        self._settings, self._keep_days, self.name = settings, keep_days, settings.name
+        self._said: dict[str, tuple[float, dict[str, Any]]] = {}
+        """By member, when it was heard of last by this machine's clock, and what it said."""
+
+    async def open(self) -> None:
+        """Connect, and make the streams and buckets where they are not there."""
+        self._nats = await nats.connect(
+            list(self._settings.nats), max_reconnect_attempts=-1, reconnect_time_wait=0.2, error_cb=_told_of
+        )
+        self._js: JetStreamContext = self._nats.jetstream()
+        name, copies = self.name, self._settings.copies
+        memory, disk = api.StorageType.MEMORY, api.StorageType.FILE
+        await self._stream("rows", [f"{name}.rows.>"], memory, KEPT_S, SAME_S / 10)
+        await self._stream("told", [f"{name}.told.*", f"{name}.answer.*"], disk, 86400 * self._keep_days, SAME_S)
+        self._members = await self._js.create_key_value(
+            bucket=f"{name}-members", ttl=LEASE_S, storage=memory, replicas=copies
+        )
+        latest = api.ConsumerConfig(deliver_policy=api.DeliverPolicy.LAST_PER_SUBJECT)
+        await self._subscribe(f"$KV.{name}-members.*", f"KV_{name}-members", self._met, latest)
+        self._table = await self._js.create_key_value(bucket=f"{name}-table", storage=disk, replicas=copies)
+
+    async def close(self) -> None:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(CLOSE_S):
+                await self._nats.close()
+
+    async def _stream(
+        self, kind: str, subjects: list[str], storage: api.StorageType, age_s: float, same_s: float
+    ) -> None:
+        wanted = api.StreamConfig(
+            name=f"{self.name}-{kind}",
+            subjects=subjects,
+            storage=storage,
+            max_age=age_s,
+            duplicate_window=same_s,
+            num_replicas=self._settings.copies if storage is api.StorageType.FILE else 1,
+        )
+        try:
+            await self._js.add_stream(wanted)
+        except BadRequestError:  # it is there with other settings
+            await self._js.update_stream(wanted)
+
+    async def send_rows(self, channel: str, parcel: bytes) -> None:
+        """One part of a batch; it waits for no answer."""
+        await self._nats.publish(f"{self.name}.rows.{channel}", parcel)
+
+    async def hear_rows(self, channel: str, take: Callable[[bytes], None]) -> Callable[[], Awaitable[None]]:
+        """Take the parcels of a channel, those of the last seconds first; the answer ends it."""
+
+        async def taken(message: Msg) -> None:
+            take(message.data)
+
+        since = datetime.now(UTC) - timedelta(seconds=REPLAYED_S)
+        config = api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_TIME, opt_start_time=since)
+        heard = await self._subscribe(f"{self.name}.rows.{channel}", f"{self.name}-rows", taken, config)
+        config.opt_start_time = None  # the client begins a lost subscription anew at a number, and keeps this otherwise
+        return heard.unsubscribe
+
+    async def want(self, channels: Iterable[str], take: Callable[[bytes], None]) -> None:
+        """Ask every ingest for all the robots of channels; the parcels come to `take` as they are answered."""
+        inbox = self._nats.new_inbox()
+
+        async def taken(message: Msg) -> None:
+            if message.data:  # there is none where nobody answers
+                take(message.data)
+
+        await self._nats.subscribe(inbox, cb=taken)
+        await self._nats.publish(f"{self.name}.want", json.dumps(sorted(channels)).encode(), reply=inbox)
+
+    async def wanted(self, give: Callable[[set[str]], Awaitable[list[bytes]]]) -> None:
+        """Answer others' `want`."""
+
+        async def asked(message: Msg) -> None:
+            for parcel in await give(set(json.loads(message.data))):
+                await self._nats.publish(message.reply, parcel)
+
+        await self._nats.subscribe(f"{self.name}.want", cb=asked)
+
+    async def tell(self, home: Place, advisory: AnyAdvisory, last_seq: int) -> int:
+        """Its number in the stream. Raises `OverruledError` where the last told of its key is not `last_seq`."""
+        headers = {
+            "Nats-Msg-Id": f"{advisory.id}:{advisory.revision}",
+            "Nats-Expected-Last-Subject-Sequence": str(last_seq),
+        }
+        body = json.dumps({"home": home, "advisory": advisory.model_dump(mode="json")}).encode()
+        try:
+            told = await self._js.publish(f"{self.name}.told.{key_of(advisory)}", body, headers=headers)
+        except APIError as error:
+            if error.err_code == WRONG_LAST_SEQUENCE:
+                raise OverruledError from error
+            raise
+        return told.seq
+
+    async def last_told(self, key: str) -> Line:
+        """The newest revision under a key."""
+        found = await self._js.get_last_msg(f"{self.name}-told", f"{self.name}.told.{key}")
+        return _line(found.seq or 0, found.subject or "", found.data or b"")
+
+    async def answer(self, advisory_id: str, answer: Acknowledgement) -> int:
+        told = await self._js.publish(f"{self.name}.answer.{advisory_id}", answer.model_dump_json().encode())
+        return told.seq
+
+    async def hear_told(self, take: Callable[[Line], None], after: int | None = None) -> int:
+        """Take what is told after a number; without one, the newest of each key first. How many wait already."""
+
+        async def taken(message: Msg) -> None:
+            take(_line(message.metadata.sequence.stream, message.subject, message.data))
+
+        if after is None:
+            subject, config = (
+                f"{self.name}.told.*",
+                api.ConsumerConfig(deliver_policy=api.DeliverPolicy.LAST_PER_SUBJECT),
+            )
+        else:
+            subject = f"{self.name}.>"
+            config = api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_SEQUENCE, opt_start_seq=after + 1)
+        heard = await self._subscribe(subject, f"{self.name}-told", taken, config)
+        state = await heard.consumer_info()
+        return (state.num_pending or 0) + (state.delivered.consumer_seq if state.delivered else 0)
+
+    async def _subscribe(
+        self, subject: str, stream: str, taken: Callable[[Msg], Awaitable[None]], config: api.ConsumerConfig
+    ) -> JetStreamContext.PushSubscription:
+        return await self._js.subscribe(
+            subject,
+            stream=stream,
+            cb=taken,
+            config=config,
+            ordered_consumer=True,
+            pending_msgs_limit=PENDING,
+            pending_bytes_limit=1 << 30,
+        )
+
+    async def beat(self, member: str, says: dict[str, Any]) -> None:
+        """Say that a member is there, and what it has to say."""
+        await self._members.put(member, json.dumps(says).encode())
+
+    def members(self) -> dict[str, dict[str, Any]]:
+        """What every member said last that was heard of within `LEASE_S`."""
+        heard_s = time.monotonic() - LEASE_S
+        self._said = {name: one for name, one in self._said.items() if one[0] >= heard_s}
+        return {name: said for name, (_, said) in self._said.items()}
+
+    async def _met(self, message: Msg) -> None:
+        self._said[message.subject.rsplit(".", 1)[1]] = (time.monotonic(), json.loads(message.data or b"{}"))
+
+    async def table(self) -> tuple[int, dict[str, Any] | None]:
+        """The table as it was written last, and what number that has."""
+        try:
+            entry = await self._table.get("table")
+        except KeyNotFoundError:
+            return 0, None
+        return entry.revision or 0, json.loads(entry.value or b"null")
+
+    async def write_table(self, document: dict[str, Any], last: int) -> bool:
+        """Whether it could be written in place of the one with that number."""
+        try:
+            await self._table.update("table", json.dumps(document).encode(), last=last)
+        except KeyWrongLastSequenceError:
+            return False
+        return True
+
+
+def _line(seq: int, subject: str, data: bytes) -> Line:
+    _, kind, key = subject.split(".", 2)
+    if kind == "answer":
+        return Line(seq, key, answer=Acknowledgement.model_validate_json(data))
+    told = json.loads(data)
+    return Line(seq, key, Place(*told["home"]), ADVISORY.validate_python(told["advisory"]))
+
+
+async def _told_of(error: Exception) -> None:
+    log.warning("the NATS server: %s", error or type(error).__name__)

@@ -1,0 +1,119 @@
+"""The feed's process: takes batches from the receiver beside it, as an engine would, and tells them by tile."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable, Coroutine
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+from deconflict.cluster.bus import BUS_ERRORS, Bus
+from deconflict.cluster.channels import Sorter, reach_m
+from deconflict.cluster.settings import Cluster
+from deconflict.cluster.tiles import Grid
+from deconflict.link import AsyncCaller, LinkDownError
+from deconflict.recent import opened
+from deconflict.site import Site
+from ingest.seam import Batch
+
+log = logging.getLogger(__name__)
+
+BEAT_S = 0.5
+RETRY_S = 0.2
+WHOLE = b"0"
+"""Asks the receiver for the whole floor, as a watcher does that has seen nothing."""
+
+
+async def connected(bus: Bus, stop: asyncio.Event) -> bool:
+    """Open a bus as soon as its server can be had; False where it was stopped before."""
+    while not stop.is_set():
+        try:
+            await bus.open()
+        except BUS_ERRORS as error:
+            log.warning("the NATS server does not answer: %s", error or type(error).__name__)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(stop.wait(), 1.0)
+        else:
+            return True
+    return False
+
+
+async def beating(bus: Bus, beat: Callable[[], Awaitable[None]]) -> None:
+    """Call `beat` for ever; while the server can't be had, go on trying."""
+    while True:
+        began_s = time.monotonic()
+        try:
+            await beat()
+        except BUS_ERRORS as error:
+            log.warning("%s is out of touch: %s", bus.name, error or type(error).__name__)
+        await asyncio.sleep(max(BEAT_S - (time.monotonic() - began_s), 0.05))
+
+
+async def until(stop: asyncio.Event, *chores: Coroutine[Any, Any, None]) -> None:
+    """Do chores until `stop` is set, or until one of them fails, which raises its error."""
+    tasks: list[asyncio.Task[Any]] = [asyncio.create_task(one) for one in chores]
+    tasks.append(asyncio.create_task(stop.wait()))
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in tasks:
+            if task.done():
+                await task
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+class Feed:
+    """One ingest. Every parcel it sends is kept for a while, so it waits for nobody."""
+
+    def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
+        self._bus, self._receiver = Bus(settings, site.store.keep_days), AsyncCaller(runtime, "receiver")
+        self._grid, self._conflict = Grid(settings.tile_m), site.conflict
+        self._reach_m = reach_m(settings.fastest_mps, site.conflict)
+        self._sorter = self._new_sorter()
+        self._name = f"feed-{uuid4().hex[:12]}"
+
+    def _new_sorter(self) -> Sorter:
+        return Sorter(self._grid, self._conflict, self._reach_m)
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Feed until `stop` is set."""
+        if not await connected(self._bus, stop):
+            return
+        await self._bus.wanted(self._whole)
+        try:
+            await until(stop, beating(self._bus, self._beat), self._feed())
+        finally:
+            await self._bus.close()
+
+    async def _beat(self) -> None:
+        await self._bus.beat(self._name, {"roots": sorted(map(str, self._sorter.roots()))})
+
+    async def _feed(self) -> None:
+        ask = b"everything"
+        while True:
+            try:
+                batch = Batch.from_bytes(await self._receiver.call("batch", ask))
+            except LinkDownError:
+                ask = b"everything"
+                await asyncio.sleep(RETRY_S)
+                continue
+            ask = b""
+            for channel, part in self._sorter.sort(batch).items():
+                try:
+                    await self._bus.send_rows(channel, part.to_bytes())
+                except BUS_ERRORS as error:
+                    ask = b"everything"  # what is lost now is told again once the server is back
+                    log.warning("a parcel is not sent: %s", error or type(error).__name__)
+
+    async def _whole(self, channels: set[str]) -> list[bytes]:
+        """All the robots of channels, for who has come to hear them."""
+        try:
+            _, _, batch = opened(await self._receiver.call("follow", WHOLE))
+        except LinkDownError:
+            return []
+        parts = self._new_sorter().sort(batch) if batch else {}
+        return [part.to_bytes() for channel, part in parts.items() if channel in channels]

@@ -1,0 +1,80 @@
+"""The follower's process: hands what the durable stream tells to the operator face beside it, under its numbers."""
+
+import asyncio
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+from deconflict.advisory import Acknowledgement
+from deconflict.cluster.bus import BUS_ERRORS, Bus, Line
+from deconflict.cluster.feed import RETRY_S, beating, connected, until
+from deconflict.cluster.settings import Cluster
+from deconflict.link import AsyncCaller, LinkDownError, listening, socket_path
+from deconflict.site import Site
+
+log = logging.getLogger(__name__)
+
+MOST_AT_ONCE = 500
+
+
+class Follower:
+    """One operator face's ear, and its mouth for answers."""
+
+    def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
+        self._bus, self._runtime = Bus(settings, site.store.keep_days), runtime
+        self._operator = AsyncCaller(runtime, "operator")
+        self._lines: asyncio.Queue[Line] = asyncio.Queue()
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Follow until `stop` is set."""
+        if not await connected(self._bus, stop):
+            return
+        try:
+            async with listening(socket_path(self._runtime, "follower"), {"answer": self._answer}):
+                await until(stop, self._follow(), beating(self._bus, self._measure))
+        finally:
+            await self._bus.close()
+
+    async def _follow(self) -> None:
+        stored = json.loads(await self._asked("stored"))
+        await self._bus.hear_told(self._lines.put_nowait, after=stored["seq"])
+        while True:
+            lines = [await self._lines.get()]
+            while not self._lines.empty() and len(lines) < MOST_AT_ONCE:
+                lines.append(self._lines.get_nowait())
+            await self._asked("told", json.dumps([_document(one) for one in lines]).encode())
+
+    async def _asked(self, name: str, payload: bytes = b"") -> bytes:
+        """The operator face's answer, asked again until there is one."""
+        while True:
+            try:
+                return await self._operator.call(name, payload)
+            except LinkDownError:
+                await asyncio.sleep(RETRY_S)
+
+    async def _measure(self) -> None:
+        """Say that engines are there, and what they measure."""
+        said = [one["measures"] for one in self._bus.members().values() if "measures" in one]
+        if said:
+            parcel: dict[str, Any] = {"measures": [one for each in said for one in each]}
+            await self._asked("publish", json.dumps(parcel | {"advisories": [], "near_misses": []}).encode())
+
+    async def _answer(self, payload: bytes) -> bytes:
+        """Put an answer into the stream; it comes back to every operator face with its number."""
+        told = json.loads(payload)
+        try:
+            seq = await self._bus.answer(told["id"], Acknowledgement.model_validate(told["answer"]))
+        except BUS_ERRORS as error:
+            log.warning("an answer is not told: %s", error or type(error).__name__)
+            seq = 0
+        return json.dumps({"seq": seq}).encode()
+
+
+def _document(line: Line) -> dict[str, Any]:
+    told: dict[str, Any] = {"seq": line.seq, "id": line.key}
+    if line.advisory:
+        told["advisory"] = line.advisory.model_dump(mode="json")
+    if line.answer:
+        told["answer"] = line.answer.model_dump(mode="json")
+    return told

@@ -1,0 +1,195 @@
+"""An engine of a cluster: hears the parcels of its tiles, judges, and tells what is its own to the durable stream.
+
+Its tiles are its own until the table says otherwise. One that dies is missed within `LEASE_S`; the others share out its
+tiles, hear the last seconds again and go on with the advisories that the stream has. What one that only stood still
+tells too late is refused by the stream, which takes a revision only after the one that it follows.
+"""
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from typing import Any
+from uuid import uuid4
+
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.cluster.bus import BUS_ERRORS, Bus, Line, OverruledError, key_of
+from deconflict.cluster.channels import reach_m
+from deconflict.cluster.feed import RETRY_S, beating, connected, until
+from deconflict.cluster.ownership import Table, revised
+from deconflict.cluster.settings import Cluster
+from deconflict.cluster.shard import REMEMBERED, Shard, Told, judging
+from deconflict.cluster.tiles import Grid, Tile
+from deconflict.engine import Engine
+from deconflict.roles.engine import arrivals_s
+from deconflict.site import Site
+from ingest.measures import Measures
+from ingest.seam import Batch, Floats
+
+log = logging.getLogger(__name__)
+
+LISTEN_S, MOST_AT_ONCE = 0.05, 32
+"""How often new channels are looked for, and how many are begun at once."""
+CAUGHT_UP_S = 30.0
+"""How long a new member waits until it knows what is open."""
+
+
+class Member:
+    """One engine. Its shard is touched by one thread at a time."""
+
+    def __init__(self, site: Site, settings: Cluster) -> None:
+        self._site, self._settings = site, settings
+        self._bus = Bus(settings, site.store.keep_days)
+        self.name = f"engine-{uuid4().hex[:12]}"
+        self.measures = Measures()
+        self._adviser = ThreadPoolExecutor(1, "adviser")
+        engine = Engine(judging(site), submit=self._adviser.submit)
+        self._shard = Shard(engine, Grid(settings.tile_m), reach_m(settings.fastest_mps, site.conflict))
+        self._parcels: list[bytes] = []
+        self._lines: list[Line] = []
+        self._overruled: list[Line] = []
+        self._wanted: set[str] = set()
+        """Channels."""
+        self._listening: dict[str, Callable[[], Awaitable[None]]] = {}
+        self._last: dict[str, Line] = {}
+        """What the stream has last, by key."""
+        self._outbox: asyncio.Queue[tuple[list[Told], dict[str, Floats]]] = asyncio.Queue()
+        self._table = Table()
+        self._says: dict[str, Any] = {"loads": {}}
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Judge until `stop` is set."""
+        if not await connected(self._bus, stop):
+            return
+        waiting = await self._bus.hear_told(self._lines.append)
+        with suppress(TimeoutError):
+            async with asyncio.timeout(CAUGHT_UP_S):
+                while len(self._lines) < waiting:
+                    await asyncio.sleep(0.02)
+        try:
+            await until(stop, beating(self._bus, self._beat), self._deliver(), self._judge(), self._listen())
+        finally:
+            self._adviser.shutdown(cancel_futures=True)
+            await self._bus.close()
+
+    async def _beat(self) -> None:
+        """Be heard of, and see to it that every tile has an owner."""
+        await self._bus.beat(self.name, self._says)
+        members = self._bus.members()
+        number, document = await self._bus.table()
+        table = Table.of_document(document) if document else Table()
+        loads = {
+            name: {Tile.named(tile): per_s for tile, per_s in one["loads"].items()}
+            for name, one in members.items()
+            if "loads" in one
+        }
+        roots = {Tile.named(root) for one in members.values() for root in one.get("roots", ())}
+        wanted = revised(table, loads, roots, self._settings.tile_m, self._settings.hot_per_s)
+        if wanted != table and await self._bus.write_table(wanted.document(), number):
+            log.info("%s shares out %s tiles among %s engines", self.name, len(wanted.owners), len(loads))
+            table = wanted
+        self._table = table
+
+    async def _judge(self) -> None:
+        counted_s = time.monotonic()
+        while True:
+            began_s = time.monotonic()
+            parcels, self._parcels = self._parcels, []
+            lines, self._lines = self._lines, []
+            overruled, self._overruled = self._overruled, []
+            for line in lines:
+                self._know(line)
+            told, arrivals = await asyncio.to_thread(self._step, self._table.of(self.name), parcels, lines, overruled)
+            self._outbox.put_nowait((told, arrivals))
+            self._wanted = self._shard.hears()
+            if began_s - counted_s >= 1.0:
+                loads, self._shard.loads = self._shard.loads, type(self._shard.loads)()
+                self._says = {
+                    "loads": {str(tile): count / (began_s - counted_s) for tile, count in loads.items()},
+                    "measures": [self._shard.engine.measures.as_document(), self.measures.as_document()],
+                }
+                counted_s = began_s
+            await asyncio.sleep(max(self._site.engine.tick_s - (time.monotonic() - began_s), 0.0))
+
+    def _step(
+        self, tiles: frozenset[Tile], parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]
+    ) -> tuple[list[Told], dict[str, Floats]]:
+        shard, began_s = self._shard, time.perf_counter()
+        for line in lines:
+            if line.home and isinstance(line.advisory, ConflictAdvisory):
+                shard.hear(Told(line.home, line.advisory))
+        for line in overruled:
+            if line.home and isinstance(line.advisory, ConflictAdvisory):
+                shard.hear(Told(line.home, line.advisory), overruled=True)
+        if tiles != shard.area.tiles:
+            shard.own(tiles)
+        own = shard.receive([Batch.from_bytes(one) for one in parcels])
+        told = shard.step(time.time())
+        shard.engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
+        return told, arrivals_s(own, time.time()) if own else {}
+
+    async def _listen(self) -> None:
+        """Hear the channels that are wanted, and what there was on new ones; leave the others."""
+        while True:
+            await asyncio.sleep(LISTEN_S)
+            with suppress(*BUS_ERRORS):
+                for channel in self._listening.keys() - self._wanted:
+                    await self._listening.pop(channel)()
+                new = sorted(self._wanted - self._listening.keys())[:MOST_AT_ONCE]
+                if new:
+                    await asyncio.gather(*(self._hear(channel) for channel in new))
+                    await self._bus.want(new, self._take)
+
+    async def _hear(self, channel: str) -> None:
+        self._listening[channel] = await self._bus.hear_rows(channel, self._take)
+
+    def _take(self, parcel: bytes) -> None:
+        self._parcels.append(parcel)
+
+    def _know(self, line: Line) -> None:
+        if line.advisory is None:
+            return
+        known = self._last.get(line.key)
+        if known is None or known.seq < line.seq:
+            self._last[line.key] = line
+        while len(self._last) > REMEMBERED:
+            self._last.pop(next(iter(self._last)))
+
+    async def _deliver(self) -> None:
+        while True:
+            told, arrivals = await self._outbox.get()
+            for one in told:
+                while not await self._tell(one):
+                    await asyncio.sleep(RETRY_S)
+            now_s = time.time()
+            for vendor, arrived_s in arrivals.items():
+                waits_s = (now_s - arrived_s).clip(0).tolist()
+                self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)
+
+    async def _tell(self, told: Told) -> bool:
+        """Whether it is in the stream now, or something else is in its place; else it is to be tried again."""
+        advisory, key = told.advisory, key_of(told.advisory)
+        last = self._last.get(key)
+        if last and last.advisory and not follows(advisory, last.advisory):
+            self._overruled.append(last)
+            return True
+        try:
+            seq = await self._bus.tell(told.home, advisory, last.seq if last else 0)
+        except OverruledError:
+            with suppress(*BUS_ERRORS):
+                self._know(await self._bus.last_told(key))
+            return False
+        except BUS_ERRORS as error:
+            log.warning("a revision is not told yet: %s", error or type(error).__name__)
+            return False
+        self._know(Line(seq, key, told.home, advisory))
+        return True
+
+
+def follows(advisory: AnyAdvisory, last: AnyAdvisory) -> bool:
+    """Whether a revision is the next after the last one of its key."""
+    if last.id == advisory.id:
+        return advisory.revision == last.revision + 1
+    return last.state is AdvisoryState.CLEARED and advisory.revision == 1

@@ -1,0 +1,79 @@
+"""A cluster as people run it: a real NATS server, two ingests and three engines, one of which is killed."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory
+from tests.deconflict.cluster.made_cluster import cluster, needs_server
+from tests.deconflict.test_service import Course, drive
+
+PAIRS = 6
+pytestmark = needs_server
+
+
+def crossings() -> tuple[dict[str, Course], dict[str, Course]]:
+    """Pairs along a hall that cross one after the other; one of each speaks to either ingest."""
+
+    def east(number: int) -> Course:
+        return lambda t: (15.0 * number + t - 18.0 - 2.0 * number, 0.0, 0.0)
+
+    def north(number: int) -> Course:
+        return lambda t: (15.0 * number, t - 18.0 - 2.0 * number, pi / 2)
+
+    return (
+        {f"A-{number}": east(number) for number in range(PAIRS)},
+        {f"B-{number}": north(number) for number in range(PAIRS)},
+    )
+
+
+async def until(base: str, path: str, wanted: Callable[[Any], bool]) -> Any:
+    """The JSON at `path` once it is as wanted, whatever the status."""
+    async with httpx.AsyncClient(timeout=20) as client, asyncio.timeout(120):
+        while not wanted(answer := (await client.get(base + path)).json()):
+            await asyncio.sleep(0.1)
+        return answer
+
+
+async def lives(base: str) -> list[list[AnyAdvisory]]:
+    """Every revision of each advisory, in order."""
+    async with httpx.AsyncClient() as client:
+        listed = (await client.get(f"{base}/advisories?state=all&limit=1000")).json()["advisories"]
+        told = [(await client.get(f"{base}/advisories/{each['id']}")).json()["advisories"] for each in listed]
+    return [[ADVISORY.validate_python(each) for each in life] for life in told]
+
+
+async def test_no_advisory_is_lost_or_doubled_where_an_engine_is_killed(tmp_path: Path) -> None:
+    async with cluster(tmp_path) as (machines, operator):
+        base = f"http://127.0.0.1:{operator.port}"
+        urls = [f"ws://127.0.0.1:{machines.start(name, 'receiver', 'feed')}" for name in ("west", "east")]
+        for name in ("first", "second", "third"):
+            machines.start(name, "engine")
+        await until(base, "/healthz", lambda health: health["roles"]["engine"] == "up")
+        start_s = time.time() - 2.0
+        told_by = zip(urls, crossings(), strict=True)
+        driving = [asyncio.create_task(drive(url, half, 60, start_s)) for url, half in told_by]
+        await until(base, "/advisories", lambda listed: len(listed["advisories"]) >= 2)
+        machines.kill("second", "engine")
+        whole = await until(
+            base,
+            "/advisories?state=all",
+            lambda listed: sum(each["state"] == "cleared" for each in listed["advisories"]) >= PAIRS,
+        )
+        for each in driving:
+            each.cancel()
+        await asyncio.gather(*driving, return_exceptions=True)
+        every = await lives(base)
+        assert len(every) == len({life[0].robots for life in every}) == PAIRS
+        for life in every:
+            assert [each.revision for each in life] == list(range(1, len(life) + 1))
+            assert [each.state for each in life if each.state is not AdvisoryState.UPDATED] == [
+                AdvisoryState.RAISED,
+                AdvisoryState.CLEARED,
+            ]
+        assert sorted(each.seq for life in every for each in life) == list(range(1, whole["seq"] + 1))
