@@ -21,6 +21,8 @@ MIXED = -2
 """Floor of a box in which the robot changes floor; it may meet anything."""
 FEW = 3
 """Up to so many changed robots are held against all others one by one; for more the boxes are sorted into cells."""
+FEW_PAIRS = 2000
+"""So are more, where they and all others make up no more pairs than this: cells for so few cost more than they save."""
 ROOMY = 1.5
 """Side of a cell, as a multiple of what nine in ten boxes stay below. Longer boxes are wide, and cost more."""
 NARROWEST_M = 1e-3
@@ -297,7 +299,7 @@ class Boxes:
         """Each pair of boxes of one slab that overlap, in ring rows `rings`, at least one of them `changed`'s; once."""
         is_changed = np.zeros(self.all.shape[1], bool)
         is_changed[changed] = True
-        if len(changed) <= FEW:
+        if len(changed) <= FEW or len(changed) * self.all.shape[1] <= FEW_PAIRS:
             return _one_by_one(self.all, rings, changed, is_changed)
         return _in_cells(self.all, rings, is_changed, 1.0 / self._side(rings))
 

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from math import inf
+from math import floor, inf
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
@@ -75,6 +75,7 @@ class Run:
             burdens_s=start.burdens_s,
             learned=start.learned,
         )
+        self._second = -1
 
     def step(self, one: Pass) -> Said:
         bands_m = self._bands_m(one.batch)
@@ -83,7 +84,14 @@ class Run:
         raised = [each.kind for each in told if each.state is AdvisoryState.RAISED]
         revisions = [each for each in told if isinstance(each, ConflictAdvisory)]
         others = [each for each in told if not isinstance(each, ConflictAdvisory)]
-        return Said(revisions, others, raised, self.engine.probabilities(), bands_m)
+        return Said(revisions, others, raised, self._published(one.now_s), bands_m)
+
+    def _published(self, now_s: float) -> list[tuple[Pair, float]]:
+        """The probabilities at the first pass of each second, which are judged; none at others."""
+        if floor(now_s) == self._second:
+            return []
+        self._second = floor(now_s)
+        return self.engine.probabilities()
 
     def _bands_m(self, batch: Batch) -> Floats:
         ledger = self.engine.foresight.ledger
