@@ -12,10 +12,9 @@ import threading
 from importlib.metadata import version
 from pathlib import Path
 
-from deconflict import access, demo, descriptions, drill, schema, site
+from deconflict import access, demo, descriptions, schema, site
 from deconflict.blackbox.start import BoxError
 from deconflict.check import check
-from deconflict.contention.suggest import suggested
 from deconflict.importers import reading
 from deconflict.importers.plan import PlanError
 from deconflict.link import PortTakenError
@@ -193,6 +192,8 @@ def _demo(args: argparse.Namespace) -> int:
 
 
 def _drill(args: argparse.Namespace) -> int:
+    from deconflict import drill  # noqa: PLC0415 - brings the engine, which most commands and roles do without
+
     drills = [one for one in DRILLS if one.name in (args.names or [one.name])]
     return drill.drill(drills, render, ignored=args.ignore)
 
@@ -203,6 +204,8 @@ def _site_import(args: argparse.Namespace) -> int:
 
 
 def _site_suggest(args: argparse.Namespace) -> int:
+    from deconflict.contention.suggest import suggested  # noqa: PLC0415 - brings numba
+
     sys.stdout.write(suggested(args.logs, site.load(args.site) if args.site else site.DEFAULT))
     return 0
 

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from deconflict import site, whatif
 from deconflict.blackbox.start import Start, head_of, site_of, start_of
 from ingest.playback import Event, Reader, segments
-from metrics import blackbox, compare, conform, report
+from metrics import blackbox, compare, conform
 
 if TYPE_CHECKING:
     from metrics.replay import Tell, Watch
@@ -64,7 +64,8 @@ def _add_logs(command: argparse.ArgumentParser, count: str) -> None:
 
 
 def _replay(args: argparse.Namespace) -> int:
-    from metrics.replay import replay  # noqa: PLC0415 - brings numba, which no other command needs
+    from metrics import report  # noqa: PLC0415 - brings numba, which no other command needs
+    from metrics.replay import replay  # noqa: PLC0415 - the same
 
     if args.compare:
         sys.stdout.write(compare.page(*map(_result, args.compare)))

@@ -1,6 +1,8 @@
 """Imports run one way: ingest <- deconflict <- metrics; only the composition root may look right."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -80,3 +82,10 @@ def test_a_kernel_uses_nothing_of_another_file() -> None:
     found = {str(path.relative_to(ROOT)): foreign_names(path) for path in (ROOT / "deconflict").rglob("*.py")}
     assert sum(compiled for compiled, _ in found.values()) > 10
     assert {path: names for path, (_, names) in found.items() if names} == {}
+
+
+def test_a_role_that_needs_no_engine_starts_without_what_takes_seconds_to_import() -> None:
+    """A role that died is back the sooner."""
+    asked = "import sys, deconflict.__main__; print(*sorted({'numba', 'ortools', 'pandas'} & set(sys.modules)))"
+    told = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert told.stdout.split() == []
