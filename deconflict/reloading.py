@@ -28,6 +28,7 @@ FIXED: dict[str, tuple[str, ...] | None] = {
     "blackbox": None,
     "webhooks": None,
     "mqtt": None,
+    "cluster": None,
     "operator": ("host", "port", "tls", "stream_send_timeout_s"),
     "store": ("directory",),
 }
@@ -39,6 +40,10 @@ def in_force(before: Site, told: Site) -> tuple[Site, tuple[str, ...]]:
 
     Raises `SiteError` where what changes does not go with what can't.
     """
+    if before.cluster:
+        raise SiteError(
+            ["cluster: machines that share a site have to agree on it; restart them to change the site file"]
+        )
     kept: dict[str, Any] = {}
     for section, keys in FIXED.items():
         old, new = getattr(before, section), getattr(told, section)

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import re
 import signal
 import time
 from pathlib import Path
@@ -14,13 +15,15 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
 
-from deconflict.reloading import RELOADS_FILE, SITE_FILE, InForce, Reloader, in_force
+from deconflict.cluster.settings import Cluster
+from deconflict.reloading import FIXED, RELOADS_FILE, SITE_FILE, InForce, Reloader, in_force
 from deconflict.site import Conflict, Operator, Site, SiteError
 from ingest.settings import Receiver, Vendor
 from tests.deconflict.made_site import toml
 from tests.deconflict.test_supervisor import Served, healthy
 from tests.saying import HALL, identity, robot, status
 
+DOCS = Path(__file__).parents[2] / "docs" / "operation.md"
 MARKS = {"a": (0.0, 0.0), "b": (10.0, 0.0), "c": (0.0, 10.0), "d": (10.0, 10.0)}
 
 
@@ -52,6 +55,14 @@ def test_what_can_change_holds_and_what_can_not_waits() -> None:
     assert waiting == ("receiver.port", "operator.port", "operator.stream_send_timeout_s")
 
 
+def test_the_docs_say_of_every_section_when_it_holds() -> None:
+    (row,) = re.findall(r"^\| (`name`.+?) \| (.+?) \|$", DOCS.read_text(encoding="utf-8"), re.M)
+    at_once, later = ({name.split(".")[0] for name in re.findall(r"`([\w.]+)`", cell)} for cell in row)
+    assert later == FIXED.keys()
+    assert (at_once - {"maps", "models", "credentials", "dial"}) | later == Site.model_fields.keys()
+    assert at_once & later == {section for section, keys in FIXED.items() if keys}
+
+
 def test_a_change_that_needs_another_that_waits_is_refused() -> None:
     secured = Site.model_validate(
         {"receiver": {"tls": {"certificate": "a.pem", "clients": "b.pem"}}, "vendors": [{"name": "Alder"}]}
@@ -60,6 +71,11 @@ def test_a_change_that_needs_another_that_waits_is_refused() -> None:
     with pytest.raises(SiteError, match=r"receiver\.tls\.clients: is missing(?s:.*)restart the service to change"):
         in_force(Site(), named)
     assert in_force(secured, named) == (named, ())
+
+
+def test_machines_of_a_cluster_refuse_to_change_alone() -> None:
+    with pytest.raises(SiteError, match="restart them to change the site file"):
+        in_force(Site(cluster=Cluster(nats=("nats://127.0.0.1:4222",))), Site())
 
 
 def test_a_file_that_can_not_be_used_leaves_what_holds(tmp_path: Path) -> None:
