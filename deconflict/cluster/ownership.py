@@ -3,6 +3,7 @@
 Every member works it out and the first to write it wins, so that nobody need be in charge.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Self
@@ -12,7 +13,7 @@ from deconflict.cluster.tiles import Tile
 SMALLEST_M = 8.0
 """No tile of less than twice this side is split: a pair at its edge is judged by several engines as it is."""
 UNEVEN = 0.2
-"""A tile moves only where that makes the busiest member by so much of its load less busy."""
+"""Tiles move while the least busy member has so much less to do than the busiest."""
 IDLE_PER_S = 1.0
 """What a tile costs whose robots are all silent."""
 
@@ -54,10 +55,14 @@ def revised(table: Table, loads: Loads, roots: Iterable[Tile], side_m: float, ho
     burdens = dict.fromkeys(sorted(loads), 0.0)
     for tile, owner in alive.items():
         burdens[owner] += per_s[tile]
+    fair = (sum(burdens.values()) + IDLE_PER_S * len(orphans)) / len(burdens)
+    beside = _Beside(alive)
     for tile in orphans:
-        alive[tile] = min(burdens, key=lambda member: (burdens[member], member))
-        per_s[tile] = IDLE_PER_S
-        burdens[alive[tile]] += IDLE_PER_S
+        room = [member for member in burdens if burdens[member] + IDLE_PER_S <= fair] or list(burdens)
+        owner = min(room, key=lambda member: (-beside.count(tile, member), burdens[member], member))
+        alive[tile], per_s[tile] = owner, IDLE_PER_S
+        burdens[owner] += IDLE_PER_S
+        beside.add(tile, owner)
     owners = _split(alive, per_s, side_m, hot_per_s)
     if len(owners) == len(alive) and not orphans:
         owners = _evened(owners, per_s, burdens)
@@ -74,14 +79,35 @@ def _split(owners: dict[Tile, str], per_s: Mapping[Tile, float], side_m: float, 
     return told
 
 
+class _Beside:
+    """Who owns what next to a tile: tiles of one owner side by side overlap less with others'."""
+
+    def __init__(self, owners: Mapping[Tile, str]) -> None:
+        self._owners: dict[Tile, Counter[str]] = {}
+        for tile, owner in owners.items():
+            self.add(tile, owner)
+
+    def add(self, tile: Tile, owner: str) -> None:
+        self._owners.setdefault(tile.root, Counter())[owner] += 1
+
+    def count(self, tile: Tile, owner: str) -> int:
+        """Tiles of an owner in the same tile of the grid, and in the four beside it."""
+        around = ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
+        cells = (Tile(tile.datum, tile.column + east, tile.row + north) for east, north in around)
+        return sum(self._owners[cell][owner] for cell in cells if cell in self._owners)
+
+
 def _evened(owners: dict[Tile, str], per_s: Mapping[Tile, float], burdens: Mapping[str, float]) -> dict[Tile, str]:
-    """The tile that evens out the busiest and the least busy member best moves from the one to the other."""
+    """One tile moves from the busiest member to the least busy, best one that lies beside the latter's others."""
     ordered = sorted(burdens, key=lambda member: (burdens[member], member))
     least, most = ordered[0], ordered[-1]
     gap = burdens[most] - burdens[least]
     moves = [tile for tile, owner in owners.items() if owner == most and per_s[tile] < gap]
-    if not moves:
+    if gap <= UNEVEN * burdens[most] or not moves:
         return owners
-    best = min(moves, key=lambda tile: (abs(gap - 2 * per_s[tile]), tile))
-    after = max(burdens[most] - per_s[best], burdens[least] + per_s[best])
-    return owners if after > (1 - UNEVEN) * burdens[most] else owners | {best: least}
+    beside = _Beside(owners)
+    best = min(
+        moves,
+        key=lambda tile: (beside.count(tile, most) - beside.count(tile, least), abs(gap - 2 * per_s[tile]), tile),
+    )
+    return owners | {best: least}

@@ -40,6 +40,19 @@ def test_a_tile_that_is_too_hot_is_split_and_shared() -> None:
     assert {table.owners[tile] for tile in quarters} == {"a", "b"}
 
 
+def test_an_engine_owns_tiles_side_by_side() -> None:
+    """Of twelve by twelve tiles shared by four each listens to fewer of others' than it has of its own."""
+    grid, roots = Grid(SIDE_M), [Tile("hall", column, row) for column in range(12) for row in range(12)]
+    table = Table()
+    for _ in range(100):
+        loads = {member: dict.fromkeys(table.of(member), 20.0) for member in "abcd"}
+        table = revised(table, loads, roots, SIDE_M, HOT_PER_S)
+    for member in "abcd":
+        mine = table.of(member)
+        assert 30 <= len(mine) <= 42
+        assert len(Area(grid, mine).roots_near(31.0) - mine) < len(mine)
+
+
 def test_a_tile_is_split_no_finer_than_makes_sense() -> None:
     table = settled(Table(), ["a"], {ROOTS[0]: 1e9})
     assert max(len(tile.path) for tile in table.owners) == 3

@@ -1,0 +1,104 @@
+"""What sharing a floor out costs: how many robots engines see besides their own, and what goes over the broker.
+
+Positions and forecasts are made up, tiles, channels and ownership are the product's own; nothing is sent. Run as
+`python -m benchmarks.sharding`.
+"""
+
+import argparse
+
+import numpy as np
+
+from benchmarks.floors import NOW_S, crowd
+from deconflict.cluster.channels import Extents, Sorter, reach_m
+from deconflict.cluster.ownership import Table, revised
+from deconflict.cluster.tiles import Area, Grid, Tile
+from deconflict.site import Conflict
+from ingest.seam import Basis, Batch, Destinations, Forecasts
+
+FASTEST_MPS = 2.0
+TICKS_PER_S = 10
+ROUNDS = 400
+"""After so many revisions of the table the load is shared out."""
+
+
+def batch_of(forecasts: Forecasts) -> Batch:
+    n = len(forecasts)
+    names = tuple(f"{number:08d}-0000-4000-8000-000000000000" for number in range(n))
+    zeros, none = np.zeros(n), np.zeros(0)
+    return Batch(
+        now_s=NOW_S,
+        floors=("0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01",),
+        robots=names,
+        vendors=("Alder",) * n,
+        models=("A1",) * n,
+        names=tuple(f"Alder {name[:8]}" for name in names),
+        states=("navigating",) * n,
+        statuses=np.ones(n, np.int64),
+        first_arrival_s=zeros,
+        arrival_s=zeros,
+        event_s=zeros,
+        basis=np.full(n, int(Basis.PATH)),
+        doubt_m=zeros,
+        forecasts=forecasts,
+        destinations=Destinations(np.zeros(n + 1, np.int64), none, none, none, np.zeros(0, np.int64)),
+        gone=(),
+    )
+
+
+def shared(batch: Batch, grid: Grid, reach: float, engines: int) -> Table:
+    """The table once every tile has an owner and the load is even."""
+    sorter = Sorter(grid, Conflict(), reach)
+    sorter.sort(batch)
+    roots, table = sorter.roots(), Table()
+    extents = Extents.of(batch, Conflict())
+    cells, counts = np.unique(np.floor(extents.at / grid.side_m).astype(np.int64), axis=0, return_counts=True)
+    load = {Tile(batch.floors[0], *cell): float(count) for cell, count in zip(cells.tolist(), counts, strict=True)}
+    members = [f"engine-{number:03d}" for number in range(engines)]
+    for _ in range(ROUNDS):
+        loads = {one: {tile: load.get(tile, 0.0) for tile in table.of(one)} for one in members}
+        before, table = table, revised(table, loads, roots, grid.side_m, float("inf"))
+        if table == before:
+            break
+    return table
+
+
+def blocks(table: Table) -> Table:
+    """The same tiles, each engine's side by side."""
+    members = sorted(set(table.owners.values()))
+    tiles = sorted(table.owners)
+    return Table({tile: members[number * len(members) // len(tiles)] for number, tile in enumerate(tiles)})
+
+
+def seen(batch: Batch, grid: Grid, reach: float, table: Table) -> list[int]:
+    """How many robots each engine judges."""
+    extents = Extents.of(batch, Conflict())
+    areas = [Area(grid, table.of(one)) for one in sorted(set(table.owners.values()))]
+    return [int(one.within(batch.floors[0], extents.at, extents.at, reach).sum()) for one in areas]
+
+
+def measured(robots: int, side_m: float, engines: int) -> str:
+    batch, grid, reach = batch_of(crowd(robots, 25.0).forecasts(0.0)), Grid(side_m), reach_m(FASTEST_MPS, Conflict())
+    table = shared(batch, grid, reach, engines)
+    parts = Sorter(grid, Conflict(), reach).sort(batch.take(np.arange(0, robots, TICKS_PER_S)))
+    sent = sum(len(part.to_bytes()) for part in parts.values()) * TICKS_PER_S
+    scattered, compact = (max(seen(batch, grid, reach, one)) * engines / robots for one in (table, blocks(table)))
+    return (
+        f"| {robots:,} | {side_m:g} | {engines} | {len(table.owners)} | {scattered:.2f} | {compact:.2f} "
+        f"| {len(parts) * TICKS_PER_S:,} | {sent / 1e6:.1f} | {sent / robots:,.0f} |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", type=int, nargs="*", default=[3000, 10_000])
+    args = parser.parse_args()
+    print("| robots | tile, m | engines | tiles | judged | in strips | parcels/s | MB/s | bytes a status |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    for robots in args.robots:
+        for side_m in (32.0, 64.0, 128.0):
+            for engines in (2, 4, 8):
+                print(measured(robots, side_m, engines), flush=True)
+
+
+if __name__ == "__main__":
+    main()
