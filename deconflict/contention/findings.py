@@ -66,10 +66,13 @@ def _advised(
     advice: Recommendation | None,
     robots: Mapping[str, Seen],
 ) -> str:
-    """What a site service should do, where that is not just to wait in the order of arrival."""
-    if advice is None or advice.expected_saving_s < 1:
+    """What a site service should do: where order or place save nothing, who should come when there is room."""
+    if advice is None:
         return ""
     bound = {turn.request.robot for turn in waiting}
+    if advice.expected_saving_s < 1:
+        late = [slot for slot in advice.slots if slot.robot in bound and slot.wait_s >= 1]
+        return "".join(f"; {robots[slot.robot].name} should come {slot.wait_s:.0f} s later" for slot in late[:2])
     others = [slot for slot in advice.slots if slot.resource != place and slot.robot in bound]
     told = [f"{robots[slot.robot].name} should take {geometry.label(slot.resource)}" for slot in others]
     first = next((slot for slot in advice.slots if slot.resource == place and slot.robot in bound), None)
