@@ -20,6 +20,9 @@ NORTH_M = -60.0
 FIRST_NUMBER = 60
 """Numbers of the robots begin here; a person whose number is a multiple of three has a device that knows its way."""
 
+EARLY = {"confirm": (2, 3), "raise_probability": 0.3}
+"""Drills tell early of conflicts: robots that do as advised meet nobody, from which the service learns to doubt."""
+
 Spot = tuple[float, float]
 
 
@@ -157,6 +160,7 @@ def staged(drills: Sequence[Drill] = DRILLS, *, ignored: bool = False) -> tuple[
         stages.append(stage)
     site = load(demo_site())
     instead = {
+        "conflict": site.conflict.model_copy(update=EARLY),
         "resources": tuple(one for stage in stages for one in stage.resources),
         "zones": tuple(one for stage in stages for one in stage.zones),
         "receiver": site.receiver.model_copy(update={"port": 0}),
