@@ -52,6 +52,8 @@ class Row:
     """Statuses replaced by a newer one before the engine read them."""
     shed: float
     """Messages given up because their vendor sent more than its share."""
+    missed: float
+    """Passes of the engine that missed their deadline."""
     late: float
     """Messages that took more than `LATE_S` to an advisory, or to there being none."""
     p50_ms: float
@@ -103,6 +105,7 @@ class Running:
             rejected=_rise(before, after, "deconflict_messages_total rejected"),
             superseded=_rise(before, after, "deconflict_statuses_superseded_total"),
             shed=_rise(before, after, "deconflict_messages_shed_total"),
+            missed=_rise(before, after, "deconflict_deadlines_missed_total"),
             late=sum(count for bound, count in _by_bound(waits) if bound > LATE_S),
             p50_ms=round(waits.quantile(0.5) * 1000, 1),
             p99_ms=round(waits.quantile(0.99) * 1000, 1),

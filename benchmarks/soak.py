@@ -22,7 +22,7 @@ CERTAIN = 2.0
 
 HEAD = (
     *("minutes", "messages/s", "p50, ms", "p99, ms", "slowest below, ms", f"over {LATE_S:g} s", "superseded", "shed"),
-    *("revisions", "cores", "memory, MB", "files"),
+    *("missed deadlines", "revisions", "cores", "memory, MB", "files"),
 )
 
 
@@ -80,7 +80,10 @@ def _line(stretch: tuple[int, Sequence[Row]]) -> str:
         f"{np.median([row.p50_ms for row in rows]):.0f}",
         f"{max(row.p99_ms for row in rows):.0f}",
         f"{max(row.slowest_ms for row in rows):.0f}",
-        *(f"{sum(getattr(row, name) for row in rows):.0f}" for name in ("late", "superseded", "shed", "advisories")),
+        *(
+            f"{sum(getattr(row, name) for row in rows):.0f}"
+            for name in ("late", "superseded", "shed", "missed", "advisories")
+        ),
         f"{cores:.2f}",
         f"{sum(last.memory_mb.values()):.0f}",
         f"{sum(last.files.values())}",
