@@ -20,7 +20,7 @@ from deconflict.importers.plan import PlanError
 from deconflict.link import PortTakenError
 from deconflict.logs import FORMATS, VARIABLE
 from deconflict.logs import begin as begin_log
-from deconflict.service import PARTS, Supervisor, run_role, runtime_directory
+from deconflict.service import PARTS, Supervisor, cluster_problems, run_role, runtime_directory
 from deconflict.simulation.drills import DRILLS
 from deconflict.simulation.senders import simulate
 from ingest.certificates import CertificateError
@@ -151,8 +151,10 @@ def _serve(args: argparse.Namespace) -> int:
     settings = _sound(args)
     if args.site is None:
         logging.getLogger("deconflict").warning("no site file: every datum is taken as a floor of its own")
-    if args.part and not settings.cluster:
-        raise site.SiteError(["cluster.nats: is missing; --part needs other machines to run the other parts"])
+    if told := cluster_problems(settings.cluster, args.part or ()):
+        raise site.SiteError(told)
+    if settings.cluster and (settings.resources or settings.zones):
+        logging.getLogger("deconflict").warning("resources and zones are not watched in a cluster: conflicts alone are")
     data = args.data or Path(settings.store.directory)
     data.mkdir(parents=True, exist_ok=True)
     stop = threading.Event()

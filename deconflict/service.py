@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -186,6 +187,15 @@ async def _run_async_role(role: str, site: Site, runtime: Path, data: Path, expo
         await OperatorRole(site, runtime, data, exposition).run(stop)
     elif site.cluster:
         await _cluster_role(role, site, site.cluster, runtime).run(stop)
+
+
+def cluster_problems(settings: Cluster | None, parts: Iterable[str]) -> list[str]:
+    """Why parts can't be run by themselves, or a cluster can't be, a sentence each."""
+    if settings is None:
+        return ["cluster.nats: is missing; --part needs other machines to run the other parts"] if parts else []
+    if find_spec("nats") is None:
+        return ["cluster.nats: needs the NATS client; pip install 'amr-deconflict[cluster]'"]
+    return []
 
 
 class Runs(Protocol):

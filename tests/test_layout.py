@@ -10,6 +10,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 FORBIDDEN = {"ingest": {"deconflict", "metrics"}, "deconflict": {"metrics"}, "metrics": set[str]()}
 COMPOSITION_ROOT = Path("deconflict/__main__.py")
+CLUSTER_BUS = "deconflict/cluster/bus.py"
 
 
 def imported_packages(source: str) -> set[str]:
@@ -46,7 +47,11 @@ def test_nothing_imports_the_composition_root() -> None:
 
 @pytest.mark.parametrize(
     ("library", "home"),
-    [("fcl", "deconflict/exact.py"), ("prometheus_client", "metrics/exposition.py")],
+    [
+        ("fcl", "deconflict/exact.py"),
+        ("prometheus_client", "metrics/exposition.py"),
+        ("nats", "deconflict/cluster/bus.py"),
+    ],
 )
 def test_a_library_with_traps_is_imported_in_one_file(library: str, home: str) -> None:
     importers = {
