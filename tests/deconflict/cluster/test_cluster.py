@@ -77,3 +77,8 @@ async def test_no_advisory_is_lost_or_doubled_where_an_engine_is_killed(tmp_path
                 AdvisoryState.CLEARED,
             ]
         assert sorted(each.seq for life in every for each in life) == list(range(1, whole["seq"] + 1))
+        async with httpx.AsyncClient(timeout=20) as client:
+            answer = {"name": "Ada", "reason": "seen"}
+            told = await client.post(f"{base}/advisories/{every[0][0].id}/acknowledgement", json=answer)
+        assert (told.status_code, told.json()["seq"]) == (201, whole["seq"] + 1)
+        assert told.json()["acknowledgement"]["name"] == "Ada"
