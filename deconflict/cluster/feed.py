@@ -21,6 +21,7 @@ from ingest.seam import Batch
 log = logging.getLogger(__name__)
 
 BEAT_S = 0.5
+AGAIN_S = 0.2
 RETRY_S = 0.2
 WHOLE = b"0"
 """Asks the receiver for the whole floor, as a watcher does that has seen nothing."""
@@ -61,8 +62,11 @@ async def until(stop: asyncio.Event, *chores: Coroutine[Any, Any, None]) -> None
             if task.done():
                 await task
     finally:
-        for task in tasks:
-            task.cancel()
+        pending = set(tasks)
+        while pending:  # the NATS client may take a cancellation for a time-out of its own, so once is not enough
+            for task in pending:
+                task.cancel()
+            _, pending = await asyncio.wait(pending, timeout=AGAIN_S)
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
