@@ -58,7 +58,7 @@ def strips(grid: Grid, count: int, half_m: float) -> Callable[[Tile], int]:
     return owner
 
 
-@settings(max_examples=6, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@settings(max_examples=6, derandomize=True, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(
     seed=st.integers(0, 10_000),
     side_m=st.sampled_from([6.0, 12.5, 25.0, 40.0]),
