@@ -29,6 +29,9 @@ FINE = 1000
 GROUPS = 32
 """Pairs fall into so many groups, which the bootstrap draws whole: seconds of one pair are no independent cases."""
 
+EACH_ONCE = np.ones(PARTS + 1)
+"""Weights that leave out what is left out, without making up for it."""
+
 Vendors = tuple[str, str]
 
 
@@ -62,30 +65,32 @@ class Tally:
         """(PARTS + 1,) what a sample counts, by when it became known."""
         return weights(self.fine[0].sum(axis=1), self.left)
 
-    def bins(self) -> Floats:
+    def bins(self, weights: Floats | None = None) -> Floats:
         """(b, 3) samples, mean probability and share that came true; at most `BINS`, of equal mass as far as equal
         probabilities are not torn apart."""
-        counts, probabilities = np.tensordot(self.weights(), self.fine, (0, 1))
+        weights = self.weights() if weights is None else weights
+        counts, probabilities = np.tensordot(weights, self.fine, (0, 1))
         total = counts.sum()
         if not total:
             return np.empty((0, 3))
         middle = np.cumsum(counts) - counts / 2
         bin_of = np.minimum((middle * BINS / total).astype(np.int64), BINS - 1)
-        true = counts - self.fine[0, STAYED]
+        true = counts - weights[STAYED] * self.fine[0, STAYED]
         sums = np.stack([np.bincount(bin_of, row, BINS) for row in (counts, probabilities, true)], axis=1)
         sums = sums[sums[:, 0] > 0]
         return np.column_stack([sums[:, 0], sums[:, 1:] / sums[:, :1]])
 
-    def by_group(self) -> Floats:
+    def by_group(self, weights: Floats | None = None) -> Floats:
         """(g, 3) samples, those that came true and squared errors of each group of pairs that has any."""
         samples, squared = self.groups
-        every = self.weights() @ np.stack([samples, samples * (np.arange(PARTS + 1) < STAYED)[:, None], squared])
+        weights = self.weights() if weights is None else weights
+        every = weights @ np.stack([samples, samples * (np.arange(PARTS + 1) < STAYED)[:, None], squared])
         held: Floats = every.T[every[0] > 0]
         return held
 
-    def ece(self) -> float | None:
+    def ece(self, weights: Floats | None = None) -> float | None:
         """Expected calibration error: mean distance of probability and share over the bins, by samples."""
-        bins = self.bins()
+        bins = self.bins(weights)
         return float(np.average(np.abs(bins[:, 1] - bins[:, 2]), weights=bins[:, 0])) if len(bins) else None
 
     def figures(self) -> dict[str, Any]:
@@ -94,6 +99,8 @@ class Tally:
             "ece": self.ece(),
             "brier": brier(self.by_group()),
             "brier_skill": brier_skill(self.by_group()),
+            "ece_unweighted": self.ece(EACH_ONCE),
+            "brier_skill_unweighted": brier_skill(self.by_group(EACH_ONCE)),
             "reliability": [
                 {"samples": round(count), "probability": probability, "came_true": share}
                 for count, probability, share in self.bins().tolist()

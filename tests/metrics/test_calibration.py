@@ -71,6 +71,7 @@ def test_pairs_that_are_known_stand_for_those_of_which_a_robot_left() -> None:
             made.left[2] += 1
     assert made.figures()["ece"] == pytest.approx(0.0)
     assert made.figures()["brier_skill"] == pytest.approx(0.0)
+    assert made.figures()["ece_unweighted"] == pytest.approx(30 / 65 - 0.3)
 
 
 def followed(calibration: Calibration, *probabilities: float) -> Calibration:
