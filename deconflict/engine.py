@@ -13,7 +13,7 @@ from math import floor, inf
 import numpy as np
 
 from deconflict.advice.account import Account
-from deconflict.advice.answers import Submit, at_once
+from deconflict.advice.answers import Aside, Submit, at_once
 from deconflict.advice.delays import Mover
 from deconflict.advice.desk import MOST_NEAR, NEAR_M, Desk
 from deconflict.advice.priorities import Priorities
@@ -69,20 +69,20 @@ class Engine:
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
-        self._submit = submit
+        self._submit, self._aside = submit, Aside(submit)
         self._account, self._priorities = Account(burdens_s), Priorities(site.vendors)
         advising = partial(
             Advising,
             account=self._account,
             effort=site.advice.effort,
-            submit=submit,
+            submit=self._aside.submit,
             priority=self._priority,
             measures=self.measures,
         )
         queues = [one for one in restored if not isinstance(one, ConflictAdvisory | ClaimAdvisory)]
         self._contention = Contention(site.resources, site.zones, site.contention, self.measures, queues, advising)
         self._claims = Claims(self.live, [one for one in restored if isinstance(one, ClaimAdvisory)])
-        self._desk = Desk(site, self._account, self.measures, submit)
+        self._desk = Desk(site, self._account, self.measures, self._aside.submit)
         self._rests = Rests.at(site.resources)
         if learned:
             self._resume(learned)
@@ -132,8 +132,16 @@ class Engine:
         self._claims.receive(batch)
         self.foresight.receive(batch)
 
-    def step(self, now_s: float, effort: Effort = Effort.FULL) -> list[AnyAdvisory]:
-        """Sweep what changed, and say what that changes for people, with no more work than `effort` allows."""
+    def pending(self) -> int:
+        """How many answers, the newest of those asked for, are still worked out."""
+        return self._aside.pending()
+
+    def step(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> list[AnyAdvisory]:
+        """Sweep what changed, and say what that changes for people, with no more work than `effort` allows.
+
+        `pending` answers are not given yet: what `pending()` told before the step, or a recording of that.
+        """
+        self._aside.settle(pending)
         self._sweep_again(self._told | self._grown(now_s))
         told, self._told = self._told, set()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf

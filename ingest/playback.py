@@ -53,6 +53,8 @@ class Tick:
     now_s: float
     effort: int = 0
     """Of the engine's pass, 0 where it did everything."""
+    pending: int = 0
+    """Answers that its pass did without, the newest of those asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +187,7 @@ def _told(line: str) -> Event:
     """What a line says that is not of the two kinds of which there are many."""
     told: dict[str, Any] = json.loads(line)
     if "tick" in told:
-        return Tick(_time(told["tick"]), told.get("effort", 0))
+        return Tick(_time(told["tick"]), told.get("effort", 0), told.get("pending", 0))
     if "engine" in told:
         return EngineStarted(_time(told["at"]))
     if any(note in told for note in NOTES):

@@ -5,12 +5,13 @@
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-utf8", "base64": "..."}
     {"closed": "...Z", "connection": 3}
     {"tick": "...Z"}
-    {"tick": "...Z", "effort": 1}
+    {"tick": "...Z", "effort": 1, "pending": 2}
     {"engine": "started", "at": "...Z"}
 
 A message that was accepted stands there byte for byte, the last key of its line; one that was not, or that is more than
 one line, is quoted as `raw`, or as `base64` where it is not UTF-8. Without a vendor of its own a connection has no
-`vendor`. A tick has an `effort` where the engine had no time for everything (`deconflict/effort.py`).
+`vendor`. A tick has an `effort` where the engine had no time for everything (`deconflict/effort.py`), and a
+number `pending` of answers where advice was still worked out (`deconflict/advice/answers.py`).
 
 Times are RFC 3339 in UTC to the microsecond, and the service's times are whole microseconds, so that a replay has the
 very numbers of the live run. Lines go to a thread of their own at each tick, or sooner where there are many, and from
@@ -84,8 +85,8 @@ class Recorder:
     def engine_started(self, now_s: float) -> None:
         self._add(f'{{"engine":"started","at":"{stamps.write(now_s)}"}}\n'.encode())
 
-    def tick(self, now_s: float, effort: int = 0) -> None:
-        told = f',"effort":{effort}' if effort else ""
+    def tick(self, now_s: float, effort: int = 0, pending: int = 0) -> None:
+        told = "".join(f',"{name}":{value}' for name, value in (("effort", effort), ("pending", pending)) if value)
         self._add(f'{{"tick":"{stamps.write(now_s)}"{told}}}\n'.encode())
         self.flush()
 

@@ -26,6 +26,8 @@ class Pass:
     batch: Batch
     effort: Effort = Effort.FULL
     """What the engine had time for when it was recorded."""
+    pending: int = 0
+    """Answers that were still worked out then."""
 
 
 class Reading:
@@ -49,7 +51,7 @@ class Reading:
         for event in events:
             if isinstance(event, Tick):
                 self._own_ticks = True
-                yield self._pass(event.now_s, Effort(event.effort))
+                yield self._pass(event.now_s, Effort(event.effort), event.pending)
             elif isinstance(event, Noted):
                 self._own_ticks = True
             elif isinstance(event, EngineStarted):
@@ -74,7 +76,7 @@ class Reading:
                 yield self._pass(step * TICK_S)
         self._ticked = now
 
-    def _pass(self, now_s: float, effort: Effort = Effort.FULL) -> Pass:
+    def _pass(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> Pass:
         batch = self.fleet.cut(now_s, self._everything)
         self._everything = False
-        return Pass(now_s, batch, effort)
+        return Pass(now_s, batch, effort, pending)

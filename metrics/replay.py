@@ -80,7 +80,7 @@ class Run:
     def step(self, one: Pass) -> Said:
         bands_m = self._bands_m(one.batch)
         self.engine.receive(one.batch)
-        told = self.engine.step(one.now_s, one.effort)
+        told = self.engine.step(one.now_s, one.effort, one.pending)
         raised = [each.kind for each in told if each.state is AdvisoryState.RAISED]
         revisions = [each for each in told if isinstance(each, ConflictAdvisory)]
         others = [each for each in told if not isinstance(each, ConflictAdvisory)]

@@ -62,13 +62,14 @@ class EngineRole:
         self._outbox.start()
         ask = EVERYTHING
         while not stop.is_set():
+            pending = engine.pending()
             try:
-                batch = Batch.from_bytes(self._receiver.call("batch", b"%b %d" % (ask, self._pace.effort)))
+                batch = Batch.from_bytes(self._receiver.call("batch", b"%b %d %d" % (ask, self._pace.effort, pending)))
             except LinkDownError:
                 ask = EVERYTHING
                 stop.wait(RETRY_S)
                 continue
-            self._step(engine, batch, judged=ask != EVERYTHING)
+            self._step(engine, batch, pending, judged=ask != EVERYTHING)
             ask = b"changes"
             if changed := self._in_force.changed():
                 engine, ask = engine.renewed(changed), EVERYTHING
@@ -112,10 +113,10 @@ class EngineRole:
         self._solved_s.append(time.perf_counter() - began_s)
         return advice
 
-    def _step(self, engine: Engine, batch: Batch, judged: bool) -> None:
+    def _step(self, engine: Engine, batch: Batch, pending: int, *, judged: bool) -> None:
         began_s = time.perf_counter()
         engine.receive(batch)
-        revisions = engine.step(batch.now_s, self._pace.effort)
+        revisions = engine.step(batch.now_s, self._pace.effort, pending)
         took_s = time.perf_counter() - began_s
         engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
         if judged:

@@ -180,12 +180,14 @@ class ReceiverRole:
         return Dialer(self.receiver, self.site.receiver, url, vendor, time.monotonic, Random())
 
     async def _batch(self, payload: bytes) -> bytes:
-        """The next tick's batch. The first call of an engine asks for everything, each tells its effort.
+        """The next tick's batch. The first call of an engine asks for everything, each tells its effort and the
+        answers that it still waits for.
 
         What the engine is told is recorded before, so that it survives the death of this process, but only where the
         disk is prompt.
         """
-        what, _, effort = payload.partition(b" ")
+        what, *told = payload.split()
+        effort, pending = map(int, told) if told else (0, 0)
         everything = what == b"everything"
         await asyncio.sleep(max(self._tick_s + self.site.engine.tick_s - self._now_s(), 0.0))
         now_s = quantise(max(self._now_s(), self._tick_s))
@@ -193,7 +195,7 @@ class ReceiverRole:
         if everything:
             self.recorder.engine_started(now_s)
         was_behind = self.recorder.behind
-        self.recorder.tick(now_s, int(effort or 0))
+        self.recorder.tick(now_s, effort, pending)
         self.measures.count("deconflict_ticks_total")
         batch = self.fleet.cut(now_s, everything).to_bytes()
         self._recent.add(now_s, batch)

@@ -55,6 +55,8 @@ class Floor:
     site: Site = SITE
     makers: dict[str, str] = field(default_factory=dict)
     effort: Effort = Effort.FULL
+    pending: dict[int, int] = field(default_factory=dict)
+    """By step, the answers that were not there; as the engine says where it is not given."""
     advisories: list[ConflictAdvisory] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -72,7 +74,9 @@ class Floor:
                     if t < self.silent_from_s.get(name, float("inf")):
                         self._report(name, t)
             self.engine.receive(Batch.from_bytes(self.fleet.cut(NOW_S + t).to_bytes()))
-            told += [one for one in self.engine.step(NOW_S + t, self.effort) if isinstance(one, ConflictAdvisory)]
+            pending = self.pending.setdefault(tick, self.engine.pending())
+            revisions = self.engine.step(NOW_S + t, self.effort, pending)
+            told += [one for one in revisions if isinstance(one, ConflictAdvisory)]
         self.advisories += told
         return told
 

@@ -232,7 +232,7 @@ def replay(log: Path) -> list[dict[str, Any]]:
         elif isinstance(event, Tick):
             engine.receive(fleet.cut(event.now_s, everything))
             everything = False
-            told += engine.step(event.now_s, Effort(event.effort))
+            told += engine.step(event.now_s, Effort(event.effort), event.pending)
     return [json.loads(one.model_dump_json()) for one in told]
 
 

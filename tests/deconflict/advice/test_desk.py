@@ -158,6 +158,31 @@ def test_an_answer_that_is_late_holds_nothing_up_and_is_counted() -> None:
     assert any(one.recommendation for one in after)
 
 
+class Slow:
+    """An answer that is not there the first times that somebody looks."""
+
+    def __init__(self, work: Callable[[], Recommendation]) -> None:
+        self._advice, self._looks = work(), 0
+
+    def done(self) -> bool:
+        self._looks += 1
+        return self._looks > 6
+
+    def result(self) -> Recommendation:
+        assert self._looks > 6
+        return self._advice
+
+
+def test_an_answer_that_came_late_comes_as_late_in_a_replay() -> None:
+    live, prompt = crossing(), crossing()
+    live.engine = Engine(SITE, submit=Slow)
+    told = live.run(20)
+    assert told != prompt.run(20)
+    again = crossing()
+    again.pending = live.pending
+    assert again.run(20) == told
+
+
 def test_a_crowded_floor_is_advised_bit_by_bit_the_soonest_first() -> None:
     pairs = round(MOST_PAIRS) + 40
     conflicts = [
