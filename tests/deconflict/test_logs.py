@@ -29,7 +29,9 @@ def said() -> StringIO:
 def log(now_s: list[float], said: StringIO) -> Iterator[logging.Logger]:
     logger, handler = logging.getLogger("deconflict.test"), logs.handler("json", lambda: now_s[0], said)
     logger.addHandler(handler)
+    logger.propagate = False  # else the runner of parallel tests is to carry what is said, a lone surrogate too
     yield logger
+    logger.propagate = True
     logger.removeHandler(handler)
 
 
