@@ -3,7 +3,6 @@ import logging
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
 
@@ -26,13 +25,11 @@ def said() -> StringIO:
 
 
 @pytest.fixture
-def log(now_s: list[float], said: StringIO) -> Iterator[logging.Logger]:
-    logger, handler = logging.getLogger("deconflict.test"), logs.handler("json", lambda: now_s[0], said)
-    logger.addHandler(handler)
-    logger.propagate = False  # else the runner of parallel tests is to carry what is said, a lone surrogate too
-    yield logger
-    logger.propagate = True
-    logger.removeHandler(handler)
+def log(now_s: list[float], said: StringIO) -> logging.Logger:
+    """By itself: what other loggers say, the runner of parallel tests has to carry, and a lone surrogate ends it."""
+    logger = logging.Logger("deconflict.test")
+    logger.addHandler(logs.handler("json", lambda: now_s[0], said))
+    return logger
 
 
 def test_a_line_is_a_json_object_whatever_is_said(log: logging.Logger, said: StringIO) -> None:
