@@ -136,12 +136,13 @@ class Engine:
         """How many answers, the newest of those asked for, are still worked out."""
         return self._aside.pending()
 
-    def step(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> list[AnyAdvisory]:
+    def step(self, now_s: float, effort: Effort = Effort.FULL, pending: int | None = None) -> list[AnyAdvisory]:
         """Sweep what changed, and say what that changes for people, with no more work than `effort` allows.
 
-        `pending` answers are not given yet: what `pending()` told before the step, or a recording of that.
+        `pending` answers are not given yet: what `pending()` told before the step, or a recording of that; what it
+        tells now if absent.
         """
-        self._aside.settle(pending)
+        self._aside.settle(self.pending() if pending is None else pending)
         self._sweep_again(self._told | self._grown(now_s))
         told, self._told = self._told, set()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf

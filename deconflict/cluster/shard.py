@@ -112,7 +112,7 @@ class Shard:
         """The revisions that are this shard's to tell."""
         self._align(now_s)
         due, self._due = self._due, []
-        for one in self.engine.step(now_s, pending=self.engine.pending()):
+        for one in self.engine.step(now_s):
             if not isinstance(one, ConflictAdvisory):
                 continue
             home = self._homes.setdefault(one.id, Place(one.location.datum, one.location.x, one.location.y))

@@ -186,9 +186,9 @@ class ReceiverRole:
         What the engine is told is recorded before, so that it survives the death of this process, but only where the
         disk is prompt.
         """
-        what, *told = payload.split()
-        effort, pending = map(int, told) if told else (0, 0)
-        everything = what == b"everything"
+        words = payload.split()
+        everything = words[:1] == [b"everything"]
+        effort, pending = map(int, words[1:]) if words[1:] else (0, 0)
         await asyncio.sleep(max(self._tick_s + self.site.engine.tick_s - self._now_s(), 0.0))
         now_s = quantise(max(self._now_s(), self._tick_s))
         self._tick_s = now_s
