@@ -438,4 +438,4 @@ def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place:
             EncounterClass.STATIONARY_OBSTACLE: "come close",
         }[met.encounter_class]
         what = f"{a.name} and {b.name} {verb}"
-    return f"{what} in {time_s:.0f} s {place}"
+    return f"{what} in {time_s:.0f} s, {place}"

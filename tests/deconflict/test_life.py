@@ -74,7 +74,7 @@ def test_two_looks_of_three_raise() -> None:
     assert advisory.state is AdvisoryState.RAISED
     assert advisory.robots == PAIR
     assert advisory.time_to_conflict_s == pytest.approx(7)
-    assert advisory.summary == "Alder 1 and Corvid 2 cross in 7 s in Aisle 4 on Hall"
+    assert advisory.summary == "Alder 1 and Corvid 2 cross in 7 s, in Aisle 4 on Hall"
 
 
 def test_one_look_of_three_does_not() -> None:
