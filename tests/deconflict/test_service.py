@@ -16,17 +16,15 @@ from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
 from deconflict.advisory import ADVISORY, AdvisoryState
-from deconflict.effort import Effort
-from deconflict.engine import Engine
 from deconflict.roles.operator import OperatorRole
-from deconflict.roles.receiver import ReceiverRole, fleet_of
+from deconflict.roles.receiver import ReceiverRole
 from deconflict.service import in_one_process
 from deconflict.site import Conflict, Operator, Site
 from deconflict.site import Engine as EngineSettings
-from ingest.measures import Measures
-from ingest.playback import EngineStarted, Reader, Received, Tick
+from ingest.playback import Reader, Tick
 from ingest.settings import Datum, Receiver, Vendor
 from metrics.exposition import combine, render
+from tests.deconflict.replayed import replayed
 from tests.saying import HALL, identity, points, status
 
 SITE = Site(
@@ -201,7 +199,7 @@ async def test_the_recording_replays_to_the_same_advisories(tmp_path: Path) -> N
         await drive(service.robots_url, CROSSING, 9)
         listed = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
         live = (await service.get(f"/advisories/{listed['advisories'][0]['id']}")).json()["advisories"]
-    assert [replayed | {"seq": 0} for replayed in replay(tmp_path / "log")] == [one | {"seq": 0} for one in live]
+    assert [again | {"seq": 0} for again in replay(tmp_path / "log")] == [one | {"seq": 0} for one in live]
 
 
 async def test_a_service_that_can_not_keep_up_says_so_still_warns_and_replays_to_the_same(tmp_path: Path) -> None:
@@ -222,18 +220,7 @@ async def test_a_service_that_can_not_keep_up_says_so_still_warns_and_replays_to
 
 
 def replay(log: Path) -> list[dict[str, Any]]:
-    fleet, engine, told = fleet_of(SITE, Measures()), Engine(SITE), []
-    everything = False
-    for event in Reader().read([log]):
-        if isinstance(event, Received):
-            fleet.receive(event.raw, event.arrival_s, event.connection)
-        elif isinstance(event, EngineStarted):
-            everything = True
-        elif isinstance(event, Tick):
-            engine.receive(fleet.cut(event.now_s, everything))
-            everything = False
-            told += engine.step(event.now_s, Effort(event.effort), event.pending)
-    return [json.loads(one.model_dump_json()) for one in told]
+    return [json.loads(one.model_dump_json()) for one in replayed(log, SITE)]
 
 
 async def test_the_floor_is_as_it_was_after_a_restart(tmp_path: Path) -> None:

@@ -13,15 +13,12 @@ import httpx
 from websockets.asyncio.client import connect
 
 from deconflict.advisory import AnyAdvisory
-from deconflict.engine import Engine
-from deconflict.roles.receiver import fleet_of
 from deconflict.service import in_one_process
 from deconflict.site import Operator
-from ingest.measures import Measures
-from ingest.playback import EngineStarted, Reader, Received, Tick
 from ingest.settings import Receiver
 from metrics.exposition import render
 from tests.deconflict.contention.scenes import Script, aisle, resource, site
+from tests.deconflict.replayed import replayed
 from tests.saying import identity, robot
 
 SITE = site(
@@ -103,19 +100,7 @@ async def told_in_metrics(url: str) -> None:
     assert 100 < wait_s < 160, "one robot stays for 100 s before the other one's turn"
 
 
-def replayed(log: Path) -> dict[tuple[str, int], dict[str, Any]]:
-    """What the engine says of the recording, by id and revision."""
-    fleet, engine, told = fleet_of(SITE, Measures()), Engine(SITE), list[AnyAdvisory]()
-    everything = False
-    for event in Reader().read([log]):
-        if isinstance(event, Received):
-            fleet.receive(event.raw, event.arrival_s, event.connection)
-        elif isinstance(event, EngineStarted):
-            everything = True
-        elif isinstance(event, Tick):
-            engine.receive(fleet.cut(event.now_s, everything))
-            everything = False
-            told += engine.step(event.now_s)
+def by_revision(told: list[AnyAdvisory]) -> dict[tuple[str, int], dict[str, Any]]:
     return {(one.id, one.revision): json.loads(one.model_dump_json()) for one in told}
 
 
@@ -132,7 +117,7 @@ async def test_a_deadlock_and_a_queue_are_told_ahead_and_keep_their_ids_over_a_r
         await told_in_metrics(operator)
         driving.cancel()
         live = await revisions(operator, found["deadlock"]["id"], found["contention"]["id"])
-    told = replayed(tmp_path / "log")
+    told = by_revision(replayed(tmp_path / "log", SITE))
     assert [one | {"seq": 0} for one in live] == [told[one["id"], one["revision"]] for one in live]
     async with running(tmp_path) as (robots, operator):
         driving = asyncio.create_task(drive(robots, start_s))
