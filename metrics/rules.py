@@ -204,6 +204,24 @@ ALERTS = (
         "{{ $value }} deadlock advisories are open. GET /advisories?kind=deadlock names the robots and "
         "who waits for whom.",
     ),
+    Alert(
+        "DeconflictForeignClaim",
+        f"{level('deconflict_advisories_open', where={'kind': 'foreign_claim'})} > 0",
+        "0s",
+        "ticket",
+        "A vendor reports robots of another",
+        "{{ $value }} times a vendor reports robots that belong to another. Its reports are refused and change "
+        "no forecast. GET /advisories?kind=foreign_claim names both vendors and the robots.",
+    ),
+    Alert(
+        "DeconflictTwoPlaces",
+        f"{level('deconflict_advisories_open', where={'kind': 'two_places'})} > 0",
+        "0s",
+        "page",
+        "A robot is reported from two places at once",
+        "Robots of {{ $value }} vendors are reported where they can't have come from. The newest report counts, and "
+        "nobody is warned of them at the other place. GET /advisories?kind=two_places names the robots.",
+    ),
 )
 
 

@@ -44,6 +44,8 @@ BUSY_S = "deconflict_sweep_duration_seconds_sum"
 DELIVERED = 'deconflict_outlet_deliveries_total{outlet="mes"}'
 FAILED = 'deconflict_outlet_failures_total{outlet="mes"}'
 DEADLOCK = 'deconflict_advisories_open{kind="deadlock",severity="warning"}'
+FOREIGN = 'deconflict_advisories_open{kind="foreign_claim",severity="warning"}'
+TWO_PLACES = 'deconflict_advisories_open{kind="two_places",severity="warning"}'
 CONFLICT = 'deconflict_advisories_open{kind="conflict",severity="warning"}'
 
 CASES = [
@@ -80,6 +82,10 @@ CASES = [
     Case("DeconflictOutletStuck", 20, None, {DELIVERED: "0x30", FAILED: "0x30"}),
     Case("DeconflictDeadlockAhead", 5, {}, {DEADLOCK: "0x3 1x7"}),
     Case("DeconflictDeadlockAhead", 5, None, {CONFLICT: "4x10"}),
+    Case("DeconflictForeignClaim", 5, {}, {FOREIGN: "0x3 1x7"}),
+    Case("DeconflictForeignClaim", 5, None, {FOREIGN: "0x3 1 0x6", TWO_PLACES: "1x10"}),
+    Case("DeconflictTwoPlaces", 5, {}, {TWO_PLACES: "0x3 1x7"}),
+    Case("DeconflictTwoPlaces", 5, None, {TWO_PLACES: "0x3 1 0x6", FOREIGN: "1x10"}),
 ]
 
 
