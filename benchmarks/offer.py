@@ -1,31 +1,71 @@
 """A load: robots of several vendors that report once a second with ten points of path, over real sockets.
 
 Open loop: a message is sent when it is due whether or not the service keeps up. The generator's own lateness is told,
-so that a figure of the service is not one of the generator.
+so that a figure of the service is not one of the generator. It is cheap, since it may share the service's cores: every
+frame has the same length, masked with zeros, and of all that are due only the digits that have changed are written, at
+once; a frame is then one call of `send`. Messages of one connection are nevertheless sent each on its own, when it is
+due, as they come from robots.
 """
 
 import asyncio
 import json
 import os
+import socket
+import struct
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from multiprocessing.connection import Connection as PipeConnection
+from urllib.parse import urlsplit
 from uuid import UUID, uuid5
 
 import numpy as np
-from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, WebSocketException
+from numpy.typing import NDArray
 
 from ingest.seam import Floats
 
 DATUM = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
 ROBOTS = UUID("3f0d9a52-9a64-4f55-8a3c-4a8f4d1f7b10")
 VENDORS = ("Alder", "Basalt", "Corvid", "Dune")
-SPACING_M, RADIUS_M = 6.8, 3.0
+SPACING_M, RADIUS_M, MARGIN_M = 6.8, 3.0, 10.0
 SLICE_S = 0.02
 ROBOTS_A_CONNECTION = 10
+RETRY_S, HANDSHAKE_S = 0.2, 10.0
+HANDSHAKE = (
+    "GET {path} HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+)
+
+Bytes = NDArray[np.uint8]
+
+STAMP = b"2026-01-01T00:00:00.000Z"
+METRES, UNITS = b"000.000", b" 0.000000"
+_POSE = b'"x":%b,"y":%b,"angle":{"x":0,"y":0,"z":%b,"w":%b}' % (METRES, METRES, UNITS, UNITS)
+_POINT = b'{"timestamp":"%b",%b,"planarDatumUUID":"%b"}' % (STAMP, _POSE, DATUM.encode())
+STATUS = (
+    b'{"uuid":"%b","timestamp":"%b","operationalState":"navigating","location":{%b,"planarDatum":"%b"},'
+    b'"velocity":{"linear":%b},"path":[%b]}'
+    % (bytes(36), STAMP, _POSE, DATUM.encode(), METRES, b",".join([_POINT] * 10))
+)
+"""The text of every status; what differs is written over it, of the same length."""
+_TEXT = np.frombuffer(STATUS, np.uint8)
+_THREE = np.array([list(b"%03d" % n) for n in range(1000)], np.uint8)
+_LEADING = np.array([list(b"%3d" % n) for n in range(1000)], np.uint8)
+
+
+def _places(of: bytes) -> NDArray[np.int64]:
+    """(f, w) columns of the status where the text `of`, w letters long, stands f times."""
+    found, at = [], STATUS.find(of)
+    while at >= 0:
+        found.append(range(at, at + len(of)))
+        at = STATUS.find(of, at + len(of))
+    return np.array(found)
+
+
+_UUID_AT, _STAMPS_AT, _METRES_AT, _UNITS_AT = map(_places, (bytes(36), STAMP, METRES, UNITS))
+_SPEED_AT = _places(b'"linear":' + METRES)[:, len(b'"linear":') :]
+_POSITIONS_AT = _METRES_AT[~np.isin(_METRES_AT, _SPEED_AT).any(axis=1)]
 
 
 def vendor_of(robot: int) -> str:
@@ -56,15 +96,20 @@ class Circling:
     def __init__(self, robots: int, seed: int = 1) -> None:
         rng = np.random.default_rng(seed)
         across = int(np.ceil(np.sqrt(robots)))
-        self.x, self.y = np.arange(robots) % across * SPACING_M, np.arange(robots) // across * SPACING_M
+        self.x, self.y = (
+            MARGIN_M + SPACING_M * row for row in (np.arange(robots) % across, np.arange(robots) // across)
+        )
         self.turn_radps = rng.uniform(0.15, 0.4, robots) * rng.choice([-1, 1], robots)
         self.angle = rng.uniform(0, 2 * np.pi, robots)
         self.due_s = rng.uniform(0, 1, robots)
         """When within each second a robot reports."""
         self.uuids = [str(uuid5(ROBOTS, str(i))) for i in range(robots)]
+        self._texts = _TEXT[None, :].repeat(robots, axis=0)
+        self._texts[:, _UUID_AT[0]] = [list(uuid.encode()) for uuid in self.uuids]
+        self._texts[:, _SPEED_AT] = _metres(RADIUS_M * np.abs(self.turn_radps))[:, None]
 
-    def poses(self, robots: np.ndarray, t_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """x, y and yaw of `robots` (m,) at `t_s` (m, k), each (m, k)."""
+    def poses(self, robots: NDArray[np.int64], t_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """x, y and yaw of `robots` (m,) at `t_s` (k,), each (m, k)."""
         angle = self.angle[robots, None] + self.turn_radps[robots, None] * t_s
         yaw = angle + np.sign(self.turn_radps[robots, None]) * np.pi / 2
         x, y = self.x[robots, None] + RADIUS_M * np.cos(angle), self.y[robots, None] + RADIUS_M * np.sin(angle)
@@ -82,15 +127,16 @@ class Circling:
             }
         )
 
-    def statuses(self, robots: np.ndarray, began_s: float, now_s: float) -> list[str]:
+    def statuses(self, robots: NDArray[np.int64], began_s: float, now_s: float) -> list[bytes]:
         """A status of each robot, as of `now_s`, epoch seconds."""
-        ahead = np.arange(11, dtype=np.float64)
-        x, y, yaw = self.poses(robots, (now_s - began_s) + ahead[None, :].repeat(len(robots), axis=0))
-        stamps = [_stamp(now_s + one) for one in ahead]
-        z, w = np.sin(yaw / 2), np.cos(yaw / 2)
-        speed = RADIUS_M * np.abs(self.turn_radps[robots])
-        rows = zip(robots.tolist(), x.tolist(), y.tolist(), z.tolist(), w.tolist(), speed.tolist(), strict=True)
-        return [_status(self.uuids[robot], stamps, *row) for robot, *row in rows]
+        ahead_s = np.arange(11, dtype=np.float64)
+        x, y, yaw = self.poses(robots, now_s - began_s + ahead_s)
+        texts = self._texts[robots]
+        texts[:, _STAMPS_AT] = [list(_stamp(now_s + one).encode()) for one in ahead_s]
+        texts[:, _POSITIONS_AT] = _metres(np.stack([x, y], axis=2).reshape(len(robots), 22))
+        texts[:, _UNITS_AT] = _units(np.stack([np.sin(yaw / 2), np.cos(yaw / 2)], axis=2).reshape(len(robots), 22))
+        every, length = texts.tobytes(), len(STATUS)
+        return [every[at : at + length] for at in range(0, len(every), length)]
 
 
 async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool]) -> Offered:
@@ -105,7 +151,7 @@ async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool]
     for line in lines:
         await line.open()
     told.connections = len(lines)
-    began_s, done_s = time.time(), 0.0
+    began_s, done_s, head = time.time(), 0.0, _head(len(STATUS))
     while done_s < seconds and not ended():
         await asyncio.sleep(max(began_s + done_s + SLICE_S - time.time(), 0.0))
         now_s = time.time()
@@ -113,10 +159,10 @@ async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool]
         due = np.flatnonzero(np.floor(elapsed_s - world.due_s) > np.floor(done_s - world.due_s))
         told.late_s = max(told.late_s, elapsed_s - done_s)
         for robot, status in zip(due.tolist(), world.statuses(due, began_s, now_s), strict=True):
-            await line_of[robot].send(status)
+            line_of[robot].send(head + status)
         done_s = elapsed_s
     for line in lines:
-        await line.close()
+        line.close()
     told.core_s, told.seconds = time.process_time() - began_core_s, time.time() - began_s
     return told
 
@@ -125,37 +171,61 @@ class Line:
     """One connection, opened again when it breaks, each time with the identities of its robots."""
 
     def __init__(self, url: str, identities: list[str], told: Offered) -> None:
-        self._url, self._identities, self._told = url, identities, told
-        self._socket: ClientConnection | None = None
+        parts = urlsplit(url)
+        self._address = parts.hostname or "", parts.port or 0
+        hello = HANDSHAKE.format(path=parts.path, host=parts.netloc).encode()
+        self._hello, self._identities = hello, b"".join(_head(len(one)) + one.encode() for one in identities)
+        self._told = told
+        self._socket: socket.socket | None = None
+        self._held = b""
+        """What the other end had no room for yet."""
         self._opening: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
+        """Connect and identify, however often that takes."""
         while self._socket is None:
+            new = socket.socket()
+            new.setblocking(False)
+            new.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             try:
-                socket = await connect(self._url, compression=None, ping_interval=None)
-                for identity in self._identities:
-                    await socket.send(identity)
-            except (OSError, WebSocketException):
-                await asyncio.sleep(0.2)
+                async with asyncio.timeout(HANDSHAKE_S):
+                    await self._greet(new)
+            except (OSError, TimeoutError):
+                new.close()
+                await asyncio.sleep(RETRY_S)
             else:
-                self._socket = socket
+                self._socket, self._held = new, self._identities
 
-    async def send(self, message: str) -> None:
+    def send(self, frame: bytes) -> None:
         if self._socket is None:
             self._told.unsent += 1
             return
+        data = self._held + frame if self._held else frame
         try:
-            await self._socket.send(message)
-            self._told.sent += 1
-        except ConnectionClosed:
+            self._held = data[self._socket.send(data) :]
+        except BlockingIOError:
+            self._held = data
+        except OSError:
             self._told.broken += 1
-            self._socket, self._opening = None, asyncio.create_task(self.open())
+            self.close()
+            self._opening = asyncio.create_task(self.open())
+            return
+        self._told.sent += 1
 
-    async def close(self) -> None:
+    def close(self) -> None:
         if self._opening:
             self._opening.cancel()
         if self._socket:
-            await self._socket.close()
+            self._socket.close()
+        self._socket = None
+
+    async def _greet(self, new: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        await loop.sock_connect(new, self._address)
+        await loop.sock_sendall(new, self._hello)
+        reply = await loop.sock_recv(new, 4096)
+        if not reply.startswith(b"HTTP/1.1 101 "):
+            raise ConnectionRefusedError(reply)
 
 
 def serve(parent: PipeConnection, url: str, robots: int, seconds: float, core: int | None = None) -> None:
@@ -165,18 +235,27 @@ def serve(parent: PipeConnection, url: str, robots: int, seconds: float, core: i
     parent.send(asdict(asyncio.run(offer(url, robots, seconds, parent.poll))))
 
 
+def _head(length: int) -> bytes:
+    """Of a text frame as a client sends it, masked with zeros, which changes nothing."""
+    return struct.pack("!BBH4x", 0x81, 0x80 | 126, length)
+
+
 def _stamp(t_s: float) -> str:
     return datetime.fromtimestamp(t_s, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def _status(uuid: str, stamps: list[str], x: Floats, y: Floats, z: Floats, w: Floats, speed: float) -> str:
-    path = ",".join(
-        f'{{"timestamp":"{stamps[i]}","x":{x[i]:.3f},"y":{y[i]:.3f},"angle":{{"x":0,"y":0,"z":{z[i]:.5f},"w":{w[i]:.5f}}},'
-        f'"planarDatumUUID":"{DATUM}"}}'
-        for i in range(1, 11)
-    )
-    return (
-        f'{{"uuid":"{uuid}","timestamp":"{stamps[0]}","operationalState":"navigating",'
-        f'"location":{{"x":{x[0]:.3f},"y":{y[0]:.3f},"angle":{{"x":0,"y":0,"z":{z[0]:.5f},"w":{w[0]:.5f}}},'
-        f'"planarDatum":"{DATUM}"}},"velocity":{{"linear":{speed:.3f}}},"path":[{path}]}}'
-    )
+def _metres(values: Floats) -> Bytes:
+    """(..., 7) letters of `values`, 0 to 999.999, with three decimals."""
+    thousandths = np.rint(values * 1000).astype(np.int64)
+    point = np.full((*values.shape, 1), ord("."), np.uint8)
+    return np.concatenate([_LEADING[thousandths // 1000], point, _THREE[thousandths % 1000]], axis=-1)
+
+
+def _units(values: Floats) -> Bytes:
+    """(..., 9) letters of `values`, -1 to 1, with six decimals."""
+    millionths = np.rint(np.abs(values) * 1e6).astype(np.int64)
+    letters = np.empty((*values.shape, 9), np.uint8)
+    letters[..., 0] = np.where(values < 0, ord("-"), ord(" "))
+    letters[..., 1], letters[..., 2] = ord("0") + millionths // 1_000_000, ord(".")
+    letters[..., 3:6], letters[..., 6:] = _THREE[millionths // 1000 % 1000], _THREE[millionths % 1000]
+    return letters

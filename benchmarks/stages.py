@@ -70,7 +70,7 @@ class Floor:
             due = np.flatnonzero(np.floor(now_s - due_s) > np.floor(before_s - due_s))
             said = self.world.statuses(due, START_S, START_S + now_s)
             for robot, status in zip(due.tolist(), said, strict=True):
-                self.fleet.receive(status.encode(), START_S + now_s, self.lines[robot // ROBOTS_A_CONNECTION])
+                self.fleet.receive(status, START_S + now_s, self.lines[robot // ROBOTS_A_CONNECTION])
             batch = Batch.from_bytes(self.fleet.cut(START_S + now_s).to_bytes())
             began_s = process_time()
             self.engine.receive(batch)

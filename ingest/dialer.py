@@ -4,12 +4,14 @@ import asyncio
 import logging
 from collections.abc import Callable
 from random import Random
+from typing import cast
 
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidHandshake, InvalidURI
 
 from ingest.receiver import CLOSE_TIMEOUT_S, Receiver
 from ingest.settings import Receiver as Settings
+from ingest.wire import Listened, ListenedClient
 
 log = logging.getLogger(__name__)
 
@@ -66,10 +68,13 @@ class Dialer:
             open_timeout=self._settings.open_timeout_s,
             close_timeout=CLOSE_TIMEOUT_S,
             ping_interval=None,
+            create_connection=ListenedClient,
             logger=logging.getLogger("websockets.robots"),
         ) as socket:
             log.info("connected to %s at %s", self._vendor, self._url)
-            await self._receiver.listen(socket, self._receiver.new_connection(self._url, "/", self._vendor))
+            await self._receiver.listen(
+                cast(Listened, socket), self._receiver.new_connection(self._url, "/", self._vendor)
+            )
 
     def _tell(self, error: Exception) -> None:
         """Once, not at every attempt."""

@@ -17,9 +17,7 @@ from itertools import count
 from typing import Any, cast
 from urllib.parse import unquote
 
-from websockets.asyncio.connection import Connection as Socket
 from websockets.asyncio.server import Server, ServerConnection, serve
-from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 from websockets.protocol import State
@@ -32,6 +30,7 @@ from ingest.settings import Receiver as Settings
 from ingest.shares import Arrived, Shares
 from ingest.turns import Turns
 from ingest.vendors import UNKNOWN
+from ingest.wire import Listened, ListenedServer
 
 Deliver = Callable[[bytes, float, Connection], None]
 Refuse = Callable[[str, str, float, Connection], None]
@@ -55,7 +54,7 @@ log = logging.getLogger(__name__)
 class Line:
     """A socket that is listened to."""
 
-    socket: Socket
+    socket: Listened
     connection: Connection
     heard_s: float
     """When it last sent a message, on the event loop's clock, which nobody sets."""
@@ -157,22 +156,25 @@ class Receiver:
         """A connection with an id of its own; the dialled ones come here too."""
         return Connection(next(self._ids), peer, path, vendor)
 
-    async def listen(self, socket: Socket, connection: Connection) -> None:
+    async def listen(self, socket: Listened, connection: Connection) -> None:
         """Deliver everything that comes over one socket until it ends."""
-        now_s = asyncio.get_running_loop().time
-        line = Line(socket, connection, now_s())
+        line = Line(socket, connection, asyncio.get_running_loop().time())
         self._enter(line)
         try:
-            while True:
-                raw = await socket.recv(decode=False)
-                await self._turns.room()
-                self._take(Arrived(raw, self._clock(), connection), now_s())
-                line.heard_s = now_s()
-        except ConnectionClosed as ended:
-            self._ended(ended, connection)
+            socket.listen(partial(self._heard, line))
+            await socket.wait_closed()
+            self._ended(socket, connection)
         finally:
             self._leave(connection)
             self._turns.do(partial(self._closed, connection))
+
+    def _heard(self, line: Line, raw: bytes) -> None:
+        line.heard_s = asyncio.get_running_loop().time()
+        self._take(Arrived(raw, self._clock(), line.connection), line.heard_s)
+        transport = line.socket.transport
+        if self._turns.full and transport.is_reading():
+            transport.pause_reading()
+            self._turns.when_room(transport.resume_reading)
 
     def _take(self, one: Arrived, now_s: float) -> None:
         """Deliver a message now, or when its sender's share allows."""
@@ -210,12 +212,13 @@ class Receiver:
         if not same_peer:
             self._lines.pop(connection.peer, None)
 
-    def _ended(self, ended: ConnectionClosed, connection: Connection) -> None:
+    def _ended(self, socket: Listened, connection: Connection) -> None:
         """Count what we closed a connection for; what the peer closed it for is its own affair."""
-        code = ended.sent.code if ended.sent and not ended.rcvd_then_sent else None
+        ended = socket.protocol
+        code = ended.close_sent.code if ended.close_sent and not ended.close_rcvd_then_sent else None
         if code == CloseCode.MESSAGE_TOO_BIG:
             most = self._settings.max_message_bytes
-            reason = f"larger than {most} bytes or in too many fragments; send a shorter path"
+            reason = f"larger than {most} bytes; send a shorter path"
             self._turns.do(partial(self._refuse, "message-too-large", reason, self._clock(), connection))
         elif code in {CloseCode.PROTOCOL_ERROR, CloseCode.INVALID_DATA}:
             self._count_refused("protocol-error")
@@ -239,6 +242,7 @@ class Receiver:
         return self._credentials.vendor(unquote(request.path), tokens[0] if len(tokens) == 1 else None, shown)
 
     async def _converse(self, socket: ServerConnection) -> None:
+        """Listen to one who was admitted; its socket is one of those that `serve` was told to make."""
         peer = str(socket.remote_address[0]) if socket.remote_address else ""
         if socket.request is None:
             return
@@ -246,7 +250,7 @@ class Receiver:
         if isinstance(vendor, Refusal):  # its credentials were withdrawn since it was admitted
             return
         self._make_room(peer)
-        await self.listen(socket, self.new_connection(peer, socket.request.path, vendor))
+        await self.listen(cast(Listened, socket), self.new_connection(peer, socket.request.path, vendor))
 
     def _make_room(self, peer: str) -> None:
         """Where one peer holds too many connections, the oldest goes: a sender that opens one for each message."""
@@ -295,7 +299,7 @@ class Receiver:
         self._measures.level("deconflict_connections", {(): self._total})
 
 
-class _BoundedConnection(ServerConnection):
+class _BoundedConnection(ListenedServer):
     """Aborts at once where there are `most` TCP connections, so that accepting can never run out of descriptors.
 
     Once it does, asyncio logs a traceback for each waiting connection and tries again every second.
@@ -312,7 +316,7 @@ class _BoundedConnection(ServerConnection):
             self.transport.abort()
 
 
-def _keep_alive(socket: Socket) -> None:
+def _keep_alive(socket: Listened) -> None:
     raw: sockets.socket | None = socket.transport.get_extra_info("socket")
     if raw is None or raw.fileno() < 0:
         return

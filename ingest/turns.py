@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 TURN_S = 0.01
 MOST_WAITING = 2000
-"""Calls that wait before those who bring more are to wait themselves."""
+"""Calls that wait before those who bring more are to wait themselves, until half as many do."""
 
 
 class Turns:
@@ -22,8 +22,7 @@ class Turns:
         self._waiting: deque[Callable[[], None]] = deque()
         self._until_s: float | None = None
         """When this turn ends; None between turns."""
-        self._room = asyncio.Event()
-        self._room.set()
+        self._when_room: list[Callable[[], None]] = []
 
     def do(self, call: Callable[[], None]) -> None:
         """Call now, or in one of the next turns if this one is over or others wait already."""
@@ -31,15 +30,17 @@ class Turns:
             self._begin()
         if self._waiting or time.monotonic() >= (self._until_s or 0.0):
             self._waiting.append(call)
-            if len(self._waiting) > MOST_WAITING:
-                self._room.clear()
         else:
             call()
 
-    async def room(self) -> None:
-        """Wait while too many calls wait."""
-        if not self._room.is_set():
-            await self._room.wait()
+    @property
+    def full(self) -> bool:
+        """Whether too many calls wait."""
+        return len(self._waiting) > MOST_WAITING
+
+    def when_room(self, call: Callable[[], None]) -> None:
+        """Call once, as soon as there is room again."""
+        self._when_room.append(call)
 
     def finish(self) -> None:
         """Do all that waits now."""
@@ -58,8 +59,10 @@ class Turns:
         self._begin()
         until_s = time.monotonic() + self._turn_s
         while True:
-            if len(self._waiting) <= MOST_WAITING // 2:
-                self._room.set()
             self._waiting.popleft()()
+            if self._when_room and len(self._waiting) <= MOST_WAITING // 2:
+                waited, self._when_room = self._when_room, []
+                for call in waited:
+                    call()
             if not self._waiting or time.monotonic() >= until_s:
                 return

@@ -64,21 +64,16 @@ def test_what_takes_long_leaves_room_for_others() -> None:
     assert asyncio.run(run()).index("another") < 3
 
 
-def test_who_brings_too_much_waits_until_there_is_room_again() -> None:
+def test_who_brings_too_much_is_told_when_there_is_room_again() -> None:
     async def run() -> list[int]:
-        turns, done = Turns(turn_s=0.0), list[int]()
-
-        async def bring() -> None:
-            for n in range(2 * MOST_WAITING):
-                await turns.room()
-                turns.do(partial(done.append, n))
-
-        bringing = asyncio.create_task(bring())
-        await asyncio.sleep(0)
-        assert not bringing.done()
-        assert len(done) == 0
-        await bringing
-        assert len(done) >= MOST_WAITING // 2
+        turns, done, waited = Turns(turn_s=0.0), list[int](), asyncio.Event()
+        for n in range(2 * MOST_WAITING):
+            turns.do(partial(done.append, n))
+            assert turns.full == (n >= MOST_WAITING)
+        turns.when_room(waited.set)
+        await waited.wait()
+        assert not turns.full
+        assert len(done) >= MOST_WAITING
         turns.finish()
         return done
 
