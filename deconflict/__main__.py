@@ -153,8 +153,6 @@ def _serve(args: argparse.Namespace) -> int:
         logging.getLogger("deconflict").warning("no site file: every datum is taken as a floor of its own")
     if told := cluster_problems(settings.cluster, args.part or ()):
         raise site.SiteError(told)
-    if settings.cluster and (settings.resources or settings.zones):
-        logging.getLogger("deconflict").warning("resources and zones are not watched in a cluster: conflicts alone are")
     data = args.data or Path(settings.store.directory)
     data.mkdir(parents=True, exist_ok=True)
     stop = threading.Event()

@@ -6,7 +6,7 @@ from math import inf
 from deconflict.advisory import Location, Severity
 from deconflict.contention.telling import Finding, Telling, Told, about_claim
 from deconflict.live import Live
-from ingest.seam import Batch, Claim
+from ingest.seam import Claim
 
 LOOK_S = 1.0
 CLEAR_AFTER_S = 3.0
@@ -24,9 +24,13 @@ class Claims:
     def open(self) -> list[Told]:
         return self._telling.open()
 
-    def receive(self, batch: Batch) -> None:
+    def adopt(self, told: Told) -> None:
+        """Go on from a revision that another decided."""
+        self._telling.adopt(told)
+
+    def receive(self, standing: tuple[Claim, ...]) -> None:
         """Take in the claims that stand now."""
-        self._standing = batch.claims
+        self._standing = standing
 
     def step(self, now_s: float) -> list[Told]:
         """The revisions of this look; none between looks."""

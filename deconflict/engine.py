@@ -129,7 +129,7 @@ class Engine:
         self._told.difference_update(batch.gone)
         self._sweeper.discard(batch.gone)
         self._contention.receive(batch)
-        self._claims.receive(batch)
+        self._claims.receive(batch.claims)
         self.foresight.receive(batch)
 
     def pending(self) -> int:

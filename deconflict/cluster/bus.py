@@ -1,7 +1,8 @@
 """NATS as the cluster uses it: parcels, told revisions, members and the table. Nothing else here speaks to it.
 
 Parcels go on `NAME.rows.CHANNEL` into a stream in memory that is kept for half a minute; revisions on `NAME.told.KEY`
-into a durable one, whose sequence numbers are those of the advisories. The key of a conflict is its pair of robots.
+into a durable one, whose sequence numbers are those of the advisories. The key of a conflict is its pair of robots,
+that of anything else says what it is about.
 """
 
 import asyncio
@@ -13,6 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
+from uuid import uuid5
 
 import nats
 from nats.aio.msg import Msg
@@ -20,10 +22,12 @@ from nats.errors import Error as NatsError
 from nats.js import JetStreamContext, api
 from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError
 
-from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory
+from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory, ConflictAdvisory
 from deconflict.cluster.channels import token
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Place
+from deconflict.contention.telling import finding_key
+from deconflict.life import ADVISORIES
 
 log = logging.getLogger(__name__)
 
@@ -52,6 +56,7 @@ class Line:
     key: str
     """Of the advisory; in an answer its id."""
     home: Place | None = None
+    """None where no tile decides."""
     advisory: AnyAdvisory | None = None
     answer: Acknowledgement | None = None
 
@@ -62,7 +67,9 @@ class OverruledError(Exception):
 
 def key_of(advisory: AnyAdvisory) -> str:
     """What an advisory is told under: there is at most one open of a key."""
-    return token("_".join(advisory.robots) if advisory.kind == "conflict" else advisory.id)
+    if isinstance(advisory, ConflictAdvisory):
+        return token("_".join(advisory.robots))
+    return str(uuid5(ADVISORIES, finding_key(advisory)))
 
 
 class Bus:
@@ -127,15 +134,19 @@ class Bus:
         config.opt_start_time = None  # the client begins a lost subscription anew at a number, and keeps this otherwise
         return heard.unsubscribe
 
-    async def want(self, channels: Iterable[str], take: Callable[[bytes], None]) -> None:
-        """Ask every ingest for all the robots of channels; the parcels come to `take` as they are answered."""
-        inbox = self._nats.new_inbox()
+    async def inbox(self, take: Callable[[bytes], None]) -> str:
+        """An address for what is wanted."""
+        address = self._nats.new_inbox()
 
         async def taken(message: Msg) -> None:
             if message.data:  # there is none where nobody answers
                 take(message.data)
 
-        await self._nats.subscribe(inbox, cb=taken)
+        await self._nats.subscribe(address, cb=taken, pending_msgs_limit=PENDING, pending_bytes_limit=1 << 30)
+        return address
+
+    async def want(self, channels: Iterable[str], inbox: str) -> None:
+        """Ask every ingest for all the robots of channels; the parcels come to `inbox` as they are answered."""
         await self._nats.publish(f"{self.name}.want", json.dumps(sorted(channels)).encode(), reply=inbox)
 
     async def wanted(self, give: Callable[[set[str]], Awaitable[list[bytes]]]) -> None:
@@ -147,7 +158,7 @@ class Bus:
 
         await self._nats.subscribe(f"{self.name}.want", cb=asked)
 
-    async def tell(self, home: Place, advisory: AnyAdvisory, last_seq: int) -> int:
+    async def tell(self, home: Place | None, advisory: AnyAdvisory, last_seq: int) -> int:
         """Its number in the stream. Raises `OverruledError` where the last told of its key is not `last_seq`."""
         headers = {
             "Nats-Msg-Id": f"{advisory.id}:{advisory.revision}",
@@ -237,7 +248,8 @@ def _line(seq: int, subject: str, data: bytes) -> Line:
     if kind == "answer":
         return Line(seq, key, answer=Acknowledgement.model_validate_json(data))
     told = json.loads(data)
-    return Line(seq, key, Place(*told["home"]), ADVISORY.validate_python(told["advisory"]))
+    home = Place(*told["home"]) if told["home"] else None
+    return Line(seq, key, home, ADVISORY.validate_python(told["advisory"]))
 
 
 async def _told_of(error: Exception) -> None:

@@ -1,9 +1,10 @@
 """What ingest tells to whom: each robot on the channel of the tile it is in.
 
 A robot that has left a tile is told of once more on that tile's channel, so that nobody keeps it where it is not. One
-that may get further in the horizon than engines listen is told of to all of its floor.
+that may get further in the horizon than engines listen is told of to all of its floor. One channel has everybody.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from math import ceil
@@ -19,8 +20,12 @@ from ingest.seam import Batch, Floats, Ints
 
 GONE = "gone"
 """The channel of robots that were forgotten, which everybody hears."""
+EVERY = "every"
+"""The channel of all robots of all floors, once each."""
 LEAD_S = 3.0
 """How long before a robot can matter an engine hears of it: as long as the looks take that confirm a conflict."""
+MOST_BYTES = 1 << 19
+"""Of a parcel: NATS servers take a message of a mebibyte unless they are told otherwise."""
 BODY_M = 5.0
 """What of an engine's reach is left for envelopes, clearance and doubt."""
 BAND_M = 1.0
@@ -40,6 +45,23 @@ def channel(tile: Tile) -> str:
 def wide_channel(datum: str) -> str:
     """Of a whole floor."""
     return f"{token(datum)}.wide"
+
+
+def late(batch: Batch, arrived_s: Mapping[str, float]) -> Bools:
+    """(n,) whether a newer status of each robot has come already, by another way."""
+    known_s = np.array([arrived_s.get(uuid, -np.inf) for uuid in batch.robots])
+    found: Bools = batch.arrival_s < known_s
+    return found
+
+
+def pieces(batch: Batch) -> list[bytes]:
+    """A batch as parcels that a server takes, in order; it is one unless it is large."""
+    parcel = batch.to_bytes()
+    if len(parcel) <= MOST_BYTES or len(batch) < 2:
+        return [parcel]
+    rows = np.arange(len(batch))
+    halves = batch.take(rows[: len(rows) // 2], batch.gone), batch.take(rows[len(rows) // 2 :])
+    return [piece for half in halves for piece in pieces(half)]
 
 
 def token(name: str) -> str:
@@ -119,7 +141,8 @@ class Sorter:
         for uuid in batch.gone:
             self._forget(uuid)
         parts = {one: batch.take(np.array(chosen)) for one, chosen in sorted(rows.items())}
-        return parts | ({GONE: batch.take(np.zeros(0, np.int64), batch.gone)} if batch.gone else {})
+        gone = {GONE: batch.take(np.zeros(0, np.int64), batch.gone)} if batch.gone else {}
+        return parts | gone | ({EVERY: batch} if len(batch) or batch.gone or batch.claims else {})
 
     def _forget(self, uuid: str) -> None:
         self._last.pop(uuid, None)

@@ -10,7 +10,7 @@ from typing import Any
 from uuid import uuid4
 
 from deconflict.cluster.bus import BUS_ERRORS, Bus
-from deconflict.cluster.channels import Sorter, reach_m
+from deconflict.cluster.channels import Sorter, pieces, reach_m
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Grid
 from deconflict.link import AsyncCaller, LinkDownError
@@ -108,7 +108,8 @@ class Feed:
             ask = b""
             for channel, part in self._sorter.sort(batch).items():
                 try:
-                    await self._bus.send_rows(channel, part.to_bytes())
+                    for piece in pieces(part):
+                        await self._bus.send_rows(channel, piece)
                 except BUS_ERRORS as error:
                     ask = b"everything"  # what is lost now is told again once the server is back
                     log.warning("a parcel is not sent: %s", error or type(error).__name__)
@@ -120,4 +121,4 @@ class Feed:
         except LinkDownError:
             return []
         parts = self._new_sorter().sort(batch) if batch else {}
-        return [part.to_bytes() for channel, part in parts.items() if channel in channels]
+        return [piece for channel, part in parts.items() if channel in channels for piece in pieces(part)]

@@ -14,13 +14,15 @@ from contextlib import suppress
 from typing import Any
 from uuid import uuid4
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
-from deconflict.cluster.bus import BUS_ERRORS, Bus, Line, OverruledError, key_of
+from deconflict.advisory import ConflictAdvisory
+from deconflict.cluster.bus import BUS_ERRORS, Bus, Line
 from deconflict.cluster.channels import reach_m
-from deconflict.cluster.feed import RETRY_S, beating, connected, until
+from deconflict.cluster.feed import beating, connected, until
+from deconflict.cluster.lookout import Lookout
 from deconflict.cluster.ownership import Table, revised
 from deconflict.cluster.settings import Cluster
-from deconflict.cluster.shard import REMEMBERED, Shard, Told, judging
+from deconflict.cluster.shard import Shard, Told, judging
+from deconflict.cluster.teller import Teller
 from deconflict.cluster.tiles import Grid, Tile
 from deconflict.engine import Engine
 from deconflict.roles.engine import arrivals_s
@@ -53,8 +55,8 @@ class Member:
         self._wanted: set[str] = set()
         """Channels."""
         self._listening: dict[str, Callable[[], Awaitable[None]]] = {}
-        self._last: dict[str, Line] = {}
-        """What the stream has last, by key."""
+        self._teller = Teller(self._bus)
+        self._lookout = Lookout(site, self._bus, self._teller, self._adviser.submit)
         self._outbox: asyncio.Queue[tuple[list[Told], dict[str, Floats]]] = asyncio.Queue()
         self._table = Table()
         self._says: dict[str, Any] = {"loads": {}}
@@ -69,7 +71,8 @@ class Member:
                 while len(self._lines) < waiting:
                     await asyncio.sleep(0.02)
         try:
-            await until(stop, beating(self._bus, self._beat), self._deliver(), self._judge(), self._listen())
+            watching = self._lookout.run(lambda: self._table.watch == self.name)
+            await until(stop, beating(self._bus, self._beat), self._deliver(), self._judge(), self._listen(), watching)
         finally:
             self._adviser.shutdown(cancel_futures=True)
             await self._bus.close()
@@ -100,7 +103,8 @@ class Member:
             lines, self._lines = self._lines, []
             overruled, self._overruled = self._overruled, []
             for line in lines:
-                self._know(line)
+                self._teller.know(line)
+            self._lookout.hear(lines)
             told, arrivals = await asyncio.to_thread(self._step, self._table.of(self.name), parcels, lines, overruled)
             self._outbox.put_nowait((told, arrivals))
             self._wanted = self._shard.hears()
@@ -108,7 +112,11 @@ class Member:
                 loads, self._shard.loads = self._shard.loads, type(self._shard.loads)()
                 self._says = {
                     "loads": {str(tile): count / (began_s - counted_s) for tile, count in loads.items()},
-                    "measures": [self._shard.engine.measures.as_document(), self.measures.as_document()],
+                    "measures": [
+                        self._shard.engine.measures.as_document(),
+                        self.measures.as_document(),
+                        *self._lookout.measured,
+                    ],
                 }
                 counted_s = began_s
             await asyncio.sleep(max(self._site.engine.tick_s - (time.monotonic() - began_s), 0.0))
@@ -132,6 +140,7 @@ class Member:
 
     async def _listen(self) -> None:
         """Hear the channels that are wanted, and what there was on new ones; leave the others."""
+        inbox = await self._bus.inbox(self._take)
         while True:
             await asyncio.sleep(LISTEN_S)
             with suppress(*BUS_ERRORS):
@@ -140,7 +149,7 @@ class Member:
                 new = sorted(self._wanted - self._listening.keys())[:MOST_AT_ONCE]
                 if new:
                     await asyncio.gather(*(self._hear(channel) for channel in new))
-                    await self._bus.want(new, self._take)
+                    await self._bus.want(new, inbox)
 
     async def _hear(self, channel: str) -> None:
         self._listening[channel] = await self._bus.hear_rows(channel, self._take)
@@ -148,48 +157,13 @@ class Member:
     def _take(self, parcel: bytes) -> None:
         self._parcels.append(parcel)
 
-    def _know(self, line: Line) -> None:
-        if line.advisory is None:
-            return
-        known = self._last.get(line.key)
-        if known is None or known.seq < line.seq:
-            self._last[line.key] = line
-        while len(self._last) > REMEMBERED:
-            self._last.pop(next(iter(self._last)))
-
     async def _deliver(self) -> None:
         while True:
             told, arrivals = await self._outbox.get()
-            for one in told:
-                while not await self._tell(one):
-                    await asyncio.sleep(RETRY_S)
+            for home, advisory in told:
+                if stands := await self._teller.tell(home, advisory):
+                    self._overruled.append(stands)
             now_s = time.time()
             for vendor, arrived_s in arrivals.items():
                 waits_s = (now_s - arrived_s).clip(0).tolist()
                 self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)
-
-    async def _tell(self, told: Told) -> bool:
-        """Whether it is in the stream now, or something else is in its place; else it is to be tried again."""
-        advisory, key = told.advisory, key_of(told.advisory)
-        last = self._last.get(key)
-        if last and last.advisory and not follows(advisory, last.advisory):
-            self._overruled.append(last)
-            return True
-        try:
-            seq = await self._bus.tell(told.home, advisory, last.seq if last else 0)
-        except OverruledError:
-            with suppress(*BUS_ERRORS):
-                self._know(await self._bus.last_told(key))
-            return False
-        except BUS_ERRORS as error:
-            log.warning("a revision is not told yet: %s", error or type(error).__name__)
-            return False
-        self._know(Line(seq, key, told.home, advisory))
-        return True
-
-
-def follows(advisory: AnyAdvisory, last: AnyAdvisory) -> bool:
-    """Whether a revision is the next after the last one of its key."""
-    if last.id == advisory.id:
-        return advisory.revision == last.revision + 1
-    return last.state is AdvisoryState.CLEARED and advisory.revision == 1

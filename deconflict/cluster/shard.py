@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
-from deconflict.cluster.channels import GONE, Extents, Floors, channel, wide_channel
+from deconflict.cluster.channels import GONE, Extents, Floors, channel, late, wide_channel
 from deconflict.cluster.tiles import Area, Grid, Place, Tile
 from deconflict.engine import Engine
 from deconflict.life import Pair
@@ -95,7 +95,7 @@ class Shard:
             return None
         batches = [self._floors.renumbered(one) for one in batches]
         batch = Batch.joined([replace(one, floors=batches[-1].floors) for one in batches])
-        rows = np.flatnonzero(~self._late(batch))
+        rows = np.flatnonzero(~late(batch, self._arrived_s))
         kept = rows[self._near(batch, rows)]
         stay = {batch.robots[row] for row in kept.tolist()}
         left = [batch.robots[row] for row in rows.tolist() if batch.robots[row] not in stay]
@@ -180,12 +180,6 @@ class Shard:
             floor = int(forecast.floor[0])
             if floor >= 0:
                 yield Place(self._floors.names[floor], float(forecast.x_m[0]), float(forecast.y_m[0]))
-
-    def _late(self, batch: Batch) -> Bools:
-        """(n,) whether a newer status of the robot has come already, by another way."""
-        known_s = np.array([self._arrived_s.get(uuid, -np.inf) for uuid in batch.robots])
-        late: Bools = batch.arrival_s < known_s
-        return late
 
     def _near(self, batch: Batch, rows: Ints) -> Bools:
         """(m,) whether each of `rows` can matter here."""

@@ -91,10 +91,16 @@ class Telling:
         self._tracks: dict[str, _Track] = {}
         self._restored = True
         for one in restored:
-            self._tracks[_key(one)] = _Track(advisory=one)
+            self._tracks[finding_key(one)] = _Track(advisory=one)
 
     def open(self) -> list[Told]:
         return [track.advisory for track in self._tracks.values() if track.advisory]
+
+    def adopt(self, told: Told) -> None:
+        """Go on from a revision that another decided."""
+        track = self._tracks.setdefault(finding_key(told), _Track())
+        track.advisory = None if told.state is AdvisoryState.CLEARED else told
+        track.found_s = max(track.found_s, told.updated_at.timestamp())
 
     def step(self, now_s: float, findings: Iterable[Finding], party: Callable[[str], tuple[str, str]]) -> list[Told]:
         """The revisions that this look makes, by key. `party` gives the name and vendor of a robot that is known."""
@@ -133,7 +139,8 @@ def moment(t_s: float) -> datetime:
     return datetime.fromtimestamp(t_s, UTC)
 
 
-def _key(one: Told) -> str:
+def finding_key(one: Told) -> str:
+    """The `Finding.key` of what an advisory is about."""
     if isinstance(one, ContentionAdvisory):
         return f"{one.kind} {one.resource}"
     if isinstance(one, ClaimAdvisory):

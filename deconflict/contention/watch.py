@@ -56,6 +56,10 @@ class Contention:
     def open(self) -> list[Told]:
         return self._telling.open()
 
+    def adopt(self, told: Told) -> None:
+        """Go on from a revision that another decided."""
+        self._telling.adopt(told)
+
     def learned(self) -> dict[str, Part]:
         """What is worth keeping over a restart: how wrong arrival times were, and how long robots keep what."""
         stays = {resource: one.learned() for resource, one in self._dwells.items()}

@@ -6,16 +6,20 @@ import shutil
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Iterator
-from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from deconflict.cluster.bus import Bus
+from deconflict.cluster.feed import Feed
 from deconflict.cluster.follower import Follower
 from deconflict.cluster.settings import Cluster
 from deconflict.reloading import SITE_FILE
 from deconflict.roles.operator import OperatorRole
-from deconflict.service import runtime_directory
+from deconflict.roles.receiver import ReceiverRole
+from deconflict.service import Runs, runtime_directory
 from deconflict.site import Operator, Site
 from ingest.settings import Receiver
 from metrics.exposition import render
@@ -41,12 +45,13 @@ def nats_server(folder: Path) -> Iterator[str]:
 class Machines:
     """Roles that were started, each as a machine of its own: with a runtime directory and data of its own."""
 
-    def __init__(self, folder: Path, settings: Cluster) -> None:
-        self.settings, self._folder = settings, folder
+    def __init__(self, folder: Path, settings: Cluster, site: Site | None = None) -> None:
+        self.settings, self._folder, self._site = settings, folder, site or Site()
         self._processes: dict[tuple[str, str], subprocess.Popen[bytes]] = {}
 
     def site(self, robots_port: int = 0) -> Site:
-        return Site(cluster=self.settings, receiver=Receiver(port=robots_port), operator=Operator(port=0))
+        changed = {"cluster": self.settings, "receiver": Receiver(port=robots_port), "operator": Operator(port=0)}
+        return self._site.model_copy(update=changed)
 
     def start(self, machine: str, *roles: str) -> int:
         """The port for robots of that machine."""
@@ -95,10 +100,46 @@ async def face(machines: Machines, data: Path) -> AsyncIterator[OperatorRole]:
 
 
 @asynccontextmanager
-async def cluster(folder: Path) -> AsyncIterator[tuple[Machines, OperatorRole]]:
+async def ingest(machines: Machines, data: Path) -> AsyncIterator[str]:
+    """An ingest of the cluster, in this process: the address for its robots."""
+    with runtime_directory() as runtime:
+        site = machines.site()
+        receiver, feed = ReceiverRole(site, Path(runtime), data / "log"), Feed(site, machines.settings, Path(runtime))
+        async with running(receiver), running(feed):
+            await receiver.ready.wait()
+            yield f"ws://127.0.0.1:{receiver.receiver.port}"
+
+
+@asynccontextmanager
+async def running(role: Runs) -> AsyncIterator[asyncio.Task[None]]:
+    """A role in this process until it is cancelled, which is its death, or the end."""
+    stop = asyncio.Event()
+    task = asyncio.create_task(role.run(stop))
+    try:
+        yield task
+    finally:
+        stop.set()
+        with suppress(asyncio.CancelledError):
+            await task
+
+
+async def table(settings: Cluster) -> dict[str, Any]:
+    """Who owns what, as the members have agreed."""
+    bus = Bus(settings, 1)
+    await bus.open()
+    _, document = await bus.table()
+    await bus.close()
+    assert document
+    return document
+
+
+@asynccontextmanager
+async def cluster(
+    folder: Path, site: Site | None = None, **settings: Any
+) -> AsyncIterator[tuple[Machines, OperatorRole]]:
     """A server and a face, and yet no other machine."""
     async with AsyncExitStack() as stack:
         address = stack.enter_context(nats_server(folder / "nats"))
-        machines = Machines(folder, Cluster(nats=(address,), tile_m=32.0))
+        machines = Machines(folder, Cluster(**{"nats": (address,), "tile_m": 32.0} | settings), site)
         stack.callback(machines.end)
         yield machines, await stack.enter_async_context(face(machines, folder / "face"))

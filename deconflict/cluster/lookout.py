@@ -1,0 +1,98 @@
+"""The engine that watches over what is not of one place: hears every ingest whole, and tells what that comes to.
+
+Each engine has a lookout, idle but at the one that the table names. Who takes over goes on with what the stream has
+open, hears the last seconds again and is told every robot anew.
+"""
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+from deconflict.advice.answers import Submit
+from deconflict.advisory import ConflictAdvisory
+from deconflict.cluster.bus import BUS_ERRORS, Bus, Line
+from deconflict.cluster.channels import EVERY
+from deconflict.cluster.commons import Commons
+from deconflict.cluster.teller import Teller
+from deconflict.contention.telling import Told
+from deconflict.site import Site
+from ingest.seam import Batch
+
+LOOK_S = 0.25
+
+
+class Lookout:
+    """One engine's. Its commons are touched by one thread at a time."""
+
+    def __init__(self, site: Site, bus: Bus, teller: Teller, submit: Submit) -> None:
+        self._site, self._bus, self._teller, self._submit = site, bus, teller, submit
+        self._commons: Commons | None = None
+        self._leave: Callable[[], Awaitable[None]] | None = None
+        self._asks = False
+        """Whether ingests are yet to be asked for all their robots."""
+        self._parcels: list[bytes] = []
+        self._lines: list[Line] = []
+        self._overruled: list[Line] = []
+        self.measured: list[dict[str, Any]] = []
+        """What it measured, as of its last look."""
+
+    def hear(self, lines: Sequence[Line]) -> None:
+        """Lines of the stream, in order."""
+        if self._commons:
+            self._lines += lines
+
+    def _take(self, parcel: bytes) -> None:
+        if self._commons:
+            self._parcels.append(parcel)
+
+    async def run(self, watches: Callable[[], bool]) -> None:
+        """Look as long as this is called for; `watches` says whether it is this engine's turn."""
+        inbox = await self._bus.inbox(self._take)
+        while True:
+            with suppress(*BUS_ERRORS):
+                await self._take_turns(inbox, turn=watches())
+            if self._commons:
+                await self._look(self._commons)
+            await asyncio.sleep(LOOK_S)
+
+    async def _take_turns(self, inbox: str, *, turn: bool) -> None:
+        if not turn:
+            self._rest()
+            if self._leave:
+                await self._leave()
+                self._leave = None
+            return
+        if self._commons is None:
+            stands = [one for one in self._teller.open() if not isinstance(one, ConflictAdvisory)]
+            self._commons, self._asks = Commons(self._site, stands, self._submit), True
+        if self._leave is None:
+            self._leave = await self._bus.hear_rows(EVERY, self._take)
+        if self._asks:
+            await self._bus.want([EVERY], inbox)
+            self._asks = False
+
+    def _rest(self) -> None:
+        self._commons = None
+        for waiting in (self._parcels, self._lines, self._overruled, self.measured):
+            waiting.clear()
+
+    async def _look(self, commons: Commons) -> None:
+        parcels, self._parcels = self._parcels, []
+        lines, self._lines = self._lines, []
+        overruled, self._overruled = self._overruled, []
+        told = await asyncio.to_thread(_step, commons, parcels, lines, overruled)
+        self.measured = [commons.measures.as_document()]
+        for one in told:
+            if stands := await self._teller.tell(None, one):
+                self._overruled.append(stands)
+
+
+def _step(commons: Commons, parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]) -> list[Told]:
+    for told, over in ((lines, False), (overruled, True)):
+        for line in told:
+            if line.advisory and not isinstance(line.advisory, ConflictAdvisory):
+                commons.hear(line.advisory, overruled=over)
+    commons.receive([Batch.from_bytes(one) for one in parcels])
+    return commons.step(time.time())

@@ -1,0 +1,65 @@
+"""Tells revisions to the durable stream, each only after the one that it follows."""
+
+import asyncio
+import logging
+from collections import OrderedDict
+from contextlib import suppress
+
+from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.cluster.bus import BUS_ERRORS, Bus, Line, OverruledError, key_of
+from deconflict.cluster.feed import RETRY_S
+from deconflict.cluster.shard import REMEMBERED
+from deconflict.cluster.tiles import Place
+
+log = logging.getLogger(__name__)
+
+
+class Teller:
+    """What the stream has, and the way into it."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._last: OrderedDict[str, Line] = OrderedDict()
+        """What the stream has last, by key."""
+
+    def know(self, line: Line) -> None:
+        """Take in a line of the stream."""
+        if line.advisory is None:
+            return
+        known = self._last.get(line.key)
+        if known is None or known.seq < line.seq:
+            self._last[line.key] = line
+            self._last.move_to_end(line.key)
+        while len(self._last) > REMEMBERED:
+            self._last.popitem(last=False)
+
+    def open(self) -> list[AnyAdvisory]:
+        """Every advisory that is open, as it was told last."""
+        told = (line.advisory for line in self._last.values() if line.advisory)
+        return [one for one in told if one.state is not AdvisoryState.CLEARED]
+
+    async def tell(self, home: Place | None, advisory: AnyAdvisory) -> Line | None:
+        """Tell one, however long it takes: None, or where another has told something else, what stands there."""
+        key = key_of(advisory)
+        while True:
+            last = self._last.get(key)
+            if last and last.advisory and not follows(advisory, last.advisory):
+                return last
+            try:
+                seq = await self._bus.tell(home, advisory, last.seq if last else 0)
+            except OverruledError:
+                with suppress(*BUS_ERRORS):
+                    self.know(await self._bus.last_told(key))
+            except BUS_ERRORS as error:
+                log.warning("a revision is not told yet: %s", error or type(error).__name__)
+            else:
+                self.know(Line(seq, key, home, advisory))
+                return None
+            await asyncio.sleep(RETRY_S)
+
+
+def follows(advisory: AnyAdvisory, last: AnyAdvisory) -> bool:
+    """Whether a revision is the next after the last one of its key."""
+    if last.id == advisory.id:
+        return advisory.revision == last.revision + 1
+    return last.state is AdvisoryState.CLEARED and advisory.revision == 1
