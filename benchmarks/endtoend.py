@@ -21,8 +21,9 @@ from typing import Any
 
 from benchmarks import offer
 from deconflict.link import Caller, LinkDownError
-from deconflict.service import Supervisor, runtime_directory
+from deconflict.service import runtime_directory
 from deconflict.site import DEFAULT, Site
+from deconflict.supervisor import Supervisor
 from ingest.measures import Histogram
 from ingest.settings import Datum, Vendor
 

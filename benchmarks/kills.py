@@ -24,7 +24,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from benchmarks.endtoend import Load, Running, service
-from deconflict.service import Watched
+from deconflict.supervisor import Watched
 from ingest.playback import Reader, segments
 
 

@@ -20,9 +20,10 @@ from deconflict.importers.plan import PlanError
 from deconflict.link import PortTakenError
 from deconflict.logs import FORMATS, VARIABLE
 from deconflict.logs import begin as begin_log
-from deconflict.service import PARTS, Supervisor, cluster_problems, run_role, runtime_directory
+from deconflict.service import cluster_problems, run_role, runtime_directory
 from deconflict.simulation.drills import DRILLS
 from deconflict.simulation.senders import simulate
+from deconflict.supervisor import PARTS, Supervisor
 from ingest.certificates import CertificateError
 from ingest.tokens import SecretError
 from metrics import commands as logs

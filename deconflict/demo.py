@@ -23,9 +23,10 @@ from websockets.exceptions import ConnectionClosed
 
 from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
 from deconflict.link import AsyncCaller, LinkDownError
-from deconflict.service import Supervisor, runtime_directory
+from deconflict.service import runtime_directory
 from deconflict.simulation.senders import simulate
 from deconflict.site import Site
+from deconflict.supervisor import Supervisor
 from ingest.measures import Histogram, joined_values
 
 ROBOTS = 24

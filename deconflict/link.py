@@ -118,10 +118,10 @@ class AsyncCaller:
     def __init__(self, directory: Path, role: str) -> None:
         self._path, self._role = socket_path(directory, role), role
 
-    async def call(self, name: str, payload: bytes = b"") -> bytes:
+    async def call(self, name: str, payload: bytes = b"", within_s: float = CALL_TIMEOUT_S) -> bytes:
         """Raises `LinkDownError`."""
         try:
-            async with asyncio.timeout(CALL_TIMEOUT_S):
+            async with asyncio.timeout(within_s):
                 reader, writer = await asyncio.open_unix_connection(self._path)
                 try:
                     body = name.encode() + b"\n" + payload

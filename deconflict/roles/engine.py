@@ -18,6 +18,7 @@ from deconflict.advisory import ADVISORY, AnyAdvisory, Recommendation
 from deconflict.effort import Effort, Pace
 from deconflict.engine import Engine
 from deconflict.learned import Part, UnreadableError, packed, unpacked
+from deconflict.lifeline import LONG_S, SILENT_S
 from deconflict.link import Caller, LinkDownError
 from deconflict.reloading import InForce
 from deconflict.site import Site
@@ -54,14 +55,16 @@ class EngineRole:
         self._kept_s = time.monotonic()
         self._pace = Pace(site.engine.deadline_s)
 
-    def run(self, stop: threading.Event) -> None:
-        """Step until `stop` is set."""
+    def run(self, stop: threading.Event, goes_on: Callable[[int], object] = lambda _: None) -> None:
+        """Step until `stop` is set. `goes_on` is told each time for how many seconds this may now be silent."""
+        goes_on(LONG_S)
         engine = self._restored(stop)
         if engine is None:
             return
         self._outbox.start()
         ask = EVERYTHING
         while not stop.is_set():
+            goes_on(LONG_S if ask == EVERYTHING else SILENT_S)
             pending = engine.pending()
             try:
                 batch = Batch.from_bytes(self._receiver.call("batch", b"%b %d %d" % (ask, self._pace.effort, pending)))

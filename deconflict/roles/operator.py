@@ -37,6 +37,8 @@ log = logging.getLogger(__name__)
 
 ENGINE_STALE_S = 5.0
 """An engine not heard from for this long counts as down; it reports every second."""
+HEALTH_WITHIN_S = 3.0
+"""A receiver that does not answer for this long counts as down."""
 PRUNE_EVERY_S = 3600.0
 REFRESH_EVERY_S = 5.0
 CARRIED_WITHIN_S = 5.0
@@ -128,21 +130,18 @@ class OperatorRole:
 
     async def measures(self) -> list[dict[str, Any]]:
         """The measures of every role that answers; what the others said last is left out."""
-        up = await self._up()
-        own = Measures()
+        receiver = await self._receiver_measures()
+        up, own = self._up(receiver is not None), Measures()
         own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
         for role, restarts in self._restarts().items():
             own.count("deconflict_role_restarts_total", role, by=restarts)
         if told := reloads(self._runtime):
             for result in ("applied", "refused"):
                 own.count("deconflict_site_reloads_total", result, by=told[result])
-        documents = [own.as_document(), *self._engine_measures]
-        if up.get("receiver"):
-            documents.append(await self._ask("measures"))
-        return documents
+        return [own.as_document(), *self._engine_measures, *([receiver] if receiver else [])]
 
     async def health(self) -> dict[str, Any]:
-        up, told = await self._up(), reloads(self._runtime)
+        up, told = self._up(await self._receiver_measures() is not None), reloads(self._runtime)
         return {
             "status": "ok" if all(up.values()) else "degraded",
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
@@ -171,10 +170,11 @@ class OperatorRole:
 
     async def pulse(self) -> dict[str, Any]:
         """Roles, vendors, and the robots that are unidentified as far as the receiver answers."""
-        roles, documents, unidentified = await self._up(), self._engine_measures, []
-        if roles.get("receiver"):
+        receiver, documents, unidentified = await self._receiver_measures(), self._engine_measures, []
+        roles = self._up(receiver is not None)
+        if receiver is not None:
+            documents = [*documents, receiver]
             with suppress(SourceUnavailableError):
-                documents = [*documents, await self._ask("measures")]
                 unidentified = await self._ask("unidentified")
         return {
             "roles": {role: "up" if alive else "down" for role, alive in roles.items()},
@@ -198,12 +198,16 @@ class OperatorRole:
         except BusyError as error:
             raise SourceUnavailableError("recording") from error
 
-    async def _up(self) -> dict[str, bool]:
+    async def _receiver_measures(self) -> dict[str, Any] | None:
+        """None where the receiver does not answer; who asks for health does not wait as long as others."""
         try:
-            await self._receiver.call("measures")
-            receiver = True
+            told: dict[str, Any] = json.loads(await self._receiver.call("measures", within_s=HEALTH_WITHIN_S))
         except LinkDownError:
-            receiver = False
+            return None
+        return told
+
+    def _up(self, receiver: bool) -> dict[str, bool]:
+        """Which roles are up, given whether the receiver answers."""
         engine = time.monotonic() - self._engine_heard_s < ENGINE_STALE_S
         up = {"receiver": receiver, "engine": engine and self._engine_runs(), "operator": True}
         supervised = self._supervised()

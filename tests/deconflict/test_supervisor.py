@@ -17,7 +17,8 @@ from typing import Any
 import httpx
 import pytest
 
-from deconflict.service import STEADY_S, Watched
+from deconflict.lifeline import LONG_S
+from deconflict.supervisor import STEADY_S, Watched
 from tests.deconflict.role_processes import children
 from tests.deconflict.test_service import Course, drive
 
@@ -61,9 +62,9 @@ class Served:
     def robots_url(self) -> str:
         return f"ws://127.0.0.1:{self.robots_port}"
 
-    async def until(self, path: str, wanted: Any) -> Any:
+    async def until(self, path: str, wanted: Any, within_s: float = 40.0) -> Any:
         """The JSON at `path` once it is as wanted, whatever the status."""
-        async with httpx.AsyncClient() as client, asyncio.timeout(40):
+        async with httpx.AsyncClient() as client, asyncio.timeout(within_s):
             while True:
                 try:
                     answer = (await client.get(f"http://127.0.0.1:{self.operator_port}{path}")).json()
@@ -119,6 +120,48 @@ def test_a_role_is_restarted_at_once_and_ever_more_slowly_where_it_keeps_dying()
         now_s = role.due_s
     role.stop()
     assert waits_s == pytest.approx([0.0, 0.2, 0.4, 0.0, 0.2])
+
+
+def test_a_role_that_hangs_is_killed_and_restarted() -> None:
+    role, now_s = Watched("engine", [sys.executable, "-c", "import time; time.sleep(600)"]), 0.0
+    role.ensure(now_s)
+    first = role.process
+    assert first
+    while first.poll() is None:
+        assert now_s < LONG_S + 60.0, "nobody killed it"
+        now_s += 1.0
+        role.ensure(now_s)
+        if now_s > LONG_S:
+            time.sleep(0.1)  # a process takes a moment to end
+    role.ensure(now_s)
+    assert (role.restarts, first.returncode) == (1, -signal.SIGKILL)
+    assert role.process
+    assert role.process.poll() is None
+    role.process.kill()
+    role.stop()
+
+
+async def test_roles_that_hang_are_told_of_and_go_on_with_their_advisory(tmp_path: Path) -> None:
+    """Stopped processes: their sockets are open and nobody answers at them."""
+    service = Served(tmp_path)
+    with service.running() as pid:
+        await service.until("/healthz", healthy)
+        async with service.with_robots(time.time() - 21.0):
+            before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
+            roles = children(pid)
+            for role in ("engine", "receiver"):
+                os.kill(roles[role], signal.SIGSTOP)
+            told = await service.until(
+                "/healthz", lambda health: "up" not in (health["roles"]["engine"], health["roles"]["receiver"])
+            )
+            assert (told["status"], told["restarts"]) == ("degraded", {"operator": 0, "receiver": 0, "engine": 0})
+            os.kill(roles["operator"], signal.SIGSTOP)
+            told = await service.until("/healthz", healthy, within_s=120)
+            assert told["restarts"] == {"operator": 1, "receiver": 1, "engine": 1}
+            assert not set(roles.values()) & set(children(pid).values())
+        async with service.with_robots(time.time() - 21.0):
+            after = await service.until("/advisories?state=all", lambda answer: answer["seq"] > before["seq"])
+        assert after["advisories"][-1]["id"] == before["advisories"][0]["id"]
 
 
 async def test_a_service_that_is_killed_loses_no_stored_advisory_and_leaves_no_process(tmp_path: Path) -> None:
