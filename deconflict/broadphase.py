@@ -212,6 +212,30 @@ def _by_rank(slots: Ints, ranks: Ints, rows: Ints) -> Ints:
     return ordered
 
 
+@inner
+def _beside(one: Any, other: Any) -> bool:
+    """Whether neither is above the other."""
+    return bool(one.bottom <= other.top and other.bottom <= one.top)
+
+
+@kernel(numba.types.Tuple((_PAIR[::1], numba.int64[::1]))(_BOX[:, ::1], _ROBOT[::1], *[numba.int64[::1]] * 3))  # type: ignore[no-untyped-call]
+def of_chosen(boxes: NDArray[Any], robots: Robots, rings: Ints, a: Ints, b: Ints) -> tuple[Pairs, Ints]:
+    """Of the pairs of slots `a` (p,) and `b` (p,), the boxes that overlap, pair by pair and in the order of `rings`,
+    and of which pair they are."""
+    found, pair_of, n = np.empty(1024, PAIR), np.empty(1024, np.int64), 0
+    for pair in range(len(a)):
+        if not _beside(robots[a[pair]], robots[b[pair]]):
+            continue
+        if n + len(rings) > len(found):
+            found, pair_of = np.concatenate((found, np.empty_like(found))), np.concatenate((pair_of, pair_of))
+        for ring in rings:
+            one = boxes[ring, a[pair]]
+            if one.floor != ABSENT and _overlap(one, boxes[ring, b[pair]]):
+                found[n].ring, found[n].a, found[n].b, pair_of[n] = ring, a[pair], b[pair], pair
+                n += 1
+    return found[:n].copy(), pair_of[:n].copy()
+
+
 @kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1]))
 def in_order(pairs: Pairs, ranks: Ints, robots: Robots) -> Pairs:
     """The pairs that are not above one another, the robot of the lower rank first, ascending by both ranks.
@@ -221,7 +245,7 @@ def in_order(pairs: Pairs, ranks: Ints, robots: Robots) -> Pairs:
     beside, n = np.empty_like(pairs), 0
     for pair in pairs:
         a, b = (pair.a, pair.b) if ranks[pair.a] < ranks[pair.b] else (pair.b, pair.a)
-        if robots[a].bottom <= robots[b].top and robots[b].bottom <= robots[a].top:
+        if _beside(robots[a], robots[b]):
             beside[n].ring, beside[n].a, beside[n].b = pair.ring, a, b
             n += 1
     beside = beside[:n]

@@ -30,8 +30,43 @@ FARTHEST_M, LATEST_S, MOST_TURNED_RAD = 1e8, 1e11, 1e6
 """Numbers beyond these are no places, times or headings, and their differences would lose their digits."""
 
 
+@kernel(numba.boolean(_INTS, *[_FLOATS] * 8))
+def _sound(
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    length_m: Floats,
+    width_m: Floats,
+    bottom_m: Floats,
+    top_m: Floats,
+) -> bool:
+    """Whether `faults` finds none. A comparison with nan is false."""
+    for row in range(len(start) - 1):
+        if start[row + 1] <= start[row] or not bottom_m[row] <= top_m[row]:
+            return False
+        if not (0.0 < length_m[row] <= FARTHEST_M and 0.0 < width_m[row] <= FARTHEST_M):
+            return False
+        for k in range(start[row], start[row + 1]):
+            if not (abs(x_m[k]) <= FARTHEST_M and abs(y_m[k]) <= FARTHEST_M):
+                return False
+            if not (abs(t_s[k]) <= LATEST_S and abs(yaw_rad[k]) <= MOST_TURNED_RAD):
+                return False
+            if k > start[row] and not t_s[k] > t_s[k - 1]:
+                return False
+    return True
+
+
 def faults(forecasts: Forecasts) -> dict[int, str]:
     """Row to the reason why that robot can't be swept. The others may be."""
+    f = forecasts
+    by_knot, by_robot = (f.t_s, f.x_m, f.y_m, f.yaw_rad), (f.length_m, f.width_m, f.bottom_m, f.top_m)
+    columns = (np.require(column, np.float64, ["C", "A"]) for column in (*by_knot, *by_robot))
+    return {} if _sound(np.require(f.start, np.int64, ["C", "A"]), *columns) else _reasons(forecasts)
+
+
+def _reasons(forecasts: Forecasts) -> dict[int, str]:
     found: dict[int, str] = {}
     sizes = np.column_stack([forecasts.length_m, forecasts.width_m])
     heights_wrong = np.isnan(forecasts.bottom_m) | np.isnan(forecasts.top_m) | (forecasts.bottom_m > forecasts.top_m)

@@ -24,6 +24,18 @@ ROBOT = np.dtype(
 `first` to `first + count - 1`."""
 
 
+def robots_of(forecasts: Forecasts, first: Ints, counts: Ints) -> Robots:
+    """(n,) of `ROBOT`: n forecasts of so many knots each, one at least, which begin at `first`."""
+    half_length, half_width = forecasts.length_m / 2, forecasts.width_m / 2
+    said = np.empty(len(forecasts), ROBOT)
+    said["half_length"], said["half_width"] = half_length, half_width
+    said["radius"] = np.sqrt(half_length * half_length + half_width * half_width)
+    said["bottom"], said["top"] = forecasts.bottom_m, forecasts.top_m
+    said["appears"] = forecasts.t_s[forecasts.start[:-1]]
+    said["first"], said["count"] = first, counts
+    return said
+
+
 class Roster:
     """Keys and forecasts by slot. A robot keeps its slot until it leaves; another may then have it."""
 
@@ -50,14 +62,7 @@ class Roster:
         counts = np.diff(forecasts.start)
         first = self._room(slots, counts)
         set_knots(self.knots, first, forecasts)
-        half_length, half_width = forecasts.length_m / 2, forecasts.width_m / 2
-        said = np.empty(len(slots), ROBOT)
-        said["half_length"], said["half_width"] = half_length, half_width
-        said["radius"] = np.sqrt(half_length * half_length + half_width * half_width)
-        said["bottom"], said["top"] = forecasts.bottom_m, forecasts.top_m
-        said["appears"] = forecasts.t_s[forecasts.start[:-1]]
-        said["first"], said["count"] = first, counts
-        self.robots[slots] = said
+        self.robots[slots] = robots_of(forecasts, first, counts)
         return slots
 
     def discard(self, keys: Iterable[str]) -> list[int]:

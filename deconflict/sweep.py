@@ -5,10 +5,16 @@ has not changed from one pass to the next and gives the same answer. Method and 
 """
 
 from dataclasses import dataclass
+from math import floor
 
 import numpy as np
 
-from deconflict.sweeper import Sweeper
+from deconflict.broadphase import Boxes, of_chosen
+from deconflict.exact import Decider
+from deconflict.motion import KNOT, faults, set_knots
+from deconflict.narrowphase import start_distances
+from deconflict.roster import robots_of
+from deconflict.sweeper import TOLERANCE_M, Sweeper, Where, looked_at
 from ingest.seam import Floats, Forecasts, Ints
 
 
@@ -62,6 +68,39 @@ def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, cleara
         found.start_separation_m[by_row],
         tuple(Invalid(row, reason) for row, reason in invalid),
     )
+
+
+def first_meetings(
+    forecasts: Forecasts, a: Ints, b: Ints, *, now_s: float, horizon_s: float, clearance_m: float
+) -> tuple[Floats, Floats]:
+    """Of the pairs of rows `a` (p,) and `b` (p,) alone, when each first comes within the clearance, (p,), to a
+    millimetre and never late, inf where it does not; and its distance at `now_s`, (p,), inf on different floors.
+
+    Robots that can't be swept meet nobody.
+    """
+    a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
+    contact_s, start_m = np.full(len(a), np.inf), np.full(len(a), np.inf)
+    first_slab, last_slab = floor(now_s), floor(now_s + horizon_s)
+    where, slabs = _spread_out(forecasts, first_slab, last_slab - first_slab + 1, clearance_m)
+    pairs, pair_of = of_chosen(*where[:2], slabs % len(slabs), a, b)
+    decider, span = Decider(clearance_m, TOLERANCE_M), (now_s, now_s + horizon_s)
+    found, _ = looked_at(pairs, where, span, clearance_m, np.inf, decider)
+    met = np.flatnonzero(found["contact"] < np.inf)[::-1]
+    contact_s[pair_of[met]] = where[0]["slab"][pairs["ring"][met], pairs["a"][met]] + found["contact"][met]
+    rows = np.flatnonzero(contact_s < np.inf)
+    start_m[rows] = start_distances(a[rows], b[rows], *where, now_s)
+    return np.maximum(contact_s, now_s), start_m
+
+
+def _spread_out(forecasts: Forecasts, first_slab: int, slabs: int, clearance_m: float) -> tuple[Where, Ints]:
+    """Boxes, robots and knots of all forecasts by row, those that can't be swept without boxes; and the slabs."""
+    knots = np.zeros(len(forecasts.t_s), KNOT)
+    set_knots(knots, forecasts.start[:-1], forecasts)
+    robots, boxes = robots_of(forecasts, forecasts.start[:-1], np.diff(forecasts.start)), Boxes(slabs)
+    boxes.grow(len(forecasts))
+    sound = np.delete(np.arange(len(forecasts)), list(faults(forecasts)))
+    boxes.cover(sound, robots, knots, first_slab, slabs, clearance_m / 2 + TOLERANCE_M)
+    return (boxes.all, robots, knots), np.arange(first_slab, first_slab + slabs)
 
 
 def _order(forecasts: Forecasts) -> Ints:

@@ -50,6 +50,27 @@ class PairConflicts:
     fcl_calls: int
 
 
+Where = tuple[NDArray[Any], Robots, Knots]
+"""Boxes, robots and knots, by slot."""
+
+
+def looked_at(
+    pairs: Pairs, where: Where, span: Span, clearance_m: float, accuracy_m: float, decider: Decider
+) -> tuple[Found, tuple[int, int]]:
+    """What becomes of each pair of boxes within `span`; what advancement leaves open FCL decides.
+
+    And how many motions were looked at, and advanced.
+    """
+    found, counts = np.zeros(len(pairs), MEETING), np.zeros(2, np.int64)
+    meet(pairs, *where, span, clearance_m, TOLERANCE_M, accuracy_m, ROUNDS, found, counts)
+    for row in np.flatnonzero(found["open"] < inf).tolist():
+        motions = motions_of(pairs[row : row + 1], *where, span)
+        contact = decider.first_contact(motions, float(found["open"][row]))
+        least = smallest_of(motions, accuracy_m) if contact < inf else (inf, inf)
+        found[row] = (contact, *least, inf)
+    return found, (int(counts[0]), int(counts[1]))
+
+
 class Sweeper:
     """Keeps meetings by pair and slab of absolute time, so that they hold as the horizon moves on.
 
@@ -176,20 +197,14 @@ class Sweeper:
         return Meetings(a, b, slab, slab + found["contact"], found["separation"], slab + found["separation_at"])
 
     def _looked_at(self, pairs: Pairs, span: Span, decider: Decider) -> Found:
-        """What becomes of each pair within `span`; what advancement leaves open FCL decides."""
-        found, counts, where = np.zeros(len(pairs), MEETING), np.zeros(2, np.int64), self._where()
-        meet(pairs, *where, span, self._clearance_m, TOLERANCE_M, self._accuracy_m, ROUNDS, found, counts)
-        for row in np.flatnonzero(found["open"] < inf).tolist():
-            motions = motions_of(pairs[row : row + 1], *where, span)
-            contact = decider.first_contact(motions, float(found["open"][row]))
-            least = smallest_of(motions, self._accuracy_m) if contact < inf else (inf, inf)
-            found[row] = (contact, *least, inf)
+        """What becomes of each pair within `span`, counted."""
+        found, counts = looked_at(pairs, self._where(), span, self._clearance_m, self._accuracy_m, decider)
         self._box_pairs += len(pairs)
-        self._segment_pairs += int(counts[0])
-        self._advanced_pairs += int(counts[1])
+        self._segment_pairs += counts[0]
+        self._advanced_pairs += counts[1]
         return found
 
-    def _where(self) -> tuple[NDArray[Any], Robots, Knots]:
+    def _where(self) -> Where:
         return self._boxes.all, self._roster.robots, self._roster.knots
 
     def _within(self, begin_s: float, end_s: float, decider: Decider) -> Meetings:

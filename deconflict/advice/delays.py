@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.sweep import sweep
-from ingest.seam import Floats, Forecasts
+from deconflict.sweep import first_meetings
+from ingest.seam import Floats, Forecasts, Ints
 
 STEP_S = 0.5
 """Holds are multiples of this."""
@@ -118,13 +118,14 @@ def meetings(movers: Sequence[Mover], holds_s: Sequence[float], window: Window) 
     """
     held = delayed(Forecasts.joined(one.forecast for one in movers), np.array(holds_s, np.float64), window)
     horizon_s = window.horizon_s + max(holds_s, default=0.0)
-    found = sweep(held, now_s=window.start_s, horizon_s=horizon_s, clearance_m=window.clearance_m)
+    a, b = np.triu_indices(len(movers), 1)
+    met_s, begins_m = first_meetings(
+        held, a, b, now_s=window.start_s, horizon_s=horizon_s, clearance_m=window.clearance_m
+    )
+    met = np.flatnonzero((met_s < inf) & (begins_m > window.clearance_m))
     return {
-        (movers[a].robot, movers[b].robot): contact_s
-        for (a, b), contact_s, start_m in zip(
-            found.pairs.tolist(), found.contact_s.tolist(), found.start_separation_m.tolist(), strict=True
-        )
-        if start_m > window.clearance_m
+        (movers[one].robot, movers[other].robot): at_s
+        for one, other, at_s in zip(a[met].tolist(), b[met].tolist(), met_s[met].tolist(), strict=True)
     }
 
 
@@ -133,50 +134,25 @@ def allowed_differences(pairs: Sequence[tuple[Mover, Mover]], window: Window) ->
 
     Two that begin within the clearance must not touch, whatever else; two that touch already may have any difference.
     """
-    steps = range(-window.steps, window.steps + 1)
-    allowed = [list(steps) for _ in pairs]
-    open_ = list(range(len(pairs)))
+    steps = np.arange(-window.steps, window.steps + 1)
+    allowed = np.ones((len(pairs), len(steps)), bool)
+    fans, a, b = _fans(pairs, steps, window)
+    ends_s = window.start_s + window.horizon_s + np.abs(steps) * STEP_S
+    reach_s = window.horizon_s + window.longest_hold_s
+    open_ = np.arange(len(pairs))
     for clearance_m in (window.clearance_m, 0.0):
-        contacts, begins = _contacts([pairs[row] for row in open_], window, clearance_m)
-        near = []
-        for row, by_step, begins_m in zip(open_, contacts, begins, strict=True):
-            if begins_m <= clearance_m:
-                near.append(row)
-                continue
-            ends_s = (window.start_s + window.horizon_s + abs(step) * STEP_S for step in steps)
-            allowed[row] = [step for step, met_s, end_s in zip(steps, by_step, ends_s, strict=True) if met_s > end_s]
-        open_ = near
-    return allowed
+        asked = (a[open_].ravel(), b[open_].ravel())
+        met_s, begins_m = first_meetings(fans, *asked, now_s=window.start_s, horizon_s=reach_s, clearance_m=clearance_m)
+        near = begins_m.reshape(-1, len(steps)).min(axis=1) <= clearance_m
+        allowed[open_[~near]] = (met_s.reshape(-1, len(steps)) > ends_s)[~near]
+        open_ = open_[near]
+        if not len(open_):
+            break
+    return [steps[row].tolist() for row in allowed]
 
 
-def _contacts(
-    pairs: Sequence[tuple[Mover, Mover]], window: Window, clearance_m: float
-) -> tuple[list[list[float]], list[float]]:
-    """When each pair meets at each difference, inf where it does not; and its distance at the start, inf if unknown.
-
-    All are swept at once, each pair and difference on a floor of its own.
-    """
-    steps = range(-window.steps, window.steps + 1)
-    contacts, begins = [[inf] * len(steps) for _ in pairs], [inf] * len(pairs)
-    if not pairs:
-        return contacts, begins
-    found = sweep(
-        _cases(pairs, window),
-        now_s=window.start_s,
-        horizon_s=window.horizon_s + window.longest_hold_s,
-        clearance_m=clearance_m,
-    )
-    for (row, _), contact_s, start_m in zip(
-        found.pairs.tolist(), found.contact_s.tolist(), found.start_separation_m.tolist(), strict=True
-    ):
-        number, column = divmod(row // 2, len(steps))
-        contacts[number][column] = contact_s
-        begins[number] = min(begins[number], start_m)
-    return contacts, begins
-
-
-def _cases(pairs: Sequence[tuple[Mover, Mover]], window: Window) -> Forecasts:
-    """Both robots of every pair at every difference of hold, one after the other."""
+def _fans(pairs: Sequence[tuple[Mover, Mover]], steps: Ints, window: Window) -> tuple[Forecasts, Ints, Ints]:
+    """Every robot of the pairs at every hold; and of each pair, (p, steps), the rows of both at each difference."""
     movers = {one.robot: one for pair in pairs for one in pair}
     place = {robot: row for row, robot in enumerate(movers)}
     free = Forecasts.joined(one.forecast for one in movers.values())
@@ -184,11 +160,5 @@ def _cases(pairs: Sequence[tuple[Mover, Mover]], window: Window) -> Forecasts:
     fans = delayed(
         free.take(np.repeat(np.arange(len(movers)), len(holds))), np.tile(holds * STEP_S, len(movers)), window
     )
-    steps = np.arange(-window.steps, window.steps + 1)
-    late = np.maximum(np.stack([steps, -steps], axis=1), 0)
-    of_pair = np.array([[place[one.robot] for one in pair] for pair in pairs], np.int64)
-    rows = (of_pair[:, None, :] * len(holds) + late).ravel()
-    cases = fans.take(rows)
-    case = np.repeat(np.arange(len(rows)) // 2, np.diff(cases.start))
-    floors = 1 + int(free.floor.max())
-    return replace(cases, floor=np.where(cases.floor < 0, -1, cases.floor + case * floors))
+    of_pair = np.array([[place[one.robot] for one in pair] for pair in pairs], np.int64).reshape(-1, 2, 1) * len(holds)
+    return fans, of_pair[:, 0] + np.maximum(steps, 0), of_pair[:, 1] + np.maximum(-steps, 0)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from deconflict import exact, sweeper
 from deconflict.roster import Roster
-from deconflict.sweep import Invalid, sweep
+from deconflict.sweep import Invalid, first_meetings, sweep
 from ingest.seam import Forecasts, Ints
 from tests.deconflict.made_encounters import (
     FAMILIES,
@@ -252,6 +252,29 @@ def test_times_may_count_from_any_epoch() -> None:
         at = shifted.contact_s - shift_s
         distance = [distance_at(crowd, (a, b), t) for (a, b), t in zip(shifted.pairs.tolist(), at, strict=True)]
         assert max(distance) <= 0.25 + DISTANCE_M + ROUNDING_M
+
+
+@pytest.mark.parametrize("clearance_m", CLEARANCES_M)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_chosen_pairs_meet_when_the_whole_floor_says(family: str, clearance_m: float) -> None:
+    forecasts = encounters(family, 60, 11, clearance_m)
+    a, b = np.array(rows_of_pairs(60)).T
+    asked = {"now_s": NOW_S, "horizon_s": HORIZON_S, "clearance_m": clearance_m}
+    contact_s, start_m = first_meetings(forecasts, b, a, **asked)
+    whole = sweep(forecasts, **asked)
+    met = np.flatnonzero(contact_s < np.inf)
+    assert [[row, row + 1] for row in a[met].tolist()] == whole.pairs.tolist()
+    assert np.abs(contact_s[met] - whole.contact_s).max(initial=0.0) < LATE_S
+    np.testing.assert_allclose(start_m[met], whole.start_separation_m, atol=ROUNDING_M)
+
+
+def test_a_chosen_robot_that_cannot_be_swept_meets_nobody() -> None:
+    crossing = [robot([0, 8], [-4, 4], [0, 0], 0.0, (1.0, 0.6)), robot([0, 8], [0, 0], [-4, 4], 1.6, (1.0, 0.6))]
+    forecasts = Forecasts.joined([*crossing, replace(crossing[1], width_m=np.array([np.nan]))])
+    told = first_meetings(
+        forecasts, np.array([0, 0]), np.array([1, 2]), now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=0.3
+    )
+    assert np.isfinite(told).tolist() == [[True, False], [True, False]]
 
 
 def rows_of(crowd: Forecasts, chosen: list[int]) -> dict[tuple[int, int], tuple[float, ...]]:
