@@ -25,6 +25,7 @@ from deconflict.contention.watch import Contention
 from deconflict.effort import Effort
 from deconflict.encounter import Encounter, encounter, separation_m
 from deconflict.foresight.foresight import Foresight, Swept
+from deconflict.foresight.heeded import waits_until_s
 from deconflict.landmarks import Landmarks
 from deconflict.learned import Part
 from deconflict.life import HELD_SHARE, PASSED, STAND, UNPREDICTED, Lives, Pair, Party, Prediction, Scene
@@ -158,6 +159,7 @@ class Engine:
             self._contended_s = now_s
         revisions += self._claims.step(now_s)
         self._account.settle(revisions)
+        self.foresight.advise(now_s, waits_until_s(revisions))
         self._measure(conflicts, revisions)
         return revisions
 

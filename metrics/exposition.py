@@ -141,7 +141,7 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_probability_outcomes_total": Entry(
         "counter",
         ("outcome",),
-        "Pairs under watch at a whole second, by what became of them in the horizon: met, passed, or left (not known).",
+        "Pairs under watch at a whole second, by what became of them: met, passed, or left (silent, or told to wait).",
     ),
     "deconflict_conflicts": Entry("gauge", (), "Pairs of robots in predicted conflict, confirmed or not."),
     "deconflict_invalid_forecasts_total": Entry(

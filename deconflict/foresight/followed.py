@@ -97,6 +97,18 @@ class Followed:
         before_s, seen_s = self._before[slots, 0], self._seen[slots, 0]
         return np.where(before_s >= seen_s - JOINED_S, before_s, LONG_AGO_S), seen_s
 
+    def speed_mps(self, slots: Ints) -> Floats:
+        """(n,) at which robots went from their last report but one to the last; nan where that is not known."""
+        before, seen = self._before[slots], self._seen[slots]
+        lasted_s = seen[:, 0] - before[:, 0]
+        known = (lasted_s > 0) & (lasted_s <= JOINED_S) & (before[:, 4] == seen[:, 4])
+        went_m = np.hypot(*(seen[:, k] - before[:, k] for k in (1, 2)))
+        return np.where(known, went_m / np.where(known, lasted_s, 1.0), np.nan)
+
+    def disown(self, slots: Ints) -> None:
+        """Hold none of the forecasts made so far to account."""
+        self._made_s[slots] = LONG_AGO_S
+
     def take(self, reports: Reports, bands_m: Floats) -> Errors:
         """The errors that the reports show, and the new forecasts kept; `bands_m` (n, HORIZONS, 3) are theirs."""
         newer = np.flatnonzero(reports.event_s > self._seen[reports.slot, 0])
@@ -125,7 +137,7 @@ class Followed:
         every = Errors(
             self._kind[slot, kept], slot, ahead + 1, c * dx + s * dy, c * dy - s * dx, self._bands_m[slot, kept, ahead]
         )
-        return Errors(*(getattr(every, name)[comparable] for name in Errors.__slots__))
+        return every.take(comparable)
 
     def _keep(self, reports: Reports, newer: Ints, bands_m: Floats) -> None:
         last_s = self._made_s[reports.slot[newer]].max(axis=1)

@@ -19,6 +19,7 @@ from deconflict.foresight.calibration import FEATURES, Calibration, features
 from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.followed import JOINED_S, LONG_AGO_S, Followed, Reports
 from deconflict.foresight.grades import measure
+from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Errors, Ledger
 from deconflict.foresight.pairs import Outcomes, Pairs, circles_near, codes
 from deconflict.foresight.sampling import Poses
@@ -83,6 +84,7 @@ class Foresight:
         self._horizon_s = horizon_s
         self._followed = Followed()
         self._outcomes = Outcomes(horizon_s)
+        self._heeded = Heeded()
         self._slots: dict[str, int] = {}
         self._names: list[str] = []
         self._spare: list[int] = []
@@ -133,12 +135,30 @@ class Foresight:
         reports = Reports.of(batch, slots, self._kind[slots])
         first_m = np.hypot(*(np.diff(way[:, :2])[:, 0] for way in (reports.track.x_m, reports.track.y_m)))
         self._rests[reports.slot] = first_m < STANDING_MPS
-        errors = self._followed.take(reports, self.ledger.bands_m[reports.kind])
+        errors = self._own(reports, self._followed.take(reports, self.ledger.bands_m[reports.kind]))
         self.ledger.record(errors, batch.now_s)
         self.changes.take(errors, list(self.ledger.kinds), batch.now_s)
         self._wonder(errors)
         for row in np.flatnonzero(self._surprise[slots] > DISTRUSTED).tolist():
             self.measures.count("deconflict_forecasts_distrusted_total", batch.vendors[row])
+
+    def advise(self, now_s: float, until_s: Mapping[str, float]) -> None:
+        """Robots should wait until then, by advice that stands."""
+        for uuid in until_s.keys() & self._slots.keys():
+            slot = self._slots[uuid]
+            stands = self._rests[slot] or self._followed.speed_mps(np.array([slot]))[0] < STANDING_MPS
+            self._heeded.advise(slot, now_s, until_s[uuid], bool(stands))
+
+    def heeding(self, now_s: float) -> list[str]:
+        """Robots that wait as advised, by what was last heard of them."""
+        return sorted(self._names[slot] for slot in self._heeded.waiting(now_s - JOINED_S).tolist())
+
+    def _own(self, reports: Reports, errors: Errors) -> Errors:
+        """The errors without those of robots that wait as advised, of which no earlier forecast is held to account."""
+        stand = self._rests[reports.slot] | (self._followed.speed_mps(reports.slot) < STANDING_MPS)
+        waits = self._heeded.see(reports.slot, reports.event_s, stand)
+        self._followed.disown(waits)
+        return errors.take(np.flatnonzero(~np.isin(errors.robot, waits))) if len(waits) else errors
 
     def distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion."""
@@ -338,11 +358,15 @@ class Foresight:
         return self._pairs if kept.all() else self._pairs.take(kept)
 
     def _learn(self, now_s: float) -> None:
-        for question, fates in self._outcomes.known(now_s, self._pairs, self._followed.heard_s):
+        for question, fates in self._outcomes.known(now_s, self._pairs, self._own_until_s):
             self.calibration.learn(question.seen, fates, now_s)
             passed = ~fates.met & ~fates.left
             for name, count in (("met", fates.met), ("passed", passed), ("left", fates.left)):
                 self.measures.count("deconflict_probability_outcomes_total", name, by=int(count.sum()))
+
+    def _own_until_s(self, asked_s: float) -> Floats:
+        """(slots,) until when each robot was heard and went its own way, after a moment."""
+        return np.minimum(self._followed.heard_s, self._heeded.own_until_s(asked_s, self._horizon_s))
 
     def _slot(self, uuid: str) -> int:
         slot = self._slots.get(uuid)
@@ -370,6 +394,7 @@ class Foresight:
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
         self._followed.grow(slots)
+        self._heeded.grow(slots)
 
     def _forget(self, uuid: str) -> None:
         slot = self._slots.pop(uuid, None)
@@ -379,4 +404,5 @@ class Foresight:
         self._told.discard(slot)
         self._surprise[slot] = 0.0
         self._followed.forget(np.array([slot]))
+        self._heeded.forget(np.array([slot]))
         self._pairs = self._pairs.take((self._pairs.a != slot) & (self._pairs.b != slot))

@@ -64,6 +64,9 @@ class Errors:
     def __len__(self) -> int:
         return len(self.kind)
 
+    def take(self, rows: Ints) -> "Errors":
+        return Errors(*(getattr(self, name)[rows] for name in self.__slots__))
+
     @property
     def radial_m(self) -> Floats:
         return np.hypot(self.along_m, self.across_m)

@@ -4,6 +4,7 @@ A pair is known by one number, its two slots. Rows stay in order of it, so that 
 never pair by pair.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
@@ -114,10 +115,11 @@ class Fates:
     """What became of pairs within the horizon. Arrays are (p,)."""
 
     part: Ints
-    """Of the horizon, in which they met or one of them was last heard; `STAYED` where neither did."""
+    """Of the horizon, in which they met, or one of them was last heard or began to wait as advised; `STAYED` where
+    none of it happened."""
     met: Bools
     left: Bools
-    """One was last heard before they had met."""
+    """One was last heard, or began to wait as advised, before they had met."""
 
 
 @dataclass(slots=True, eq=False)
@@ -132,25 +134,31 @@ class Outcomes:
     def ask(self, t_s: float, pairs: Pairs) -> None:
         self.open.append(Question(t_s, pairs.code, pairs.seen))
 
-    def known(self, now_s: float, pairs: Pairs, heard_s: Floats) -> list[tuple[Question, Fates]]:
-        """Questions whose time is over, and what became of their pairs; `heard_s` is by slot.
+    def known(self, now_s: float, pairs: Pairs, own_until_s: Callable[[float], Floats]) -> list[tuple[Question, Fates]]:
+        """Questions whose time is over, and what became of their pairs.
 
-        Pairs that were in an encounter when it was asked, as reports have shown since, are left out.
+        `own_until_s` tells, for the time of a question, by slot until when each robot was heard and went its own way;
+        -inf where it did not when asked. Pairs of such are left out, and those that were in an encounter then, as
+        reports have shown since.
         """
         told = []
         while self.open and self.open[0].t_s + self.horizon_s + self.waits_s <= now_s:
             question = self.open.pop(0)
             row = pairs.rows(question.code)
             started_s, below_s = (_at(column, row) for column in (pairs.started_s, pairs.below_s))
-            apart = np.flatnonzero((started_s > question.t_s) | (below_s < question.t_s))
-            question = Question(question.t_s, question.code[apart], question.seen[apart])
-            told.append((question, self._fates(question, started_s[apart], heard_s)))
+            asked = replace(Pairs.none(1), code=question.code)
+            until_s = own_until_s(question.t_s)
+            last_s = np.minimum(until_s[asked.a], until_s[asked.b])
+            apart = (started_s > question.t_s) | (below_s < question.t_s)
+            kept = np.flatnonzero(apart & (last_s > -np.inf))
+            question = Question(question.t_s, question.code[kept], question.seen[kept])
+            told.append((question, self._fates(question, started_s[kept], last_s[kept])))
         return told
 
-    def _fates(self, question: Question, started_s: Floats, heard_s: Floats) -> Fates:
-        asked = replace(Pairs.none(1), code=question.code)
-        last_s = np.minimum(heard_s[asked.a], heard_s[asked.b])
-        met = (started_s > question.t_s) & (started_s <= question.t_s + self.horizon_s)
+    def _fates(self, question: Question, started_s: Floats, last_s: Floats) -> Fates:
+        """Of pairs whose last encounter began at `started_s`, and whose robots both went their own way to `last_s`."""
+        until_s = np.minimum(question.t_s + self.horizon_s, last_s)
+        met = (started_s > question.t_s) & (started_s <= until_s)
         ended = part_of(np.where(met, started_s, last_s) - question.t_s, self.horizon_s)
         part = np.where(met, np.minimum(ended, STAYED - 1), ended)
         return Fates(part, met, ~met & (part < STAYED))

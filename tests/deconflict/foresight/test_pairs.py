@@ -35,8 +35,8 @@ def outcome(*, started_s: list[float], below_s: list[float], heard_s: list[float
     outcomes = Outcomes(horizon_s=10.0)
     outcomes.ask(NOW_S, every)
     heard = NOW_S + np.array(heard_s)
-    assert outcomes.known(NOW_S + 11, every, heard) == []
-    (told,) = outcomes.known(NOW_S + 12, every, heard)
+    assert outcomes.known(NOW_S + 11, every, lambda _: heard) == []
+    (told,) = outcomes.known(NOW_S + 12, every, lambda _: heard)
     return told
 
 

@@ -1,0 +1,78 @@
+"""Robots that wait because they were advised to: how their pairs end says nothing of what forecasts are worth.
+
+Advice that is followed makes a conflict come to nothing. Learned from, that would teach to doubt the next one, and
+would have a vendor's forecasts look wrong because its robots do as they are asked. A robot heeds advice where it was on
+its way when it was told to wait, and reports since show that it stands.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.motion import Bools
+from ingest.seam import Floats, Ints
+
+ONE_WAIT_S = 15.0
+"""Times at which a robot was seen to wait that are less apart are one wait."""
+
+
+def waits_until_s(revisions: Iterable[AnyAdvisory]) -> dict[str, float]:
+    """Until when each robot should wait, by the advice of these revisions."""
+    until_s: dict[str, float] = {}
+    for one in revisions:
+        advice = one.recommendation
+        if advice is None or one.state is AdvisoryState.CLEARED:
+            continue
+        told = [(hold.robot, one.updated_at.timestamp() + hold.hold_s) for hold in advice.holds]
+        told += [(slot.robot, slot.start_at.timestamp()) for slot in advice.slots if slot.wait_s > 0]
+        for robot, end_s in told:
+            until_s[robot] = max(end_s, until_s.get(robot, end_s))
+    return until_s
+
+
+class Heeded:
+    """By slot: until when a robot is advised to wait, and since and until when it was seen to."""
+
+    def __init__(self) -> None:
+        self._advised_until_s = np.zeros(0)
+        self._went = np.zeros(0, np.bool_)
+        """Whether it was on its way when it was first told."""
+        self._since_s = np.zeros(0)
+        self._last_s = np.zeros(0)
+
+    def grow(self, slots: int) -> None:
+        more = slots - len(self._went)
+        if more > 0:
+            for name, column in vars(self).items():
+                setattr(self, name, np.concatenate([column, np.zeros(more, column.dtype)]))
+            self.forget(np.arange(slots - more, slots))
+
+    def forget(self, slots: Ints) -> None:
+        """Other robots have these slots from now on."""
+        self._advised_until_s[slots] = self._since_s[slots] = self._last_s[slots] = -np.inf
+
+    def advise(self, slot: int, now_s: float, until_s: float, stands: bool) -> None:
+        """A robot should wait until then; `stands` is whether it does already."""
+        if now_s > self._advised_until_s[slot]:
+            self._went[slot] = not stands
+        self._advised_until_s[slot] = until_s
+
+    def see(self, slots: Ints, event_s: Floats, stand: Bools) -> Ints:
+        """Those of `slots` (n,) that, as their reports show, wait as advised; `stand` (n,) is which of them stand."""
+        waits = np.flatnonzero(stand & self._went[slots] & (event_s <= self._advised_until_s[slots]))
+        rows, seen_s = slots[waits], event_s[waits]
+        anew = seen_s - self._last_s[rows] > ONE_WAIT_S
+        self._since_s[rows[anew]] = seen_s[anew]
+        self._last_s[rows] = seen_s
+        return rows
+
+    def waiting(self, since_s: float) -> Ints:
+        """Slots of the robots that were seen to wait at that moment or later."""
+        return np.flatnonzero(self._last_s >= since_s)
+
+    def own_until_s(self, asked_s: float, horizon_s: float) -> Floats:
+        """(slots,) when each robot began to wait as advised, within the horizon of a question asked at `asked_s`: -inf
+        where it waited already, inf where it went its own way."""
+        waited = (self._since_s <= asked_s + horizon_s) & (self._last_s >= asked_s)
+        return np.where(waited, np.where(self._since_s > asked_s, self._since_s, -np.inf), np.inf)
