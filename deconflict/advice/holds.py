@@ -3,16 +3,19 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
 from ortools.sat.python import cp_model
 
 from deconflict.advice.delays import STEP_S, Mover, Pair, Window, allowed_differences, meetings
 from deconflict.advice.effort import solve
+from deconflict.advice.exhaust import NONE, UNKNOWN, Choice, least
 from deconflict.advisory import Hold, Recommendation
 
 EFFORT = 0.1
 SWITCH_S = 2.0
 WEIGHT = 100
 """Priorities count in hundredths."""
+_DEAREST = 1 << 60
 ROUNDS = 8
 """So often a plan may turn out to bring others together before no hold is advised."""
 
@@ -111,7 +114,10 @@ def _made(problem: Problem, plan: Plan, without: Mapping[Pair, float]) -> list[P
 
 
 class Planner:
-    """Asks CP-SAT for holds: a whole number of steps each, every pair's difference among those allowed."""
+    """Finds holds: a whole number of steps each, every pair's difference among those allowed.
+
+    The cheapest; of those the plan that holds fewest, then the one that holds the least burdened.
+    """
 
     def __init__(
         self, problem: Problem, ranks: Mapping[str, int], standing: frozenset[str], effort: float, switch: int
@@ -121,8 +127,45 @@ class Planner:
 
     def plan(self, hint: Plan | None) -> tuple[Plan, int, bool] | None:
         """Holds, the bound of their cost and whether that is proven; None where there are none."""
-        if len(self.problem.allowed) == 1 and (only := self._of_one_pair(hint)):
-            return only, self.problem.cost(only), not self.standing
+        robots = self.problem.robots()
+        choice, budget = self._choice(robots), _DEAREST if hint is None else self.problem.cost(hint)
+        count, holds = least(choice, budget)
+        if count == UNKNOWN:
+            return self._solved(hint)
+        if count == NONE:
+            return None
+        plan = dict(zip(robots, holds, strict=True))
+        cost = bound = self.problem.cost(plan)
+        if self.standing:
+            bound, _ = least(choice._replace(step=choice.weight, held=np.zeros_like(choice.held)), cost)
+        return plan, bound, bound == cost
+
+    def _choice(self, robots: list[str]) -> Choice:
+        """Costs count before the number of those held, and that before what the burdened wait."""
+        row, steps = {robot: row for row, robot in enumerate(robots)}, self.problem.window.steps
+        movers = [self.problem.movers[robot] for robot in robots]
+        longest, rank, change = (
+            np.array(
+                [(steps * one.holdable, self.ranks[one.robot], self._change(one.robot)) for one in movers], np.int64
+            )
+            .reshape(-1, 3)
+            .T.copy()
+        )
+        weight = np.array([_weight(one) for one in movers], np.int64)
+        most = 1 + int(rank.sum()) * steps
+        after = 1 + len(robots) * most + int(rank.sum()) * steps
+        allowed = np.zeros((len(self.problem.allowed), 2 * steps + 1), bool)
+        for at, differences in enumerate(self.problem.allowed.values()):
+            allowed[at, np.array(differences) + steps] = True
+        pairs = np.array([(row[a], row[b]) for a, b in self.problem.allowed], np.int64).reshape(-1, 2)
+        return Choice(longest, weight, after * weight + rank, after * change + most, pairs, allowed)
+
+    def _change(self, robot: str) -> int:
+        """What it counts besides its cost to hold a robot that was not held."""
+        return self.switch if self.standing and robot not in self.standing else 0
+
+    def _solved(self, hint: Plan | None) -> tuple[Plan, int, bool] | None:
+        """What CP-SAT finds, in two steps: the cheapest, and the fairest of them."""
         model, holds = _model(self.problem, self.problem.robots())
         held = {robot: model.new_bool_var(f"{robot} held") for robot in holds}
         for robot, hold in holds.items():
@@ -130,7 +173,7 @@ class Planner:
             if hint is not None:
                 model.add_hint(hold, hint.get(robot, 0))
         cost = sum(_weight(self.problem.movers[robot]) * hold for robot, hold in holds.items())
-        change = sum(self.switch * held[robot] for robot in holds if self.standing and robot not in self.standing)
+        change = sum(self._change(robot) * held[robot] for robot in holds)
         if hint is not None:
             model.add(cost <= self.problem.cost(hint))
         model.minimize(cost + change)
@@ -150,26 +193,6 @@ class Planner:
             best = {robot: fairer.solver.value(hold) for robot, hold in holds.items()}
         bound = self.problem.cost(best) if proven else max(int(solved.bound), 0)
         return best, min(bound, self.problem.cost(best)), proven
-
-    def _of_one_pair(self, hint: Plan | None) -> Plan | None:
-        """What the solver would find for a single pair; None where it would have to choose, or finds nothing.
-
-        Of the plans of one difference the one in which somebody is not held costs least, so these are all.
-        """
-        (((a, b), allowed),) = self.problem.allowed.items()
-        most = 1 + (self.ranks[a] + self.ranks[b]) * self.problem.window.steps
-        ranked = []
-        for step in allowed:
-            robot, hold = (a, step) if step > 0 else (b, -step)
-            cost = self.problem.cost({robot: hold})
-            change = self.switch if hold and self.standing and robot not in self.standing else 0
-            if hint is None or cost <= self.problem.cost(hint):
-                ranked.append((cost + change, most * (hold > 0) + self.ranks[robot] * hold, step))
-        ranked.sort()
-        if not ranked or (len(ranked) > 1 and ranked[0][:2] == ranked[1][:2]):
-            return None
-        step = ranked[0][2]
-        return {a: max(step, 0), b: max(-step, 0)}
 
 
 def _model(problem: Problem, robots: Sequence[str]) -> tuple[cp_model.CpModel, dict[str, cp_model.IntVar]]:

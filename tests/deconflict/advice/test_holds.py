@@ -10,12 +10,15 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from deconflict.advice import holds
 from deconflict.advice.delays import STEP_S, Mover, Pair, Window, allowed_differences, meetings
-from deconflict.advice.holds import Planner, advise_holds
+from deconflict.advice.exhaust import UNKNOWN
+from deconflict.advice.holds import advise_holds
 from deconflict.advisory import Hold, Recommendation
 from tests.deconflict.made_encounters import NOW_S, robot
 
 WINDOW = Window(NOW_S, 10.0, 0.3, 6.0)
+B_WAITS = Hold(robot="b", hold_s=2.0)
 
 
 def through(
@@ -91,22 +94,47 @@ def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, f
     assert advice.first_come_cost_s is None or advice.cost_s <= advice.first_come_cost_s
 
 
-def test_a_single_pair_is_planned_as_the_solver_would(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("robots", [2, 3, 4])
+def test_few_robots_are_planned_as_the_solver_would(monkeypatch: pytest.MonkeyPatch, robots: int) -> None:
     rng, told = Random(3), []
-    for _ in range(12):
-        a = through("a", rng.uniform(-pi, pi), before_m=rng.uniform(3, 6), priority=rng.choice([0.5, 1.0, 10.0]))
-        b = through(
-            "b", rng.uniform(-pi, pi), before_m=rng.uniform(3, 6), vendor="bolt", speed_mps=rng.uniform(0.5, 1.5)
-        )
-        question = partial(advise_holds, [a, b], [("a", "b")], WINDOW, burdens_s={"bolt": 5.0})
+    for _ in range(24 // robots):
+        movers = [
+            through(
+                name,
+                rng.uniform(-pi, pi),
+                before_m=rng.uniform(3, 6),
+                speed_mps=rng.uniform(0.5, 1.5),
+                vendor=rng.choice(["acme", "bolt"]),
+                priority=rng.choice([0.5, 1.0, 10.0]),
+            )
+            for name in "abcd"[:robots]
+        ]
+        question = partial(advise_holds, movers, pairs_of(movers), WINDOW, burdens_s={"bolt": 5.0})
         alone = question()
-        again = partial(question, standing=alone) if alone.holds else question
-        quick = [alone, again()]
+        again = partial(question, standing=alone)
+        tried = [counted(alone, movers), counted(again(), movers)]
         with monkeypatch.context() as patched:
-            patched.setattr(Planner, "_of_one_pair", lambda *_: None)
-            assert quick == [question(), again()]
+            patched.setattr(holds, "least", lambda *_: (UNKNOWN, []))
+            assert tried == [counted(question(), movers), counted(again(), movers)]
         told.append(bool(alone.holds))
     assert sum(told) > 3
+
+
+def counted(advice: Recommendation, movers: list[Mover]) -> tuple[float, int, float, str]:
+    """What a plan is chosen by: its cost, how many it holds, and how long the burdened wait."""
+    vendor_of = {one.robot: one.vendor for one in movers}
+    burdened_s = sum(one.hold_s for one in advice.holds if vendor_of[one.robot] == "bolt")
+    return advice.cost_s, len(advice.holds), burdened_s, advice.note
+
+
+def test_advice_that_stands_tells_whether_another_would_be_cheaper() -> None:
+    pair = [through("a", 0.0, before_m=5.3), through("b", pi / 2)]
+    fresh = advise_holds(pair, [("a", "b")], WINDOW)
+    kept = advise_holds(pair, [("a", "b")], WINDOW, standing=fresh.model_copy(update={"holds": (B_WAITS,)}))
+    assert kept.holds == (Hold(robot="b", hold_s=2.5),)
+    assert (kept.bound_s, kept.proven_optimal) == (fresh.cost_s, False)
+    same = advise_holds(pair, [("a", "b")], WINDOW, standing=fresh)
+    assert (same.holds, same.bound_s, same.proven_optimal) == (fresh.holds, fresh.cost_s, True)
 
 
 def test_differences_are_those_at_which_the_sweep_finds_nothing() -> None:
