@@ -24,11 +24,15 @@ UNSET_CLOCK_S = 366 * 86400.0
 """Times before this, in 1970, come of a clock that was never set or counts from the start of something."""
 
 
+Row = tuple[float, float, float, float, float]
+"""t_s, x, y, z, yaw_rad, nan where the heading is unknown."""
+
+
 class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Timed poses as sent."""
 
-    poses: tuple[tuple[float, float, float, float, float], ...]
-    """(p, 5) t_s, x, y, z, yaw_rad, nan where the heading is unknown."""
+    poses: tuple[Row, ...]
+    """(p, 5)"""
     datums: tuple[str, ...]
     """(p,) lower case; "" is the robot's own."""
 
@@ -71,9 +75,10 @@ def path(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: F
     times = [pose[0] for pose in read.poses]
     if not _in_order(times):
         _note_disorder(times, findings)
-    if max(times) > stamp_s + PATH_S + SLACK_S:
+        times.sort()
+    if times[-1] > stamp_s + PATH_S + SLACK_S:
         findings["path-too-far"] = None
-    if min(times) < stamp_s - SLACK_S:
+    if times[0] < stamp_s - SLACK_S:
         findings[_past(times, stamp_s)] = None
     return read
 
@@ -90,9 +95,9 @@ def _note_disorder(times: list[float], findings: Findings) -> None:
 
 
 def _past(times: list[float], stamp_s: float) -> str:
-    if max(times) < UNSET_CLOCK_S <= stamp_s:
+    if times[-1] < UNSET_CLOCK_S <= stamp_s:
         return "path-times-1970"
-    return "path-past" if max(times) <= stamp_s else "path-partly-past"
+    return "path-past" if times[-1] <= stamp_s else "path-partly-past"
 
 
 def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
@@ -115,30 +120,61 @@ def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, fin
 
 
 def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
-    rows: list[tuple[float, float, float, float, float]] = []
-    datums: list[str] = []
-    told: tuple[str | None, str | None] | None = None
-    datum = ""
-    for point in points[:MOST_POINTS_USED]:
-        stamp = stamps.parse(point.timestamp)
-        x, y, z = point.x, point.y, point.z
-        if stamp is None:
-            findings["point-unreadable"] = None
-        elif not stamps.plausible(stamp.t_s) or absurd(x, y, z):
-            findings["point-absurd"] = None
-        else:
-            if stamp.findings:
-                findings.update(dict.fromkeys(stamp.findings))
-            rows.append((stamp.t_s, x, y, z, yaw_rad(point.angle, findings)))
-            names = point.planarDatumUUID, point.planarDatum
-            if names != told:  # most points of a path name the datum of the one before
-                told, datum = names, _datum(point, findings)
-            datums.append(datum)
+    points = points[:MOST_POINTS_USED]
+    rows = _conforming(points)
+    if rows is None:
+        rows, points = _one_by_one(points, findings)
     if not rows:
         return NO_PATH
+    datums = _datums(points, findings)
     if len({row[0] for row in rows}) < len(rows) and len(set(zip(rows, datums, strict=True))) < len(rows):
         findings["duplicate-items"] = None
-    return Path(tuple(rows), tuple(datums))
+    return Path(tuple(rows), datums)
+
+
+def _conforming(points: Sequence[PredictedLocation]) -> list[Row] | None:
+    """The points (p, 5) where all of them can be had without a finding, which is a path's usual case; else None."""
+    times = stamps.plain_seconds([point.timestamp for point in points])
+    if times is None:
+        return None
+    rows, most = [], MAX_POSITION
+    for t_s, point in zip(times, points, strict=True):
+        angle, at_x, at_y, at_z = point.angle, point.x, point.y, point.z
+        if angle is None or not (-most <= at_x <= most and -most <= at_y <= most and -most <= at_z <= most):
+            return None
+        x, y, z, w = angle.x, angle.y, angle.z, angle.w
+        if not 0.99 < x * x + y * y + z * z + w * w < 1.01:
+            return None
+        rows.append((t_s, at_x, at_y, at_z, atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)))
+    return rows
+
+
+def _one_by_one(
+    points: Sequence[PredictedLocation], findings: Findings
+) -> tuple[list[Row], Sequence[PredictedLocation]]:
+    """The points (p, 5) that can be read, and which they are."""
+    rows, read = [], []
+    for point in points:
+        stamp = stamps.parse(point.timestamp)
+        if stamp is None:
+            findings["point-unreadable"] = None
+        elif not stamps.plausible(stamp.t_s) or absurd(point.x, point.y, point.z):
+            findings["point-absurd"] = None
+        else:
+            findings.update(dict.fromkeys(stamp.findings))
+            rows.append((stamp.t_s, point.x, point.y, point.z, yaw_rad(point.angle, findings)))
+            read.append(point)
+    return rows, read
+
+
+def _datums(points: Sequence[PredictedLocation], findings: Findings) -> tuple[str, ...]:
+    """(p,) of each point. Most points of a path name the datum of the one before."""
+    first = points[0]
+    right, other = first.planarDatumUUID, first.planarDatum
+    for point in points:
+        if point.planarDatumUUID != right or point.planarDatum != other:
+            return tuple(_datum(each, findings) for each in points)
+    return (_datum(first, findings),) * len(points)
 
 
 def _datum(point: PredictedLocation, findings: Findings) -> str:

@@ -1,9 +1,11 @@
 """Timestamps as senders write them: RFC 3339, and what comes near it."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
+from math import floor
 
 import msgspec
 
@@ -48,6 +50,23 @@ def parse(text: str) -> Stamp | None:
     return _plain(text) or _spelt(text) or _epoch(text)
 
 
+def plain_seconds(texts: Iterable[str]) -> list[float] | None:
+    """The moments that `texts`, at least one, name, or None: all are spelt plainly, plausible and without a finding."""
+    moments_s, known, after_us = [], "", 0
+    for text in texts:
+        ending = text[_HEAD_LETTERS:]
+        if ending != known:  # the points of a path mostly have the fraction in common
+            tail = _tail(ending) if len(text) <= _MOST_LETTERS else None
+            if tail is None or tail.findings:
+                return None
+            known, after_us = ending, tail.after_us
+        head_us = _head_us(text[:_HEAD_LETTERS])
+        if head_us is None:
+            return None
+        moments_s.append((head_us + after_us) / 1_000_000)
+    return moments_s if all(map(plausible, (min(moments_s), max(moments_s)))) else None
+
+
 def plausible(t_s: float) -> bool:
     """Whether a time lies in the years that a sender may mean."""
     return EARLIEST_S <= t_s <= LATEST_S
@@ -55,7 +74,16 @@ def plausible(t_s: float) -> bool:
 
 def write(t_s: float) -> str:
     """RFC 3339 in UTC to the microsecond."""
-    return datetime.fromtimestamp(t_s, UTC).isoformat(timespec="microseconds")[:-6] + "Z"
+    whole_s = floor(t_s)
+    after_us = round((t_s - whole_s) * 1e6)
+    if after_us == 1_000_000:
+        whole_s, after_us = whole_s + 1, 0
+    return f"{_second(whole_s)}.{after_us:06d}Z"
+
+
+@lru_cache(_REMEMBERED)
+def _second(t_s: int) -> str:
+    return datetime.fromtimestamp(t_s, UTC).isoformat()[:_HEAD_LETTERS]
 
 
 def _plain(text: str) -> Stamp | None:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ingest import paths
 from ingest.conformance import Findings
 from ingest.paths import NO_PATH, absurd, destinations, path, yaw_rad
 from ingest.reports import PredictedLocation, Quaternion
@@ -65,3 +66,27 @@ def test_half_a_turn_either_way_is_the_same_heading() -> None:
 def test_a_position_off_the_earth_is_absurd(position: tuple[float, float, float]) -> None:
     assert absurd(*position)
     assert not absurd(0.0, 1e7, -1e7)
+
+
+odd_points = st.builds(
+    at,
+    st.floats(T - 5, T + 20),
+    x=st.floats(-1e3, 1e3) | st.just(2e7),
+    angle=st.floats(-3, 3).map(angle)
+    | st.sampled_from([None, {"x": 0, "y": 0, "z": 0.1, "w": 9}, dict.fromkeys("xyzw", 0.0)]),
+    planarDatumUUID=st.sampled_from([None, "hall", "Yard"]),
+    planarDatum=st.sampled_from([None, None, None, "hall"]),
+)
+
+
+@given(st.lists(odd_points, min_size=1, max_size=12))
+def test_a_conforming_path_is_read_as_it_would_be_point_by_point(told: list[dict[str, object]]) -> None:
+    points = [PredictedLocation.model_validate(point) for point in told]
+    quick: Findings = {}
+    read = path(points, T, quick)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(paths, "_conforming", lambda _: None)
+        slow: Findings = {}
+        one_by_one = path(points, T, slow)
+    assert repr(read) == repr(one_by_one)
+    assert quick == slow

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ingest.stamps import parse, write
+from ingest.stamps import parse, plain_seconds, plausible, write
 
 moments = st.datetimes(datetime(1971, 1, 1), datetime(2099, 12, 31), timezones=st.just(UTC))  # noqa: DTZ001
 
@@ -94,3 +94,28 @@ def test_digits_beyond_a_nanosecond_add_no_resolution() -> None:
     stamp = parse("2023-11-14T22:13:20." + "1" * 5000 + "Z")
     assert stamp is not None
     assert stamp.resolution_s == 1e-9
+
+
+spellings = st.builds(
+    lambda moment, digits, ending: f"{moment:%Y-%m-%dT%H:%M:%S}{'.' + digits if digits else ''}{ending}",
+    st.datetimes(datetime(1950, 1, 1), datetime(2120, 1, 1)),  # noqa: DTZ001
+    st.text("0123456789", max_size=25),
+    st.sampled_from(("Z", "Z", "Z", "+00:00", "z", "+01:00", "+0000", "")),
+)
+
+
+@given(st.lists(spellings, min_size=1, max_size=4))
+def test_many_plain_stamps_name_what_each_names_and_none_that_break_a_rule(texts: list[str]) -> None:
+    each = [parse(text) for text in texts]
+    plain = plain_seconds(texts)
+    if plain is None:
+        told = zip(each, texts, strict=True)
+        assert any(not one or one.findings or not plausible(one.t_s) or len(text) > 40 for one, text in told)
+    else:
+        assert [(one.t_s, one.findings) for one in each if one] == [(t_s, ()) for t_s in plain]
+        assert all(map(plausible, plain))
+
+
+@given(st.floats(-1e9, 4e9))
+def test_a_time_is_written_as_datetime_writes_it(t_s: float) -> None:
+    assert write(t_s) == datetime.fromtimestamp(t_s, UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
