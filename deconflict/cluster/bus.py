@@ -1,8 +1,7 @@
 """NATS as the cluster uses it: parcels, told revisions, members and the table. Nothing else here speaks to it.
 
 Parcels go on `NAME.rows.CHANNEL` into a stream in memory that is kept for half a minute; revisions on `NAME.told.KEY`
-into a durable one, whose sequence numbers are those of the advisories. The key of a conflict is its pair of robots,
-that of anything else says what it is about.
+into a durable one, whose sequence numbers are those of the advisories (`lines`).
 """
 
 import asyncio
@@ -11,10 +10,9 @@ import logging
 import time
 from collections.abc import Awaitable, Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from math import inf
 from typing import Any
-from uuid import uuid5
 
 import nats
 from nats.aio.msg import Msg
@@ -22,12 +20,10 @@ from nats.errors import Error as NatsError
 from nats.js import JetStreamContext, api
 from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError
 
-from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory, ConflictAdvisory
-from deconflict.cluster.channels import token
+from deconflict.advisory import Acknowledgement, AnyAdvisory
+from deconflict.cluster.lines import Line, key_of, line, told_as
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Place
-from deconflict.contention.telling import finding_key
-from deconflict.life import ADVISORIES
 
 log = logging.getLogger(__name__)
 
@@ -40,6 +36,11 @@ LEASE_S = 4.0
 SAME_S = 120.0
 """A revision that is sent again within this time is not doubled."""
 CLOSE_S = 2.0
+PING_S = 5
+"""A server that answers no ping of two in a row is taken for lost."""
+QUICK_S = 1.0
+"""How long what a member says of itself may take: longer than that, and it is not heard of in time."""
+AGAIN_S = 0.2
 WRONG_LAST_SEQUENCE = 10071
 PENDING = 1 << 20
 """Messages that may wait to be taken in."""
@@ -48,28 +49,8 @@ BUS_ERRORS = (NatsError, TimeoutError, OSError)
 """What a call raises while the server can't be had."""
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
-    """What the durable stream carries: a revision and the place that decides who tells it, or an answer to one."""
-
-    seq: int
-    key: str
-    """Of the advisory; in an answer its id."""
-    home: Place | None = None
-    """None where no tile decides."""
-    advisory: AnyAdvisory | None = None
-    answer: Acknowledgement | None = None
-
-
 class OverruledError(Exception):
     """Another has told something of that key in the meantime."""
-
-
-def key_of(advisory: AnyAdvisory) -> str:
-    """What an advisory is told under: there is at most one open of a key."""
-    if isinstance(advisory, ConflictAdvisory):
-        return token("_".join(advisory.robots))
-    return str(uuid5(ADVISORIES, finding_key(advisory)))
 
 
 class Bus:
@@ -79,28 +60,73 @@ class Bus:
         self._settings, self._keep_days, self.name = settings, keep_days, settings.name
         self._said: dict[str, tuple[float, dict[str, Any]]] = {}
         """By member, when it was heard of last by this machine's clock, and what it said."""
+        self._hearings: list[Hearing] = []
+        self._reconnected = asyncio.Event()
+        self._renewing: asyncio.Task[None] | None = None
+        self._renewed_s = -inf
+        self.renewals = 0
+        """How often the connection was made again: what was on its way then may be lost."""
 
     async def open(self) -> None:
         """Connect, and make the streams and buckets where they are not there."""
         self._nats = await nats.connect(
-            list(self._settings.nats), max_reconnect_attempts=-1, reconnect_time_wait=0.2, error_cb=_told_of
+            list(self._settings.nats),
+            max_reconnect_attempts=-1,
+            reconnect_time_wait=0.2,
+            ping_interval=PING_S,
+            error_cb=_told_of,
+            reconnected_cb=self._connected_again,
         )
         self._js: JetStreamContext = self._nats.jetstream()
+        self._quick: JetStreamContext = self._nats.jetstream(timeout=QUICK_S)
+        try:
+            await self._make()
+            await self._hear(f"$KV.{self.name}-members.*", f"KV_{self.name}-members", self._met, _latest)
+        except BaseException:
+            await self.close()
+            raise
+        self._renewing = asyncio.create_task(self._renew())
+
+    async def _make(self) -> None:
         name, copies = self.name, self._settings.copies
         memory, disk = api.StorageType.MEMORY, api.StorageType.FILE
         await self._stream("rows", [f"{name}.rows.>"], memory, KEPT_S, SAME_S / 10)
         await self._stream("told", [f"{name}.told.*", f"{name}.answer.*"], disk, 86400 * self._keep_days, SAME_S)
-        self._members = await self._js.create_key_value(
-            bucket=f"{name}-members", ttl=LEASE_S, storage=memory, replicas=copies
-        )
-        latest = api.ConsumerConfig(deliver_policy=api.DeliverPolicy.LAST_PER_SUBJECT)
-        await self._subscribe(f"$KV.{name}-members.*", f"KV_{name}-members", self._met, latest)
-        self._table = await self._js.create_key_value(bucket=f"{name}-table", storage=disk, replicas=copies)
+        await self._js.create_key_value(bucket=f"{name}-members", ttl=LEASE_S, storage=memory, replicas=copies)
+        await self._js.create_key_value(bucket=f"{name}-table", storage=disk, replicas=copies)
+        self._table = await self._quick.key_value(f"{name}-table")
 
     async def close(self) -> None:
+        if self._renewing:
+            self._renewing.cancel()
         with suppress(TimeoutError):
             async with asyncio.timeout(CLOSE_S):
                 await self._nats.close()
+
+    async def _connected_again(self) -> None:
+        self._reconnected.set()
+
+    async def _renew(self) -> None:
+        """Make again what a server that was started anew does not have, and begin every hearing again."""
+        while True:
+            await self._reconnected.wait()
+            self._reconnected.clear()
+            try:
+                await self._make()
+                for one in list(self._hearings):
+                    await one.begin(self._js)
+            except BUS_ERRORS as error:
+                log.warning("%s is not yet in touch again: %s", self.name, error or type(error).__name__)
+                self._reconnected.set()
+                await asyncio.sleep(AGAIN_S)
+            else:
+                self._renewed_s = time.monotonic()
+                self.renewals += 1
+                log.warning("%s is in touch again", self.name)
+
+    def knows_members(self) -> bool:
+        """Whether every member that is alive has had the time to be heard of."""
+        return time.monotonic() - self._renewed_s > LEASE_S
 
     async def _stream(
         self, kind: str, subjects: list[str], storage: api.StorageType, age_s: float, same_s: float
@@ -128,11 +154,13 @@ class Bus:
         async def taken(message: Msg) -> None:
             take(message.data)
 
-        since = datetime.now(UTC) - timedelta(seconds=REPLAYED_S)
-        config = api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_TIME, opt_start_time=since)
-        heard = await self._subscribe(f"{self.name}.rows.{channel}", f"{self.name}-rows", taken, config)
-        config.opt_start_time = None  # the client begins a lost subscription anew at a number, and keeps this otherwise
-        return heard.unsubscribe
+        heard, _ = await self._hear(f"{self.name}.rows.{channel}", f"{self.name}-rows", taken, _lately)
+
+        async def leave() -> None:
+            self._hearings.remove(heard)
+            await heard.end()
+
+        return leave
 
     async def inbox(self, take: Callable[[bytes], None]) -> str:
         """An address for what is wanted."""
@@ -164,9 +192,10 @@ class Bus:
             "Nats-Msg-Id": f"{advisory.id}:{advisory.revision}",
             "Nats-Expected-Last-Subject-Sequence": str(last_seq),
         }
-        body = json.dumps({"home": home, "advisory": advisory.model_dump(mode="json")}).encode()
         try:
-            told = await self._js.publish(f"{self.name}.told.{key_of(advisory)}", body, headers=headers)
+            told = await self._js.publish(
+                f"{self.name}.told.{key_of(advisory)}", told_as(home, advisory), headers=headers
+            )
         except APIError as error:
             if error.err_code == WRONG_LAST_SEQUENCE:
                 raise OverruledError from error
@@ -176,7 +205,7 @@ class Bus:
     async def last_told(self, key: str) -> Line:
         """The newest revision under a key."""
         found = await self._js.get_last_msg(f"{self.name}-told", f"{self.name}.told.{key}")
-        return _line(found.seq or 0, found.subject or "", found.data or b"")
+        return line(found.seq or 0, found.subject or "", found.data or b"")
 
     async def answer(self, advisory_id: str, answer: Acknowledgement) -> int:
         told = await self._js.publish(f"{self.name}.answer.{advisory_id}", answer.model_dump_json().encode())
@@ -185,37 +214,40 @@ class Bus:
     async def hear_told(self, take: Callable[[Line], None], after: int | None = None) -> int:
         """Take what is told after a number; without one, the newest of each key first. How many wait already."""
 
+        seen = 0 if after is None else after
+
         async def taken(message: Msg) -> None:
-            take(_line(message.metadata.sequence.stream, message.subject, message.data))
+            nonlocal seen
+            seq = message.metadata.sequence.stream
+            if seq > seen:
+                seen = seq
+                take(line(seq, message.subject, message.data))
 
-        if after is None:
-            subject, config = (
-                f"{self.name}.told.*",
-                api.ConsumerConfig(deliver_policy=api.DeliverPolicy.LAST_PER_SUBJECT),
-            )
-        else:
-            subject = f"{self.name}.>"
-            config = api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_SEQUENCE, opt_start_seq=after + 1)
-        heard = await self._subscribe(subject, f"{self.name}-told", taken, config)
-        state = await heard.consumer_info()
-        return (state.num_pending or 0) + (state.delivered.consumer_seq if state.delivered else 0)
+        def since() -> api.ConsumerConfig:
+            if after is None and not seen:
+                return _latest()
+            return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_SEQUENCE, opt_start_seq=seen + 1)
 
-    async def _subscribe(
-        self, subject: str, stream: str, taken: Callable[[Msg], Awaitable[None]], config: api.ConsumerConfig
-    ) -> JetStreamContext.PushSubscription:
-        return await self._js.subscribe(
-            subject,
-            stream=stream,
-            cb=taken,
-            config=config,
-            ordered_consumer=True,
-            pending_msgs_limit=PENDING,
-            pending_bytes_limit=1 << 30,
-        )
+        subject = f"{self.name}.told.*" if after is None else f"{self.name}.>"
+        _, waiting = await self._hear(subject, f"{self.name}-told", taken, since)
+        return waiting
+
+    async def _hear(
+        self,
+        subject: str,
+        stream: str,
+        taken: Callable[[Msg], Awaitable[None]],
+        config: Callable[[], api.ConsumerConfig],
+    ) -> tuple["Hearing", int]:
+        """The subscription, and how many messages there are for it already."""
+        hearing = Hearing(subject, stream, taken, config)
+        waiting = await hearing.begin(self._js)
+        self._hearings.append(hearing)
+        return hearing, waiting
 
     async def beat(self, member: str, says: dict[str, Any]) -> None:
         """Say that a member is there, and what it has to say."""
-        await self._members.put(member, json.dumps(says).encode())
+        await self._quick.publish(f"$KV.{self.name}-members.{member}", json.dumps(says).encode())
 
     def members(self) -> dict[str, dict[str, Any]]:
         """What every member said last that was heard of within `LEASE_S`."""
@@ -243,13 +275,51 @@ class Bus:
         return True
 
 
-def _line(seq: int, subject: str, data: bytes) -> Line:
-    _, kind, key = subject.split(".", 2)
-    if kind == "answer":
-        return Line(seq, key, answer=Acknowledgement.model_validate_json(data))
-    told = json.loads(data)
-    home = Place(*told["home"]) if told["home"] else None
-    return Line(seq, key, home, ADVISORY.validate_python(told["advisory"]))
+class Hearing:
+    """One subscription, begun again with every connection."""
+
+    def __init__(
+        self,
+        subject: str,
+        stream: str,
+        taken: Callable[[Msg], Awaitable[None]],
+        config: Callable[[], api.ConsumerConfig],
+    ) -> None:
+        """`config` says from where on each time it begins."""
+        self._subject, self._stream, self._taken, self._config = subject, stream, taken, config
+        self._heard: JetStreamContext.PushSubscription | None = None
+
+    async def begin(self, js: JetStreamContext) -> int:
+        """How many messages there are for it already."""
+        await self.end()
+        config = self._config()
+        self._heard = await js.subscribe(
+            self._subject,
+            stream=self._stream,
+            cb=self._taken,
+            config=config,
+            ordered_consumer=True,
+            pending_msgs_limit=PENDING,
+            pending_bytes_limit=1 << 30,
+        )
+        config.opt_start_time = None  # the client begins a lost subscription anew at a number, and keeps this otherwise
+        state = await self._heard.consumer_info()
+        return (state.num_pending or 0) + (state.delivered.consumer_seq if state.delivered else 0)
+
+    async def end(self) -> None:
+        heard, self._heard = self._heard, None
+        if heard:
+            with suppress(*BUS_ERRORS):
+                await heard.unsubscribe()
+
+
+def _latest() -> api.ConsumerConfig:
+    return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.LAST_PER_SUBJECT)
+
+
+def _lately() -> api.ConsumerConfig:
+    since = datetime.now(UTC) - timedelta(seconds=REPLAYED_S)
+    return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_TIME, opt_start_time=since)
 
 
 async def _told_of(error: Exception) -> None:

@@ -106,13 +106,14 @@ class Feed:
                 await asyncio.sleep(RETRY_S)
                 continue
             ask = b""
-            for channel, part in self._sorter.sort(batch).items():
-                try:
+            try:
+                for channel, part in self._sorter.sort(batch).items():
                     for piece in pieces(part):
                         await self._bus.send_rows(channel, piece)
-                except BUS_ERRORS as error:
-                    ask = b"everything"  # what is lost now is told again once the server is back
-                    log.warning("a parcel is not sent: %s", error or type(error).__name__)
+            except BUS_ERRORS as error:
+                ask = b"everything"  # what is lost now is told again once the server is back
+                log.warning("parcels are not sent: %s", error or type(error).__name__)
+                await asyncio.sleep(BEAT_S)
 
     async def _whole(self, channels: set[str]) -> list[bytes]:
         """All the robots of channels, for who has come to hear them."""

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.advisory import Acknowledgement
-from deconflict.cluster.bus import BUS_ERRORS, Bus, Line
+from deconflict.cluster.bus import BUS_ERRORS, Bus
 from deconflict.cluster.feed import RETRY_S, beating, connected, until
+from deconflict.cluster.lines import Line
 from deconflict.cluster.settings import Cluster
 from deconflict.link import AsyncCaller, LinkDownError, listening, socket_path
 from deconflict.site import Site

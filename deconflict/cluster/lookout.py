@@ -12,9 +12,10 @@ from typing import Any
 
 from deconflict.advice.answers import Submit
 from deconflict.advisory import ConflictAdvisory
-from deconflict.cluster.bus import BUS_ERRORS, Bus, Line
+from deconflict.cluster.bus import BUS_ERRORS, Bus
 from deconflict.cluster.channels import EVERY
 from deconflict.cluster.commons import Commons
+from deconflict.cluster.lines import Line
 from deconflict.cluster.teller import Teller
 from deconflict.contention.telling import Told
 from deconflict.site import Site
@@ -30,8 +31,8 @@ class Lookout:
         self._site, self._bus, self._teller, self._submit = site, bus, teller, submit
         self._commons: Commons | None = None
         self._leave: Callable[[], Awaitable[None]] | None = None
-        self._asks = False
-        """Whether ingests are yet to be asked for all their robots."""
+        self._asked = -1
+        """The bus's count of renewals when ingests were asked for all their robots."""
         self._parcels: list[bytes] = []
         self._lines: list[Line] = []
         self._overruled: list[Line] = []
@@ -66,12 +67,12 @@ class Lookout:
             return
         if self._commons is None:
             stands = [one for one in self._teller.open() if not isinstance(one, ConflictAdvisory)]
-            self._commons, self._asks = Commons(self._site, stands, self._submit), True
+            self._commons, self._asked = Commons(self._site, stands, self._submit), -1
         if self._leave is None:
             self._leave = await self._bus.hear_rows(EVERY, self._take)
-        if self._asks:
+        if self._asked != (renewals := self._bus.renewals):
             await self._bus.want([EVERY], inbox)
-            self._asks = False
+            self._asked = renewals
 
     def _rest(self) -> None:
         self._commons = None

@@ -15,9 +15,10 @@ from typing import Any
 from uuid import uuid4
 
 from deconflict.advisory import ConflictAdvisory
-from deconflict.cluster.bus import BUS_ERRORS, Bus, Line
+from deconflict.cluster.bus import BUS_ERRORS, Bus
 from deconflict.cluster.channels import reach_m
 from deconflict.cluster.feed import beating, connected, until
+from deconflict.cluster.lines import Line
 from deconflict.cluster.lookout import Lookout
 from deconflict.cluster.ownership import Table, revised
 from deconflict.cluster.settings import Cluster
@@ -90,7 +91,7 @@ class Member:
         }
         roots = {Tile.named(root) for one in members.values() for root in one.get("roots", ())}
         wanted = revised(table, loads, roots, self._settings.tile_m, self._settings.hot_per_s)
-        if wanted != table and await self._bus.write_table(wanted.document(), number):
+        if wanted != table and self._bus.knows_members() and await self._bus.write_table(wanted.document(), number):
             log.info("%s shares out %s tiles among %s engines", self.name, len(wanted.owners), len(loads))
             table = wanted
         self._table = table
@@ -140,10 +141,13 @@ class Member:
 
     async def _listen(self) -> None:
         """Hear the channels that are wanted, and what there was on new ones; leave the others."""
-        inbox = await self._bus.inbox(self._take)
+        inbox, renewals = await self._bus.inbox(self._take), self._bus.renewals
         while True:
             await asyncio.sleep(LISTEN_S)
             with suppress(*BUS_ERRORS):
+                if renewals != self._bus.renewals:
+                    await self._bus.want(self._listening, inbox)
+                    renewals = self._bus.renewals
                 for channel in self._listening.keys() - self._wanted:
                     await self._listening.pop(channel)()
                 new = sorted(self._wanted - self._listening.keys())[:MOST_AT_ONCE]

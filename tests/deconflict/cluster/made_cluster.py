@@ -5,8 +5,8 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import AsyncIterator, Iterator
-from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,24 +29,31 @@ SERVER = shutil.which("nats-server", path=os.environ.get("PATH", "") + os.pathse
 needs_server = pytest.mark.skipif(SERVER is None, reason="needs nats-server, which Debian has as a package")
 
 
-@contextmanager
-def nats_server(folder: Path) -> Iterator[str]:
-    """Its address."""
-    (port,) = free_ports(1)
-    command = [str(SERVER), "-a", "127.0.0.1", "-p", str(port), "-js", "-sd", str(folder)]
-    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
-        try:
-            yield f"nats://127.0.0.1:{port}"
-        finally:
-            process.terminate()
-            process.wait(20)
+class Broker:
+    """A NATS server that keeps its store and its port when it is started again."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        (port,) = free_ports(1)
+        self.address = f"nats://127.0.0.1:{port}"
+        self._command = [str(SERVER), "-a", "127.0.0.1", "-p", str(port), "-js", "-sd", str(folder), *options]
+        self.start()
+
+    def start(self) -> None:
+        self._process = subprocess.Popen(self._command, stderr=subprocess.DEVNULL)
+
+    def kill(self) -> None:
+        """As a machine that loses its power."""
+        self._process.kill()
+        self._process.wait(20)
 
 
 class Machines:
     """Roles that were started, each as a machine of its own: with a runtime directory and data of its own."""
 
-    def __init__(self, folder: Path, settings: Cluster, site: Site | None = None) -> None:
-        self.settings, self._folder, self._site = settings, folder, site or Site()
+    def __init__(self, folder: Path, broker: Broker, site: Site | None = None, **settings: Any) -> None:
+        self.broker = broker
+        self.settings = Cluster(**{"nats": (broker.address,), "tile_m": 32.0} | settings)
+        self._folder, self._site = folder, site or Site()
         self._processes: dict[tuple[str, str], subprocess.Popen[bytes]] = {}
 
     def site(self, robots_port: int = 0) -> Site:
@@ -70,6 +77,9 @@ class Machines:
         process = self._processes.pop((machine, role))
         process.kill()
         process.communicate()
+
+    def signal(self, machine: str, role: str, number: int) -> None:
+        self._processes[machine, role].send_signal(number)
 
     def end(self) -> None:
         for process in self._processes.values():
@@ -139,7 +149,8 @@ async def cluster(
 ) -> AsyncIterator[tuple[Machines, OperatorRole]]:
     """A server and a face, and yet no other machine."""
     async with AsyncExitStack() as stack:
-        address = stack.enter_context(nats_server(folder / "nats"))
-        machines = Machines(folder, Cluster(**{"nats": (address,), "tile_m": 32.0} | settings), site)
+        broker = Broker(folder / "nats")
+        stack.callback(broker.kill)
+        machines = Machines(folder, broker, site, **settings)
         stack.callback(machines.end)
         yield machines, await stack.enter_async_context(face(machines, folder / "face"))

@@ -1,0 +1,46 @@
+"""What the durable stream carries. The key of a conflict is its pair of robots, of anything else what it is about."""
+
+import json
+from dataclasses import dataclass
+from uuid import uuid5
+
+from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory, ConflictAdvisory
+from deconflict.cluster.channels import token
+from deconflict.cluster.tiles import Place
+from deconflict.contention.telling import finding_key
+from deconflict.life import ADVISORIES
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A revision and the place that decides who tells it, or an answer to one."""
+
+    seq: int
+    key: str
+    """Of the advisory; in an answer its id."""
+    home: Place | None = None
+    """None where no tile decides."""
+    advisory: AnyAdvisory | None = None
+    answer: Acknowledgement | None = None
+
+
+def key_of(advisory: AnyAdvisory) -> str:
+    """What an advisory is told under: there is at most one open of a key."""
+    if isinstance(advisory, ConflictAdvisory):
+        return token("_".join(advisory.robots))
+    return str(uuid5(ADVISORIES, finding_key(advisory)))
+
+
+def told_as(home: Place | None, advisory: AnyAdvisory) -> bytes:
+    """A revision as `line` reads it."""
+    return json.dumps({"home": home, "advisory": advisory.model_dump(mode="json")}).encode()
+
+
+def line(seq: int, subject: str, data: bytes) -> Line:
+    """What a message of the stream says."""
+    _, kind, key = subject.split(".", 2)
+    if kind == "answer":
+        return Line(seq, key, answer=Acknowledgement.model_validate_json(data))
+    told = json.loads(data)
+    home = Place(*told["home"]) if told["home"] else None
+    return Line(seq, key, home, ADVISORY.validate_python(told["advisory"]))
