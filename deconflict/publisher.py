@@ -63,14 +63,19 @@ class Publisher:
 
     async def settle(self) -> None:
         """Have what waits for the disk stored, and wait for that a little while."""
-        if self._storing is None or self._storing.done():
-            self._storing = asyncio.create_task(self._store_all())
-        await asyncio.wait({self._storing}, timeout=PATIENCE_S)
-        if self._storing.done():
-            self._storing.result()
+        storing = self.begin_storing()
+        await asyncio.wait({storing}, timeout=PATIENCE_S)
+        if storing.done():
+            storing.result()
         elif not self.failing:
             self._fail("the disk is slow")
         self.measures.level("deconflict_store_unstored", {(): self._store.unstored})
+
+    def begin_storing(self) -> asyncio.Task[None]:
+        """Have what waits for the disk stored, soon; the task that does it, one at a time."""
+        if self._storing is None or self._storing.done():
+            self._storing = asyncio.create_task(self._store_all())
+        return self._storing
 
     async def close(self) -> None:
         """Have the rest stored, as far as the disk takes it; what it does not is told in the log."""
@@ -79,7 +84,7 @@ class Publisher:
             log.error("%d revisions were told and never stored", self._store.unstored)
 
     async def _store_all(self) -> None:
-        while self._store.unstored:
+        while self._store.waits:
             try:
                 await asyncio.to_thread(self._store.flush)
             except StoreError as error:

@@ -23,11 +23,8 @@ RELOADS_FILE = "reloads.json"
 ASKED_FILE = "reload.asked"
 """A role that wants a reload puts this there."""
 FIXED: dict[str, tuple[str, ...] | None] = {
-    "receiver": None,
-    "recorder": None,
-    "blackbox": None,
-    "webhooks": None,
-    "mqtt": None,
+    "receiver": ("host", "port", "tls", "max_message_bytes", "open_timeout_s"),
+    "recorder": ("enabled",),
     "cluster": None,
     "operator": ("host", "port", "tls", "stream_send_timeout_s"),
     "store": ("directory",),

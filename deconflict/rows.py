@@ -1,6 +1,7 @@
 """How revisions lie in the tables of the store."""
 
 import sqlite3
+from collections.abc import Mapping
 from datetime import datetime
 
 from deconflict.advice.account import yielded_s
@@ -68,6 +69,19 @@ def count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:
         """INSERT INTO encounters VALUES (?, ?, ?)
         ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = max(ordinal, excluded.ordinal)""",
         (*advisory.robots, advisory.encounter),
+    )
+
+
+def position(db: sqlite3.Connection, outlet: str) -> int | None:
+    row = db.execute("SELECT seq FROM positions WHERE outlet = ?", (outlet,)).fetchone()
+    return int(row[0]) if row else None
+
+
+def put(db: sqlite3.Connection, positions: Mapping[str, int]) -> None:
+    """Outlets at where they are, never back."""
+    db.executemany(
+        "INSERT INTO positions VALUES (?, ?) ON CONFLICT (outlet) DO UPDATE SET seq = max(seq, excluded.seq)",
+        list(positions.items()),
     )
 
 

@@ -21,7 +21,7 @@ from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory, Con
 from deconflict.ahead import MOST_AHEAD, Ahead, decided, matches, newest, revisions
 from deconflict.formats import UPGRADES
 from deconflict.rows import StoreError as StoreError  # noqa: PLC0414 - told on
-from deconflict.rows import advisory_of, answers_of, charge, insert, last_seq, stored_revision
+from deconflict.rows import advisory_of, answers_of, charge, insert, last_seq, position, put, stored_revision
 
 FILE_NAME = "advisories.db"
 BUSY_TIMEOUT_S = 5.0
@@ -56,6 +56,8 @@ class Store:
             self._reader = self._connect()
         self._write_lock, self._read_lock, self._number_lock = Lock(), Lock(), RLock()
         self._ahead: list[AnyAdvisory] = []
+        self._moved: dict[str, int] = {}
+        """Where outlets are, as far as it is not stored."""
         try:
             self._upgrade()
             self._reader.execute("PRAGMA query_only = ON")
@@ -72,6 +74,11 @@ class Store:
     def unstored(self) -> int:
         """Revisions that wait for the disk."""
         return len(self._ahead)
+
+    @property
+    def waits(self) -> bool:
+        """Whether `flush` has something to store."""
+        return bool(self._ahead or self._moved)
 
     def take(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
         """Number revisions and keep them for `flush`; every other method knows them from now on.
@@ -99,9 +106,10 @@ class Store:
         return taken
 
     def flush(self) -> None:
-        """Store what was taken, in one transaction. Raises `StoreError`; then it is still there, to be tried again."""
-        ahead = self._ahead
-        if not ahead:
+        """Store what was taken and moved, at once. Raises `StoreError`; then it is still there, to be tried again."""
+        with self._number_lock:
+            ahead, moved = self._ahead, dict(self._moved)
+        if not ahead and not moved:
             return
         with self._writing() as db:
             last = last_seq(db)
@@ -109,8 +117,10 @@ class Store:
                 if one.seq > last:
                     insert(db, one, answers_of(db, one.id)[0], one.updated_at)
                     charge(db, one)
+            put(db, moved)
         with self._number_lock:
-            self._ahead = [one for one in self._ahead if one.seq > ahead[-1].seq]
+            self._ahead = [one for one in self._ahead if not ahead or one.seq > ahead[-1].seq]
+            self._moved = {outlet: seq for outlet, seq in self._moved.items() if moved.get(outlet) != seq}
 
     def append(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
         """Store revisions in one transaction and return them as stored, each with its sequence number.
@@ -248,17 +258,15 @@ class Store:
         with self._both() as (db, ahead):
             return _last(db, ahead)
 
-    def position(self, outlet: str, first: int) -> int:
-        """The number of the last revision that an outlet has delivered; one that is new is put at `first`."""
-        with self._writing() as db:
-            db.execute("INSERT OR IGNORE INTO positions VALUES (?, ?)", (outlet, first))
-            row = db.execute("SELECT seq FROM positions WHERE outlet = ?", (outlet,)).fetchone()
-        return int(row[0])
+    def position(self, outlet: str) -> int | None:
+        """The number of the last revision that an outlet has delivered; None for one that is new."""
+        with self._number_lock, self._reading() as db:
+            return self._moved.get(outlet, position(db, outlet))
 
     def move(self, outlet: str, seq: int) -> None:
-        """Put an outlet at the last revision it has delivered."""
-        with self._writing() as db:
-            db.execute("UPDATE positions SET seq = ? WHERE outlet = ?", (seq, outlet))
+        """Put an outlet at the last revision it has delivered. `flush` stores it, with or after that revision."""
+        with self._number_lock:
+            self._moved[outlet] = seq
 
     def burdens_s(self) -> dict[str, float]:
         """How long the robots of each vendor were advised to yield, seconds; kept when advisories are pruned."""

@@ -10,7 +10,6 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidHandshake, InvalidURI
 
 from ingest.receiver import CLOSE_TIMEOUT_S, Receiver
-from ingest.settings import Receiver as Settings
 from ingest.wire import Listened, ListenedClient
 
 log = logging.getLogger(__name__)
@@ -25,13 +24,12 @@ class Dialer:
     def __init__(
         self,
         receiver: Receiver,
-        settings: Settings,
         url: str,
         vendor: str,
         clock: Callable[[], float],
         random: Random,
     ) -> None:
-        self._receiver, self._settings = receiver, settings
+        self._receiver = receiver
         self._url, self._vendor = url, vendor
         self._clock, self._random = clock, random
         self.failures = 0
@@ -55,7 +53,7 @@ class Dialer:
 
     def wait_s(self) -> float:
         """Twice as long after each failure, within bounds, less a random share, so that many do not come at once."""
-        least_s, most_s = self._settings.dial_backoff_s
+        least_s, most_s = self._receiver.settings.dial_backoff_s
         full_s = min(least_s * 2.0 ** min(max(self.failures - 1, 0), 30), most_s)
         return full_s * self._random.uniform(0.5, 1.0)
 
@@ -64,8 +62,8 @@ class Dialer:
             self._url,
             compression=None,
             proxy=None,
-            max_size=self._settings.max_message_bytes,
-            open_timeout=self._settings.open_timeout_s,
+            max_size=self._receiver.settings.max_message_bytes,
+            open_timeout=self._receiver.settings.open_timeout_s,
             close_timeout=CLOSE_TIMEOUT_S,
             ping_interval=None,
             create_connection=ListenedClient,

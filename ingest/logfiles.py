@@ -20,10 +20,10 @@ PATTERN = "log-[0-9]*.jsonl"
 
 
 class LogFiles:
-    """One writer's files in a directory. Not for two threads at once."""
+    """One writer's files in a directory. Not for two threads at once, but others may change its `settings`."""
 
     def __init__(self, settings: Settings, directory: Path, clock: Callable[[], float]) -> None:
-        self._settings, self._directory, self._clock = settings, directory, clock
+        self.settings, self._directory, self._clock = settings, directory, clock
         self._file: FileIO | None = None
         self._written, self._begun_s = 0, 0.0
         """Bytes in the file, and when it was begun."""
@@ -56,7 +56,7 @@ class LogFiles:
     def _segment(self) -> FileIO:
         """The file to write to: a new one at first and where the last is long or old enough."""
         is_old = abs(self._clock() - self._begun_s) >= DAY_S
-        if self._file is None or self._written >= self._settings.segment_bytes or is_old:
+        if self._file is None or self._written >= self.settings.segment_bytes or is_old:
             self.close()
             self._directory.mkdir(parents=True, exist_ok=True)
             existing = sorted(self._directory.glob(PATTERN))
@@ -72,7 +72,7 @@ class LogFiles:
 
     def _remove_old(self, segments: list[Path]) -> list[Path]:
         """Remove those to which nothing was added for `keep_days`; the others."""
-        before_s = self._clock() - self._settings.keep_days * DAY_S
+        before_s = self._clock() - self.settings.keep_days * DAY_S
         old = [segment for segment in segments if segment.stat().st_mtime < before_s]
         for segment in old:
             segment.unlink()
@@ -82,7 +82,7 @@ class LogFiles:
     def _remove_oldest(self, segments: list[Path]) -> None:
         """Keep the segments within `total_bytes`, with room for one more."""
         sizes = [segment.stat().st_size for segment in segments]
-        excess = sum(sizes) + self._settings.segment_bytes - self._settings.total_bytes
+        excess = sum(sizes) + self.settings.segment_bytes - self.settings.total_bytes
         for segment, size in zip(segments, sizes, strict=True):
             if excess <= 0:
                 return

@@ -79,7 +79,7 @@ class Receiver:
         clock: Callable[[], float],
         first_id: int = 1,
     ) -> None:
-        self._settings = settings
+        self.settings = settings
         self._credentials = credentials
         self._certificates = Certificates(settings.tls) if settings.tls else None
         self._deliver, self._refuse, self._closed = deliver, refuse, closed
@@ -98,24 +98,17 @@ class Receiver:
 
     async def start(self) -> None:
         """Open the port. Raises `OSError` where it can't be had."""
-        files = descriptors()
-        self._limit = max(min(self._settings.max_connections, files - SPARE_FILES), 1)
-        if self._limit < self._settings.max_connections:
-            log.warning(
-                "at most %d connections, because %d files may be open; raise the limit of open files",
-                self._limit,
-                files,
-            )
-        bounded = partial(_BoundedConnection, most=self._limit + HANDSHAKE_FILES, refused=self._full)
+        self._limit = limited(self.settings.max_connections)
+        bounded = partial(_BoundedConnection, most=lambda: self._limit + HANDSHAKE_FILES, refused=self._full)
         self._server = await serve(
             self._converse,
-            self._settings.host,
-            self._settings.port,
+            self.settings.host,
+            self.settings.port,
             ssl=self._certificates.context if self._certificates else None,
             process_request=self._admit,
             compression=None,
-            max_size=self._settings.max_message_bytes,
-            open_timeout=self._settings.open_timeout_s,
+            max_size=self.settings.max_message_bytes,
+            open_timeout=self.settings.open_timeout_s,
             close_timeout=CLOSE_TIMEOUT_S,
             ping_interval=None,
             create_connection=cast(type[ServerConnection], bounded),
@@ -127,7 +120,7 @@ class Receiver:
     @property
     def port(self) -> int:
         if self._server is None:
-            return self._settings.port
+            return self.settings.port
         return int(next(iter(self._server.sockets)).getsockname()[1])
 
     async def close(self) -> None:
@@ -143,6 +136,11 @@ class Receiver:
             await asyncio.gather(*self._closing, *(line.socket.close() for line in self._all_lines()))
             await self._server.wait_closed()
         self._turns.finish()
+
+    def bound(self, settings: Settings) -> None:
+        """Other limits from now on. The address, the certificates' files and the longest message stay as they were."""
+        self.settings, self._shares.rate = settings, settings.max_messages_per_s
+        self._limit = limited(settings.max_connections)
 
     def renew(self, credentials: Credentials) -> None:
         """Let vendors in by other credentials. Open connections stay, but those of a vendor that is no longer there."""
@@ -217,7 +215,7 @@ class Receiver:
         ended = socket.protocol
         code = ended.close_sent.code if ended.close_sent and not ended.close_rcvd_then_sent else None
         if code == CloseCode.MESSAGE_TOO_BIG:
-            most = self._settings.max_message_bytes
+            most = self.settings.max_message_bytes
             reason = f"larger than {most} bytes; send a shorter path"
             self._turns.do(partial(self._refuse, "message-too-large", reason, self._clock(), connection))
         elif code in {CloseCode.PROTOCOL_ERROR, CloseCode.INVALID_DATA}:
@@ -255,14 +253,14 @@ class Receiver:
     def _make_room(self, peer: str) -> None:
         """Where one peer holds too many connections, the oldest goes: a sender that opens one for each message."""
         same_peer = self._lines.get(peer, {})
-        if len(same_peer) >= self._settings.max_connections_per_peer:
+        if len(same_peer) >= self.settings.max_connections_per_peer:
             oldest = next(iter(same_peer.values()))
             reason = "replaced by a newer connection from the same address; close those no longer used"
             self._dismiss(oldest, "replaced", CloseCode.POLICY_VIOLATION, reason)
 
     async def _reap(self) -> None:
-        limit_s = self._settings.idle_timeout_s
         while True:
+            limit_s = self.settings.idle_timeout_s
             await asyncio.sleep(min(IDLE_CHECK_S, limit_s / 4))
             heard_s = asyncio.get_running_loop().time() - limit_s
             self._refresh()
@@ -305,13 +303,13 @@ class _BoundedConnection(ListenedServer):
     Once it does, asyncio logs a traceback for each waiting connection and tries again every second.
     """
 
-    def __init__(self, *args: Any, most: int, refused: Callable[[], None], **kwargs: Any) -> None:
+    def __init__(self, *args: Any, most: Callable[[], int], refused: Callable[[], None], **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._most, self._refused = most, refused
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
-        if len(self.server.handler_tasks) > self._most:
+        if len(self.server.handler_tasks) > self._most():
             self._refused()
             self.transport.abort()
 
@@ -324,6 +322,15 @@ def _keep_alive(socket: Listened) -> None:
     for name, value in KEEPALIVE.items():
         if option := getattr(sockets, name, None):
             raw.setsockopt(sockets.IPPROTO_TCP, option, value)
+
+
+def limited(wanted: int) -> int:
+    """How many connections there may be: as many as wanted, but fewer where the limit of open files is lower."""
+    files = descriptors()
+    limit = max(min(wanted, files - SPARE_FILES), 1)
+    if limit < wanted:
+        log.warning("at most %d connections, because %d files may be open; raise the limit of open files", limit, files)
+    return limit
 
 
 def descriptors() -> int:

@@ -58,6 +58,10 @@ class Recorder:
         self._heads: dict[int, str] = {}
         """What every line of an open connection says of it."""
 
+    def renew(self, settings: Settings) -> None:
+        """Other limits from now on; whether anything is recorded stays as it was."""
+        self._files.settings = settings
+
     @property
     def failing(self) -> str | None:
         """Why nothing can be recorded just now."""

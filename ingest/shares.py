@@ -55,7 +55,7 @@ class Shares:
     """Every vendor's allowance. `now_s` is of a clock that nobody sets."""
 
     def __init__(self, messages_a_second: float) -> None:
-        self._rate = messages_a_second
+        self.rate = messages_a_second
         self._shares: dict[str, Share] = {}
 
     def admit(self, vendor: str, one: Arrived, now_s: float) -> tuple[bool, list[Arrived]]:
@@ -64,8 +64,8 @@ class Shares:
         if share is None:
             if len(self._shares) >= MOST_SHARES:
                 self._forget_idle(now_s)
-            share = self._shares[vendor] = Share(self._rate * BURST_S, now_s)
-        share.fill(now_s, self._rate)
+            share = self._shares[vendor] = Share(self.rate * BURST_S, now_s)
+        share.fill(now_s, self.rate)
         if share.tokens >= 1 and not share.waiting:
             share.tokens -= 1
             return True, []
@@ -75,7 +75,7 @@ class Shares:
         """Messages whose turn has come, oldest first within a vendor; call it many times a second."""
         taken = []
         for share in self._shares.values():
-            share.fill(now_s, self._rate)
+            share.fill(now_s, self.rate)
             while share.waiting and share.tokens >= 1:
                 share.tokens -= 1
                 taken.append(share.first())
@@ -85,8 +85,8 @@ class Shares:
     def _forget_idle(self, now_s: float) -> None:
         """A share that is whole again is as if it were new."""
         for share in self._shares.values():
-            share.fill(now_s, self._rate)
-        whole = self._rate * BURST_S
+            share.fill(now_s, self.rate)
+        whole = self.rate * BURST_S
         self._shares = {name: one for name, one in self._shares.items() if one.waiting or one.tokens < whole}
 
     def __len__(self) -> int:

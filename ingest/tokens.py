@@ -32,6 +32,15 @@ def secret(source: str) -> str:
     return value
 
 
+def renewed(source: str, before: str) -> str:
+    """The secret as it is now; what it was before, and a word in the log, where it can't be had."""
+    try:
+        return secret(source)
+    except SecretError as error:
+        log.error("a secret stays as it was: %s", error)
+        return before
+
+
 class Tokens:
     """Owners by token. `refresh` reads the sources again, so that a secret changes without a restart."""
 

@@ -43,7 +43,6 @@ class Keeper:
     def __init__(self, site: Site, data: Path, store: Store, measures: Measures) -> None:
         self.site, self._log, self._store, self._measures = site, data / "log", store, measures
         self.shelf = Shelf(data / FOLDER)
-        self._enabled = site.blackbox.enabled and site.recorder.enabled
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
         self._pending: list[tuple[float, Near]] = []
         """With when each was noted, by the monotonic clock, which nobody sets."""
@@ -52,7 +51,8 @@ class Keeper:
 
     def note(self, near: Iterable[Near]) -> None:
         """Near misses that the engine has just noticed. Writes them down, so that a restart forgets none."""
-        for one in near if self._enabled else ():
+        wanted = self.site.blackbox.enabled and self.site.recorder.enabled
+        for one in near if wanted else ():
             if len(self._pending) < MOST_PAIRS:
                 self._pending.append((time.monotonic(), one))
             else:

@@ -16,7 +16,7 @@ from deconflict.outlets.following import Following
 from deconflict.outlets.settings import Mqtt
 from deconflict.publisher import Line
 from deconflict.store import Store, StoreError
-from ingest.tokens import secret
+from ingest.tokens import renewed, secret
 
 AT_LEAST_ONCE = 1
 
@@ -36,6 +36,11 @@ class Broker:
         """Raises `SecretError` where the password can't be had."""
         self._settings, self._following, self._store = settings, following, store
         self._password = secret(settings.password) if settings.password else None
+
+    def refresh(self) -> None:
+        """Read the password again; it counts at the next connection."""
+        if self._password:
+            self._password = renewed(self._settings.password, self._password)
 
     async def run(self) -> None:
         """Until cancelled."""
@@ -93,7 +98,7 @@ class Broker:
         async for line in self._following.lines():
             for said in told(self._settings.topic, line):
                 await self._say(client, said)
-            await self._following.taken(line)
+            self._following.taken(line)
 
     async def _say(self, client: Client, said: Said) -> None:
         await client.publish(said.topic, said.payload, AT_LEAST_ONCE, said.retain)

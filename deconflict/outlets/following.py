@@ -13,7 +13,7 @@ STORE_RETRY_S = 1.0
 
 
 class Following:
-    """One outlet's position. `taken` moves it on, durably; what is not taken is seen again."""
+    """One outlet's position. `taken` moves it on; what is not taken is seen again."""
 
     def __init__(self, name: str, store: Store, publisher: Publisher) -> None:
         self.name = name
@@ -25,14 +25,14 @@ class Following:
 
     async def begin(self) -> None:
         """Go on where it stopped; an outlet that is new begins with the next revision."""
-        first = self._publisher.last_seq
+        self.seq = first = self._publisher.last_seq
         while True:
             try:
-                self.seq = await asyncio.to_thread(self._store.position, self.name, first)
+                known = await asyncio.to_thread(self._store.position, self.name)
             except StoreError as error:
                 await self._wait_for_store(error)
             else:
-                self._measure()
+                self._move(first if known is None else known)
                 return
 
     async def lines(self) -> AsyncIterator[Line]:
@@ -46,18 +46,19 @@ class Following:
             for line in found:
                 yield line
 
-    async def taken(self, line: Line) -> None:
-        """The other end has it."""
-        self.seq = line.seq
+    def taken(self, line: Line) -> None:
+        """The other end has it. Its place is stored soon: nobody waits for a slow disk."""
         self._publisher.measures.count("deconflict_outlet_deliveries_total", self.name)
-        self._measure()
         if self._failing:
-            log.info("%s takes advisories again, %s wait", self.name, self._publisher.last_seq - self.seq)
+            log.info("%s takes advisories again, %s wait", self.name, self._publisher.last_seq - line.seq)
             self._failing = False
-        try:
-            await asyncio.to_thread(self._store.move, self.name, self.seq)
-        except StoreError as error:
-            log.warning("the position of %s is not kept; after a restart some is sent again: %s", self.name, error)
+        self._move(line.seq)
+
+    def _move(self, seq: int) -> None:
+        self.seq = seq
+        self._measure()
+        self._store.move(self.name, seq)
+        self._publisher.begin_storing()
 
     def failed(self, why: str) -> None:
         """The other end did not take it. Told once, until it takes something again."""

@@ -9,7 +9,7 @@ from deconflict.outlets.following import Following
 from deconflict.outlets.settings import Webhook
 from deconflict.outlets.signing import signed
 from deconflict.publisher import Line
-from ingest.tokens import secret
+from ingest.tokens import renewed, secret
 
 
 class Poster:
@@ -20,13 +20,17 @@ class Poster:
         self._settings, self._following = settings, following
         self._secret = secret(settings.secret)
 
+    def refresh(self) -> None:
+        """Read the secret again."""
+        self._secret = renewed(self._settings.secret, self._secret)
+
     async def run(self) -> None:
         """Until cancelled."""
         await self._following.begin()
         async with httpx.AsyncClient(timeout=self._settings.timeout_s) as client:
             async for line in self._following.lines():
                 await self._until_taken(client, line)
-                await self._following.taken(line)
+                self._following.taken(line)
 
     async def _until_taken(self, client: httpx.AsyncClient, line: Line) -> None:
         wait_s, longest_s = self._settings.retry_s

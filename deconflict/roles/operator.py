@@ -19,9 +19,7 @@ from deconflict.effort import Effort
 from deconflict.learned_file import LearnedFile
 from deconflict.link import AsyncCaller, LinkDownError, PortTakenError, listening, socket_path
 from deconflict.operator import Exposition, SourceUnavailableError, create_app
-from deconflict.outlets.broker import Broker
-from deconflict.outlets.following import Following
-from deconflict.outlets.webhooks import Poster
+from deconflict.outlets.outlets import Outlets
 from deconflict.past import BusyError, Past
 from deconflict.recent import opened
 from deconflict.reloading import ASKED_FILE, InForce, reloads
@@ -65,7 +63,7 @@ class OperatorRole:
         if site.cluster:
             self._app.state.publisher.carry = self._carry
         self._learned_file = LearnedFile(data, self._app.state.measures)
-        self._outlets = self._outlets_of(site)
+        self._outlets = Outlets(self._store, self._app.state.publisher)
         self._past = Past(site, data / "log")
         self._keeper = Keeper(site, data, self._store, self._app.state.measures)
 
@@ -87,9 +85,9 @@ class OperatorRole:
         async with listening(socket_path(self._runtime, "operator"), calls):
             serving = asyncio.create_task(server.serve([bound]))
             waiting = asyncio.create_task(stop.wait())
-            outlets = (outlet.run() for outlet in self._outlets)
+            self._outlets.renew(self._site.webhooks, self._site.mqtt)
             ours = (self._prune(), self._refresh(), self._renew(), self._keeper.run())
-            chores = [asyncio.create_task(one) for one in (*ours, *outlets)]
+            chores = [asyncio.create_task(one) for one in ours]
             self.ready.set()
             try:
                 await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
@@ -97,20 +95,13 @@ class OperatorRole:
                 waiting.cancel()
                 for chore in chores:
                     chore.cancel()
-                await asyncio.gather(*chores, return_exceptions=True)
+                await asyncio.gather(*chores, self._outlets.close(), return_exceptions=True)
                 server.should_exit = True
                 await serving
                 bound.close()
         self._past.close()
         await self._app.state.publisher.close()
         self._store.close()
-
-    def _outlets_of(self, site: Site) -> list[Poster | Broker]:
-        def following(name: str) -> Following:
-            return Following(name, self._store, self._app.state.publisher)
-
-        posters = [Poster(one, following(one.name)) for one in site.webhooks]
-        return [*posters, *([Broker(site.mqtt, following("mqtt"), self._store)] if site.mqtt else [])]
 
     def _bound(self) -> socket.socket:
         host, port = self._site.operator.host, self._site.operator.port
@@ -257,9 +248,10 @@ class OperatorRole:
         """Take up tokens and certificates that have changed, and try a disk again that failed."""
         while True:
             await asyncio.sleep(REFRESH_EVERY_S)
-            if self._store.unstored:
+            if self._store.waits:
                 await self._app.state.publisher.settle()
             self._app.state.people.refresh()
+            self._outlets.refresh()
             if self._certificates:
                 self._certificates.refresh()
 
@@ -272,6 +264,10 @@ class OperatorRole:
                     self._app.state.people.renew(site.operator.people)
                 except SecretError as error:
                     log.error("operator.people stay as they were: %s", error)
+                try:
+                    self._outlets.renew(site.webhooks, site.mqtt)
+                except SecretError as error:
+                    log.error("webhooks and mqtt stay as they were: %s", error)
                 self._site = self._app.state.site = self._past.site = self._keeper.site = site
             await asyncio.sleep(RELOAD_CHECK_S)
 

@@ -163,6 +163,8 @@ class ReceiverRole:
             self.receiver.renew(Credentials(site.vendors))
         except SecretError as error:
             logger.error("vendors' credentials stay as they were: %s", error)
+        self.receiver.bound(site.receiver)
+        self.recorder.renew(site.recorder)
         before, self.site = self.site, site
         if (before.datums, before.vendors, before.reading) != (site.datums, site.vendors, site.reading):
             self.fleet.renew(Vendors(site.vendors), Frames(site.datums, site.vendors), site.reading)
@@ -177,7 +179,7 @@ class ReceiverRole:
             self._dialers[new] = asyncio.create_task(self._dialer(*new).run())
 
     def _dialer(self, url: str, vendor: str) -> Dialer:
-        return Dialer(self.receiver, self.site.receiver, url, vendor, time.monotonic, Random())
+        return Dialer(self.receiver, url, vendor, time.monotonic, Random())
 
     async def _batch(self, payload: bytes) -> bytes:
         """The next tick's batch. The first call of an engine asks for everything, each tells its effort and the

@@ -20,6 +20,7 @@ from deconflict.reloading import FIXED, RELOADS_FILE, SITE_FILE, InForce, Reload
 from deconflict.site import Conflict, Operator, Site, SiteError
 from ingest.settings import Receiver, Vendor
 from tests.deconflict.made_site import toml
+from tests.deconflict.outlets.made_outlets import SECRET, hearing
 from tests.deconflict.test_supervisor import Served, healthy
 from tests.saying import HALL, identity, robot, status
 
@@ -136,14 +137,12 @@ async def test_a_changed_file_is_taken_up_with_every_connection_open(tmp_path: P
         await alder.send(status("A-1", time.time(), 1.0))
         await placed(service, 1.0)
 
-        file.write_text(
-            toml(told("Alder", "Basalt", shift_m=5.0, resources=[dock("d1")], recorder={"segment_bytes": 1000000}))
-        )
+        file.write_text(toml(told("Alder", "Basalt", shift_m=5.0, resources=[dock("d1")], recorder={"enabled": False})))
         os.kill(pid, signal.SIGHUP)
         await service.until("/site", lambda site: [one["id"] for one in site["places"]] == ["d1"])
         await placed(service, 6.0)
         health = await service.until("/healthz", lambda health: health["site"].get("needs_restart"))
-        assert health["site"]["needs_restart"] == ["recorder.segment_bytes"]
+        assert health["site"]["needs_restart"] == ["recorder.enabled"]
         await ended(corvid, "Corvid was taken out of the site file")
         await alder.send(status("A-1", time.time(), 2.0))
         await placed(service, 7.0)
@@ -164,6 +163,43 @@ async def test_a_changed_file_is_taken_up_with_every_connection_open(tmp_path: P
         assert (alder.state, stream.state) == (State.OPEN, State.OPEN)
         for socket in (alder, stream):
             await socket.close()
+
+
+async def test_limits_and_outlets_hold_at_once_with_every_connection_open(tmp_path: Path) -> None:
+    file, secret = tmp_path / "site.toml", tmp_path / "secret"
+    secret.write_text(SECRET)
+    file.write_text(toml(told("Alder", "Basalt")))
+    service = Served(tmp_path / "data", file)
+    with hearing() as other, service.running() as pid:
+        await service.until("/healthz", healthy)
+        async with connect(f"{service.robots_url}/Alder") as alder, service.with_robots(time.time() - 21.0):
+            await service.until("/advisories", lambda answer: answer["advisories"])
+            await alder.send(identity("A-9", time.time()))
+            for _ in range(30):
+                await alder.send(status("A-9", time.time(), 40.0))
+            assert await shed(service, "Alder") == 0
+            hook = {"name": "mes", "url": other.url, "secret": f"file:{secret}"}
+            limits = {"max_messages_per_s": 3.0, "max_connections": 500}
+            file.write_text(
+                toml(told("Alder", "Basalt", receiver=limits, webhooks=[hook], recorder={"keep_days": 2.0}))
+            )
+            os.kill(pid, signal.SIGHUP)
+            async with asyncio.timeout(60):
+                while not other.heard or not await shed(service, "Alder"):
+                    for _ in range(10):
+                        await alder.send(status("A-9", time.time(), 40.0))
+                    await asyncio.sleep(0.1)
+            health = await service.until("/healthz", healthy)
+            assert health["site"] == {"problems": [], "needs_restart": []}
+            assert alder.state is State.OPEN
+
+
+async def shed(service: Served, vendor: str) -> float:
+    """Messages of a vendor that were shed, as Prometheus reads it."""
+    async with httpx.AsyncClient(timeout=20) as client:
+        text = (await client.get(f"{service.face_url}/metrics")).text
+    rows = [line for line in text.splitlines() if line.startswith("deconflict_messages_shed_total{") and vendor in line]
+    return sum(float(row.split()[-1]) for row in rows)
 
 
 async def ended(socket: ClientConnection, reason: str) -> None:

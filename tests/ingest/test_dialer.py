@@ -39,7 +39,7 @@ class Dialled:
             measures=self.measures,
             clock=self.clock,
         )
-        self.dialer = Dialer(self.receiver, given, url, "Alder", self.clock, Random(1))
+        self.dialer = Dialer(self.receiver, url, "Alder", self.clock, Random(1))
 
     def deliver(self, raw: bytes, _: float, connection: Connection) -> None:
         self.delivered.append((raw, connection))

@@ -73,7 +73,7 @@ async def test_what_was_missed_while_the_broker_was_away_or_the_service_down_is_
             async with feeding(port, store, publisher):
                 async with broker(port):
                     await publisher.publish([made(1), made(2)])
-                    await until(lambda: store.position("mqtt", 0) == 2)
+                    await until(lambda: store.position("mqtt") == 2)
                 failures = publisher.measures.values["deconflict_outlet_failures_total"]
                 await publisher.publish([cleared(2), made(3)])
                 await until(lambda: failures["mqtt",] > 0)

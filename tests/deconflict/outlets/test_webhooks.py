@@ -63,7 +63,7 @@ async def test_a_restart_goes_on_where_it_stopped_and_loses_nothing(tmp_path: Pa
         with kept(tmp_path) as (store, publisher):
             async with posting(other.url, store, publisher, tmp_path):
                 await publisher.publish([made(1)])
-                await until(lambda: store.position("mes", 0) == 1)
+                await until(lambda: store.position("mes") == 1)
             await publisher.publish([made(2), made(3)])
         with kept(tmp_path) as (store, publisher):
             async with posting(other.url, store, publisher, tmp_path):

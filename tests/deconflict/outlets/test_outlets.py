@@ -1,0 +1,137 @@
+"""Outlets that begin, end and change while the service runs."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from deconflict.outlets.outlets import Outlets
+from deconflict.outlets.settings import Mqtt, Webhook
+from deconflict.outlets.signing import SignatureError, verified
+from deconflict.publisher import Publisher
+from deconflict.store import Store
+from ingest.tokens import SecretError
+from tests.deconflict.made_advisories import cleared, made
+from tests.deconflict.outlets.made_outlets import SECRET, Hearer, broker, hearing, kept, needs_mosquitto
+from tests.deconflict.outlets.test_broker import retained
+from tests.deconflict.outlets.test_positions import heard
+from tests.deconflict.outlets.test_webhooks import numbers
+from tests.deconflict.served_face import until
+
+
+@asynccontextmanager
+async def outlets(folder: Path) -> AsyncIterator[tuple[Outlets, Store, Publisher]]:
+    (folder / "secret").write_text(SECRET)
+    with kept(folder) as (store, publisher):
+        one = Outlets(store, publisher)
+        try:
+            yield one, store, publisher
+        finally:
+            await one.close()
+            await publisher.close()
+
+
+def hook(other: Hearer, folder: Path, name: str = "mes") -> Webhook:
+    return Webhook(name=name, url=other.url, secret=f"file:{folder / 'secret'}", retry_s=(0.02, 0.1))
+
+
+def waiting(publisher: Publisher) -> set[str]:
+    """Outlets that are measured."""
+    return {name for (name,) in publisher.measures.values["deconflict_outlet_waiting"]}
+
+
+async def test_an_outlet_that_changes_goes_on_where_it_was_and_the_others_are_not_disturbed(tmp_path: Path) -> None:
+    with hearing() as first, hearing() as second, hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([hook(first, tmp_path), hook(other, tmp_path, "wms")], None)
+            await until(lambda: waiting(publisher) == {"mes", "wms"})
+            await publisher.publish([made(1)])
+            await heard(first, 1)
+            one.renew([hook(second, tmp_path), hook(other, tmp_path, "wms")], None)
+            await publisher.publish([made(2), made(3)])
+            await heard(second, 2)
+            await heard(other, 3)
+        assert (numbers(first.heard), numbers(second.heard)) == ([1], [2, 3])
+        assert numbers(other.heard) == [1, 2, 3]
+
+
+async def test_an_outlet_that_was_stuck_is_given_another_address_and_loses_nothing(tmp_path: Path) -> None:
+    with hearing() as gone:
+        stuck = hook(gone, tmp_path)
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([stuck], None)
+            await until(lambda: waiting(publisher))
+            await publisher.publish([made(1), made(2)])
+            await until(lambda: publisher.measures.values["deconflict_outlet_failures_total"]["mes",] > 1)
+            one.renew([hook(other, tmp_path)], None)
+            await heard(other, 2)
+        assert numbers(other.heard) == [1, 2]
+
+
+async def test_an_outlet_that_is_taken_out_is_silent_and_measured_no_more(tmp_path: Path) -> None:
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([hook(other, tmp_path)], None)
+            await until(lambda: waiting(publisher))
+            one.renew([], None)
+            assert not waiting(publisher)
+            await publisher.publish([made(1)])
+            one.renew([hook(other, tmp_path, "new")], None)
+            await until(lambda: waiting(publisher))
+            await publisher.publish([made(2)])
+            await heard(other, 1)
+        assert numbers(other.heard) == [2]
+
+
+async def test_without_its_secret_nothing_changes(tmp_path: Path) -> None:
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([hook(other, tmp_path)], None)
+            await until(lambda: waiting(publisher))
+            broken = hook(other, tmp_path, "new").model_copy(update={"secret": "env:NOWHERE_TO_BE_FOUND"})
+            with pytest.raises(SecretError, match="NOWHERE_TO_BE_FOUND"):
+                one.renew([broken], Mqtt(host="127.0.0.1"))
+            await publisher.publish([made(1)])
+            await heard(other, 1)
+        assert waiting(publisher) == {"mes"}
+
+
+async def test_a_changed_secret_signs_from_then_on_and_one_that_vanishes_stays(tmp_path: Path) -> None:
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([hook(other, tmp_path)], None)
+            await until(lambda: waiting(publisher))
+            (tmp_path / "secret").write_text("another secret that both know")
+            one.refresh()
+            await publisher.publish([made(1)])
+            await heard(other, 1)
+            (tmp_path / "secret").unlink()
+            one.refresh()
+            await publisher.publish([made(2)])
+            await heard(other, 2)
+        for headers, body in other.heard:
+            assert verified(headers, body, "another secret that both know", float(headers["webhook-timestamp"]))
+            with pytest.raises(SignatureError):
+                verified(headers, body, SECRET, float(headers["webhook-timestamp"]))
+
+
+@needs_mosquitto
+async def test_a_broker_that_is_changed_for_another_is_left_offline(tmp_path: Path) -> None:
+    async with (
+        asyncio.timeout(60),
+        broker() as first,
+        broker() as second,
+        outlets(tmp_path) as (one, store, publisher),
+    ):
+        one.renew([], Mqtt(host="127.0.0.1", port=first, retry_s=(0.05, 0.2)))
+        await until(lambda: waiting(publisher))
+        await publisher.publish([made(1), made(2)])
+        await until(lambda: store.position("mqtt") == 2)
+        one.renew([], Mqtt(host="127.0.0.1", port=second, retry_s=(0.05, 0.2)))
+        await publisher.publish([cleared(2)])
+        await retained(second, {"service", "advisories/advisory-1"})
+        left = await retained(first, {"service", "advisories/advisory-1", "advisories/advisory-2"})
+        assert left["deconflict/service"] == "offline"
