@@ -16,7 +16,7 @@ from ingest.tokens import SecretError
 from tests.deconflict.made_advisories import cleared, made
 from tests.deconflict.outlets.made_outlets import SECRET, Hearer, broker, hearing, kept, needs_mosquitto
 from tests.deconflict.outlets.test_broker import retained
-from tests.deconflict.outlets.test_positions import heard
+from tests.deconflict.outlets.test_positions import delivered, heard
 from tests.deconflict.outlets.test_webhooks import numbers
 from tests.deconflict.served_face import until
 
@@ -48,11 +48,11 @@ async def test_an_outlet_that_changes_goes_on_where_it_was_and_the_others_are_no
             one.renew([hook(first, tmp_path), hook(other, tmp_path, "wms")], None)
             await until(lambda: waiting(publisher) == {"mes", "wms"})
             await publisher.publish([made(1)])
-            await heard(first, 1)
+            await delivered(publisher, 1)
             one.renew([hook(second, tmp_path), hook(other, tmp_path, "wms")], None)
             await publisher.publish([made(2), made(3)])
-            await heard(second, 2)
-            await heard(other, 3)
+            await delivered(publisher, 3)
+            await delivered(publisher, 3, "wms")
         assert (numbers(first.heard), numbers(second.heard)) == ([1], [2, 3])
         assert numbers(other.heard) == [1, 2, 3]
 
