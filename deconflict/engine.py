@@ -137,11 +137,14 @@ class Engine:
         """How many answers, the newest of those asked for, are still worked out."""
         return self._aside.pending()
 
-    def step(self, now_s: float, effort: Effort = Effort.FULL, pending: int | None = None) -> list[AnyAdvisory]:
+    def step(
+        self, now_s: float, effort: Effort = Effort.FULL, pending: int | None = None, heard: bool = True
+    ) -> list[AnyAdvisory]:
         """Sweep what changed, and say what that changes for people, with no more work than `effort` allows.
 
         `pending` answers are not given yet: what `pending()` told before the step, or a recording of that; what it
-        tells now if absent.
+        tells now if absent. `heard` is whether robots may act on what is advised: those of a log that another service
+        recorded could not.
         """
         self._aside.settle(self.pending() if pending is None else pending)
         self._sweep_again(self._told | self._grown(now_s))
@@ -159,7 +162,8 @@ class Engine:
             self._contended_s = now_s
         revisions += self._claims.step(now_s)
         self._account.settle(revisions)
-        self.foresight.advise(now_s, waits_until_s(revisions))
+        if heard:
+            self.foresight.advise(now_s, waits_until_s(revisions))
         self._measure(conflicts, revisions)
         return revisions
 

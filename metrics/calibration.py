@@ -3,6 +3,7 @@
 A sample is a pair and a second for which a probability was published. It came true where an encounter of the pair
 began within the next 10 s. Pairs that are in an encounter are left out. So are those of which a robot left before
 anything happened: nobody knows what would have. Those that are known stand for them (`deconflict.foresight.leaving`).
+Those of which a robot waited as advised are counted apart.
 """
 
 from collections import deque
@@ -18,6 +19,7 @@ from ingest.seam import Floats
 from metrics.bootstrap import Interval, interval
 from metrics.summaries import brier, brier_skill
 from metrics.truth import Pair, Truth
+from metrics.waits import Waits
 
 HORIZON_S = 10.0
 SETTLED_S = 120.0
@@ -124,6 +126,9 @@ class Calibration:
         self.by_vendors: dict[Vendors, Tally] = {}
         self.settled = Tally()
         """What was said after the first minutes."""
+        self.waits = Waits()
+        self.heeded = 0
+        """Samples of which a robot waited as advised before anything happened."""
 
     def sample(self, now_s: float, probabilities: Sequence[tuple[Pair, float]]) -> None:
         """Take what is published at the first pass of each second."""
@@ -148,6 +153,9 @@ class Calibration:
         """Count one sample, unless it was said within an encounter."""
         began_s = self._began_s(truth, pair, at_s)
         if began_s == at_s:
+            return
+        if self.waits.began_s(pair, at_s, at_s + HORIZON_S) < began_s:
+            self.heeded += 1
             return
         tallies = [self.by_vendors.setdefault((min(vendors), max(vendors)), Tally())]
         if at_s >= self._settled_from_s:

@@ -28,6 +28,8 @@ class Pass:
     """What the engine had time for when it was recorded."""
     pending: int = 0
     """Answers that were still worked out then."""
+    heard: bool = False
+    """Whether robots may have acted on what was advised: the log is this service's own, with its ticks."""
 
 
 class Reading:
@@ -79,4 +81,4 @@ class Reading:
     def _pass(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> Pass:
         batch = self.fleet.cut(now_s, self._everything)
         self._everything = False
-        return Pass(now_s, batch, effort, pending)
+        return Pass(now_s, batch, effort, pending, self._own_ticks)

@@ -60,6 +60,8 @@ class Said:
     probabilities: Sequence[tuple[Pair, float]]
     bands_m: Floats
     """(n, horizons, bands) radii that its ledger held for the forecasts of the batch."""
+    waiting: Sequence[str] = ()
+    """Robots that wait as advised."""
 
 
 class Run:
@@ -80,11 +82,12 @@ class Run:
     def step(self, one: Pass) -> Said:
         bands_m = self._bands_m(one.batch)
         self.engine.receive(one.batch)
-        told = self.engine.step(one.now_s, one.effort, one.pending)
+        told = self.engine.step(one.now_s, one.effort, one.pending, one.heard)
         raised = [each.kind for each in told if each.state is AdvisoryState.RAISED]
         revisions = [each for each in told if isinstance(each, ConflictAdvisory)]
         others = [each for each in told if not isinstance(each, ConflictAdvisory)]
-        return Said(revisions, others, raised, self._published(one.now_s), bands_m)
+        waiting = self.engine.foresight.heeding(one.now_s)
+        return Said(revisions, others, raised, self._published(one.now_s), bands_m, waiting)
 
     def _published(self, now_s: float) -> list[tuple[Pair, float]]:
         """The probabilities at the first pass of each second, which are judged; none at others."""
@@ -116,11 +119,13 @@ class Verdict:
         for one in said.revisions:
             self._take(one)
         self.calibration.sample(now_s, said.probabilities)
+        self.calibration.waits.see(now_s, said.waiting)
 
     def alerts(self, truth: Truth) -> Iterator[Alert]:
         for one in self.told.values():
             left_s = min(truth.motion.last_seen_s(robot) for robot in one.pair)
-            yield Alert(one.pair, one.vendors, one.raised_s, one.cleared_s, one.predicted_s, left_s, one.place)
+            heeded = self.calibration.waits.began_s(one.pair, one.raised_s, one.cleared_s) < inf
+            yield Alert(one.pair, one.vendors, one.raised_s, one.cleared_s, one.predicted_s, left_s, one.place, heeded)
 
     def _take(self, one: ConflictAdvisory) -> None:
         predicted_s = one.predicted_at.timestamp()
@@ -206,6 +211,7 @@ class Outcome:
         )
         return figures | {
             "censored_samples": int(verdict.calibration.whole().left.sum()),
+            "heeded_samples": verdict.calibration.heeded,
             "settled": {"after_s": SETTLED_S, **verdict.calibration.settled.figures()},
         }
 

@@ -48,7 +48,7 @@ def _figures(scores: Sequence[Part]) -> str:
             _sure(one, "recall"),
             _share(one["recall_any"]),
             f"{one['alerts']}",
-            f"{one['censored']}",
+            f"{one['censored'] + one['heeded']}",
             _sure(one, "precision"),
             _spread(one["lead_time_s"]),
             _number(one["start_error_s"]),

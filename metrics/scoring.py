@@ -7,7 +7,7 @@ already in an encounter are left out, and an alert without any other second is n
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
-from math import ceil, nan
+from math import ceil, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,8 @@ class Alert:
     """When the first of the two was last heard."""
     place: tuple[str, float, float] | None = None
     """Floor, x and y of where it said that it would start."""
+    heeded: bool = False
+    """Whether one of the two waited as advised while it stood."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,8 @@ class Cases:
     places: list[tuple[str, float, float] | None] = field(default_factory=list)
     """(m,) of the alerts."""
     tally: Tally = field(default_factory=Tally)
+    heeded: int = 0
+    """Alerts that can't be told since a robot waited as advised."""
 
 
 _MEASURED: dict[str, Callable[[Floats], float | None]] = {
@@ -134,6 +138,7 @@ def _joined(by_vendors: Mapping[Vendors, Cases], names: Sequence[str]) -> Cases:
         np.concatenate([np.empty(0), *(part.alerts for part in parts)]),
         [place for part in parts for place in part.places],
         Tally.joined(part.tally for part in parts),
+        sum(part.heeded for part in parts),
     )
 
 
@@ -147,9 +152,14 @@ def _cases(encounters: Sequence[Encounter], alerts: Sequence[Alert]) -> Cases:
     met = [_met(one, alerts_of.get(one.pair, [])) for one in encounters if one.foreseeable]
     ordered = sorted(alerts, key=lambda alert: (alert.raised_s, alert.pair))
     outcomes = [_outcome(alert, by_pair.get(alert.pair, [])) for alert in ordered]
-    told = [one for one in outcomes if one is not None]
-    places = [one.place for one, outcome in zip(ordered, outcomes, strict=True) if outcome is not None]
-    return Cases(len(encounters), np.array(met, np.float64).reshape(-1, 4), np.array(told, np.float64), places)
+    scored = [(one, outcome) for one, outcome in zip(ordered, outcomes, strict=True) if outcome is not None]
+    return Cases(
+        len(encounters),
+        np.array(met, np.float64).reshape(-1, 4),
+        np.array([outcome for _, outcome in scored], np.float64),
+        [one.place for one, _ in scored],
+        heeded=sum(one.heeded and isnan(outcome) for one, outcome in scored),
+    )
 
 
 def _met(encounter: Encounter, alerts: Sequence[Alert]) -> tuple[float, float, float, float]:
@@ -170,7 +180,8 @@ def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
         "recall": _MEASURED["recall"](cases.met),
         "recall_any": _MEASURED["recall_any"](cases.met),
         "alerts": len(told),
-        "censored": len(cases.alerts) - len(told),
+        "censored": len(cases.alerts) - len(told) - cases.heeded,
+        "heeded": cases.heeded,
         "precision": precision,
         "nuisance_rate": None if precision is None else 1 - precision,
         "robot_hours": robot_hours,
@@ -227,4 +238,4 @@ def _outcome(alert: Alert, encounters: Sequence[Encounter]) -> float | None:
     followed = any(bool(np.any((one.start_s >= seconds) & (one.start_s <= seconds + HORIZON_S))) for one in encounters)
     if followed:
         return 1.0
-    return nan if alert.left_s < alert.predicted_s else 0.0
+    return nan if alert.heeded or alert.left_s < alert.predicted_s else 0.0

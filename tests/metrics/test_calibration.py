@@ -99,6 +99,17 @@ def test_seconds_within_an_encounter_and_those_before_a_robot_leaves_are_left_ou
     assert (whole.fine[0].sum(), whole.fine[0, :STAYED].sum(), whole.left.sum()) == (20, 10, 9)
 
 
+def test_seconds_before_a_robot_waits_as_advised_are_counted_apart() -> None:
+    waited = Calibration(0.3)
+    for at_s in (14.0, 15.0, 16.0):
+        waited.waits.see(at_s, ["a"])
+    made = followed(waited, *[0.25] * 25)
+    (whole,) = made.by_vendors.values()
+    # of those of 4.05 to 15.05 s nobody knows; those of 16.05 to 19.05 s came true
+    assert made.heeded == 12
+    assert (whole.fine[0].sum(), whole.fine[0, :STAYED].sum()) == (4 + 4, 4)
+
+
 def test_the_first_minutes_are_counted_apart() -> None:
     truth = driven((0, 40.0, 0.0), until_s=200)
     made = Calibration(0.3)

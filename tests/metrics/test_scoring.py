@@ -13,8 +13,10 @@ def encounter(start_s: float, end_s: float, foreseeable: bool = True) -> Encount
     return Encounter(PAIR, start_s, end_s, foreseeable)
 
 
-def alert(raised_s: float, cleared_s: float, predicted_s: float = 0.0, left_s: float = inf) -> Alert:
-    return Alert(PAIR, ("Alder", "Corvid"), raised_s, cleared_s, predicted_s, left_s)
+def alert(
+    raised_s: float, cleared_s: float, predicted_s: float = 0.0, left_s: float = inf, heeded: bool = False
+) -> Alert:
+    return Alert(PAIR, ("Alder", "Corvid"), raised_s, cleared_s, predicted_s, left_s, heeded=heeded)
 
 
 def test_nothing_happened_and_nothing_was_said() -> None:
@@ -53,6 +55,11 @@ def test_an_alert_within_an_encounter_is_not_scored() -> None:
 def test_an_alert_whose_robot_left_before_the_predicted_start_is_censored() -> None:
     figures = score([], [alert(10, inf, predicted_s=18, left_s=12)], 0.3)
     assert (figures["alerts"], figures["censored"], figures["precision"]) == (0, 1, None)
+
+
+def test_an_alert_that_came_to_nothing_since_its_advice_was_followed_is_counted_apart() -> None:
+    figures = score([encounter(40, 42)], [alert(10, 14, heeded=True), alert(35, 43, heeded=True)], 0.3)
+    assert (figures["alerts"], figures["heeded"], figures["censored"], figures["precision"]) == (1, 1, 0, 1.0)
 
 
 def test_encounters_that_nobody_could_foresee_do_not_lower_recall() -> None:

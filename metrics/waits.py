@@ -1,0 +1,32 @@
+"""When robots waited because they were advised to: what became of them then is no measure of what was foretold."""
+
+from collections.abc import Iterable
+from math import inf
+
+from metrics.truth import Pair
+
+ONE_WAIT_S = 2.5
+"""A robot that is seen to wait again within this time waited throughout."""
+
+
+class Waits:
+    """By robot, from when to when it waited, in order."""
+
+    def __init__(self) -> None:
+        self._of: dict[str, list[tuple[float, float]]] = {}
+
+    def see(self, now_s: float, waiting: Iterable[str]) -> None:
+        """These robots wait now."""
+        for robot in waiting:
+            spans = self._of.setdefault(robot, [])
+            if spans and now_s - spans[-1][1] <= ONE_WAIT_S:
+                spans[-1] = (spans[-1][0], now_s)
+            else:
+                spans.append((now_s, now_s))
+
+    def began_s(self, pair: Pair, from_s: float, to_s: float) -> float:
+        """When one of a pair first waited between two times; inf where neither did."""
+        spans = (span for robot in pair for span in self._of.get(robot, ()))
+        return min(
+            (max(began_s, from_s) for began_s, ended_s in spans if began_s <= to_s and ended_s >= from_s), default=inf
+        )
