@@ -3,21 +3,22 @@
 A program sends its token as `Authorization: Bearer TOKEN`; a browser signs in once at `/login` and keeps a cookie.
 """
 
-import ipaddress
 import secrets
 from collections.abc import Iterable, Mapping
 from html import escape
 from http.cookies import CookieError, SimpleCookie
+from typing import NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 from starlette.datastructures import Headers
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from deconflict.site import Operator, Person, Role, Site
 from ingest.certificates import Certificates
 from ingest.credentials import Credentials
+from ingest.origins import host_of, is_loopback, is_sure
 from ingest.tokens import Tokens, secret
 
 RANK: Mapping[Role, int] = {"read": 0, "acknowledge": 1, "administer": 2}
@@ -37,9 +38,9 @@ def exposed(site: Site) -> list[str]:
     """Ports that listen beyond this machine though nobody needs credentials there, a sentence each."""
     told = []
     guarded = any(vendor.token or vendor.certificate_names for vendor in site.vendors)
-    if not _loopback(site.receiver.host) and not guarded:
+    if not is_loopback(site.receiver.host) and not guarded:
         told.append(f"receiver.host: {site.receiver.host} is open to a network; give each vendor a token")
-    if not _loopback(site.operator.host) and not site.operator.people:
+    if not is_loopback(site.operator.host) and not site.operator.people:
         told.append(f"operator.host: {site.operator.host} is open to a network; name operator.people with tokens")
     return told
 
@@ -54,6 +55,13 @@ def verify(site: Site) -> None:
     for tls in (site.receiver.tls, site.operator.tls):
         if tls:
             Certificates(tls)
+
+
+class Entered(NamedTuple):
+    """Somebody who came in, and the digest of the token that let them in."""
+
+    person: str
+    digest: bytes | None
 
 
 class People:
@@ -72,13 +80,16 @@ class People:
     def __bool__(self) -> bool:
         return bool(self._roles)
 
-    def owner(self, authorization: str | None) -> str | None:
-        """Whose token an `Authorization` header carries."""
-        return self._tokens.owner(authorization)
+    def entered(self, authorization: str | None) -> Entered | None:
+        """Who comes in by an `Authorization` header."""
+        person = self._tokens.owner(authorization)
+        return Entered(person, self._tokens.digest(person)) if person else None
 
-    def role(self, person: str) -> Role | None:
-        """None for somebody who is no longer among them."""
-        return self._roles.get(person)
+    def role(self, entered: Entered) -> Role | None:
+        """None for somebody who is no longer among them, or whose token has changed since."""
+        if self._tokens.digest(entered.person) != entered.digest:
+            return None
+        return self._roles.get(entered.person)
 
     def refresh(self) -> None:
         """Read the tokens again."""
@@ -90,8 +101,8 @@ class Access:
 
     def __init__(self, app: ASGIApp, settings: Operator, people: People) -> None:
         self._app, self._people = app, people
-        self._secure = settings.tls is not None
-        self._sessions: dict[str, str] = {}
+        self._secure, self._is_local = settings.tls is not None, is_loopback(settings.host)
+        self._sessions: dict[str, Entered] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -99,7 +110,7 @@ class Access:
             return
         answer = await self._judge(scope, receive)
         if answer is None:
-            await self._app(scope, receive, send)
+            await self._app(scope, receive, self._while_allowed(scope, send))
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008, "reason": "not allowed"})
         else:
@@ -111,22 +122,45 @@ class Access:
         if _foreign(headers):
             return _refused(403, "pages of other sites may not use this service")
         if not self._people:
-            return None
+            return self._unnamed(headers)
         if path == "/login":
             return await self._sign_in(Request(scope, receive)) if method == "POST" else _login_page("")
-        person = self._people.owner(headers.get("authorization")) or self._of_session(headers)
+        person = self._people.entered(headers.get("authorization")) or self._of_session(headers)
         return None if path == "/healthz" else self._allow(person, scope, method, headers)
 
-    def _allow(self, person: str | None, scope: Scope, method: str, headers: Headers) -> Response | None:
-        role = self._people.role(person) if person else None
-        if person is None or role is None:
+    def _unnamed(self, headers: Headers) -> Response | None:
+        """Where everybody on this machine may, whoever asks for another name is led here from elsewhere."""
+        host = host_of(headers.get("host", ""))
+        if self._is_local and not is_sure(host):
+            return _refused(403, "ask for localhost or an address; to be asked for by a name, name operator.people")
+        return None
+
+    def _allow(self, entered: Entered | None, scope: Scope, method: str, headers: Headers) -> Response | None:
+        person, role = (entered.person, self._people.role(entered)) if entered else ("", None)
+        if entered is None or role is None:
             wants_page = method == "GET" and "text/html" in headers.get("accept", "")
             return _login_page("") if wants_page else _refused(401, "send 'Authorization: Bearer TOKEN', or sign in")
         wanted = needed(method, scope["path"])
         if RANK[role] < RANK[wanted]:
             return _refused(403, f"{person} may {role}; this takes the role {wanted}")
         scope.setdefault("state", {})["person"] = person
+        scope["state"]["entered"] = entered
         return None
+
+    def _while_allowed(self, scope: Scope, send: Send) -> Send:
+        """What a WebSocket sends, until who opened it may no longer read."""
+        if scope["type"] != "websocket":
+            return send
+        entered: Entered | None = scope.get("state", {}).get("entered")
+
+        async def guarded(message: Message) -> None:
+            gone = self._people and (entered is None or self._people.role(entered) is None)
+            if gone and message["type"] == "websocket.send":
+                await send({"type": "websocket.close", "code": 1008, "reason": "no longer allowed"})
+                raise OSError  # which Starlette tells the application as a peer that has gone
+            await send(message)
+
+        return guarded
 
     async def _sign_in(self, request: Request) -> Response:
         body = b""
@@ -135,18 +169,18 @@ class Access:
             if len(body) > MOST_FORM_BYTES:
                 return _refused(413, "the form is too long")
         told = parse_qs(body.decode("utf-8", "replace")).get("token", [""])[0]
-        person = self._people.owner(f"Bearer {told}")
-        if person is None:
+        entered = self._people.entered(f"Bearer {told}")
+        if entered is None:
             return _login_page("That token is nobody's.")
         session = secrets.token_urlsafe(32)
         while len(self._sessions) >= MOST_SESSIONS:
             self._sessions.pop(next(iter(self._sessions)))
-        self._sessions[session] = person
+        self._sessions[session] = entered
         answer = RedirectResponse("/", 303)
         answer.set_cookie(COOKIE, session, httponly=True, secure=self._secure, samesite="strict", path="/")
         return answer
 
-    def _of_session(self, headers: Headers) -> str | None:
+    def _of_session(self, headers: Headers) -> Entered | None:
         try:
             cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
         except CookieError:
@@ -177,12 +211,3 @@ def _login_page(problem: str) -> Response:
 """,
         401,
     )
-
-
-def _loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False

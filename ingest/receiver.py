@@ -26,6 +26,7 @@ from ingest.certificates import Certificates, names
 from ingest.connection import Connection
 from ingest.credentials import Credentials, Refusal
 from ingest.measures import Measures
+from ingest.origins import is_page_elsewhere
 from ingest.settings import Receiver as Settings
 from ingest.shares import Arrived, Shares
 from ingest.turns import Turns
@@ -64,7 +65,8 @@ class Receiver:
     """Accepts robots and fleet managers. Delivers on the event loop, in order of arrival and in short turns.
 
     `deconflict_connections_refused_total` counts by reason: `full` (answered 503, or aborted where even that would
-    take too many files), `unauthorised`, `another-vendor`, `replaced`, `idle`, `vendor-removed`, `protocol-error`.
+    take too many files), `unauthorised`, `another-vendor`, `another-site`, `replaced`, `idle`, `vendor-removed`,
+    `protocol-error`.
     """
 
     def __init__(
@@ -234,6 +236,9 @@ class Receiver:
         return None
 
     def _vendor_of(self, connection: ServerConnection, request: Request) -> str | Refusal | None:
+        origins, hosts = request.headers.get_all("Origin"), request.headers.get_all("Host")
+        if not self._credentials.needed and any(is_page_elsewhere(one, "".join(hosts)) for one in origins):
+            return Refusal(403, "another-site", "pages of other sites may not speak for robots; give vendors tokens")
         encrypted = connection.transport.get_extra_info("ssl_object")
         shown = names(encrypted.getpeercert()) if encrypted else ()
         tokens = request.headers.get_all("Authorization")

@@ -61,6 +61,10 @@ class Tokens:
         scheme, _, token = (authorization or "").partition(" ")
         return self._owners.get(_digest(token.strip())) if scheme.casefold() == "bearer" else None
 
+    def digest(self, owner: str) -> bytes | None:
+        """Of the token that an owner has now."""
+        return self._digests.get(owner)
+
     def refresh(self) -> None:
         """Read every source again; one that can't be read keeps its last token and is logged."""
         before = dict(self._digests)

@@ -3,13 +3,13 @@ from pathlib import Path
 import httpx
 import pytest
 from websockets.asyncio.client import connect
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from deconflict.access import exposed, needed
 from deconflict.site import Operator, Person, Site
 from ingest.settings import Receiver, Vendor
 from tests.deconflict.made_advisories import made
-from tests.deconflict.served_face import served
+from tests.deconflict.served_face import Served, served, until
 
 READER, LEADER, CHIEF = (f"{name}-0123456789abcdef" for name in ("reader", "leader", "chief"))
 
@@ -103,6 +103,52 @@ async def test_other_people_hold_at_once_and_end_the_sessions_of_those_who_went(
         face.app.state.people.renew(people[1:])
         assert (await browser.get("/advisories")).status_code == 401
         assert (await browser.get("/advisories", headers=bearer(LEADER))).status_code == 200
+
+
+async def test_a_changed_token_ends_the_sessions_and_streams_that_the_old_one_opened(
+    tmp_path: Path, people: tuple[Person, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False) as browser,
+        connect(face.stream(), additional_headers=bearer(READER)) as stolen,
+        connect(face.stream(), additional_headers=bearer(LEADER)) as kept,
+    ):
+        await browser.post("/login", data={"token": READER})
+        await until_subscribed(face, 2)
+        await face.publish(made(1))
+        assert '"advisory-1"' in str(await stolen.recv())
+        monkeypatch.setenv("READER", READER[::-1])
+        face.app.state.people.refresh()
+        assert (await browser.get("/advisories")).status_code == 401
+        await face.publish(made(2))
+        with pytest.raises(ConnectionClosedError, match="no longer allowed"):
+            await stolen.recv()
+        assert ['"advisory-1"' in str(await kept.recv()), '"advisory-2"' in str(await kept.recv())] == [True, True]
+
+
+async def test_streams_of_nobody_end_once_there_are_people(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    async with served(tmp_path) as face, connect(face.stream()) as stream:
+        await until_subscribed(face, 1)
+        face.app.state.people.renew(people)
+        await face.publish(made(1))
+        with pytest.raises(ConnectionClosedError, match="no longer allowed"):
+            await stream.recv()
+
+
+async def until_subscribed(face: Served, count: int) -> None:
+    await until(lambda: face.app.state.measures.values["deconflict_stream_subscribers"] == {(): count})
+
+
+async def test_a_name_that_somebody_made_mean_this_machine_opens_nothing(tmp_path: Path) -> None:
+    """DNS rebinding: the page's own origin, and the name that it was loaded by, are the same."""
+    async with served(tmp_path) as face, httpx.AsyncClient(base_url=face.http, trust_env=False) as client:
+        port = face.address.rpartition(":")[2]
+        rebound = {"host": f"elsewhere.example:{port}", "origin": f"http://elsewhere.example:{port}"}
+        refused = await client.get("/advisories", headers=rebound)
+        assert (refused.status_code, "localhost" in refused.json()["detail"]) == (403, True)
+        assert (await client.get("/advisories", headers={"host": f"elsewhere.example:{port}"})).status_code == 403
+        assert (await client.get("/advisories", headers={"host": f"localhost:{port}"})).status_code == 200
 
 
 async def test_reading_is_not_answering(tmp_path: Path, people: tuple[Person, ...]) -> None:

@@ -14,6 +14,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Frame, Opcode
+from websockets.typing import Origin
 
 from ingest.connection import Connection
 from ingest.credentials import Credentials
@@ -350,6 +351,27 @@ async def test_a_vendors_token_lets_it_in_and_nobody_else(monkeypatch: pytest.Mo
                 await connect(one.url + path, additional_headers=headers)
             assert refused.value.response.status_code == status
         assert (one.count("unauthorised"), one.count("another-vendor")) == (2, 1)
+
+
+async def test_a_page_of_another_site_may_not_speak_for_robots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A browser lets any page open a WebSocket, and always says whose page it is."""
+    async with floor() as one:
+        for origin in ("https://elsewhere.example", "null"):
+            with pytest.raises(InvalidStatus) as refused:
+                await connect(one.url, origin=Origin(origin))
+            assert refused.value.response.status_code == 403
+        assert one.count("another-site") == 2
+        async with connect(one.url, origin=Origin("http://localhost:5173")) as local:
+            await local.send("heard")
+            await until(lambda: one.raws() == [b"heard"])
+    monkeypatch.setenv("ALDER", "alder-0123456789abcdef")
+    headers = {"Authorization": "Bearer alder-0123456789abcdef"}
+    async with (
+        floor((Vendor(name="Alder", token="env:ALDER"),)) as one,
+        connect(one.url, additional_headers=headers, origin=Origin("https://elsewhere.example")) as told,
+    ):
+        await told.send("a page has no token")
+        await until(one.raws)
 
 
 async def test_a_flood_delays_only_its_own_vendor_and_what_is_shed_is_counted() -> None:
