@@ -174,7 +174,9 @@ def _receiver(deliver: Callable[[bytes, float, Connection], None], measures: Mea
     def now_s() -> float:
         return quantise(time.time())
 
-    return Receiver(Settings(port=0), Credentials(()), deliver, ignore, ignore, measures=measures, clock=now_s)
+    return Receiver(
+        Settings(port=0), Credentials(()), deliver, ignore, ignore, overtaken=ignore, measures=measures, clock=now_s
+    )
 
 
 def _datum() -> str:

@@ -139,6 +139,12 @@ class Fleet:
         self.measures.count("deconflict_rejections_total", vendor, rule)
         self.quarantine.add(rejected(raw, rule, reason, connection.id, arrival_s), vendor)
 
+    def overtaken(self, uuid: str, arrival_s: float, connection: Connection) -> None:
+        """Count a status, said to be of a robot, that is not read because a newer one has come."""
+        self.measures.count("deconflict_messages_total", self._vendor_of(uuid, connection), "overtaken")
+        if robot := self.robots.get(uuid):
+            self._said(robot, arrival_s)
+
     def closed(self, connection: Connection) -> None:
         """Forget who spoke on a connection; its robots stay."""
         self._speaking.pop(connection.id, None)
@@ -305,14 +311,17 @@ class Fleet:
                 return (*findings, "stamp-not-increasing")
         robot.status_raw, robot.arrival_s = raw, arrival_s
         robot.state, robot.known_state = status.state, status.known_state
+        self._said(robot, arrival_s)
+        findings += self._place(robot, status, frame, sight, robot.seen)
+        self.robots.move_to_end(robot.uuid)
+        return findings
+
+    def _said(self, robot: Robot, arrival_s: float) -> None:
         if robot.statuses:
             self.measures.count("deconflict_statuses_superseded_total", robot.vendor)
         else:
             robot.first_arrival_s = arrival_s
         robot.statuses += 1
-        findings += self._place(robot, status, frame, sight, robot.seen)
-        self.robots.move_to_end(robot.uuid)
-        return findings
 
     def _place_again(self, robot: Robot, namer: str | None) -> None:
         """From what it said last, by what is known of it now."""

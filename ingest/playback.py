@@ -44,6 +44,15 @@ class Received:
 
 
 @dataclass(frozen=True, slots=True)
+class Overtaken:
+    """A status that nobody read, because a newer one of its robot came first."""
+
+    raw: bytes
+    arrival_s: float
+    connection: Connection
+
+
+@dataclass(frozen=True, slots=True)
 class Closed:
     connection: Connection
 
@@ -69,7 +78,7 @@ class Noted:
     told: dict[str, Any]
 
 
-Event = Received | Closed | Tick | EngineStarted | Noted
+Event = Received | Overtaken | Closed | Tick | EngineStarted | Noted
 NOTES = ("blackbox", "decided", "end")
 
 
@@ -194,6 +203,8 @@ def _told(line: str) -> Event:
         return Noted(told)
     if "closed" in told:
         return Closed(_connection_of(told))
+    if "overtaken" in told:
+        return Overtaken(_raw(line, told), _time(told["received"]), _connection_of(told))
     return Received(_raw(line, told), _time(told["received"]), _connection_of(told), told.get("rejected"))
 
 

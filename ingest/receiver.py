@@ -22,6 +22,7 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 from websockets.protocol import State
 
+from ingest.backlog import Backlog
 from ingest.certificates import Certificates, names
 from ingest.connection import Connection
 from ingest.credentials import Credentials, Refusal
@@ -64,6 +65,8 @@ class Line:
 class Receiver:
     """Accepts robots and fleet managers. Delivers on the event loop, in order of arrival and in short turns.
 
+    Where it is behind, it delivers the newest of a robot's statuses, and tells `overtaken` of the others.
+
     `deconflict_connections_refused_total` counts by reason: `full` (answered 503, or aborted where even that would
     take too many files), `unauthorised`, `another-vendor`, `another-site`, `replaced`, `idle`, `vendor-removed`,
     `protocol-error`.
@@ -77,6 +80,7 @@ class Receiver:
         refuse: Refuse,
         closed: Callable[[Connection], None],
         *,
+        overtaken: Callable[[Arrived, str], None],
         measures: Measures,
         clock: Callable[[], float],
         first_id: int = 1,
@@ -84,7 +88,7 @@ class Receiver:
         self.settings = settings
         self._credentials = credentials
         self._certificates = Certificates(settings.tls) if settings.tls else None
-        self._deliver, self._refuse, self._closed = deliver, refuse, closed
+        self._refuse, self._closed = refuse, closed
         self._measures, self._clock = measures, clock
         self._ids = count(first_id)
         self._lines: dict[str, dict[int, Line]] = {}
@@ -96,6 +100,7 @@ class Receiver:
         self._limit = settings.max_connections
         self._shares = Shares(settings.max_messages_per_s)
         self._turns = Turns()
+        self._backlog = Backlog(self._turns, deliver, overtaken)
         self._draining: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
@@ -177,10 +182,10 @@ class Receiver:
             self._turns.when_room(transport.resume_reading)
 
     def _take(self, one: Arrived, now_s: float) -> None:
-        """Deliver a message now, or when its sender's share allows."""
+        """Hand on a message now, or when its sender's share allows."""
         at_once, shed = self._shares.admit(one.connection.vendor or one.connection.peer, one, now_s)
         if at_once:
-            self._turns.do(partial(self._deliver, *one))
+            self._backlog.put(one)
         elif self._draining is None or self._draining.done():
             self._draining = asyncio.create_task(self._drain())
         if shed:
@@ -190,7 +195,7 @@ class Receiver:
         while self._shares.waiting:
             await asyncio.sleep(DRAIN_EVERY_S)
             for one in self._shares.due(asyncio.get_running_loop().time()):
-                self._turns.do(partial(self._deliver, *one))
+                self._backlog.put(one)
 
     def _enter(self, line: Line) -> None:
         _keep_alive(line.socket)

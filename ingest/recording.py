@@ -3,15 +3,17 @@
     {"received": "...Z", "connection": 3, "peer": "...", "vendor": "Alder", "message": {...}}
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-json", "raw": "..."}
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-utf8", "base64": "..."}
+    {"received": "...Z", "connection": 3, "peer": "...", "overtaken": true, "raw": "..."}
     {"closed": "...Z", "connection": 3}
     {"tick": "...Z"}
     {"tick": "...Z", "effort": 1, "pending": 2}
     {"engine": "started", "at": "...Z"}
 
 A message that was accepted stands there byte for byte, the last key of its line; one that was not, or that is more than
-one line, is quoted as `raw`, or as `base64` where it is not UTF-8. Without a vendor of its own a connection has no
-`vendor`. A tick has an `effort` where the engine had no time for everything (`deconflict/effort.py`), and a
-number `pending` of answers where advice was still worked out (`deconflict/advice/answers.py`).
+one line, is quoted as `raw`, or as `base64` where it is not UTF-8. One that was `overtaken` by a newer status of its
+robot was never read, and a replay leaves it out as well. Without a vendor of its own a connection has no `vendor`. A
+tick has an `effort` where the engine had no time for everything (`deconflict/effort.py`), and a number `pending` of
+answers where advice was still worked out (`deconflict/advice/answers.py`).
 
 Times are RFC 3339 in UTC to the microsecond, and the service's times are whole microseconds, so that a replay has the
 very numbers of the live run. Lines go to a thread of their own at each tick, or sooner where there are many, and from
@@ -74,13 +76,16 @@ class Recorder:
 
     def received(self, raw: bytes, arrival_s: float, connection: Connection, rejected: str | None) -> None:
         """A message, and the rule that rejected it if one did."""
-        head = self._heads.get(connection.id) or self._heads.setdefault(connection.id, _head(connection))
-        head = f'{{"received":"{stamps.write(arrival_s)}",{head}'
+        head = self._begun(arrival_s, connection)
         if rejected is None and raw[:1] == b"{" and raw[-1:] == b"}" and b"\n" not in raw and b"\r" not in raw:
             self._add(b'%b,"message":%b}\n' % (head.encode(), raw))
         else:
             reason = f',"rejected":{json.dumps(rejected)}' if rejected else ""
             self._add(f"{head}{reason},{_quoted(raw)}}}\n".encode())
+
+    def overtaken(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
+        """A message that was not read, because a newer one came first."""
+        self._add(f'{self._begun(arrival_s, connection)},"overtaken":true,{_quoted(raw)}}}\n'.encode())
 
     def closed(self, connection: Connection, now_s: float) -> None:
         self._heads.pop(connection.id, None)
@@ -112,6 +117,11 @@ class Recorder:
         if self._writer.close(CLOSE_S):
             self._files.close()
         self._tally()
+
+    def _begun(self, arrival_s: float, connection: Connection) -> str:
+        """What the line of a message begins with."""
+        head = self._heads.get(connection.id) or self._heads.setdefault(connection.id, _head(connection))
+        return f'{{"received":"{stamps.write(arrival_s)}",{head}'
 
     def _tally(self) -> None:
         written, dropped = self._writer.tally()

@@ -97,10 +97,15 @@ class Shares:
         return any(share.waiting for share in self._shares.values())
 
 
+def uuid_in(raw: bytes) -> bytes | None:
+    """The first UUID that a message tells, in lower case."""
+    found = UUID.search(raw)
+    return found.group(1).lower() if found else None
+
+
 def _wait(share: Share, one: Arrived) -> list[Arrived]:
     """Let it wait in the place of the older message of its robot, or at the end; what is shed for it."""
-    found = UUID.search(one.raw)
-    key = found.group(1).lower() if found else b"connection %d" % one.connection.id
+    key = uuid_in(one.raw) or b"connection %d" % one.connection.id
     key += b" status" if b'"operationalState"' in one.raw else b""
     overtaken = share.waiting.get(key)
     share.waiting[key] = one

@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Callable
 
 TURN_S = 0.01
-MOST_WAITING = 2000
-"""Calls that wait before those who bring more are to wait themselves, until half as many do."""
+MOST_WAITING, MOST_WEIGHT = 20_000, 64 << 20
+"""Calls that wait, and what they weigh, before those who bring more are to wait themselves, until half is left."""
 
 
 class Turns:
@@ -19,24 +19,35 @@ class Turns:
 
     def __init__(self, turn_s: float = TURN_S) -> None:
         self._turn_s = turn_s
-        self._waiting: deque[Callable[[], None]] = deque()
+        self._waiting: deque[tuple[Callable[[], None], int]] = deque()
+        self._weight = 0
         self._until_s: float | None = None
         """When this turn ends; None between turns."""
         self._when_room: list[Callable[[], None]] = []
 
-    def do(self, call: Callable[[], None]) -> None:
+    def do(self, call: Callable[[], None], weight: int = 0) -> None:
         """Call now, or in one of the next turns if this one is over or others wait already."""
         if self._until_s is None:
             self._begin()
-        if self._waiting or time.monotonic() >= (self._until_s or 0.0):
-            self._waiting.append(call)
+        if self.behind:
+            self._waiting.append((call, weight))
+            self._weight += weight
         else:
             call()
 
     @property
+    def behind(self) -> bool:
+        """Whether a call would have to wait."""
+        return bool(self._waiting) or (self._until_s is not None and time.monotonic() >= self._until_s)
+
+    def reweigh(self, by: int) -> None:
+        """What waits has become heavier by so much."""
+        self._weight += by
+
+    @property
     def full(self) -> bool:
-        """Whether too many calls wait."""
-        return len(self._waiting) > MOST_WAITING
+        """Whether too much waits."""
+        return len(self._waiting) > MOST_WAITING or self._weight > MOST_WEIGHT
 
     def when_room(self, call: Callable[[], None]) -> None:
         """Call once, as soon as there is room again."""
@@ -45,7 +56,7 @@ class Turns:
     def finish(self) -> None:
         """Do all that waits now."""
         while self._waiting:
-            self._waiting.popleft()()
+            self._call_first()
 
     def _begin(self) -> None:
         self._until_s = time.monotonic() + self._turn_s
@@ -59,10 +70,15 @@ class Turns:
         self._begin()
         until_s = time.monotonic() + self._turn_s
         while True:
-            self._waiting.popleft()()
-            if self._when_room and len(self._waiting) <= MOST_WAITING // 2:
+            if self._when_room and len(self._waiting) <= MOST_WAITING // 2 and self._weight <= MOST_WEIGHT // 2:
                 waited, self._when_room = self._when_room, []
                 for call in waited:
                     call()
+            self._call_first()
             if not self._waiting or time.monotonic() >= until_s:
                 return
+
+    def _call_first(self) -> None:
+        call, weight = self._waiting.popleft()
+        self._weight -= weight
+        call()

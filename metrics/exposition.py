@@ -29,7 +29,11 @@ class Entry:
 
 
 CATALOGUE: dict[str, Entry] = {
-    "deconflict_messages_total": Entry("counter", ("vendor", "result"), "Messages received, by what became of them."),
+    "deconflict_messages_total": Entry(
+        "counter",
+        ("vendor", "result"),
+        "Messages received: accepted, rejected, or overtaken by a newer one before they were read.",
+    ),
     "deconflict_messages_per_second": Entry(
         "gauge", ("vendor",), "Messages a second in the last minute, whatever became of them."
     ),

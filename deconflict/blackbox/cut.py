@@ -27,7 +27,18 @@ from deconflict.blackbox.shelf import Box, Shelf
 from deconflict.blackbox.start import FORMAT
 from deconflict.site import Site
 from ingest import stamps
-from ingest.playback import UNREADABLE, EngineStarted, Event, Received, Tick, begun_s, lines_of, parsed, segments_until
+from ingest.playback import (
+    UNREADABLE,
+    EngineStarted,
+    Event,
+    Overtaken,
+    Received,
+    Tick,
+    begun_s,
+    lines_of,
+    parsed,
+    segments_until,
+)
 
 NEEDLESS = {"operator", "receiver", "webhooks", "mqtt", "store", "recorder", "blackbox"}
 """Parts of the site that a replay needs nothing of."""
@@ -187,7 +198,7 @@ def _speaker(event: Received) -> tuple[str | None, str, bool]:
 
 def _time(event: Event, otherwise_s: float) -> float:
     """When an event was; an end of a connection does not say."""
-    if isinstance(event, Received):
+    if isinstance(event, Received | Overtaken):
         return event.arrival_s
     return event.now_s if isinstance(event, Tick | EngineStarted) else otherwise_s
 

@@ -24,6 +24,7 @@ from ingest.playback import Closed, Reader, Received, segments
 from ingest.quarantine import Quarantine
 from ingest.receiver import Receiver
 from ingest.recording import Recorder, quantise
+from ingest.shares import Arrived
 from ingest.steady import SteadyClock
 from ingest.tokens import SecretError
 from ingest.vendors import Vendors
@@ -95,6 +96,7 @@ class ReceiverRole:
             self._deliver,
             self._refuse,
             self._closed,
+            overtaken=self._overtaken,
             measures=self.measures,
             clock=self._now_s,
             first_id=found.connection + 1,
@@ -141,6 +143,10 @@ class ReceiverRole:
     def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         rule = self.fleet.receive(raw, arrival_s, connection)
         self.recorder.received(raw, arrival_s, connection, rule)
+
+    def _overtaken(self, one: Arrived, uuid: str) -> None:
+        self.fleet.overtaken(uuid, one.arrival_s, one.connection)
+        self.recorder.overtaken(*one)
 
     def _refuse(self, rule: str, reason: str, arrival_s: float, connection: Connection) -> None:
         self.fleet.refuse(rule, reason, b"", arrival_s, connection)

@@ -36,6 +36,7 @@ class Dialled:
             self.deliver,
             lambda *_: None,
             lambda _: None,
+            overtaken=lambda *_: None,
             measures=self.measures,
             clock=self.clock,
         )

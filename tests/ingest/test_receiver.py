@@ -66,6 +66,7 @@ async def floor(vendors: tuple[Vendor, ...] = (), **settings: Any) -> AsyncItera
         lambda raw, arrival_s, connection: one.delivered.append((raw, arrival_s, connection)),
         lambda rule, reason, _, connection: one.refused.append((rule, reason, connection)),
         closed.append,
+        overtaken=lambda *_: None,
         measures=measures,
         clock=lambda: float(next(ticks)),
     )
@@ -292,7 +293,7 @@ from ingest.settings import Receiver as Settings
 async def main():
     measures, nothing = Measures(), lambda *_: None
     receiver = Receiver(Settings(port=0, open_timeout_s=60), Credentials(()), nothing, nothing, nothing,
-                        measures=measures, clock=lambda: 0.0)
+                        overtaken=nothing, measures=measures, clock=lambda: 0.0)
     await receiver.start()
     print(receiver.port, flush=True)
     await asyncio.get_running_loop().run_in_executor(None, sys.stdin.readline)

@@ -2,7 +2,9 @@ import asyncio
 import time
 from functools import partial
 
-from ingest.turns import MOST_WAITING, Turns
+import pytest
+
+from ingest.turns import MOST_WAITING, MOST_WEIGHT, Turns
 
 
 def test_calls_are_made_in_their_order_and_at_once_where_there_is_time() -> None:
@@ -64,20 +66,21 @@ def test_what_takes_long_leaves_room_for_others() -> None:
     assert asyncio.run(run()).index("another") < 3
 
 
-def test_who_brings_too_much_is_told_when_there_is_room_again() -> None:
+@pytest.mark.parametrize(("calls", "weight"), [(2 * MOST_WAITING, 0), (100, MOST_WEIGHT // 50)], ids=["many", "heavy"])
+def test_who_brings_too_much_is_told_when_there_is_room_again(calls: int, weight: int) -> None:
     async def run() -> list[int]:
         turns, done, waited = Turns(turn_s=0.0), list[int](), asyncio.Event()
-        for n in range(2 * MOST_WAITING):
-            turns.do(partial(done.append, n))
-            assert turns.full == (n >= MOST_WAITING)
+        for n in range(calls):
+            assert turns.full == (n > calls // 2)
+            turns.do(partial(done.append, n), weight)
         turns.when_room(waited.set)
         await waited.wait()
         assert not turns.full
-        assert len(done) >= MOST_WAITING
+        assert 3 * calls // 4 <= len(done) < calls
         turns.finish()
         return done
 
-    assert asyncio.run(run()) == list(range(2 * MOST_WAITING))
+    assert asyncio.run(run()) == list(range(calls))
 
 
 def test_a_call_that_fails_does_not_keep_the_others() -> None:
