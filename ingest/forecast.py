@@ -2,9 +2,9 @@
 
 What an operational state means for prediction: a navigating robot follows its path, else its velocity, else
 heads for its next destination. Idle, charging, waiting, disabled, offline and unknown states stand where they
-are. Manual mode is not subject to the standard (section 1), so its path and destinations are not trusted and only
-its measured velocity is. A blocking error makes any robot an obstacle where it stands; a lost one may be off by
-`lost_doubt_m`.
+are, but for an idle robot whose path has times ahead and leads away: it says when it sets out. Manual mode is not
+subject to the standard (section 1), so its path and destinations are not trusted and only its measured velocity is.
+A blocking error makes any robot an obstacle where it stands; a lost one may be off by `lost_doubt_m`.
 """
 
 from bisect import bisect_left, bisect_right
@@ -24,6 +24,8 @@ from ingest.settings import Envelope, Model, Reading
 DESTINATION_SPEED_MPS = 1.0
 """Assumed towards a destination without a usable time, where the robot's greatest speed is not known."""
 MOVING_MPS = 0.02
+AWAY_M = 0.1
+"""An idle robot whose path leads no further than this stands."""
 JUMP_FACTOR = 2.0
 """A path that asks for more than this times the robot's greatest speed contradicts its motion."""
 PLAUSIBLE_SPEED_MPS = 5.0
@@ -134,6 +136,8 @@ def _motion(status: Status, here: Sighting, view: View, findings: list[str]) -> 
     if not matches(status.error_codes, view.reading.blocking_errors):
         if status.state == "navigating":
             return _navigating(status, here, view, findings)
+        if status.state == "idle" and (along := _setting_out(status.path, here, view, findings)):
+            return Basis.PATH, along
         if status.state == "manualOverride" and here.linear_mps and not isnan(here.yaw_rad):
             return Basis.VELOCITY, _by_velocity(here, view.reading.horizon_s)
     return Basis.STATIONARY, _standing(here)
@@ -162,6 +166,18 @@ def _navigating(status: Status, here: Sighting, view: View, findings: list[str])
     if towards:
         return Basis.DESTINATION, towards
     return Basis.STATIONARY, _standing(here)
+
+
+def _setting_out(path: Path, here: Sighting, view: View, findings: list[str]) -> Along | None:
+    """By the path of a robot that stands, where its own times say when it will leave."""
+    noted: list[str] = []
+    along = _by_path(path, here, view, noted)
+    if along is None or "path-retimed" in noted:
+        return None
+    if max(hypot(x - here.x_m, y - here.y_m) for _, x, y, _ in along[0]) <= AWAY_M:
+        return None
+    findings += noted
+    return along
 
 
 def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> Along | None:

@@ -41,12 +41,24 @@ def test_a_navigating_robot_follows_its_path() -> None:
 
 @pytest.mark.parametrize(
     "state",
-    ["idle", "charging", "disabled", "offline", "waitingHumanEvent", "waitingExternalEvent", "waitingInternalEvent"],
+    ["charging", "disabled", "offline", "waitingHumanEvent", "waitingExternalEvent", "waitingInternalEvent"],
 )
 def test_every_other_state_stands_where_it_is_whatever_its_path(state: str) -> None:
     one = ahead(operationalState=state, path=straight())
     assert one.basis is Basis.STATIONARY
     assert len(one.knots) == 1
+
+
+def test_an_idle_robot_that_says_when_it_sets_out_is_believed() -> None:
+    one = ahead(operationalState="idle", path=straight(late_s=3.0))
+    assert (one.basis, one.findings) == (Basis.PATH, ())
+    assert one.knots[-1][1] == pytest.approx(11.0)
+
+
+@pytest.mark.parametrize(("speed_mps", "late_s"), [(1.0, -60.0), (0.0, 0.0), (0.008, 0.0)])
+def test_an_idle_robot_stands_where_its_path_is_of_the_past_or_leads_nowhere(speed_mps: float, late_s: float) -> None:
+    one = ahead(operationalState="idle", path=straight(speed_mps, late_s))
+    assert (one.basis, len(one.knots), one.findings) == (Basis.STATIONARY, 1, ())
 
 
 def test_manual_mode_is_not_held_to_its_path_but_to_its_velocity() -> None:
