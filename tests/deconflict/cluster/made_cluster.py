@@ -15,6 +15,7 @@ import pytest
 from deconflict.cluster.bus import Bus
 from deconflict.cluster.feed import Feed
 from deconflict.cluster.follower import Follower
+from deconflict.cluster.ownership import Table
 from deconflict.cluster.settings import Cluster
 from deconflict.reloading import SITE_FILE
 from deconflict.roles.operator import OperatorRole
@@ -139,8 +140,7 @@ async def table(settings: Cluster) -> dict[str, Any]:
     await bus.open()
     _, document = await bus.table()
     await bus.close()
-    assert document
-    return document
+    return document or Table().document()
 
 
 @asynccontextmanager
