@@ -13,6 +13,7 @@ from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from math import inf
 from typing import Any
+from uuid import uuid4
 
 import nats
 from nats.aio.msg import Msg
@@ -58,6 +59,8 @@ class Bus:
 
     def __init__(self, settings: Cluster, keep_days: float) -> None:
         self._settings, self._keep_days, self.name = settings, keep_days, settings.name
+        self._voice = uuid4().hex
+        """The server takes what it has heard of this name before for told, whatever it says now."""
         self._said: dict[str, tuple[float, dict[str, Any]]] = {}
         """By member, when it was heard of last by this machine's clock, and what it said."""
         self._hearings: list[Hearing] = []
@@ -189,7 +192,7 @@ class Bus:
     async def tell(self, home: Place | None, advisory: AnyAdvisory, last_seq: int) -> int:
         """Its number in the stream. Raises `OverruledError` where the last told of its key is not `last_seq`."""
         headers = {
-            "Nats-Msg-Id": f"{advisory.id}:{advisory.revision}",
+            "Nats-Msg-Id": f"{self._voice}:{advisory.id}:{advisory.revision}",
             "Nats-Expected-Last-Subject-Sequence": str(last_seq),
         }
         try:

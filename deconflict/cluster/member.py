@@ -66,7 +66,7 @@ class Member:
         """Judge until `stop` is set."""
         if not await connected(self._bus, stop):
             return
-        waiting = await self._bus.hear_told(self._lines.append)
+        waiting = await self._bus.hear_told(self._take_line)
         with suppress(TimeoutError):
             async with asyncio.timeout(CAUGHT_UP_S):
                 while len(self._lines) < waiting:
@@ -160,6 +160,9 @@ class Member:
 
     def _take(self, parcel: bytes) -> None:
         self._parcels.append(parcel)
+
+    def _take_line(self, line: Line) -> None:
+        self._lines.append(line)
 
     async def _deliver(self) -> None:
         while True:
