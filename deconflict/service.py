@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from deconflict.cluster.credentials import credentials
 from deconflict.cluster.settings import Cluster
 from deconflict.lifeline import Lifeline
 from deconflict.operator import Exposition
@@ -95,11 +96,15 @@ def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Ex
 
 
 def cluster_problems(settings: Cluster | None, parts: Iterable[str]) -> list[str]:
-    """Why parts can't be run by themselves, or a cluster can't be, a sentence each."""
+    """Why parts can't be run by themselves, or a cluster can't be, a sentence each.
+
+    Raises `SecretError` and `CertificateError` where it can't sign in.
+    """
     if settings is None:
         return ["cluster.nats: is missing; --part needs other machines to run the other parts"] if parts else []
     if find_spec("nats") is None:
         return ["cluster.nats: needs the NATS client; pip install 'amr-deconflict[cluster]'"]
+    credentials(settings)
     return []
 
 

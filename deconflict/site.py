@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
-from deconflict.cluster.settings import Cluster
+from deconflict.cluster.settings import Cluster, cluster_contradictions
 from deconflict.contention.resources import ContentionSettings, Resource, Zone, place_problems
 from deconflict.fitness import datum_problems, map_problems
 from deconflict.floorplan import plan_problems
@@ -277,6 +277,7 @@ def _contradictions(site: Site) -> Iterator[str]:
     yield from _vendor_contradictions(site)
     yield from place_problems(site.resources, site.zones, (datum.id for datum in site.datums))
     yield from outlet_problems(site.webhooks, site.mqtt)
+    yield from cluster_contradictions(site.cluster)
     conflict, reading, recorder = site.conflict, site.reading, site.recorder
     if conflict.confirm[0] > conflict.confirm[1]:
         yield f"conflict.confirm: {list(conflict.confirm)} asks for more looks than it counts"

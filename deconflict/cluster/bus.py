@@ -22,6 +22,7 @@ from nats.js import JetStreamContext, api
 from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError
 
 from deconflict.advisory import Acknowledgement, AnyAdvisory
+from deconflict.cluster.credentials import credentials
 from deconflict.cluster.lines import Line, key_of, line, told_as
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Place
@@ -42,6 +43,7 @@ PING_S = 5
 QUICK_S = 1.0
 """How long what a member says of itself may take: longer than that, and it is not heard of in time."""
 AGAIN_S = 0.2
+ERRORS_S = 10.0
 WRONG_LAST_SEQUENCE = 10071
 PENDING = 1 << 20
 """Messages that may wait to be taken in."""
@@ -58,15 +60,18 @@ class Bus:
     """One connection. Calls raise one of `BUS_ERRORS` while the server can't be had; hearing goes on by itself."""
 
     def __init__(self, settings: Cluster, keep_days: float) -> None:
+        """Raises `SecretError` and `CertificateError`."""
         self._settings, self._keep_days, self.name = settings, keep_days, settings.name
         self._voice = uuid4().hex
         """The server takes what it has heard of this name before for told, whatever it says now."""
         self._said: dict[str, tuple[float, dict[str, Any]]] = {}
         """By member, when it was heard of last by this machine's clock, and what it said."""
+        self._credentials = credentials(settings)
         self._hearings: list[Hearing] = []
         self._reconnected = asyncio.Event()
         self._renewing: asyncio.Task[None] | None = None
         self._renewed_s = -inf
+        self._error, self._error_s = "", -inf
         self.renewals = 0
         """How often the connection was made again: what was on its way then may be lost."""
 
@@ -77,7 +82,8 @@ class Bus:
             max_reconnect_attempts=-1,
             reconnect_time_wait=0.2,
             ping_interval=PING_S,
-            error_cb=_told_of,
+            **self._credentials,
+            error_cb=self._told_of,
             reconnected_cb=self._connected_again,
         )
         self._js: JetStreamContext = self._nats.jetstream()
@@ -126,6 +132,13 @@ class Bus:
                 self._renewed_s = time.monotonic()
                 self.renewals += 1
                 log.warning("%s is in touch again", self.name)
+
+    async def _told_of(self, error: Exception) -> None:
+        """The client tries again five times a second, and people are told now and then."""
+        text, now_s = str(error) or type(error).__name__, time.monotonic()
+        if text != self._error or now_s - self._error_s > ERRORS_S:
+            self._error, self._error_s = text, now_s
+            log.warning("the NATS server: %s", text)
 
     def knows_members(self) -> bool:
         """Whether every member that is alive has had the time to be heard of."""
@@ -323,7 +336,3 @@ def _latest() -> api.ConsumerConfig:
 def _lately() -> api.ConsumerConfig:
     since = datetime.now(UTC) - timedelta(seconds=REPLAYED_S)
     return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_TIME, opt_start_time=since)
-
-
-async def _told_of(error: Exception) -> None:
-    log.warning("the NATS server: %s", error or type(error).__name__)
