@@ -28,7 +28,7 @@ class Choice(NamedTuple):
     held: Ints
     """What it counts to be held at all."""
     pairs: Ints
-    """(p, 2) robots, by row."""
+    """(p, 2) robots, by row, the lower first."""
     allowed: Bools
     """(p, 2 m + 1) differences of the holds of a pair, from -m on, at which it keeps apart."""
 
@@ -39,9 +39,7 @@ def _fits(robot: int, first: int, hold: int, plan: Ints, pairs: Ints, allowed: B
     middle = allowed.shape[1] // 2
     for row in range(len(pairs)):
         a, b = pairs[row]
-        if (a == robot and first <= b < robot and not allowed[row, hold - plan[b] + middle]) or (
-            b == robot and first <= a < robot and not allowed[row, plan[a] - hold + middle]
-        ):
+        if b == robot and a >= first and not allowed[row, plan[a] - hold + middle]:
             return False
     return True
 

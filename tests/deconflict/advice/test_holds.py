@@ -111,7 +111,7 @@ def test_few_robots_are_planned_as_the_solver_would(monkeypatch: pytest.MonkeyPa
         ]
         question = partial(advise_holds, movers, pairs_of(movers), WINDOW, burdens_s={"bolt": 5.0})
         alone = question()
-        again = partial(question, standing=alone)
+        again = partial(question, standing=alone.model_copy(update={"holds": (Hold(robot="a", hold_s=2.0),)}))
         tried = [counted(alone, movers), counted(again(), movers)]
         with monkeypatch.context() as patched:
             patched.setattr(holds, "least", lambda *_: (UNKNOWN, []))
@@ -189,12 +189,13 @@ def test_a_tie_goes_against_the_least_burdened(burdened: str, yields: str) -> No
 
 
 def test_who_holds_changes_only_for_what_the_change_is_worth() -> None:
-    pair = [through("a", 0.0, before_m=5.3), through("b", pi / 2)]
-    fresh = advise_holds(pair, [("a", "b")], WINDOW)
+    pair = [through("a", 0.0, before_m=5.3, vendor="bolt"), through("b", pi / 2)]
+    question = partial(advise_holds, pair, [("a", "b")], WINDOW, burdens_s={"bolt": 60.0})
+    fresh = question()
     assert fresh.holds == (Hold(robot="a", hold_s=2.0),)
-    before = fresh.model_copy(update={"holds": (Hold(robot="b", hold_s=2.0),)})
-    assert advise_holds(pair, [("a", "b")], WINDOW, standing=before).holds == (Hold(robot="b", hold_s=2.5),)
-    assert advise_holds(pair, [("a", "b")], WINDOW, standing=before, switch_s=0.25).holds == fresh.holds
+    before = fresh.model_copy(update={"holds": (B_WAITS,)})
+    assert question(standing=before).holds == (Hold(robot="b", hold_s=2.5),)
+    assert question(standing=before, switch_s=0.25).holds == fresh.holds
 
 
 def test_where_each_pair_can_be_cleared_but_not_all_the_ring_is_named() -> None:
