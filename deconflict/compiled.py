@@ -7,9 +7,11 @@ Arithmetic is IEEE's, in the order written: `fastmath` stays off, so that an ans
 """
 
 from collections.abc import Callable
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
@@ -31,3 +33,8 @@ def kernel(signature: object) -> Callable[[_Function], _Function]:
             return cast(_Function, numba.njit(signature, error_model="numpy")(function))
 
     return compiled
+
+
+def ready(column: NDArray[Any], kind: DTypeLike = np.float64) -> NDArray[Any]:
+    """An array as kernels take it, copied only where it must be."""
+    return np.require(column, kind, ["C", "A"])

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.compiled import inner, kernel
+from deconflict.compiled import inner, kernel, ready
 from ingest.seam import Floats, Forecasts, Ints
 
 Bools = NDArray[np.bool_]
@@ -62,8 +62,8 @@ def faults(forecasts: Forecasts) -> dict[int, str]:
     """Row to the reason why that robot can't be swept. The others may be."""
     f = forecasts
     by_knot, by_robot = (f.t_s, f.x_m, f.y_m, f.yaw_rad), (f.length_m, f.width_m, f.bottom_m, f.top_m)
-    columns = (np.require(column, np.float64, ["C", "A"]) for column in (*by_knot, *by_robot))
-    return {} if _sound(np.require(f.start, np.int64, ["C", "A"]), *columns) else _reasons(forecasts)
+    sound = _sound(ready(f.start, np.int64), *(ready(column) for column in (*by_knot, *by_robot)))
+    return {} if sound else _reasons(forecasts)
 
 
 def _reasons(forecasts: Forecasts) -> dict[int, str]:
@@ -118,5 +118,5 @@ def _set_knots(
 def set_knots(knots: Knots, first: Ints, forecasts: Forecasts) -> None:
     """Write the knots of valid forecasts into `knots`, those of row i from `first[i]` on."""
     f = forecasts
-    columns = ((f.start, np.int64), *((c, np.float64) for c in (f.t_s, f.x_m, f.y_m, f.yaw_rad)), (f.floor, np.int64))
-    _set_knots(knots, first, *(np.require(column, kind, ["C", "A"]) for column, kind in columns))
+    t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
+    _set_knots(knots, first, ready(f.start, np.int64), t_s, x_m, y_m, yaw_rad, ready(f.floor, np.int64))

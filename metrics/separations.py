@@ -52,7 +52,7 @@ def separations(stretch: Stretch, within_m: float) -> Separations:
         stretch.yaw_rad[of_b],
         stretch.half_m[:, of_a[0], of_a[1]],
         stretch.half_m[:, of_b[0], of_b[1]],
-    ).distance
+    )
     since = np.maximum(stretch.since_s[of_a], stretch.since_s[of_b])
     closeness = apart[row, column] / (reach[row, column] - within_m)
     return Separations(stretch.robot[a[row]], stretch.robot[b[row]], stretch.first + column, distance, since, closeness)

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deconflict.foresight import ways
 from deconflict.foresight.ledger import HORIZONS, Errors
-from deconflict.foresight.sampling import Poses, poses_at
+from deconflict.foresight.sampling import poses_at
+from deconflict.motion import Bools
 from ingest.seam import Batch, Floats, Ints
 
 KEPT = HORIZONS + 1
@@ -15,6 +17,7 @@ JOINED_S = 2.1
 """Reports further apart say nothing of where the robot was between them."""
 TRACK_S = HORIZONS + 2
 """How far ahead of a report its forecast is sampled: the horizon, and how old a report in use may be."""
+ROUNDING_M = 1e-6
 LONG_AGO_S = -1e12
 """Before any report."""
 AHEAD: Floats = np.arange(1.0, HORIZONS + 1)
@@ -28,14 +31,16 @@ class Reports:
     kind: Ints
     """Row of the ledger."""
     event_s: Floats
-    track: Poses
-    """(n, TRACK_S + 1) as reported, and as forecast for each second from then on."""
+    track: Floats
+    """(n, TRACK_S + 1, 4) x_m, y_m, yaw_rad and floor as reported, and as forecast for each second from then on."""
 
     @classmethod
     def of(cls, batch: Batch, slots: Ints, kinds: Ints) -> "Reports":
         track = poses_at(batch.forecasts, batch.event_s[:, None] + np.arange(TRACK_S + 1.0))
-        finite = np.flatnonzero(np.isfinite(track.columns()).all(axis=(1, 2)))
-        return cls(slots[finite], kinds[finite], batch.event_s[finite], track.take(finite))
+        finite = np.isfinite(track).all(axis=(1, 2))
+        if finite.all():
+            return cls(slots, kinds, batch.event_s, track)
+        return cls(slots[finite], kinds[finite], batch.event_s[finite], track[finite])
 
 
 class Followed:
@@ -48,7 +53,8 @@ class Followed:
         self._track = np.zeros((0, TRACK_S + 1, 4))
         """Of the newest report: x_m, y_m, yaw_rad and floor."""
         self._around = np.zeros((0, 4))
-        """(slots, 4) of the circle around the track: x_m, y_m and radius; and its longest step."""
+        """(slots, 4) of a circle that a robot will not leave, whenever `ahead` is asked: x_m, y_m and radius; and the
+        furthest that it goes in a second."""
         self._made_s = np.zeros((0, KEPT))
         self._next = np.zeros(0, np.int64)
         self._kind = np.zeros((0, KEPT), np.int64)
@@ -72,25 +78,20 @@ class Followed:
         """(slots,) event time of the newest report."""
         return self._seen[:, 0]
 
-    def between(self, slots: Ints, t_s: Floats) -> Poses:
-        """Where robots were at `t_s` (n, m), joined linearly from the last two reports; floor -1 where not known."""
-        return _joined(self._before[slots], self._seen[slots], t_s)
+    def between(self, slots: Ints, t_s: Floats) -> Floats:
+        """(n, m, 4) x_m, y_m, yaw_rad and floor of robots at `t_s` (n, m), joined linearly from the last two reports;
+        floor -1 where not known."""
+        return ways.joined(self._before, self._seen, slots, t_s, LONG_AGO_S, JOINED_S)
 
-    def ahead(self, slots: Ints, t_s: Floats) -> Poses:
-        """Where robots will be at `t_s` (n, m) by their newest forecasts, linear between its samples."""
-        since_s = np.clip(t_s - self._seen[slots, :1], 0.0, float(TRACK_S))
-        whole = np.minimum(since_s.astype(np.int64), TRACK_S - 1)
-        before, after = self._track[slots[:, None], whole], self._track[slots[:, None], whole + 1]
-        share = (since_s - whole) * (before[..., 3] == after[..., 3])
-        turn = (after[..., 2] - before[..., 2] + np.pi) % (2 * np.pi) - np.pi
-        x_m, y_m = (before[..., k] + share * (after[..., k] - before[..., k]) for k in (0, 1))
-        return Poses(x_m, y_m, before[..., 2] + share * turn, before[..., 3].astype(np.int64))
+    def ahead(self, slots: Ints, t_s: Floats) -> Floats:
+        """(n, m, 4) the same of robots at `t_s` (n, m) by their newest forecasts, linear between its samples."""
+        return ways.ahead(self._seen, self._track, slots, t_s)
 
-    def around(self, slots: Ints) -> tuple[Floats, Floats, Floats]:
-        """Centre (n, 2) and radius (n,) of a circle that robots will not leave, whenever `ahead` is asked, and the
-        furthest that they go in a second (n,)."""
-        around = self._around[slots]
-        return around[:, :2], around[:, 2], around[:, 3]
+    def nearing(self, told: Bools, slots: Ints, reach_m: Floats, now_s: float, horizon_s: float) -> Ints:
+        """(p, 2) pairs of `slots`, one of each `told`, that come within the `reach_m` of both in the horizon, looked at
+        every whole second; `told` and `reach_m` are by slot."""
+        seconds = int(horizon_s) + 1
+        return ways.nearing(told, slots, self._around, reach_m, self._seen, self._track, now_s, seconds, ROUNDING_M)
 
     def last_two_s(self, slots: Ints) -> tuple[Floats, Floats]:
         """(n,) times of the last two reports, the earlier first: `LONG_AGO_S` where there is none shortly before."""
@@ -112,7 +113,7 @@ class Followed:
     def take(self, reports: Reports, bands_m: Floats) -> Errors:
         """The errors that the reports show, and the new forecasts kept; `bands_m` (n, HORIZONS, 3) are theirs."""
         newer = np.flatnonzero(reports.event_s > self._seen[reports.slot, 0])
-        slots, track = reports.slot[newer], reports.track.columns()[newer]
+        slots, track = reports.slot[newer], reports.track[newer]
         self._before[slots] = self._seen[slots]
         self._seen[slots, 0], self._seen[slots, 1:] = reports.event_s[newer], track[:, 0]
         self._track[slots] = track
@@ -129,10 +130,10 @@ class Followed:
         due &= (before_s > LONG_AGO_S)[:, None, None]
         n, kept, ahead = np.nonzero(due)
         slot = slots[n]
-        was = self.between(slot, due_s[n, kept, ahead][:, None])
+        was = self.between(slot, due_s[n, kept, ahead][:, None])[:, 0].T
         x_m, y_m, yaw_rad, floor = self._ahead[slot, kept, ahead].T
-        comparable = np.flatnonzero((floor == was.floor[:, 0]) & (floor >= 0))
-        dx, dy = was.x_m[:, 0] - x_m, was.y_m[:, 0] - y_m
+        comparable = np.flatnonzero((floor == was[3]) & (floor >= 0))
+        dx, dy = was[0] - x_m, was[1] - y_m
         c, s = np.cos(yaw_rad), np.sin(yaw_rad)
         every = Errors(
             self._kind[slot, kept], slot, ahead + 1, c * dx + s * dy, c * dy - s * dx, self._bands_m[slot, kept, ahead]
@@ -146,7 +147,7 @@ class Followed:
         place = self._next[slots]
         self._next[slots] = (place + 1) % KEPT
         self._made_s[slots, place], self._kind[slots, place] = reports.event_s[rows], reports.kind[rows]
-        self._ahead[slots, place] = reports.track.columns()[rows, 1 : HORIZONS + 1]
+        self._ahead[slots, place] = reports.track[rows, 1 : HORIZONS + 1]
         self._bands_m[slots, place] = bands_m[rows]
 
 
@@ -155,15 +156,3 @@ def _around(track: Floats) -> Floats:
     low, high = track[..., :2].min(axis=1), track[..., :2].max(axis=1)
     steps = np.hypot(np.diff(track[..., 0]), np.diff(track[..., 1]))
     return np.column_stack([(low + high) / 2, np.hypot(*(high - low).T) / 2, steps.max(axis=1)])
-
-
-def _joined(before: Floats, after: Floats, t_s: Floats) -> Poses:
-    """Poses at `t_s` (n, m) on the lines from `before` to `after`, (n, 5) each."""
-    known = (before[:, 0] > LONG_AGO_S) & (before[:, 4] == after[:, 4]) & (after[:, 0] - before[:, 0] <= JOINED_S)
-    before = np.where(known[:, None], before, after)
-    span_s = np.maximum(after[:, 0] - before[:, 0], 1e-9)
-    share = np.clip((t_s - before[:, :1]) / span_s[:, None], 0.0, 1.0)
-    turn = (after[:, 3] - before[:, 3] + np.pi) % (2 * np.pi) - np.pi
-    x_m, y_m = (before[:, k, None] + share * (after[:, k] - before[:, k])[:, None] for k in (1, 2))
-    floor = np.broadcast_to(np.where(known, after[:, 4], -1.0)[:, None], t_s.shape).astype(np.int64)
-    return Poses(x_m, y_m, before[:, 3, None] + share * turn[:, None], floor)

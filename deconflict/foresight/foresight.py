@@ -21,8 +21,8 @@ from deconflict.foresight.followed import JOINED_S, LONG_AGO_S, Followed, Report
 from deconflict.foresight.grades import measure
 from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Errors, Ledger
-from deconflict.foresight.pairs import Outcomes, Pairs, circles_near, codes
-from deconflict.foresight.sampling import Poses
+from deconflict.foresight.pairs import Outcomes, Pairs, codes
+from deconflict.foresight.ways import reach_m
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
@@ -44,7 +44,6 @@ CREEPING_MPS = 0.01
 MOST_GROWN_M = 0.75
 """An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
 REMEMBERED_S = 15.0
-ROUNDING_M = 1e-6
 SURPRISE_KEEPS, SURPRISE_MOST, DISTRUSTED = 0.7, 10.0, 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
 FINEST_BAND_M = 0.05
@@ -133,7 +132,7 @@ class Foresight:
         self._doubt_m[slots] = batch.doubt_m
         self._told.update(slots.tolist())
         reports = Reports.of(batch, slots, self._kind[slots])
-        first_m = np.hypot(*(np.diff(way[:, :2])[:, 0] for way in (reports.track.x_m, reports.track.y_m)))
+        first_m = np.hypot(*(reports.track[:, 1, k] - reports.track[:, 0, k] for k in (0, 1)))
         self._rests[reports.slot] = first_m < STANDING_MPS
         errors = self._own(reports, self._followed.take(reports, self.ledger.bands_m[reports.kind]))
         self.ledger.record(errors, batch.now_s)
@@ -189,7 +188,7 @@ class Foresight:
         told = np.zeros(len(self._kind), bool)
         told[list(self._told)] = True
         self._told.clear()
-        near = self._near(np.flatnonzero(told), now_s)
+        near = self._near(told, now_s) if told.any() else np.empty(0, np.int64)
         pairs = self._remembered(now_s).with_new(np.concatenate([exact, near]))
         fresh = told[pairs.a] | told[pairs.b]
         pairs.watched[fresh] = False
@@ -227,33 +226,19 @@ class Foresight:
             rows = np.flatnonzero(self._pairs.watched)
             self._outcomes.ask(now_s, self._pairs.take(self._open(self._pairs, rows, now_s)))
 
-    def _near(self, told: Ints, now_s: float) -> Ints:
+    def _near(self, told: Bools, now_s: float) -> Ints:
         """Codes of the pairs, one of `told` in each, that may come near in the horizon, whole second by whole second.
 
-        Circles around the envelopes are grown by the 80 % bands at the horizon, and by half of what a robot moves from
-        one second to the next.
+        Envelopes are taken as circles, grown by the 80 % bands at the horizon.
         """
-        slots = np.array(sorted(self._slots.values()), np.int64)
-        if not len(told) or len(slots) < 2:
-            return np.empty(0, np.int64)
+        slots = np.fromiter(self._slots.values(), np.int64, len(self._slots))
         kinds = np.arange(len(self.ledger.kinds))
-        reach = self.ledger.reach_m(kinds, np.full((len(kinds), 1), self._horizon_s))[self._kind[slots], 0]
-        radius = np.hypot(*self._half[:, slots]) + np.minimum(reach * self._trust(slots), MOST_GROWN_M)
-        centre, around, step_m = self._followed.around(slots)
-        circle = around + radius + step_m / 2 + self._clearance_m / 2 + self._doubt_m[slots] + ROUNDING_M
-        i, j = circles_near(centre, circle, np.searchsorted(slots, told))
-        there, both = np.unique(np.concatenate([i, j]), return_inverse=True)
-        i, j, slots, radius = both[: len(i)], both[len(i) :], slots[there], radius[there]
-        t_s = np.broadcast_to(now_s + np.arange(self._horizon_s + 1), (len(slots), int(self._horizon_s) + 1))
-        way = self._followed.ahead(slots, t_s).columns()
-        step_m = np.hypot(np.diff(way[..., 0]), np.diff(way[..., 1])).max(axis=1)
-        radius += step_m / 2 + self._clearance_m / 2 + self._doubt_m[slots]
-        dx, dy = (way[i, :, k] - way[j, :, k] for k in (0, 1))
-        meet = (dx * dx + dy * dy <= ((radius[i] + radius[j]) ** 2)[:, None]) & (way[i, :, 3] == way[j, :, 3])
-        hit = np.flatnonzero((meet & (way[i, :, 3] >= 0)).any(axis=1))
-        a, b = slots[i[hit]], slots[j[hit]]
+        band_m = reach_m(self.ledger.bands_m, kinds, np.full((len(kinds), 1), self._horizon_s))[:, 0]
+        near_m = np.hypot(*self._half) + self._clearance_m / 2 + self._doubt_m
+        near_m[slots] += np.minimum(band_m[self._kind[slots]] * self._trust(slots), MOST_GROWN_M)
+        a, b = self._followed.nearing(told, slots, near_m, now_s, self._horizon_s).T
         swapped = self._rank[a] > self._rank[b]
-        return np.unique(codes(np.where(swapped, b, a), np.where(swapped, a, b)))
+        return codes(np.where(swapped, b, a), np.where(swapped, a, b))
 
     def _examine(self, pairs: Pairs, rows: Ints, now_s: float, swept_rows: Ints, swept: Swept) -> None:
         """Look at pairs of `rows`; the exact sweep found those of `swept_rows`."""
@@ -280,13 +265,11 @@ class Foresight:
         pairs.near_m[rows] = np.maximum(np.minimum(sampled_m, exact_m), 0.0)
         pairs.now_m[rows] = np.maximum(ahead_m[:, 0], 0.0)
 
-    def _separations(self, there: list[tuple[Poses, Poses]], a: Ints, b: Ints) -> tuple[Floats, Floats]:
+    def _separations(self, there: list[tuple[Floats, Floats]], a: Ints, b: Ints) -> tuple[Floats, Floats]:
         """(n, past looks) and (n, looks ahead), negative where they overlap; inf where the two can't be compared."""
-        of_a, of_b = (np.concatenate([past.columns(), ahead.columns()], axis=1) for past, ahead in there)
-        width = of_a.shape[1]
-        dx, dy = ((of_b[..., k] - of_a[..., k]).ravel() for k in (0, 1))
-        half_a, half_b = (np.repeat(self._half[:, slots], width, axis=1) for slots in (a, b))
-        apart_m = signed_gap(dx, dy, of_a[..., 2].ravel(), of_b[..., 2].ravel(), half_a, half_b).reshape(len(a), width)
+        of_a, of_b = (np.concatenate([past, ahead], axis=1) for past, ahead in there)
+        x_m, y_m = (of_b[..., k] - of_a[..., k] for k in (0, 1))
+        apart_m = signed_gap(x_m, y_m, of_a[..., 2], of_b[..., 2], self._half[:, a], self._half[:, b])
         comparable = (of_a[..., 3] == of_b[..., 3]) & (of_a[..., 3] >= 0)
         apart_m = np.where(comparable, apart_m, np.inf)
         return apart_m[:, : len(PAST_LOOKS)], apart_m[:, len(PAST_LOOKS) :]
@@ -315,9 +298,9 @@ class Foresight:
         apart = (past_m[:, -1] > self._clearance_m + self._margin_m) & np.isfinite(past_m[:, -1])
         pairs.inside[rows] = (pairs.inside[rows] | began) & ~apart
 
-    def _speeds_mps(self, there: list[tuple[Poses, Poses]]) -> Floats:
+    def _speeds_mps(self, there: list[tuple[Floats, Floats]]) -> Floats:
         """(2, n) at which the robots of each pair go on from now, by their forecasts."""
-        ways = [np.hypot(np.diff(ahead.x_m[:, :2]), np.diff(ahead.y_m[:, :2]))[:, 0] for _, ahead in there]
+        ways = [np.hypot(*(ahead[:, 1, k] - ahead[:, 0, k] for k in (0, 1))) for _, ahead in there]
         speeds: Floats = np.stack(ways) / self._ahead_s[1]
         return speeds
 
@@ -336,7 +319,10 @@ class Foresight:
         for slots in (a, b):
             silent_s = np.maximum(now_s - self._followed.heard_s[slots], 0.0)
             since_s = np.where(self._rests[slots], 0.0, silent_s)
-            reach = self.ledger.reach_m(self._kind[slots], ahead_s + since_s[:, None]) * self._trust(slots)[:, None]
+            reach = (
+                reach_m(self.ledger.bands_m, self._kind[slots], ahead_s + since_s[:, None])
+                * self._trust(slots)[:, None]
+            )
             squares += (reach / EIGHTY) ** 2 + (self._doubt_m[slots] ** 2)[:, None]
         spread: Floats = np.sqrt(squares) + EXACT_M
         return spread

@@ -163,15 +163,6 @@ class Ledger:
         self.bands_m = np.zeros((len(kinds), HORIZONS, len(SHARES)))
         self._read_bands(list(range(len(kinds))))
 
-    def reach_m(self, rows: Ints, ahead_s: Floats) -> Floats:
-        """(n, m) radius of the 80 % band of each row at the times ahead (n, m); linear between and beyond."""
-        band = np.concatenate([np.zeros((len(rows), 1)), self.bands_m[rows, :, 1]], axis=1)
-        whole = np.clip(np.floor(ahead_s).astype(np.int64), 0, HORIZONS - 1)
-        lane = np.arange(len(rows))[:, None]
-        before, after = band[lane, whole], band[lane, whole + 1]
-        reach: Floats = before + np.maximum(ahead_s - whole, 0.0) * (after - before)
-        return reach
-
     def _fade(self, rows: Ints, now_s: float) -> None:
         fresh = 0.5 ** (np.maximum(now_s - self.as_of_s[rows], 0.0) / HALF_LIFE_S)
         self.as_of_s[rows] = np.maximum(self.as_of_s[rows], now_s)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from deconflict.foresight.leaving import STAYED, part_of
 from deconflict.motion import Bools
@@ -90,15 +89,6 @@ class Pairs:
         fresh = Pairs(new, seen, real, real, real, real, never, never, real, real > 0, real > 0)
         both = Pairs(*(np.concatenate([getattr(self, one.name), getattr(fresh, one.name)]) for one in fields(self)))
         return both.ordered()
-
-
-def circles_near(centre: Floats, reach: Floats, chosen: Ints) -> tuple[Ints, Ints]:
-    """Pairs of rows, one of `chosen` first, whose circles around `centre` (n, 2) of radius `reach` (n,) meet."""
-    trees = KDTree(centre[chosen]), KDTree(centre)
-    near = trees[0].sparse_distance_matrix(trees[1], reach[chosen].max() + reach.max(), output_type="ndarray")
-    i, j = chosen[near["i"]], near["j"].astype(np.int64)
-    kept = np.flatnonzero((near["v"] <= reach[i] + reach[j]) & (i != j))
-    return i[kept], j[kept]
 
 
 @dataclass(slots=True, eq=False)

@@ -1,57 +1,46 @@
 """Where robots will be at given times: many forecasts and many times at once."""
 
-from dataclasses import dataclass
+from math import pi
 
+import numba
 import numpy as np
 
+from deconflict.compiled import kernel, ready
 from ingest.seam import Floats, Forecasts, Ints
 
-SPAN_S = 1 << 20
-"""Separates one robot's times from the next one's in a sort key; knots further from the epoch are drawn in."""
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
+_MATRIX = numba.types.Array(numba.float64, 2, "C", readonly=True)
+_POSES = numba.float64[:, :, ::1]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Poses:
-    """n robots at m times. Arrays are (n, m)."""
-
-    x_m: Floats
-    y_m: Floats
-    yaw_rad: Floats
-    floor: Ints
-
-    def columns(self) -> Floats:
-        """(n, m, 4) x_m, y_m, yaw_rad and floor."""
-        return np.stack([self.x_m, self.y_m, self.yaw_rad, self.floor.astype(np.float64)], axis=-1)
-
-    def take(self, rows: Ints) -> "Poses":
-        return Poses(*(getattr(self, name)[rows] for name in self.__slots__))
-
-
-def poses_at(forecasts: Forecasts, t_s: Floats) -> Poses:
-    """Robot i at the times `t_s[i]`, (n, m), as `Forecasts` reads between knots; before the first, at the first."""
-    n = len(forecasts)
-    if not t_s.size:
-        none = np.empty(t_s.shape)
-        return Poses(none, none, none, none.astype(np.int64))
-    epoch_s, first, last = float(t_s.flat[0]), forecasts.start[:-1, None], forecasts.start[1:, None] - 1
-    lanes = np.arange(n) * float(SPAN_S)
-    since = np.clip(forecasts.t_s - epoch_s, -SPAN_S / 4, SPAN_S / 4)
-    keys = since + np.repeat(lanes, np.diff(forecasts.start))
-    asked = np.clip(t_s - epoch_s, -SPAN_S / 4, SPAN_S / 4) + lanes[:, None]
-    knot = np.clip(np.searchsorted(keys, asked.ravel(), "right").reshape(t_s.shape) - 1, first, last)
-    after = np.minimum(knot + 1, last)
-    after = np.where(forecasts.floor[after] == forecasts.floor[knot], after, knot)
-    span_s = forecasts.t_s[after] - forecasts.t_s[knot]
-    share = np.clip((t_s - forecasts.t_s[knot]) / np.where(span_s > 0, span_s, 1.0), 0.0, 1.0)
-    turn = (forecasts.yaw_rad[after] - forecasts.yaw_rad[knot] + np.pi) % (2 * np.pi) - np.pi
-    return Poses(
-        _between(forecasts.x_m, knot, after, share),
-        _between(forecasts.y_m, knot, after, share),
-        forecasts.yaw_rad[knot] + share * turn,
-        forecasts.floor[knot],
-    )
+@kernel(_POSES(_INTS, *[_FLOATS] * 4, _INTS, _MATRIX))
+def _poses_at(
+    start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, floor: Ints, asked: Floats
+) -> Floats:
+    poses = np.full((*asked.shape, 4), np.nan)
+    for row in range(len(start) - 1):
+        first, last = start[row], start[row + 1] - 1
+        if last < first:
+            continue
+        for at in range(asked.shape[1]):
+            moment = asked[row, at]
+            knot = max(first + np.searchsorted(t_s[first : last + 1], moment, "right") - 1, first)
+            after = min(knot + 1, last)
+            if floor[after] != floor[knot]:
+                after = knot
+            span = t_s[after] - t_s[knot]
+            share = min(max((moment - t_s[knot]) / (span if span > 0.0 else 1.0), 0.0), 1.0)
+            turn = (yaw_rad[after] - yaw_rad[knot] + pi) % (2 * pi) - pi
+            pose = poses[row, at]
+            pose[0] = x_m[knot] + share * (x_m[after] - x_m[knot])
+            pose[1] = y_m[knot] + share * (y_m[after] - y_m[knot])
+            pose[2], pose[3] = yaw_rad[knot] + share * turn, floor[knot]
+    return poses
 
 
-def _between(column: Floats, knot: Ints, after: Ints, share: Floats) -> Floats:
-    between: Floats = column[knot] + share * (column[after] - column[knot])
-    return between
+def poses_at(forecasts: Forecasts, t_s: Floats) -> Floats:
+    """(n, m, 4) x_m, y_m, yaw_rad and floor of robot i at the times `t_s[i]`, (n, m), as `Forecasts` reads between
+    knots; before the first, at the first. nan where it has none."""
+    f = forecasts
+    t, x, y, yaw = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
+    return _poses_at(ready(f.start, np.int64), t, x, y, yaw, ready(f.floor, np.int64), ready(t_s))

@@ -1,5 +1,7 @@
 """Forecasts against the next reports of the same robot."""
 
+from dataclasses import replace
+from itertools import combinations
 from math import pi
 
 import numpy as np
@@ -81,15 +83,33 @@ def test_a_slot_that_another_robot_has_now_does_not_remember() -> None:
     assert len(take(followed, straight(NOW_S + 1, 9.0, 0.0, 1.0))) == 0
 
 
-def test_no_robot_leaves_its_circle_or_goes_further_in_a_second_than_it_may() -> None:
-    followed, rng = Followed(), np.random.default_rng(4)
+def test_who_comes_near_at_a_whole_second_is_found_once() -> None:
+    """Whatever way robots go and however old their reports are."""
+    followed, rng, robots = Followed(), np.random.default_rng(4), 60
     t_s = [float(n) for n in range(0, 24, 2)]
-    x_m, y_m = np.cumsum(rng.normal(0, 1.5, (2, len(t_s))), axis=1).tolist()
-    take(followed, robot(t_s, x_m, y_m, 0.0, (1.0, 0.5)))
-    (centre,), (radius_m,), (step_m,) = followed.around(np.array([0]))
-    for since_s in np.arange(0.0, 15.0, 0.1):
-        way = followed.ahead(np.array([0]), NOW_S + since_s + np.arange(11.0)[None, :])
-        x, y = way.x_m[0], way.y_m[0]
-        assert np.hypot(x - centre[0], y - centre[1]).max() <= radius_m + 1e-9
-        assert np.hypot(np.diff(x), np.diff(y)).max() <= step_m + 1e-9
-    assert radius_m < 12
+    for slot in range(robots):
+        x_m, y_m = (np.cumsum(rng.normal(0, 1.5, (2, len(t_s))), axis=1) + rng.uniform(-25, 25, (2, 1))).tolist()
+        take(followed, robot([t - slot % 5 for t in t_s], x_m, y_m, 0.0, (1.0, 0.5)), slot)
+    slots, told, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
+    found = followed.nearing(told, slots, reach_m, NOW_S + 1.3, 10.0)
+    way = followed.ahead(slots, np.broadcast_to(NOW_S + 1.3 + np.arange(11.0), (len(slots), 11)))
+    step_m = np.hypot(*np.diff(way[..., :2], axis=1).transpose(2, 0, 1)).max(axis=1)
+    near = {
+        (a, b)
+        for a, b in combinations(slots.tolist(), 2)
+        if (told[a] or told[b])
+        and (np.hypot(*(way[a] - way[b])[:, :2].T) <= reach_m[a] + reach_m[b] + (step_m[a] + step_m[b]) / 2).any()
+    }
+    assert sorted((min(pair), max(pair)) for pair in found.tolist()) == sorted(near)
+    assert 20 < len(near) < robots * robots / 5
+
+
+def test_who_is_on_another_floor_does_not_come_near() -> None:
+    followed = Followed()
+    for slot, floor in enumerate((0, 1, -1, -1)):
+        there = straight(NOW_S, 0.0, 0.0, 0.0)
+        take(followed, replace(there, floor=np.full(2, floor)), slot)
+    args = (np.ones(4, bool), np.arange(4), np.ones(4), NOW_S, 10.0)
+    assert followed.nearing(*args).tolist() == []
+    take(followed, straight(NOW_S + 1, 0.0, 0.0, 0.0), 1)
+    assert sorted(followed.nearing(*args)[0].tolist()) == [0, 1]

@@ -3,6 +3,7 @@ import pytest
 from numpy.random import default_rng
 
 from deconflict.foresight.ledger import HALF_LIFE_S, HORIZONS, MOST_CLASSES, PRIOR_MPS, Errors, Ledger
+from deconflict.foresight.ways import reach_m
 from deconflict.learned import UnreadableError
 from ingest.seam import Basis, Floats
 
@@ -41,7 +42,7 @@ def test_bands_widen_with_the_horizon_whatever_was_seen() -> None:
 def test_an_unknown_kind_begins_with_a_prior_for_its_basis() -> None:
     ledger = Ledger()
     row = ledger.row("Alder", "A-7", Basis.VELOCITY, NOW_S)
-    assert ledger.reach_m(np.array([row]), np.array([[5.0]]))[0, 0] == pytest.approx(
+    assert reach_m(ledger.bands_m, np.array([row]), np.array([[5.0]]))[0, 0] == pytest.approx(
         5 * PRIOR_MPS[Basis.VELOCITY], rel=0.15
     )
 
@@ -49,7 +50,7 @@ def test_an_unknown_kind_begins_with_a_prior_for_its_basis() -> None:
 def test_reach_is_linear_between_and_beyond_whole_seconds() -> None:
     ledger = Ledger()
     row = np.array([ledger.row("Alder", "A-7", Basis.PATH, NOW_S)])
-    at = ledger.reach_m(row, np.array([[0.0, 0.5, 1.0, 9.0, 10.0, 20.0]]))[0]
+    at = reach_m(ledger.bands_m, row, np.array([[0.0, 0.5, 1.0, 9.0, 10.0, 20.0]]))[0]
     assert at[0] == 0
     assert at[1] == pytest.approx(at[2] / 2)
     assert at[5] == pytest.approx(at[4] + 10 * (at[4] - at[3]))

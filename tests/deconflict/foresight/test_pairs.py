@@ -1,10 +1,9 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.random import default_rng
 
 from deconflict.foresight.leaving import STAYED
-from deconflict.foresight.pairs import Fates, Outcomes, Pairs, Question, circles_near, codes
+from deconflict.foresight.pairs import Fates, Outcomes, Pairs, Question, codes
 
 NOW_S = 1_790_000_000.0
 
@@ -58,18 +57,3 @@ def test_an_encounter_after_the_horizon_is_none_in_it() -> None:
 def test_a_pair_that_was_together_when_asked_is_not_judged() -> None:
     question, _ = outcome(started_s=[-0.5, -5.0], below_s=[0.4, -3.0], heard_s=[12, 12, 12])
     assert question.code.tolist() == codes(np.array([0]), np.array([2])).tolist()
-
-
-def test_no_pair_that_comes_near_is_left_out_and_some_are() -> None:
-    rng = default_rng(8)
-    way = np.cumsum(rng.normal(0, 1, (60, 11, 2)), axis=1) + rng.uniform(-40, 40, (60, 1, 2))
-    radius_m, chosen = rng.uniform(0.2, 1.5, 60), np.arange(0, 60, 3)
-    low, high = way.min(axis=1), way.max(axis=1)
-    reach_m = np.hypot(*(high - low).T) / 2 + radius_m
-    found = set(zip(*(rows.tolist() for rows in circles_near((low + high) / 2, reach_m, chosen)), strict=True))
-    for i in chosen.tolist():
-        for j in range(60):
-            apart_m = np.hypot(*(way[i] - way[j]).T).min()
-            if i != j and apart_m <= radius_m[i] + radius_m[j]:
-                assert (i, j) in found
-    assert 0 < len(found) < len(chosen) * 59 / 2

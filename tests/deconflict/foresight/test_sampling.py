@@ -17,11 +17,11 @@ def test_many_at_once_are_where_each_is_alone(family: str) -> None:
     for row in range(len(forecasts)):
         for column, moment_s in enumerate(t_s[row].tolist()):
             alone = pose_at(forecasts.one(row), moment_s)
-            assert poses.x_m[row, column] == pytest.approx(alone.x_m, abs=1e-6)
-            assert poses.y_m[row, column] == pytest.approx(alone.y_m, abs=1e-6)
-            assert np.cos(poses.yaw_rad[row, column] - alone.yaw_rad) == pytest.approx(1)
-            assert poses.floor[row, column] == alone.floor
+            x_m, y_m, yaw_rad, floor = poses[row, column]
+            assert (x_m, y_m) == pytest.approx((alone.x_m, alone.y_m), abs=1e-6)
+            assert np.cos(yaw_rad - alone.yaw_rad) == pytest.approx(1)
+            assert floor == alone.floor
 
 
 def test_nobody_is_nowhere() -> None:
-    assert poses_at(Forecasts.empty(), np.empty((0, 3))).x_m.shape == (0, 3)
+    assert poses_at(Forecasts.empty(), np.empty((0, 3))).shape == (0, 3, 4)
