@@ -72,7 +72,10 @@ CATALOGUE: dict[str, Entry] = {
         "counter", ("vendor",), "Messages beyond the vendor's share, overtaken by newer ones before they were read."
     ),
     "deconflict_datum_drift_metres": Entry(
-        "gauge", ("vendor",), "How far the vendor's robots rest at docks and chargers from where they did at first."
+        "gauge",
+        ("vendor",),
+        "How far the vendor's robots rest at docks and chargers from where they did at first.",
+        "largest",
     ),
     "deconflict_changed_since_timestamp_seconds": Entry(
         "gauge",
@@ -168,7 +171,7 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "deconflict_deadlocks_ahead": Entry("gauge", (), "Rings of robots that wait for each other, or will."),
     "deconflict_arrival_time_ratio": Entry(
-        "gauge", ("vendor",), "Time that robots take to a destination over the time that they tell, median."
+        "gauge", ("vendor",), "Time that robots take to a destination over the time that they tell, median.", "largest"
     ),
     "deconflict_arrival_error_seconds": Entry(
         "gauge",
@@ -209,6 +212,7 @@ CATALOGUE: dict[str, Entry] = {
         (),
         "What the engine leaves out because it can't keep up: 0 nothing, 1 exact smallest separations, "
         "2 also conflicts later than conflict.warning_s and most looks at queues.",
+        "largest",
     ),
     "deconflict_site_reloads_total": Entry(
         "counter", ("result",), "Changed site files that were applied, or refused with the old settings kept."

@@ -22,6 +22,7 @@ from nats.js import JetStreamContext, api
 from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError
 
 from deconflict.advisory import Acknowledgement, AnyAdvisory
+from deconflict.cluster.channels import MOST_BYTES
 from deconflict.cluster.credentials import credentials
 from deconflict.cluster.lines import Line, key_of, line, told_as
 from deconflict.cluster.settings import Cluster
@@ -45,6 +46,8 @@ QUICK_S = 1.0
 AGAIN_S = 0.2
 ERRORS_S = 10.0
 WRONG_LAST_SEQUENCE = 10071
+FEED = "feed-"
+"""How the names of members that are ingests begin."""
 PENDING = 1 << 20
 """Messages that may wait to be taken in."""
 
@@ -201,6 +204,42 @@ class Bus:
                 await self._nats.publish(message.reply, parcel)
 
         await self._nats.subscribe(f"{self.name}.want", cb=asked)
+
+    async def ask(self, question: str, within_s: float) -> list[bytes]:
+        """What every ingest that is there answers, as far as it comes in time; by name."""
+        wanted = {name for name in self.members() if name.startswith(FEED)}
+        parts: dict[str, list[bytes]] = {name: [] for name in wanted}
+        answered: dict[str, bytes] = {}
+        whole = asyncio.Event()
+
+        async def taken(message: Msg) -> None:
+            headers = message.headers or {}
+            if (who := headers.get("From", "")) in wanted:
+                parts[who].append(message.data)
+                if len(parts[who]) == int(headers["Parts"]):
+                    answered[who] = b"".join(parts[who])
+            if answered.keys() == wanted:
+                whole.set()
+
+        address = self._nats.new_inbox()
+        heard = await self._nats.subscribe(address, cb=taken, pending_bytes_limit=1 << 30)
+        await self._nats.publish(f"{self.name}.ask", question.encode(), reply=address)
+        with suppress(TimeoutError):
+            async with asyncio.timeout(within_s if wanted else 0):
+                await whole.wait()
+        await heard.unsubscribe()
+        return [answered[who] for who in sorted(answered) if answered[who]]
+
+    async def asked(self, member: str, give: Callable[[str], Awaitable[bytes]]) -> None:
+        """Answer others' `ask` in the name of an ingest; nothing is told by an empty answer."""
+
+        async def taken(message: Msg) -> None:
+            answer = await give(message.data.decode())
+            cuts = [answer[at : at + MOST_BYTES] for at in range(0, len(answer), MOST_BYTES)] or [b""]
+            for cut in cuts:
+                await self._nats.publish(message.reply, cut, headers={"From": member, "Parts": str(len(cuts))})
+
+        await self._nats.subscribe(f"{self.name}.ask", cb=taken)
 
     async def tell(self, home: Place | None, advisory: AnyAdvisory, last_seq: int) -> int:
         """Its number in the stream. Raises `OverruledError` where the last told of its key is not `last_seq`."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from deconflict.cluster.bus import BUS_ERRORS, Bus
+from deconflict.cluster.bus import BUS_ERRORS, FEED, Bus
 from deconflict.cluster.channels import Sorter, pieces, reach_m
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Grid
@@ -25,6 +25,9 @@ AGAIN_S = 0.2
 RETRY_S = 0.2
 WHOLE = b"0"
 """Asks the receiver for the whole floor, as a watcher does that has seen nothing."""
+
+QUESTIONS = {"robots": b"", "quarantine": b"", "measures": b"", "unidentified": b"", "follow": WHOLE}
+"""What an operator face may ask of the receiver, and how the receiver is asked."""
 
 
 async def connected(bus: Bus, stop: asyncio.Event) -> bool:
@@ -78,7 +81,7 @@ class Feed:
         self._grid, self._conflict = Grid(settings.tile_m), site.conflict
         self._reach_m = reach_m(settings.fastest_mps, site.conflict)
         self._sorter = self._new_sorter()
-        self._name = f"feed-{uuid4().hex[:12]}"
+        self._name = f"{FEED}{uuid4().hex[:12]}"
 
     def _new_sorter(self) -> Sorter:
         return Sorter(self._grid, self._conflict, self._reach_m)
@@ -88,6 +91,7 @@ class Feed:
         if not await connected(self._bus, stop):
             return
         await self._bus.wanted(self._whole)
+        await self._bus.asked(self._name, self._answer)
         try:
             await until(stop, beating(self._bus, self._beat), self._feed())
         finally:
@@ -123,3 +127,12 @@ class Feed:
             return []
         parts = self._new_sorter().sort(batch) if batch else {}
         return [piece for channel, part in parts.items() if channel in channels for piece in pieces(part)]
+
+    async def _answer(self, question: str) -> bytes:
+        """What the receiver answers, for an operator face of any machine."""
+        if question not in QUESTIONS:
+            return b""
+        try:
+            return await self._receiver.call(question, QUESTIONS[question])
+        except LinkDownError:
+            return b""

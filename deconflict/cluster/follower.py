@@ -1,4 +1,7 @@
-"""The follower's process: hands what the durable stream tells to the operator face beside it, under its numbers."""
+"""The follower's process: hands what the durable stream tells to the operator face beside it, under its numbers.
+
+It also asks all ingests what the face wants to know of the robots.
+"""
 
 import asyncio
 import json
@@ -9,6 +12,7 @@ from typing import Any
 from deconflict.advisory import Acknowledgement
 from deconflict.cluster.bus import BUS_ERRORS, Bus
 from deconflict.cluster.feed import RETRY_S, beating, connected, until
+from deconflict.cluster.ingests import Ingests
 from deconflict.cluster.lines import Line
 from deconflict.cluster.settings import Cluster
 from deconflict.link import AsyncCaller, LinkDownError, listening, socket_path
@@ -25,6 +29,7 @@ class Follower:
     def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
         self._bus, self._runtime = Bus(settings, site.store.keep_days), runtime
         self._operator = AsyncCaller(runtime, "operator")
+        self._ingests = Ingests(self._bus)
         self._lines: asyncio.Queue[Line] = asyncio.Queue()
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -32,8 +37,9 @@ class Follower:
         if not await connected(self._bus, stop):
             return
         try:
-            async with listening(socket_path(self._runtime, "follower"), {"answer": self._answer}):
-                await until(stop, self._follow(), beating(self._bus, self._measure))
+            calls = {"answer": self._answer, **self._ingests.calls()}
+            async with listening(socket_path(self._runtime, "follower"), calls):
+                await until(stop, self._follow(), beating(self._bus, self._measure), self._ingests.run())
         finally:
             await self._bus.close()
 

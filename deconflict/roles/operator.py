@@ -51,7 +51,7 @@ class OperatorRole:
 
     def __init__(self, site: Site, runtime: Path, data: Path, exposition: Exposition) -> None:
         self._site, self._runtime = site, runtime
-        self._receiver = AsyncCaller(runtime, "receiver")
+        self._receiver = AsyncCaller(runtime, "follower" if site.cluster else "receiver")
         self._engine_measures: list[dict[str, Any]] = []
         self._engine_heard_s = float("-inf")
         self.ready = asyncio.Event()
@@ -129,7 +129,7 @@ class OperatorRole:
         if told := reloads(self._runtime):
             for result in ("applied", "refused"):
                 own.count("deconflict_site_reloads_total", result, by=told[result])
-        return [own.as_document(), *self._engine_measures, *([receiver] if receiver else [])]
+        return [own.as_document(), *self._engine_measures, *(receiver or [])]
 
     async def health(self) -> dict[str, Any]:
         up, told = self._up(await self._receiver_measures() is not None), reloads(self._runtime)
@@ -164,7 +164,7 @@ class OperatorRole:
         receiver, documents, unidentified = await self._receiver_measures(), self._engine_measures, []
         roles = self._up(receiver is not None)
         if receiver is not None:
-            documents = [*documents, receiver]
+            documents = [*documents, *receiver]
             with suppress(SourceUnavailableError):
                 unidentified = await self._ask("unidentified")
         return {
@@ -189,10 +189,10 @@ class OperatorRole:
         except BusyError as error:
             raise SourceUnavailableError("recording") from error
 
-    async def _receiver_measures(self) -> dict[str, Any] | None:
-        """None where the receiver does not answer; who asks for health does not wait as long as others."""
+    async def _receiver_measures(self) -> list[dict[str, Any]] | None:
+        """None where no receiver answers; who asks for health does not wait as long as others."""
         try:
-            told: dict[str, Any] = json.loads(await self._receiver.call("measures", within_s=HEALTH_WITHIN_S))
+            told: list[dict[str, Any]] = json.loads(await self._receiver.call("measures", within_s=HEALTH_WITHIN_S))
         except LinkDownError:
             return None
         return told

@@ -234,7 +234,7 @@ class ReceiverRole:
     async def _measures(self, _: bytes) -> bytes:
         self.fleet.measure(self._now_s())
         self.measures.level("deconflict_host_clock_off_seconds", {(): self._clock.off_s})
-        return json.dumps(self.measures.as_document()).encode()
+        return json.dumps([self.measures.as_document()]).encode()
 
     def _now_s(self) -> float:
         return quantise(self._clock())

@@ -1,0 +1,40 @@
+"""An operator face of a cluster shows the robots of every ingest, with a real NATS server."""
+
+import asyncio
+import json
+import time
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+import httpx
+from websockets.asyncio.client import connect
+
+from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server
+from tests.deconflict.cluster.test_cluster import until
+from tests.deconflict.test_service import drive
+from tests.saying import robot
+
+pytestmark = needs_server
+
+
+async def test_a_face_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
+    async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
+        base = f"http://127.0.0.1:{operator.port}"
+        urls = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]
+        told = zip(urls, ({"A": lambda _: (1.0, 2.0, 0.0)}, {"B": lambda _: (9.0, 2.0, 0.0)}), strict=True)
+        driving = [asyncio.create_task(drive(url, courses, 300, time.time())) for url, courses in told]
+        both = {robot("A"), robot("B")}
+        listed = await until(base, "/robots", lambda told: {one["uuid"] for one in told.get("robots", ())} == both)
+        assert {one["presence"] for one in listed["robots"]} == {"present"}
+        await until(base, "/vendors", lambda told: [one["name"] for one in told["vendors"]] == ["Alder"])
+        async with httpx.AsyncClient(timeout=20) as client:
+            assert "deconflict_messages_total" in (await client.get(f"{base}/metrics")).text
+            one = await client.get(f"{base}/robots/{robot('B')}")
+        assert one.json()["uuid"] == robot("B")
+        seen: dict[str, set[float]] = {}
+        async with connect(f"ws://127.0.0.1:{operator.port}/live") as page, asyncio.timeout(120):
+            while seen.keys() != both or min(map(len, seen.values())) < 2:
+                for row in json.loads(await page.recv())["floor"]["robots"]:
+                    seen.setdefault(row[0], set()).add(row[6])
+        for each in driving:
+            each.cancel()
