@@ -8,7 +8,7 @@ Those of which a robot waited as advised are counted apart.
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from math import floor, inf
+from math import asin, floor, inf, pi, sqrt
 from typing import Any
 from zlib import crc32
 
@@ -50,9 +50,13 @@ class Tally:
 
     def add(self, group: int, probability: float, part: int) -> None:
         """A sample that came true in a part of the horizon, or not (`STAYED`)."""
-        step = round(float(np.arcsin(np.sqrt(probability))) * 2 / np.pi * FINE)
-        self.fine[:, part, step] += (1.0, probability)
-        self.groups[:, part, group] += (1.0, (probability - (part < STAYED)) ** 2)
+        step = round(asin(sqrt(probability)) * 2 / pi * FINE)
+        for counts, row, by in (
+            (self.fine, step, probability),
+            (self.groups, group, (probability - (part < STAYED)) ** 2),
+        ):
+            counts[0, part, row] += 1.0
+            counts[1, part, row] += by
 
     @classmethod
     def joined(cls, parts: Iterable["Tally"]) -> "Tally":
@@ -143,15 +147,18 @@ class Calibration:
         """Count every sample of which it is known what followed."""
         while self._waiting and self._waiting[0][0] + HORIZON_S <= truth.until_s:
             at_s, probabilities = self._waiting.popleft()
-            for pair, probability in probabilities:
-                self._judge(truth, pair, (vendor_of[pair[0]], vendor_of[pair[1]]), at_s, probability)
+            began_s = [self._began_s(truth, pair, at_s) for pair, _ in probabilities]
+            last_s = [min(truth.motion.last_seen_s(robot) for robot in pair) for pair, _ in probabilities]
+            parts = part_of(np.minimum(began_s, last_s) - at_s, HORIZON_S).tolist()
+            for (pair, probability), one_began_s, part in zip(probabilities, began_s, parts, strict=True):
+                vendors = (vendor_of[pair[0]], vendor_of[pair[1]])
+                self._judge(pair, vendors, at_s, probability, one_began_s, part)
 
     def whole(self) -> Tally:
         return Tally.joined(self.by_vendors.values())
 
-    def _judge(self, truth: Truth, pair: Pair, vendors: Vendors, at_s: float, probability: float) -> None:
-        """Count one sample, unless it was said within an encounter."""
-        began_s = self._began_s(truth, pair, at_s)
+    def _judge(self, pair: Pair, vendors: Vendors, at_s: float, probability: float, began_s: float, part: int) -> None:
+        """Count one sample, unless it was said within an encounter; in `part` one began or a robot was last seen."""
         if began_s == at_s:
             return
         if self.waits.began_s(pair, at_s, at_s + HORIZON_S) < began_s:
@@ -160,8 +167,6 @@ class Calibration:
         tallies = [self.by_vendors.setdefault((min(vendors), max(vendors)), Tally())]
         if at_s >= self._settled_from_s:
             tallies.append(self.settled)
-        last_s = min(truth.motion.last_seen_s(robot) for robot in pair)
-        part = int(part_of(np.array(min(began_s, last_s) - at_s), HORIZON_S))
         group = crc32("".join(pair).encode()) % GROUPS
         for tally in tallies:
             if began_s < inf:
