@@ -37,4 +37,5 @@ def kernel(signature: object) -> Callable[[_Function], _Function]:
 
 def ready(column: NDArray[Any], kind: DTypeLike = np.float64) -> NDArray[Any]:
     """An array as kernels take it, copied only where it must be."""
-    return np.require(column, kind, ["C", "A"])
+    as_it_is = column.dtype == kind and column.flags.c_contiguous and column.flags.aligned
+    return column if as_it_is else np.require(column, kind, ["C", "A"])

@@ -98,7 +98,9 @@ def _spread_out(forecasts: Forecasts, first_slab: int, slabs: int, clearance_m: 
     set_knots(knots, forecasts.start[:-1], forecasts)
     robots, boxes = robots_of(forecasts, forecasts.start[:-1], np.diff(forecasts.start)), Boxes(slabs)
     boxes.grow(len(forecasts))
-    sound = np.delete(np.arange(len(forecasts)), list(faults(forecasts)))
+    sound, wrong = np.arange(len(forecasts)), faults(forecasts)
+    if wrong:
+        sound = np.delete(sound, list(wrong))
     boxes.cover(sound, robots, knots, first_slab, slabs, clearance_m / 2 + TOLERANCE_M)
     return (boxes.all, robots, knots), np.arange(first_slab, first_slab + slabs)
 

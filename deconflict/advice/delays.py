@@ -7,12 +7,14 @@ Differences on the grid of holds are swept as they are, standing included, so on
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import inf
-from typing import Any
+from dataclasses import dataclass
+from functools import cache
+from math import inf, pi
 
+import numba
 import numpy as np
 
+from deconflict.compiled import kernel, ready
 from deconflict.sweep import first_meetings
 from ingest.seam import Floats, Forecasts, Ints
 
@@ -20,6 +22,11 @@ STEP_S = 0.5
 """Holds are multiples of this."""
 SHORT_S = 2.0
 """A forecast that ends no more than this before the horizon goes on as it ended; one that ends sooner stands."""
+
+SAME_S = 1e-6
+"""A knot so soon after the beginning is left out for it."""
+_FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
+_ASKED, _ASKED_INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 Pair = tuple[str, str]
 
@@ -54,61 +61,76 @@ class Window:
         return int(self.longest_hold_s / STEP_S)
 
 
-def delayed(forecasts: Forecasts, hold_s: Floats, window: Window) -> Forecasts:
-    """The forecasts of n robots from `window.start_s` on, each `hold_s` (n,) late, to where the last ends its own."""
-    at = poses_from(forecasts, window.start_s)
-    later = np.flatnonzero(forecasts.t_s > window.start_s + 1e-6)
-    owner = np.repeat(np.arange(len(forecasts)), np.diff(forecasts.start))[later]
-    stands = np.flatnonzero(hold_s != 0)
-    row = np.concatenate([np.arange(len(forecasts)), stands, owner])
-    order = np.argsort(row, kind="stable")
-    leaves_s = np.full(len(forecasts), window.start_s)
-    columns = {"t_s": np.concatenate([leaves_s, window.start_s + hold_s[stands], forecasts.t_s[later] + hold_s[owner]])}
-    for name, there in at.items():
-        columns[name] = np.concatenate([there, there[stands], getattr(forecasts, name)[later]])
-    start = np.searchsorted(row[order], np.arange(len(forecasts) + 1))
-    whole = replace(forecasts, start=start, **{name: column[order] for name, column in columns.items()})
-    ends_s = window.start_s + window.horizon_s + hold_s
-    return _going_on(whole, by_s=ends_s - SHORT_S, to_s=ends_s + 2 * window.longest_hold_s)
+@kernel(
+    numba.types.Tuple((_INTS, *[_FLOATS] * 4, _INTS))(  # type: ignore[no-untyped-call]
+        _ASKED_INTS, *[_ASKED] * 4, _ASKED_INTS, _ASKED_INTS, _ASKED, *[numba.float64] * 4
+    )
+)
+def _delayed(
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    floor: Ints,
+    rows: Ints,
+    hold_s: Floats,
+    leaves_s: float,
+    horizon_s: float,
+    short_s: float,
+    beyond_s: float,
+) -> tuple[Ints, Floats, Floats, Floats, Floats, Ints]:
+    """Knots of `rows`: where each is at `leaves_s` and again when its hold ends, what it does later, and a last one in
+    line with the two before it `beyond_s` after its horizon, unless it ends sooner than `short_s` before that."""
+    begins, most = np.zeros(len(rows) + 1, np.int64), 0
+    for row in rows:
+        most += start[row + 1] - start[row] + 3
+    t, x, y, yaw, on_floor = np.empty(most), np.empty(most), np.empty(most), np.empty(most), np.empty(most, np.int64)
+    n = 0
+    for at in range(len(rows)):
+        first, end, hold, begin = start[rows[at]], start[rows[at] + 1], hold_s[at], n
+        passed = np.searchsorted(t_s[first:end], leaves_s, "right")
+        knot, share, turn = first + max(passed - 1, 0), 0.0, 0.0
+        after = knot + 1
+        if passed and after < end and floor[after] == floor[knot]:
+            share = (leaves_s - t_s[knot]) / (t_s[after] - t_s[knot])
+            turn = (yaw_rad[after] - yaw_rad[knot] + pi) % (2 * pi) - pi
+        else:
+            after = knot
+        for _ in range(1 if hold == 0.0 else 2):
+            t[n], on_floor[n] = leaves_s + hold * (n - begin), floor[knot]
+            x[n], y[n] = x_m[knot] + share * (x_m[after] - x_m[knot]), y_m[knot] + share * (y_m[after] - y_m[knot])
+            yaw[n] = yaw_rad[knot] + share * turn
+            n += 1
+        for k in range(first, end):
+            if t_s[k] > leaves_s + SAME_S:
+                t[n], x[n], y[n], yaw[n], on_floor[n] = t_s[k] + hold, x_m[k], y_m[k], yaw_rad[k], floor[k]
+                n += 1
+        a, b, ends = n - 2, n - 1, leaves_s + horizon_s + hold
+        if a >= begin and ends - short_s <= t[b] < ends + beyond_s and on_floor[a] == on_floor[b]:
+            t[n], on_floor[n], yaw[n] = ends + beyond_s, on_floor[b], yaw[b]
+            share = (t[n] - t[b]) / (t[b] - t[a])
+            x[n], y[n] = x[b] + share * (x[b] - x[a]), y[b] + share * (y[b] - y[a])
+            n += 1
+        begins[at + 1] = n
+    return begins, t[:n].copy(), x[:n].copy(), y[:n].copy(), yaw[:n].copy(), on_floor[:n].copy()
 
 
-def poses_from(forecasts: Forecasts, t_s: float) -> dict[str, Any]:
-    """x_m, y_m, yaw_rad and floor of each robot at `t_s`, (n,) each, as `pose_at` has them."""
-    first, last = forecasts.start[:-1], forecasts.start[1:] - 1
-    passed = np.concatenate([[0], np.cumsum(forecasts.t_s <= t_s)])
-    knot = first + np.maximum(passed[last + 1] - passed[first] - 1, 0)
-    after = np.minimum(knot + 1, last)
-    moves = (after > knot) & (forecasts.t_s[knot] <= t_s) & (forecasts.floor[after] == forecasts.floor[knot])
-    after = np.where(moves, after, knot)
-    since_s, span_s = t_s - forecasts.t_s[knot], forecasts.t_s[after] - forecasts.t_s[knot]
-    share = np.where(moves, since_s / np.where(moves, span_s, 1.0), 0.0)
-    x, y, yaw = forecasts.x_m, forecasts.y_m, forecasts.yaw_rad
-    turn = (yaw[after] - yaw[knot] + np.pi) % (2 * np.pi) - np.pi
-    return {
-        "x_m": x[knot] + share * (x[after] - x[knot]),
-        "y_m": y[knot] + share * (y[after] - y[knot]),
-        "yaw_rad": yaw[knot] + share * turn,
-        "floor": forecasts.floor[knot],
-    }
+def delayed(forecasts: Forecasts, rows: Ints, hold_s: Floats, window: Window) -> Forecasts:
+    """The forecasts of `rows` (n,) from `window.start_s` on, each `hold_s` (n,) late, to where the last ends its."""
+    f = forecasts
+    t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
+    start, floor = ready(f.start, np.int64), ready(f.floor, np.int64)
+    until = (window.start_s, window.horizon_s, SHORT_S, 2 * window.longest_hold_s)
+    knots = _delayed(start, t_s, x_m, y_m, yaw_rad, floor, rows, hold_s, *until)
+    return Forecasts(*knots, *(column[rows] for column in (f.length_m, f.width_m, f.bottom_m, f.top_m)))
 
 
-def _going_on(forecasts: Forecasts, by_s: Floats, to_s: Floats) -> Forecasts:
-    """Each with a last knot at `to_s` in line with its last two, unless it ends before `by_s`: there it stands."""
-    last, counts = forecasts.start[1:] - 1, np.diff(forecasts.start)
-    t_s, floor = forecasts.t_s, forecasts.floor
-    goes = (counts >= 2) & (by_s <= t_s[last]) & (t_s[last] < to_s) & (floor[last] == floor[last - 1])
-    rows = np.flatnonzero(goes)
-    a, b = last[rows] - 1, last[rows]
-    share = (to_s[rows] - t_s[b]) / (t_s[b] - t_s[a])
-    beyond = {
-        "t_s": to_s[rows],
-        "x_m": forecasts.x_m[b] + share * (forecasts.x_m[b] - forecasts.x_m[a]),
-        "y_m": forecasts.y_m[b] + share * (forecasts.y_m[b] - forecasts.y_m[a]),
-        "yaw_rad": forecasts.yaw_rad[b],
-        "floor": floor[b],
-    }
-    columns = {name: np.insert(getattr(forecasts, name), b + 1, value) for name, value in beyond.items()}
-    return replace(forecasts, start=np.concatenate([[0], np.cumsum(counts + goes)]), **columns)
+@cache
+def _pairs_of(robots: int) -> tuple[Ints, Ints]:
+    """Rows of every two of so many."""
+    a, b = np.triu_indices(robots, 1)
+    return np.ascontiguousarray(a), np.ascontiguousarray(b)
 
 
 def meetings(movers: Sequence[Mover], holds_s: Sequence[float], window: Window) -> dict[Pair, float]:
@@ -116,9 +138,10 @@ def meetings(movers: Sequence[Mover], holds_s: Sequence[float], window: Window) 
 
     Until the last that is held has had its horizon. Pairs that begin within the clearance are left out.
     """
-    held = delayed(Forecasts.joined(one.forecast for one in movers), np.array(holds_s, np.float64), window)
+    free = Forecasts.joined(one.forecast for one in movers)
+    held = delayed(free, np.arange(len(movers)), np.array(holds_s, np.float64), window)
     horizon_s = window.horizon_s + max(holds_s, default=0.0)
-    a, b = np.triu_indices(len(movers), 1)
+    a, b = _pairs_of(len(movers))
     met_s, begins_m = first_meetings(
         held, a, b, now_s=window.start_s, horizon_s=horizon_s, clearance_m=window.clearance_m
     )
@@ -157,8 +180,7 @@ def _fans(pairs: Sequence[tuple[Mover, Mover]], steps: Ints, window: Window) -> 
     place = {robot: row for row, robot in enumerate(movers)}
     free = Forecasts.joined(one.forecast for one in movers.values())
     holds = np.arange(window.steps + 1)
-    fans = delayed(
-        free.take(np.repeat(np.arange(len(movers)), len(holds))), np.tile(holds * STEP_S, len(movers)), window
-    )
+    rows = np.repeat(np.arange(len(movers)), len(holds))
+    fans = delayed(free, rows, np.tile(holds * STEP_S, len(movers)), window)
     of_pair = np.array([[place[one.robot] for one in pair] for pair in pairs], np.int64).reshape(-1, 2, 1) * len(holds)
     return fans, of_pair[:, 0] + np.maximum(steps, 0), of_pair[:, 1] + np.maximum(-steps, 0)
