@@ -4,6 +4,7 @@ Of what waits only the newest status of a robot over one connection is read, in 
 reads what is true now, and however much comes, no robot waits longer than one reading of all of them takes.
 """
 
+import re
 from collections.abc import Callable
 from functools import partial
 
@@ -11,6 +12,8 @@ from ingest.connection import Connection
 from ingest.shares import Arrived, uuid_in
 from ingest.turns import Turns
 
+FIRST = re.compile(rb'\s*\{\s*"uuid"\s*:\s*"([^"]{1,64})"')
+"""Most senders begin with the UUID, and nobody's but the robot's own stands there."""
 Robot = tuple[int, bytes]
 """A connection's number, and the UUID as it was sent."""
 
@@ -50,6 +53,8 @@ class Backlog:
 
 def status_of(raw: bytes) -> bytes | None:
     """The UUID of the robot whose status this is, without parsing it; None where that can't be told for certain."""
-    if b'"operationalState"' not in raw or raw.lower().count(b'"uuid"') != 1:
+    if b'"operationalState"' not in raw:
         return None
-    return uuid_in(raw)
+    if first := FIRST.match(raw):
+        return first.group(1).lower()
+    return uuid_in(raw) if raw.lower().count(b'"uuid"') == 1 else None

@@ -3,7 +3,7 @@
     {"received": "...Z", "connection": 3, "peer": "...", "vendor": "Alder", "message": {...}}
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-json", "raw": "..."}
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-utf8", "base64": "..."}
-    {"received": "...Z", "connection": 3, "peer": "...", "overtaken": true, "raw": "..."}
+    {"received": "...Z", "connection": 3, "peer": "...", "overtaken": true, "base64": "..."}
     {"closed": "...Z", "connection": 3}
     {"tick": "...Z"}
     {"tick": "...Z", "effort": 1, "pending": 2}
@@ -11,9 +11,9 @@
 
 A message that was accepted stands there byte for byte, the last key of its line; one that was not, or that is more than
 one line, is quoted as `raw`, or as `base64` where it is not UTF-8. One that was `overtaken` by a newer status of its
-robot was never read, and a replay leaves it out as well. Without a vendor of its own a connection has no `vendor`. A
-tick has an `effort` where the engine had no time for everything (`deconflict/effort.py`), and a number `pending` of
-answers where advice was still worked out (`deconflict/advice/answers.py`).
+robot was never read, so that it may be anything, and a replay leaves it out as well. Without a vendor of its own a
+connection has no `vendor`. A tick has an `effort` where the engine had no time for everything (`deconflict/effort.py`),
+and a number `pending` of answers where advice was still worked out (`deconflict/advice/answers.py`).
 
 Times are RFC 3339 in UTC to the microsecond, and the service's times are whole microseconds, so that a replay has the
 very numbers of the live run. Lines go to a thread of their own at each tick, or sooner where there are many, and from
@@ -23,6 +23,7 @@ default half a minute on Linux.
 """
 
 import base64
+import binascii
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -85,7 +86,8 @@ class Recorder:
 
     def overtaken(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         """A message that was not read, because a newer one came first."""
-        self._add(f'{self._begun(arrival_s, connection)},"overtaken":true,{_quoted(raw)}}}\n'.encode())
+        head = self._begun(arrival_s, connection).encode()
+        self._add(b'%b,"overtaken":true,"base64":"%b"}\n' % (head, binascii.b2a_base64(raw, newline=False)))
 
     def closed(self, connection: Connection, now_s: float) -> None:
         self._heads.pop(connection.id, None)

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable
 
 TURN_S = 0.01
+MOST_TURNS = 5
 MOST_WAITING, MOST_WEIGHT = 20_000, 64 << 20
 """Calls that wait, and what they weigh, before those who bring more are to wait themselves, until half is left."""
 
@@ -17,12 +18,14 @@ MOST_WAITING, MOST_WEIGHT = 20_000, 64 << 20
 class Turns:
     """Calls in the order in which they are given, at once while there is time. Belongs to one event loop."""
 
-    def __init__(self, turn_s: float = TURN_S) -> None:
-        self._turn_s = turn_s
+    def __init__(self, turn_s: float = TURN_S, clock: Callable[[], float] = time.monotonic) -> None:
+        self._turn_s, self._clock = turn_s, clock
         self._waiting: deque[tuple[Callable[[], None], int]] = deque()
         self._weight = 0
         self._until_s: float | None = None
         """When this turn ends; None between turns."""
+        self._round_s = 0.0
+        """Since when the loop goes round."""
         self._when_room: list[Callable[[], None]] = []
 
     def do(self, call: Callable[[], None], weight: int = 0) -> None:
@@ -38,7 +41,7 @@ class Turns:
     @property
     def behind(self) -> bool:
         """Whether a call would have to wait."""
-        return bool(self._waiting) or (self._until_s is not None and time.monotonic() >= self._until_s)
+        return bool(self._waiting) or (self._until_s is not None and self._clock() >= self._until_s)
 
     def reweigh(self, by: int) -> None:
         """What waits has become heavier by so much."""
@@ -59,24 +62,34 @@ class Turns:
             self._call_first()
 
     def _begin(self) -> None:
-        self._until_s = time.monotonic() + self._turn_s
+        self._round_s = self._clock()
+        self._until_s = self._round_s + self._turn_s
         asyncio.get_running_loop().call_soon(self._next)
 
     def _next(self) -> None:
-        """A turn of what waits; the loop has gone round since the last one."""
+        """A turn of what waits; the loop has gone round since the last one.
+
+        It lasts for as long as that took if need be, so that who takes in more than can be done does not do nothing
+        else; at most `MOST_TURNS` of the usual length.
+        """
         self._until_s = None
         if not self._waiting:
             return
+        took_s = self._clock() - self._round_s
         self._begin()
-        until_s = time.monotonic() + self._turn_s
-        while True:
-            if self._when_room and len(self._waiting) <= MOST_WAITING // 2 and self._weight <= MOST_WEIGHT // 2:
-                waited, self._when_room = self._when_room, []
-                for call in waited:
-                    call()
+        until_s = self._round_s + min(max(took_s, self._turn_s), MOST_TURNS * self._turn_s)
+        while self._waiting:
+            self._grant_room()
             self._call_first()
-            if not self._waiting or time.monotonic() >= until_s:
+            self._round_s = self._clock()
+            if self._round_s >= until_s:
                 return
+
+    def _grant_room(self) -> None:
+        if self._when_room and len(self._waiting) <= MOST_WAITING // 2 and self._weight <= MOST_WEIGHT // 2:
+            waited, self._when_room = self._when_room, []
+            for call in waited:
+                call()
 
     def _call_first(self) -> None:
         call, weight = self._waiting.popleft()
