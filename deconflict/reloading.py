@@ -37,10 +37,6 @@ def in_force(before: Site, told: Site) -> tuple[Site, tuple[str, ...]]:
 
     Raises `SiteError` where what changes does not go with what can't.
     """
-    if before.cluster:
-        raise SiteError(
-            ["cluster: machines that share a site have to agree on it; restart them to change the site file"]
-        )
     kept: dict[str, Any] = {}
     for section, keys in FIXED.items():
         old, new = getattr(before, section), getattr(told, section)

@@ -119,4 +119,4 @@ def _cluster_role(role: str, site: Site, settings: Cluster, runtime: Path) -> Ru
 
     if role == "feed":
         return Feed(site, settings, runtime)
-    return Follower(site, settings, runtime) if role == "follower" else Member(site, settings)
+    return Follower(site, settings, runtime) if role == "follower" else Member(site, settings, runtime)

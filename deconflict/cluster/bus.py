@@ -106,6 +106,7 @@ class Bus:
         await self._stream("told", [f"{name}.told.*", f"{name}.answer.*"], disk, 86400 * self._keep_days, SAME_S)
         await self._js.create_key_value(bucket=f"{name}-members", ttl=LEASE_S, storage=memory, replicas=copies)
         await self._js.create_key_value(bucket=f"{name}-table", storage=disk, replicas=copies)
+        self._learned = await self._js.create_key_value(bucket=f"{name}-learned", storage=disk, replicas=copies)
         self._table = await self._quick.key_value(f"{name}-table")
 
     async def close(self) -> None:
@@ -312,6 +313,22 @@ class Bus:
 
     async def _met(self, message: Msg) -> None:
         self._said[message.subject.rsplit(".", 1)[1]] = (time.monotonic(), json.loads(message.data or b"{}"))
+
+    async def keep(self, name: str, data: bytes) -> None:
+        """Keep some bytes for whoever begins later; what is too large for the server is not kept."""
+        if len(data) <= self._nats.max_payload:
+            await self._learned.put(name, data)
+        else:
+            log.warning(
+                "%s takes %s bytes, and the NATS server no more than %s", name, len(data), self._nats.max_payload
+            )
+
+    async def kept(self, name: str) -> bytes | None:
+        """What was kept last under a name."""
+        try:
+            return (await self._learned.get(name)).value
+        except KeyNotFoundError:
+            return None
 
     async def table(self) -> tuple[int, dict[str, Any] | None]:
         """The table as it was written last, and what number that has."""

@@ -115,6 +115,10 @@ class Sorter:
     """The tile in which each robot was."""
     _spans: dict[str, "Span"] = field(default_factory=dict)
 
+    def renew(self, conflict: Conflict, reach_m: float) -> None:
+        """Sort by other settings from now on."""
+        self.conflict, self.reach_m = conflict, reach_m
+
     def roots(self) -> set[Tile]:
         """The tiles of the grid in which a robot is or may be met."""
         spans = set(self._spans.values())

@@ -15,6 +15,7 @@ from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Grid
 from deconflict.link import AsyncCaller, LinkDownError
 from deconflict.recent import opened
+from deconflict.reloading import InForce
 from deconflict.site import Site
 from ingest.seam import Batch
 
@@ -78,13 +79,13 @@ class Feed:
 
     def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
         self._bus, self._receiver = Bus(settings, site.store.keep_days), AsyncCaller(runtime, "receiver")
-        self._grid, self._conflict = Grid(settings.tile_m), site.conflict
-        self._reach_m = reach_m(settings.fastest_mps, site.conflict)
+        self._settings, self._grid, self._conflict = settings, Grid(settings.tile_m), site.conflict
+        self._in_force = InForce(runtime, site)
         self._sorter = self._new_sorter()
         self._name = f"{FEED}{uuid4().hex[:12]}"
 
     def _new_sorter(self) -> Sorter:
-        return Sorter(self._grid, self._conflict, self._reach_m)
+        return Sorter(self._grid, self._conflict, reach_m(self._settings.fastest_mps, self._conflict))
 
     async def run(self, stop: asyncio.Event) -> None:
         """Feed until `stop` is set."""
@@ -110,6 +111,9 @@ class Feed:
                 await asyncio.sleep(RETRY_S)
                 continue
             ask = b""
+            if site := self._in_force.changed():
+                self._conflict = site.conflict
+                self._sorter.renew(site.conflict, reach_m(self._settings.fastest_mps, site.conflict))
             try:
                 for channel, part in self._sorter.sort(batch).items():
                     for piece in pieces(part):

@@ -5,9 +5,11 @@ open, hears the last seconds again and is told every robot anew.
 """
 
 import asyncio
+import logging
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
+from threading import Lock
 from typing import Any
 
 from deconflict.advice.answers import Submit
@@ -18,21 +20,27 @@ from deconflict.cluster.commons import Commons
 from deconflict.cluster.lines import Line
 from deconflict.cluster.teller import Teller
 from deconflict.contention.telling import Told
+from deconflict.learned import UnreadableError, packed, unpacked
 from deconflict.site import Site
 from ingest.seam import Batch
 
+log = logging.getLogger(__name__)
+
 LOOK_S = 0.25
+COMMONS = "commons"
+"""The name under which what was learned of queues is kept."""
 
 
 class Lookout:
     """One engine's. Its commons are touched by one thread at a time."""
 
     def __init__(self, site: Site, bus: Bus, teller: Teller, submit: Submit) -> None:
-        self._site, self._bus, self._teller, self._submit = site, bus, teller, submit
+        self.site, self._bus, self._teller, self._submit = site, bus, teller, submit
         self._commons: Commons | None = None
         self._leave: Callable[[], Awaitable[None]] | None = None
         self._asked = -1
         """The bus's count of renewals when ingests were asked for all their robots."""
+        self._turn = Lock()
         self._parcels: list[bytes] = []
         self._lines: list[Line] = []
         self._overruled: list[Line] = []
@@ -67,12 +75,33 @@ class Lookout:
             return
         if self._commons is None:
             stands = [one for one in self._teller.open() if not isinstance(one, ConflictAdvisory)]
-            self._commons, self._asked = Commons(self._site, stands, self._submit), -1
+            self._commons, self._asked = self._new(stands, await self._bus.kept(COMMONS)), -1
+        elif self._commons.site is not self.site:
+            learned = self._commons.learned()
+            self._commons, self._asked = Commons(self.site, self._commons.open(), self._submit, learned), -1
         if self._leave is None:
             self._leave = await self._bus.hear_rows(EVERY, self._take)
         if self._asked != (renewals := self._bus.renewals):
             await self._bus.want([EVERY], inbox)
             self._asked = renewals
+
+    def _new(self, stands: Sequence[Told], kept: bytes | None) -> Commons:
+        """Goes on with what stands, and with what those who watched before have learned."""
+        try:
+            return Commons(self.site, stands, self._submit, unpacked(kept) if kept else None)
+        except UnreadableError as error:
+            log.warning("what was learned of queues can't be read, and is learned anew: %s", error)
+            return Commons(self.site, stands, self._submit)
+
+    async def keep(self) -> None:
+        """Have kept what was learned here, for who watches next."""
+        if self._commons:
+            await self._bus.keep(COMMONS, await asyncio.to_thread(self._learned, self._commons))
+
+    def _learned(self, commons: Commons) -> bytes:
+        with self._turn:
+            learned = commons.learned()
+        return packed(learned)
 
     def _rest(self) -> None:
         self._commons = None
@@ -83,17 +112,19 @@ class Lookout:
         parcels, self._parcels = self._parcels, []
         lines, self._lines = self._lines, []
         overruled, self._overruled = self._overruled, []
-        told = await asyncio.to_thread(_step, commons, parcels, lines, overruled)
+        told = await asyncio.to_thread(self._step, commons, parcels, lines, overruled)
         self.measured = [commons.measures.as_document()]
         for one in told:
             if stands := await self._teller.tell(None, one):
                 self._overruled.append(stands)
 
-
-def _step(commons: Commons, parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]) -> list[Told]:
-    for told, over in ((lines, False), (overruled, True)):
-        for line in told:
-            if line.advisory and not isinstance(line.advisory, ConflictAdvisory):
-                commons.hear(line.advisory, overruled=over)
-    commons.receive([Batch.from_bytes(one) for one in parcels])
-    return commons.step(time.time())
+    def _step(
+        self, commons: Commons, parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]
+    ) -> list[Told]:
+        with self._turn:
+            for told, over in ((lines, False), (overruled, True)):
+                for line in told:
+                    if line.advisory and not isinstance(line.advisory, ConflictAdvisory):
+                        commons.hear(line.advisory, overruled=over)
+            commons.receive([Batch.from_bytes(one) for one in parcels])
+            return commons.step(time.time())

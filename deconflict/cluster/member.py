@@ -11,6 +11,8 @@ import time
 from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from pathlib import Path
+from threading import Lock
 from typing import Any
 from uuid import uuid4
 
@@ -26,7 +28,9 @@ from deconflict.cluster.shard import Shard, Told, judging
 from deconflict.cluster.teller import Teller
 from deconflict.cluster.tiles import Grid, Tile
 from deconflict.engine import Engine
-from deconflict.roles.engine import arrivals_s
+from deconflict.learned import UnreadableError, packed, unpacked
+from deconflict.reloading import InForce
+from deconflict.roles.engine import LEARNED_EVERY_S, arrivals_s
 from deconflict.site import Site
 from ingest.measures import Measures
 from ingest.seam import Batch, Floats
@@ -35,6 +39,8 @@ log = logging.getLogger(__name__)
 
 LISTEN_S, MOST_AT_ONCE = 0.05, 32
 """How often new channels are looked for, and how many are begun at once."""
+CONFLICTS = "conflicts"
+"""The name under which what engines learned of conflicts is kept."""
 CAUGHT_UP_S = 30.0
 """How long a new member waits until it knows what is open."""
 
@@ -42,19 +48,21 @@ CAUGHT_UP_S = 30.0
 class Member:
     """One engine. Its shard is touched by one thread at a time."""
 
-    def __init__(self, site: Site, settings: Cluster) -> None:
-        self._site, self._settings = site, settings
+    def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
+        self._site, self._settings, self._in_force = site, settings, InForce(runtime, site)
         self._bus = Bus(settings, site.store.keep_days)
         self.name = f"engine-{uuid4().hex[:12]}"
         self.measures = Measures()
         self._adviser = ThreadPoolExecutor(1, "adviser")
-        engine = Engine(judging(site), submit=self._adviser.submit)
-        self._shard = Shard(engine, Grid(settings.tile_m), reach_m(settings.fastest_mps, site.conflict))
+        self._shard = self._shard_of(Engine(judging(site), submit=self._adviser.submit))
+        self._turn = Lock()
         self._parcels: list[bytes] = []
         self._lines: list[Line] = []
         self._overruled: list[Line] = []
         self._wanted: set[str] = set()
         """Channels."""
+        self._asked = -1
+        """The bus's count of renewals when ingests were asked for all robots of the channels that are heard."""
         self._listening: dict[str, Callable[[], Awaitable[None]]] = {}
         self._teller = Teller(self._bus)
         self._lookout = Lookout(site, self._bus, self._teller, self._adviser.submit)
@@ -66,6 +74,8 @@ class Member:
         """Judge until `stop` is set."""
         if not await connected(self._bus, stop):
             return
+        with suppress(*BUS_ERRORS):
+            await self._resume()
         waiting = await self._bus.hear_told(self._take_line)
         with suppress(TimeoutError):
             async with asyncio.timeout(CAUGHT_UP_S):
@@ -73,10 +83,43 @@ class Member:
                     await asyncio.sleep(0.02)
         try:
             watching = self._lookout.run(lambda: self._table.watch == self.name)
-            await until(stop, beating(self._bus, self._beat), self._deliver(), self._judge(), self._listen(), watching)
+            chores = (self._deliver(), self._judge(), self._listen(), self._keep(), watching)
+            await until(stop, beating(self._bus, self._beat), *chores)
+            with suppress(*BUS_ERRORS):
+                await self._keep_now()
         finally:
             self._adviser.shutdown(cancel_futures=True)
             await self._bus.close()
+
+    def _shard_of(self, engine: Engine) -> Shard:
+        return Shard(engine, Grid(self._settings.tile_m), reach_m(self._settings.fastest_mps, engine.site.conflict))
+
+    async def _resume(self) -> None:
+        """Go on with what engines have learned before."""
+        try:
+            if kept := await self._bus.kept(CONFLICTS):
+                learned = unpacked(kept)
+                self._shard = self._shard_of(Engine(judging(self._site), submit=self._adviser.submit, learned=learned))
+        except UnreadableError as error:
+            log.warning("what engines learned can't be read, and is learned anew: %s", error)
+
+    async def _keep(self) -> None:
+        while True:
+            await asyncio.sleep(LEARNED_EVERY_S)
+            with suppress(*BUS_ERRORS):
+                await self._keep_now()
+
+    async def _keep_now(self) -> None:
+        """Have kept what the engine with most to do has learned, and who watches: a new one goes on with it."""
+        burdens = {name: sum(one["loads"].values()) for name, one in self._bus.members().items() if "loads" in one}
+        if max(burdens, key=lambda name: (burdens[name], name), default=self.name) == self.name:
+            await self._bus.keep(CONFLICTS, await asyncio.to_thread(self._learned))
+        await self._lookout.keep()
+
+    def _learned(self) -> bytes:
+        with self._turn:
+            learned = self._shard.engine.learned()
+        return packed(learned)
 
     async def _beat(self) -> None:
         """Be heard of, and see to it that every tile has an owner."""
@@ -106,7 +149,9 @@ class Member:
             for line in lines:
                 self._teller.know(line)
             self._lookout.hear(lines)
-            told, arrivals = await asyncio.to_thread(self._step, self._table.of(self.name), parcels, lines, overruled)
+            told, arrivals = await asyncio.to_thread(
+                self._stepped, self._table.of(self.name), parcels, lines, overruled
+            )
             self._outbox.put_nowait((told, arrivals))
             self._wanted = self._shard.hears()
             if began_s - counted_s >= 1.0:
@@ -120,7 +165,23 @@ class Member:
                     ],
                 }
                 counted_s = began_s
+            if site := self._in_force.changed():
+                self._take_up(site)
             await asyncio.sleep(max(self._site.engine.tick_s - (time.monotonic() - began_s), 0.0))
+
+    def _take_up(self, site: Site) -> None:
+        """Go on by a changed site file, yet to hear of every robot again."""
+        self._site = self._lookout.site = site
+        engine = self._shard.engine.renewed(judging(site))
+        self._shard.renew(engine, reach_m(self._settings.fastest_mps, site.conflict))
+        self._asked = -1
+        log.info("%s goes on by the changed site file", self.name)
+
+    def _stepped(
+        self, tiles: frozenset[Tile], parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]
+    ) -> tuple[list[Told], dict[str, Floats]]:
+        with self._turn:
+            return self._step(tiles, parcels, lines, overruled)
 
     def _step(
         self, tiles: frozenset[Tile], parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]
@@ -141,13 +202,13 @@ class Member:
 
     async def _listen(self) -> None:
         """Hear the channels that are wanted, and what there was on new ones; leave the others."""
-        inbox, renewals = await self._bus.inbox(self._take), self._bus.renewals
+        inbox = await self._bus.inbox(self._take)
         while True:
             await asyncio.sleep(LISTEN_S)
             with suppress(*BUS_ERRORS):
-                if renewals != self._bus.renewals:
+                if self._asked != (renewals := self._bus.renewals):
                     await self._bus.want(self._listening, inbox)
-                    renewals = self._bus.renewals
+                    self._asked = renewals
                 for channel in self._listening.keys() - self._wanted:
                     await self._listening.pop(channel)()
                 new = sorted(self._wanted - self._listening.keys())[:MOST_AT_ONCE]

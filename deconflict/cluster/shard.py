@@ -65,6 +65,12 @@ class Shard:
         """Until when the robots of an advisory of this shard are waited for."""
         self._due: list[Told] = []
 
+    def renew(self, engine: Engine, reach_m: float) -> None:
+        """Go on with an engine that knows what was open, yet to hear of every robot."""
+        self.engine, self._reach_m = engine, reach_m
+        self._around = {GONE, *self._channels(self.area.roots_near(reach_m))}
+        self._floors, self._arrived_s = Floors(), {}
+
     def own(self, tiles: Iterable[Tile]) -> None:
         """Own these tiles from now on; what is open in them here and was not told yet is told with the next step."""
         self.area = Area(self._grid, tiles)

@@ -74,9 +74,10 @@ def test_a_change_that_needs_another_that_waits_is_refused() -> None:
     assert in_force(secured, named) == (named, ())
 
 
-def test_machines_of_a_cluster_refuse_to_change_alone() -> None:
-    with pytest.raises(SiteError, match="restart them to change the site file"):
-        in_force(Site(cluster=Cluster(nats=("nats://127.0.0.1:4222",))), Site())
+def test_the_cluster_itself_waits_for_a_restart() -> None:
+    cluster = Cluster(nats=("nats://127.0.0.1:4222",))
+    site, waiting = in_force(Site(cluster=cluster), Site(conflict=Conflict(clearance_m=0.7)))
+    assert (site.cluster, site.conflict.clearance_m, waiting) == (cluster, 0.7, ("cluster",))
 
 
 def test_a_file_that_can_not_be_used_leaves_what_holds(tmp_path: Path) -> None:

@@ -51,7 +51,9 @@ async def test_a_revision_sent_again_is_not_doubled_but_another_in_its_place_is_
 async def test_an_engine_goes_on_with_what_another_tells_while_it_runs(tmp_path: Path) -> None:
     broker = Broker(tmp_path)
     async with buses(broker, 1) as (other,):
-        member = Member(Site(reading=Reading(quiet_after_s=1.0, silent_after_s=2.0)), Cluster(nats=(broker.address,)))
+        member = Member(
+            Site(reading=Reading(quiet_after_s=1.0, silent_after_s=2.0)), Cluster(nats=(broker.address,)), tmp_path
+        )
         async with running(member), asyncio.timeout(100):
             while member.name not in other.members():
                 await asyncio.sleep(0.1)

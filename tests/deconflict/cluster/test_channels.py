@@ -34,6 +34,13 @@ def test_a_robot_that_may_get_further_than_engines_listen_is_told_to_its_floor()
     assert wide_channel(LOFT) not in told
 
 
+def test_a_reach_that_shrinks_is_held_to_at_once() -> None:
+    one, batch = sorter(), batch_at(0, A=lambda t: (1.5 * t, 5.0, 0.0))
+    assert wide_channel(HALL) not in one.sort(batch)
+    one.renew(SITE.conflict, 10.0)
+    assert wide_channel(HALL) in one.sort(batch)
+
+
 def test_what_is_gone_is_told_to_everybody_and_no_more() -> None:
     one, batch = sorter(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
     one.sort(batch)

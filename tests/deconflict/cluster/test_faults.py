@@ -63,7 +63,7 @@ async def test_a_server_that_is_killed_and_comes_back_with_its_store_costs_no_ad
         base = f"http://127.0.0.1:{operator.port}"
         url = await stack.enter_async_context(ingest(machines, tmp_path / "ingest"))
         for _ in range(2):
-            await stack.enter_async_context(running(Member(machines.site(), machines.settings)))
+            await stack.enter_async_context(running(Member(machines.site(), machines.settings, tmp_path)))
         await until(base, "/healthz", lambda health: health["roles"]["engine"] == "up")
         driving = asyncio.create_task(drive(url, pairs(10.0), 300, time.time()))
         await until(base, "/advisories", lambda listed: listed["advisories"])
@@ -85,7 +85,7 @@ async def test_an_engine_that_stood_still_tells_nothing_twice_when_it_goes_on(tm
         await until(base, "/advisories", lambda listed: listed["advisories"])
         stopped = (await table(machines.settings))["watch"]
         machines.signal("stopped", "engine", signal.SIGSTOP)
-        await stack.enter_async_context(running(Member(machines.site(), machines.settings)))
+        await stack.enter_async_context(running(Member(machines.site(), machines.settings, tmp_path)))
         await owning(machines, lambda owners: stopped not in owners.values())
         driving.append(asyncio.create_task(drive(url, courses, 300, time.time())))
         await until(base, "/advisories?state=all", lambda listed: len(listed["advisories"]) >= 2)
@@ -117,7 +117,7 @@ async def test_a_tile_that_is_too_hot_is_split_among_engines_and_no_advisory_is_
         base = f"http://127.0.0.1:{operator.port}"
         url = await stack.enter_async_context(ingest(machines, tmp_path / "ingest"))
         for _ in range(2):
-            await stack.enter_async_context(running(Member(machines.site(), machines.settings)))
+            await stack.enter_async_context(running(Member(machines.site(), machines.settings, tmp_path)))
         await until(base, "/healthz", lambda health: health["roles"]["engine"] == "up")
         driving = asyncio.create_task(drive(url, crowd(), 300, time.time()))
         await owning(machines, lambda owners: len({who for tile, who in owners.items() if tile.path}) == 2)

@@ -41,7 +41,7 @@ async def test_a_queue_is_told_once_and_goes_on_under_its_id_where_the_engine_th
     async with cluster(tmp_path, SITE) as (machines, operator), AsyncExitStack() as stack:
         base, robots = f"http://127.0.0.1:{operator.port}", scripts()
         urls = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]
-        members = [Member(machines.site(), machines.settings) for _ in range(2)]
+        members = [Member(machines.site(), machines.settings, tmp_path) for _ in range(2)]
         tasks = {one.name: await stack.enter_async_context(running(one)) for one in members}
         driving = asyncio.create_task(drive(urls, robots))
         found = by_kind(await until(base, "/advisories", lambda listed: by_kind(listed).keys() >= {"contention"}))
