@@ -7,6 +7,7 @@ import json
 import logging
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,6 +21,8 @@ from ingest.connection import Connection
 
 LONGEST_LINE = 1 << 24
 """Bytes; what is longer is no line of a log, and is not gathered in memory to find out."""
+TAIL_BYTES = 1 << 20
+"""The end of a log that has whole lines in any case, as long as our own are."""
 TOLD_LINES = 10
 """Unreadable lines that are named in the service's log."""
 
@@ -132,6 +135,20 @@ class Reader:
 def segments_until(directory: Path, t_s: float) -> list[Path]:
     """Our own logs in a directory that were begun by a time, oldest first; none where there is no directory."""
     return [one for one in segments(directory) if begun_s(one) <= t_s] if directory.is_dir() else []
+
+
+def ends_s(directory: Path) -> float:
+    """When the newest thing was that our own logs in a directory tell of; 0 where there is none."""
+    for segment in reversed(segments(directory) if directory.is_dir() else []):
+        with segment.open("rb") as file:
+            file.seek(max(segment.stat().st_size - TAIL_BYTES, 0))
+            lines = file.read().splitlines()
+        for line in reversed(lines):
+            with suppress(*UNREADABLE):
+                event = parsed(line)
+                if isinstance(event, Received | Tick | EngineStarted):
+                    return event.arrival_s if isinstance(event, Received) else event.now_s
+    return 0.0
 
 
 def begun_s(segment: Path) -> float:

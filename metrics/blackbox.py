@@ -10,7 +10,7 @@ from typing import Any
 import zstandard
 
 from deconflict.advisory import ADVISORY, ConflictAdvisory
-from deconflict.blackbox.chain import ChainBrokenError, verified
+from deconflict.blackbox.chain import Chain, ChainBrokenError, verified
 from deconflict.blackbox.shelf import FOLDER, Shelf
 from deconflict.blackbox.start import BoxError, head_of, site_of, start_of
 from ingest import stamps
@@ -73,6 +73,7 @@ def verify(file: Path) -> Verdict:
         chain = verified(lines_of(file))
     except (ChainBrokenError, EOFError, OSError, zstandard.ZstdError) as error:
         raise BoxError(f"{file} was changed or cut off: {error}") from error
+    _registered(file, chain)
     site, again, reader, decided = site_of(head), list[Line](), Reader(), list[Line]()
     for event in reader.read([file]):
         if isinstance(event, Noted) and "decided" in event.told:
@@ -89,6 +90,15 @@ def verify(file: Path) -> Verdict:
         [one for one in again if one not in decided],
         int(head.get("engine_restarts", 0)),
     )
+
+
+def _registered(file: Path, chain: Chain) -> None:
+    """Compare a file with the register beside it, where there is one. Raises `BoxError`."""
+    before, last = Shelf(file.parent).link(file.name)
+    if last not in (None, chain.head):
+        raise BoxError(f"{file} was written anew: its last line has sha256 {chain.head}, the register beside it {last}")
+    if before not in (None, chain.first):
+        raise BoxError(f"{file} does not follow the one before it in the register: one was taken out or put in")
 
 
 def _promised(head: Mapping[str, Any], lines: list[Line]) -> list[Line]:

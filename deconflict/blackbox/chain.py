@@ -25,6 +25,8 @@ class Chain:
     head: str = NOTHING
     """SHA-256 of the last line, hexadecimal."""
     lines: int = 0
+    first: str = NOTHING
+    """What the first line carries."""
 
     def link(self, line: bytes) -> bytes:
         """A line that is a JSON object, with the hash of the one before as its first key."""
@@ -44,6 +46,8 @@ def verified(lines: Iterable[bytes]) -> Chain:
         carried = line[len(_KEY) : len(_KEY) + len(NOTHING)].decode("ascii", "replace")
         if not line.startswith(_KEY) or (chain.lines and carried != chain.head):
             raise ChainBrokenError(f"line {chain.lines + 1} does not carry the hash of the line before it")
+        if not chain.lines:
+            chain.first = carried
         chain.head, chain.lines, last = sha256(line).hexdigest(), chain.lines + 1, line
     try:
         ended = json.loads(last)["end"]

@@ -5,7 +5,7 @@ import json
 import logging
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from deconflict.site import Site
 from deconflict.store import Store, StoreError
 from ingest import stamps
 from ingest.measures import Measures
+from ingest.playback import ends_s
 
 log = logging.getLogger(__name__)
 
@@ -27,6 +28,8 @@ MOST_PAIRS = 50
 """So many of them; what else happened then is in the file without a word on it."""
 SETTLE_S = 2.0
 """Until then the log and the store have what happened before."""
+LATEST_S = 600.0
+"""How much longer a recording that is behind is waited for."""
 LOOK_EVERY_S = 0.5
 PRUNE_EVERY_S = 3600.0
 SNAPSHOTS = 6
@@ -46,6 +49,8 @@ class Keeper:
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
         self._pending: list[tuple[float, Near]] = []
         """With when each was noted, by the monotonic clock, which nobody sets."""
+        self._waits = False
+        """Whether it was told that the recording is behind."""
         for outcome in ("kept", "unfounded", "failed", "beyond"):
             measures.count(COUNTED, outcome, by=0)
 
@@ -77,7 +82,9 @@ class Keeper:
             if time.monotonic() - pruned_s >= PRUNE_EVERY_S:
                 pruned_s = time.monotonic()
                 await asyncio.to_thread(self._prune)
-            if near := self._due(time.monotonic()):
+            near = self._due(time.monotonic())
+            recorded = await asyncio.to_thread(self._is_recorded, near) if near else False
+            if recorded:
                 await self._keep(near)
                 self._pending = [pending for pending in self._pending if pending[1] not in near]
                 await asyncio.to_thread(self._remember)
@@ -92,6 +99,20 @@ class Keeper:
         joined_s = self._pending[0][0] + min(JOINED_S, after_s)
         joined = [pending for pending in self._pending if pending[0] <= joined_s]
         return [near for _, near in joined] if now_s >= joined[-1][0] + after_s + SETTLE_S else []
+
+    def _is_recorded(self, near: Sequence[Near]) -> bool:
+        """Whether the log tells of all the time after them, or that has been waited for long enough."""
+        after_s = self.site.blackbox.after_s
+        if ends_s(self._log) >= max(one.at_s for one in near) + after_s:
+            self._waits = False
+            return True
+        late_s = time.monotonic() - self._pending[len(near) - 1][0] - after_s - SETTLE_S
+        if late_s > LATEST_S:
+            log.error("the recording has not caught up in %g s; a black box is cut short", LATEST_S)
+        elif not self._waits:
+            self._waits = True
+            log.warning("a black box waits for the recording, which is behind")
+        return late_s > LATEST_S
 
     async def _keep(self, near: list[Near]) -> None:
         try:

@@ -36,6 +36,15 @@ class Shelf:
         registered = self._registered()
         return str(registered[-1]["sha256"]) if registered else NOTHING
 
+    def link(self, file: str) -> tuple[str | None, str | None]:
+        """The hashes that a box's first line must carry and its last must have, each None where nobody knows."""
+        before = None
+        for one in self._registered():
+            if one["file"] == file:
+                return before, str(one["sha256"])
+            before = str(one["sha256"])
+        return None, None
+
     def path(self, file: str) -> Path | None:
         """Where a box is; None where there is no such."""
         path = self.directory / file

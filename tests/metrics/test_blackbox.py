@@ -2,6 +2,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import zstandard
 
 from deconflict.blackbox.chain import Chain
 from deconflict.blackbox.cut import cut
+from deconflict.blackbox.shelf import REGISTER, Shelf
 from deconflict.blackbox.start import BoxError, head_of
 from ingest.playback import lines_of
 from metrics.blackbox import verify
@@ -72,6 +74,37 @@ def test_a_changed_file_is_said_to_be_changed_and_where(file: Path, tmp_path: Pa
     changed.write_bytes(b"".join(lines_of(file)).replace(b'"navigating"', b'"idle"', 1))
     with pytest.raises(BoxError, match=r"was changed or cut off: line \d+ does not carry the hash"):
         verify(changed)
+
+
+def test_a_box_that_was_cut_off_and_ended_anew_is_found_out_by_the_register_beside_it(file: Path) -> None:
+    """Its own chain holds: so it does for whoever leaves the last lines out."""
+    before, chain = file.read_bytes(), Chain()
+    try:
+        with zstandard.open(file, "wb") as out:
+            for line in list(lines_of_bytes(before))[:-50]:
+                out.write(chain.link(unlinked(line)))
+            out.write(chain.end())
+        with pytest.raises(BoxError, match="was written anew"):
+            verify(file)
+        assert "was written anew" in deconflict("blackbox", "verify", str(file)).stderr
+    finally:
+        file.write_bytes(before)
+    assert verify(file).same
+
+
+def test_a_box_that_was_taken_out_of_the_chain_is_missed_by_the_next(floor: Floor, tmp_path: Path) -> None:
+    Shelf(tmp_path).add({"file": "blackbox-20000101T000000000Z.jsonl.zst", "bytes": 1, "sha256": "ab" * 32})
+    made = cut(replace(floor.order(), shelf=tmp_path))
+    assert made
+    assert verify(tmp_path / made["file"]).same
+    register = tmp_path / REGISTER
+    register.write_text(register.read_text().replace("ab" * 32, "cd" * 32))
+    with pytest.raises(BoxError, match="does not follow the one before it"):
+        verify(tmp_path / made["file"])
+
+
+def lines_of_bytes(packed: bytes) -> list[bytes]:
+    return zstandard.ZstdDecompressor().stream_reader(packed).read().splitlines(keepends=True)
 
 
 @pytest.mark.parametrize("content", [b"", b"{}\n", b"\x28\xb5\x2f\xfdnothing", b'{"blackbox":{"format":9}}\n'])

@@ -3,6 +3,8 @@
 import asyncio
 import json
 import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -13,11 +15,15 @@ from websockets.asyncio.client import connect
 from deconflict.blackbox.keeper import MOST_PAIRS, PENDING, Keeper
 from deconflict.blackbox.order import Near
 from deconflict.blackbox.shelf import FOLDER, Shelf
-from deconflict.site import BlackBox
+from deconflict.site import BlackBox, Site
 from deconflict.store import Store
 from ingest.measures import Measures
+from ingest.playback import Tick, lines_of, parsed
 from metrics.blackbox import verify
+from tests.deconflict.blackbox.made_floor import SITE as MADE
+from tests.deconflict.blackbox.made_floor import TICK_S, Floor, crossing, lived
 from tests.deconflict.blackbox.test_shelf import put
+from tests.deconflict.served_face import until
 from tests.deconflict.test_service import SITE, Course, drive, running
 
 SETTINGS = SITE.model_copy(update={"blackbox": BlackBox(before_s=2.0, after_s=3.0)})
@@ -73,6 +79,67 @@ async def test_a_near_miss_noted_before_a_restart_is_judged_after_it_and_what_is
         assert (await service.get("/blackboxes")).json() == {"blackboxes": []}
     assert not old_file.exists()
     assert not (tmp_path / FOLDER / PENDING).exists()
+
+
+@pytest.fixture
+def behind(tmp_path: Path) -> tuple[Floor, Site, bytes]:
+    """A near miss whose recording ends half a second after it, the settings, and the lines that have not come."""
+    floor = lived(tmp_path, crossing(40.0, 1.7), 60)
+    (segment,) = (tmp_path / "log").iterdir()
+    lines = segment.read_bytes().splitlines(keepends=True)
+    ends = next(row for row, line in enumerate(lines) if _tick_s(line) > floor.near[-1].at_s + 0.5)
+    segment.write_bytes(b"".join(lines[:ends]))
+    return floor, MADE.model_copy(update={"blackbox": BlackBox(before_s=10.0, after_s=1.0)}), b"".join(lines[ends:])
+
+
+def _tick_s(line: bytes) -> float:
+    event = parsed(line)
+    return event.now_s if isinstance(event, Tick) else 0.0
+
+
+async def test_a_recording_that_is_behind_is_waited_for(
+    tmp_path: Path, behind: tuple[Floor, Site, bytes], caplog: pytest.LogCaptureFixture
+) -> None:
+    floor, site, rest = behind
+    async with keeping(tmp_path, site, floor) as measures:
+        await until(lambda: "waits for the recording" in caplog.text)
+        assert not measures.values["deconflict_blackboxes_total"]["kept",]
+        (segment,) = (tmp_path / "log").iterdir()
+        with segment.open("ab") as file:
+            file.write(rest)
+        await until(lambda: measures.values["deconflict_blackboxes_total"]["kept",])
+    (box,) = Shelf(tmp_path / FOLDER).boxes()
+    last = [_tick_s(line) for line in lines_of(tmp_path / FOLDER / box["file"]) if b'"tick"' in line][-1]
+    assert last >= floor.near[-1].at_s + 1.0 - TICK_S
+
+
+async def test_a_recording_that_never_catches_up_is_told_of_and_the_box_cut_short(
+    tmp_path: Path,
+    behind: tuple[Floor, Site, bytes],
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("deconflict.blackbox.keeper.LATEST_S", 0.0)
+    floor, site, _ = behind
+    async with keeping(tmp_path, site, floor) as measures:
+        await until(lambda: measures.values["deconflict_blackboxes_total"]["kept",])
+    assert "is cut short" in caplog.text
+
+
+@asynccontextmanager
+async def keeping(data: Path, site: Site, floor: Floor) -> AsyncIterator[Measures]:
+    """A keeper at work, which was told of the floor's near misses."""
+    store, measures = Store(data), Measures()
+    keeper = Keeper(site, data, store, measures)
+    keeper.note(floor.near)
+    running = asyncio.create_task(keeper.run())
+    try:
+        async with asyncio.timeout(90):
+            yield measures
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+        store.close()
 
 
 async def test_a_box_that_cannot_be_written_is_counted_and_stops_nothing(
