@@ -1,7 +1,8 @@
 """How well advisories foresaw what happened. Terms: encounters are those of `metrics/truth.py`.
 
 An alert is one advisory of one pair, from raised to cleared, looked at in whole seconds; seconds at which the pair is
-already in an encounter are left out, and an alert without any other second is not scored.
+already in an encounter are left out, and those after a robot left, which no encounter can follow. An alert without any
+other second is not scored.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -229,7 +230,7 @@ def _standing(encounter: Encounter, alerts: Sequence[Alert], before_s: float) ->
 
 def _outcome(alert: Alert, encounters: Sequence[Encounter]) -> float | None:
     """1 for a true alert, 0 for a nuisance, nan for one that can't be told; None for one within encounters alone."""
-    end_s = min(alert.cleared_s, alert.left_s + HORIZON_S)
+    end_s = min(alert.cleared_s, alert.left_s)
     seconds = np.arange(ceil(alert.raised_s), max(ceil(end_s), ceil(alert.raised_s) + 1), dtype=np.float64)
     for one in encounters:
         seconds = seconds[(seconds < one.start_s) | (seconds > one.end_s)]

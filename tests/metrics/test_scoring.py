@@ -52,6 +52,16 @@ def test_an_alert_within_an_encounter_is_not_scored() -> None:
     assert (figures["alerts"], figures["censored"]) == (0, 0)
 
 
+def test_an_alert_within_an_encounter_that_ends_as_a_robot_leaves_is_not_scored() -> None:
+    figures = score([encounter(20, 22)], [alert(21, inf, predicted_s=21, left_s=22)], 0.3)
+    assert (figures["alerts"], figures["censored"], figures["precision"]) == (0, 0, None)
+
+
+def test_an_alert_that_nothing_follows_before_a_robot_leaves_after_its_time_is_a_nuisance() -> None:
+    figures = score([], [alert(10, inf, predicted_s=12, left_s=14)], 0.3)
+    assert (figures["alerts"], figures["precision"]) == (1, 0.0)
+
+
 def test_an_alert_whose_robot_left_before_the_predicted_start_is_censored() -> None:
     figures = score([], [alert(10, inf, predicted_s=18, left_s=12)], 0.3)
     assert (figures["alerts"], figures["censored"], figures["precision"]) == (0, 1, None)
