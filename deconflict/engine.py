@@ -154,7 +154,9 @@ class Engine:
         conflicts = self._sweeper.step(now_s, reach_s, accuracy_m)
         self.near_misses = [pair for pair in self._trigger.step(conflicts) if self._moves(pair)]
         predictions = [one for one in self._foreseen(now_s, conflicts) if one.contact_s <= now_s + reach_s]
-        scene = Scene(self._party, self._meet, self._separation_m, self._place)
+        scene = Scene(
+            self.live.robots.__contains__, self._party, self._meet, self._separation_m, self._datum, self._place
+        )
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene, now_s + reach_s)]
         revisions += self._advise(now_s)
         if effort < Effort.NEAR or now_s - self._contended_s >= FAR_LOOK_S:
@@ -267,9 +269,11 @@ class Engine:
     def _separation_m(self, pair: Pair, now_s: float) -> float | None:
         return separation_m(self.live.robots[pair[0]].forecast, self.live.robots[pair[1]].forecast, now_s)
 
-    def _place(self, met: Encounter) -> tuple[str, str]:
-        datum = self.live.floors[met.floor]
-        return datum, self._landmarks.place(datum, met.x_m, met.y_m)
+    def _datum(self, met: Encounter) -> str:
+        return self.live.floors[met.floor]
+
+    def _place(self, met: Encounter) -> str:
+        return self._landmarks.place(self._datum(met), met.x_m, met.y_m)
 
     def _measure(self, conflicts: PairConflicts, revisions: list[AnyAdvisory]) -> None:
         for one in revisions:

@@ -72,13 +72,17 @@ class Party:
 class Scene:
     """What the life of advisories asks of the engine's state."""
 
+    here: Callable[[str], bool]
+    """Whether a robot is on the floor."""
     party: Callable[[str], Party | None]
-    """None for a robot that is not on the floor."""
+    """None for a robot that is not."""
     meet: Callable[[Pair, float], Encounter]
     separation_m: Callable[[Pair, float], float | None]
     """None where the two cannot be compared."""
-    place: Callable[[Encounter], tuple[str, str]]
-    """The datum's id, and where on it in words."""
+    datum: Callable[[Encounter], str]
+    """The datum's id."""
+    place: Callable[[Encounter], str]
+    """Where on it, in words."""
 
 
 @dataclass(frozen=True)
@@ -281,7 +285,8 @@ class Lives:
         a, b = scene.party(pair[0]), scene.party(pair[1])
         if a is None or b is None:
             return None
-        now = _moment(now_s)
+        now, severity = _moment(now_s), self._severity(prediction, now_s, None)
+        met = scene.meet(pair, prediction.contact_s)
         return ConflictAdvisory(
             id=str(uuid5(ADVISORIES, f"{pair[0]} {pair[1]} {round(now_s * 1e6)}")),
             revision=1,
@@ -291,7 +296,7 @@ class Lives:
             names=(a.name, b.name),
             vendors=(a.vendor, b.vendor),
             raised_at=now,
-            **vars(self._telling(prediction, now_s, scene, (a, b), None)),
+            **vars(self._telling(prediction, now_s, scene, (a, b), severity, met)),
         )
 
     def _updated(
@@ -309,10 +314,11 @@ class Lives:
         a, b = scene.party(before.robots[0]), scene.party(before.robots[1])
         if a is None or b is None:
             return None
-        told = self._telling(prediction, now_s, scene, (a, b), before)
-        if not _differs(before, told):
+        met = scene.meet(prediction.pair, prediction.contact_s)
+        if not _differs(before, prediction, severity, met, scene.datum(met)):
             track.weighed = weighed
             return None
+        told = self._telling(prediction, now_s, scene, (a, b), severity, met)
         return before.model_copy(
             update={
                 "revision": before.revision + 1,
@@ -329,13 +335,12 @@ class Lives:
         now_s: float,
         scene: Scene,
         parties: tuple[Party, Party],
-        before: ConflictAdvisory | None,
+        severity: Severity,
+        met: Encounter,
     ) -> Telling:
-        met = scene.meet(prediction.pair, prediction.contact_s)
-        datum, place = scene.place(met)
         time_s = max(prediction.contact_s - now_s, 0.0)
         return Telling(
-            severity=self._severity(prediction, now_s, before.severity if before else None),
+            severity=severity,
             encounter_class=met.encounter_class,
             basis=(parties[0].basis, parties[1].basis),
             updated_at=_moment(now_s),
@@ -345,8 +350,8 @@ class Lives:
             clearance_m=self.settings.clearance_m,
             min_separation_m=round(prediction.separation_m, 3),
             closing_speed_mps=round(met.closing_speed_mps, 3),
-            location=Location(datum=datum, x=round(met.x_m, 3), y=round(met.y_m, 3)),
-            summary=_summary(parties, met, time_s, place),
+            location=Location(datum=scene.datum(met), x=round(met.x_m, 3), y=round(met.y_m, 3)),
+            summary=_summary(parties, met, time_s, scene.place(met)),
         )
 
     def _standing(
@@ -361,7 +366,7 @@ class Lives:
         return self._cleared(advisory, now_s, STAND) if stand and since_s > self.settings.clear_after_s else None
 
     def _unpredicted(self, track: Track, pair: Pair, now_s: float, scene: Scene) -> ConflictAdvisory | None:
-        absent = [uuid for uuid in pair if scene.party(uuid) is None]
+        absent = [uuid for uuid in pair if not scene.here(uuid)]
         if absent:
             return self._absent(track, pair, absent, now_s)
         if track.advisory and now_s - track.last_predicted_s < self.settings.clear_after_s:
@@ -411,16 +416,16 @@ def _moment(t_s: float) -> datetime:
     return datetime.fromtimestamp(t_s, UTC)
 
 
-def _differs(before: ConflictAdvisory, told: Telling) -> bool:
-    """Whether a person or a site service would act otherwise on the new telling."""
+def _differs(before: ConflictAdvisory, prediction: Prediction, severity: Severity, met: Encounter, datum: str) -> bool:
+    """Whether a person or a site service would act otherwise on what is told of a newer prediction."""
     return (
-        told.severity != before.severity
-        or told.encounter_class != before.encounter_class
-        or abs((told.predicted_at - before.predicted_at).total_seconds()) > MOVED_S
-        or abs(told.probability - (before.probability or 0.0)) > LIKELIER
-        or abs(told.min_separation_m - before.min_separation_m) > DEEPER_M
-        or told.location.datum != before.location.datum
-        or hypot(told.location.x - before.location.x, told.location.y - before.location.y) > MOVED_M
+        severity != before.severity
+        or met.encounter_class != before.encounter_class
+        or abs((_moment(prediction.contact_s) - before.predicted_at).total_seconds()) > MOVED_S
+        or abs(round(prediction.probability, 3) - (before.probability or 0.0)) > LIKELIER
+        or abs(round(prediction.separation_m, 3) - before.min_separation_m) > DEEPER_M
+        or datum != before.location.datum
+        or hypot(round(met.x_m, 3) - before.location.x, round(met.y_m, 3) - before.location.y) > MOVED_M
     )
 
 

@@ -38,10 +38,12 @@ class Story:
 
     def scene(self) -> Scene:
         return Scene(
+            here=self.floor.__contains__,
             party=self.floor.get,
             meet=lambda _, __: Encounter(EncounterClass.CROSSING, 1.2, self.x_m, 4.0, 0),
             separation_m=lambda _, __: self.apart_m,
-            place=lambda _: ("datum-1", "in Aisle 4 on Hall"),
+            datum=lambda _: "datum-1",
+            place=lambda _: "in Aisle 4 on Hall",
         )
 
     def quiet(self, told: bool = True) -> list[ConflictAdvisory]:

@@ -48,10 +48,12 @@ class Histories(RuleBasedStateMachine):
             return Party(f"Alder {uuid}", "Alder", "path", standing=False) if uuid in self.here else None
 
         return Scene(
+            here=self.here.__contains__,
             party=party,
             meet=lambda *_: Encounter(EncounterClass.CROSSING, 1.2, 3.0, 4.0, 0),
             separation_m=lambda pair, _: self.apart_m.get(pair, 9.0),
-            place=lambda _: ("datum-1", "in Aisle 4"),
+            datum=lambda _: "datum-1",
+            place=lambda _: "in Aisle 4",
         )
 
     @rule(
