@@ -17,7 +17,7 @@ from deconflict.advice.answers import Aside, Submit, at_once
 from deconflict.advice.delays import Mover
 from deconflict.advice.desk import MOST_NEAR, NEAR_M, Desk
 from deconflict.advice.priorities import Priorities
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
+from deconflict.advisory import AnyAdvisory, ClaimAdvisory, ConflictAdvisory
 from deconflict.blackbox.trigger import Trigger
 from deconflict.claims import Claims
 from deconflict.contention.advising import Advising
@@ -28,11 +28,12 @@ from deconflict.foresight.foresight import Foresight, Swept
 from deconflict.foresight.heeded import waits_until_s
 from deconflict.landmarks import Landmarks
 from deconflict.learned import Part
-from deconflict.life import HELD_SHARE, PASSED, STAND, UNPREDICTED, Lives, Pair, Party, Prediction, Scene
+from deconflict.life import HELD_SHARE, Lives, Pair, Party, Prediction, Scene
 from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
 from deconflict.site import Site
 from deconflict.sweeper import ACCURACY_M, PairConflicts, Sweeper
+from deconflict.tally import tally
 from ingest import changes
 from ingest.measures import Measures
 from ingest.seam import Basis, Batch, Floats, Forecasts
@@ -43,8 +44,6 @@ COARSE_M = 0.25
 """Of the smallest separation, where there is no time for more."""
 FAR_LOOK_S = 10.0
 """How often queues are looked at where there is no time for more."""
-OUTCOMES = {PASSED: "met", STAND: "met", UNPREDICTED: "not_met"}
-"""By why a conflict was cleared, whether its robots came within the clearance; "left" where one was taken away."""
 
 
 class Engine:
@@ -276,19 +275,7 @@ class Engine:
         return self._landmarks.place(self._datum(met), met.x_m, met.y_m)
 
     def _measure(self, conflicts: PairConflicts, revisions: list[AnyAdvisory]) -> None:
-        for one in revisions:
-            event = AdvisoryState(one.state).value
-            self.measures.count("deconflict_advisories_total", one.kind, event)
-            if isinstance(one, ConflictAdvisory) and one.cleared_because:
-                for vendor in sorted(set(one.vendors)):
-                    self.measures.count(
-                        "deconflict_conflicts_ended_total", vendor, OUTCOMES.get(one.cleared_because, "left")
-                    )
-        open_now: dict[tuple[str, ...], float] = {}
-        for one in self.open():
-            key = (one.kind, one.severity.value)
-            open_now[key] = open_now.get(key, 0) + 1
-        self.measures.level("deconflict_advisories_open", open_now)
+        tally(self.measures, revisions, self.open())
         self.measures.level("deconflict_datum_drift_metres", self._rests.drift_m())
         changes.tell(self.measures, {"forecast": self.foresight.changes.changed(), "datum": self._rests.changed()})
         self.measures.level("deconflict_conflicts", {(): len(conflicts.pairs)})

@@ -19,6 +19,7 @@ from deconflict.contention.watch import Contention
 from deconflict.learned import Part
 from deconflict.live import Live
 from deconflict.site import Site
+from deconflict.tally import tally
 from ingest.measures import Measures
 from ingest.seam import Batch
 
@@ -98,7 +99,7 @@ class Commons:
         self._claims.receive(self._doubts.standing(now_s))
         revisions = [*self._contention.step(now_s), *self._claims.step(now_s)]
         self._account.settle(revisions)
-        self._measure(revisions)
+        tally(self.measures, revisions, self.open())
         for one in revisions:
             self._remember(one)
         return revisions
@@ -115,12 +116,3 @@ class Commons:
         self._revisions.move_to_end(told.id)
         if len(self._revisions) > REMEMBERED:
             self._revisions.popitem(last=False)
-
-    def _measure(self, revisions: Iterable[Told]) -> None:
-        for one in revisions:
-            self.measures.count("deconflict_advisories_total", one.kind, one.state.value)
-        open_now: dict[tuple[str, ...], float] = {}
-        for one in self.open():
-            key = (one.kind, one.severity.value)
-            open_now[key] = open_now.get(key, 0) + 1
-        self.measures.level("deconflict_advisories_open", open_now)

@@ -159,7 +159,7 @@ class Member:
                 self._says = {
                     "loads": {str(tile): count / (began_s - counted_s) for tile, count in loads.items()},
                     "measures": [
-                        self._shard.engine.measures.as_document(),
+                        *self._shard.measured(),
                         self.measures.as_document(),
                         *self._lookout.measured,
                     ],

@@ -9,7 +9,7 @@ what the owner told for their own, and go on with it where the tile becomes thei
 from collections import Counter, OrderedDict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from deconflict.engine import Engine
 from deconflict.life import Pair
 from deconflict.motion import Bools
 from deconflict.site import Site
+from deconflict.tally import TALLIED, tally
+from ingest.measures import Measures
 from ingest.seam import Batch, Ints
 
 PATIENCE_S = 10.0
@@ -47,6 +49,8 @@ class Shard:
         self.engine, self.area = engine, Area(grid, ())
         self.loads: Counter[Tile] = Counter()
         """Statuses by tile, since who reads it cleared it."""
+        self._told = Measures()
+        """Of the advisories that are its own; the engine counts those too that others tell."""
         self._grid, self._reach_m = grid, reach_m
         self._around = {GONE}
         """The channels of its tiles and of what is around them."""
@@ -127,7 +131,14 @@ class Shard:
             if home in self.area:
                 due.append(Told(home, one))
                 self._remember(due[-1])
+        tally(self._told, [told.advisory for told in due], [told.advisory for told in self._mine()])
         return due
+
+    def measured(self) -> list[dict[str, Any]]:
+        """`Measures.as_document()` of its engine and of what it told."""
+        engine = self.engine.measures.as_document()
+        values = {name: rows for name, rows in engine["values"].items() if name not in TALLIED}
+        return [engine | {"values": values}, self._told.as_document()]
 
     def hear(self, told: Told, *, overruled: bool = False) -> None:
         """Take in a revision that was told, its own too; `overruled` where another's stands in place of its own."""

@@ -13,6 +13,7 @@ from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.cluster.tiles import Grid, Tile
 from deconflict.foresight.calibration import Calibration
 from deconflict.foresight.ledger import Ledger
+from metrics.exposition import combine
 from tests.deconflict.cluster.made_shards import NOW_S, REACH_M, TICKS, Course, Ingests, Shards, Single, crossing
 from tests.saying import HALL, LOFT
 
@@ -48,6 +49,11 @@ def compared(courses: dict[str, Course], datums: dict[str, str], shards: Shards,
     return Counter(one.state.value for one in whole)
 
 
+def joined_sum(shards: Shards, name: str) -> dict[tuple[str, ...], float]:
+    """What all shards measure together."""
+    return combine([one for shard in shards.shards for one in shard.measured()]).values[name]
+
+
 def strips(grid: Grid, count: int, half_m: float) -> Callable[[Tile], int]:
     """Owners side by side from west to east."""
 
@@ -79,6 +85,8 @@ def test_shards_tell_what_one_engine_tells_whatever_the_tiling(
     shards = Shards(grid, count, split if halvings else ())
     shards.cover((HALL, LOFT), 100.0, (lambda _: int(rng.integers(count))) if mixed else strips(grid, count, 90.0))
     told = compared(courses, datums, shards, 16)
+    counted = joined_sum(shards, "deconflict_advisories_total")
+    assert counted == {("conflict", state): float(count) for state, count in told.items()}
     assert told[AdvisoryState.RAISED.value] > 0
     assert mixed or shards.heard < 0.9 * count * shards.rows
 

@@ -1,0 +1,26 @@
+"""How many advisories there are, and how they end, as measures."""
+
+from collections.abc import Iterable
+
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.life import PASSED, STAND, UNPREDICTED
+from ingest.measures import Measures
+
+OUTCOMES = {PASSED: "met", STAND: "met", UNPREDICTED: "not_met"}
+"""By why a conflict was cleared, whether its robots came within the clearance; "left" where one was taken away."""
+TALLIED = ("deconflict_advisories_total", "deconflict_advisories_open", "deconflict_conflicts_ended_total")
+
+
+def tally(measures: Measures, revisions: Iterable[AnyAdvisory], open_now: Iterable[AnyAdvisory]) -> None:
+    """Count these revisions, and what is open after them."""
+    for one in revisions:
+        measures.count("deconflict_advisories_total", one.kind, AdvisoryState(one.state).value)
+        if isinstance(one, ConflictAdvisory) and one.cleared_because:
+            for vendor in sorted(set(one.vendors)):
+                outcome = OUTCOMES.get(one.cleared_because, "left")
+                measures.count("deconflict_conflicts_ended_total", vendor, outcome)
+    levels: dict[tuple[str, ...], float] = {}
+    for one in open_now:
+        key = (one.kind, one.severity.value)
+        levels[key] = levels.get(key, 0) + 1
+    measures.level("deconflict_advisories_open", levels)
