@@ -13,8 +13,7 @@ from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead
 from deconflict.contention.arrivals import Arrivals
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.promises import Spot, near
-from deconflict.motion import Bools
-from ingest.seam import Basis, Batch, Floats
+from ingest.seam import Basis, Batch
 
 STANDS_M = 0.1
 """A robot that has moved no further than this stands."""
@@ -113,18 +112,19 @@ class Robots:
         datums = [batch.floors[floor] if floor >= 0 else "" for floor in view.floor[:, 0].tolist()]
         here = self._geometry.resources_at(datums, view.x_m[:, 0], view.y_m[:, 0])
         stops = self._stops(batch)
-        passages = self._geometry.passages(datums, view, shapes.ways, shapes.length_m, shapes.width_m)
-        told = []
+        sizes = batch.forecasts
+        passages = self._geometry.passages(datums, view, shapes.ways, sizes.length_m, sizes.width_m)
+        told, event_s, basis = [], batch.event_s.tolist(), batch.basis.tolist()
         for row, uuid in enumerate(batch.robots):
             one = self.seen.get(uuid)
             if one is None:
                 one = self.seen[uuid] = Seen(uuid)
             one.vendor, one.name, one.state = batch.vendors[row], batch.names[row], batch.states[row]
-            one.event_s = float(batch.event_s[row])
+            one.event_s = event_s[row]
             self._place(one, datums[row], here[row], shapes, row)
             one.passages = passages.get(row, {})
             one.stops = self._ahead(one, batch.now_s, stops[row])
-            if not one.stops and batch.basis[row] != Basis.VELOCITY:
+            if not one.stops and basis[row] != Basis.VELOCITY:
                 one.stops = self._end_of_way(one, view, row)
             told.append(one)
         return told
@@ -132,8 +132,8 @@ class Robots:
     def _place(self, one: Seen, datum: str, here: str | None, shapes: "_Shapes", row: int) -> None:
         """Where it stands, since when, what it has, and its way."""
         new = not one.datum and not one.stood_s
-        one.datum, one.x_m, one.y_m = datum, float(shapes.x_m[row]), float(shapes.y_m[row])
-        one.length_m, one.width_m = float(shapes.length_m[row]), float(shapes.width_m[row])
+        one.datum, one.x_m, one.y_m = datum, shapes.x_m[row], shapes.y_m[row]
+        one.length_m, one.width_m = shapes.length_m[row], shapes.width_m[row]
         one.outline = shapes.outlines[row]
         spot = (datum, one.x_m, one.y_m)
         if new or not near(spot, one.stood_at, STANDS_M):
@@ -142,9 +142,9 @@ class Robots:
         if new or here != one.here:
             one.left = (one.here, one.event_s - one.came_s) if one.here else None
             one.here, one.came_s = here, one.event_s
-        one.goes = bool(shapes.goes[row])
+        one.goes = shapes.goes[row]
         if one.goes:
-            one.way, one.way_m = shapes.ways[row], float(shapes.way_m[row])
+            one.way, one.way_m = shapes.ways[row], shapes.way_m[row]
         elif one.way is not None:
             one.way = _rest_of(one.way, one) if one.state not in RESTING else None
 
@@ -191,14 +191,14 @@ class Robots:
 class _Shapes:
     """Of n robots: envelopes now, and ways as far as they are known and stay on their floor."""
 
-    x_m: Floats
-    y_m: Floats
-    length_m: Floats
-    width_m: Floats
+    x_m: list[float]
+    y_m: list[float]
+    length_m: list[float]
+    width_m: list[float]
     outlines: list[shapely.Polygon]
     ways: list[shapely.LineString]
-    way_m: Floats
-    goes: Bools
+    way_m: list[float]
+    goes: list[bool]
 
 
 def _shapes(batch: Batch, view: Ahead) -> _Shapes:
@@ -212,14 +212,14 @@ def _shapes(batch: Batch, view: Ahead) -> _Shapes:
     column = np.minimum(np.arange(stays.shape[1]), known[:, None])
     ways = np.stack([np.take_along_axis(x_m, column, 1), np.take_along_axis(y_m, column, 1)], axis=-1)
     return _Shapes(
-        x_m=x_m[:, 0],
-        y_m=y_m[:, 0],
-        length_m=sizes.length_m,
-        width_m=sizes.width_m,
+        x_m=x_m[:, 0].tolist(),
+        y_m=y_m[:, 0].tolist(),
+        length_m=sizes.length_m.tolist(),
+        width_m=sizes.width_m.tolist(),
         outlines=shapely.polygons(view.corners(everybody, sizes.length_m, sizes.width_m, 1)[:, 0]).tolist(),
         ways=shapely.linestrings(ways).tolist(),
-        way_m=way_m,
-        goes=(batch.basis != Basis.STATIONARY) & (way_m > WAY_M),
+        way_m=way_m.tolist(),
+        goes=((batch.basis != Basis.STATIONARY) & (way_m > WAY_M)).tolist(),
     )
 
 

@@ -43,10 +43,11 @@ class ForecastChanges:
     def take(self, errors: Errors, kinds: list[Kind], now_s: float) -> None:
         """Take in errors of robots; `kinds` are the rows of the ledger."""
         graded = np.flatnonzero(errors.horizon_s == GRADED_S)
-        for row in np.unique(errors.kind[graded]).tolist():
+        kind, sizes = errors.kind[graded], bins(errors.radial_m[graded])
+        for row in np.unique(kind).tolist():
             if kinds[row].basis is not Basis.STATIONARY:
-                sizes = bins(errors.radial_m[graded[errors.kind[graded] == row]])
-                self._gather(kinds[row].vendor, np.bincount(sizes, minlength=BINS).astype(np.float64), now_s)
+                counts = np.bincount(sizes[kind == row], minlength=BINS).astype(np.float64)
+                self._gather(kinds[row].vendor, counts, now_s)
 
     def changed(self) -> dict[str, Change]:
         """By how many metres forecasts three seconds ahead are further off than they were, of vendors that changed."""

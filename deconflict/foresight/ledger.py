@@ -127,8 +127,8 @@ class Ledger:
             self._fade(rows, now_s)
             at = (errors.kind, errors.horizon_s - 1)
             inside = errors.radial_m[:, None] <= errors.bands_m
-            for part, size_m in enumerate((errors.radial_m, np.abs(errors.along_m), np.abs(errors.across_m))):
-                np.add.at(self.counts[:, part], (*at, bins(size_m)), 1.0)
+            sizes_m = np.stack([errors.radial_m, np.abs(errors.along_m), np.abs(errors.across_m)])
+            np.add.at(self.counts, (at[0], np.arange(len(sizes_m))[:, None], at[1], bins(sizes_m)), 1.0)
             np.add.at(self.bias_m, at, np.column_stack([errors.along_m, errors.across_m]))
             np.add.at(self.covered, at, inside)
             np.add.at(self.cases, at, 1.0)
@@ -164,10 +164,11 @@ class Ledger:
         self._read_bands(list(range(len(kinds))))
 
     def _fade(self, rows: Ints, now_s: float) -> None:
-        fresh = 0.5 ** (np.maximum(now_s - self.as_of_s[rows], 0.0) / HALF_LIFE_S)
+        kept = np.ones(len(self.as_of_s))
+        kept[rows] = 0.5 ** (np.maximum(now_s - self.as_of_s[rows], 0.0) / HALF_LIFE_S)
         self.as_of_s[rows] = np.maximum(self.as_of_s[rows], now_s)
         for column in (self.counts, self.bias_m, self.covered, self.cases):
-            column[rows] *= fresh.reshape(-1, *([1] * (column.ndim - 1)))
+            column[...] *= kept.reshape(-1, *([1] * (column.ndim - 1)))
 
     def _read_bands(self, rows: list[int]) -> None:
         radii = quantiles(self.counts[rows, RADIAL], self.level[rows])
