@@ -157,7 +157,7 @@ class Bus:
             storage=storage,
             max_age=age_s,
             duplicate_window=same_s,
-            num_replicas=self._settings.copies if storage is api.StorageType.FILE else 1,
+            num_replicas=self._settings.copies,
         )
         try:
             await self._js.add_stream(wanted)

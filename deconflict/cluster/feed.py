@@ -4,7 +4,6 @@ import asyncio
 import logging
 import time
 from collections.abc import Awaitable, Callable, Coroutine
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -33,16 +32,24 @@ QUESTIONS = {"robots": b"", "quarantine": b"", "measures": b"", "unidentified": 
 
 async def connected(bus: Bus, stop: asyncio.Event) -> bool:
     """Open a bus as soon as its server can be had; False where it was stopped before."""
-    while not stop.is_set():
-        try:
-            await bus.open()
-        except BUS_ERRORS as error:
-            log.warning("the NATS server does not answer: %s", error or type(error).__name__)
-            with suppress(TimeoutError):
-                await asyncio.wait_for(stop.wait(), 1.0)
-        else:
-            return True
-    return False
+    stopping = asyncio.create_task(stop.wait())
+    try:
+        while not stop.is_set():
+            opening = asyncio.create_task(bus.open())
+            await asyncio.wait({opening, stopping}, return_when=asyncio.FIRST_COMPLETED)
+            try:
+                if opening.done():
+                    await opening
+                    return True
+            except BUS_ERRORS as error:
+                log.warning("the NATS server does not answer: %s", error or type(error).__name__)
+                await asyncio.wait({stopping}, timeout=1.0)
+            finally:
+                opening.cancel()
+                await asyncio.gather(opening, return_exceptions=True)
+        return False
+    finally:
+        stopping.cancel()
 
 
 async def beating(bus: Bus, beat: Callable[[], Awaitable[None]]) -> None:

@@ -34,7 +34,7 @@ class Cluster(Section):
     hot_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 2000.0
     """A tile with more statuses a second is split in four."""
     copies: Annotated[int, Field(ge=1, le=5)] = 1
-    """How many servers keep each advisory; 3 survives the loss of one."""
+    """How many servers keep each advisory, and the last rows; 3 survives the loss of one."""
 
 
 def cluster_contradictions(settings: Cluster | None) -> Iterator[str]:

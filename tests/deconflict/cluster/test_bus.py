@@ -2,22 +2,24 @@
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import pytest
 
 from deconflict.advisory import AdvisoryState
-from deconflict.cluster.bus import Bus, OverruledError
+from deconflict.cluster.bus import BUS_ERRORS, Bus, OverruledError
 from deconflict.cluster.feed import connected
 from deconflict.cluster.lines import key_of
 from deconflict.cluster.member import Member
 from deconflict.cluster.settings import Cluster
+from deconflict.cluster.teller import Teller
 from deconflict.cluster.tiles import Place, Tile
 from deconflict.site import Site
 from ingest.settings import Reading
 from tests.deconflict.cluster.made_cluster import Broker, needs_server, running
 from tests.deconflict.made_advisories import cleared, made
+from tests.deconflict.test_supervisor import free_ports
 from tests.saying import HALL
 
 pytestmark = needs_server
@@ -72,3 +74,59 @@ async def ended(bus: Bus) -> tuple[int, str | None]:
         if line.advisory and line.advisory.state is AdvisoryState.CLEARED:
             return line.advisory.revision, line.advisory.cleared_because
         await asyncio.sleep(0.2)
+
+
+async def test_a_role_ends_though_no_server_was_ever_there() -> None:
+    stop = asyncio.Event()
+    (port,) = free_ports(1)
+    opening = asyncio.create_task(connected(Bus(Cluster(nats=(f"nats://127.0.0.1:{port}",)), 1.0), stop))
+    await asyncio.sleep(0.1)
+    stop.set()
+    async with asyncio.timeout(60):
+        assert not await opening
+
+
+def three(folder: Path) -> dict[str, Broker]:
+    """Servers that keep everything thrice, by name."""
+    routes = [f"nats://127.0.0.1:{port}" for port in free_ports(3)]
+    told = ("--cluster_name", "three", "--routes", ",".join(routes))
+    return {
+        name: Broker(folder / name, "-n", name, "--cluster", route, *told)
+        for name, route in zip("abc", routes, strict=True)
+    }
+
+
+async def test_the_loss_of_one_server_of_three_costs_neither_rows_nor_advisories(tmp_path: Path) -> None:
+    servers = three(tmp_path)
+    settings = Cluster(nats=tuple(one.address for one in servers.values()), copies=3)
+    one, other = (Bus(settings, 1.0) for _ in range(2))
+    heard: list[int] = []
+    try:
+        async with asyncio.timeout(120):
+            for each in (one, other):
+                assert await connected(each, asyncio.Event())
+            await other.hear_rows("x", lambda parcel: heard.append(int(parcel)))
+            teller = Teller(one)
+            assert await teller.tell(HOME, made(1)) is None
+            await sent(one, heard, 0)
+            leader = (await one._js.stream_info(f"{one.name}-rows")).cluster
+            assert leader
+            servers[str(leader.leader)].kill()
+            assert await teller.tell(HOME, made(1, revision=2)) is None
+            await sent(one, heard, 1000)
+            assert (await other.last_told(key_of(made(1)))).advisory == made(1, revision=2)
+    finally:
+        for each in (one, other):
+            await each.close()
+        for server in servers.values():
+            server.kill()
+
+
+async def sent(bus: Bus, heard: list[int], first: int) -> None:
+    """Send parcels until one of them is heard."""
+    number = first
+    while max(heard, default=-1) < first:
+        with suppress(*BUS_ERRORS):
+            await bus.send_rows("x", str(number).encode())
+        number += 1
+        await asyncio.sleep(0.1)
