@@ -49,8 +49,10 @@ class Row:
     messages_a_second: float
     accepted: float
     rejected: float
+    overtaken: float
+    """Statuses that the receiver did not read, since a newer one had come."""
     superseded: float
-    """Statuses replaced by a newer one before the engine read them."""
+    """Statuses replaced by a newer one before the engine read them, those overtaken included."""
     shed: float
     """Messages given up because their vendor sent more than its share."""
     missed: float
@@ -104,6 +106,7 @@ class Running:
             messages_a_second=round(accepted / seconds, 1),
             accepted=accepted,
             rejected=_rise(before, after, "deconflict_messages_total rejected"),
+            overtaken=_rise(before, after, "deconflict_messages_total overtaken"),
             superseded=_rise(before, after, "deconflict_statuses_superseded_total"),
             shed=_rise(before, after, "deconflict_messages_shed_total"),
             missed=_rise(before, after, "deconflict_deadlines_missed_total"),
@@ -186,12 +189,16 @@ def measured(
 
 
 def print_row(row: Row, load: dict[str, float] | None = None) -> None:
-    cores = " ".join(f"{role} {share:.2f}" for role, share in row.core_s_a_second.items())
+    each = max(row.accepted + row.overtaken + row.rejected, 1.0)
+    cores = " ".join(
+        f"{role} {share:.2f} ({share * row.seconds / each * 1e6:.0f} us a message)"
+        for role, share in row.core_s_a_second.items()
+    )
     memory = sum(row.memory_mb.values())
     late = f"  load late {load['late_s'] * 1000:.0f} ms cores {load['core_s'] / load['seconds']:.2f}" if load else ""
     print(
         f"{row.robots:6} robots {row.messages_a_second:6.0f} msg/s p50 {row.p50_ms:5.0f} ms  p99 {row.p99_ms:5.0f} ms  "
-        f"slowest < {row.slowest_ms:6.0f} ms  superseded {row.superseded:5.0f}  "
+        f"slowest < {row.slowest_ms:6.0f} ms  overtaken {row.overtaken:5.0f}  superseded {row.superseded:5.0f}  "
         f"shed {row.shed:3.0f}  rejected {row.rejected:3.0f}  "
         f"cores {cores}  {memory:5.0f} MB  files {sum(row.files.values())}{late}",
         flush=True,

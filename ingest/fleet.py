@@ -6,24 +6,24 @@ order give the same batches, whether they come from sockets or from a recording.
 
 from collections import Counter, OrderedDict
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from itertools import chain
-from math import dist, isfinite, isnan, nan
+from math import isfinite, isnan
 from typing import Any
 
 import numpy as np
 
 from ingest import changes, messages, watch
+from ingest.batches import batch
 from ingest.claims import Claims
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.connection import Connection
-from ingest.forecast import Body, Forecast, Sighting, Stop, View, body_of, forecast, matches, stops
+from ingest.forecast import Body, Sighting, View, body_of, forecast, matches, stops
 from ingest.frames import Frame, Frames
 from ingest.measures import Labels, Measures
 from ingest.messages import Identity, Rejection, Status
 from ingest.quarantine import Quarantine, rejected
 from ingest.rates import MessageRates
-from ingest.seam import Basis, Batch, Destinations, Forecasts
+from ingest.robots import Robot, placed, told
+from ingest.seam import Batch
 from ingest.settings import Reading
 from ingest.vendors import UNKNOWN, Vendors
 
@@ -33,40 +33,6 @@ MOST_UNKNOWN = 50
 """Floors that one vendor may bring by naming datums that the site file does not have: each batch names them all."""
 NOWHERE = -1
 """Floor index of a frame that is compared with nothing."""
-
-
-@dataclass(slots=True, eq=False)
-class Robot:
-    """What one robot said last, and what was made of it."""
-
-    uuid: str
-    vendor: str
-    clock: SenderClock
-    identity: Identity | None = None
-    identity_raw: bytes = b""
-    status_raw: bytes = b""
-    state: str = ""
-    known_state: bool = True
-    statuses: int = 0
-    """How many came since the robot was last in a batch."""
-    first_arrival_s: float = nan
-    """When the first of them arrived."""
-    arrival_s: float = nan
-    seen: Sighting | None = None
-    """The newest sighting, headings and speeds reconciled with the one before it."""
-    frame: Frame | None = None
-    forecast: Forecast | None = None
-    stops: tuple[Stop, ...] = ()
-    doubt_m: float = 0.0
-    owned: bool = False
-    """Whether its vendor is settled: it identified itself, or spoke over a connection of that vendor."""
-    deviations: dict[str, int] = field(default_factory=dict)
-
-    @property
-    def name(self) -> str:
-        """What a person calls the robot."""
-        serial = self.identity.serial if self.identity else self.uuid[:8]
-        return serial if serial.casefold().startswith(self.vendor.casefold()) else f"{self.vendor} {serial}"
 
 
 class Fleet:
@@ -176,10 +142,10 @@ class Fleet:
         changed = self.robots if everything else self._changed
         robots = [robot for uuid in changed if (robot := self.robots[uuid]).forecast]
         self._changed = {}
-        batch = self._batch(robots, now_s, gone)
+        cut = self._batch(robots, now_s, gone)
         for robot in robots:
             robot.statuses = 0
-        return batch
+        return cut
 
     def whole(self, now_s: float) -> Batch:
         """Every robot as it is known now; the next cut is as if nobody had looked."""
@@ -190,25 +156,7 @@ class Fleet:
         return [uuid for uuid, robot in self.robots.items() if robot.identity is None]
 
     def _batch(self, robots: list[Robot], now_s: float, gone: tuple[str, ...]) -> Batch:
-        return Batch(
-            now_s=now_s,
-            floors=tuple(self._floors),
-            robots=tuple(robot.uuid for robot in robots),
-            vendors=tuple(robot.vendor for robot in robots),
-            models=tuple(robot.identity.model if robot.identity else "" for robot in robots),
-            names=tuple(robot.name for robot in robots),
-            states=tuple(robot.state for robot in robots),
-            statuses=np.array([robot.statuses for robot in robots], np.int64),
-            first_arrival_s=np.array([robot.first_arrival_s for robot in robots], np.float64),
-            arrival_s=np.array([robot.arrival_s for robot in robots], np.float64),
-            event_s=np.array([robot.seen.t_s for robot in robots if robot.seen], np.float64),
-            basis=np.array([robot.forecast.basis for robot in robots if robot.forecast], np.int64),
-            doubt_m=np.array([robot.doubt_m for robot in robots], np.float64),
-            forecasts=_layout([robot.forecast for robot in robots if robot.forecast]),
-            destinations=_destinations([robot.stops for robot in robots]),
-            gone=gone,
-            claims=self._claims.standing(now_s),
-        )
+        return batch(robots, now_s, tuple(self._floors), gone, self._claims.standing(now_s))
 
     def documents(self, now_s: float) -> list[dict[str, Any]]:
         """Everything each robot said and what was made of it, JSON-ready, by UUID."""
@@ -422,9 +370,9 @@ class Fleet:
             "state": robot.state,
             "clock": {"offset_s": round(robot.clock.offset_s, 3), "delay_s": round(robot.clock.delay_s, 3)},
             "deviations": dict(sorted(robot.deviations.items())),
-            "identity": _told(robot, robot.identity_raw),
-            "status": _told(robot, robot.status_raw),
-            **_placed(robot),
+            "identity": told(robot, robot.identity_raw),
+            "status": told(robot, robot.status_raw),
+            **placed(robot),
         }
 
 
@@ -438,11 +386,6 @@ class _FrameOf:
         return self._fleet._frame(self._vendor, datum or self._own)
 
 
-def _told(robot: Robot, raw: bytes) -> dict[str, Any] | None:
-    """What a message said, under the UUID that it was read as: the sender's own may be a name."""
-    return messages.document(raw) | {"uuid": robot.uuid} if raw else None
-
-
 def _who(identity: Identity) -> tuple[Any, ...]:
     return identity.manufacturer, identity.model, identity.serial, identity.envelope_m
 
@@ -454,59 +397,3 @@ def _sight(status: Status, frame: Frame, floor: int, event_s: float) -> Sighting
     if frame.mirrored:
         turn_radps = -turn_radps
     return Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps)
-
-
-def _layout(forecasts: list[Forecast]) -> Forecasts:
-    if not forecasts:
-        return Forecasts.empty()
-    values = chain.from_iterable(chain.from_iterable(one.knots for one in forecasts))
-    knots = np.fromiter(values, np.float64).reshape(-1, 4)
-    sizes = np.array([(one.length_m, one.width_m, one.bottom_m, one.top_m) for one in forecasts])
-    return Forecasts(
-        start=np.concatenate([[0], np.cumsum([len(one.knots) for one in forecasts])]),
-        t_s=knots[:, 0].copy(),
-        x_m=knots[:, 1].copy(),
-        y_m=knots[:, 2].copy(),
-        yaw_rad=knots[:, 3].copy(),
-        floor=np.array([floor for one in forecasts for floor in one.floors], np.int64),
-        length_m=sizes[:, 0].copy(),
-        width_m=sizes[:, 1].copy(),
-        bottom_m=sizes[:, 2].copy(),
-        top_m=sizes[:, 3].copy(),
-    )
-
-
-def _destinations(stops_of: list[tuple[Stop, ...]]) -> Destinations:
-    stops = np.fromiter(chain.from_iterable(chain.from_iterable(stops_of)), np.float64).reshape(-1, 4)
-    return Destinations(
-        start=np.concatenate([[0], np.cumsum([len(each) for each in stops_of])]).astype(np.int64),
-        t_s=stops[:, 0].copy(),
-        x_m=stops[:, 1].copy(),
-        y_m=stops[:, 2].copy(),
-        floor=stops[:, 3].astype(np.int64),
-    )
-
-
-def _placed(robot: Robot) -> dict[str, Any]:
-    """The floor-frame part of a robot's document; absent before its first status."""
-    if not (robot.seen and robot.frame and robot.forecast):
-        return {"floor": None, "location": None, "envelope": None, "forecast": None}
-    one, seen = robot.forecast, robot.seen
-    tall = isfinite(one.top_m)
-    return {
-        "floor": robot.frame.floor,
-        "comparable": robot.frame.comparable,
-        "location": {"x": seen.x_m, "y": seen.y_m, "yaw_rad": None if isnan(seen.yaw_rad) else seen.yaw_rad},
-        "event_s": seen.t_s,
-        "doubt_m": robot.doubt_m,
-        "envelope": {
-            "length_m": one.length_m,
-            "width_m": one.width_m,
-            "height_m": one.top_m - one.bottom_m if tall else None,
-        },
-        "forecast": {
-            "basis": Basis(one.basis).name.lower(),
-            "reach_m": round(dist(one.knots[0][1:3], one.knots[-1][1:3]), 3),
-            "knots": [[round(value, 3) for value in knot] for knot in one.knots],
-        },
-    }

@@ -9,9 +9,9 @@ import numpy as np
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
 from deconflict.sweep import sweep
-from ingest.fleet import Robot
 from ingest.measures import Measures
 from ingest.playback import Received
+from ingest.robots import Robot
 from ingest.seam import Forecasts
 
 JOINED_S = 2.1

@@ -1,0 +1,66 @@
+"""Rows of a batch out of what is known of each robot."""
+
+from collections.abc import Sequence
+from itertools import chain
+
+import numpy as np
+
+from ingest.forecast import Forecast, Stop
+from ingest.robots import Robot
+from ingest.seam import Batch, Claim, Destinations, Forecasts
+
+
+def batch(
+    robots: Sequence[Robot], now_s: float, floors: tuple[str, ...], gone: tuple[str, ...], claims: tuple[Claim, ...]
+) -> Batch:
+    """The batch of some robots, each of which has a forecast, as they are known now."""
+    return Batch(
+        now_s=now_s,
+        floors=floors,
+        robots=tuple(robot.uuid for robot in robots),
+        vendors=tuple(robot.vendor for robot in robots),
+        models=tuple(robot.identity.model if robot.identity else "" for robot in robots),
+        names=tuple(robot.name for robot in robots),
+        states=tuple(robot.state for robot in robots),
+        statuses=np.array([robot.statuses for robot in robots], np.int64),
+        first_arrival_s=np.array([robot.first_arrival_s for robot in robots], np.float64),
+        arrival_s=np.array([robot.arrival_s for robot in robots], np.float64),
+        event_s=np.array([robot.seen.t_s for robot in robots if robot.seen], np.float64),
+        basis=np.array([robot.forecast.basis for robot in robots if robot.forecast], np.int64),
+        doubt_m=np.array([robot.doubt_m for robot in robots], np.float64),
+        forecasts=_layout([robot.forecast for robot in robots if robot.forecast]),
+        destinations=_destinations([robot.stops for robot in robots]),
+        gone=gone,
+        claims=claims,
+    )
+
+
+def _layout(forecasts: list[Forecast]) -> Forecasts:
+    if not forecasts:
+        return Forecasts.empty()
+    values = chain.from_iterable(chain.from_iterable(one.knots for one in forecasts))
+    knots = np.fromiter(values, np.float64).reshape(-1, 4)
+    sizes = np.array([(one.length_m, one.width_m, one.bottom_m, one.top_m) for one in forecasts])
+    return Forecasts(
+        start=np.concatenate([[0], np.cumsum([len(one.knots) for one in forecasts])]),
+        t_s=knots[:, 0].copy(),
+        x_m=knots[:, 1].copy(),
+        y_m=knots[:, 2].copy(),
+        yaw_rad=knots[:, 3].copy(),
+        floor=np.array([floor for one in forecasts for floor in one.floors], np.int64),
+        length_m=sizes[:, 0].copy(),
+        width_m=sizes[:, 1].copy(),
+        bottom_m=sizes[:, 2].copy(),
+        top_m=sizes[:, 3].copy(),
+    )
+
+
+def _destinations(stops_of: list[tuple[Stop, ...]]) -> Destinations:
+    stops = np.fromiter(chain.from_iterable(chain.from_iterable(stops_of)), np.float64).reshape(-1, 4)
+    return Destinations(
+        start=np.concatenate([[0], np.cumsum([len(each) for each in stops_of])]).astype(np.int64),
+        t_s=stops[:, 0].copy(),
+        x_m=stops[:, 1].copy(),
+        y_m=stops[:, 2].copy(),
+        floor=stops[:, 3].astype(np.int64),
+    )

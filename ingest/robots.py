@@ -1,0 +1,76 @@
+"""One robot as its messages tell of it, and what people are shown of that."""
+
+from dataclasses import dataclass, field
+from math import dist, isfinite, isnan, nan
+from typing import Any
+
+from ingest import messages
+from ingest.clocks import SenderClock
+from ingest.forecast import Forecast, Sighting, Stop
+from ingest.frames import Frame
+from ingest.messages import Identity
+from ingest.seam import Basis
+
+
+@dataclass(slots=True, eq=False)
+class Robot:
+    """What one robot said last, and what was made of it."""
+
+    uuid: str
+    vendor: str
+    clock: SenderClock
+    identity: Identity | None = None
+    identity_raw: bytes = b""
+    status_raw: bytes = b""
+    state: str = ""
+    known_state: bool = True
+    statuses: int = 0
+    """How many came since the robot was last in a batch."""
+    first_arrival_s: float = nan
+    """When the first of them arrived."""
+    arrival_s: float = nan
+    seen: Sighting | None = None
+    """The newest sighting, headings and speeds reconciled with the one before it."""
+    frame: Frame | None = None
+    forecast: Forecast | None = None
+    stops: tuple[Stop, ...] = ()
+    doubt_m: float = 0.0
+    owned: bool = False
+    """Whether its vendor is settled: it identified itself, or spoke over a connection of that vendor."""
+    deviations: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """What a person calls the robot."""
+        serial = self.identity.serial if self.identity else self.uuid[:8]
+        return serial if serial.casefold().startswith(self.vendor.casefold()) else f"{self.vendor} {serial}"
+
+
+def told(robot: Robot, raw: bytes) -> dict[str, Any] | None:
+    """What a message said, under the UUID that it was read as: the sender's own may be a name."""
+    return messages.document(raw) | {"uuid": robot.uuid} if raw else None
+
+
+def placed(robot: Robot) -> dict[str, Any]:
+    """The floor-frame part of a robot's document; absent before its first status."""
+    if not (robot.seen and robot.frame and robot.forecast):
+        return {"floor": None, "location": None, "envelope": None, "forecast": None}
+    one, seen = robot.forecast, robot.seen
+    tall = isfinite(one.top_m)
+    return {
+        "floor": robot.frame.floor,
+        "comparable": robot.frame.comparable,
+        "location": {"x": seen.x_m, "y": seen.y_m, "yaw_rad": None if isnan(seen.yaw_rad) else seen.yaw_rad},
+        "event_s": seen.t_s,
+        "doubt_m": robot.doubt_m,
+        "envelope": {
+            "length_m": one.length_m,
+            "width_m": one.width_m,
+            "height_m": one.top_m - one.bottom_m if tall else None,
+        },
+        "forecast": {
+            "basis": Basis(one.basis).name.lower(),
+            "reach_m": round(dist(one.knots[0][1:3], one.knots[-1][1:3]), 3),
+            "knots": [[round(value, 3) for value in knot] for knot in one.knots],
+        },
+    }
