@@ -1,19 +1,27 @@
 """How the operator face is served: uvicorn, set up for subscribers that stay for days and some that get stuck."""
 
 import socket
-from asyncio import BaseTransport
+from asyncio import BaseTransport, TimerHandle, Transport
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any, cast
 
 import uvicorn
 from fastapi import FastAPI
+from h11 import Request
+from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from ingest.certificates import Certificates
+from ingest.receiver import descriptors
 
 MAX_SAID_BYTES = 4096
 """Largest message accepted from a subscriber; none is expected."""
 SHUTDOWN_S = 2
+ASKED_WITHIN_S = 10.0
+"""A connection on which nothing was asked for so long is ended."""
+SPARE_FILES = 200
+"""File descriptors left for everything but who asks: the store, the other roles, outlets, black boxes."""
 
 
 class StreamProtocol(WebSocketsSansIOProtocol):
@@ -38,6 +46,54 @@ class StreamProtocol(WebSocketsSansIOProtocol):
             self.transport.abort()
 
 
+class FaceProtocol(H11Protocol):
+    """uvicorn's HTTP, which ends connections that ask for nothing, and takes no more than there are files for.
+
+    uvicorn itself waits for ever for a first request, and as long for the rest of one that has begun.
+    `deconflict_connections_refused_total` counts by reason: `face-full`, `face-idle`.
+    """
+
+    _looking: TimerHandle | None = None
+    _answered: object = None
+    """The last request, where it was answered by the last look."""
+
+    def connection_made(self, transport: Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        if len(self.connections) > self._state.most_connections:
+            self._refuse("face-full")
+        else:
+            self._looking = self.loop.call_later(ASKED_WITHIN_S, self._look)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._stop_looking()
+        super().connection_lost(exc)
+
+    def handle_websocket_upgrade(self, event: Request) -> None:
+        self._stop_looking()
+        super().handle_websocket_upgrade(event)
+
+    @property
+    def _state(self) -> Any:
+        return cast(FastAPI, self.config.app).state
+
+    def _look(self) -> None:
+        """End a connection on which nothing was asked, or not to the end, since the last look."""
+        cycle: Any = self.cycle
+        if cycle is self._answered:
+            self._refuse("face-idle")
+            return
+        self._answered = cycle if cycle.response_complete else object()
+        self._looking = self.loop.call_later(ASKED_WITHIN_S, self._look)
+
+    def _stop_looking(self) -> None:
+        if self._looking:
+            self._looking.cancel()
+
+    def _refuse(self, reason: str) -> None:
+        self._state.measures.count("deconflict_connections_refused_total", reason)
+        self.transport.abort()
+
+
 class FaceServer(uvicorn.Server):
     """Leaves signals to the process it runs in; set `should_exit` to end it."""
 
@@ -53,9 +109,11 @@ def face_server(app: FastAPI, certificates: Certificates | None = None) -> FaceS
     subscriber answers only when it has read what lies before it. Advisories are small and many readers would each
     have them compressed anew, so they are not compressed.
     """
+    app.state.most_connections = max(descriptors() - SPARE_FILES, 1)
     return FaceServer(
         uvicorn.Config(
             app,
+            http=FaceProtocol,
             ws=StreamProtocol,
             ws_max_size=MAX_SAID_BYTES,
             ws_ping_timeout=None,

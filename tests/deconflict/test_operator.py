@@ -1,5 +1,7 @@
+import asyncio
 import json
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -7,10 +9,11 @@ import httpx
 import pytest
 from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
+from websockets.asyncio.client import connect
 
 from deconflict import stream
 from tests.deconflict.made_advisories import ROBOTS, cleared, made
-from tests.deconflict.served_face import ROBOT_DOCUMENTS, Served, served
+from tests.deconflict.served_face import ROBOT_DOCUMENTS, Served, served, until
 
 API_PAGE = Path(__file__).parents[2] / "docs" / "api.md"
 
@@ -227,3 +230,46 @@ async def test_an_acknowledgement_says_who_and_why(face: Served, client: httpx.A
 async def test_what_is_not_stored_is_not_acknowledged(client: httpx.AsyncClient) -> None:
     answered = await client.post("/advisories/none/acknowledgement", json={"name": "Kim", "reason": "called back"})
     assert answered.status_code == 404
+
+
+async def test_who_asks_for_nothing_is_ended_and_who_follows_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.asgi.ASKED_WITHIN_S", 0.5)
+    begun = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    async with served(tmp_path) as face, connect(face.stream()) as following:
+        host, port = face.address.split(":")
+        for said in (b"", b"GET /heal", begun, begun + b"\r\n" + begun):
+            reader, writer = await asyncio.open_connection(host, int(port))
+            writer.write(said)
+            async with asyncio.timeout(30):
+                with suppress(ConnectionResetError):
+                    await reader.read()
+            writer.close()
+        assert refused(face, "face-idle") == 4
+        await face.publish(made(1))
+        assert '"advisory-1"' in str(await following.recv())
+
+
+async def test_no_more_are_taken_than_there_are_files_for(tmp_path: Path) -> None:
+    async with served(tmp_path) as face:
+        face.app.state.most_connections = 3
+        async with connect(face.stream()), connect(face.stream()):
+            host, port = face.address.split(":")
+            _, idle = await asyncio.open_connection(host, int(port))
+            await until(lambda: face.connections() == 3)
+            reader, writer = await asyncio.open_connection(host, int(port))
+            async with asyncio.timeout(30):
+                with suppress(ConnectionResetError):
+                    assert await reader.read() == b""
+            assert refused(face, "face-full") == 1
+            for one in (writer, idle):
+                one.close()
+            await until(lambda: face.connections() == 2)
+            async with httpx.AsyncClient(trust_env=False) as client:
+                assert (await client.get(f"{face.http}/healthz")).status_code == 200
+
+
+def refused(face: Served, reason: str) -> float:
+    counted: dict[tuple[str, ...], float] = face.app.state.measures.values["deconflict_connections_refused_total"]
+    return counted.get((reason,), 0)
