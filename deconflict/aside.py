@@ -28,11 +28,13 @@ async def once(work: Callable[..., Told], *given: object) -> Told:
     """Do one piece of work in a process that is killed where this is cancelled. Raises `AsideError`."""
     hearing, saying = _SPAWN.Pipe(duplex=False)
     process = _SPAWN.Process(target=_work, args=(saying, work, given), daemon=True)
-    process.start()
-    saying.close()
+    starting = asyncio.create_task(asyncio.to_thread(process.start))  # until it has taken in what it is given
     try:
+        await asyncio.shield(starting)
+        saying.close()
         done, told = await asyncio.to_thread(_heard, hearing)
     finally:
+        await starting
         process.kill()
         process.join()
         hearing.close()
