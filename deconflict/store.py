@@ -217,22 +217,26 @@ class Store:
         """What was open at a time: the newest revision by then of each that changed in the hour before it."""
         with self._both() as (db, ahead):
             rows = db.execute(
-                "SELECT document, max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id ORDER BY seq",
-                (now_s - LOOK_BACK_S, now_s),
+                "SELECT document FROM revisions WHERE json_extract(document, '$.state') <> ? AND seq IN "
+                "(SELECT max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id) ORDER BY seq",
+                (AdvisoryState.CLEARED, now_s - LOOK_BACK_S, now_s),
             ).fetchall()
-        known = {one.id: one for one in (advisory_of(document) for document, _ in rows)}
+        known = {one.id: one for one in (advisory_of(document) for (document,) in rows)}
         known |= newest(decided(ahead, now_s - LOOK_BACK_S, now_s))
         return [one for one in known.values() if one.state is not AdvisoryState.CLEARED]
 
-    def between(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
-        """Every revision decided after `since_s` and by `until_s`, ascending; without those that only answer."""
+    def between(self, since_s: float, until_s: float) -> list[str]:
+        """Every revision decided after `since_s` and by `until_s`, ascending; without those that only answer.
+
+        As JSON: of a busy floor there are many.
+        """
         with self._both() as (db, ahead):
             rows = db.execute(
                 "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
                 (since_s, until_s),
             ).fetchall()
         later = (one for one in decided(ahead, since_s, until_s) if one.updated_at.timestamp() > since_s)
-        return [*(advisory_of(document) for (document,) in rows), *later]
+        return [*(document for (document,) in rows), *(one.model_dump_json() for one in later)]
 
     def raised(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
         """The first revision of each advisory raised in that time."""
