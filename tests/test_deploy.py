@@ -1,5 +1,6 @@
-"""The unit file is one that systemd accepts and calls well shut in."""
+"""The unit file is one that systemd accepts and calls well shut in; the container file takes the same steps."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -8,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from deconflict.__main__ import parser
+from deconflict.site import DEFAULT
 
-UNIT = Path(__file__).parent.parent / "deploy" / "deconflict.service"
+ROOT = Path(__file__).parent.parent
+UNIT, CONTAINER = ROOT / "deploy" / "deconflict.service", ROOT / "Containerfile"
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
 
 
@@ -41,3 +44,41 @@ def test_the_command_of_the_unit_exists() -> None:
     command = re.search(r"^ExecStart=\S+/deconflict (.+)$", UNIT.read_text(), re.M)
     assert command
     assert parser().parse_args(command[1].split()).command == "serve"
+
+
+def steps() -> list[tuple[str, str]]:
+    """The instructions of the container file, each with what it is given."""
+    joined = CONTAINER.read_text().replace("\\\n", "")
+    return [(word, " ".join(given.split())) for word, _, given in (line.partition(" ") for line in joined.splitlines())]
+
+
+def given(instruction: str) -> str:
+    return next(given for word, given in reversed(steps()) if word == instruction)
+
+
+def test_the_container_is_installed_as_the_readme_says_and_runs_the_same_command_as_the_unit() -> None:
+    assert "pip install -c constraints.txt ." in (ROOT / "README.md").read_text()
+    (install,) = (step for word, step in steps() if word == "RUN" and "pip" in step)
+    assert install.endswith("/bin/pip install --no-cache-dir --constraint constraints.txt .")
+    command = [*json.loads(given("ENTRYPOINT")), *json.loads(given("CMD"))]
+    unit = re.search(r"^ExecStart=\S+/deconflict (.+)$", UNIT.read_text(), re.M)
+    assert unit
+    assert [Path(command[0]).name, *command[1:]] == ["deconflict", *unit[1].split()]
+    assert command[command.index("--data") + 1] == given("VOLUME")
+    assert given("EXPOSE") == f"{DEFAULT.receiver.port} {DEFAULT.operator.port}"
+
+
+def test_the_container_runs_as_a_user_of_its_own_and_ends_as_it_should() -> None:
+    words = [word for word, _ in steps()]
+    made = next(step for word, step in steps() if word == "RUN" and "useradd" in step)
+    assert given("USER") == made.split(" && ")[0].split()[-1]
+    assert words.index("USER") < words.index("ENTRYPOINT")
+    assert given("STOPSIGNAL") == "SIGTERM"
+
+
+def test_kernels_are_kept_where_the_service_may_write() -> None:
+    """Else an engine that is restarted compiles for a minute."""
+    kept = re.search(r"^Environment=NUMBA_CACHE_DIR=(\S+)$", UNIT.read_text(), re.M)
+    assert kept
+    assert kept[1] == "/var/cache/" + re.findall(r"^CacheDirectory=(\S+)$", UNIT.read_text(), re.M)[0]
+    assert given("ENV") == f"NUMBA_CACHE_DIR={kept[1]}"
