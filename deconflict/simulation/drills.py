@@ -21,7 +21,7 @@ FIRST_NUMBER = 60
 """Numbers of the robots begin here; a person whose number is a multiple of three has a device that knows its way."""
 
 EARLY = {"confirm": (2, 3), "raise_probability": 0.3}
-"""Drills tell early of conflicts: robots that do as advised meet nobody, from which the service learns to doubt."""
+"""Drills tell early of conflicts, so that there is time to do as advised."""
 
 Spot = tuple[float, float]
 
