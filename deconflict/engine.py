@@ -57,9 +57,14 @@ class Engine:
         submit: Submit = at_once,
         burdens_s: Mapping[str, float] | None = None,
         learned: Mapping[str, Part] | None = None,
+        *,
+        conflicts_only: bool = False,
     ) -> None:
-        """`learned` is what an earlier engine's `learned()` told. Raises `UnreadableError` where it can't be that."""
-        self.site = site
+        """`learned` is what an earlier engine's `learned()` told. Raises `UnreadableError` where it can't be that.
+
+        With `conflicts_only` nothing is judged that is not of one place: queues, deadlocks, blockages, claims.
+        """
+        self.site, self._conflicts_only = site, conflicts_only
         self.measures = Measures()
         self.live = Live()
         self._landmarks = Landmarks(site.datums, (*site.resources, *site.zones))
@@ -104,6 +109,7 @@ class Engine:
             self._submit,
             self._account.burdens_s,
             self.learned(),
+            conflicts_only=self._conflicts_only,
         )
 
     def open(self) -> list[AnyAdvisory]:
@@ -128,8 +134,9 @@ class Engine:
         self.live.drop(batch.gone)
         self._told.difference_update(batch.gone)
         self._sweeper.discard(batch.gone)
-        self._contention.receive(batch)
-        self._claims.receive(batch.claims)
+        if not self._conflicts_only:
+            self._contention.receive(batch)
+            self._claims.receive(batch.claims)
         self.foresight.receive(batch)
 
     def pending(self) -> int:
@@ -158,15 +165,21 @@ class Engine:
         )
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene, now_s + reach_s)]
         revisions += self._advise(now_s)
-        if effort < Effort.NEAR or now_s - self._contended_s >= FAR_LOOK_S:
-            revisions += self._contention.step(now_s)
-            self._contended_s = now_s
-        revisions += self._claims.step(now_s)
+        if not self._conflicts_only:
+            revisions += self._shared(now_s, effort)
         self._account.settle(revisions)
         if heard:
             self.foresight.advise(now_s, waits_until_s(revisions))
         self._measure(conflicts, revisions)
         return revisions
+
+    def _shared(self, now_s: float, effort: Effort) -> list[AnyAdvisory]:
+        """The revisions on what is not of one place."""
+        revisions: list[AnyAdvisory] = []
+        if effort < Effort.NEAR or now_s - self._contended_s >= FAR_LOOK_S:
+            revisions += self._contention.step(now_s)
+            self._contended_s = now_s
+        return [*revisions, *self._claims.step(now_s)]
 
     def conflicts(self) -> list[ConflictAdvisory]:
         """The newest revision of each open advisory of a conflict."""

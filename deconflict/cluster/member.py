@@ -8,7 +8,7 @@ tells too late is refused by the stream, which takes a revision only after the o
 import asyncio
 import logging
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -28,7 +28,7 @@ from deconflict.cluster.shard import Shard, Told, judging
 from deconflict.cluster.teller import Teller
 from deconflict.cluster.tiles import Grid, Tile
 from deconflict.engine import Engine
-from deconflict.learned import UnreadableError, packed, unpacked
+from deconflict.learned import Part, UnreadableError, packed, unpacked
 from deconflict.reloading import InForce
 from deconflict.roles.engine import LEARNED_EVERY_S, arrivals_s
 from deconflict.site import Site
@@ -54,7 +54,7 @@ class Member:
         self.name = f"engine-{uuid4().hex[:12]}"
         self.measures = Measures()
         self._adviser = ThreadPoolExecutor(1, "adviser")
-        self._shard = self._shard_of(Engine(judging(site), submit=self._adviser.submit))
+        self._shard = self._shard_of(self._engine())
         self._turn = Lock()
         self._parcels: list[bytes] = []
         self._lines: list[Line] = []
@@ -91,6 +91,9 @@ class Member:
             self._adviser.shutdown(cancel_futures=True)
             await self._bus.close()
 
+    def _engine(self, learned: Mapping[str, Part] | None = None) -> Engine:
+        return Engine(judging(self._site), submit=self._adviser.submit, learned=learned, conflicts_only=True)
+
     def _shard_of(self, engine: Engine) -> Shard:
         return Shard(engine, Grid(self._settings.tile_m), reach_m(self._settings.fastest_mps, engine.site.conflict))
 
@@ -98,8 +101,7 @@ class Member:
         """Go on with what engines have learned before."""
         try:
             if kept := await self._bus.kept(CONFLICTS):
-                learned = unpacked(kept)
-                self._shard = self._shard_of(Engine(judging(self._site), submit=self._adviser.submit, learned=learned))
+                self._shard = self._shard_of(self._engine(unpacked(kept)))
         except UnreadableError as error:
             log.warning("what engines learned can't be read, and is learned anew: %s", error)
 

@@ -71,7 +71,7 @@ class Single:
     """What the service on one machine tells."""
 
     def __init__(self) -> None:
-        self._engine, self._floors = Engine(judging(SITE)), Floors()
+        self._engine, self._floors = Engine(judging(SITE), conflicts_only=True), Floors()
 
     def step(self, tick: int, batches: Iterable[Batch]) -> list[ConflictAdvisory]:
         for one in batches:
@@ -85,7 +85,7 @@ class Shards:
 
     def __init__(self, grid: Grid, count: int, split: Iterable[Tile] = ()) -> None:
         self.grid, self._split = grid, frozenset(split)
-        self.shards = [Shard(Engine(judging(SITE)), grid, REACH_M) for _ in range(count)]
+        self.shards = [Shard(Engine(judging(SITE), conflicts_only=True), grid, REACH_M) for _ in range(count)]
         self._sorters = [Sorter(grid, SITE.conflict, REACH_M) for _ in range(2)]
         self.owners: dict[Tile, int] = {}
         self.told: list[Told] = []
