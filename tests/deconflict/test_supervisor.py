@@ -52,7 +52,7 @@ class Served:
                 yield process.pid
             finally:
                 process.send_signal(signal.SIGTERM)
-                process.wait(30)
+                process.wait(60)
 
     @property
     def face_url(self) -> str:
@@ -62,7 +62,7 @@ class Served:
     def robots_url(self) -> str:
         return f"ws://127.0.0.1:{self.robots_port}"
 
-    async def until(self, path: str, wanted: Any, within_s: float = 40.0) -> Any:
+    async def until(self, path: str, wanted: Any, within_s: float = 90.0) -> Any:
         """The JSON at `path` once it is as wanted, whatever the status."""
         async with httpx.AsyncClient() as client, asyncio.timeout(within_s):
             while True:
@@ -156,7 +156,7 @@ async def test_roles_that_hang_are_told_of_and_go_on_with_their_advisory(tmp_pat
             )
             assert (told["status"], told["restarts"]) == ("degraded", {"operator": 0, "receiver": 0, "engine": 0})
             os.kill(roles["operator"], signal.SIGSTOP)
-            told = await service.until("/healthz", healthy, within_s=120)
+            told = await service.until("/healthz", healthy, within_s=180)
             assert told["restarts"] == {"operator": 1, "receiver": 1, "engine": 1}
             assert not set(roles.values()) & set(children(pid).values())
         async with service.with_robots(time.time() - 21.0):
@@ -165,15 +165,15 @@ async def test_roles_that_hang_are_told_of_and_go_on_with_their_advisory(tmp_pat
 
 
 async def test_a_service_that_is_killed_loses_no_stored_advisory_and_leaves_no_process(tmp_path: Path) -> None:
-    service, start_s = Served(tmp_path), time.time() - 20.0
+    service = Served(tmp_path)
     with service.running() as pid:
         await service.until("/healthz", healthy)
-        async with service.with_robots(start_s):
+        async with service.with_robots(time.time() - 21.0):
             before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
             orphans = children(pid)
             os.kill(pid, signal.SIGKILL)
             os.kill(orphans["operator"], signal.SIGKILL)
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while any(Path(f"/proc/{one}/cmdline").exists() and _is_role(one) for one in orphans.values()):
             await asyncio.sleep(0.05)
     with service.running():
