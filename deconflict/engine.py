@@ -228,8 +228,7 @@ class Engine:
         start_m = np.concatenate([conflicts.start_separation_m, foreseen.now_m[n:]])
         fresh = np.concatenate([conflicts.fresh, foreseen.fresh[n:]])
         columns = (contact_s, separation_m, start_m, fresh, foreseen.probability)
-        every = zip(foreseen.pairs, *(column.tolist() for column in columns), strict=True)
-        return [Prediction(*one) for one in every]
+        return list(map(Prediction._make, zip(foreseen.pairs, *(column.tolist() for column in columns), strict=True)))
 
     def _sweep_again(self, uuids: set[str]) -> None:
         keys, bare = self.live.forecasts(sorted(uuids))

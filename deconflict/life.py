@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from math import hypot, inf
+from typing import NamedTuple
 from uuid import UUID, uuid5
 
 from deconflict.advice.desk import advised, differs
@@ -44,8 +45,7 @@ PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", 
 SEVERITIES = (Severity.CAUTION, Severity.WARNING, Severity.CRITICAL)
 
 
-@dataclass(frozen=True, slots=True)
-class Prediction:
+class Prediction(NamedTuple):
     """One pair that comes within the clearance by the forecasts as they stand, or is likely to."""
 
     pair: Pair
