@@ -56,7 +56,7 @@ async def test_an_engine_goes_on_with_what_another_tells_while_it_runs(tmp_path:
         member = Member(
             Site(reading=Reading(quiet_after_s=1.0, silent_after_s=2.0)), Cluster(nats=(broker.address,)), tmp_path
         )
-        async with running(member), asyncio.timeout(100):
+        async with running(member), asyncio.timeout(300):
             while member.name not in other.members():
                 await asyncio.sleep(0.1)
             await other.tell(HOME, made(1), 0)
@@ -102,7 +102,7 @@ async def test_the_loss_of_one_server_of_three_costs_neither_rows_nor_advisories
     one, other = (Bus(settings, 1.0) for _ in range(2))
     heard: list[int] = []
     try:
-        async with asyncio.timeout(120):
+        async with asyncio.timeout(300):
             for each in (one, other):
                 assert await connected(each, asyncio.Event())
             await other.hear_rows("x", lambda parcel: heard.append(int(parcel)))

@@ -34,7 +34,7 @@ def crossings() -> tuple[dict[str, Course], dict[str, Course]]:
 
 async def until(base: str, path: str, wanted: Callable[[Any], bool]) -> Any:
     """The JSON at `path` once it is as wanted, whatever the status."""
-    async with httpx.AsyncClient(timeout=20) as client, asyncio.timeout(120):
+    async with httpx.AsyncClient(timeout=20) as client, asyncio.timeout(300):
         while not wanted(answer := (await client.get(base + path)).json()):
             await asyncio.sleep(0.1)
         return answer
@@ -57,7 +57,7 @@ async def test_no_advisory_is_lost_or_doubled_where_an_engine_is_killed(tmp_path
         await until(base, "/healthz", lambda health: health["roles"]["engine"] == "up")
         start_s = time.time() - 2.0
         told_by = zip(urls, crossings(), strict=True)
-        driving = [asyncio.create_task(drive(url, half, 60, start_s)) for url, half in told_by]
+        driving = [asyncio.create_task(drive(url, half, 300, start_s)) for url, half in told_by]
         await until(base, "/advisories", lambda listed: len(listed["advisories"]) >= 2)
         machines.kill("second", "engine")
         whole = await until(

@@ -53,7 +53,7 @@ def all_cleared(listed: dict[str, Any]) -> bool:
 
 async def owning(machines: Machines, wanted: Callable[[dict[Tile, str]], bool]) -> None:
     """Wait until tiles are owned as wanted."""
-    async with asyncio.timeout(120):
+    async with asyncio.timeout(300):
         while not wanted(dict(Table.of_document(await table(machines.settings)).owners)):
             await asyncio.sleep(0.2)
 

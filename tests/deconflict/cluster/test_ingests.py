@@ -32,7 +32,7 @@ async def test_a_face_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
             one = await client.get(f"{base}/robots/{robot('B')}")
         assert one.json()["uuid"] == robot("B")
         seen: dict[str, set[float]] = {}
-        async with connect(f"ws://127.0.0.1:{operator.port}/live") as page, asyncio.timeout(120):
+        async with connect(f"ws://127.0.0.1:{operator.port}/live") as page, asyncio.timeout(300):
             while seen.keys() != both or min(map(len, seen.values())) < 2:
                 for row in json.loads(await page.recv())["floor"]["robots"]:
                     seen.setdefault(row[0], set()).add(row[6])

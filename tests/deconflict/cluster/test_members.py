@@ -29,7 +29,7 @@ async def measured(machines: Machines, member: Member, name: str) -> dict[tuple[
     """What a member says of a measure, once it does."""
     bus = Bus(machines.settings, 1.0)
     await bus.open()
-    async with asyncio.timeout(120):
+    async with asyncio.timeout(300):
         while True:
             said: dict[str, Any] = bus.members().get(member.name, {})
             if told := joined_values(said.get("measures", ())).get(name):
