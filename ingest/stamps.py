@@ -52,7 +52,8 @@ def parse(text: str) -> Stamp | None:
 
 def plain_seconds(texts: Iterable[str]) -> list[float] | None:
     """The moments that `texts`, at least one, name, or None: all are spelt plainly, plausible and without a finding."""
-    moments_s, known, after_us = [], "", 0
+    moments_s, after_us = [], 0
+    known: str | None = None
     for text in texts:
         ending = text[_HEAD_LETTERS:]
         if ending != known:  # the points of a path mostly have the fraction in common

@@ -1,7 +1,7 @@
 from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ingest.stamps import parse, plain_seconds, plausible, write
@@ -105,6 +105,7 @@ spellings = st.builds(
 
 
 @given(st.lists(spellings, min_size=1, max_size=4))
+@example(["2000-01-01T00:00:00"])
 def test_many_plain_stamps_name_what_each_names_and_none_that_break_a_rule(texts: list[str]) -> None:
     each = [parse(text) for text in texts]
     plain = plain_seconds(texts)
