@@ -142,7 +142,7 @@ class Member:
         self._table = table
 
     async def _judge(self) -> None:
-        counted_s = time.monotonic()
+        counted_s, held = time.monotonic(), self._shard.area.tiles
         while True:
             began_s = time.monotonic()
             parcels, self._parcels = self._parcels, []
@@ -158,8 +158,9 @@ class Member:
             self._wanted = self._shard.hears()
             if began_s - counted_s >= 1.0:
                 loads, self._shard.loads = self._shard.loads, type(self._shard.loads)()
+                whole, held = held & self._shard.area.tiles, self._shard.area.tiles
                 self._says = {
-                    "loads": {str(tile): count / (began_s - counted_s) for tile, count in loads.items()},
+                    "loads": {str(tile): loads[tile] / (began_s - counted_s) for tile in sorted(whole)},
                     "measures": [
                         *self._shard.measured(),
                         self.measures.as_document(),

@@ -14,6 +14,8 @@ SMALLEST_M = 8.0
 """No tile of less than twice this side is split: a pair at its edge is judged by several engines as it is."""
 UNEVEN = 0.2
 """Tiles move while the least busy member has so much less to do than the busiest."""
+TURNED = 0.5
+"""A tile that would leave so much of the difference the other way round stays, so that none goes to and fro."""
 IDLE_PER_S = 1.0
 """What a tile costs whose robots are all silent."""
 
@@ -38,7 +40,7 @@ class Table:
 
 
 Loads = Mapping[str, Mapping[Tile, float]]
-"""Statuses a second by member and tile, as each counts them in its own."""
+"""Statuses a second by member and tile, as each has counted them in those that it had all the while."""
 
 
 def revised(table: Table, loads: Loads, roots: Iterable[Tile], side_m: float, hot_per_s: float) -> Table:
@@ -64,7 +66,8 @@ def revised(table: Table, loads: Loads, roots: Iterable[Tile], side_m: float, ho
         burdens[owner] += IDLE_PER_S
         beside.add(tile, owner)
     owners = _split(alive, per_s, side_m, hot_per_s)
-    if len(owners) == len(alive) and not orphans:
+    counted = all(tile in loads[owner] for tile, owner in alive.items())
+    if len(owners) == len(alive) and counted:
         owners = _evened(owners, per_s, burdens)
     watch = table.watch if table.watch in loads else min(burdens, key=lambda member: (burdens[member], member))
     return Table(owners, watch)
@@ -102,7 +105,7 @@ def _evened(owners: dict[Tile, str], per_s: Mapping[Tile, float], burdens: Mappi
     ordered = sorted(burdens, key=lambda member: (burdens[member], member))
     least, most = ordered[0], ordered[-1]
     gap = burdens[most] - burdens[least]
-    moves = [tile for tile, owner in owners.items() if owner == most and per_s[tile] < gap]
+    moves = [tile for tile, owner in owners.items() if owner == most and 2 * per_s[tile] - gap <= TURNED * gap]
     if gap <= UNEVEN * burdens[most] or not moves:
         return owners
     beside = _Beside(owners)

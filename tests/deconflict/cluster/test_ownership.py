@@ -40,6 +40,22 @@ def test_a_tile_that_is_too_hot_is_split_and_shared() -> None:
     assert {table.owners[tile] for tile in quarters} == {"a", "b"}
 
 
+def test_the_next_tile_moves_once_the_one_before_was_counted_where_it_is_now() -> None:
+    table = Table(dict.fromkeys(ROOTS, "a"), "a")
+    loads: dict[str, dict[Tile, float]] = {"a": dict.fromkeys(ROOTS, 20.0), "b": {}}
+    moved = revised(table, loads, ROOTS, SIDE_M, HOT_PER_S)
+    (first,) = moved.of("b")
+    assert revised(moved, loads, ROOTS, SIDE_M, HOT_PER_S) == moved
+    assert len(revised(moved, loads | {"b": {first: 20.0}}, ROOTS, SIDE_M, HOT_PER_S).of("b")) == 2
+
+
+def test_a_tile_stays_where_it_would_only_turn_the_difference_round() -> None:
+    light, heavy, beside = ROOTS[:3]
+    table = Table({light: "a", heavy: "a", beside: "b"}, "a")
+    loads: Loads = {"a": {light: 5.0, heavy: 50.0}, "b": {beside: 0.0}}
+    assert revised(table, loads, ROOTS[:3], SIDE_M, HOT_PER_S).of("b") == {light, beside}
+
+
 def test_an_engine_owns_tiles_side_by_side() -> None:
     """Of twelve by twelve tiles shared by four each listens to fewer of others' than it has of its own."""
     grid, roots = Grid(SIDE_M), [Tile("hall", column, row) for column in range(12) for row in range(12)]
