@@ -124,7 +124,10 @@ class Adjusted(_Map):
         ]
         starts, ends = self._triangles.points[rim[:, 0]], self._triangles.points[rim[:, 1]]
         changes = residuals[rim[:, 1]] - residuals[rim[:, 0]]
-        self._rim = [_Edge(*row) for row in np.hstack([starts, ends - starts, residuals[rim[:, 0]], changes]).tolist()]
+        along = ends - starts
+        length2 = along[:, :1] * along[:, :1] + along[:, 1:] * along[:, 1:]
+        rows = np.hstack([starts, along, length2, residuals[rim[:, 0]], changes])
+        self._rim = [_Edge(*row) for row in rows.tolist()]
 
     def at(self, x: float, y: float) -> Placed:
         to_x, to_y, a, b, c, d = self._base.at(x, y)
@@ -133,12 +136,29 @@ class Adjusted(_Map):
 
     def _correction(self, x: float, y: float) -> Placed:
         """By how much a point moves, and the slope of that; outside, what holds at the nearest point of the rim."""
-        for triangle in self._inner:
-            found = triangle.at(x, y)
-            if found:
-                return found
-        edge = min(self._rim, key=lambda one: one.distance2(x, y))
-        return edge.at(x, y)
+        for t00, t01, t10, t11, corner_x, corner_y, by_x, by_y, a, b, c, d in self._inner:
+            dx, dy = x - corner_x, y - corner_y
+            first, second = t00 * dx + t01 * dy, t10 * dx + t11 * dy
+            if not (first < -WITHIN or second < -WITHIN or first + second > 1 + WITHIN):
+                return by_x + a * dx + b * dy, by_y + c * dx + d * dy, a, b, c, d
+        return self._beside(x, y)
+
+    def _beside(self, x: float, y: float) -> Placed:
+        """The correction at the nearest point of the rim and its slope: that along its edge, none at its ends."""
+        least, at, nearest = inf, 0.0, self._rim[0]
+        for edge in self._rim:
+            edge_x, edge_y, dx, dy, length2, _, _, _, _ = edge
+            share = ((x - edge_x) * dx + (y - edge_y) * dy) / length2
+            share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
+            distance2 = (x - edge_x - share * dx) ** 2 + (y - edge_y - share * dy) ** 2
+            if distance2 < least:
+                least, at, nearest = distance2, share, edge
+        _, _, dx, dy, length2, by_x, by_y, more_x, more_y = nearest
+        by_x, by_y = by_x + at * more_x, by_y + at * more_y
+        if at in {0.0, 1.0}:
+            return by_x, by_y, 0.0, 0.0, 0.0, 0.0
+        u, v = dx / length2, dy / length2
+        return by_x, by_y, more_x * u, more_x * v, more_y * u, more_y * v
 
     @property
     def mirrored(self) -> bool:
@@ -171,15 +191,6 @@ class _Triangle(NamedTuple):
     c: float
     d: float
 
-    def at(self, x: float, y: float) -> Placed | None:
-        """The correction at a point and its slope; None outside."""
-        t00, t01, t10, t11, corner_x, corner_y, by_x, by_y, a, b, c, d = self
-        dx, dy = x - corner_x, y - corner_y
-        first, second = t00 * dx + t01 * dy, t10 * dx + t11 * dy
-        if first < -WITHIN or second < -WITHIN or first + second > 1 + WITHIN:
-            return None
-        return by_x + a * dx + b * dy, by_y + c * dx + d * dy, a, b, c, d
-
 
 class _Edge(NamedTuple):
     """An edge of the rim, about the middle of the points, the correction at its start and how it changes along it."""
@@ -188,32 +199,12 @@ class _Edge(NamedTuple):
     y: float
     dx: float
     dy: float
+    length2: float
+    """Squared."""
     by_x: float
     by_y: float
     more_x: float
     more_y: float
-
-    def distance2(self, x: float, y: float) -> float:
-        """Squared, of a point from the edge."""
-        share = self._share(x, y)
-        return (x - self.x - share * self.dx) ** 2 + (y - self.y - share * self.dy) ** 2
-
-    def at(self, x: float, y: float) -> Placed:
-        """The correction at the edge's nearest point and its slope, none at its ends."""
-        share = self._share(x, y)
-        by_x, by_y = self.by_x + share * self.more_x, self.by_y + share * self.more_y
-        if share in {0.0, 1.0}:
-            return by_x, by_y, 0.0, 0.0, 0.0, 0.0
-        u, v = self.dx / self._length2, self.dy / self._length2
-        return by_x, by_y, self.more_x * u, self.more_x * v, self.more_y * u, self.more_y * v
-
-    @property
-    def _length2(self) -> float:
-        return self.dx * self.dx + self.dy * self.dy
-
-    def _share(self, x: float, y: float) -> float:
-        share = ((x - self.x) * self.dx + (y - self.y) * self.dy) / self._length2
-        return min(max(share, 0.0), 1.0)
 
 
 Transform = Affine | Adjusted
