@@ -5,7 +5,6 @@ and the same calls give the same advisories.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from functools import partial
 from heapq import heappop, heappush
 from math import floor, inf
@@ -296,4 +295,6 @@ class Engine:
 
 
 def _widened(forecasts: Forecasts, by_m: Floats) -> Forecasts:
-    return replace(forecasts, length_m=forecasts.length_m + by_m, width_m=forecasts.width_m + by_m)
+    f = forecasts
+    sizes_m = (f.length_m + by_m, f.width_m + by_m, f.bottom_m, f.top_m)
+    return Forecasts(f.start, f.t_s, f.x_m, f.y_m, f.yaw_rad, f.floor, *sizes_m)

@@ -164,7 +164,10 @@ class Calibration:
         if self.waits.began_s(pair, at_s, at_s + HORIZON_S) < began_s:
             self.heeded += 1
             return
-        tallies = [self.by_vendors.setdefault((min(vendors), max(vendors)), Tally())]
+        both = (min(vendors), max(vendors))
+        if both not in self.by_vendors:
+            self.by_vendors[both] = Tally()
+        tallies = [self.by_vendors[both]]
         if at_s >= self._settled_from_s:
             tallies.append(self.settled)
         group = crc32("".join(pair).encode()) % GROUPS

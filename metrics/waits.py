@@ -26,7 +26,9 @@ class Waits:
 
     def began_s(self, pair: Pair, from_s: float, to_s: float) -> float:
         """When one of a pair first waited between two times; inf where neither did."""
-        spans = (span for robot in pair for span in self._of.get(robot, ()))
+        spans = [span for robot in pair if robot in self._of for span in self._of[robot]]
+        if not spans:
+            return inf
         return min(
             (max(began_s, from_s) for began_s, ended_s in spans if began_s <= to_s and ended_s >= from_s), default=inf
         )

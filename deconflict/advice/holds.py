@@ -104,10 +104,10 @@ def advise_holds(
 def _made(problem: Problem, plan: Plan, without: Mapping[Pair, float]) -> list[Pair]:
     """The plan swept again: pairs that it was to clear and did not, and pairs that it brings together."""
     movers = list(problem.movers.values())
-    found = meetings(movers, [plan.get(one.robot, 0) * STEP_S for one in movers], problem.window)
+    held = {robot for robot, hold in plan.items() if hold}
+    found = meetings(movers, [plan.get(one.robot, 0) * STEP_S for one in movers], problem.window) if held else without
     ordered = {(min(pair), max(pair)) for pair in found}
     before = {(min(pair), max(pair)) for pair in without} | set(problem.hopeless)
-    held = {robot for robot, hold in plan.items() if hold}
     return sorted(
         pair for pair in ordered if pair in problem.allowed or (pair not in before and not held.isdisjoint(pair))
     )

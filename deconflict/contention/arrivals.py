@@ -59,7 +59,7 @@ class Arrivals:
 
     def quantiles(self, vendor: str) -> tuple[float, float, float]:
         """The 10, 50 and 90 % quantiles of time taken over time told; older arrivals weigh less."""
-        ratios = self._ratios.setdefault(vendor, Ratios())
+        ratios = self._ratios.get(vendor) or self._ratios.setdefault(vendor, Ratios())
         if ratios.quantiles is None:
             newest_s = ratios.seen[-1][0] if ratios.seen else 0.0
             weighed = [(ratio, 0.5 ** ((newest_s - at_s) / HALF_LIFE_S)) for at_s, ratio in ratios.seen]

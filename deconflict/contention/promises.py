@@ -36,11 +36,14 @@ class Promises:
         if not ahead and robot not in self._open:
             return []
         promised = self._open.setdefault(robot, {})
-        kept = [promised.pop(spot) for spot in [one for one in promised if near(one, here)]]
-        for spot in [one for one in promised if one not in ahead and _is_over(promised[one][-1], now_s)]:
-            del promised[spot]
-        for spot, t_s in ahead.items():
+        kept = []
+        for spot, said in list(promised.items()):
             if near(spot, here):
+                kept.append(promised.pop(spot))
+            elif spot not in ahead and _is_over(said[-1], now_s):
+                del promised[spot]
+        for spot, t_s in ahead.items():
+            if spot not in promised and near(spot, here):
                 continue
             said = promised.setdefault(spot, [])
             if len(said) < MOST_PROMISES and (not said or now_s - said[-1].said_s >= SAY_AGAIN_S):

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import hypot
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -13,7 +14,7 @@ from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead
 from deconflict.contention.arrivals import Arrivals
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.promises import Spot, near
-from ingest.seam import Basis, Batch
+from ingest.seam import Basis, Batch, Floats, Ints
 
 STANDS_M = 0.1
 """A robot that has moved no further than this stands."""
@@ -29,8 +30,7 @@ RESTING = frozenset(("idle", "charging", "disabled", "offline"))
 """States of robots that want to go nowhere now."""
 
 
-@dataclass(frozen=True, slots=True)
-class Stop:
+class Stop(NamedTuple):
     """One destination ahead."""
 
     t_s: float
@@ -205,12 +205,10 @@ def _shapes(batch: Batch, view: Ahead) -> _Shapes:
     sizes, everybody = batch.forecasts, np.arange(len(batch))
     stays = view.floor == view.floor[:, :1]
     last = np.where(stays.all(axis=1), stays.shape[1] - 1, np.argmin(stays, axis=1) - 1)
-    column = np.minimum(np.arange(stays.shape[1]), last[:, None])
-    x_m, y_m = np.take_along_axis(view.x_m, column, 1), np.take_along_axis(view.y_m, column, 1)
+    x_m, y_m = _up_to(last, view.x_m, view.y_m)
     way_m = np.hypot(np.diff(x_m, axis=1), np.diff(y_m, axis=1)).sum(axis=1)
     known = np.where(batch.basis == Basis.VELOCITY, int(STRAIGHT_S / STEP_S), stays.shape[1] - 1)
-    column = np.minimum(np.arange(stays.shape[1]), known[:, None])
-    ways = np.stack([np.take_along_axis(x_m, column, 1), np.take_along_axis(y_m, column, 1)], axis=-1)
+    ways = np.stack(_up_to(known, x_m, y_m), axis=-1)
     return _Shapes(
         x_m=x_m[:, 0].tolist(),
         y_m=y_m[:, 0].tolist(),
@@ -223,10 +221,19 @@ def _shapes(batch: Batch, view: Ahead) -> _Shapes:
     )
 
 
+def _up_to(last: Ints, *columns: Floats) -> list[Floats]:
+    """(n, m) columns of which each row stays as it is in its column `last` (n,) from there on."""
+    steps = columns[0].shape[1]
+    if (last >= steps - 1).all():
+        return list(columns)
+    kept = np.minimum(np.arange(steps), last[:, None])
+    return [np.take_along_axis(column, kept, 1) for column in columns]
+
+
 def _rest_of(way: shapely.LineString, one: Seen) -> shapely.LineString | None:
     """What is left of its way to a robot that has come to stand on it; None once it is through, or off it."""
     here = shapely.Point(one.x_m, one.y_m)
     done_m = float(shapely.line_locate_point(way, here))
     if way.length - done_m < WAY_M or shapely.distance(way, here) > one.length_m:
         return None
-    return substring(way, done_m, way.length)
+    return way if done_m == 0 else substring(way, done_m, way.length)

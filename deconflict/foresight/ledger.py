@@ -126,8 +126,9 @@ class Ledger:
             rows = np.unique(errors.kind)
             self._fade(rows, now_s)
             at = (errors.kind, errors.horizon_s - 1)
-            inside = errors.radial_m[:, None] <= errors.bands_m
-            sizes_m = np.stack([errors.radial_m, np.abs(errors.along_m), np.abs(errors.across_m)])
+            radial_m = errors.radial_m
+            inside = (radial_m[:, None] <= errors.bands_m).astype(np.float64)
+            sizes_m = np.stack([radial_m, np.abs(errors.along_m), np.abs(errors.across_m)])
             np.add.at(self.counts, (at[0], np.arange(len(sizes_m))[:, None], at[1], bins(sizes_m)), 1.0)
             np.add.at(self.bias_m, at, np.column_stack([errors.along_m, errors.across_m]))
             np.add.at(self.covered, at, inside)
