@@ -8,8 +8,8 @@ A blocking error makes any robot an obstacle where it stands; a lost one may be 
 """
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import groupby, pairwise
+from collections.abc import Iterable, Sequence
+from itertools import groupby
 from math import atan2, ceil, cos, hypot, inf, isfinite, isnan, nan, sin
 from operator import itemgetter, lt
 from typing import Protocol
@@ -209,29 +209,30 @@ def _on_floors(path: Path, view: View) -> tuple[list[Knot], list[int]]:
     """
     points: list[Knot] = []
     floors: list[int] = []
-    for datum, poses in _by_datum(path):
+    for datum, poses in _by_datum(path) if path.poses else ():
         frame, floor = view.frame_of(datum)
-        placed = list(_placed(poses, frame, view.clock_offset_s))
+        placed = _placed(poses, frame, view.clock_offset_s)
         points += placed
         floors += [floor] * len(placed)
     return points, floors
 
 
-def _by_datum(path: Path) -> Iterator[tuple[str, Iterable[tuple[float, ...]]]]:
+def _by_datum(path: Path) -> Iterable[tuple[str, Sequence[Knot]]]:
     """The poses in the order sent, those next to each other on one datum together."""
-    if len(set(path.datums)) == 1:
-        yield path.datums[0], path.poses
-        return
-    for datum, group in groupby(zip(path.datums, path.poses, strict=True), itemgetter(0)):
-        yield datum, [pose for _, pose in group]
+    datums = path.datums
+    if datums.count(datums[0]) == len(datums):
+        return ((datums[0], path.poses),)
+    groups = groupby(zip(datums, path.poses, strict=True), itemgetter(0))
+    return [(datum, [pose for _, pose in group]) for datum, group in groups]
 
 
-def _placed(poses: Iterable[tuple[float, ...]], frame: Frame, clock_offset_s: float) -> Iterable[Knot]:
-    if frame.is_floor:
-        return [(t_s + clock_offset_s, x, y, yaw_rad) for t_s, x, y, _, yaw_rad in poses]
-    sent = list(poses)
-    placed = zip(sent, frame.placed([(x, y, yaw_rad) for _, x, y, _, yaw_rad in sent]), strict=True)
-    return [(pose[0] + clock_offset_s, x, y, yaw) for pose, (x, y, yaw) in placed if isfinite(x) and isfinite(y)]
+def _placed(poses: Sequence[Knot], frame: Frame, clock_offset_s: float) -> Sequence[Knot]:
+    if not frame.is_floor:
+        placed = zip(poses, frame.placed([pose[1:] for pose in poses]), strict=True)
+        return [(pose[0] + clock_offset_s, x, y, yaw) for pose, (x, y, yaw) in placed if isfinite(x) and isfinite(y)]
+    if not clock_offset_s:
+        return poses
+    return [(t_s + clock_offset_s, x, y, yaw_rad) for t_s, x, y, yaw_rad in poses]
 
 
 def _retimed(points: list[Knot], here: Sighting, body: Body) -> list[Knot] | None:
@@ -251,9 +252,11 @@ def _retimed(points: list[Knot], here: Sighting, body: Body) -> list[Knot] | Non
 def _up_to_jump(knots: Sequence[Knot], floors: tuple[int, ...], body: Body) -> int:
     """How many knots can be reached in turn; a change of floor is never a jump."""
     limit_mps, slack_m = JUMP_FACTOR * (body.max_speed_mps or PLAUSIBLE_SPEED_MPS), 0.5
-    for row, ((t, x, y, _), (next_t, next_x, next_y, _)) in enumerate(pairwise(knots)):
-        if hypot(next_x - x, next_y - y) > limit_mps * (next_t - t) + slack_m and floors[row] == floors[row + 1]:
-            return row + 1
+    t, x, y, _ = knots[0]
+    for row, (next_t, next_x, next_y, _) in enumerate(knots):
+        if hypot(next_x - x, next_y - y) > limit_mps * (next_t - t) + slack_m and floors[row - 1] == floors[row]:
+            return row
+        t, x, y = next_t, next_x, next_y
     return len(knots)
 
 

@@ -24,15 +24,15 @@ UNSET_CLOCK_S = 366 * 86400.0
 """Times before this, in 1970, come of a clock that was never set or counts from the start of something."""
 
 
-Row = tuple[float, float, float, float, float]
-"""t_s, x, y, z, yaw_rad, nan where the heading is unknown."""
+Row = tuple[float, float, float, float]
+"""t_s, x, y, yaw_rad, nan where the heading is unknown."""
 
 
 class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Timed poses as sent."""
 
     poses: tuple[Row, ...]
-    """(p, 5)"""
+    """(p, 4)"""
     datums: tuple[str, ...]
     """(p,) lower case; "" is the robot's own."""
 
@@ -127,32 +127,34 @@ def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
     if not rows:
         return NO_PATH
     datums = _datums(points, findings)
-    if len({row[0] for row in rows}) < len(rows) and len(set(zip(rows, datums, strict=True))) < len(rows):
-        findings["duplicate-items"] = None
+    if not _in_order([row[0] for row in rows]):
+        heights = [point.z for point in points]
+        if len(set(zip(rows, datums, heights, strict=True))) < len(rows):
+            findings["duplicate-items"] = None
     return Path(tuple(rows), datums)
 
 
 def _conforming(points: Sequence[PredictedLocation]) -> list[Row] | None:
-    """The points (p, 5) where all of them can be had without a finding, which is a path's usual case; else None."""
+    """The points (p, 4) where all of them can be had without a finding, which is a path's usual case; else None."""
     times = stamps.plain_seconds([point.timestamp for point in points])
     if times is None:
         return None
     rows, most = [], MAX_POSITION
     for t_s, point in zip(times, points, strict=True):
-        angle, at_x, at_y, at_z = point.angle, point.x, point.y, point.z
-        if angle is None or not (-most <= at_x <= most and -most <= at_y <= most and -most <= at_z <= most):
+        angle, at_x, at_y = point.angle, point.x, point.y
+        if angle is None or not (-most <= at_x <= most and -most <= at_y <= most and -most <= point.z <= most):
             return None
         x, y, z, w = angle.x, angle.y, angle.z, angle.w
         if not 0.99 < x * x + y * y + z * z + w * w < 1.01:
             return None
-        rows.append((t_s, at_x, at_y, at_z, atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)))
+        rows.append((t_s, at_x, at_y, atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)))
     return rows
 
 
 def _one_by_one(
     points: Sequence[PredictedLocation], findings: Findings
 ) -> tuple[list[Row], Sequence[PredictedLocation]]:
-    """The points (p, 5) that can be read, and which they are."""
+    """The points (p, 4) that can be read, and which they are."""
     rows, read = [], []
     for point in points:
         stamp = stamps.parse(point.timestamp)
@@ -162,7 +164,7 @@ def _one_by_one(
             findings["point-absurd"] = None
         else:
             findings.update(dict.fromkeys(stamp.findings))
-            rows.append((stamp.t_s, point.x, point.y, point.z, yaw_rad(point.angle, findings)))
+            rows.append((stamp.t_s, point.x, point.y, yaw_rad(point.angle, findings)))
             read.append(point)
     return rows, read
 

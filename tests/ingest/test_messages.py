@@ -13,7 +13,7 @@ from ingest.messages import Identity, Path, Rejection, Status, document, read
 from tests.saying import HALL, angle, identity, points, robot, stamp, status
 from tests.vectors import VECTORS, T, Vector, at, here, named, said, with_null
 
-COLUMNS = {"t_s": 0, "x": 1, "y": 2, "z": 3, "yaw_rad": 4}
+COLUMNS = {"t_s": 0, "x": 1, "y": 2, "yaw_rad": 3}
 
 accepted = [vector for vector in VECTORS if not vector.rejected]
 rejected = [vector for vector in VECTORS if vector.rejected]
@@ -172,8 +172,8 @@ def test_a_conforming_status_comes_out_as_it_went_in(
     assert (message.uuid, message.x, message.y, message.battery_pct) == (robot("A-1"), x, y, share_pct)
     assert (message.stamp_s, message.yaw_rad) == pytest.approx((t_s, yaw_rad), rel=1e-12, abs=1e-12)
     assert message.error_codes == tuple(codes)
-    expected = np.array([(t, px, py, 0.0, turn_rad) for t, px, py, turn_rad in along]).reshape(-1, 5)
-    np.testing.assert_allclose(np.array(message.path.poses).reshape(-1, 5), expected, rtol=1e-12, atol=1e-9)
+    expected = np.array(along).reshape(-1, 4)
+    np.testing.assert_allclose(np.array(message.path.poses).reshape(-1, 4), expected, rtol=1e-12, atol=1e-9)
 
 
 @given(milliseconds, names, names, names, st.floats(0.01, 100), st.floats(0.01, 100), st.floats(0.01, 100))
@@ -247,7 +247,7 @@ def check(raw: bytes) -> None:
         return
     assert json.loads(json.dumps(document(raw), allow_nan=False))["uuid"]
     if isinstance(message, Status):
-        assert all(np.isfinite(pose[:4]).all() for one in (message.path, message.destinations) for pose in one.poses)
+        assert all(np.isfinite(pose[:3]).all() for one in (message.path, message.destinations) for pose in one.poses)
         assert abs(message.x) + abs(message.y) < 1e8
 
 
@@ -270,5 +270,5 @@ def test_null_is_left_out_at_every_level() -> None:
 def test_a_heading_that_is_not_told_is_not_a_number() -> None:
     message = read(said(path=[at(T + 1, angle=None)]))
     assert isinstance(message, Status)
-    assert isnan(message.path.poses[0][4])
+    assert isnan(message.path.poses[0][3])
     assert message.findings == ("angle-missing",)

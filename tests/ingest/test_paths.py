@@ -46,6 +46,14 @@ def test_a_path_in_1970_is_no_finding_where_the_robot_itself_is_there() -> None:
     assert findings == {}
 
 
+@pytest.mark.parametrize(("height_m", "twice"), [(0.0, True), (1.5, False)])
+def test_points_that_differ_in_height_alone_are_not_the_same_twice(height_m: float, twice: bool) -> None:
+    findings: Findings = {}
+    lift = [PredictedLocation.model_validate(at(T + 1.0, x=2.0, z=z_m)) for z_m in (0.0, height_m)]
+    assert len(path(lift, T, findings).poses) == 2
+    assert ("duplicate-items" in findings) == twice
+
+
 @pytest.mark.parametrize("points", [None, []])
 def test_no_points_are_no_path(points: list[PredictedLocation] | None) -> None:
     assert path(points, T, {}) is NO_PATH
