@@ -109,6 +109,7 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_advice_late_total": Entry(
         "counter", (), "Answers that were not worked out when their time had come, and were given later."
     ),
+    "deconflict_advice_failures_total": Entry("counter", (), "Questions for advice that ended in an error."),
     "deconflict_advice_solve_seconds": Entry("histogram", (), "Time to work out advice for one question."),
     "deconflict_message_to_advisory_seconds": Entry(
         "histogram",

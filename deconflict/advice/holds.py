@@ -138,6 +138,7 @@ class Planner:
         cost = bound = self.problem.cost(plan)
         if self.standing:
             bound, _ = least(choice._replace(step=choice.weight, held=np.zeros_like(choice.held)), cost)
+            bound = 0 if bound == UNKNOWN else bound
         return plan, bound, bound == cost
 
     def _choice(self, robots: list[str]) -> Choice:

@@ -39,6 +39,8 @@ LEFT_OUT = {
     Effort.NEAR: "conflicts later than conflict.warning_s wait as well, and queues are looked at every ten seconds",
 }
 
+NO_ADVICE = Recommendation(cost_s=0.0, bound_s=0.0, proven_optimal=False, note="no advice could be worked out")
+
 log = logging.getLogger(__name__)
 
 
@@ -52,6 +54,8 @@ class EngineRole:
         self._adviser = ThreadPoolExecutor(1, "adviser")
         self._solved_s: deque[float] = deque()
         """How long advice took to work out, filled by any thread."""
+        self._failed: deque[Exception] = deque()
+        """And why it could not be."""
         self._kept_s = time.monotonic()
         self._pace = Pace(site.engine.deadline_s)
 
@@ -112,7 +116,12 @@ class EngineRole:
 
     def _timed(self, work: Callable[[], Recommendation]) -> Recommendation:
         began_s = time.perf_counter()
-        advice = work()
+        try:
+            advice = work()
+        except Exception as error:
+            log.exception("advice could not be worked out; conflicts are told without it")
+            self._failed.append(error)
+            return NO_ADVICE
         self._solved_s.append(time.perf_counter() - began_s)
         return advice
 
@@ -124,6 +133,8 @@ class EngineRole:
         engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
         if judged:
             self._judge(engine.measures, took_s)
+        failed = [self._failed.popleft() for _ in range(len(self._failed))]
+        engine.measures.count("deconflict_advice_failures_total", by=len(failed))
         solved_s = [self._solved_s.popleft() for _ in range(len(self._solved_s))]
         engine.measures.observe("deconflict_advice_solve_seconds", solved_s)
         near = [(*pair, batch.now_s) for pair in engine.near_misses]

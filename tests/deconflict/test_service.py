@@ -15,6 +15,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
+from deconflict.advice import desk
 from deconflict.advisory import ADVISORY, AdvisoryState
 from deconflict.roles.operator import OperatorRole
 from deconflict.roles.receiver import ReceiverRole
@@ -112,6 +113,21 @@ async def test_robots_that_cross_are_told_of_from_raised_to_cleared(tmp_path: Pa
         assert any(one.recommendation for one in told)
         text = (await service.get("/metrics")).text
         assert float(text.split("\ndeconflict_advice_solve_seconds_count ")[1].split()[0]) > 0
+
+
+async def test_conflicts_are_told_where_advice_on_them_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(desk, "advise_holds", broken)
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
+        ended = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
+        driving.cancel()
+        text = (await service.get("/metrics")).text
+    assert ended["advisories"][0]["recommendation"]["note"] == "no advice could be worked out"
+    assert float(text.split("\ndeconflict_advice_failures_total ")[1].split()[0]) > 0
+
+
+def broken(*_: object, **__: object) -> None:
+    raise ZeroDivisionError
 
 
 async def test_robots_health_and_metrics_are_served(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from deconflict.advice import holds
+from deconflict.advice import exhaust, holds
 from deconflict.advice.delays import STEP_S, Mover, Pair, Window, allowed_differences, meetings
 from deconflict.advice.exhaust import UNKNOWN
 from deconflict.advice.holds import advise_holds
@@ -135,6 +135,17 @@ def test_advice_that_stands_tells_whether_another_would_be_cheaper() -> None:
     assert (kept.bound_s, kept.proven_optimal) == (fresh.cost_s, False)
     same = advise_holds(pair, [("a", "b")], WINDOW, standing=fresh)
     assert (same.holds, same.bound_s, same.proven_optimal) == (fresh.holds, fresh.cost_s, True)
+
+
+def test_where_the_cheapest_takes_too_long_to_find_advice_that_stands_claims_no_bound(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pair, most = [through("a", 0.0, before_m=5.3), through("b", pi / 2)], iter((exhaust.MOST_TRIED, 1))
+    before = advise_holds(pair, [("a", "b")], WINDOW)
+    monkeypatch.setattr(holds, "least", lambda choice, budget: exhaust.least(choice, budget, next(most)))
+    again = advise_holds(pair, [("a", "b")], WINDOW, standing=before)
+    assert again.holds == before.holds
+    assert (again.bound_s, again.proven_optimal) == (0.0, False)
 
 
 def test_differences_are_those_at_which_the_sweep_finds_nothing() -> None:
