@@ -117,7 +117,7 @@ def stops(status: Status, here: Sighting, view: View) -> tuple[Stop, ...]:
         return ()
     latest_s = here.t_s + view.reading.destination_horizon_s
     placed = zip(*_on_floors(status.destinations, view), strict=True)
-    return tuple((t_s, x_m, y_m, floor) for (t_s, x_m, y_m, _), floor in placed if t_s <= latest_s)
+    return tuple([(t_s, x_m, y_m, floor) for (t_s, x_m, y_m, _), floor in placed if t_s <= latest_s])
 
 
 def matches(codes: tuple[str, ...], words: tuple[str, ...]) -> bool:
@@ -325,12 +325,14 @@ def _enveloped(
         length_m = width_m = hypot(length_m, width_m) + 2 * hypot(dx, dy)
         knots = [(t_s, x, y, 0.0) for t_s, x, y, _ in knots]
     elif dx or dy:
-        knots = [_at_centre(knot, dx, dy) for knot in knots]
+        knots = _at_centre(knots, dx, dy)
     bottom_m, top_m = (z_m, z_m + height_m) if height_m else (-inf, inf)
     return Forecast(basis, tuple(knots), floors, length_m, width_m, bottom_m, top_m, findings)
 
 
-def _at_centre(knot: Knot, dx: float, dy: float) -> Knot:
-    t_s, x, y, yaw_rad = knot
-    c, s = cos(yaw_rad), sin(yaw_rad)
-    return t_s, x + c * dx - s * dy, y + s * dx + c * dy, yaw_rad
+def _at_centre(knots: Sequence[Knot], dx: float, dy: float) -> list[Knot]:
+    centred = []
+    for t_s, x, y, yaw_rad in knots:
+        c, s = cos(yaw_rad), sin(yaw_rad)
+        centred.append((t_s, x + c * dx - s * dy, y + s * dx + c * dy, yaw_rad))
+    return centred

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from math import atan2, nan
-from operator import lt
+from operator import le, lt
 
 import msgspec
 
@@ -112,16 +112,16 @@ def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, fin
         findings["destinations-too-far"] = None
     if max(times) < stamp_s - SLACK_S:
         findings["destinations-past"] = None
-    order = sorted(range(len(times)), key=times.__getitem__)
-    if order == list(range(len(times))):
+    if all(map(le, times, times[1:])):
         return read
     findings["destinations-unsorted"] = None
+    order = sorted(range(len(times)), key=times.__getitem__)
     return Path(tuple(read.poses[row] for row in order), tuple(read.datums[row] for row in order))
 
 
 def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
     points = points[:MOST_POINTS_USED]
-    rows = _conforming(points)
+    rows = _conforming(points, findings)
     if rows is None:
         rows, points = _one_by_one(points, findings)
     if not rows:
@@ -134,20 +134,23 @@ def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
     return Path(tuple(rows), datums)
 
 
-def _conforming(points: Sequence[PredictedLocation]) -> list[Row] | None:
-    """The points (p, 4) where all of them can be had without a finding, which is a path's usual case; else None."""
-    times = stamps.plain_seconds([point.timestamp for point in points])
-    if times is None:
+def _conforming(points: Sequence[PredictedLocation], findings: Findings) -> list[Row] | None:
+    """The points (p, 4) where all of them can be had with no finding but of stamps, as mostly they can; else None."""
+    read = stamps.plain_seconds([point.timestamp for point in points])
+    if read is None:
         return None
-    rows, most = [], MAX_POSITION
+    rows, most, (times, of_stamps) = [], MAX_POSITION, read
     for t_s, point in zip(times, points, strict=True):
         angle, at_x, at_y = point.angle, point.x, point.y
         if angle is None or not (-most <= at_x <= most and -most <= at_y <= most and -most <= point.z <= most):
             return None
         x, y, z, w = angle.x, angle.y, angle.z, angle.w
-        if not 0.99 < x * x + y * y + z * z + w * w < 1.01:
+        square_x, square_y, square_z, square_w = x * x, y * y, z * z, w * w
+        if not 0.99 < square_x + square_y + square_z + square_w < 1.01:
             return None
-        rows.append((t_s, at_x, at_y, atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)))
+        rows.append((t_s, at_x, at_y, atan2(2.0 * (w * z + x * y), square_w + square_x - square_y - square_z)))
+    if of_stamps:
+        findings.update(dict.fromkeys(of_stamps))
     return rows
 
 

@@ -50,22 +50,24 @@ def parse(text: str) -> Stamp | None:
     return _plain(text) or _spelt(text) or _epoch(text)
 
 
-def plain_seconds(texts: Iterable[str]) -> list[float] | None:
-    """The moments that `texts`, at least one, name, or None: all are spelt plainly, plausible and without a finding."""
+def plain_seconds(texts: Iterable[str]) -> tuple[list[float], tuple[str, ...]] | None:
+    """The moments that `texts`, at least one, name, and the findings; None unless all are plain and plausible."""
     moments_s, after_us = [], 0
     known: str | None = None
+    findings: tuple[str, ...] = ()
     for text in texts:
         ending = text[_HEAD_LETTERS:]
         if ending != known:  # the points of a path mostly have the fraction in common
             tail = _tail(ending) if len(text) <= _MOST_LETTERS else None
-            if tail is None or tail.findings:
+            if tail is None:
                 return None
             known, after_us = ending, tail.after_us
+            findings += tail.findings
         head_us = _head_us(text[:_HEAD_LETTERS])
         if head_us is None:
             return None
         moments_s.append((head_us + after_us) / 1_000_000)
-    return moments_s if all(map(plausible, (min(moments_s), max(moments_s)))) else None
+    return (moments_s, findings) if all(map(plausible, (min(moments_s), max(moments_s)))) else None
 
 
 def plausible(t_s: float) -> bool:
