@@ -47,9 +47,9 @@ def nearest(a: Box, b: Box) -> tuple[float, Point]:
         corners = other.corners()
         inside = one.within(corners)
         apart = apart or _beyond(inside, one)
-        ways += [_way(corner, within, one) for corner, within in zip(corners, inside, strict=True)]
-    distance_m = min(ways)[0] if apart else 0.0
-    places = [place for way_m, place in ways if way_m <= distance_m + SAME_M]
+        ways += [(_way(within, one), corner, one) for corner, within in zip(corners, inside, strict=True)]
+    distance_m = min(hypot(*way) for way, _, _ in ways) if apart else 0.0
+    places = [_midway(way, corner, one) for way, corner, one in ways if hypot(*way) <= distance_m + SAME_M]
     if not places:
         middle = Polygon(a.corners()).intersection(Polygon(b.corners())).centroid
         return 0.0, (middle.x, middle.y)
@@ -67,10 +67,13 @@ def _beyond(points: list[Point], box: Box) -> bool:
     )
 
 
-def _way(corner: Point, within: Point, box: Box) -> tuple[float, Point]:
-    """How far a corner is from the box, and the middle of the way; `within` is the corner along the box's axes."""
+def _way(within: Point, box: Box) -> Point:
+    """From a corner to the box; the corner and the way are along the box's axes."""
     u, v = within
     du = min(max(u, -box.half_length_m), box.half_length_m) - u
-    dv = min(max(v, -box.half_width_m), box.half_width_m) - v
-    c, s = cos(box.yaw_rad), sin(box.yaw_rad)
-    return hypot(du, dv), (corner[0] + (c * du - s * dv) / 2, corner[1] + (s * du + c * dv) / 2)
+    return du, min(max(v, -box.half_width_m), box.half_width_m) - v
+
+
+def _midway(way: Point, corner: Point, box: Box) -> Point:
+    (du, dv), c, s = way, cos(box.yaw_rad), sin(box.yaw_rad)
+    return corner[0] + (c * du - s * dv) / 2, corner[1] + (s * du + c * dv) / 2

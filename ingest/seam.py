@@ -85,6 +85,8 @@ class Forecasts:
     def joined(cls, parts: Iterable[Self]) -> Self:
         """All the robots of `parts`, in order."""
         all_parts = [cls.empty(), *parts]
+        if len(all_parts) == 2:
+            return all_parts[1]
         counts = np.concatenate([part.start[1:] - part.start[:-1] for part in all_parts])
         columns = {
             name: np.concatenate([getattr(part, name) for part in all_parts]) for name in (*_BY_KNOT, *_BY_ROBOT)

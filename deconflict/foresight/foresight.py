@@ -21,7 +21,7 @@ from deconflict.foresight.followed import JOINED_S, LONG_AGO_S, Followed, Report
 from deconflict.foresight.grades import measure
 from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Errors, Ledger
-from deconflict.foresight.pairs import Outcomes, Pairs, codes
+from deconflict.foresight.pairs import Outcomes, Pairs, codes, slots_of
 from deconflict.foresight.ways import reach_m
 from deconflict.learned import Part
 from deconflict.motion import Bools
@@ -175,8 +175,8 @@ class Foresight:
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The standing probability of every pair under watch that is not in an encounter, both robots being heard."""
         pairs = self._pairs
-        shown = pairs.take(self._open(pairs, np.flatnonzero(pairs.watched), self._looked_s))
-        return sorted(zip(self._named(shown), shown.probability.tolist(), strict=True))
+        shown = self._open(pairs, np.flatnonzero(pairs.watched), self._looked_s)
+        return sorted(zip(self._named(pairs.code[shown]), pairs.probability[shown].tolist(), strict=True))
 
     def look(self, now_s: float, swept: Swept, likely: float) -> Foreseen:
         """Look again at what changed, and learn from what has become known.
@@ -204,27 +204,26 @@ class Foresight:
         others = pairs.watched & (pairs.probability >= likely)
         others[swept_rows] = False
         rows = np.concatenate([swept_rows, np.flatnonzero(others)])
-        told_of = pairs.take(rows)
         return Foreseen(
-            [*swept.pairs, *self._named(pairs.take(others))],
-            told_of.probability,
-            told_of.near_s,
-            told_of.near_m,
-            told_of.now_m,
+            [*swept.pairs, *self._named(pairs.code[others])],
+            pairs.probability[rows],
+            pairs.near_s[rows],
+            pairs.near_m[rows],
+            pairs.now_m[rows],
             fresh[rows],
         )
 
-    def _named(self, pairs: Pairs) -> list[Pair]:
-        names = self._names
-        return [(names[a], names[b]) for a, b in zip(pairs.a.tolist(), pairs.b.tolist(), strict=True)]
+    def _named(self, code: Ints) -> list[Pair]:
+        names, (a, b) = self._names, slots_of(code)
+        return [(names[one], names[other]) for one, other in zip(a.tolist(), b.tolist(), strict=True)]
 
     def _ask(self, now_s: float) -> None:
         if floor(now_s) > self._asked_s:
             self._asked_s = floor(now_s)
             measure(self.ledger, self.measures)
             self.measures.level("deconflict_robots_distrusted", self._distrusted())
-            rows = np.flatnonzero(self._pairs.watched)
-            self._outcomes.ask(now_s, self._pairs.take(self._open(self._pairs, rows, now_s)))
+            rows = self._open(self._pairs, np.flatnonzero(self._pairs.watched), now_s)
+            self._outcomes.ask(now_s, self._pairs.code[rows], self._pairs.seen[rows])
 
     def _near(self, told: Bools, now_s: float) -> Ints:
         """Codes of the pairs, one of `told` in each, that may come near in the horizon, whole second by whole second.

@@ -5,7 +5,7 @@ never pair by pair.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Self
 
 import numpy as np
@@ -20,6 +20,11 @@ SLOT_BITS = 24
 def codes(a: Ints, b: Ints) -> Ints:
     """One number for each pair of slots."""
     return (a << SLOT_BITS) | b
+
+
+def slots_of(code: Ints) -> tuple[Ints, Ints]:
+    """The two slots of each number."""
+    return code >> SLOT_BITS, code & ((1 << SLOT_BITS) - 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,11 +64,11 @@ class Pairs:
 
     @property
     def a(self) -> Ints:
-        return self.code >> SLOT_BITS
+        return slots_of(self.code)[0]
 
     @property
     def b(self) -> Ints:
-        return self.code & ((1 << SLOT_BITS) - 1)
+        return slots_of(self.code)[1]
 
     def rows(self, code: Ints) -> Ints:
         """The row of each of `code`; -1 where it is not there."""
@@ -121,8 +126,9 @@ class Outcomes:
     """For reports that come late."""
     open: list[Question] = field(default_factory=list)
 
-    def ask(self, t_s: float, pairs: Pairs) -> None:
-        self.open.append(Question(t_s, pairs.code, pairs.seen))
+    def ask(self, t_s: float, code: Ints, seen: Floats) -> None:
+        """Of pairs `code` (p,) of which these are the features (p, FEATURES)."""
+        self.open.append(Question(t_s, code, seen))
 
     def known(self, now_s: float, pairs: Pairs, own_until_s: Callable[[float], Floats]) -> list[tuple[Question, Fates]]:
         """Questions whose time is over, and what became of their pairs.
@@ -136,9 +142,8 @@ class Outcomes:
             question = self.open.pop(0)
             row = pairs.rows(question.code)
             started_s, below_s = (_at(column, row) for column in (pairs.started_s, pairs.below_s))
-            asked = replace(Pairs.none(1), code=question.code)
-            until_s = own_until_s(question.t_s)
-            last_s = np.minimum(until_s[asked.a], until_s[asked.b])
+            until_s, (a, b) = own_until_s(question.t_s), slots_of(question.code)
+            last_s = np.minimum(until_s[a], until_s[b])
             apart = (started_s > question.t_s) | (below_s < question.t_s)
             kept = np.flatnonzero(apart & (last_s > -np.inf))
             question = Question(question.t_s, question.code[kept], question.seen[kept])

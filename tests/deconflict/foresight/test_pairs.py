@@ -32,7 +32,7 @@ def outcome(*, started_s: list[float], below_s: list[float], heard_s: list[float
     every = pairs(*((0, n + 1) for n in range(len(started_s))))
     every = replace(every, started_s=NOW_S + np.array(started_s), below_s=NOW_S + np.array(below_s))
     outcomes = Outcomes(horizon_s=10.0)
-    outcomes.ask(NOW_S, every)
+    outcomes.ask(NOW_S, every.code, every.seen)
     heard = NOW_S + np.array(heard_s)
     assert outcomes.known(NOW_S + 11, every, lambda _: heard) == []
     (told,) = outcomes.known(NOW_S + 12, every, lambda _: heard)
