@@ -27,12 +27,13 @@ from deconflict.foresight.foresight import Foresight, Swept
 from deconflict.foresight.heeded import waits_until_s
 from deconflict.landmarks import Landmarks
 from deconflict.learned import Part
-from deconflict.life import HELD_SHARE, Lives, Pair, Party, Prediction, Scene
+from deconflict.life import HELD_SHARE, Lives
 from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
 from deconflict.site import Site
 from deconflict.sweeper import ACCURACY_M, PairConflicts, Sweeper
 from deconflict.tally import tally
+from deconflict.telling import Pair, Party, Prediction, Scene
 from ingest import changes
 from ingest.measures import Measures
 from ingest.seam import Basis, Batch, Floats, Forecasts

@@ -8,7 +8,7 @@ from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory, Conflict
 from deconflict.cluster.channels import token
 from deconflict.cluster.tiles import Place
 from deconflict.contention.telling import finding_key
-from deconflict.life import ADVISORIES
+from deconflict.telling import ADVISORIES
 
 
 @dataclass(frozen=True, slots=True)

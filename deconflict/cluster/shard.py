@@ -17,10 +17,10 @@ from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.cluster.channels import GONE, Extents, Floors, channel, late, wide_channel
 from deconflict.cluster.tiles import Area, Grid, Place, Tile
 from deconflict.engine import Engine
-from deconflict.life import Pair
 from deconflict.motion import Bools
 from deconflict.site import Site
 from deconflict.tally import TALLIED, tally
+from deconflict.telling import Pair
 from ingest.measures import Measures
 from ingest.seam import Batch, Ints
 

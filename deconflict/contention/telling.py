@@ -24,7 +24,7 @@ from deconflict.advisory import (
     Recommendation,
     Severity,
 )
-from deconflict.life import ADVISORIES, SEVERITIES
+from deconflict.telling import ADVISORIES, SEVERITIES
 
 LOOKS, WANTED = 3, 2
 UPDATE_GAP_S, ADVICE_GAP_S = 5.0, 2.0

@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
-from deconflict.life import SEVERITIES
 from deconflict.simulation.drills import Drill, Stage
+from deconflict.telling import SEVERITIES
 
 CLOSE_S = 3.0
 """A promise is kept that is off by no more than this."""

@@ -5,8 +5,9 @@ import pytest
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from deconflict.encounter import Encounter
-from deconflict.life import Lives, Pair, Party, Prediction, Scene
+from deconflict.life import Lives
 from deconflict.site import Conflict
+from deconflict.telling import Pair, Party, Prediction, Scene
 
 PAIR: Pair = ("a", "b")
 SETTINGS = Conflict(

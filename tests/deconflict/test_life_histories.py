@@ -19,9 +19,10 @@ from hypothesis.stateful import (
 
 from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory, EncounterClass
 from deconflict.encounter import Encounter
-from deconflict.life import Lives, Pair, Party, Prediction, Scene
+from deconflict.life import Lives
 from deconflict.site import Conflict
 from deconflict.store import Store
+from deconflict.telling import Pair, Party, Prediction, Scene
 
 SETTINGS = Conflict()
 ABSENT_AFTER_S = 20.0

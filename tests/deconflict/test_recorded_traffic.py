@@ -9,9 +9,9 @@ import pytest
 from websockets.asyncio.client import connect
 
 from deconflict.advisory import AdvisoryState
-from deconflict.life import SURE
 from deconflict.service import in_one_process
 from deconflict.site import Conflict, Operator, Site
+from deconflict.telling import SURE
 from ingest.playback import Reader, Received
 from ingest.settings import Receiver
 from metrics.exposition import render

@@ -1,0 +1,224 @@
+"""What is told of a conflict: the words and figures of an advisory, and when a newer prediction says something else."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from math import hypot
+from typing import NamedTuple
+from uuid import UUID, uuid5
+
+from deconflict.advice.desk import advised
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Location, Recommendation, Severity
+from deconflict.encounter import Encounter
+from deconflict.site import Conflict
+
+Pair = tuple[str, str]
+
+ADVISORIES = UUID("5f3d2f5e-6d0b-5a53-9f0a-3f0f3a0a7c11")
+"""Namespace of advisory ids."""
+MOVED_S, MOVED_M, DEEPER_M = 0.75, 1.0, 0.15
+"""Changes of predicted time, place and separation that are worth a revision."""
+LIKELIER = 0.15
+"""A change of probability that is worth a revision."""
+SURE = 0.8
+"""A conflict less likely than this is one level less severe, and none where the forecasts as they stand miss."""
+
+SEVERITIES = (Severity.CAUTION, Severity.WARNING, Severity.CRITICAL)
+
+
+class Prediction(NamedTuple):
+    """One pair that comes within the clearance by the forecasts as they stand, or is likely to."""
+
+    pair: Pair
+    contact_s: float
+    separation_m: float
+    start_separation_m: float
+    fresh: bool
+    """Whether either robot's forecast is new in this pass."""
+    probability: float = 1.0
+    """That their envelopes come within the clearance in the horizon."""
+
+
+@dataclass(frozen=True, slots=True)
+class Party:
+    """What an advisory says of one robot."""
+
+    name: str
+    vendor: str
+    basis: str
+    standing: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What the life of advisories asks of the engine's state."""
+
+    here: Callable[[str], bool]
+    """Whether a robot is on the floor."""
+    party: Callable[[str], Party | None]
+    """None for a robot that is not."""
+    meet: Callable[[Pair, float], Encounter]
+    separation_m: Callable[[Pair, float], float | None]
+    """None where the two cannot be compared."""
+    datum: Callable[[Encounter], str]
+    """The datum's id."""
+    place: Callable[[Encounter], str]
+    """Where on it, in words."""
+
+
+@dataclass(frozen=True)
+class Telling:
+    """The fields of an advisory that follow from its newest prediction."""
+
+    severity: Severity
+    encounter_class: EncounterClass
+    basis: tuple[str, str]
+    updated_at: datetime
+    predicted_at: datetime
+    time_to_conflict_s: float
+    probability: float
+    clearance_m: float
+    min_separation_m: float
+    closing_speed_mps: float
+    location: Location
+    summary: str
+
+
+def is_news(before: ConflictAdvisory, prediction: Prediction, severity: Severity, met: Encounter, datum: str) -> bool:
+    """Whether a person or a site service would act otherwise on what is told of a newer prediction."""
+    return (
+        severity != before.severity
+        or met.encounter_class != before.encounter_class
+        or abs((moment(prediction.contact_s) - before.predicted_at).total_seconds()) > MOVED_S
+        or abs(round(prediction.probability, 3) - (before.probability or 0.0)) > LIKELIER
+        or abs(round(prediction.separation_m, 3) - before.min_separation_m) > DEEPER_M
+        or datum != before.location.datum
+        or hypot(round(met.x_m, 3) - before.location.x, round(met.y_m, 3) - before.location.y) > MOVED_M
+    )
+
+
+def severity_of(prediction: Prediction, now_s: float, before: Severity | None, settings: Conflict) -> Severity:
+    """By time to conflict; one level lower where more than half the clearance is left, or it may well not happen.
+
+    A severity falls only once the time has grown by a second beyond its bound.
+    """
+    time_s = prediction.contact_s - now_s
+    bounds_s = (settings.warning_s, settings.critical_s)
+    shallow = prediction.separation_m > settings.clearance_m / 2 or prediction.probability < SURE
+
+    def level(slack_s: float) -> int:
+        reached = sum(time_s <= bound_s + slack_s for bound_s in bounds_s)
+        return max(reached - 1, 0) if shallow else reached
+
+    if before is None:
+        return SEVERITIES[level(0.0)]
+    return SEVERITIES[max(level(0.0), min(SEVERITIES.index(before), level(1.0)))]
+
+
+def newest(
+    prediction: Prediction,
+    now_s: float,
+    scene: Scene,
+    parties: tuple[Party, Party],
+    severity: Severity,
+    met: Encounter,
+    clearance_m: float,
+) -> Telling:
+    """What there is to tell of a prediction, by which the two meet so."""
+    time_s = max(prediction.contact_s - now_s, 0.0)
+    return Telling(
+        severity=severity,
+        encounter_class=met.encounter_class,
+        basis=(parties[0].basis, parties[1].basis),
+        updated_at=moment(now_s),
+        predicted_at=moment(prediction.contact_s),
+        time_to_conflict_s=round(time_s, 3),
+        probability=round(prediction.probability, 3),
+        clearance_m=clearance_m,
+        min_separation_m=round(prediction.separation_m, 3),
+        closing_speed_mps=round(met.closing_speed_mps, 3),
+        location=Location(datum=scene.datum(met), x=round(met.x_m, 3), y=round(met.y_m, 3)),
+        summary=_summary(parties, met, time_s, scene.place(met)),
+    )
+
+
+def raised(pair: Pair, ordinal: int, parties: tuple[Party, Party], told: Telling, now_s: float) -> ConflictAdvisory:
+    """The first revision of an advisory on a pair's encounter of that number."""
+    a, b = parties
+    return ConflictAdvisory(
+        id=str(uuid5(ADVISORIES, f"{pair[0]} {pair[1]} {round(now_s * 1e6)}")),
+        revision=1,
+        state=AdvisoryState.RAISED,
+        encounter=ordinal,
+        robots=pair,
+        names=(a.name, b.name),
+        vendors=(a.vendor, b.vendor),
+        raised_at=told.updated_at,
+        **vars(told),
+    )
+
+
+def updated(before: ConflictAdvisory, told: Telling) -> ConflictAdvisory:
+    """The next revision, of a newer prediction; the advice stands."""
+    return before.model_copy(
+        update={
+            "revision": before.revision + 1,
+            "seq": 0,
+            "state": AdvisoryState.UPDATED,
+            **vars(told),
+            "summary": advised(told.summary, before.recommendation, before.robots, before.names),
+        }
+    )
+
+
+def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) -> ConflictAdvisory:
+    """The next revision, of the same prediction with new advice."""
+    bare = before.summary.split(";")[0]
+    return before.model_copy(
+        update={
+            "revision": before.revision + 1,
+            "seq": 0,
+            "state": AdvisoryState.UPDATED,
+            "updated_at": moment(now_s),
+            "time_to_conflict_s": round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
+            "recommendation": advice,
+            "summary": advised(bare, advice, before.robots, before.names),
+        }
+    )
+
+
+def cleared(before: ConflictAdvisory, now_s: float, because: str) -> ConflictAdvisory:
+    """The last revision."""
+    now = moment(now_s)
+    return before.model_copy(
+        update={
+            "revision": before.revision + 1,
+            "seq": 0,
+            "state": AdvisoryState.CLEARED,
+            "updated_at": now,
+            "cleared_at": now,
+            "cleared_because": because,
+            "time_to_conflict_s": 0.0,
+        }
+    )
+
+
+def moment(t_s: float) -> datetime:
+    return datetime.fromtimestamp(t_s, UTC)
+
+
+def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place: str) -> str:
+    a, b = parties
+    if met.encounter_class is EncounterClass.STATIONARY_OBSTACLE and b.standing and not a.standing:
+        what = f"{a.name} reaches {b.name}, which stands still,"
+    elif met.encounter_class is EncounterClass.STATIONARY_OBSTACLE and a.standing and not b.standing:
+        what = f"{b.name} reaches {a.name}, which stands still,"
+    else:
+        verb = {
+            EncounterClass.HEAD_ON: "meet head-on",
+            EncounterClass.CROSSING: "cross",
+            EncounterClass.FOLLOWING: "close up in the same direction",
+            EncounterClass.STATIONARY_OBSTACLE: "come close",
+        }[met.encounter_class]
+        what = f"{a.name} and {b.name} {verb}"
+    return f"{what} in {time_s:.0f} s, {place}"
