@@ -185,7 +185,8 @@ def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> Alo
     if not points:
         return None
     times = [point[0] for point in points]
-    if times[-1] <= here.t_s or not all(map(lt, times, times[1:])):
+    in_order = (path.in_order and not view.clock_offset_s) or all(map(lt, times, times[1:]))
+    if times[-1] <= here.t_s or not in_order:
         retimed = _retimed(points, here, view.body)
         if retimed is None:
             return None

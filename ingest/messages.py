@@ -310,7 +310,8 @@ def _stamp(text: str, findings: Findings) -> stamps.Stamp:
         raise RejectedError("stamp-unreadable", f"timestamp {text[:60]!r} is no RFC 3339 date-time in UTC")
     if not stamps.plausible(stamp.t_s):
         raise RejectedError("stamp-absurd", f"timestamp {text[:60]!r} lies outside 1970 to 2100")
-    findings.update(dict.fromkeys(stamp.findings))
+    if stamp.findings:
+        findings.update(dict.fromkeys(stamp.findings))
     return stamp
 
 

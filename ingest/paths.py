@@ -35,9 +35,11 @@ class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
     """(p, 4)"""
     datums: tuple[str, ...]
     """(p,) lower case; "" is the robot's own."""
+    in_order: bool
+    """Whether each is later than the one before."""
 
 
-NO_PATH = Path((), ())
+NO_PATH = Path((), (), in_order=True)
 
 
 def absurd(x: float, y: float, z: float) -> bool:
@@ -72,14 +74,15 @@ def path(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: F
         return NO_PATH
     if len(points) > MOST_POINTS:
         findings["path-too-many"] = None
-    times = [pose[0] for pose in read.poses]
-    if not _in_order(times):
+    first_s, last_s = read.poses[0][0], read.poses[-1][0]
+    if not read.in_order:
+        times = [pose[0] for pose in read.poses]
         _note_disorder(times, findings)
-        times.sort()
-    if times[-1] > stamp_s + PATH_S + SLACK_S:
+        first_s, last_s = min(times), max(times)
+    if last_s > stamp_s + PATH_S + SLACK_S:
         findings["path-too-far"] = None
-    if times[0] < stamp_s - SLACK_S:
-        findings[_past(times, stamp_s)] = None
+    if first_s < stamp_s - SLACK_S:
+        findings[_past(last_s, stamp_s)] = None
     return read
 
 
@@ -94,10 +97,10 @@ def _note_disorder(times: list[float], findings: Findings) -> None:
         findings["path-unordered"] = None
 
 
-def _past(times: list[float], stamp_s: float) -> str:
-    if times[-1] < UNSET_CLOCK_S <= stamp_s:
+def _past(last_s: float, stamp_s: float) -> str:
+    if last_s < UNSET_CLOCK_S <= stamp_s:
         return "path-times-1970"
-    return "path-past" if times[-1] <= stamp_s else "path-partly-past"
+    return "path-past" if last_s <= stamp_s else "path-partly-past"
 
 
 def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
@@ -112,11 +115,12 @@ def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, fin
         findings["destinations-too-far"] = None
     if max(times) < stamp_s - SLACK_S:
         findings["destinations-past"] = None
-    if all(map(le, times, times[1:])):
+    if read.in_order or all(map(le, times, times[1:])):
         return read
     findings["destinations-unsorted"] = None
     order = sorted(range(len(times)), key=times.__getitem__)
-    return Path(tuple(read.poses[row] for row in order), tuple(read.datums[row] for row in order))
+    poses, datums = tuple(read.poses[row] for row in order), tuple(read.datums[row] for row in order)
+    return Path(poses, datums, in_order=len(set(times)) == len(times))
 
 
 def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
@@ -127,11 +131,12 @@ def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
     if not rows:
         return NO_PATH
     datums = _datums(points, findings)
-    if not _in_order([row[0] for row in rows]):
+    in_order = _in_order([row[0] for row in rows])
+    if not in_order:
         heights = [point.z for point in points]
         if len(set(zip(rows, datums, heights, strict=True))) < len(rows):
             findings["duplicate-items"] = None
-    return Path(tuple(rows), datums)
+    return Path(tuple(rows), datums, in_order)
 
 
 def _conforming(points: Sequence[PredictedLocation], findings: Findings) -> list[Row] | None:
