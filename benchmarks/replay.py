@@ -139,7 +139,7 @@ def main() -> None:
     site = load(args.site or demo.demo_site()) if args.site or not args.log else Site()
     with TemporaryDirectory() as folder:
         log, short = args.log or Path(folder) / "log.jsonl", Path(folder) / "short.jsonl"
-        write_log(short, 4, 3.0)
+        write_log(short, 40, 12.0)
         _, _, loading_s = measure(short, site)
         if not args.log:
             write_log(log, args.robots, args.seconds)

@@ -20,7 +20,6 @@ TRACK_S = HORIZONS + 2
 ROUNDING_M = 1e-6
 LONG_AGO_S = -1e12
 """Before any report."""
-AHEAD: Floats = np.arange(1.0, HORIZONS + 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,21 +123,18 @@ class Followed:
 
     def _shown(self, slots: Ints) -> Errors:
         """Errors of kept forecasts of moments between the last two reports."""
-        before_s, seen_s = self.last_two_s(slots)
-        due_s = self._made_s[slots][:, :, None] + AHEAD
-        due = (due_s > before_s[:, None, None]) & (due_s <= seen_s[:, None, None])
-        due &= (before_s > LONG_AGO_S)[:, None, None]
-        n, kept, ahead = np.nonzero(due)
-        slot = slots[n]
-        was = self.between(slot, due_s[n, kept, ahead][:, None])[:, 0].T
+        slot, kept, ahead, due_s = ways.due(
+            self._before, self._seen, self._made_s, slots, HORIZONS, LONG_AGO_S, JOINED_S
+        )
+        was = self.between(slot, due_s[:, None])[:, 0].T
         x_m, y_m, yaw_rad, floor = self._ahead[slot, kept, ahead].T
-        comparable = np.flatnonzero((floor == was[3]) & (floor >= 0))
+        comparable = (floor == was[3]) & (floor >= 0)
         dx, dy = was[0] - x_m, was[1] - y_m
         c, s = np.cos(yaw_rad), np.sin(yaw_rad)
         every = Errors(
             self._kind[slot, kept], slot, ahead + 1, c * dx + s * dy, c * dy - s * dx, self._bands_m[slot, kept, ahead]
         )
-        return every.take(comparable)
+        return every if comparable.all() else every.take(np.flatnonzero(comparable))
 
     def _keep(self, reports: Reports, newer: Ints, bands_m: Floats) -> None:
         last_s = self._made_s[reports.slot[newer]].max(axis=1)

@@ -23,6 +23,37 @@ def _turned(yaw: float, other: float, share: float) -> float:
     return yaw + share * ((other - yaw + pi) % (2 * pi) - pi)
 
 
+@kernel(
+    numba.types.Tuple((*[_INTS] * 3, _FLOATS))(  # type: ignore[no-untyped-call]
+        *[_MATRIX] * 3, _INTS, numba.int64, numba.float64, numba.float64
+    )
+)
+def due(
+    before: Floats, seen: Floats, made_s: Floats, slots: Ints, horizons: int, long_ago_s: float, joined_s: float
+) -> tuple[Ints, Ints, Ints, Floats]:
+    """Slots, forecasts and seconds ahead, less one, of the moments between the last two reports of `slots` (n,) for
+    which they have forecasts, made at `made_s` (slots, kept); and these moments. In that order, (d,) each."""
+    most = len(slots) * made_s.shape[1] * horizons
+    slot, kept, ahead, due_s = (
+        np.empty(most, np.int64),
+        np.empty(most, np.int64),
+        np.empty(most, np.int64),
+        np.empty(most),
+    )
+    found = 0
+    for one in slots:
+        before_s, seen_s = before[one, 0], seen[one, 0]
+        if before_s <= long_ago_s or before_s < seen_s - joined_s:
+            continue
+        for made in range(made_s.shape[1]):
+            for second in range(horizons):
+                moment_s = made_s[one, made] + (second + 1.0)
+                if before_s < moment_s <= seen_s:
+                    slot[found], kept[found], ahead[found], due_s[found] = one, made, second, moment_s
+                    found += 1
+    return slot[:found].copy(), kept[:found].copy(), ahead[:found].copy(), due_s[:found].copy()
+
+
 @kernel(_CUBE(_MATRIX, _MATRIX, _INTS, _ASKED, numba.float64, numba.float64))
 def joined(before: Floats, seen: Floats, slots: Ints, t_s: Floats, long_ago_s: float, joined_s: float) -> Floats:
     """(n, m, 4) where robots were at `t_s` (n, m), on the line of their last two reports; floor -1 where none is."""
