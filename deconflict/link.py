@@ -17,6 +17,9 @@ log = logging.getLogger(__name__)
 
 HEADER = struct.Struct(">I")
 CALL_TIMEOUT_S = 10.0
+AT_ONCE_BYTES = 1 << 22
+"""Of a reply are handed to the kernel at once, as far as it lets us (net.core.wmem_max): what does not fit waits for
+the event loop to come round, again and again, and who is behind goes round slowly."""
 
 Handler = Callable[[bytes], Awaitable[bytes]]
 
@@ -46,6 +49,7 @@ async def listening(path: Path, handlers: Mapping[str, Handler]) -> AsyncIterato
         if task:
             conversing.add(task)
             task.add_done_callback(conversing.discard)
+        writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, AT_ONCE_BYTES)
         try:
             while True:
                 name, _, payload = (await _read(reader)).partition(b"\n")

@@ -1,9 +1,13 @@
 import asyncio
+import time
+from itertools import count
 from pathlib import Path
 
 import pytest
 
-from deconflict.link import AsyncCaller, Caller, LinkDownError, listening, socket_path
+from deconflict.link import AT_ONCE_BYTES, AsyncCaller, Caller, LinkDownError, listening, socket_path
+
+MOST_BYTES = int(Path("/proc/sys/net/core/wmem_max").read_text())
 
 
 async def _shout(payload: bytes) -> bytes:
@@ -41,3 +45,26 @@ async def test_an_unknown_call_ends_the_conversation_and_not_the_role(tmp_path: 
         with pytest.raises(LinkDownError):
             await AsyncCaller(tmp_path, "role").call("whisper")
         assert await AsyncCaller(tmp_path, "role").call("shout", b"still") == b"STILL"
+
+
+@pytest.mark.skipif(MOST_BYTES < AT_ONCE_BYTES, reason="the kernel keeps no more for a socket: net.core.wmem_max")
+async def test_a_large_reply_is_not_left_to_many_rounds_of_a_busy_loop(tmp_path: Path) -> None:
+    rounds, loop, done = count(), asyncio.get_running_loop(), asyncio.Event()
+
+    async def batch(_: bytes) -> bytes:
+        go_round()
+        return bytes(AT_ONCE_BYTES)
+
+    def go_round() -> None:
+        next(rounds)
+        time.sleep(0.01)  # as long as who reads needs for what there is
+        if not done.is_set():
+            loop.call_soon(go_round)
+
+    caller = Caller(tmp_path, "receiver")
+    async with listening(socket_path(tmp_path, "receiver"), {"batch": batch}):
+        reply = await asyncio.to_thread(caller.call, "batch")
+        done.set()
+        caller.close()
+    assert len(reply) == AT_ONCE_BYTES
+    assert next(rounds) < 12
