@@ -2,7 +2,9 @@
 
 import sqlite3
 from collections.abc import Mapping
+from contextlib import closing
 from datetime import datetime
+from pathlib import Path
 
 from deconflict.advice.account import yielded_s
 from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
@@ -22,6 +24,19 @@ def stored_revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> 
         "SELECT document FROM revisions WHERE id = ? AND revision = ? ORDER BY seq LIMIT 1", (advisory_id, revision)
     ).fetchone()
     return advisory_of(row[0]) if row else None
+
+
+def between(path: Path, since_s: float, until_s: float) -> list[AnyAdvisory]:
+    """Every stored revision decided after `since_s` and by `until_s`, ascending; without those that only answer.
+
+    For another process than the store's. Raises `sqlite3.Error`.
+    """
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
+        rows = db.execute(
+            "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
+            (since_s, until_s),
+        )
+        return [advisory_of(document) for (document,) in rows]
 
 
 def answers_of(db: sqlite3.Connection, advisory_id: str) -> tuple[int, Acknowledgement | None]:

@@ -225,18 +225,11 @@ class Store:
         known |= newest(decided(ahead, now_s - LOOK_BACK_S, now_s))
         return [one for one in known.values() if one.state is not AdvisoryState.CLEARED]
 
-    def between(self, since_s: float, until_s: float) -> list[str]:
-        """Every revision decided after `since_s` and by `until_s`, ascending; without those that only answer.
-
-        As JSON: of a busy floor there are many.
-        """
-        with self._both() as (db, ahead):
-            rows = db.execute(
-                "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
-                (since_s, until_s),
-            ).fetchall()
-        later = (one for one in decided(ahead, since_s, until_s) if one.updated_at.timestamp() > since_s)
-        return [*(document for (document,) in rows), *(one.model_dump_json() for one in later)]
+    def waiting(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
+        """What was decided after `since_s` and by `until_s` and waits for the disk, ascending."""
+        with self._number_lock:
+            ahead = self._ahead
+        return [one for one in decided(ahead, since_s, until_s) if one.updated_at.timestamp() > since_s]
 
     def raised(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
         """The first revision of each advisory raised in that time."""

@@ -25,6 +25,7 @@ from deconflict.blackbox.misses import NearMiss, judged
 from deconflict.blackbox.order import Order
 from deconflict.blackbox.shelf import Box, Shelf
 from deconflict.blackbox.start import FORMAT
+from deconflict.rows import between
 from deconflict.site import Site
 from ingest import stamps
 from ingest.playback import (
@@ -53,7 +54,7 @@ def cut(order: Order) -> Box | None:
 
     Passes over the log twice, a line at a time. Raises `OSError`.
     """
-    decided = [ADVISORY.validate_json(one) for one in order.decided]
+    decided = _decided(order)
     misses = _misses(order, decided)
     if not misses:
         return None
@@ -80,6 +81,14 @@ def cut(order: Order) -> Box | None:
     }
     shelf.add(box)
     return box
+
+
+def _decided(order: Order) -> list[AnyAdvisory]:
+    """Every revision of the span, in order; what waited to be stored may be stored by now."""
+    stored = between(order.store, order.span.engine_s, order.span.until_s)
+    waiting = [ADVISORY.validate_json(one) for one in order.waiting]
+    last = stored[-1].seq if stored else 0
+    return [*stored, *(one for one in waiting if one.seq > last)]
 
 
 def _misses(order: Order, decided: list[AnyAdvisory]) -> list[NearMiss]:

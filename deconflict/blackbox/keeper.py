@@ -145,7 +145,8 @@ class Keeper:
             span,
             snapshot,
             tuple(one.model_dump_json() for one in self._store.open_at(span.engine_s)),
-            tuple(self._store.between(span.engine_s, span.until_s)),
+            self._store.path,
+            tuple(one.model_dump_json() for one in self._store.waiting(span.engine_s, span.until_s)),
         )
 
     def _prune(self) -> None:

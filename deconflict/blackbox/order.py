@@ -60,5 +60,7 @@ class Order:
     snapshot: Snapshot | None
     open: tuple[str, ...]
     """Advisories open at `span.engine_s`, as JSON."""
-    decided: tuple[str, ...]
-    """Revisions decided from then until `span.until_s`, in order, as JSON."""
+    store: Path
+    """The file with the revisions decided from then until `span.until_s`."""
+    waiting: tuple[str, ...]
+    """Those of them that are not stored yet, in order, as JSON."""

@@ -12,12 +12,14 @@ import pytest
 
 from deconflict.advisory import AnyAdvisory
 from deconflict.publisher import Publisher
+from deconflict.rows import between
 from deconflict.store import Store, StoreError
 from ingest.measures import Measures
 from ingest.playback import Reader, Tick
 from tests.deconflict.made_advisories import ROBOTS, START, cleared, deadlock, made
 from tests.deconflict.test_service import CROSSING, Running, drive, running
 
+SPAN_S = START.timestamp() + 60, START.timestamp() + 180
 READS: dict[str, Callable[[Store], Any]] = {
     "latest": lambda store: store.latest("all"),
     "two of it": lambda store: store.latest("all", limit=2),
@@ -30,7 +32,7 @@ READS: dict[str, Callable[[Store], Any]] = {
     "all after": lambda store: store.after(0, -1),
     "one": lambda store: store.get("advisory-1"),
     "then": lambda store: store.open_at(START.timestamp() + 130),
-    "between": lambda store: store.between(START.timestamp() + 60, START.timestamp() + 180),
+    "between": lambda store: [*between(store.path, *SPAN_S), *store.waiting(*SPAN_S)],
     "raised": lambda store: store.raised(START.timestamp(), START.timestamp() + 130),
     "last": Store.last_seq,
     "encounters": Store.encounters,

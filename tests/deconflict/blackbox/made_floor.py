@@ -1,6 +1,7 @@
 """A floor that is recorded and decided upon as the service does it, at the speed of the processor."""
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, field
 from math import pi, sin
 from pathlib import Path
@@ -12,6 +13,7 @@ from deconflict.engine import Engine
 from deconflict.learned import packed
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import BlackBox, Site
+from deconflict.store import Store
 from ingest.connection import Connection
 from ingest.measures import Measures
 from ingest.recording import Recorder, quantise
@@ -56,8 +58,9 @@ class Floor:
         told = [one for one in self.decided if span.engine_s < one.updated_at.timestamp() <= span.until_s]
         shelf = self.data / FOLDER
         shelf.mkdir(exist_ok=True)
-        lines = tuple(one.model_dump_json() for one in told)
-        return Order(SITE, self.data / "log", shelf, tuple(self.near), span, snapshot, (), lines)
+        with closing(Store(self.data)) as store:
+            store.append(told)
+        return Order(SITE, self.data / "log", shelf, tuple(self.near), span, snapshot, (), store.path, ())
 
 
 def lived(data: Path, courses: dict[str, Course], seconds: int, sways_s: float = 0.0) -> Floor:
