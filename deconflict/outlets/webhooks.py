@@ -42,12 +42,10 @@ class Poster:
     async def _refused(self, client: httpx.AsyncClient, line: Line) -> str:
         """Why a request was not taken; empty where it was. The address is not told: it may hold a secret."""
         body = line.text.encode()
-        headers = {
-            "content-type": "application/json",
-            **signed(f"advisory-{line.seq}", body, self._secret, time.time()),
-        }
         try:
+            signature = signed(f"advisory-{line.seq}", body, self._secret, time.time())
+            headers = {"content-type": "application/json", **signature}
             answer = await client.post(self._settings.url, content=body, headers=headers)
-        except httpx.HTTPError as error:
+        except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:  # the last of a secret that is no base64
             return type(error).__name__
         return "" if answer.is_success else f"answered {answer.status_code}"

@@ -58,6 +58,25 @@ async def test_what_is_refused_is_tried_again_and_nothing_overtakes_it(tmp_path:
         assert publisher.measures.values["deconflict_outlet_waiting"]["mes",] == 0
 
 
+async def test_a_secret_that_can_not_be_used_is_counted_until_it_is_put_right(tmp_path: Path) -> None:
+    path = tmp_path / "secret"
+    with hearing() as other, kept(tmp_path) as (store, publisher):
+        failures = publisher.measures.values["deconflict_outlet_failures_total"]
+        path.write_text("whsec_" + "A" * 33)
+        settings = Webhook(name="mes", url=other.url, secret=f"file:{path}", retry_s=(0.02, 0.1), timeout_s=5)
+        poster = Poster(settings, Following("mes", store, publisher))
+        running = asyncio.create_task(poster.run())
+        await until(lambda: publisher.measures.values["deconflict_outlet_waiting"])
+        await publisher.publish([made(1)])
+        await until(lambda: failures.get(("mes",), 0) > 1)
+        path.write_text(SECRET)
+        poster.refresh()
+        await until(lambda: numbers(other.heard) == [1])
+        running.cancel()
+        with suppress(asyncio.CancelledError):
+            await running
+
+
 async def test_a_restart_goes_on_where_it_stopped_and_loses_nothing(tmp_path: Path) -> None:
     with hearing() as other:
         with kept(tmp_path) as (store, publisher):
