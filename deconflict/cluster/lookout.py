@@ -74,8 +74,9 @@ class Lookout:
                 self._leave = None
             return
         if self._commons is None:
+            kept = await self._bus.kept(COMMONS)
             stands = [one for one in self._teller.open() if not isinstance(one, ConflictAdvisory)]
-            self._commons, self._asked = self._new(stands, await self._bus.kept(COMMONS)), -1
+            self._commons, self._asked = self._new(stands, kept), -1
         elif self._commons.site is not self.site:
             learned = self._commons.learned()
             self._commons, self._asked = Commons(self.site, self._commons.open(), self._submit, learned), -1
