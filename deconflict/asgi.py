@@ -24,6 +24,10 @@ SPARE_FILES = 200
 """File descriptors left for everything but who asks: the store, the other roles, outlets, black boxes."""
 
 
+ACCEPTED_AT_ONCE = 100
+"""Of those spare ones, taken by connections before the first of them can be refused."""
+
+
 class StreamProtocol(WebSocketsSansIOProtocol):
     """uvicorn's WebSocket, prompt in sending and in ending."""
 
@@ -115,6 +119,7 @@ def face_server(app: FastAPI, certificates: Certificates | None = None) -> FaceS
             app,
             http=FaceProtocol,
             ws=StreamProtocol,
+            backlog=ACCEPTED_AT_ONCE,
             ws_max_size=MAX_SAID_BYTES,
             ws_ping_timeout=None,
             ws_per_message_deflate=False,
