@@ -58,8 +58,8 @@ class FaceProtocol(H11Protocol):
     """
 
     _looking: TimerHandle | None = None
-    _answered: object = None
-    """The last request, where it was answered by the last look."""
+    _seen: tuple[object, bool] = None, True
+    """The last request at the last look, and whether it was answered."""
 
     def connection_made(self, transport: Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
@@ -83,10 +83,10 @@ class FaceProtocol(H11Protocol):
     def _look(self) -> None:
         """End a connection on which nothing was asked, or not to the end, since the last look."""
         cycle: Any = self.cycle
-        if cycle is self._answered:
+        seen, self._seen = self._seen, (cycle, cycle is None or cycle.response_complete)
+        if seen == self._seen and (cycle is None or cycle.response_complete or cycle.more_body):
             self._refuse("face-idle")
             return
-        self._answered = cycle if cycle.response_complete else object()
         self._looking = self.loop.call_later(ASKED_WITHIN_S, self._look)
 
     def _stop_looking(self) -> None:

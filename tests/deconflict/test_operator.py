@@ -239,14 +239,15 @@ async def test_who_asks_for_nothing_is_ended_and_who_follows_is_not(
     begun = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     async with served(tmp_path) as face, connect(face.stream()) as following:
         host, port = face.address.split(":")
-        for said in (b"", b"GET /heal", begun, begun + b"\r\n" + begun):
+        torn = b"POST /advisories/none/acknowledgement HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 10\r\n\r\n{"
+        for said in (b"", b"GET /heal", begun, begun + b"\r\n" + begun, torn):
             reader, writer = await asyncio.open_connection(host, int(port))
             writer.write(said)
             async with asyncio.timeout(30):
                 with suppress(ConnectionResetError):
                     await reader.read()
             writer.close()
-        assert refused(face, "face-idle") == 4
+        assert refused(face, "face-idle") == 5
         await face.publish(made(1))
         assert '"advisory-1"' in str(await following.recv())
 
