@@ -1,8 +1,8 @@
 """The advisory as published, from raised to cleared: a conflict, a contention, a deadlock, a blockage or a claim."""
 
-from datetime import datetime
+from datetime import UTC, datetime
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
@@ -112,6 +112,19 @@ class Advisory(Published):
     acknowledgement: Acknowledgement | None = Field(default=None, description="the newest there is")
     safety_rated: Literal[False] = False
 
+    def followed(self, **told: Any) -> Self:
+        """The next revision, which tells these fields anew."""
+        return self._next(AdvisoryState.UPDATED, told)
+
+    def ended(self, now_s: float, because: str) -> Self:
+        """The last revision."""
+        now = moment(now_s)
+        told = {"updated_at": now, "cleared_at": now, "cleared_because": because, "time_to_conflict_s": 0.0}
+        return self._next(AdvisoryState.CLEARED, told)
+
+    def _next(self, state: AdvisoryState, told: dict[str, Any]) -> Self:
+        return self.model_copy(update={"revision": self.revision + 1, "seq": 0, "state": state, **told})
+
 
 class PlacedAdvisory(Advisory):
     """An advisory on something that happens at a place."""
@@ -185,3 +198,8 @@ Kind = Literal["conflict", "contention", "double_occupancy", "deadlock", "blocka
 
 ADVISORY: TypeAdapter[AnyAdvisory] = TypeAdapter(AnyAdvisory)
 """Reads one revision of any kind."""
+
+
+def moment(t_s: float) -> datetime:
+    """When that is: `t_s` is in seconds since the epoch."""
+    return datetime.fromtimestamp(t_s, UTC)

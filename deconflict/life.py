@@ -222,7 +222,7 @@ class Lives:
         parties = [scene.party(uuid) for uuid in advisory.robots]
         stand = all(one is not None and one.standing for one in parties)
         since_s = now_s - advisory.updated_at.timestamp()
-        return telling.cleared(advisory, now_s, STAND) if stand and since_s > self.settings.clear_after_s else None
+        return advisory.ended(now_s, STAND) if stand and since_s > self.settings.clear_after_s else None
 
     def _unpredicted(self, track: Track, pair: Pair, now_s: float, scene: Scene) -> ConflictAdvisory | None:
         absent = [uuid for uuid in pair if not scene.here(uuid)]
@@ -237,7 +237,7 @@ class Lives:
         advisory = track.advisory
         if advisory is None:
             return None
-        return telling.cleared(advisory, now_s, PASSED if track.met else UNPREDICTED)
+        return advisory.ended(now_s, PASSED if track.met else UNPREDICTED)
 
     def _absent(self, track: Track, pair: Pair, absent: list[str], now_s: float) -> ConflictAdvisory | None:
         """A robot that left ends the advisory; one not yet heard of since a restart does so only in time."""
@@ -250,7 +250,7 @@ class Lives:
         if restored and now_s - (self.started_s or 0.0) < self.absent_after_s:
             return None
         names = dict(zip(pair, advisory.names, strict=True))
-        return telling.cleared(advisory, now_s, f"{' and '.join(names[uuid] for uuid in absent)} left the floor")
+        return advisory.ended(now_s, f"{' and '.join(names[uuid] for uuid in absent)} left the floor")
 
 
 def _later(advisory: ConflictAdvisory | None, until_s: float) -> bool:

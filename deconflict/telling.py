@@ -2,13 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from math import hypot
 from typing import NamedTuple
 from uuid import UUID, uuid5
 
 from deconflict.advice.desk import advised
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Location, Recommendation, Severity
+from deconflict.advisory import (
+    AdvisoryState,
+    ConflictAdvisory,
+    EncounterClass,
+    Location,
+    Recommendation,
+    Severity,
+    moment,
+)
 from deconflict.encounter import Encounter
 from deconflict.site import Conflict
 
@@ -160,51 +168,18 @@ def raised(pair: Pair, ordinal: int, parties: tuple[Party, Party], told: Telling
 
 def updated(before: ConflictAdvisory, told: Telling) -> ConflictAdvisory:
     """The next revision, of a newer prediction; the advice stands."""
-    return before.model_copy(
-        update={
-            "revision": before.revision + 1,
-            "seq": 0,
-            "state": AdvisoryState.UPDATED,
-            **vars(told),
-            "summary": advised(told.summary, before.recommendation, before.robots, before.names),
-        }
-    )
+    summary = advised(told.summary, before.recommendation, before.robots, before.names)
+    return before.followed(**vars(told) | {"summary": summary})
 
 
 def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) -> ConflictAdvisory:
     """The next revision, of the same prediction with new advice."""
-    bare = before.summary.split(";")[0]
-    return before.model_copy(
-        update={
-            "revision": before.revision + 1,
-            "seq": 0,
-            "state": AdvisoryState.UPDATED,
-            "updated_at": moment(now_s),
-            "time_to_conflict_s": round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
-            "recommendation": advice,
-            "summary": advised(bare, advice, before.robots, before.names),
-        }
+    return before.followed(
+        updated_at=moment(now_s),
+        time_to_conflict_s=round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
+        recommendation=advice,
+        summary=advised(before.summary.split(";")[0], advice, before.robots, before.names),
     )
-
-
-def cleared(before: ConflictAdvisory, now_s: float, because: str) -> ConflictAdvisory:
-    """The last revision."""
-    now = moment(now_s)
-    return before.model_copy(
-        update={
-            "revision": before.revision + 1,
-            "seq": 0,
-            "state": AdvisoryState.CLEARED,
-            "updated_at": now,
-            "cleared_at": now,
-            "cleared_because": because,
-            "time_to_conflict_s": 0.0,
-        }
-    )
-
-
-def moment(t_s: float) -> datetime:
-    return datetime.fromtimestamp(t_s, UTC)
 
 
 def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place: str) -> str:

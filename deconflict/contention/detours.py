@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from math import hypot
 from operator import itemgetter
 
-from deconflict.advisory import Recommendation, Slot
+from deconflict.advisory import Recommendation, Slot, moment
 from deconflict.contention.deadlocks import Link
 from deconflict.contention.demand import CHANGEOVER_S
 from deconflict.contention.robots import Seen, Stop
@@ -91,14 +90,14 @@ def back_out(
         first = Slot(
             robot=other.uuid,
             resource=link.where,
-            start_at=_moment(now_s),
-            end_at=_moment(now_s + out_s),
+            start_at=moment(now_s),
+            end_at=moment(now_s + out_s),
             wait_s=0.0,
         )
         second = first.model_copy(
-            update={"robot": one.uuid, "wait_s": round(starts_s - now_s, 3), "start_at": _moment(starts_s)}
+            update={"robot": one.uuid, "wait_s": round(starts_s - now_s, 3), "start_at": moment(starts_s)}
         )
-        second = second.model_copy(update={"end_at": _moment(starts_s + lane_m / PACE_MPS)})
+        second = second.model_copy(update={"end_at": moment(starts_s + lane_m / PACE_MPS)})
         advice = Recommendation(
             slots=(first, second),
             cost_s=round(cost_s, 3),
@@ -153,8 +152,8 @@ def _plan(chain: Sequence[Move], refuge: Refuge) -> Recommendation:
     stay = Slot(
         robot=first.robot,
         resource=refuge.resource,
-        start_at=_moment(at_refuge_s),
-        end_at=_moment(goes_on_s),
+        start_at=moment(at_refuge_s),
+        end_at=moment(goes_on_s),
         wait_s=0.0,
     )
     return Recommendation(
@@ -166,9 +165,5 @@ def _plan(chain: Sequence[Move], refuge: Refuge) -> Recommendation:
 
 
 def _slot(move: Move, arrives_s: float, late_s: float) -> Slot:
-    at = _moment(arrives_s)
+    at = moment(arrives_s)
     return Slot(robot=move.robot, resource=move.to.resource or "", start_at=at, end_at=at, wait_s=round(late_s, 3))
-
-
-def _moment(t_s: float) -> datetime:
-    return datetime.fromtimestamp(t_s, UTC)

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 
-from deconflict.advisory import Location, Recommendation, Severity, Wait
+from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.blockages import Blocked
 from deconflict.contention.deadlocks import Link
 from deconflict.contention.demand import Turn, free_at_s, longest_queue
 from deconflict.contention.geometry import Geometry
 from deconflict.contention.robots import Seen
-from deconflict.contention.telling import Finding, moment
+from deconflict.contention.telling import Finding
 
 QUIET_S = 30.0
 """A robot not heard of for this long is said to be so (standard 5.4)."""

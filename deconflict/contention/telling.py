@@ -9,7 +9,6 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from typing import Any
 from uuid import uuid5
 
@@ -23,6 +22,7 @@ from deconflict.advisory import (
     Location,
     Recommendation,
     Severity,
+    moment,
 )
 from deconflict.telling import ADVISORIES, SEVERITIES
 
@@ -131,12 +131,8 @@ class Telling:
                 return _updated(before, finding, now_s, party)
             return _raised(finding, now_s, party) if sum(track.looks) >= WANTED else None
         if before and now_s - track.found_s >= self._clear_after_s:
-            return _cleared(before, now_s)
+            return before.ended(now_s, OVER[before.kind])
         return None
-
-
-def moment(t_s: float) -> datetime:
-    return datetime.fromtimestamp(t_s, UTC)
 
 
 def finding_key(one: Told) -> str:
@@ -189,7 +185,7 @@ def _updated(before: Told, finding: Finding, now_s: float, party: Callable[[str]
     told = _fields(finding, now_s, party)
     if not rises and not anew and not _differs(before, told, now_s):
         return None
-    return before.model_copy(update={"revision": before.revision + 1, "seq": 0, "state": AdvisoryState.UPDATED, **told})
+    return before.followed(**told)
 
 
 def _differs(before: Told, told: dict[str, Any], now_s: float) -> bool:
@@ -213,17 +209,3 @@ def _differs(before: Told, told: dict[str, Any], now_s: float) -> bool:
 
 def _order(advice: Recommendation | None) -> list[tuple[str, str]]:
     return [(slot.robot, slot.resource) for slot in advice.slots] if advice else []
-
-
-def _cleared(before: Told, now_s: float) -> Told:
-    return before.model_copy(
-        update={
-            "revision": before.revision + 1,
-            "seq": 0,
-            "state": AdvisoryState.CLEARED,
-            "updated_at": moment(now_s),
-            "cleared_at": moment(now_s),
-            "cleared_because": OVER[before.kind],
-            "time_to_conflict_s": 0.0,
-        }
-    )

@@ -12,8 +12,7 @@ from deconflict.advice.account import Account, yielded_s
 from deconflict.advice.answers import ANSWER_AFTER_S, Answer
 from deconflict.advice.delays import Mover
 from deconflict.advice.desk import MOST_PAIRS, PAIRS_PER_S, Desk
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation
-from deconflict.contention.telling import moment
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, moment
 from deconflict.engine import Engine
 from deconflict.life import PASSED, UNPREDICTED
 from ingest.measures import Measures
