@@ -83,8 +83,9 @@ class FaceProtocol(H11Protocol):
     def _look(self) -> None:
         """End a connection on which nothing was asked, or not to the end, since the last look."""
         cycle: Any = self.cycle
-        seen, self._seen = self._seen, (cycle, cycle is None or cycle.response_complete)
-        if seen == self._seen and (cycle is None or cycle.response_complete or cycle.more_body):
+        answered = cycle is None or cycle.response_complete
+        seen, self._seen = self._seen, (cycle, answered)
+        if seen == self._seen and (answered or cycle.more_body):
             self._refuse("face-idle")
             return
         self._looking = self.loop.call_later(ASKED_WITHIN_S, self._look)
