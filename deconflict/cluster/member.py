@@ -151,9 +151,7 @@ class Member:
             for line in lines:
                 self._teller.know(line)
             self._lookout.hear(lines)
-            told, arrivals = await asyncio.to_thread(
-                self._stepped, self._table.of(self.name), parcels, lines, overruled
-            )
+            told, arrivals = await asyncio.to_thread(self._step, self._table.of(self.name), parcels, lines, overruled)
             self._outbox.put_nowait((told, arrivals))
             self._wanted = self._shard.hears()
             if began_s - counted_s >= 1.0:
@@ -180,28 +178,21 @@ class Member:
         self._asked = -1
         log.info("%s goes on by the changed site file", self.name)
 
-    def _stepped(
-        self, tiles: frozenset[Tile], parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]
-    ) -> tuple[list[Told], dict[str, Floats]]:
-        with self._turn:
-            return self._step(tiles, parcels, lines, overruled)
-
     def _step(
         self, tiles: frozenset[Tile], parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]
     ) -> tuple[list[Told], dict[str, Floats]]:
-        shard, began_s = self._shard, time.perf_counter()
-        for line in lines:
-            if line.home and isinstance(line.advisory, ConflictAdvisory):
-                shard.hear(Told(line.home, line.advisory))
-        for line in overruled:
-            if line.home and isinstance(line.advisory, ConflictAdvisory):
-                shard.hear(Told(line.home, line.advisory), overruled=True)
-        if tiles != shard.area.tiles:
-            shard.own(tiles)
-        own = shard.receive([Batch.from_bytes(one) for one in parcels])
-        told = shard.step(time.time())
-        shard.engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
-        return told, arrivals_s(own, time.time()) if own else {}
+        with self._turn:
+            shard, began_s = self._shard, time.perf_counter()
+            for told, over in ((lines, False), (overruled, True)):
+                for line in told:
+                    if line.home and isinstance(line.advisory, ConflictAdvisory):
+                        shard.hear(Told(line.home, line.advisory), overruled=over)
+            if tiles != shard.area.tiles:
+                shard.own(tiles)
+            own = shard.receive([Batch.from_bytes(one) for one in parcels])
+            due = shard.step(time.time())
+            shard.engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
+            return due, arrivals_s(own, time.time()) if own else {}
 
     async def _listen(self) -> None:
         """Hear the channels that are wanted, and what there was on new ones; leave the others."""
