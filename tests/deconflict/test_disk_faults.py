@@ -17,6 +17,7 @@ from deconflict.store import Store, StoreError
 from ingest.measures import Measures
 from ingest.playback import Reader, Tick
 from tests.deconflict.made_advisories import ROBOTS, START, cleared, deadlock, made
+from tests.deconflict.made_disks import disk_of, fill, mount
 from tests.deconflict.test_service import CROSSING, Running, drive, running
 
 SPAN_S = START.timestamp() + 60, START.timestamp() + 180
@@ -130,29 +131,8 @@ def test_what_waits_is_bounded_and_what_is_beyond_is_refused(tmp_path: Path, mon
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of a megabyte and a half, a real one."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount(disk, "size=1500k")
-    yield disk
-    subprocess.run(["umount", "-l", str(disk)], check=True)
-
-
-def mount(at: Path, options: str) -> None:
-    done = subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(at)], check=False, capture_output=True)
-    if done.returncode:
-        pytest.skip("may not mount a disk")
-
-
-def fill(disk: Path) -> Path:
-    ballast = disk / "ballast"
-    with ballast.open("wb", buffering=0) as file:
-        try:
-            while file.write(b"x" * 4096):
-                pass
-        except OSError:
-            return ballast
-    raise AssertionError
+    with disk_of(tmp_path, "1500k") as disk:
+        yield disk
 
 
 async def measured(service: Running, name: str) -> float:

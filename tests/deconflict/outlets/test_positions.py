@@ -14,22 +14,18 @@ import pytest
 from deconflict.publisher import Publisher
 from deconflict.store import Store
 from tests.deconflict.made_advisories import cleared, made
+from tests.deconflict.made_disks import disk_of, fill
 from tests.deconflict.outlets.made_outlets import SECRET, Hearer, hearing, kept
 from tests.deconflict.outlets.test_webhooks import numbers, posting
 from tests.deconflict.served_face import until
-from tests.deconflict.test_disk_faults import fill, mount
 
 LIVES = range(1, 9)
 
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of a megabyte, a real one."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount(disk, "size=1m")
-    yield disk
-    subprocess.run(["umount", "-l", str(disk)], check=True)
+    with disk_of(tmp_path, "1m") as disk:
+        yield disk
 
 
 async def heard(other: Hearer, count: int) -> None:
@@ -107,7 +103,7 @@ from deconflict.publisher import Publisher
 from deconflict.store import Store
 from ingest.measures import Measures
 from tests.deconflict.made_advisories import cleared, made
-from tests.deconflict.test_disk_faults import fill
+from tests.deconflict.made_disks import fill
 
 async def run(disk, url, secret, lives):
     store = Store(disk)
