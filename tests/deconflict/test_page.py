@@ -228,7 +228,7 @@ def test_a_conflict_is_in_the_list_and_at_its_place_and_can_be_acknowledged(brow
 def test_the_list_is_most_urgent_first_and_counts_down(browser: "Browser", floor: Service) -> None:
     with opened(browser, floor) as page:
         until(page, "document.querySelectorAll('#advisories li').length > 2")
-        shown = page.eval_on_selector_all("#advisories li", "all => all.map((one) => one.classList[0])")
+        shown = page.evaluate("[...document.querySelectorAll('#advisories li')].map((one) => one.classList[0])")
         order = ["critical", "warning", "caution"]
         assert shown == sorted(shown, key=order.index)
         first = page.text_content("#clock")
