@@ -18,6 +18,7 @@ from deconflict.cluster.bus import BUS_ERRORS, Bus
 from deconflict.cluster.channels import EVERY
 from deconflict.cluster.commons import Commons
 from deconflict.cluster.lines import Line
+from deconflict.cluster.outbox import Outbox
 from deconflict.cluster.teller import Teller
 from deconflict.contention.telling import Told
 from deconflict.learned import UnreadableError, packed, unpacked
@@ -43,7 +44,7 @@ class Lookout:
         self._turn = Lock()
         self._parcels: list[bytes] = []
         self._lines: list[Line] = []
-        self._overruled: list[Line] = []
+        self.outbox = Outbox(teller)
         self.measured: list[dict[str, Any]] = []
         """What it measured, as of its last look."""
 
@@ -106,18 +107,16 @@ class Lookout:
 
     def _rest(self) -> None:
         self._commons = None
-        for waiting in (self._parcels, self._lines, self._overruled, self.measured):
+        self.outbox.overruled()
+        for waiting in (self._parcels, self._lines, self.measured):
             waiting.clear()
 
     async def _look(self, commons: Commons) -> None:
         parcels, self._parcels = self._parcels, []
         lines, self._lines = self._lines, []
-        overruled, self._overruled = self._overruled, []
-        told = await asyncio.to_thread(self._step, commons, parcels, lines, overruled)
+        told = await asyncio.to_thread(self._step, commons, parcels, lines, self.outbox.overruled())
         self.measured = [commons.measures.as_document()]
-        for one in told:
-            if stands := await self._teller.tell(None, one):
-                self._overruled.append(stands)
+        self.outbox.put((None, one) for one in told)
 
     def _step(
         self, commons: Commons, parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]

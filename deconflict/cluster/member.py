@@ -11,6 +11,7 @@ import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -22,6 +23,7 @@ from deconflict.cluster.channels import reach_m
 from deconflict.cluster.feed import beating, connected, until
 from deconflict.cluster.lines import Line
 from deconflict.cluster.lookout import Lookout
+from deconflict.cluster.outbox import Outbox
 from deconflict.cluster.ownership import Table, revised
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.shard import Shard, Told, judging
@@ -58,7 +60,6 @@ class Member:
         self._turn = Lock()
         self._parcels: list[bytes] = []
         self._lines: list[Line] = []
-        self._overruled: list[Line] = []
         self._wanted: set[str] = set()
         """Channels."""
         self._asked = -1
@@ -66,7 +67,7 @@ class Member:
         self._listening: dict[str, Callable[[], Awaitable[None]]] = {}
         self._teller = Teller(self._bus)
         self._lookout = Lookout(site, self._bus, self._teller, self._adviser.submit)
-        self._outbox: asyncio.Queue[tuple[list[Told], dict[str, Floats]]] = asyncio.Queue()
+        self._outbox = Outbox(self._teller)
         self._table = Table()
         self._says: dict[str, Any] = {"loads": {}}
 
@@ -83,7 +84,8 @@ class Member:
                     await asyncio.sleep(0.02)
         try:
             watching = self._lookout.run(lambda: self._table.watch == self.name)
-            chores = (self._deliver(), self._judge(), self._listen(), self._keep(), watching)
+            telling = (self._outbox.run(), self._lookout.outbox.run())
+            chores = (*telling, self._judge(), self._listen(), self._keep(), watching)
             await until(stop, beating(self._bus, self._beat), *chores)
             with suppress(*BUS_ERRORS):
                 await self._keep_now()
@@ -147,12 +149,12 @@ class Member:
             began_s = time.monotonic()
             parcels, self._parcels = self._parcels, []
             lines, self._lines = self._lines, []
-            overruled, self._overruled = self._overruled, []
+            overruled = self._outbox.overruled()
             for line in lines:
                 self._teller.know(line)
             self._lookout.hear(lines)
             told, arrivals = await asyncio.to_thread(self._step, self._table.of(self.name), parcels, lines, overruled)
-            self._outbox.put_nowait((told, arrivals))
+            self._outbox.put(told, partial(self._measure_waits, arrivals))
             self._wanted = self._shard.hears()
             if began_s - counted_s >= 1.0:
                 loads, self._shard.loads = self._shard.loads, type(self._shard.loads)()
@@ -219,13 +221,8 @@ class Member:
     def _take_line(self, line: Line) -> None:
         self._lines.append(line)
 
-    async def _deliver(self) -> None:
-        while True:
-            told, arrivals = await self._outbox.get()
-            for home, advisory in told:
-                if stands := await self._teller.tell(home, advisory):
-                    self._overruled.append(stands)
-            now_s = time.time()
-            for vendor, arrived_s in arrivals.items():
-                waits_s = (now_s - arrived_s).clip(0).tolist()
-                self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)
+    def _measure_waits(self, arrivals: Mapping[str, Floats]) -> None:
+        now_s = time.time()
+        for vendor, arrived_s in arrivals.items():
+            waits_s = (now_s - arrived_s).clip(0).tolist()
+            self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)

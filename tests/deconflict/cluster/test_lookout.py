@@ -8,9 +8,20 @@ from typing import Any
 
 from websockets.asyncio.client import connect
 
+from deconflict.advice.answers import at_once
+from deconflict.advisory import AdvisoryState
+from deconflict.cluster.bus import Bus
+from deconflict.cluster.channels import EVERY
+from deconflict.cluster.lines import Line
+from deconflict.cluster.lookout import Lookout
 from deconflict.cluster.member import Member
-from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server, running, table
+from deconflict.cluster.teller import Teller
+from ingest.connection import Connection
+from ingest.measures import joined_values
+from tests.deconflict.cluster.made_cluster import Broker, cluster, ingest, needs_server, running, table
+from tests.deconflict.cluster.test_bus import buses
 from tests.deconflict.cluster.test_cluster import lives, until
+from tests.deconflict.cluster.test_commons import fleet
 from tests.deconflict.contention.scenes import Script
 from tests.deconflict.contention.test_service import SITE, scripts
 from tests.saying import identity
@@ -55,3 +66,42 @@ async def test_a_queue_is_told_once_and_goes_on_under_its_id_where_the_engine_th
         assert told[0].id == found["contention"]["id"]
         assert [one.revision for one in told] == list(range(1, len(told) + 1))
         assert (await table(machines.settings))["watch"] in tasks.keys() - {document["watch"]}
+
+
+async def feed(bus: Bus, robots: dict[str, Script]) -> None:
+    """As an ingest whose robots report twice a second, until cancelled; more may come."""
+    start_s, one, line = time.time(), fleet(), Connection(1)
+    while True:
+        now_s = time.time()
+        for name, script in robots.items():
+            one.receive(identity(name, start_s, manufacturerName=script.vendor), now_s, line)
+            one.receive(script.says(name, now_s - start_s, start_s), now_s, line)
+        await bus.send_rows(EVERY, one.cut(now_s).to_bytes())
+        await asyncio.sleep(0.5)
+
+
+def counted(lookout: Lookout, state: AdvisoryState) -> float:
+    """Revisions of queues so far."""
+    return joined_values(lookout.measured).get("deconflict_advisories_total", {}).get(("contention", state.value), 0)
+
+
+async def test_a_lookout_goes_on_looking_while_nothing_can_be_told_and_tells_it_all_later(tmp_path: Path) -> None:
+    async with buses(Broker(tmp_path), 1) as (bus,), asyncio.timeout(300):
+        await bus._js.delete_stream(f"{bus.name}-told")
+        lookout, robots = Lookout(SITE, bus, Teller(bus), at_once), scripts()
+        chores = (lookout.run(lambda: True), lookout.outbox.run(), feed(bus, robots))
+        tasks = [asyncio.create_task(one) for one in chores]
+        while not counted(lookout, AdvisoryState.RAISED):
+            await asyncio.sleep(0.05)
+        robots["F"] = Script([(0, 30, 60)], [(80, 0, 40)], state=lambda _: "waitingExternalEvent")
+        while not counted(lookout, AdvisoryState.UPDATED):
+            await asyncio.sleep(0.05)
+        await bus._make()
+        told: list[Line] = []
+        await bus.hear_told(told.append, after=0)
+        while len(life := [one for one in told if one.advisory and one.advisory.kind == "contention"]) < 2:
+            await asyncio.sleep(0.05)
+        for one in tasks:
+            one.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    assert [one.advisory and one.advisory.revision for one in life] == list(range(1, len(life) + 1))
