@@ -297,7 +297,11 @@ class Bus:
     ) -> tuple["Hearing", int]:
         """The subscription, and how many messages there are for it already."""
         hearing = Hearing(subject, stream, taken, config)
-        waiting = await hearing.begin(self._js)
+        try:
+            waiting = await hearing.begin(self._js)
+        except BaseException:
+            await hearing.end()
+            raise
         self._hearings.append(hearing)
         return hearing, waiting
 
@@ -360,10 +364,13 @@ class Hearing:
         """`config` says from where on each time it begins."""
         self._subject, self._stream, self._taken, self._config = subject, stream, taken, config
         self._heard: JetStreamContext.PushSubscription | None = None
+        self._ended = False
 
     async def begin(self, js: JetStreamContext) -> int:
-        """How many messages there are for it already."""
-        await self.end()
+        """How many messages there are for it already. One that has been ended, also meanwhile, stays so."""
+        await self._leave()
+        if self._ended:
+            return 0
         config = self._config()
         self._heard = await js.subscribe(
             self._subject,
@@ -374,11 +381,18 @@ class Hearing:
             pending_msgs_limit=PENDING,
             pending_bytes_limit=1 << 30,
         )
+        if self._ended:
+            await self._leave()
+            return 0
         config.opt_start_time = None  # the client begins a lost subscription anew at a number, and keeps this otherwise
         state = await self._heard.consumer_info()
         return (state.num_pending or 0) + (state.delivered.consumer_seq if state.delivered else 0)
 
     async def end(self) -> None:
+        self._ended = True
+        await self._leave()
+
+    async def _leave(self) -> None:
         heard, self._heard = self._heard, None
         if heard:
             with suppress(*BUS_ERRORS):

@@ -1,14 +1,16 @@
 """What the durable stream takes and what it refuses, with a real NATS server."""
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
+from nats.js.api import ConsumerConfig
 
 from deconflict.advisory import AdvisoryState
-from deconflict.cluster.bus import BUS_ERRORS, Bus, OverruledError
+from deconflict.cluster.bus import BUS_ERRORS, Bus, OverruledError, _lately
 from deconflict.cluster.feed import connected
 from deconflict.cluster.lines import key_of
 from deconflict.cluster.member import Member
@@ -130,3 +132,40 @@ async def sent(bus: Bus, heard: list[int], first: int) -> None:
             await bus.send_rows("x", str(number).encode())
         number += 1
         await asyncio.sleep(0.1)
+
+
+async def test_what_was_left_while_the_connection_was_renewed_is_not_heard_again(tmp_path: Path) -> None:
+    broker = Broker(tmp_path)
+    async with buses(broker, 1) as (bus,), asyncio.timeout(300):
+        leaves: dict[str, Callable[[], Awaitable[None]]] = {}
+        leaving: list[asyncio.Task[None]] = []
+
+        def begins() -> ConsumerConfig:
+            """Once it begins anew, both are left: itself on its way, the other before its turn."""
+            if leaves:
+                leaving.extend(asyncio.create_task(_done(leaves.pop(name))) for name in ("a", "b"))
+            return _lately()
+
+        with patch("deconflict.cluster.bus._lately", begins):
+            first = await bus.hear_rows("a", lambda _: None)
+        leaves |= {"a": first, "b": await bus.hear_rows("b", lambda _: None)}
+        await bus.hear_rows("c", lambda _: None)
+        broker.kill()
+        broker.start()
+        while not bus.renewals:
+            await asyncio.sleep(0.05)
+        await asyncio.gather(*leaving)
+        assert len(leaving) == 2
+        while (heard := await channels_heard(bus)) != {"c"}:
+            assert heard >= {"c"}
+            await asyncio.sleep(0.2)
+
+
+async def _done(ending: Callable[[], Awaitable[None]]) -> None:
+    await ending()
+
+
+async def channels_heard(bus: Bus) -> set[str]:
+    """Of whatever consumers of parcels the server still has."""
+    consumers = await bus._js.consumers_info(f"{bus.name}-rows")
+    return {str(one.config.filter_subject).rsplit(".", 1)[1] for one in consumers}
