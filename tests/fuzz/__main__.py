@@ -10,12 +10,10 @@ from random import Random
 
 import atheris
 
+from tests.fuzz.compiled import compiled_modules
 from tests.fuzz.mutation import mutated
 
-PACKAGE = Path(__file__).parents[2] / "deconflict"
-COMPILED = [f"deconflict.{one.stem}" for one in PACKAGE.glob("*.py") if "deconflict.compiled" in one.read_text()]
-"""numba can't compile what atheris has marked."""
-with atheris.instrument_imports(include=["ingest", "deconflict"], exclude=[*COMPILED, "deconflict.compiled"]):
+with atheris.instrument_imports(include=["ingest", "deconflict"], exclude=compiled_modules()):
     from tests.fuzz.targets import TARGETS
 
 

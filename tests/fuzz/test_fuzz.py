@@ -1,10 +1,13 @@
 """A short run of each target; `python -m tests.fuzz` is the long one."""
 
+import sys
 from random import Random
 
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from ingest.messages import Rejection, read
+from tests.fuzz.compiled import compiled_modules
 from tests.fuzz.mutation import mutated
 from tests.fuzz.targets import TARGETS
 
@@ -27,3 +30,15 @@ def test_mutation_reaches_what_is_read_and_what_is_refused() -> None:
     assert 300 < sum(not isinstance(one, Rejection) for one in told) < 900
     assert len(rules) > 8
     assert len({rule for one in told for rule in one.findings}) > 30
+
+
+def test_what_numba_compiles_is_left_unmarked() -> None:
+    ours = {name: module for name, module in sys.modules.items() if name.startswith("deconflict")}
+    compiled = {
+        one.py_func.__module__
+        for module in ours.values()
+        for one in vars(module).values()
+        if isinstance(one, Dispatcher)
+    }
+    assert len(compiled) > 3
+    assert compiled <= set(compiled_modules())
