@@ -209,8 +209,14 @@ class Member:
                     await self._listening.pop(channel)()
                 new = sorted(self._wanted - self._listening.keys())[:MOST_AT_ONCE]
                 if new:
-                    await asyncio.gather(*(self._hear(channel) for channel in new))
-                    await self._bus.want(new, inbox)
+                    await self._begin(new, inbox)
+
+    async def _begin(self, channels: Sequence[str], inbox: str) -> None:
+        """Hear channels. Raises the first error, once every other of them is heard or has failed too."""
+        begun = await asyncio.gather(*map(self._hear, channels), return_exceptions=True)
+        await self._bus.want([one for one in channels if one in self._listening], inbox)
+        for error in filter(None, begun):
+            raise error
 
     async def _hear(self, channel: str) -> None:
         self._listening[channel] = await self._bus.hear_rows(channel, self._take)

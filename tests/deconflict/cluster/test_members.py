@@ -2,21 +2,43 @@
 
 import asyncio
 import time
+from collections import Counter
+from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
 from math import sin
 from pathlib import Path
 from typing import Any
 
 from deconflict.cluster.bus import Bus
-from deconflict.cluster.member import Member
+from deconflict.cluster.feed import connected
+from deconflict.cluster.member import LISTEN_S, Member
+from deconflict.cluster.settings import Cluster
 from deconflict.reloading import SITE_FILE, write
 from deconflict.site import Site
 from ingest.measures import joined_values
-from tests.deconflict.cluster.made_cluster import Machines, cluster, ingest, needs_server, running
+from tests.deconflict.cluster.made_cluster import Broker, Machines, cluster, ingest, needs_server, running
 from tests.deconflict.cluster.test_cluster import until
 from tests.deconflict.test_service import Course, drive
 
 pytestmark = needs_server
+
+
+class Faltering(Bus):
+    """In touch with a real server, where some channels take a while to be begun and one is refused a few times."""
+
+    refusals = 5
+
+    def __init__(self, settings: Cluster) -> None:
+        super().__init__(settings, 1.0)
+        self.begun = Counter[str]()
+
+    async def hear_rows(self, channel: str, take: Callable[[bytes], None]) -> Callable[[], Awaitable[None]]:
+        self.begun[channel] += 1
+        if channel == "refused" and self.begun[channel] <= self.refusals:
+            raise TimeoutError
+        await asyncio.sleep(4 * LISTEN_S)
+        return await super().hear_rows(channel, take)
+
 
 TO_AND_FRO: dict[str, Course] = {
     "A": lambda t: (6.0 * sin(t / 6.0), 0.0, 0.0),
@@ -65,3 +87,28 @@ async def test_a_changed_site_file_is_taken_up_by_an_engine_that_runs(tmp_path: 
         listed = await until(base, "/advisories", lambda listed: listed["advisories"])
         driving.cancel()
     assert {one["clearance_m"] for one in listed["advisories"]} == {1.6}
+
+
+async def test_channels_are_heard_once_each_though_one_of_those_that_were_begun_with_them_is_refused(
+    tmp_path: Path,
+) -> None:
+    broker = Broker(tmp_path)
+    settings = Cluster(nats=(broker.address,))
+    bus, member = Faltering(settings), Member(Site(), settings, tmp_path)
+    member._bus, member._wanted = bus, {"first", "refused", "second"}
+    listening = asyncio.create_task(_listening(bus, member))
+    try:
+        async with asyncio.timeout(300):
+            while not member._wanted <= member._listening.keys():
+                await asyncio.sleep(0.05)
+    finally:
+        listening.cancel()
+        await asyncio.gather(listening, return_exceptions=True)
+        await bus.close()
+        broker.kill()
+    assert bus.begun == {"first": 1, "refused": Faltering.refusals + 1, "second": 1}
+
+
+async def _listening(bus: Bus, member: Member) -> None:
+    assert await connected(bus, asyncio.Event())
+    await member._listen()
