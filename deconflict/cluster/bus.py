@@ -224,11 +224,14 @@ class Bus:
 
         address = self._nats.new_inbox()
         heard = await self._nats.subscribe(address, cb=taken, pending_bytes_limit=1 << 30)
-        await self._nats.publish(f"{self.name}.ask", question.encode(), reply=address)
-        with suppress(TimeoutError):
-            async with asyncio.timeout(within_s if wanted else 0):
-                await whole.wait()
-        await heard.unsubscribe()
+        try:
+            await self._nats.publish(f"{self.name}.ask", question.encode(), reply=address)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(within_s if wanted else 0):
+                    await whole.wait()
+        finally:
+            with suppress(*BUS_ERRORS):
+                await heard.unsubscribe()
         return [answered[who] for who in sorted(answered) if answered[who]]
 
     async def asked(self, member: str, give: Callable[[str], Awaitable[bytes]]) -> None:

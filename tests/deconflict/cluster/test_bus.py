@@ -6,11 +6,13 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from unittest.mock import patch
 
+import httpx
 import pytest
+from nats.errors import MaxPayloadError
 from nats.js.api import ConsumerConfig
 
 from deconflict.advisory import AdvisoryState
-from deconflict.cluster.bus import BUS_ERRORS, Bus, OverruledError, _lately
+from deconflict.cluster.bus import BUS_ERRORS, FEED, Bus, OverruledError, _lately
 from deconflict.cluster.feed import connected
 from deconflict.cluster.lines import key_of
 from deconflict.cluster.member import Member
@@ -169,3 +171,28 @@ async def channels_heard(bus: Bus) -> set[str]:
     """Of whatever consumers of parcels the server still has."""
     consumers = await bus._js.consumers_info(f"{bus.name}-rows")
     return {str(one.config.filter_subject).rsplit(".", 1)[1] for one in consumers}
+
+
+async def test_a_question_that_fails_or_is_given_up_leaves_nothing_behind(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    async with buses(Broker(tmp_path, "-m", str(port)), 1) as (bus,), asyncio.timeout(300):
+        await bus.beat(f"{FEED}silent", {})
+        while not bus.members():
+            await asyncio.sleep(0.05)
+        before = await subscriptions(port)
+        with pytest.raises(MaxPayloadError):
+            await bus.ask("a" * (bus._nats.max_payload + 1), 1.0)
+        given_up = asyncio.create_task(bus.ask("robots", 300.0))
+        while await subscriptions(port) == before:
+            await asyncio.sleep(0.05)
+        given_up.cancel()
+        await asyncio.gather(given_up, return_exceptions=True)
+        while await subscriptions(port) > before:
+            await asyncio.sleep(0.05)
+
+
+async def subscriptions(port: int) -> int:
+    """Of the one connection, as the server says."""
+    async with httpx.AsyncClient() as client:
+        answer = await client.get(f"http://127.0.0.1:{port}/connz")
+    return int(answer.json()["connections"][0]["subscriptions"])
