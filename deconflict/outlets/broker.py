@@ -12,13 +12,15 @@ from typing import NamedTuple
 from aiomqtt import Client, MqttError, Will
 
 from deconflict.advisory import ADVISORY, AdvisoryState
-from deconflict.outlets.following import Following
+from deconflict.outlets.following import Following, ending
 from deconflict.outlets.settings import Mqtt
 from deconflict.publisher import Line
 from deconflict.store import Store, StoreError
 from ingest.tokens import renewed, secret
 
 AT_LEAST_ONCE = 1
+GOODBYE_S = 2.0
+"""A broker that does not answer is left after this long, twice."""
 
 
 class Said(NamedTuple):
@@ -51,6 +53,8 @@ class Broker:
             try:
                 await self._connected()
             except (MqttError, StoreError) as error:
+                if ending():
+                    return
                 self._following.failed(str(error))
             if self._following.seq > before:
                 wait_s = self._settings.retry_s[0]
@@ -73,6 +77,7 @@ class Broker:
             try:
                 await self._feed_until_lost(client)
             except asyncio.CancelledError:
+                client.timeout = GOODBYE_S
                 with suppress(MqttError):
                     await self._say(client, Said(service, "offline", True))
                 raise

@@ -12,6 +12,12 @@ log = logging.getLogger(__name__)
 STORE_RETRY_S = 1.0
 
 
+def ending() -> bool:
+    """Whether the task that asks has been cancelled, whatever error has taken the place of that."""
+    task = asyncio.current_task()
+    return task is not None and task.cancelling() > 0
+
+
 class Following:
     """One outlet's position. `taken` moves it on; what is not taken is seen again."""
 

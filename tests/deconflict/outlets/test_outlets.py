@@ -3,13 +3,17 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from deconflict.outlets import webhooks
 from deconflict.outlets.outlets import Outlets
 from deconflict.outlets.settings import Mqtt, Webhook
-from deconflict.outlets.signing import SignatureError, verified
+from deconflict.outlets.signing import SignatureError, signed, verified
 from deconflict.publisher import Publisher
 from deconflict.store import Store
 from ingest.tokens import SecretError
@@ -116,6 +120,74 @@ async def test_a_changed_secret_signs_from_then_on_and_one_that_vanishes_stays(t
             assert verified(headers, body, "another secret that both know", float(headers["webhook-timestamp"]))
             with pytest.raises(SignatureError):
                 verified(headers, body, SECRET, float(headers["webhook-timestamp"]))
+
+
+async def test_an_outlet_that_dies_of_a_fault_of_its_own_begins_again_is_counted_and_logged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    faults = [RuntimeError("a fault"), RuntimeError("another")]
+
+    def faulty(*told: Any) -> dict[str, str]:
+        if faults:
+            raise faults.pop(0)
+        return signed(*told)
+
+    monkeypatch.setattr(webhooks, "signed", faulty)
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([hook(other, tmp_path)], None)
+            await until(lambda: waiting(publisher))
+            await publisher.publish([made(1), made(2)])
+            await delivered(publisher, 2)
+            assert publisher.measures.values["deconflict_outlet_failures_total"]["mes",] == 2
+        assert numbers(other.heard) == [1, 2]
+    told = [one.exc_text or "" for one in caplog.records if one.name == "deconflict.outlets.outlets"]
+    assert [text.splitlines()[-1] for text in told] == ["RuntimeError: a fault", "RuntimeError: another"]
+
+
+@dataclass
+class Lingering:
+    """An outlet that takes its time to end, and ends in an error."""
+
+    begun: list[int]
+    number: int
+    may_end: asyncio.Event
+
+    async def run(self) -> None:
+        self.begun.append(self.number)
+        try:
+            await asyncio.Event().wait()
+        finally:
+            await self.may_end.wait()
+            self.begun.remove(self.number)
+            raise RuntimeError("the connection was lost")
+
+    def refresh(self) -> None:
+        pass
+
+
+async def test_an_outlet_never_runs_beside_its_former_self_however_quickly_it_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[int] = []
+    may_end, numbered = asyncio.Event(), count()
+    monkeypatch.setattr(Outlets, "_made", lambda *_: Lingering(begun, next(numbered), may_end))
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, _):
+            try:
+                one.renew([hook(other, tmp_path)], None)
+                await until(lambda: begun)
+                for name in ("twice", "", "thrice"):
+                    changed = hook(other, tmp_path).model_copy(update={"url": f"{other.url}&{name}"})
+                    one.renew([changed] if name else [], None)
+                    for _ in range(10):
+                        await asyncio.sleep(0)
+                assert begun == [0]
+            finally:
+                may_end.set()
+            await until(lambda: begun != [0], 60)
+            await until(lambda: begun, 60)
+            assert begun == [2]
 
 
 @needs_mosquitto
