@@ -1,23 +1,26 @@
 """Where robots will be in the next ten seconds, at even steps: many forecasts looked up at once."""
 
 from dataclasses import dataclass
+from math import atan2, cos, isfinite, sin
 
+import numba
 import numpy as np
 
+from deconflict.compiled import kernel, ready
 from ingest.seam import Floats, Forecasts, Ints
 
 STEP_S = 0.5
 STEPS = 20
-SPAN_S = 1e5
-"""Apart by this, the times of several robots share one sorted key."""
+
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ahead:
-    """n robots at `STEPS + 1` times. Arrays of poses are (n, STEPS + 1)."""
+    """n robots at `STEPS + 1` times. Arrays are (n, STEPS + 1)."""
 
     t_s: Floats
-    """(STEPS + 1,) seconds since the epoch."""
+    """Seconds since the epoch."""
     x_m: Floats
     """Envelope centre in the floor's frame."""
     y_m: Floats
@@ -36,32 +39,55 @@ class Ahead:
         )
 
 
-def ahead(forecasts: Forecasts, now_s: float) -> Ahead:
-    """Each robot from `now_s` on, as `Forecasts` reads between knots; before its first knot, at the first.
+@kernel(
+    numba.types.Tuple((*[numba.float64[:, ::1]] * 4, numba.int64[:, ::1]))(  # type: ignore[no-untyped-call]
+        _INTS, *[_FLOATS] * 4, _INTS, _FLOATS, numba.float64, numba.int64
+    )
+)
+def _ahead(
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    floor: Ints,
+    now_s: Floats,
+    step_s: float,
+    steps: int,
+) -> tuple[Floats, Floats, Floats, Floats, Ints]:
+    n = len(now_s)
+    times, x, y, yaw = np.empty((n, steps)), np.empty((n, steps)), np.empty((n, steps)), np.empty((n, steps))
+    on = np.empty((n, steps), np.int64)
+    for row in range(n):
+        before, end = start[row], start[row + 1]
+        sound = before < end
+        for step in range(steps):
+            times[row, step] = now_s[row] + step_s * step
+            if not sound:
+                continue
+            while before + 1 < end and t_s[before + 1] - now_s[row] <= step_s * step:
+                before += 1
+            after, share = min(before + 1, end - 1), 0.0
+            if after > before and floor[after] == floor[before]:
+                share = (times[row, step] - t_s[before]) / (t_s[after] - t_s[before])
+                share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
+            turn = yaw_rad[after] - yaw_rad[before]
+            x[row, step] = x_m[before] + share * (x_m[after] - x_m[before])
+            y[row, step] = y_m[before] + share * (y_m[after] - y_m[before])
+            yaw[row, step] = yaw_rad[before] + share * atan2(sin(turn), cos(turn))
+            on[row, step] = floor[before]
+            sound = isfinite(x[row, step] + y[row, step] + yaw[row, step])
+        if not sound:
+            x[row], y[row], yaw[row], on[row] = 0.0, 0.0, 0.0, -1
+    return times, x, y, yaw, on
+
+
+def ahead(forecasts: Forecasts, now_s: Floats) -> Ahead:
+    """Each robot from its `now_s` (n,) on, as `Forecasts` reads between knots; before its first knot, at the first.
 
     One whose numbers are not finite is on floor -1.
     """
-    counts = np.diff(forecasts.start)
-    owner = np.repeat(np.arange(len(forecasts)), counts)
-    times: Floats = STEP_S * np.arange(STEPS + 1, dtype=np.float64)
-    key = owner * SPAN_S + np.clip(forecasts.t_s - now_s, -SPAN_S / 3, SPAN_S / 3)
-    wanted = np.arange(len(forecasts))[:, None] * SPAN_S + times
-    first, last = forecasts.start[:-1, None], forecasts.start[1:, None] - 1
-    before = np.clip(np.searchsorted(key, wanted, side="right") - 1, first, last)
-    after = np.minimum(before + 1, last)
-    span_s = np.where(after > before, forecasts.t_s[after] - forecasts.t_s[before], 1.0)
-    share = np.clip((now_s + times - forecasts.t_s[before]) / span_s, 0.0, 1.0)
-    share = np.where(forecasts.floor[after] == forecasts.floor[before], share, 0.0)
-    turn = forecasts.yaw_rad[after] - forecasts.yaw_rad[before]
-    turn = np.arctan2(np.sin(turn), np.cos(turn))
-    x_m = forecasts.x_m[before] + share * (forecasts.x_m[after] - forecasts.x_m[before])
-    y_m = forecasts.y_m[before] + share * (forecasts.y_m[after] - forecasts.y_m[before])
-    yaw_rad = forecasts.yaw_rad[before] + share * turn
-    sound = np.isfinite(x_m + y_m + yaw_rad).all(axis=1, keepdims=True)
-    return Ahead(
-        t_s=now_s + times,
-        x_m=np.where(sound, x_m, 0.0),
-        y_m=np.where(sound, y_m, 0.0),
-        yaw_rad=np.where(sound, yaw_rad, 0.0),
-        floor=np.where(sound, forecasts.floor[before], -1),
-    )
+    f = forecasts
+    t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
+    start, floor = ready(f.start, np.int64), ready(f.floor, np.int64)
+    return Ahead(*_ahead(start, t_s, x_m, y_m, yaw_rad, floor, now_s, STEP_S, STEPS + 1))

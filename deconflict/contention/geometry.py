@@ -152,8 +152,8 @@ class Geometry:
             unit = np.array([bx - ax, by - ay]) / np.hypot(bx - ax, by - ay)
             x_m, y_m = one.x_m[row, first:end] - ax, one.y_m[row, first:end] - ay
             along_m, across_m = x_m * unit[0] + y_m * unit[1], float((y_m * unit[0] - x_m * unit[1]).mean())
-        leave_s = float(one.t_s[end]) if len(out) else inf
-        return Passage(zone, float(one.t_s[first]), leave_s, one.t_s[first:end], along_m, across_m)
+        leave_s, t_s = float(one.t_s[row, end]) if len(out) else inf, one.t_s[row, first:end]
+        return Passage(zone, float(t_s[0]), leave_s, t_s, along_m, across_m)
 
 
 def _middle(place: Place) -> tuple[str, float, float]:

@@ -14,6 +14,7 @@ from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead
 from deconflict.contention.arrivals import Arrivals
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.promises import Spot, near
+from deconflict.gathering import Gathered
 from ingest.seam import Basis, Batch, Floats, Ints
 
 STANDS_M = 0.1
@@ -67,8 +68,6 @@ class Seen:
     """The resource it has."""
     came_s: float = 0.0
     """Since when it has that."""
-    left: tuple[str, float] | None = None
-    """The resource that it left with this report, and for how long it had it."""
     stops: tuple[Stop, ...] = ()
     """By time, without any that it is at already."""
     way: shapely.LineString | None = None
@@ -103,34 +102,42 @@ class Robots:
             self.arrivals.forget(uuid)
         return [one for uuid in uuids if (one := self.seen.pop(uuid, None))]
 
-    def look(self, batch: Batch) -> list[Seen]:
-        """Take in the robots of a batch."""
+    def look(self, gathered: Gathered) -> list[tuple[str, float]]:
+        """Take in the robots of a batch; the resources that robots have left, and for how long they had them."""
+        batch, now_s = gathered
         if not len(batch):
             return []
-        view = ahead(batch.forecasts, batch.now_s)
+        view = ahead(batch.forecasts, now_s)
         shapes = _shapes(batch, view)
         datums = [batch.floors[floor] if floor >= 0 else "" for floor in view.floor[:, 0].tolist()]
         here = self._geometry.resources_at(datums, view.x_m[:, 0], view.y_m[:, 0])
+        ends = self._geometry.resources_at(datums, view.x_m[:, -1], view.y_m[:, -1])
         stops = self._stops(batch)
         sizes = batch.forecasts
         passages = self._geometry.passages(datums, view, shapes.ways, sizes.length_m, sizes.width_m)
-        told, event_s, basis = [], batch.event_s.tolist(), batch.basis.tolist()
-        for row, uuid in enumerate(batch.robots):
+        left: list[tuple[str, float]] = []
+        times_s = zip(batch.event_s.tolist(), now_s.tolist(), strict=True)
+        for row, (uuid, (event_s, at_s), basis) in enumerate(
+            zip(batch.robots, times_s, batch.basis.tolist(), strict=True)
+        ):
             one = self.seen.get(uuid)
             if one is None:
                 one = self.seen[uuid] = Seen(uuid)
-            one.vendor, one.name, one.state = batch.vendors[row], batch.names[row], batch.states[row]
-            one.event_s = event_s[row]
-            self._place(one, datums[row], here[row], shapes, row)
+            one.vendor, one.name, one.state, one.event_s = (
+                batch.vendors[row],
+                batch.names[row],
+                batch.states[row],
+                event_s,
+            )
+            left += self._place(one, datums[row], here[row], shapes, row)
             one.passages = passages.get(row, {})
-            one.stops = self._ahead(one, batch.now_s, stops[row])
-            if not one.stops and basis[row] != Basis.VELOCITY:
-                one.stops = self._end_of_way(one, view, row)
-            told.append(one)
-        return told
+            one.stops = self._ahead(one, at_s, stops[row])
+            if not one.stops and basis != Basis.VELOCITY:
+                one.stops = _end_of_way(one, view, row, ends[row])
+        return left
 
-    def _place(self, one: Seen, datum: str, here: str | None, shapes: "_Shapes", row: int) -> None:
-        """Where it stands, since when, what it has, and its way."""
+    def _place(self, one: Seen, datum: str, here: str | None, shapes: "_Shapes", row: int) -> list[tuple[str, float]]:
+        """Where it stands, since when, what it has, and its way; the resource that it has left, if any."""
         new = not one.datum and not one.stood_s
         one.datum, one.x_m, one.y_m = datum, shapes.x_m[row], shapes.y_m[row]
         one.length_m, one.width_m = shapes.length_m[row], shapes.width_m[row]
@@ -138,15 +145,16 @@ class Robots:
         spot = (datum, one.x_m, one.y_m)
         if new or not near(spot, one.stood_at, STANDS_M):
             one.stood_at, one.stood_s = spot, one.event_s
-        one.left = None
+        left = []
         if new or here != one.here:
-            one.left = (one.here, one.event_s - one.came_s) if one.here else None
+            left = [(one.here, one.event_s - one.came_s)] if one.here else []
             one.here, one.came_s = here, one.event_s
         one.goes = shapes.goes[row]
         if one.goes:
             one.way, one.way_m = shapes.ways[row], shapes.way_m[row]
         elif one.way is not None:
             one.way = _rest_of(one.way, one) if one.state not in RESTING else None
+        return left
 
     def _stops(self, batch: Batch) -> list[list[tuple[float, Spot, str | None]]]:
         """By robot, its destinations as told: time, place and resource."""
@@ -173,18 +181,6 @@ class Robots:
             away_m = hypot(x_m - one.x_m, y_m - one.y_m) if datum == one.datum else 0.0
             stops.append(Stop(max(expected_s, now_s + away_m / QUICKEST_MPS), spread_s, datum, x_m, y_m, resource))
         return tuple(stops)
-
-    def _end_of_way(self, one: Seen, view: Ahead, row: int) -> tuple[Stop, ...]:
-        """Where a robot tells no destination, the resource that its way ends in."""
-        if not one.goes or not self._geometry.resources or view.floor[row, -1] != view.floor[row, 0]:
-            return ()
-        x_m, y_m = float(view.x_m[row, -1]), float(view.y_m[row, -1])
-        (resource,) = self._geometry.resources_at([one.datum], view.x_m[row, -1:], view.y_m[row, -1:])
-        if resource is None or resource == one.here:
-            return ()
-        short_m = np.hypot(view.x_m[row] - x_m, view.y_m[row] - y_m)
-        arrives_s = float(view.t_s[int(np.argmax(short_m < STANDS_M))])
-        return (Stop(arrives_s, STEP_S, one.datum, x_m, y_m, resource),)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,6 +224,16 @@ def _up_to(last: Ints, *columns: Floats) -> list[Floats]:
         return list(columns)
     kept = np.minimum(np.arange(steps), last[:, None])
     return [np.take_along_axis(column, kept, 1) for column in columns]
+
+
+def _end_of_way(one: Seen, view: Ahead, row: int, resource: str | None) -> tuple[Stop, ...]:
+    """Where a robot tells no destination, the resource that its way ends in."""
+    if resource is None or resource == one.here or not one.goes or view.floor[row, -1] != view.floor[row, 0]:
+        return ()
+    x_m, y_m = float(view.x_m[row, -1]), float(view.y_m[row, -1])
+    short_m = np.hypot(view.x_m[row] - x_m, view.y_m[row] - y_m)
+    arrives_s = float(view.t_s[row, int(np.argmax(short_m < STANDS_M))])
+    return (Stop(arrives_s, STEP_S, one.datum, x_m, y_m, resource),)
 
 
 def _rest_of(way: shapely.LineString, one: Seen) -> shapely.LineString | None:

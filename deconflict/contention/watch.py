@@ -20,6 +20,7 @@ from deconflict.contention.occupancy import Dwells
 from deconflict.contention.resources import ContentionSettings, Resource, Zone
 from deconflict.contention.robots import Robots, Seen
 from deconflict.contention.telling import Finding, Telling, Told
+from deconflict.gathering import Gathered, Gathering
 from deconflict.learned import Part, numbers
 from ingest.measures import Measures
 from ingest.seam import Batch
@@ -50,6 +51,7 @@ class Contention:
         self._flows = {one.id: Flow(one.capacity) for one in self.geometry.zones.values()}
         self._inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
         self._looked_s = -inf
+        self._gathering = Gathering()
         self._rings: list[tuple[Link, ...]] = []
         self._turns: dict[str, list[Turn]] = {}
 
@@ -62,6 +64,7 @@ class Contention:
 
     def learned(self) -> dict[str, Part]:
         """What is worth keeping over a restart: how wrong arrival times were, and how long robots keep what."""
+        self._catch_up()
         stays = {resource: one.learned() for resource, one in self._dwells.items()}
         arrivals = self.robots.arrivals
         return {"arrivals": arrivals.learned(), "lateness": arrivals.lateness.learned(), "stays": stays}
@@ -75,12 +78,18 @@ class Contention:
             self._dwells[resource].resume(numbers(stays, resource, (None,)).tolist())
 
     def receive(self, batch: Batch) -> None:
-        """Take in the robots that changed."""
-        for one in self.robots.look(batch):
-            if one.left:
-                resource, dwell_s = one.left
-                self._dwells[resource].left_after(dwell_s)
-        self.robots.forget(batch.gone)
+        """Take in the robots that changed: now, or once there are more of them or somebody asks."""
+        for due in self._gathering.put(batch):
+            self._take_in(due)
+
+    def _take_in(self, gathered: Gathered) -> None:
+        for resource, dwell_s in self.robots.look(gathered):
+            self._dwells[resource].left_after(dwell_s)
+        self.robots.forget(gathered.batch.gone)
+
+    def _catch_up(self) -> None:
+        for due in self._gathering.rest():
+            self._take_in(due)
 
     def step(self, now_s: float) -> list[Told]:
         """The revisions of this look; none between looks."""
@@ -88,6 +97,7 @@ class Contention:
             return []
         dt_s = min(now_s - self._looked_s, 10 * LOOK_S)
         self._looked_s = now_s
+        self._catch_up()
         self._flow(now_s, dt_s)
         every = list(self.robots.seen.values())
         journeys = legs(every, now_s)
