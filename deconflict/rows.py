@@ -2,12 +2,13 @@
 
 import sqlite3
 from collections.abc import Mapping
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
 from datetime import datetime
 from pathlib import Path
 
 from deconflict.advice.account import yielded_s
 from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.ahead import LOOK_BACK_S
 
 
 class StoreError(Exception):
@@ -26,17 +27,28 @@ def stored_revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> 
     return advisory_of(row[0]) if row else None
 
 
-def between(path: Path, since_s: float, until_s: float) -> list[AnyAdvisory]:
-    """Every stored revision decided after `since_s` and by `until_s`, ascending; without those that only answer.
+def open_at(db: sqlite3.Connection, now_s: float) -> list[AnyAdvisory]:
+    """The newest revision by then of each advisory that changed in the `LOOK_BACK_S` before, if it was open."""
+    rows = db.execute(
+        "SELECT document FROM revisions WHERE json_extract(document, '$.state') <> ? AND seq IN "
+        "(SELECT max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id) ORDER BY seq",
+        (AdvisoryState.CLEARED, now_s - LOOK_BACK_S, now_s),
+    ).fetchall()
+    return [advisory_of(document) for (document,) in rows]
 
-    For another process than the store's. Raises `sqlite3.Error`.
-    """
-    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
-        rows = db.execute(
-            "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
-            (since_s, until_s),
-        )
-        return [advisory_of(document) for (document,) in rows]
+
+def between(db: sqlite3.Connection, since_s: float, until_s: float) -> list[AnyAdvisory]:
+    """Every revision decided after `since_s` and by `until_s`, ascending; without those that only answer."""
+    rows = db.execute(
+        "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
+        (since_s, until_s),
+    )
+    return [advisory_of(document) for (document,) in rows]
+
+
+def for_reading(path: Path) -> AbstractContextManager[sqlite3.Connection]:
+    """The file, for another process than the store's. Raises `sqlite3.Error`."""
+    return closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True))
 
 
 def answers_of(db: sqlite3.Connection, advisory_id: str) -> tuple[int, Acknowledgement | None]:

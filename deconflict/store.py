@@ -17,17 +17,15 @@ from threading import Lock, RLock
 from typing import Literal
 
 from deconflict.advice.account import yielded_s
-from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
-from deconflict.ahead import MOST_AHEAD, Ahead, decided, matches, newest, revisions
+from deconflict.advisory import Acknowledgement, AnyAdvisory, ConflictAdvisory
+from deconflict.ahead import MOST_AHEAD, Ahead, decided, matches, newest, open_then, revisions
 from deconflict.formats import UPGRADES
 from deconflict.rows import StoreError as StoreError  # noqa: PLC0414 - told on
-from deconflict.rows import advisory_of, answers_of, charge, insert, last_seq, position, put, stored_revision
+from deconflict.rows import advisory_of, answers_of, charge, insert, last_seq, open_at, position, put, stored_revision
 
 FILE_NAME = "advisories.db"
 BUSY_TIMEOUT_S = 5.0
 PRUNE_STEP = 500
-LOOK_BACK_S = 3600.0
-"""An advisory that has not changed for this long is not looked for in the past."""
 
 StateFilter = Literal["open", "cleared", "all"]
 
@@ -54,21 +52,25 @@ class Store:
             directory.mkdir(parents=True, exist_ok=True)
             self._writer = self._connect()
             self._reader = self._connect()
-        self._write_lock, self._read_lock, self._number_lock = Lock(), Lock(), RLock()
+            self._looker_back = self._connect()
+            """Reads what takes long, an hour of revisions: who stores or resumes meanwhile does not wait for it."""
+        self._write_lock, self._read_lock, self._look_back_lock = Lock(), Lock(), Lock()
+        self._number_lock = RLock()
         self._ahead: list[AnyAdvisory] = []
         self._moved: dict[str, int] = {}
         """Where outlets are, as far as it is not stored."""
         try:
             self._upgrade()
-            self._reader.execute("PRAGMA query_only = ON")
+            for reader in (self._reader, self._looker_back):
+                reader.execute("PRAGMA query_only = ON")
         except BaseException:
             self.close()
             raise
 
     def close(self) -> None:
-        with self._write_lock, self._read_lock:
-            self._reader.close()
-            self._writer.close()
+        with self._write_lock, self._read_lock, self._look_back_lock:
+            for db in (self._looker_back, self._reader, self._writer):
+                db.close()
 
     @property
     def unstored(self) -> int:
@@ -215,25 +217,19 @@ class Store:
 
     def open_at(self, now_s: float) -> list[AnyAdvisory]:
         """What was open at a time: the newest revision by then of each that changed in the hour before it."""
-        with self._both() as (db, ahead):
-            rows = db.execute(
-                "SELECT document FROM revisions WHERE json_extract(document, '$.state') <> ? AND seq IN "
-                "(SELECT max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id) ORDER BY seq",
-                (AdvisoryState.CLEARED, now_s - LOOK_BACK_S, now_s),
-            ).fetchall()
-        known = {one.id: one for one in (advisory_of(document) for (document,) in rows)}
-        known |= newest(decided(ahead, now_s - LOOK_BACK_S, now_s))
-        return [one for one in known.values() if one.state is not AdvisoryState.CLEARED]
+        with self._both(long=True) as (db, ahead):
+            stored = open_at(db, now_s)
+        return open_then(stored, ahead, now_s)
 
-    def waiting(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
-        """What was decided after `since_s` and by `until_s` and waits for the disk, ascending."""
+    def waiting(self, until_s: float) -> list[AnyAdvisory]:
+        """What was decided by then and waits for the disk, ascending."""
         with self._number_lock:
             ahead = self._ahead
-        return [one for one in decided(ahead, since_s, until_s) if one.updated_at.timestamp() > since_s]
+        return [one for one in ahead if one.updated_at.timestamp() <= until_s]
 
     def raised(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
         """The first revision of each advisory raised in that time."""
-        with self._both() as (db, ahead):
+        with self._both(long=True) as (db, ahead):
             rows = db.execute(
                 "SELECT document FROM revisions WHERE revision = 1 AND answers = 0 AND updated_s BETWEEN ? AND ? "
                 "ORDER BY seq",
@@ -326,10 +322,10 @@ class Store:
         return self._transaction(self._writer, self._write_lock, "BEGIN IMMEDIATE")
 
     @contextmanager
-    def _both(self) -> Iterator[tuple[sqlite3.Connection, Ahead]]:
-        """The file as it is now, and what is told of and not yet in it."""
+    def _both(self, *, long: bool = False) -> Iterator[tuple[sqlite3.Connection, Ahead]]:
+        """The file as it is now, and what is told of and not yet in it; `long` where the reading takes long."""
         ahead = self._ahead
-        with self._reading() as db:
+        with self._looking_back() if long else self._reading() as db:
             last = last_seq(db)
             yield db, [one for one in ahead if one.seq > last]
 
@@ -339,6 +335,9 @@ class Store:
 
     def _reading(self) -> AbstractContextManager[sqlite3.Connection]:
         return self._transaction(self._reader, self._read_lock, "BEGIN")
+
+    def _looking_back(self) -> AbstractContextManager[sqlite3.Connection]:
+        return self._transaction(self._looker_back, self._look_back_lock, "BEGIN")
 
     @contextmanager
     def _transaction(self, db: sqlite3.Connection, lock: Lock, begin: str) -> Iterator[sqlite3.Connection]:

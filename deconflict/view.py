@@ -1,5 +1,6 @@
 """What the page asks for: the page itself, the site, the live picture, the past, and where conflicts arise."""
 
+import asyncio
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -110,7 +111,7 @@ class View:
     ) -> Response:
         """The floor and the open advisories as they were, from the recording and the store."""
         frame = await self._source.floor_at(at_s)
-        advisories = to_json(self._store.open_at(at_s))
+        advisories = await asyncio.to_thread(lambda: to_json(self._store.open_at(at_s)))
         return Response(
             b'{"floor": %b, "advisories": %b}' % (frame.encode(), advisories), media_type="application/json"
         )

@@ -25,7 +25,7 @@ from deconflict.blackbox.misses import NearMiss, judged
 from deconflict.blackbox.order import Order
 from deconflict.blackbox.shelf import Box, Shelf
 from deconflict.blackbox.start import FORMAT
-from deconflict.rows import between
+from deconflict.blackbox.told import Told, told_in
 from deconflict.site import Site
 from ingest import stamps
 from ingest.playback import (
@@ -54,8 +54,8 @@ def cut(order: Order) -> Box | None:
 
     Passes over the log twice, a line at a time. Raises `OSError`.
     """
-    decided = _decided(order)
-    misses = _misses(order, decided)
+    told = told_in(order.store, [ADVISORY.validate_json(one) for one in order.waiting], order.span)
+    misses = _misses(order, told.decided)
     if not misses:
         return None
     shelf = Shelf(order.shelf)
@@ -65,7 +65,7 @@ def cut(order: Order) -> Box | None:
     new = path.with_suffix(".new")
     with new.open("wb") as file:
         with zstandard.ZstdCompressor().stream_writer(file, closefd=False) as packed:
-            for line in _lines(order, decided, misses):
+            for line in _lines(order, told, misses):
                 packed.write(chain.link(line))
             packed.write(chain.end())
         file.flush()
@@ -81,14 +81,6 @@ def cut(order: Order) -> Box | None:
     }
     shelf.add(box)
     return box
-
-
-def _decided(order: Order) -> list[AnyAdvisory]:
-    """Every revision of the span, in order; what waited to be stored may be stored by now."""
-    stored = between(order.store, order.span.engine_s, order.span.until_s)
-    waiting = [ADVISORY.validate_json(one) for one in order.waiting]
-    last = stored[-1].seq if stored else 0
-    return [*stored, *(one for one in waiting if one.seq > last)]
 
 
 def _misses(order: Order, decided: list[AnyAdvisory]) -> list[NearMiss]:
@@ -111,10 +103,10 @@ def _of(order: Order, robots: set[str]) -> Iterator[Received]:
                 yield event
 
 
-def _lines(order: Order, decided: list[AnyAdvisory], misses: list[NearMiss]) -> Iterator[bytes]:
+def _lines(order: Order, told: Told, misses: list[NearMiss]) -> Iterator[bytes]:
     """Every line but the last, without the chain."""
-    yield _line({"blackbox": _head(order, decided, misses)})
-    waiting = [(one.updated_at.timestamp(), one) for one in reversed(decided)]
+    yield _line({"blackbox": _head(order, told, misses)})
+    waiting = [(one.updated_at.timestamp(), one) for one in reversed(told.decided)]
     for line, event in _events(order):
         while waiting and waiting[-1][0] < _time(event, order.span.lead_s):
             at_s, one = waiting.pop()
@@ -124,7 +116,7 @@ def _lines(order: Order, decided: list[AnyAdvisory], misses: list[NearMiss]) -> 
         yield _line({"decided": stamps.write(at_s), "advisory": one.model_dump(mode="json")})
 
 
-def _head(order: Order, decided: list[AnyAdvisory], misses: list[NearMiss]) -> dict[str, Any]:
+def _head(order: Order, told: Told, misses: list[NearMiss]) -> dict[str, Any]:
     span, snapshot = order.span, order.snapshot
     restarts = [event for _, event in _events(order) if isinstance(event, EngineStarted)]
     return {
@@ -134,8 +126,8 @@ def _head(order: Order, decided: list[AnyAdvisory], misses: list[NearMiss]) -> d
         "until": stamps.write(span.until_s),
         "engine_restarts": sum(one.now_s > span.engine_s + 1.0 for one in restarts),
         "near_misses": [one.document() for one in misses],
-        "open": [json.loads(one) for one in order.open],
-        "encounters": _encounters(order, decided),
+        "open": [one.model_dump(mode="json") for one in told.open],
+        "encounters": _encounters(told),
         "burdens_s": snapshot.burdens_s if snapshot else {},
         "learned": base64.b64encode(snapshot.learned).decode() if snapshot else None,
     }
@@ -150,10 +142,10 @@ def _site(site: Site) -> dict[str, Any]:
     return told
 
 
-def _encounters(order: Order, decided: list[AnyAdvisory]) -> list[list[Any]]:
+def _encounters(told: Told) -> list[list[Any]]:
     """How many encounters each pair of the decisions had had when the engine began."""
     counted: dict[tuple[str, str], int] = {}
-    for one in (*(ADVISORY.validate_json(one) for one in order.open), *decided):
+    for one in (*told.open, *told.decided):
         if isinstance(one, ConflictAdvisory):
             new = one.state is AdvisoryState.RAISED
             counted.setdefault(one.robots, one.encounter - new)

@@ -144,9 +144,8 @@ class Keeper:
             tuple(near),
             span,
             snapshot,
-            tuple(one.model_dump_json() for one in self._store.open_at(span.engine_s)),
             self._store.path,
-            tuple(one.model_dump_json() for one in self._store.waiting(span.engine_s, span.until_s)),
+            tuple(one.model_dump_json() for one in self._store.waiting(span.until_s)),
         )
 
     def _prune(self) -> None:

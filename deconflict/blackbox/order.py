@@ -58,9 +58,7 @@ class Order:
     near: tuple[Near, ...]
     span: Span
     snapshot: Snapshot | None
-    open: tuple[str, ...]
-    """Advisories open at `span.engine_s`, as JSON."""
     store: Path
-    """The file with the revisions decided from then until `span.until_s`."""
+    """The file of advisories, with what was decided until `span.until_s`."""
     waiting: tuple[str, ...]
-    """Those of them that are not stored yet, in order, as JSON."""
+    """What of that is not stored yet, in order, as JSON."""

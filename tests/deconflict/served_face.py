@@ -24,6 +24,7 @@ from ingest.certificates import Certificates
 from ingest.measures import Measures
 from ingest.seam import Batch
 from metrics.exposition import render
+from tests.patience import PATIENCE_S
 
 ROBOT_DOCUMENTS: list[dict[str, Any]] = [
     {"uuid": "0c5b4a7e-0000-4000-8000-000000000001", "vendor": "Acme", "age_s": 0.5},
@@ -144,7 +145,7 @@ async def served(directory: Path, *, at: str = "127.0.0.1:0", **settings: Any) -
             store.close()
 
 
-async def until(condition: Any, within_s: float = 20.0) -> None:
+async def until(condition: Any, within_s: float = PATIENCE_S) -> None:
     """Wait for a condition that comes true by itself; fails when it does not in time."""
     async with asyncio.timeout(within_s):
         while not condition():

@@ -10,6 +10,7 @@ from deconflict.site import Operator, Person, Site
 from ingest.settings import Receiver, Vendor
 from tests.deconflict.made_advisories import made
 from tests.deconflict.served_face import Served, served, until
+from tests.patience import PATIENCE_S
 
 READER, LEADER, CHIEF = (f"{name}-0123456789abcdef" for name in ("reader", "leader", "chief"))
 
@@ -30,14 +31,17 @@ def bearer(token: str) -> dict[str, str]:
 
 
 async def test_without_people_everybody_is_let_in(tmp_path: Path) -> None:
-    async with served(tmp_path) as face, httpx.AsyncClient(base_url=face.http, trust_env=False) as client:
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
         assert (await client.get("/advisories")).status_code == 200
 
 
 async def test_nobody_gets_anything_but_health_without_a_token(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False) as client,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
     ):
         paths = ["/", *(path for path in face.app.openapi()["paths"] if "{" not in path), "/openapi.json", "/absent"]
         answered = {path: (await client.get(path)).status_code for path in paths}
@@ -61,7 +65,7 @@ async def test_a_token_opens_the_api_and_the_stream(tmp_path: Path, people: tupl
 async def test_a_browser_signs_in_once(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False) as browser,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as browser,
     ):
         page = await browser.get("/", headers={"accept": "text/html"})
         assert (page.status_code, 'action="/login"' in page.text) == (401, True)
@@ -78,7 +82,7 @@ async def test_to_reload_the_site_takes_the_role_administer(tmp_path: Path, peop
     chief = Person(name="Grace", role="administer", token="env:CHIEF")
     async with (
         served(tmp_path, people=(*people, chief)) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False) as client,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
     ):
         for token, may in ((READER, "read"), (LEADER, "acknowledge")):
             refused = await client.post("/site/reload", headers=bearer(token))
@@ -96,7 +100,7 @@ async def test_other_people_hold_at_once_and_end_the_sessions_of_those_who_went(
 ) -> None:
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False) as browser,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as browser,
     ):
         await browser.post("/login", data={"token": READER})
         assert (await browser.get("/advisories")).status_code == 200
@@ -110,7 +114,7 @@ async def test_a_changed_token_ends_the_sessions_and_streams_that_the_old_one_op
 ) -> None:
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False) as browser,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as browser,
         connect(face.stream(), additional_headers=bearer(READER)) as stolen,
         connect(face.stream(), additional_headers=bearer(LEADER)) as kept,
     ):
@@ -142,7 +146,10 @@ async def until_subscribed(face: Served, count: int) -> None:
 
 async def test_a_name_that_somebody_made_mean_this_machine_opens_nothing(tmp_path: Path) -> None:
     """DNS rebinding: the page's own origin, and the name that it was loaded by, are the same."""
-    async with served(tmp_path) as face, httpx.AsyncClient(base_url=face.http, trust_env=False) as client:
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
         port = face.address.rpartition(":")[2]
         rebound = {"host": f"elsewhere.example:{port}", "origin": f"http://elsewhere.example:{port}"}
         refused = await client.get("/advisories", headers=rebound)
@@ -154,7 +161,7 @@ async def test_a_name_that_somebody_made_mean_this_machine_opens_nothing(tmp_pat
 async def test_reading_is_not_answering(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False) as client,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
     ):
         refused = await client.post("/advisories/advisory-1/any", headers=bearer(READER))
         assert (refused.status_code, "takes the role acknowledge" in refused.text) == (403, True)
@@ -168,7 +175,10 @@ async def test_reading_is_not_answering(tmp_path: Path, people: tuple[Person, ..
 
 
 async def test_a_page_of_another_site_is_refused_even_where_everybody_is_let_in(tmp_path: Path) -> None:
-    async with served(tmp_path) as face, httpx.AsyncClient(base_url=face.http, trust_env=False) as client:
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
         assert (await client.get("/advisories", headers={"origin": "https://elsewhere.example"})).status_code == 403
         assert (await client.get("/advisories", headers={"origin": face.http})).status_code == 200
         with pytest.raises(InvalidStatus):

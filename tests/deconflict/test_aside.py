@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from deconflict.aside import AsideError, once
+from tests.patience import PATIENCE_S
 
 LARGE = bytes(10_000_000)
 """More than a pipe holds."""
@@ -25,7 +26,7 @@ class Awaited:
 
 
 def found(path: Path) -> str:
-    until_s = time.monotonic() + 60
+    until_s = time.monotonic() + PATIENCE_S
     while not path.exists():
         if time.monotonic() > until_s:
             raise TimeoutError(path)

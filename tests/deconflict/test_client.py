@@ -20,6 +20,7 @@ from deconflict.site import Person
 from ingest.settings import Tls
 from tests.deconflict.made_advisories import cleared, made
 from tests.deconflict.served_face import Served, served
+from tests.patience import PATIENCE_S
 
 
 def client(service: Served, token: str | None = None) -> Client:
@@ -28,7 +29,7 @@ def client(service: Served, token: str | None = None) -> Client:
 
 async def first(one: Client, after: int, count: int) -> list[AnyAdvisory]:
     told: list[AnyAdvisory] = []
-    async with asyncio.timeout(20), aclosing(one.follow(after)) as following:
+    async with asyncio.timeout(PATIENCE_S), aclosing(one.follow(after)) as following:
         async for advisory in following:
             told.append(advisory)
             if len(told) == count:
@@ -83,7 +84,7 @@ async def test_a_stream_that_is_lost_is_resumed(tmp_path: Path) -> None:
     for last in (2, 4):
         async with served(tmp_path, at=address) as service:
             await service.publish(made(last), cleared(last))
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(PATIENCE_S):
                 while told[-1:] != [last]:
                     await asyncio.sleep(0.01)
     following.cancel()

@@ -6,6 +6,7 @@ from pathlib import Path
 from deconflict.demo import demo_site
 from deconflict.site import load, problems
 from tests.deconflict.test_supervisor import free_ports
+from tests.patience import PATIENCE_S
 
 
 def test_the_bundled_site_is_sound() -> None:
@@ -19,7 +20,7 @@ def test_the_demo_ends_by_itself_and_tells_what_happened(tmp_path: Path) -> None
     robots, operator = free_ports(2)
     command = [sys.executable, "-m", "deconflict", "demo", "--seconds", "20", "--data", str(tmp_path)]
     ports = ["--robots-port", str(robots), "--operator-port", str(operator)]
-    done = subprocess.run([*command, *ports], capture_output=True, text=True, timeout=90, check=False)
+    done = subprocess.run([*command, *ports], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     told = json.loads(done.stdout.splitlines()[-1])

@@ -11,16 +11,18 @@ from typing import Any
 import pytest
 
 from deconflict.advisory import AnyAdvisory
+from deconflict.blackbox.order import Span
+from deconflict.blackbox.told import told_in
 from deconflict.publisher import Publisher
-from deconflict.rows import between
 from deconflict.store import Store, StoreError
 from ingest.measures import Measures
 from ingest.playback import Reader, Tick
 from tests.deconflict.made_advisories import ROBOTS, START, cleared, deadlock, made
 from tests.deconflict.made_disks import disk_of, fill, mount
 from tests.deconflict.test_service import CROSSING, Running, drive, running
+from tests.patience import PATIENCE_S
 
-SPAN_S = START.timestamp() + 60, START.timestamp() + 180
+SPAN = Span(START.timestamp(), START.timestamp() + 60, START.timestamp() + 60, START.timestamp() + 180)
 READS: dict[str, Callable[[Store], Any]] = {
     "latest": lambda store: store.latest("all"),
     "two of it": lambda store: store.latest("all", limit=2),
@@ -33,7 +35,7 @@ READS: dict[str, Callable[[Store], Any]] = {
     "all after": lambda store: store.after(0, -1),
     "one": lambda store: store.get("advisory-1"),
     "then": lambda store: store.open_at(START.timestamp() + 130),
-    "between": lambda store: [*between(store.path, *SPAN_S), *store.waiting(*SPAN_S)],
+    "in a span": lambda store: told_in(store.path, store.waiting(SPAN.until_s), SPAN),
     "raised": lambda store: store.raised(START.timestamp(), START.timestamp() + 130),
     "last": Store.last_seq,
     "encounters": Store.encounters,
@@ -85,7 +87,7 @@ async def test_a_disk_that_stalls_delays_nobody_and_loses_nothing(tmp_path: Path
     assert [one.seq for one in store.open()] == [3, 2, 1]
     holding.execute("COMMIT")
     holding.close()
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(PATIENCE_S):
         while store.unstored:
             await publisher.settle()
     assert publisher.failing is None
@@ -156,7 +158,7 @@ async def test_a_full_disk_silences_nobody_is_told_of_and_is_made_good_when_ther
         await service.until("/healthz", lambda health: health["status"] == "ok")
         assert await measured(service, "deconflict_store_unstored") == 0
         resumed_s = time.time()
-        await asyncio.wait_for(drive(service.robots_url, CROSSING, 6.0, resumed_s), 20)
+        await asyncio.wait_for(drive(service.robots_url, CROSSING, 6.0, resumed_s), PATIENCE_S)
     store = Store(small_disk)
     kept = [one for one in store.after(0, -1) if one.id == told["advisories"][0]["id"]]
     assert [one.revision for one in kept] == list(range(1, len(kept) + 1))
@@ -179,7 +181,7 @@ async def test_a_log_on_a_read_only_disk_is_told_of_and_recording_resumes(
             assert await measured(service, "deconflict_recorded_lines_dropped_total") > 0
             assert "Read-only file system" in caplog.text
             await asyncio.to_thread(subprocess.run, ["mount", "-o", "remount,rw", str(log)], check=True)
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(PATIENCE_S):
                 while not any(file.stat().st_size for file in log.iterdir()):
                     await asyncio.sleep(0.1)
             driving.cancel()

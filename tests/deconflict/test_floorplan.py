@@ -11,6 +11,7 @@ from deconflict.service import in_one_process
 from deconflict.site import Site, load, problems
 from metrics.exposition import render
 from tests.deconflict.made_site import HALL, MARKS, put, sound, written
+from tests.patience import PATIENCE_S
 
 HIGH_PX = 1000.0
 
@@ -98,7 +99,7 @@ async def test_the_image_lies_under_the_map_the_right_way_up(tmp_path: Path) -> 
     playwright = pytest.importorskip("playwright.async_api", reason="playwright drives the browser")
     async with in_one_process(quarters(tmp_path), tmp_path / "data", render) as (_, operator):
         address = f"http://127.0.0.1:{operator.port}"
-        async with httpx.AsyncClient(base_url=address) as client:
+        async with httpx.AsyncClient(base_url=address, timeout=PATIENCE_S) as client:
             floors = (await client.get("/site")).json()["floors"]
             plan = next(one["plan"] for one in floors if one["id"] == HALL)
             image = await client.get(plan["image"])
@@ -109,7 +110,7 @@ async def test_the_image_lies_under_the_map_the_right_way_up(tmp_path: Path) -> 
             browser = await play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
             page = await browser.new_page()
             await page.goto(address)
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(PATIENCE_S):
                 while len(middles := await page.evaluate(MIDDLES)) < 4:
                     await asyncio.sleep(0.1)
             await browser.close()

@@ -21,6 +21,7 @@ from ingest.fleet import MOST_UNKNOWN
 from ingest.settings import Datum, Reading, Receiver, Vendor
 from metrics.exposition import render
 from tests.deconflict.test_service import CROSSING, Running, drive
+from tests.patience import PATIENCE_S
 from tests.saying import HALL, identity, points, robot, status
 
 SITE = Site(
@@ -252,7 +253,7 @@ def uncounted(text: str) -> set[str]:
 
 
 async def first_advisory(service: Running, kind: str, vendor: str = "Alder") -> Any:
-    async with connect(f"ws://{service.face}/advisories/stream?after=0") as stream, asyncio.timeout(30):
+    async with connect(f"ws://{service.face}/advisories/stream?after=0") as stream, asyncio.timeout(PATIENCE_S):
         while True:
             told = ADVISORY.validate_json(await stream.recv())
             if told.kind == kind and vendor in told.vendors:

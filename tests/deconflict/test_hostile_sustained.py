@@ -21,11 +21,12 @@ from tests.deconflict.made_site import toml
 from tests.deconflict.role_processes import children
 from tests.deconflict.test_hostile import ABUSES
 from tests.deconflict.test_supervisor import Served, healthy
+from tests.patience import PATIENCE_S
 from tests.saying import HALL, identity, points, robot, status
 
 PAIRS, PAIRS_OF_A_FLEET = 50, 5
 MEET_AFTER_S = 14.0
-LASTS_S, LONGEST_S = 12.0, 90.0
+LASTS_S = 12.0
 """How long everything goes on at least, and how long anything is waited for."""
 MOST_MB = {"receiver": 400, "engine": 700, "operator": 400}
 """At any moment; without anybody hostile they have some 130, 300 and 150."""
@@ -97,7 +98,7 @@ async def all_told(service: Served) -> None:
     """Until every pair was warned of, from the stream's beginning on."""
     missing = {pair(number) for number in range(PAIRS)}
     async with (
-        asyncio.timeout(LONGEST_S),
+        asyncio.timeout(PATIENCE_S),
         connect(f"ws://127.0.0.1:{service.operator_port}/advisories/stream?after=0") as stream,
     ):
         async for message in stream:
@@ -108,7 +109,7 @@ async def all_told(service: Served) -> None:
 
 async def counted(service: Served, vendor: str) -> Counter[str]:
     """Messages of a vendor by what became of them."""
-    async with httpx.AsyncClient(timeout=20) as client:
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
         text = (await client.get(f"{service.face_url}/metrics")).text
     found = Counter[str]()
     for line in text.splitlines():
@@ -146,7 +147,7 @@ async def test_a_hundred_honest_robots_lose_nothing_while_everything_hostile_goe
             finally:
                 stop.set()
         sent = sum(await asyncio.gather(*fleets))
-        async with asyncio.timeout(LONGEST_S):
+        async with asyncio.timeout(PATIENCE_S):
             while sum((became := await counted(service, "Alder")).values()) < sent:
                 await asyncio.sleep(0.2)
         assert sum(became.values()) == sent
@@ -159,7 +160,7 @@ async def test_a_hundred_honest_robots_lose_nothing_while_everything_hostile_goe
         assert children(pid) == roles, "somebody died"
         peaks = {role: peak_mb(one) for role, one in roles.items()}
         assert {role: mb for role, mb in peaks.items() if mb > MOST_MB[role]} == {}
-        async with asyncio.timeout(LONGEST_S):
+        async with asyncio.timeout(PATIENCE_S):
             while any(files(one) > quiet[role] + 10 for role, one in roles.items()):
                 await asyncio.sleep(0.2)
         await service.until("/healthz", healthy)

@@ -12,6 +12,7 @@ from deconflict.learned_file import FILE_NAME
 from deconflict.site import Site
 from tests.deconflict.foresight.test_foresight import Stage, Walk
 from tests.deconflict.test_service import drive, running
+from tests.patience import PATIENCE_S
 
 
 def test_an_engine_that_goes_on_foretells_as_one_that_never_stopped() -> None:
@@ -59,7 +60,7 @@ async def test_an_engine_that_is_killed_loses_a_minute_of_learning_at_most(
     monkeypatch.setattr("deconflict.roles.engine.LEARNED_EVERY_S", 0.2)
     async with running(tmp_path) as service:
         await drive(service.robots_url, {"A-1": lambda t: (0.8 * t, 0.0, 0.0)}, 4)
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE_S):
             while not (kept := _kept(tmp_path)):
                 await asyncio.sleep(0.05)
     assert kept == [["Alder", "A1", 1]]

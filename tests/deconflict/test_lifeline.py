@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from deconflict.lifeline import LONG_S, SILENT_S, Watching
+from tests.patience import PATIENCE_S
 
 ROLE = """
 from deconflict.lifeline import Lifeline
@@ -66,7 +67,7 @@ def test_a_role_is_heard_and_ends_with_its_supervisor(watching: Watching) -> Non
         assert 5 < hung_after_s(watching, 0.0) <= 6
         assert role.poll() is None
         watching.close()
-        assert role.wait(60) == 7
+        assert role.wait(PATIENCE_S) == 7
 
 
 def test_a_role_ends_with_a_supervisor_that_has_not_heard_its_last_word(watching: Watching) -> None:
@@ -74,14 +75,14 @@ def test_a_role_ends_with_a_supervisor_that_has_not_heard_its_last_word(watching
         assert role.stdout
         assert role.stdout.readline()
         watching.close()
-        assert role.wait(60) == 7
+        assert role.wait(PATIENCE_S) == 7
 
 
 def test_a_role_never_waits_for_a_supervisor_that_does_not_listen(watching: Watching) -> None:
     with process_of(watching, "for _ in range(100_000): line.goes_on()\nsys.exit(3)") as role:
-        assert role.wait(60) == 3
+        assert role.wait(PATIENCE_S) == 3
 
 
 def test_a_role_without_a_supervisor_speaks_to_nobody() -> None:
     command = [sys.executable, "-c", ROLE.format(then="line.goes_on()")]
-    assert subprocess.run(command, stdin=subprocess.DEVNULL, timeout=60, check=False).returncode == 7
+    assert subprocess.run(command, stdin=subprocess.DEVNULL, timeout=PATIENCE_S, check=False).returncode == 7

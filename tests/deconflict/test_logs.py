@@ -11,6 +11,7 @@ import pytest
 from deconflict import logs
 from deconflict.logs import HIDDEN, MOST_ALIKE, WITHIN_S, hidden
 from ingest import stamps
+from tests.patience import PATIENCE_S
 from tests.saying import identity
 
 
@@ -103,7 +104,7 @@ def test_every_process_of_the_service_logs_as_it_was_told_to(tmp_path: Path) -> 
         assert service.stderr
         supervisors, roles = (json.loads(service.stderr.readline()) for _ in range(2))
         service.terminate()
-        service.communicate(timeout=30)
+        service.communicate(timeout=PATIENCE_S)
     assert supervisors["process"] == service.pid
     assert supervisors["said"].startswith("no site file")
     assert (roles["logger"], roles["process"] != service.pid) == ("deconflict.roles.receiver", True)

@@ -14,6 +14,7 @@ from websockets.asyncio.client import connect
 from deconflict import stream
 from tests.deconflict.made_advisories import ROBOTS, cleared, made
 from tests.deconflict.served_face import ROBOT_DOCUMENTS, Served, served, until
+from tests.patience import PATIENCE_S
 
 API_PAGE = Path(__file__).parents[2] / "docs" / "api.md"
 
@@ -26,7 +27,7 @@ async def face(tmp_path: Path) -> AsyncIterator[Served]:
 
 @pytest.fixture
 async def client(face: Served) -> AsyncIterator[httpx.AsyncClient]:
-    async with httpx.AsyncClient(base_url=face.http) as one:
+    async with httpx.AsyncClient(base_url=face.http, timeout=PATIENCE_S) as one:
         yield one
 
 
@@ -243,7 +244,7 @@ async def test_who_asks_for_nothing_is_ended_and_who_follows_is_not(
         for said in (b"", b"GET /heal", begun, begun + b"\r\n" + begun, torn):
             reader, writer = await asyncio.open_connection(host, int(port))
             writer.write(said)
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(PATIENCE_S):
                 with suppress(ConnectionResetError):
                     await reader.read()
             writer.close()
@@ -260,14 +261,14 @@ async def test_no_more_are_taken_than_there_are_files_for(tmp_path: Path) -> Non
             _, idle = await asyncio.open_connection(host, int(port))
             await until(lambda: face.connections() == 3)
             reader, writer = await asyncio.open_connection(host, int(port))
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(PATIENCE_S):
                 with suppress(ConnectionResetError):
                     assert await reader.read() == b""
             assert refused(face, "face-full") == 1
             for one in (writer, idle):
                 one.close()
             await until(lambda: face.connections() == 2)
-            async with httpx.AsyncClient(trust_env=False) as client:
+            async with httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
                 assert (await client.get(f"{face.http}/healthz")).status_code == 200
 
 

@@ -17,6 +17,7 @@ from websockets.sync.client import connect
 
 from deconflict.demo import demo_site
 from tests.deconflict.role_processes import children
+from tests.patience import PATIENCE_S
 from tests.saying import identity, status
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ CHROMIUM = shutil.which("chromium")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is the browser that the page is looked at with")
 
 PICTURES = Path(__file__).parents[2] / "build" / "page"
-PATIENCE_MS = 30_000
+PATIENCE_MS = 1000 * PATIENCE_S
 
 
 class Service:
@@ -58,7 +59,7 @@ class Service:
     def stop(self, command: str) -> None:
         process = self._running.pop(command)
         process.send_signal(signal.SIGINT)
-        process.wait(20)
+        process.wait(PATIENCE_S)
 
     def stop_all(self) -> None:
         for command in reversed(list(self._running)):
@@ -128,7 +129,7 @@ def arrive(page: "Page", service: Service) -> None:
 
 def until(page: "Page", condition: str) -> None:
     """Wait for a condition in the page, asked from outside: the page's own policy forbids to evaluate text in it."""
-    for _ in range(PATIENCE_MS // 50):
+    for _ in range(int(PATIENCE_MS / 50)):
         if page.evaluate(condition):
             return
         page.wait_for_timeout(50)

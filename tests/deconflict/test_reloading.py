@@ -22,6 +22,7 @@ from ingest.settings import Receiver, Vendor
 from tests.deconflict.made_site import toml
 from tests.deconflict.outlets.made_outlets import SECRET, hearing
 from tests.deconflict.test_supervisor import Served, healthy
+from tests.patience import PATIENCE_S
 from tests.saying import HALL, identity, robot, status
 
 DOCS = Path(__file__).parents[2] / "docs" / "operation.md"
@@ -113,14 +114,14 @@ async def placed(service: Served, x: float) -> None:
 
 
 async def reloaded(service: Served) -> tuple[int, dict[str, Any]]:
-    async with httpx.AsyncClient(timeout=20) as client:
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
         answer = await client.post(f"{service.face_url}/site/reload")
         return answer.status_code, answer.json()
 
 
 async def reloads(service: Served) -> dict[str, float]:
     """By result, as Prometheus reads it."""
-    async with httpx.AsyncClient(timeout=20) as client:
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
         text = (await client.get(f"{service.face_url}/metrics")).text
     rows = [line for line in text.splitlines() if line.startswith("deconflict_site_reloads_total{")]
     return {row.split('"')[1]: float(row.split()[-1]) for row in rows}
@@ -185,7 +186,7 @@ async def test_limits_and_outlets_hold_at_once_with_every_connection_open(tmp_pa
                 toml(told("Alder", "Basalt", receiver=limits, webhooks=[hook], recorder={"keep_days": 2.0}))
             )
             os.kill(pid, signal.SIGHUP)
-            async with asyncio.timeout(60):
+            async with asyncio.timeout(PATIENCE_S):
                 while not other.heard or not await shed(service, "Alder"):
                     for _ in range(10):
                         await alder.send(status("A-9", time.time(), 40.0))
@@ -197,7 +198,7 @@ async def test_limits_and_outlets_hold_at_once_with_every_connection_open(tmp_pa
 
 async def shed(service: Served, vendor: str) -> float:
     """Messages of a vendor that were shed, as Prometheus reads it."""
-    async with httpx.AsyncClient(timeout=20) as client:
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
         text = (await client.get(f"{service.face_url}/metrics")).text
     rows = [line for line in text.splitlines() if line.startswith("deconflict_messages_shed_total{") and vendor in line]
     return sum(float(row.split()[-1]) for row in rows)
@@ -205,7 +206,7 @@ async def shed(service: Served, vendor: str) -> float:
 
 async def ended(socket: ClientConnection, reason: str) -> None:
     with pytest.raises(ConnectionClosed, match=reason):
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE_S):
             await socket.recv()
 
 

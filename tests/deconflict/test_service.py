@@ -26,6 +26,7 @@ from ingest.playback import Reader, Tick
 from ingest.settings import Datum, Receiver, Vendor
 from metrics.exposition import combine, render
 from tests.deconflict.replayed import replayed
+from tests.patience import PATIENCE_S
 from tests.saying import HALL, identity, points, status
 
 SITE = Site(
@@ -51,12 +52,12 @@ class Running:
         self.face = f"127.0.0.1:{operator.port}"
 
     async def get(self, path: str) -> httpx.Response:
-        async with httpx.AsyncClient() as client:
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
             return await client.get(f"http://{self.face}{path}")
 
     async def until(self, path: str, wanted: Callable[[Any], bool]) -> Any:
         """The answer at `path` once it is as wanted."""
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE_S):
             while True:
                 answer = await self.get(path)
                 if answer.status_code == 200 and wanted(answer.json()):
@@ -65,7 +66,7 @@ class Running:
 
     async def metrics_with(self, name: str) -> str:
         """The scrape once it has a series that begins so."""
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE_S):
             while f"\n{name}" not in (text := (await self.get("/metrics")).text):
                 await asyncio.sleep(0.05)
         return text
@@ -96,7 +97,7 @@ async def test_robots_that_cross_are_told_of_from_raised_to_cleared(tmp_path: Pa
     async with running(tmp_path) as service, connect(f"ws://{service.face}/advisories/stream?after=0") as stream:
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
         told = []
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE_S):
             async for message in stream:
                 told.append(ADVISORY.validate_json(message))
                 if told[-1].state is AdvisoryState.CLEARED:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import platform
 import signal
 import socket
 import subprocess
@@ -21,6 +22,7 @@ from deconflict.lifeline import LONG_S
 from deconflict.supervisor import STEADY_S, Watched
 from tests.deconflict.role_processes import children
 from tests.deconflict.test_service import Course, drive
+from tests.patience import PATIENCE_S
 
 MEETING: dict[str, Course] = {"A-1": lambda t: (-30.0 + t, 0.0, 0.0), "B-1": lambda t: (30.0 - t, 0.0, pi)}
 """Head-on after thirty seconds."""
@@ -52,7 +54,7 @@ class Served:
                 yield process.pid
             finally:
                 process.send_signal(signal.SIGTERM)
-                process.wait(60)
+                process.wait(PATIENCE_S)
 
     @property
     def face_url(self) -> str:
@@ -62,9 +64,9 @@ class Served:
     def robots_url(self) -> str:
         return f"ws://127.0.0.1:{self.robots_port}"
 
-    async def until(self, path: str, wanted: Any, within_s: float = 90.0) -> Any:
+    async def until(self, path: str, wanted: Any, within_s: float = PATIENCE_S) -> Any:
         """The JSON at `path` once it is as wanted, whatever the status."""
-        async with httpx.AsyncClient() as client, asyncio.timeout(within_s):
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(within_s):
             while True:
                 try:
                     answer = (await client.get(f"http://127.0.0.1:{self.operator_port}{path}")).json()
@@ -114,13 +116,47 @@ def test_a_role_is_restarted_at_once_and_ever_more_slowly_where_it_keeps_dying()
         if role.process is None:
             role.ensure(now_s)
         assert role.process
-        role.process.wait(20)
+        role.process.wait(PATIENCE_S)
         now_s += ran_for_s
         role.ensure(now_s)
         waits_s.append(role.due_s - now_s)
         now_s = role.due_s
     role.stop()
     assert waits_s == pytest.approx([0.0, 0.2, 0.4, 0.0, 0.2])
+
+
+THREADED = """
+import ctypes, sys, threading
+libc, together = ctypes.CDLL(None), threading.Barrier(12)
+libc.fopen.restype = ctypes.c_void_p
+def work():
+    together.wait(60)
+    kept = [bytes(1000 + n) for n in range(2000)]
+    together.wait(60)
+threads = [threading.Thread(target=work) for _ in range(12)]
+for one in threads: one.start()
+for one in threads: one.join()
+file = ctypes.c_void_p(libc.fopen(sys.argv[1].encode(), b"w"))
+libc.malloc_info(0, file)
+libc.fclose(file)
+"""
+"""Many threads that need memory at the same time, and then how many heaps there are."""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another malloc")
+def test_the_threads_of_a_role_share_a_heap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def heaps() -> int:
+        role = Watched("engine", [sys.executable, "-c", THREADED, str(tmp_path / "heaps")])
+        role.ensure(0.0)
+        assert role.process
+        assert role.process.wait(PATIENCE_S) == 0
+        role.stop()
+        return (tmp_path / "heaps").read_text().count("<heap nr=")
+
+    monkeypatch.delenv("MALLOC_ARENA_MAX", raising=False)
+    assert heaps() == 2
+    monkeypatch.setenv("MALLOC_ARENA_MAX", "1")
+    assert heaps() == 1, "who sets it is heard"
 
 
 def test_a_role_that_hangs_is_killed_and_restarted() -> None:
@@ -174,7 +210,7 @@ async def test_a_service_that_is_killed_loses_no_stored_advisory_and_leaves_no_p
             orphans = children(pid)
             os.kill(pid, signal.SIGKILL)
             os.kill(orphans["operator"], signal.SIGKILL)
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(PATIENCE_S):
         while any(Path(f"/proc/{one}/cmdline").exists() and _is_role(one) for one in orphans.values()):
             await asyncio.sleep(0.05)
     with service.running():

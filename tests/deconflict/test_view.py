@@ -1,6 +1,7 @@
 import asyncio
 import json
 import re
+import threading
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from datetime import timedelta
@@ -18,6 +19,7 @@ from ingest.connection import Connection
 from ingest.measures import Measures
 from tests.deconflict.made_advisories import START, cleared, made
 from tests.deconflict.served_face import Served, served, stuck_subscriber, until
+from tests.patience import PATIENCE_S
 from tests.saying import robot, status
 
 NOW_S = 1_792_000_000.0
@@ -32,7 +34,7 @@ async def face(tmp_path: Path) -> AsyncIterator[Served]:
 
 @pytest.fixture
 async def client(face: Served) -> AsyncIterator[httpx.AsyncClient]:
-    async with httpx.AsyncClient(base_url=face.http, trust_env=False) as one:
+    async with httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as one:
         yield one
 
 
@@ -86,6 +88,24 @@ async def test_the_past_has_the_advisories_that_were_open_then(face: Served, cli
     assert (await client.get(f"/past?at_s={at_s}")).status_code == 503
 
 
+async def test_a_long_look_back_keeps_nobody_waiting(face: Served, client: httpx.AsyncClient) -> None:
+    await face.publish(*(made(number) for number in range(1, 101)))
+    began, goes_on = threading.Event(), threading.Event()
+
+    def slow() -> bool:
+        began.set()
+        return not goes_on.wait(PATIENCE_S)
+
+    face.store._looker_back.set_progress_handler(slow, 100)  # as an hour of revisions is: long
+    looking = asyncio.create_task(client.get(f"/past?at_s={(START + timedelta(minutes=90)).timestamp()}"))
+    await until(began.is_set)
+    await face.publish(made(101))
+    assert (await client.get("/advisories")).json()["seq"] == 101
+    assert not looking.done()
+    goes_on.set()
+    assert len((await looking).json()["advisories"]) == 61
+
+
 async def test_a_page_is_sent_the_floor_and_then_what_changes(face: Served) -> None:
     fleet = fleet_of(Site(), Measures())
     fleet.receive(status("A-1", NOW_S), NOW_S, Connection(1))
@@ -120,7 +140,7 @@ async def test_a_page_that_reads_nothing_is_dropped_and_delays_nobody(tmp_path: 
                 step += 1
                 face.sources.whole = batch = replace(fleet.whole(NOW_S), now_s=NOW_S + step)
                 face.sources.recent.add(NOW_S + step, batch.to_bytes())
-                async with asyncio.timeout(10):
+                async with asyncio.timeout(PATIENCE_S):
                     while json.loads(await page.recv())["floor"]["now_s"] < NOW_S + step:
                         pass
             assert step > 1

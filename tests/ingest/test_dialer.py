@@ -12,6 +12,7 @@ from ingest.dialer import STEADY_S, Dialer
 from ingest.measures import Measures
 from ingest.receiver import Receiver
 from ingest.settings import Receiver as Settings
+from tests.patience import PATIENCE_S
 
 
 class Clock:
@@ -51,7 +52,7 @@ class Dialled:
         """Dial until so many messages have come."""
         task = asyncio.create_task(self.dialer.run())
         try:
-            async with asyncio.timeout(10):
+            async with asyncio.timeout(PATIENCE_S):
                 while len(self.delivered) < messages and not task.done():
                     await asyncio.sleep(0.005)
         finally:
@@ -93,7 +94,7 @@ async def test_a_fleet_manager_that_comes_late_is_reached_and_its_absence_told_o
         port = port_of(server)
     one = Dialled(f"ws://127.0.0.1:{port}")
     dialling = asyncio.create_task(one.until(1))
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(PATIENCE_S):
         while one.dialer.failures < 3:
             await asyncio.sleep(0.005)
     assert one.delivered == []
@@ -135,7 +136,7 @@ async def test_a_message_that_breaks_the_reader_does_not_end_the_dialling(caplog
 
 async def test_an_address_that_is_none_is_given_up_with_a_word(caplog: pytest.LogCaptureFixture) -> None:
     one = Dialled("http://fleet.example")
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(PATIENCE_S):
         await one.dialer.run()
     assert "mend the dial address of Alder" in caplog.text
 

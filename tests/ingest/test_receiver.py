@@ -22,6 +22,7 @@ from ingest.measures import Measures
 from ingest.receiver import Receiver
 from ingest.settings import Receiver as Settings
 from ingest.settings import Vendor
+from tests.patience import PATIENCE_S
 from tests.saying import status
 
 REFUSED = "deconflict_connections_refused_total"
@@ -79,7 +80,7 @@ async def floor(vendors: tuple[Vendor, ...] = (), **settings: Any) -> AsyncItera
 
 
 async def until(true: Callable[[], object]) -> None:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(PATIENCE_S):
         while not true():
             await asyncio.sleep(0.005)
 
@@ -183,7 +184,7 @@ async def test_the_path_tells_the_vendor(path: str, vendor: str | None) -> None:
 
 
 async def test_health_is_answered_over_plain_http() -> None:
-    async with floor() as one, httpx.AsyncClient(trust_env=False) as client:
+    async with floor() as one, httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
         answer = await client.get(one.url.replace("ws", "http") + "/healthz")
         assert (answer.status_code, answer.text) == (200, "ok\n")
         assert one.connections == 0
@@ -251,7 +252,7 @@ async def test_beyond_the_limit_a_connection_is_refused_until_another_ends() -> 
 async def test_a_peer_that_never_shakes_hands_is_let_go() -> None:
     async with floor(open_timeout_s=0.1) as one:
         reader, writer = await asyncio.open_connection("127.0.0.1", one.receiver.port)
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE_S):
             assert await reader.read() == b""
         assert one.connections == 0
         writer.close()
@@ -273,7 +274,7 @@ async def test_a_peer_that_answers_nothing_can_not_hold_up_the_closing(monkeypat
     async with floor() as one:
         talkers = [await raw_client(one.receiver.port) for _ in range(2)]
         talkers[0][1].write(b"\xf3\x01 no frame")
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE_S):
             assert await talkers[0][0].read(1)
             await one.receiver.close()
         assert one.connections == 0
@@ -320,16 +321,16 @@ def test_more_connections_than_files_are_turned_away_and_do_not_fill_the_log() -
         address = ("127.0.0.1", int(service.stdout.readline()))
         robots = []
         for i in range(200):
-            robots.append(opened.enter_context(socket.create_connection(address, timeout=10)))
+            robots.append(opened.enter_context(socket.create_connection(address, timeout=PATIENCE_S)))
             if i < 120:
                 robots[i].sendall(HANDSHAKE)
                 assert b" 101 " in robots[i].recv(4096)
         for _ in range(300):
-            with socket.create_connection(address, timeout=10) as refused, suppress(ConnectionResetError):
+            with socket.create_connection(address, timeout=PATIENCE_S) as refused, suppress(ConnectionResetError):
                 assert refused.recv(1) == b""
         for robot in robots:
             robot.close()
-        out, err = service.communicate("done\n", timeout=20)
+        out, err = service.communicate("done\n", timeout=PATIENCE_S)
     assert int(out) == 300
     (told,) = err.splitlines()
     assert "at most 120 connections, because 320 files may be open" in told

@@ -16,6 +16,7 @@ from deconflict.blackbox.start import BoxError, head_of
 from ingest.playback import lines_of
 from metrics.blackbox import verify
 from tests.deconflict.blackbox.made_floor import Floor, crossing, lived
+from tests.patience import PATIENCE_S
 
 
 @pytest.fixture(scope="module")
@@ -132,5 +133,9 @@ def unlinked(line: bytes) -> bytes:
 
 def deconflict(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "deconflict", *arguments], capture_output=True, text=True, check=False, timeout=120
+        [sys.executable, "-m", "deconflict", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE_S,
     )

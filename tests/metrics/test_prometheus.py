@@ -20,11 +20,11 @@ from metrics.dashboards import dashboards
 from metrics.exposition import render
 from metrics.rules import RECORDED, rules_file
 from tests.deconflict.test_supervisor import free_ports
+from tests.patience import PATIENCE_S
 
 pytestmark = pytest.mark.skipif(not shutil.which("prometheus"), reason="prometheus is not installed")
 
 ROBOTS = 24
-WITHIN_S = 90.0
 WINDOWS = {"$__rate_interval": "30s"}
 
 
@@ -60,7 +60,7 @@ async def prometheus(folder: Path, target: str) -> AsyncIterator[httpx.AsyncClie
             stderr=log,
         )
         try:
-            async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=20) as client:
+            async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client:
                 await ready(client)
                 yield client
         finally:
@@ -69,7 +69,7 @@ async def prometheus(folder: Path, target: str) -> AsyncIterator[httpx.AsyncClie
 
 
 async def ready(client: httpx.AsyncClient) -> None:
-    async with asyncio.timeout(WITHIN_S):
+    async with asyncio.timeout(PATIENCE_S):
         while True:
             with suppress(httpx.TransportError):
                 if (await client.get("/-/ready")).is_success:
@@ -102,7 +102,7 @@ async def test_every_query_of_every_panel_and_rule_has_data_while_the_demo_runs(
         talking = asyncio.create_task(simulate(url, ROBOTS, None, 1, stop=asyncio.Event()))
         async with prometheus(tmp_path, f"127.0.0.1:{operator.port}") as client:
             try:
-                async with asyncio.timeout(WITHIN_S):
+                async with asyncio.timeout(PATIENCE_S):
                     while queries:
                         queries = await unanswered(client, queries)
                         await asyncio.sleep(0.5)
@@ -112,7 +112,7 @@ async def test_every_query_of_every_panel_and_rule_has_data_while_the_demo_runs(
                 talking.cancel()
             told = (await client.get("/api/v1/rules")).json()["data"]["groups"]
             assert [one["lastError"] for group in told for one in group["rules"] if one.get("lastError")] == []
-        async with httpx.AsyncClient() as face:
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as face:
             scrape = (await face.get(f"http://127.0.0.1:{operator.port}/metrics")).content
     checked = subprocess.run(["promtool", "check", "metrics"], input=scrape, capture_output=True, check=False)
     assert (checked.returncode, checked.stdout, checked.stderr) == (0, b"", b"")

@@ -16,6 +16,7 @@ from deconflict.demo import demo_site
 from deconflict.site import Site, load
 from ingest.playback import Reader
 from metrics import replay
+from tests.patience import PATIENCE_S
 
 pytest.importorskip("dask.distributed", reason="Dask is not installed: pip install '.[dask]'")
 
@@ -94,6 +95,6 @@ def test_a_worker_that_dies_on_the_way_changes_nothing(client: Client, log: Path
 
 def test_the_command_says_when_no_scheduler_answers(log: Path) -> None:
     command = [sys.executable, "-m", "deconflict", "replay", str(log), "--scheduler", "tcp://127.0.0.1:9"]
-    ran = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    ran = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert ran.returncode != 0
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in ran.stderr

@@ -18,6 +18,7 @@ from deconflict.life import PASSED, UNPREDICTED
 from ingest.measures import Measures
 from tests.deconflict.made_advisories import made
 from tests.deconflict.test_engine import NOW_S, SITE, Course, Floor, eastward, northward
+from tests.patience import PATIENCE_S
 from tests.saying import robot
 
 
@@ -142,7 +143,7 @@ def test_an_answer_that_is_late_holds_nothing_up_and_is_counted() -> None:
     free = Event()
 
     def slow(work: Callable[[], Recommendation]) -> Answer:
-        return pool.submit(lambda: (free.wait(30), work())[1])
+        return pool.submit(lambda: (free.wait(PATIENCE_S), work())[1])
 
     with ThreadPoolExecutor(1) as pool:
         floor = crossing()

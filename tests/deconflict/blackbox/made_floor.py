@@ -55,12 +55,12 @@ class Floor:
         begins_s = min(one.at_s for one in self.near) - settings.before_s - 15.0
         snapshot = next((one for one in reversed(self.snapshots) if one.at_s <= begins_s), None)
         span = Span.around(self.near, settings.before_s, settings.after_s, snapshot)
-        told = [one for one in self.decided if span.engine_s < one.updated_at.timestamp() <= span.until_s]
+        told = [one for one in self.decided if one.updated_at.timestamp() <= span.until_s]
         shelf = self.data / FOLDER
         shelf.mkdir(exist_ok=True)
         with closing(Store(self.data)) as store:
             store.append(told)
-        return Order(SITE, self.data / "log", shelf, tuple(self.near), span, snapshot, (), store.path, ())
+        return Order(SITE, self.data / "log", shelf, tuple(self.near), span, snapshot, store.path, ())
 
 
 def lived(data: Path, courses: dict[str, Course], seconds: int, sways_s: float = 0.0) -> Floor:

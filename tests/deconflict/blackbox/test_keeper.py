@@ -25,6 +25,7 @@ from tests.deconflict.blackbox.made_floor import TICK_S, Floor, crossing, lived
 from tests.deconflict.blackbox.test_shelf import put
 from tests.deconflict.served_face import until
 from tests.deconflict.test_service import SITE, Course, drive, running
+from tests.patience import PATIENCE_S
 
 SETTINGS = SITE.model_copy(update={"blackbox": BlackBox(before_s=2.0, after_s=3.0)})
 PASSING: dict[str, Course] = {
@@ -39,7 +40,7 @@ async def test_a_near_miss_is_kept_listed_fetched_and_proved(tmp_path: Path) -> 
 
     async with running(tmp_path / "data", SETTINGS) as service:
         driving = asyncio.create_task(drive(service.robots_url, PASSING, 14))
-        async with asyncio.timeout(40):
+        async with asyncio.timeout(PATIENCE_S):
             while not kept(answer := (await service.get("/blackboxes")).json()):
                 await asyncio.sleep(0.2)
         (box,) = answer["blackboxes"]
@@ -73,7 +74,7 @@ async def test_a_near_miss_noted_before_a_restart_is_judged_after_it_and_what_is
     assert old_file.exists()
     (tmp_path / FOLDER / PENDING).write_text(json.dumps([["a", "b", time.time() - 5.0]]))
     async with running(tmp_path, SETTINGS) as service, connect(service.robots_url):
-        async with asyncio.timeout(40):
+        async with asyncio.timeout(PATIENCE_S):
             while 'deconflict_blackboxes_total{outcome="unfounded"} 1.0' not in (await service.get("/metrics")).text:
                 await asyncio.sleep(0.2)
         assert (await service.get("/blackboxes")).json() == {"blackboxes": []}
@@ -134,7 +135,7 @@ async def keeping(data: Path, site: Site, floor: Floor) -> AsyncIterator[Measure
     keeper.note(floor.near)
     running = asyncio.create_task(keeper.run())
     try:
-        async with asyncio.timeout(90):
+        async with asyncio.timeout(PATIENCE_S):
             yield measures
     finally:
         running.cancel()
@@ -148,7 +149,7 @@ async def test_a_box_that_cannot_be_written_is_counted_and_stops_nothing(
     (tmp_path / FOLDER).write_text("a file where the directory belongs")
     async with running(tmp_path, SETTINGS) as service:
         driving = asyncio.create_task(drive(service.robots_url, PASSING, 14))
-        async with asyncio.timeout(40):
+        async with asyncio.timeout(PATIENCE_S):
             while 'deconflict_blackboxes_total{outcome="failed"} 1.0' not in (await service.get("/metrics")).text:
                 await asyncio.sleep(0.2)
         assert (await service.get("/healthz")).status_code == 200

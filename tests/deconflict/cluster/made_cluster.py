@@ -25,6 +25,7 @@ from deconflict.site import Operator, Site
 from ingest.settings import Receiver
 from metrics.exposition import render
 from tests.deconflict.test_supervisor import free_ports
+from tests.patience import PATIENCE_S
 
 SERVER = shutil.which("nats-server", path=os.environ.get("PATH", "") + os.pathsep + "/usr/sbin")
 needs_server = pytest.mark.skipif(SERVER is None, reason="needs nats-server, which Debian has as a package")
@@ -45,7 +46,7 @@ class Broker:
     def kill(self) -> None:
         """As a machine that loses its power."""
         self._process.kill()
-        self._process.wait(20)
+        self._process.wait(PATIENCE_S)
 
 
 class Machines:
@@ -88,7 +89,7 @@ class Machines:
                 process.stdin.close()
         for process in self._processes.values():
             try:
-                process.wait(15)
+                process.wait(PATIENCE_S)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()

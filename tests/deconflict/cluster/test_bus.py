@@ -24,6 +24,7 @@ from ingest.settings import Reading
 from tests.deconflict.cluster.made_cluster import Broker, needs_server, running
 from tests.deconflict.made_advisories import cleared, made
 from tests.deconflict.test_supervisor import free_ports
+from tests.patience import PATIENCE_S
 from tests.saying import HALL
 
 pytestmark = needs_server
@@ -86,7 +87,7 @@ async def test_a_role_ends_though_no_server_was_ever_there() -> None:
     opening = asyncio.create_task(connected(Bus(Cluster(nats=(f"nats://127.0.0.1:{port}",)), 1.0), stop))
     await asyncio.sleep(0.1)
     stop.set()
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(PATIENCE_S):
         assert not await opening
 
 
@@ -193,6 +194,6 @@ async def test_a_question_that_fails_or_is_given_up_leaves_nothing_behind(tmp_pa
 
 async def subscriptions(port: int) -> int:
     """Of the one connection, as the server says."""
-    async with httpx.AsyncClient() as client:
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
         answer = await client.get(f"http://127.0.0.1:{port}/connz")
     return int(answer.json()["connections"][0]["subscriptions"])

@@ -12,6 +12,7 @@ import httpx
 from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory
 from tests.deconflict.cluster.made_cluster import cluster, needs_server
 from tests.deconflict.test_service import Course, drive
+from tests.patience import PATIENCE_S
 
 PAIRS = 6
 pytestmark = needs_server
@@ -34,7 +35,7 @@ def crossings() -> tuple[dict[str, Course], dict[str, Course]]:
 
 async def until(base: str, path: str, wanted: Callable[[Any], bool]) -> Any:
     """The JSON at `path` once it is as wanted, whatever the status."""
-    async with httpx.AsyncClient(timeout=20) as client, asyncio.timeout(300):
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(300):
         while not wanted(answer := (await client.get(base + path)).json()):
             await asyncio.sleep(0.1)
         return answer
@@ -42,7 +43,7 @@ async def until(base: str, path: str, wanted: Callable[[Any], bool]) -> Any:
 
 async def lives(base: str) -> list[list[AnyAdvisory]]:
     """Every revision of each advisory, in order."""
-    async with httpx.AsyncClient() as client:
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
         listed = (await client.get(f"{base}/advisories?state=all&limit=1000")).json()["advisories"]
         told = [(await client.get(f"{base}/advisories/{each['id']}")).json()["advisories"] for each in listed]
     return [[ADVISORY.validate_python(each) for each in life] for life in told]
@@ -77,7 +78,7 @@ async def test_no_advisory_is_lost_or_doubled_where_an_engine_is_killed(tmp_path
                 AdvisoryState.CLEARED,
             ]
         assert sorted(each.seq for life in every for each in life) == list(range(1, whole["seq"] + 1))
-        async with httpx.AsyncClient(timeout=20) as client:
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
             answer = {"name": "Ada", "reason": "seen"}
             told = await client.post(f"{base}/advisories/{every[0][0].id}/acknowledgement", json=answer)
         assert (told.status_code, told.json()["seq"]) == (201, whole["seq"] + 1)

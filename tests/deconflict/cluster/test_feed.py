@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from deconflict.cluster.feed import until
+from tests.patience import PATIENCE_S
 
 
 async def test_a_chore_that_takes_one_cancellation_for_its_own_ends_all_the_same() -> None:
@@ -14,13 +15,13 @@ async def test_a_chore_that_takes_one_cancellation_for_its_own_ends_all_the_same
         nonlocal cancelled
         while cancelled < 2:
             try:
-                await asyncio.sleep(60)
+                await asyncio.sleep(3600)
             except asyncio.CancelledError:
                 cancelled += 1
 
     stop = asyncio.Event()
     stop.set()
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(PATIENCE_S):
         await until(stop, stubborn())
     assert cancelled == 2
 
@@ -30,8 +31,8 @@ async def test_a_chore_that_fails_ends_the_others_and_raises() -> None:
         raise ValueError("no more")
 
     async def waits() -> None:
-        await asyncio.sleep(60)
+        await asyncio.sleep(3600)
 
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(PATIENCE_S):
         with pytest.raises(ValueError, match="no more"):
             await until(asyncio.Event(), fails(), waits())

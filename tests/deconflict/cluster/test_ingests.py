@@ -12,6 +12,7 @@ from websockets.asyncio.client import connect
 from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server
 from tests.deconflict.cluster.test_cluster import until
 from tests.deconflict.test_service import drive
+from tests.patience import PATIENCE_S
 from tests.saying import robot
 
 pytestmark = needs_server
@@ -27,7 +28,7 @@ async def test_a_face_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
         listed = await until(base, "/robots", lambda told: {one["uuid"] for one in told.get("robots", ())} == both)
         assert {one["presence"] for one in listed["robots"]} == {"present"}
         await until(base, "/vendors", lambda told: [one["name"] for one in told["vendors"]] == ["Alder"])
-        async with httpx.AsyncClient(timeout=20) as client:
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
             assert "deconflict_messages_total" in (await client.get(f"{base}/metrics")).text
             one = await client.get(f"{base}/robots/{robot('B')}")
         assert one.json()["uuid"] == robot("B")

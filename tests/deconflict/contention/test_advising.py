@@ -11,6 +11,7 @@ from deconflict.advisory import AnyAdvisory, Recommendation
 from deconflict.contention.advising import MOST_SOLVED
 from deconflict.engine import Engine
 from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
+from tests.patience import PATIENCE_S
 
 
 def waits(_: float) -> str:
@@ -44,7 +45,7 @@ def test_an_answer_that_is_late_holds_no_look_up_and_is_told_when_it_is_there() 
     free = Event()
 
     def slow(work: Callable[[], Recommendation]) -> Answer:
-        return pool.submit(lambda: (free.wait(30), work())[1])
+        return pool.submit(lambda: (free.wait(PATIENCE_S), work())[1])
 
     with ThreadPoolExecutor(1) as pool:
         scene = queues()

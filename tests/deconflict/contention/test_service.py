@@ -19,6 +19,7 @@ from ingest.settings import Receiver
 from metrics.exposition import render
 from tests.deconflict.contention.scenes import Script, aisle, resource, site
 from tests.deconflict.replayed import replayed
+from tests.patience import PATIENCE_S
 from tests.saying import identity, robot
 
 SITE = site(
@@ -64,7 +65,7 @@ async def drive(url: str, start_s: float) -> None:
 
 async def until(url: str, *kinds: str) -> dict[str, Any]:
     """The first open advisory of each kind, once there are some of all."""
-    async with httpx.AsyncClient() as client, asyncio.timeout(20):
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(PATIENCE_S):
         while True:
             answer = await client.get(f"{url}/advisories")
             found = {one["kind"]: one for one in reversed(answer.json()["advisories"])} if answer.is_success else {}
@@ -75,14 +76,14 @@ async def until(url: str, *kinds: str) -> dict[str, Any]:
 
 async def revisions(url: str, *ids: str) -> list[dict[str, Any]]:
     """Every revision of some advisories."""
-    async with httpx.AsyncClient() as client:
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
         answers = [(await client.get(f"{url}/advisories/{one}")).json()["advisories"] for one in ids]
     return [revision for answer in answers for revision in answer]
 
 
 async def told_in_metrics(url: str) -> None:
     """Demand, occupancy and wait at each place, deadlocks ahead, and what solves took."""
-    async with httpx.AsyncClient() as client, asyncio.timeout(20):
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(PATIENCE_S):
         while True:
             text = (await client.get(f"{url}/metrics")).text
             told = dict(re.findall(r"^(deconflict_[^ ]+) ([\d.e+-]+)$", text, re.M))

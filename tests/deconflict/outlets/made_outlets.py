@@ -17,6 +17,7 @@ from deconflict.publisher import Publisher
 from deconflict.store import Store
 from ingest.measures import Measures
 from tests.deconflict.test_supervisor import free_ports
+from tests.patience import PATIENCE_S
 
 SECRET = "a secret that both ends know"  # noqa: S105
 
@@ -67,7 +68,7 @@ async def broker(port: int = 0) -> AsyncIterator[int]:
     mosquitto = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin") or ""
     server = subprocess.Popen([mosquitto, "-p", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE_S):
             while not _open(port):
                 await asyncio.sleep(0.02)
         yield port

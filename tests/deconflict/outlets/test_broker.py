@@ -16,6 +16,7 @@ from tests.deconflict.made_advisories import cleared, made
 from tests.deconflict.outlets.made_outlets import broker, kept, needs_mosquitto
 from tests.deconflict.served_face import until
 from tests.deconflict.test_supervisor import free_ports
+from tests.patience import PATIENCE_S
 
 pytestmark = needs_mosquitto
 
@@ -52,7 +53,7 @@ async def retained(port: int, wanted: set[str]) -> dict[str, str]:
 
 
 async def test_the_broker_holds_what_is_open_and_forgets_what_is_cleared(tmp_path: Path) -> None:
-    async with broker() as port, asyncio.timeout(20):
+    async with broker() as port, asyncio.timeout(PATIENCE_S):
         with kept(tmp_path) as (store, publisher):
             async with feeding(port, store, publisher):
                 await publisher.publish([made(1), made(2)])
@@ -68,7 +69,7 @@ async def test_the_broker_holds_what_is_open_and_forgets_what_is_cleared(tmp_pat
 
 async def test_what_was_missed_while_the_broker_was_away_or_the_service_down_is_made_up_for(tmp_path: Path) -> None:
     (port,) = free_ports(1)
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE_S):
         with kept(tmp_path) as (store, publisher):
             async with feeding(port, store, publisher):
                 async with broker(port):

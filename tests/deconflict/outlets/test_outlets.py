@@ -23,6 +23,7 @@ from tests.deconflict.outlets.test_broker import retained
 from tests.deconflict.outlets.test_positions import delivered, heard
 from tests.deconflict.outlets.test_webhooks import numbers
 from tests.deconflict.served_face import until
+from tests.patience import PATIENCE_S
 
 
 @asynccontextmanager
@@ -193,7 +194,7 @@ async def test_an_outlet_never_runs_beside_its_former_self_however_quickly_it_ch
 @needs_mosquitto
 async def test_a_broker_that_is_changed_for_another_is_left_offline(tmp_path: Path) -> None:
     async with (
-        asyncio.timeout(60),
+        asyncio.timeout(PATIENCE_S),
         broker() as first,
         broker() as second,
         outlets(tmp_path) as (one, store, publisher),

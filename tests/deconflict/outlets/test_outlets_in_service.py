@@ -12,6 +12,7 @@ from tests.deconflict.outlets.made_outlets import SECRET, broker, hearing, needs
 from tests.deconflict.outlets.test_broker import retained
 from tests.deconflict.served_face import until
 from tests.deconflict.test_service import CROSSING, SITE, drive
+from tests.patience import PATIENCE_S
 
 
 @needs_mosquitto
@@ -26,7 +27,7 @@ async def test_a_conflict_reaches_every_outlet(tmp_path: Path) -> None:
                 await until(lambda: other.heard)
                 headers, body = other.heard[0]
                 told = verified(headers, body, SECRET, time.time())
-                async with asyncio.timeout(10):
+                async with asyncio.timeout(PATIENCE_S):
                     held = await retained(port, {"service", f"advisories/{told.id}"})
                 driving.cancel()
     assert (told.kind, told.state, told.seq) == ("conflict", "raised", 1)

@@ -18,6 +18,7 @@ from tests.deconflict.made_disks import disk_of, fill
 from tests.deconflict.outlets.made_outlets import SECRET, Hearer, hearing, kept
 from tests.deconflict.outlets.test_webhooks import numbers, posting
 from tests.deconflict.served_face import until
+from tests.patience import PATIENCE_S
 
 LIVES = range(1, 9)
 
@@ -29,13 +30,13 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 async def heard(other: Hearer, count: int) -> None:
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(PATIENCE_S):
         await until(lambda: len(other.heard) >= count)
 
 
 async def delivered(publisher: Publisher, count: int, outlet: str = "mes") -> None:
     """So many are taken, which an outlet knows a moment after the other end."""
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(PATIENCE_S):
         await until(lambda: publisher.measures.values["deconflict_outlet_deliveries_total"][outlet,] >= count)
 
 
@@ -134,7 +135,7 @@ async def test_who_is_killed_on_a_full_disk_loses_nothing_stored_and_sends_again
         with subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(root)}, stderr=subprocess.DEVNULL) as dying:
             await heard(other, 2 * (2 * lives - 1))
             dying.send_signal(signal.SIGKILL)
-            dying.wait(30)
+            dying.wait(PATIENCE_S)
         told = numbers(other.heard)
         assert told == list(range(1, 2 * (2 * lives - 1) + 1))
         (small_disk / "ballast").unlink()

@@ -18,6 +18,7 @@ from ingest.playback import EngineStarted, Received, Tick
 from ingest.seam import Batch
 from ingest.settings import Receiver
 from tests.ingest.made_logs import read
+from tests.patience import PATIENCE_S
 from tests.saying import status
 
 SITE = Site(name="Test hall", receiver=Receiver(port=0))
@@ -28,7 +29,7 @@ async def serving(directory: Path) -> AsyncIterator[ReceiverRole]:
     role, stop = ReceiverRole(SITE, directory, directory / "log"), asyncio.Event()
     running = asyncio.create_task(role.run(stop))
     try:
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE_S):
             await role.ready.wait()
             yield role
     finally:
@@ -79,7 +80,7 @@ async def test_a_disk_that_stalls_delays_no_batch_and_loses_nothing(
     go_on, write = threading.Event(), LogFiles.write
 
     def stalled(files: LogFiles, data: bytes) -> int:
-        assert go_on.wait(20)
+        assert go_on.wait(PATIENCE_S)
         return write(files, data)
 
     monkeypatch.setattr(LogFiles, "write", stalled)

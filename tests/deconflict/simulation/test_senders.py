@@ -17,8 +17,7 @@ from websockets.protocol import Event
 
 from deconflict.simulation.cast import VendorName
 from deconflict.simulation.senders import Line, call, simulate
-
-WITHIN_S = 15.0
+from tests.patience import PATIENCE_S
 
 
 class Service:
@@ -40,7 +39,7 @@ class Service:
             pass
 
     async def until(self, holds: Callable[[], bool]) -> None:
-        async with asyncio.timeout(WITHIN_S):
+        async with asyncio.timeout(PATIENCE_S):
             while not holds():
                 self.changed.clear()
                 await self.changed.wait()
@@ -86,7 +85,7 @@ async def test_all_four_vendors_report_and_are_counted() -> None:
 
 async def test_it_ends_by_itself_after_the_seconds_asked_for() -> None:
     service = Service()
-    async with serve(service.take, "127.0.0.1", 0) as server, asyncio.timeout(WITHIN_S):
+    async with serve(service.take, "127.0.0.1", 0) as server, asyncio.timeout(PATIENCE_S):
         url = f"ws://127.0.0.1:{port_of(server)}"
         sent = await simulate(url, 4, 20.0, 1, speed=10.0, stop=asyncio.Event())
         await until(lambda: all(one.close_code == 1000 for one in service.connections))
@@ -117,7 +116,7 @@ async def test_who_answers_pings(vendor: VendorName, answers: int) -> None:
     async with (
         serve(ping, "127.0.0.1", 0, ping_interval=None, create_connection=Watching) as server,
         background(call(f"ws://127.0.0.1:{port_of(server)}", Line(vendor), np.random.default_rng(1))),
-        asyncio.timeout(WITHIN_S),
+        asyncio.timeout(PATIENCE_S),
     ):
         await closed.wait()
         assert len(pongs) == answers
@@ -173,7 +172,7 @@ async def test_basalts_fleet_manager_can_be_called(unused_tcp_port: int) -> None
         work = simulate(url, 8, None, 1, speed=5.0, fleet_port=unused_tcp_port, stop=stop)
         async with background(work) as running:
             await service.until(lambda: len(service.vendors) == 3)
-            async with asyncio.timeout(WITHIN_S), connect(f"ws://127.0.0.1:{unused_tcp_port}") as dialled:
+            async with asyncio.timeout(PATIENCE_S), connect(f"ws://127.0.0.1:{unused_tcp_port}") as dialled:
                 said = [json.loads(await dialled.recv()) for _ in range(8)]
             stop.set()
             await running
@@ -185,6 +184,6 @@ async def test_basalts_fleet_manager_can_be_called(unused_tcp_port: int) -> None
 
 async def until(holds: Callable[[], bool]) -> None:
     """Look again and again, up to a deadline."""
-    async with asyncio.timeout(WITHIN_S):
+    async with asyncio.timeout(PATIENCE_S):
         while not holds():
             await asyncio.sleep(0.01)
