@@ -10,9 +10,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.compiled import inner, kernel
 from deconflict.motion import KNOT, Bools, Knots
 from deconflict.roster import ROBOT, Robots
+from ingest.compiled import inner, kernel
 from ingest.seam import Ints
 
 ABSENT = -1

@@ -6,8 +6,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.compiled import kernel
 from deconflict.motion import Bools
+from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
 
 

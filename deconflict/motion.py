@@ -11,7 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.compiled import inner, kernel, ready
+from ingest.compiled import inner, kernel, ready
 from ingest.seam import Floats, Forecasts, Ints
 
 Bools = NDArray[np.bool_]

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.broadphase import BOX, PAIR, Pairs
-from deconflict.compiled import inner, kernel
 from deconflict.motion import KNOT, Knots
 from deconflict.roster import ROBOT, Robots
+from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 
 TINY_MPS = 1e-12

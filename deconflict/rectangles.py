@@ -5,7 +5,7 @@ from math import cos, inf, sin, sqrt
 import numba
 import numpy as np
 
-from deconflict.compiled import inner, kernel
+from ingest.compiled import inner, kernel
 from ingest.seam import Floats
 
 _MATRIX = numba.types.Array(numba.float64, 2, "C", readonly=True)

@@ -10,6 +10,7 @@ import msgspec
 from ingest import stamps, words
 from ingest.conformance import Findings
 from ingest.reports import PredictedLocation, Quaternion
+from ingest.seam import Floats
 from ingest.settings import NIL_DATUM
 
 MAX_POSITION = 1e7
@@ -37,6 +38,20 @@ class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
     """(p,) lower case; "" is the robot's own."""
     in_order: bool
     """Whether each is later than the one before."""
+
+
+class Points(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """Points of which all is well but perhaps their stamps and their one datum, each later than the one before."""
+
+    rows: Floats
+    """(p, 4) t_s, x, y, yaw_rad"""
+    planarDatumUUID: str | None  # noqa: N815
+    planarDatum: str | None  # noqa: N815
+    findings: tuple[str, ...]
+    """Of the stamps."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
 
 
 NO_PATH = Path((), (), in_order=True)
@@ -67,7 +82,7 @@ def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
     return atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
-def path(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
+def path(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, findings: Findings) -> Path:
     """The path in the order sent, whatever its times; `ingest/forecast.py` gives new ones where they can't be used."""
     read = _read(points, findings) if points else NO_PATH
     if read is NO_PATH or not points:
@@ -103,7 +118,7 @@ def _past(last_s: float, stamp_s: float) -> str:
     return "path-past" if last_s <= stamp_s else "path-partly-past"
 
 
-def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
+def destinations(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, findings: Findings) -> Path:
     """The destinations in the order of their times."""
     read = _read(points, findings) if points else NO_PATH
     if read is NO_PATH or not points:
@@ -123,7 +138,11 @@ def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, fin
     return Path(poses, datums, in_order=len(set(times)) == len(times))
 
 
-def _read(points: Sequence[PredictedLocation], findings: Findings) -> Path:
+def _read(points: Sequence[PredictedLocation] | Points, findings: Findings) -> Path:
+    if isinstance(points, Points):
+        findings.update(dict.fromkeys(points.findings))
+        poses = tuple(map(tuple, points.rows.tolist()))
+        return Path(poses, (_datum(points, findings),) * len(poses), in_order=True)
     points = points[:MOST_POINTS_USED]
     rows = _conforming(points, findings)
     if rows is None:
@@ -187,7 +206,7 @@ def _datums(points: Sequence[PredictedLocation], findings: Findings) -> tuple[st
     return (_datum(first, findings),) * len(points)
 
 
-def _datum(point: PredictedLocation, findings: Findings) -> str:
+def _datum(point: PredictedLocation | Points, findings: Findings) -> str:
     if point.planarDatumUUID is None and point.planarDatum is None:
         return ""
     datum = words.datum(point.planarDatumUUID, point.planarDatum, findings, empty="datum-empty")

@@ -14,8 +14,8 @@ from math import inf, pi
 import numba
 import numpy as np
 
-from deconflict.compiled import kernel, ready
 from deconflict.sweep import first_meetings
+from ingest.compiled import kernel, ready
 from ingest.seam import Floats, Forecasts, Ints
 
 STEP_S = 0.5

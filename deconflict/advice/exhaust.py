@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from deconflict.compiled import inner, kernel
 from deconflict.motion import Bools
+from ingest.compiled import inner, kernel
 from ingest.seam import Ints
 
 MOST_TRIED = 200_000

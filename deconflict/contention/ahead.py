@@ -6,7 +6,7 @@ from math import atan2, cos, isfinite, sin
 import numba
 import numpy as np
 
-from deconflict.compiled import kernel, ready
+from ingest.compiled import kernel, ready
 from ingest.seam import Floats, Forecasts, Ints
 
 STEP_S = 0.5

@@ -5,7 +5,7 @@ from math import pi
 import numba
 import numpy as np
 
-from deconflict.compiled import kernel, ready
+from ingest.compiled import kernel, ready
 from ingest.seam import Floats, Forecasts, Ints
 
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))

@@ -10,8 +10,8 @@ from math import pi
 import numba
 import numpy as np
 
-from deconflict.compiled import inner, kernel
 from deconflict.motion import Bools
+from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import threading
 import time
 from collections.abc import Callable, Sequence
 from operator import attrgetter
@@ -14,6 +15,7 @@ from deconflict.link import PortTakenError, listening, socket_path
 from deconflict.recent import Recent, parcel
 from deconflict.reloading import InForce
 from deconflict.site import Site
+from ingest import conforming
 from ingest.connection import Connection
 from ingest.credentials import Credentials
 from ingest.dialer import Dialer
@@ -37,6 +39,10 @@ DOCUMENTS_AT_ONCE = 20
 RELOAD_CHECK_S = 0.2
 RECOVERED_SEGMENTS = 2
 """Newest segments of the log that are read back at a start."""
+
+
+WORTH_QUICKENING = 1000
+"""Messages after which what is compiled is loaded, in a thread beside; who has little to read does without."""
 
 
 def fleet_of(site: Site, measures: Measures) -> Fleet:
@@ -104,6 +110,7 @@ class ReceiverRole:
         self.ready = asyncio.Event()
         """Set once its ports are open."""
         self._tick_s = 0.0
+        self._quickened = False
         self._recent = Recent()
         self._dialers: dict[tuple[str, str], asyncio.Task[None]] = {}
         """By address and vendor."""
@@ -205,11 +212,17 @@ class ReceiverRole:
         was_behind = self.recorder.behind
         self.recorder.tick(now_s, effort, pending)
         self.measures.count("deconflict_ticks_total")
+        self._quicken()
         batch = self.fleet.cut(now_s, everything).to_bytes()
         self._recent.add(now_s, batch)
         if not was_behind:
             await asyncio.to_thread(self.recorder.sync, DISK_S)
         return batch
+
+    def _quicken(self) -> None:
+        if not self._quickened and sum(self.measures.values["deconflict_messages_total"].values()) >= WORTH_QUICKENING:
+            self._quickened = True
+            threading.Thread(target=conforming.quicken, name="compiled", daemon=True).start()
 
     async def _follow(self, payload: bytes) -> bytes:
         """The batch after the one with the given number, as the engine was given it, for who watches the floor."""

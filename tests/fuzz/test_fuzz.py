@@ -33,7 +33,7 @@ def test_mutation_reaches_what_is_read_and_what_is_refused() -> None:
 
 
 def test_what_numba_compiles_is_left_unmarked() -> None:
-    ours = {name: module for name, module in sys.modules.items() if name.startswith("deconflict")}
+    ours = {name: module for name, module in sys.modules.items() if name.startswith(("ingest", "deconflict"))}
     compiled = {
         one.py_func.__module__
         for module in ours.values()

@@ -3,6 +3,7 @@ from typing import Any
 
 import pytest
 
+from ingest import conforming
 from ingest.conforming import decoded, is_status
 from ingest.reports import IdentityReport, StatusReport
 from tests.vectors import VECTORS, T, at, named, said, with_null
@@ -31,6 +32,12 @@ TEXTS = (
     b"1",
     b"[]",
 )
+
+
+@pytest.fixture(autouse=True)
+def _all_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever else this process reads: points are a matter of `test_plain.py`."""
+    monkeypatch.setattr(conforming, "_plain", conforming._none)
 
 
 def validated(raw: bytes) -> dict[str, Any]:

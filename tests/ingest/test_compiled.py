@@ -6,7 +6,7 @@ from pathlib import Path
 
 SOURCE = """
 import numba
-from deconflict.compiled import inner, kernel
+from ingest.compiled import inner, kernel
 
 @inner
 def half(x):
