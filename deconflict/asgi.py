@@ -4,6 +4,7 @@ import socket
 from asyncio import BaseTransport, TimerHandle, Transport
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, cast
 
 import uvicorn
@@ -13,6 +14,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from ingest.certificates import Certificates
+from ingest.handshakes import Handshakes, turn_away
 from ingest.receiver import descriptors
 
 MAX_SAID_BYTES = 4096
@@ -20,6 +22,8 @@ MAX_SAID_BYTES = 4096
 SHUTDOWN_S = 2
 ASKED_WITHIN_S = 10.0
 """A connection on which nothing was asked for so long is ended."""
+HANDSHAKE_S = 5.0
+"""A handshake of TLS that takes longer is ended."""
 SPARE_FILES = 200
 """File descriptors left for everything but who asks: the store, the other roles, outlets, black boxes."""
 
@@ -54,7 +58,7 @@ class FaceProtocol(H11Protocol):
     """uvicorn's HTTP, which ends connections that ask for nothing, and takes no more than there are files for.
 
     uvicorn itself waits for ever for a first request, and as long for the rest of one that has begun.
-    `deconflict_connections_refused_total` counts by reason: `face-full`, `face-idle`.
+    `deconflict_connections_refused_total` counts by reason: `face-full`, `face-idle`, `face-tls-failed`.
     """
 
     _looking: TimerHandle | None = None
@@ -62,6 +66,15 @@ class FaceProtocol(H11Protocol):
     """The last request at the last look, and whether it was answered."""
 
     def connection_made(self, transport: Transport) -> None:  # type: ignore[override]
+        """That it was accepted, and with TLS once more that hands are shaken."""
+        shaking: Handshakes | None = self._state.handshakes
+        if shaking is not None and shaking.awaited(transport):
+            if len(self.connections) + len(shaking) >= self._state.most_connections:
+                count_refused(self._state, "face-full")
+                turn_away(transport)
+            else:
+                shaking.begin(transport, self)
+            return
         super().connection_made(transport)
         if len(self.connections) > self._state.most_connections:
             self._refuse("face-full")
@@ -95,12 +108,25 @@ class FaceProtocol(H11Protocol):
             self._looking.cancel()
 
     def _refuse(self, reason: str) -> None:
-        self._state.measures.count("deconflict_connections_refused_total", reason)
+        count_refused(self._state, reason)
         self.transport.abort()
+
+
+def count_refused(state: Any, reason: str) -> None:
+    state.measures.count("deconflict_connections_refused_total", reason)
 
 
 class FaceServer(uvicorn.Server):
     """Leaves signals to the process it runs in; set `should_exit` to end it."""
+
+    def __init__(self, config: uvicorn.Config, handshakes: Handshakes | None) -> None:
+        super().__init__(config)
+        self._handshakes = handshakes
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        if self._handshakes is not None:
+            self._handshakes.close()
+        await super().shutdown(sockets)
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -115,6 +141,10 @@ def face_server(app: FastAPI, certificates: Certificates | None = None) -> FaceS
     have them compressed anew, so they are not compressed.
     """
     app.state.most_connections = max(descriptors() - SPARE_FILES, 1)
+    handshakes = None
+    if certificates:
+        handshakes = Handshakes(certificates, HANDSHAKE_S, partial(count_refused, app.state, "face-tls-failed"))
+    app.state.handshakes = handshakes
     return FaceServer(
         uvicorn.Config(
             app,
@@ -127,7 +157,7 @@ def face_server(app: FastAPI, certificates: Certificates | None = None) -> FaceS
             log_config=None,
             access_log=False,
             lifespan="off",
-            ssl_context_factory=(lambda *_: certificates.context) if certificates else None,
             timeout_graceful_shutdown=SHUTDOWN_S,
-        )
+        ),
+        handshakes,
     )

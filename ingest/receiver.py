@@ -26,6 +26,7 @@ from ingest.backlog import Backlog
 from ingest.certificates import Certificates, names
 from ingest.connection import Connection
 from ingest.credentials import Credentials, Refusal
+from ingest.handshakes import Handshakes, turn_away
 from ingest.measures import Measures
 from ingest.origins import is_page_elsewhere
 from ingest.settings import Receiver as Settings
@@ -69,7 +70,7 @@ class Receiver:
 
     `deconflict_connections_refused_total` counts by reason: `full` (answered 503, or aborted where even that would
     take too many files), `unauthorised`, `another-vendor`, `another-site`, `replaced`, `idle`, `vendor-removed`,
-    `protocol-error`.
+    `protocol-error`, and `tls-failed` where a handshake of TLS failed or took longer than `open_timeout_s`.
     """
 
     def __init__(
@@ -88,6 +89,7 @@ class Receiver:
         self.settings = settings
         self._credentials = credentials
         self._certificates = Certificates(settings.tls) if settings.tls else None
+        self._handshakes = self._shaking(self._certificates) if self._certificates else None
         self._refuse, self._closed = refuse, closed
         self._measures, self._clock = measures, clock
         self._ids = count(first_id)
@@ -106,12 +108,16 @@ class Receiver:
     async def start(self) -> None:
         """Open the port. Raises `OSError` where it can't be had."""
         self._limit = limited(self.settings.max_connections)
-        bounded = partial(_BoundedConnection, most=lambda: self._limit + HANDSHAKE_FILES, refused=self._full)
+        bounded = partial(
+            _BoundedConnection,
+            most=lambda: self._limit + HANDSHAKE_FILES,
+            refused=self._full,
+            handshakes=self._handshakes,
+        )
         self._server = await serve(
             self._converse,
             self.settings.host,
             self.settings.port,
-            ssl=self._certificates.context if self._certificates else None,
             process_request=self._admit,
             compression=None,
             max_size=self.settings.max_message_bytes,
@@ -138,6 +144,8 @@ class Receiver:
         if self._draining:
             self._draining.cancel()
             await asyncio.gather(self._draining, return_exceptions=True)
+        if self._handshakes:
+            self._handshakes.close()
         if self._server:
             self._server.close()
             await asyncio.gather(*self._closing, *(line.socket.close() for line in self._all_lines()))
@@ -297,6 +305,9 @@ class Receiver:
         self._closing.add(task)
         task.add_done_callback(self._closing.discard)
 
+    def _shaking(self, certificates: Certificates) -> Handshakes:
+        return Handshakes(certificates, self.settings.open_timeout_s, partial(self._count_refused, "tls-failed"))
+
     def _full(self) -> None:
         self._count_refused("full")
 
@@ -313,15 +324,33 @@ class _BoundedConnection(ListenedServer):
     Once it does, asyncio logs a traceback for each waiting connection and tries again every second.
     """
 
-    def __init__(self, *args: Any, most: Callable[[], int], refused: Callable[[], None], **kwargs: Any) -> None:
+    def __init__(
+        self,
+        *args: Any,
+        most: Callable[[], int],
+        refused: Callable[[], None],
+        handshakes: Handshakes | None,
+        **kwargs: Any,
+    ) -> None:
         super().__init__(*args, **kwargs)
-        self._most, self._refused = most, refused
+        self._most, self._refused, self._handshakes = most, refused, handshakes
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        super().connection_made(transport)
-        if len(self.server.handler_tasks) > self._most():
+        """That it was accepted, and with TLS once more that hands are shaken."""
+        accepted, shaking = cast(asyncio.Transport, transport), self._handshakes
+        if shaking is None or not shaking.awaited(accepted):
+            super().connection_made(accepted)
+            if self._too_many(0):
+                self._refused()
+                self.transport.abort()
+        elif self._too_many(1 + len(shaking)):
             self._refused()
-            self.transport.abort()
+            turn_away(accepted)
+        else:
+            shaking.begin(accepted, self)
+
+    def _too_many(self, more: int) -> bool:
+        return len(self.server.handler_tasks) + more > self._most()
 
 
 def _keep_alive(socket: Listened) -> None:

@@ -154,7 +154,7 @@ class Receiver(Section):
     max_message_bytes: Annotated[int, Field(gt=0)] = 65536
     """A longer message is refused and its connection closed."""
     open_timeout_s: Seconds = 5.0
-    """How long a connection may take to open."""
+    """How long a connection may take to open, and its handshake of TLS before that."""
     idle_timeout_s: Seconds = 120.0
     """A connection that has sent nothing for this long is closed; unanswered pings never close one."""
     max_connections: Annotated[int, Field(gt=0)] = 12000

@@ -7,13 +7,16 @@ from typing import Any
 
 import httpx
 import pytest
+import trustme
 from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 from websockets.asyncio.client import connect
 
 from deconflict import stream
+from ingest.settings import Tls
 from tests.deconflict.made_advisories import ROBOTS, cleared, made
 from tests.deconflict.served_face import ROBOT_DOCUMENTS, Served, served, until
+from tests.ingest.test_certificates import trusting, write
 from tests.patience import PATIENCE_S
 
 API_PAGE = Path(__file__).parents[2] / "docs" / "api.md"
@@ -270,6 +273,28 @@ async def test_no_more_are_taken_than_there_are_files_for(tmp_path: Path) -> Non
             await until(lambda: face.connections() == 2)
             async with httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
                 assert (await client.get(f"{face.http}/healthz")).status_code == 200
+
+
+async def test_a_handshake_of_tls_that_never_ends_is_ended_and_counts_among_the_connections(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.asgi.HANDSHAKE_S", 3.0)
+    authority = trustme.CA()
+    write(authority, tmp_path)
+    async with served(tmp_path, tls=Tls(certificate=str(tmp_path / "site.pem"))) as face:
+        host, port = face.address.split(":")
+        face.app.state.most_connections = 2
+        silent = [await asyncio.open_connection(host, int(port)) for _ in range(4)]
+        for reader, _ in silent:
+            async with asyncio.timeout(60):
+                with suppress(ConnectionResetError):
+                    assert await reader.read() == b""
+        await until(lambda: refused(face, "face-tls-failed") == 2, 60)
+        assert refused(face, "face-full") == 2
+        async with httpx.AsyncClient(trust_env=False, verify=trusting(authority), timeout=60) as client:
+            assert (await client.get(f"https://{face.address}/healthz")).status_code == 200
+        for _, writer in silent:
+            writer.close()
 
 
 def refused(face: Served, reason: str) -> float:
