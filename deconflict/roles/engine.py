@@ -29,6 +29,8 @@ RETRY_S = 0.2
 LEARNED_EVERY_S = 60.0
 """What was learned is handed to the operator face so often, and at the end."""
 MEASURES_EVERY_S = 1.0
+MOST_WAITING_BYTES = 64 << 20
+"""Wait for an operator face that takes nothing: some five minutes of a crowded floor."""
 STEPPED_S = 30.0
 """A batch is never so old: the host's clock has been set, and the service's goes on."""
 EVERYTHING = b"everything"
@@ -42,6 +44,14 @@ LEFT_OUT = {
 NO_ADVICE = Recommendation(cost_s=0.0, bound_s=0.0, proven_optimal=False, note="no advice could be worked out")
 
 log = logging.getLogger(__name__)
+
+
+class UndeliveredError(Exception):
+    """The operator face has taken nothing for long."""
+
+    def __init__(self) -> None:
+        much = f"{MOST_WAITING_BYTES >> 20} MiB"
+        super().__init__(f"{much} wait for an operator face that takes nothing; the engine begins anew once it does")
 
 
 class EngineRole:
@@ -66,6 +76,14 @@ class EngineRole:
         if engine is None:
             return
         self._outbox.start()
+        try:
+            self._stepped(engine, stop, goes_on)
+        finally:
+            self._adviser.shutdown(cancel_futures=True)
+            self._outbox.stop()
+            self._receiver.close()
+
+    def _stepped(self, engine: Engine, stop: threading.Event, goes_on: Callable[[int], object]) -> None:
         ask = EVERYTHING
         while not stop.is_set():
             goes_on(LONG_S if ask == EVERYTHING else SILENT_S)
@@ -81,10 +99,7 @@ class EngineRole:
             if changed := self._in_force.changed():
                 engine, ask = engine.renewed(changed), EVERYTHING
                 self._pace = Pace(changed.engine.deadline_s, self._pace.effort)
-        self._adviser.shutdown(cancel_futures=True)
         self._outbox.keep(engine.learned())
-        self._outbox.stop()
-        self._receiver.close()
 
     def _restored(self, stop: threading.Event) -> Engine | None:
         """An engine that goes on with what is stored; None if stopped before that could be had."""
@@ -178,8 +193,9 @@ class Outbox:
         self.runtime = runtime
         self.measures = Measures()
         self._operator = Caller(runtime, "operator")
-        self._waiting: queue.Queue[bytes | None] = queue.Queue()
-        self._arrivals: queue.Queue[dict[str, Floats]] = queue.Queue()
+        self._waiting: queue.SimpleQueue[tuple[bytes, dict[str, Floats]] | None] = queue.SimpleQueue()
+        """Parcels, each with the arrivals of what it reflects."""
+        self._put_bytes = self._taken_bytes = 0
         self._learned: deque[dict[str, Part]] = deque(maxlen=1)
         self._thread = threading.Thread(target=self._deliver, name="outbox")
         self._stopping = threading.Event()
@@ -202,8 +218,10 @@ class Outbox:
         measures: Measures,
         near_misses: Sequence[tuple[str, str, float]] = (),
     ) -> None:
-        """Queue one step: its revisions, the arrivals of the messages it reflects, by vendor, and near misses."""
-        self._arrivals.put(arrivals_s)
+        """Queue one step: its revisions, the arrivals of the messages it reflects, by vendor, and near misses.
+
+        Raises `UndeliveredError` where too much waits, and lets go of it: nobody was told of it.
+        """
         due = time.monotonic() - self._measured_s >= MEASURES_EVERY_S
         if due:
             self._measured_s = time.monotonic()
@@ -212,19 +230,26 @@ class Outbox:
             "measures": [measures.as_document(), self.measures.as_document()] if due else None,
             "near_misses": near_misses,
         }
-        self._waiting.put(json.dumps(parcel).encode() if revisions or due or near_misses else b"")
+        step = json.dumps(parcel).encode() if revisions or due or near_misses else b"", arrivals_s
+        self._put_bytes += _weight(*step)
+        self._waiting.put(step)
+        if self._put_bytes - self._taken_bytes > MOST_WAITING_BYTES:
+            self._waiting = queue.SimpleQueue()
+            raise UndeliveredError
 
     def keep(self, learned: dict[str, Part]) -> None:
         """Hand over what was learned after the next parcel; what still waits is replaced by it."""
         self._learned.append(learned)
 
     def _deliver(self) -> None:
-        while (parcel := self._waiting.get()) is not None:
+        while (step := self._waiting.get()) is not None:
+            parcel, arrivals_s = step
             if parcel:
                 self._publish(parcel)
+            self._taken_bytes += _weight(parcel, arrivals_s)
             now_s = time.time()
-            for vendor, arrivals_s in self._arrivals.get().items():
-                waits_s = (now_s - arrivals_s).clip(0).tolist()
+            for vendor, arrived_s in arrivals_s.items():
+                waits_s = (now_s - arrived_s).clip(0).tolist()
                 self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)
             self._keep()
         self._keep()
@@ -243,3 +268,8 @@ class Outbox:
                     return
             else:
                 return
+
+
+def _weight(parcel: bytes, arrivals_s: dict[str, Floats]) -> int:
+    """Roughly what a step takes that waits, bytes."""
+    return len(parcel) + sum(arrived_s.nbytes for arrived_s in arrivals_s.values())

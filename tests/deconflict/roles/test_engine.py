@@ -1,8 +1,15 @@
 """Whose messages a pass reflects, and since when they waited."""
 
+import asyncio
+from pathlib import Path
+
+import numpy as np
 import pytest
 
-from deconflict.roles.engine import arrivals_s
+from deconflict.link import listening, socket_path
+from deconflict.roles import engine
+from deconflict.roles.engine import Outbox, UndeliveredError, arrivals_s
+from deconflict.service import runtime_directory
 from ingest.connection import Connection
 from ingest.fleet import Fleet
 from ingest.frames import Frames
@@ -10,6 +17,7 @@ from ingest.measures import Measures
 from ingest.quarantine import Quarantine
 from ingest.settings import Reading, Vendor
 from ingest.vendors import Vendors
+from tests.deconflict.served_face import until
 from tests.saying import status
 
 NOW_S = 1_792_000_000.0
@@ -45,3 +53,37 @@ def test_a_floor_that_is_told_again_to_a_new_engine_counts_no_message_twice() ->
     one.cut(NOW_S + 0.1)
     again = arrivals_s(one.cut(NOW_S + 60, everything=True), NOW_S + 60)
     assert {vendor: len(arrivals) for vendor, arrivals in again.items()} == {"Acme": 0}
+
+
+def test_what_the_face_does_not_take_is_bounded_and_the_engine_begins_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, "MOST_WAITING_BYTES", 1 << 20)
+    outbox, arrived_s = Outbox(tmp_path), {"Acme": np.full(10_000, NOW_S)}
+    outbox.start()
+    for _ in range(13):
+        outbox.put([], arrived_s, Measures())
+    with pytest.raises(UndeliveredError):
+        outbox.put([], arrived_s, Measures())
+    outbox.stop()
+
+
+async def test_any_amount_is_delivered_to_a_face_that_takes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine, "MOST_WAITING_BYTES", 1 << 20)
+    taken = 0
+
+    async def publish(_: bytes) -> bytes:
+        nonlocal taken
+        taken += 1
+        return b"stored"
+
+    with runtime_directory() as runtime:
+        async with listening(socket_path(Path(runtime), "operator"), {"publish": publish}):
+            outbox = Outbox(Path(runtime))
+            outbox.start()
+            for number in range(1, 101):
+                outbox.put([], {"Acme": np.full(10_000, NOW_S)}, Measures(), [("a", "b", NOW_S)])
+                await until(lambda count=number: taken == count)
+            await asyncio.to_thread(outbox.stop)
+    waits = outbox.measures.histograms["deconflict_message_to_advisory_seconds"]["Acme",]
+    assert sum(waits.counts) == 100 * 10_000
