@@ -197,17 +197,13 @@ class Engine:
     def _movers_around(self, group: set[str]) -> list[Mover]:
         """The robots of a group that are on the floor, and those near to them, as swept."""
         uuids = self.live.around(group & self.live.robots.keys(), NEAR_M, MOST_NEAR)
-        return [self._mover(uuid, self.live.robots[uuid]) for uuid in uuids]
+        keys, forecasts = self._swept(uuids)
+        row_of = {uuid: row for row, uuid in enumerate(keys)}
+        return [self._mover(uuid, self.live.robots[uuid], forecasts, row_of[uuid]) for uuid in uuids]
 
-    def _mover(self, uuid: str, one: LiveRobot) -> Mover:
-        return Mover(
-            uuid,
-            one.name,
-            one.vendor,
-            _widened(one.forecast, np.array([one.widened_m])),
-            one.basis is not Basis.STATIONARY,
-            self._priorities.of(one.vendor, one.model),
-        )
+    def _mover(self, uuid: str, one: LiveRobot, forecasts: Forecasts, row: int) -> Mover:
+        priority = self._priorities.of(one.vendor, one.model)
+        return Mover(uuid, one.name, one.vendor, forecasts, row, one.basis is not Basis.STATIONARY, priority)
 
     def _priority(self, uuid: str) -> float:
         one = self.live.robots[uuid]
@@ -231,12 +227,16 @@ class Engine:
         return list(map(Prediction._make, zip(foreseen.pairs, *(column.tolist() for column in columns), strict=True)))
 
     def _sweep_again(self, uuids: set[str]) -> None:
-        keys, bare = self.live.forecasts(sorted(uuids))
+        keys, forecasts = self._swept(sorted(uuids))
         if not keys:
             return
-        widened_m = np.array([self.live.robots[uuid].widened_m for uuid in keys])
-        for _, reason in self._sweeper.update(keys, _widened(bare, widened_m)):
+        for _, reason in self._sweeper.update(keys, forecasts):
             self.measures.count("deconflict_invalid_forecasts_total", reason)
+
+    def _swept(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts]:
+        """The robots of `uuids` that are on the floor, and their forecasts with envelopes as they are swept."""
+        keys, bare = self.live.forecasts(uuids)
+        return keys, _widened(bare, np.array([self.live.robots[uuid].widened_m for uuid in keys]))
 
     def _grown(self, now_s: float) -> set[str]:
         """Robots not heard from for so long that their uncertainty grows a step."""

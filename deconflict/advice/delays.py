@@ -6,7 +6,7 @@ go: the path through (u, v) depends on the difference of the holds alone, and so
 Differences on the grid of holds are swept as they are, standing included, so on that grid the answer is exact.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import inf, pi
@@ -38,12 +38,19 @@ class Mover:
     robot: str
     name: str
     vendor: str
-    forecast: Forecasts
-    """Of this robot alone, envelope as it is swept."""
+    told: Forecasts
+    """Of all that are asked of together, envelopes as they are swept."""
+    row: int = 0
+    """Which of them is its own."""
     holdable: bool = True
     """False where it stands anyway."""
     priority: float = 1.0
     """What a second of its waiting counts."""
+
+    @property
+    def forecast(self) -> Forecasts:
+        """Of this robot alone."""
+        return self.told.one(self.row)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +133,15 @@ def delayed(forecasts: Forecasts, rows: Ints, hold_s: Floats, window: Window) ->
     return Forecasts(*knots, *(column[rows] for column in (f.length_m, f.width_m, f.bottom_m, f.top_m)))
 
 
+def _together(movers: Iterable[Mover]) -> tuple[Forecasts, Ints]:
+    """Their forecasts, and the row of each."""
+    movers, begins, robots = list(movers), {}, 0
+    parts = {id(one.told): one.told for one in movers}
+    for part, told in parts.items():
+        begins[part], robots = robots, robots + len(told)
+    return Forecasts.joined(parts.values()), np.array([begins[id(one.told)] + one.row for one in movers], np.int64)
+
+
 @cache
 def _pairs_of(robots: int) -> tuple[Ints, Ints]:
     """Rows of every two of so many."""
@@ -138,8 +154,8 @@ def meetings(movers: Sequence[Mover], holds_s: Sequence[float], window: Window) 
 
     Until the last that is held has had its horizon. Pairs that begin within the clearance are left out.
     """
-    free = Forecasts.joined(one.forecast for one in movers)
-    held = delayed(free, np.arange(len(movers)), np.array(holds_s, np.float64), window)
+    free, rows = _together(movers)
+    held = delayed(free, rows, np.array(holds_s, np.float64), window)
     horizon_s = window.horizon_s + max(holds_s, default=0.0)
     a, b = _pairs_of(len(movers))
     met_s, begins_m = first_meetings(
@@ -178,9 +194,9 @@ def _fans(pairs: Sequence[tuple[Mover, Mover]], steps: Ints, window: Window) -> 
     """Every robot of the pairs at every hold; and of each pair, (p, steps), the rows of both at each difference."""
     movers = {one.robot: one for pair in pairs for one in pair}
     place = {robot: row for row, robot in enumerate(movers)}
-    free = Forecasts.joined(one.forecast for one in movers.values())
+    free, rows = _together(movers.values())
     holds = np.arange(window.steps + 1)
-    rows = np.repeat(np.arange(len(movers)), len(holds))
+    rows = np.repeat(rows, len(holds))
     fans = delayed(free, rows, np.tile(holds * STEP_S, len(movers)), window)
     of_pair = np.array([[place[one.robot] for one in pair] for pair in pairs], np.int64).reshape(-1, 2, 1) * len(holds)
     return fans, of_pair[:, 0] + np.maximum(steps, 0), of_pair[:, 1] + np.maximum(-steps, 0)

@@ -18,6 +18,13 @@ class Solved:
     solver: cp_model.CpSolver
 
 
+class Model(cp_model.CpModel):
+    """A model without its methods' old names, which take longer to make than a small problem to solve."""
+
+    def _add_pre_pep8_methods(self) -> None:
+        pass
+
+
 def solve(model: cp_model.CpModel, effort: float, *, presolve: bool = True) -> Solved:
     """The best that `effort` finds.
 

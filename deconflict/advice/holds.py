@@ -7,7 +7,7 @@ import numpy as np
 from ortools.sat.python import cp_model
 
 from deconflict.advice.delays import STEP_S, Mover, Pair, Window, allowed_differences, meetings
-from deconflict.advice.effort import solve
+from deconflict.advice.effort import Model, solve
 from deconflict.advice.exhaust import NONE, UNKNOWN, Choice, least
 from deconflict.advisory import Hold, Recommendation
 
@@ -36,7 +36,8 @@ class Problem:
     def constrain(self, pairs: Sequence[Pair]) -> None:
         found = allowed_differences([(self.movers[a], self.movers[b]) for a, b in pairs], self.window)
         for pair, steps in zip(pairs, found, strict=True):
-            self._allow(pair, [step for step in steps if self._reachable(pair, step)])
+            first, second = (self.movers[robot].holdable for robot in pair)
+            self._allow(pair, [step for step in steps if step == 0 or (first if step > 0 else second)])
 
     def forbid(self, pair: Pair, step: int) -> None:
         self._allow(pair, [one for one in self.allowed[pair] if one != step])
@@ -46,10 +47,6 @@ class Problem:
         if not steps:
             del self.allowed[pair]
             self.hopeless.append(pair)
-
-    def _reachable(self, pair: Pair, step: int) -> bool:
-        a, b = (self.movers[robot].holdable for robot in pair)
-        return step == 0 or (a if step > 0 else b)
 
     def robots(self) -> list[str]:
         return sorted({robot for pair in self.allowed for robot in pair})
@@ -198,7 +195,7 @@ class Planner:
 
 def _model(problem: Problem, robots: Sequence[str]) -> tuple[cp_model.CpModel, dict[str, cp_model.IntVar]]:
     """The holds of `robots`, and every constraint between them."""
-    model = cp_model.CpModel()
+    model = Model()
     holds = {
         robot: model.new_int_var(0, problem.window.steps if problem.movers[robot].holdable else 0, robot)
         for robot in robots

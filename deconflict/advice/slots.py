@@ -8,7 +8,7 @@ from heapq import heapify, heappop, heappush
 from ortools.sat.python import cp_model
 
 from deconflict.advice.bounds import Task, least_weighted_ends
-from deconflict.advice.effort import solve
+from deconflict.advice.effort import Model, solve
 from deconflict.advisory import Recommendation, Slot
 from deconflict.contention.demand import Request, first_come
 
@@ -251,7 +251,7 @@ class SlotModel:
     """The choice of place and start for each job, as CP-SAT reads it."""
 
     def __init__(self, group: Group, hint: list[Served]) -> None:
-        self.group, self.model = group, cp_model.CpModel()
+        self.group, self.model = group, Model()
         ends = [end for inside in group.inside for end in inside]
         last = max([0, *ends, *(job.arrival for job in group.jobs)]) + sum(job.keeps for job in group.jobs)
         self.starts = [
