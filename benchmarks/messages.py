@@ -15,7 +15,7 @@ from typing import Any
 
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
-from ingest.conforming import quicken
+from ingest import quick
 from ingest.connection import Connection
 from ingest.measures import Measures
 from ingest.messages import document, read
@@ -141,7 +141,7 @@ def main() -> None:
         "official dialect": (official(), None),
         "both": (official() | WRONG_TYPE, None),
     }
-    quicken()
+    quick.load()
     plain = json.dumps(conforming()).encode()
     alone_us = us(partial(StatusReport.model_validate_json, plain))
     columns = f"{'read us':>10}{'ratio':>7}{'batch us':>10}{'ratio':>7}"

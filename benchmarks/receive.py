@@ -26,7 +26,7 @@ from uuid import UUID
 from benchmarks.messages import conforming
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
-from ingest.conforming import quicken
+from ingest import quick
 from ingest.connection import Connection
 from ingest.credentials import Credentials
 from ingest.measures import Measures
@@ -206,7 +206,7 @@ def main() -> None:
         port, rate, connections, robots, seconds = args.send_to
         send(int(port), Load(int(rate), int(connections), int(robots), float(seconds)))
         return
-    quicken()
+    quick.load()
     load = Load(args.rate, args.connections, args.robots, args.seconds)
     print(f"{load.rate} messages a second offered over {load.connections} connections by {load.robots} robots")
     print(f"{'':<36}{'messages/s':>12}{'us/message':>12}{'of a core':>11}")

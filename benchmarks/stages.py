@@ -25,7 +25,7 @@ from deconflict.foresight.foresight import Foresight
 from deconflict.life import Lives
 from deconflict.roles.receiver import fleet_of
 from deconflict.sweeper import Sweeper
-from ingest import conforming
+from ingest import quick
 from ingest.connection import Connection
 from ingest.fleet import Fleet
 from ingest.measures import Measures
@@ -101,7 +101,7 @@ def main() -> None:
     arguments.add_argument("--robots", type=int, nargs="+", default=[100, 1000, 3000, 10000])
     arguments.add_argument("--seconds", type=float, default=10.0)
     args = arguments.parse_args()
-    conforming.quicken()
+    quick.load()
     measured(20, 2.0)
     sums = []
     for robots in args.robots:

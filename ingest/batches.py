@@ -38,8 +38,7 @@ def batch(
 def _layout(forecasts: list[Forecast]) -> Forecasts:
     if not forecasts:
         return Forecasts.empty()
-    values = chain.from_iterable(chain.from_iterable(one.knots for one in forecasts))
-    knots = np.fromiter(values, np.float64).reshape(-1, 4)
+    knots = np.concatenate([np.asarray(one.knots) for one in forecasts])
     sizes = np.array([(one.length_m, one.width_m, one.bottom_m, one.top_m) for one in forecasts])
     return Forecasts(
         start=np.concatenate([[0], np.cumsum([len(one.knots) for one in forecasts])]),
@@ -47,7 +46,7 @@ def _layout(forecasts: list[Forecast]) -> Forecasts:
         x_m=knots[:, 1].copy(),
         y_m=knots[:, 2].copy(),
         yaw_rad=knots[:, 3].copy(),
-        floor=np.array([floor for one in forecasts for floor in one.floors], np.int64),
+        floor=np.fromiter(chain.from_iterable(one.floors for one in forecasts), np.int64, len(knots)),
         length_m=sizes[:, 0].copy(),
         width_m=sizes[:, 1].copy(),
         bottom_m=sizes[:, 2].copy(),

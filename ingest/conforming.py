@@ -3,40 +3,21 @@
 What it takes, pydantic takes with the same values, five times as slowly; what it does not take may still be read. It
 leaves alone whatever has a key that the standard does not have, since such keys are kept aside, and the word null.
 
-Nine tenths of a status are the points of its path and destinations. These stay bytes at first; once `quicken` was
-called, those that are plain are read from them by `ingest/plain.py`, and only others are decoded.
+Nine tenths of a status are the points of its path and destinations. These stay bytes at first. Those that are plain
+are read from them by compiled code where it is loaded (`ingest/quick.py`), and only others are decoded.
 """
 
-from collections.abc import Callable
 from types import UnionType
 from typing import Annotated, Any, TypeGuard, Union, cast, get_args, get_origin
 
 import msgspec
 
+from ingest import quick
 from ingest.paths import Points
 from ingest.reports import IdentityReport, PredictedLocation, Report, StatusReport
 
 _STATUS_KEY = b'"operationalState"'
 _OF_POINTS = frozenset(("path", "destinations"))
-
-
-def _none(_: bytes) -> Points | None:
-    return None
-
-
-_plain: Callable[[bytes], Points | None] = _none
-"""Reads points that are plain."""
-
-
-def quicken() -> None:
-    """Load what is compiled, which takes half a second, or some more where it was never compiled before.
-
-    What is read by then is read to the same.
-    """
-    global _plain  # noqa: PLW0603 - read wherever a message is
-    from ingest import plain  # noqa: PLC0415 - brings numba, and who has died is back sooner without
-
-    _plain = plain.points
 
 
 def decoded(raw: bytes) -> IdentityReport | StatusReport | None:
@@ -59,7 +40,7 @@ def decoded(raw: bytes) -> IdentityReport | StatusReport | None:
 def _points(told: msgspec.Raw | None) -> Points | list[PredictedLocation] | None:
     if told is None:
         return None
-    plain = _plain(bytes(told))
+    plain = quick.points(bytes(told)) if quick.points else None
     return cast(list[PredictedLocation], _POINTS.decode(told)) if plain is None else plain
 
 

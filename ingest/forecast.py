@@ -16,9 +16,10 @@ from typing import Protocol
 
 import msgspec
 
+from ingest import quick
 from ingest.frames import Frame
 from ingest.messages import Path, Status
-from ingest.seam import Basis
+from ingest.seam import Basis, Floats
 from ingest.settings import Envelope, Model, Reading
 
 DESTINATION_SPEED_MPS = 1.0
@@ -26,8 +27,8 @@ DESTINATION_SPEED_MPS = 1.0
 MOVING_MPS = 0.02
 AWAY_M = 0.1
 """An idle robot whose path leads no further than this stands."""
-JUMP_FACTOR = 2.0
-"""A path that asks for more than this times the robot's greatest speed contradicts its motion."""
+JUMP_FACTOR, JUMP_SLACK_M = 2.0, 0.5
+"""A path that asks for more than this times the robot's greatest speed, and so much, contradicts its motion."""
 PLAUSIBLE_SPEED_MPS = 5.0
 """Greatest speed of a robot that has not stated one."""
 
@@ -83,8 +84,8 @@ class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Where one envelope centre will be."""
 
     basis: Basis
-    knots: tuple[Knot, ...]
-    """(k,)"""
+    knots: tuple[Knot, ...] | Floats
+    """(k,) or, where compiled code has made them, (k, 4)"""
     floors: tuple[int, ...]
     """(k,) of each knot."""
     length_m: float
@@ -103,6 +104,8 @@ def body_of(model: Model, reported: Envelope, loaded: bool, max_speed_mps: float
 
 def forecast(status: Status, here: Sighting, view: View) -> Forecast:
     """The forecast of a robot seen at `here`, and the rules its message broke in giving it."""
+    if followed := _followed(status, here, view):
+        return followed
     findings: list[str] = []
     basis, (knots, floors) = _motion(status, here, view, findings)
     return _enveloped(basis, knots, floors, view.body, status.z, tuple(findings))
@@ -113,7 +116,7 @@ def stops(status: Status, here: Sighting, view: View) -> tuple[Stop, ...]:
 
     None in manual mode. One whose time is past stays: the robot is late for it.
     """
-    if not status.destinations.poses or status.state == "manualOverride":
+    if not status.destinations.datums or status.state == "manualOverride":
         return ()
     latest_s = here.t_s + view.reading.destination_horizon_s
     placed = zip(*_on_floors(status.destinations, view), strict=True)
@@ -130,6 +133,20 @@ def matches(codes: tuple[str, ...], words: tuple[str, ...]) -> bool:
 
 def _plain(text: str) -> str:
     return "".join(character for character in text.casefold() if character.isalnum())
+
+
+def _followed(status: Status, here: Sighting, view: View) -> Forecast | None:
+    """By the path, in compiled code where it is loaded and the case is plain."""
+    if quick.follow is None or status.state != "navigating" or not status.path.datums:
+        return None
+    if matches(status.error_codes, view.reading.blocking_errors):
+        return None
+    followed = quick.follow(status.path, here, view)
+    if followed is None:
+        return None
+    knots, floor = followed
+    floors = (here.floor, *(floor,) * (len(knots) - 1))
+    return Forecast(Basis.PATH, knots, floors, *_size(view.body, status.z))
 
 
 def _motion(status: Status, here: Sighting, view: View, findings: list[str]) -> tuple[Basis, Along]:
@@ -158,7 +175,7 @@ def _navigating(status: Status, here: Sighting, view: View, findings: list[str])
     moving = (
         here.linear_mps is not None
         and not isnan(here.yaw_rad)
-        and (abs(here.linear_mps) > MOVING_MPS or not status.destinations.poses)
+        and (abs(here.linear_mps) > MOVING_MPS or not status.destinations.datums)
     )
     if moving:
         return Basis.VELOCITY, _by_velocity(here, view.reading.horizon_s)
@@ -210,7 +227,7 @@ def _on_floors(path: Path, view: View) -> tuple[list[Knot], list[int]]:
     """
     points: list[Knot] = []
     floors: list[int] = []
-    for datum, poses in _by_datum(path) if path.poses else ():
+    for datum, poses in _by_datum(path) if path.datums else ():
         frame, floor = view.frame_of(datum)
         placed = _placed(poses, frame, view.clock_offset_s)
         points += placed
@@ -222,8 +239,8 @@ def _by_datum(path: Path) -> Iterable[tuple[str, Sequence[Knot]]]:
     """The poses in the order sent, those next to each other on one datum together."""
     datums = path.datums
     if datums.count(datums[0]) == len(datums):
-        return ((datums[0], path.poses),)
-    groups = groupby(zip(datums, path.poses, strict=True), itemgetter(0))
+        return ((datums[0], path.rows),)
+    groups = groupby(zip(datums, path.rows, strict=True), itemgetter(0))
     return [(datum, [pose for _, pose in group]) for datum, group in groups]
 
 
@@ -250,12 +267,17 @@ def _retimed(points: list[Knot], here: Sighting, body: Body) -> list[Knot] | Non
     return retimed
 
 
+def jump_mps(body: Body) -> float:
+    """The speed beyond which a path contradicts the robot's motion."""
+    return JUMP_FACTOR * (body.max_speed_mps or PLAUSIBLE_SPEED_MPS)
+
+
 def _up_to_jump(knots: Sequence[Knot], floors: tuple[int, ...], body: Body) -> int:
     """How many knots can be reached in turn; a change of floor is never a jump."""
-    limit_mps, slack_m = JUMP_FACTOR * (body.max_speed_mps or PLAUSIBLE_SPEED_MPS), 0.5
+    limit_mps = jump_mps(body)
     t, x, y, _ = knots[0]
     for row, (next_t, next_x, next_y, _) in enumerate(knots):
-        if hypot(next_x - x, next_y - y) > limit_mps * (next_t - t) + slack_m and floors[row - 1] == floors[row]:
+        if hypot(next_x - x, next_y - y) > limit_mps * (next_t - t) + JUMP_SLACK_M and floors[row - 1] == floors[row]:
             return row
         t, x, y = next_t, next_x, next_y
     return len(knots)
@@ -320,15 +342,20 @@ def _enveloped(
 
     The centre, not the location, then moves in a straight line between knots.
     """
-    length_m, width_m, height_m = body.envelope_m
+    length_m, width_m, bottom_m, top_m = _size(body, z_m)
     dx, dy = body.offset_m
     if _unheaded(knots):
         length_m = width_m = hypot(length_m, width_m) + 2 * hypot(dx, dy)
         knots = [(t_s, x, y, 0.0) for t_s, x, y, _ in knots]
     elif dx or dy:
         knots = _at_centre(knots, dx, dy)
-    bottom_m, top_m = (z_m, z_m + height_m) if height_m else (-inf, inf)
     return Forecast(basis, tuple(knots), floors, length_m, width_m, bottom_m, top_m, findings)
+
+
+def _size(body: Body, z_m: float) -> tuple[float, float, float, float]:
+    """Length and width of an envelope, and the heights from which and to which it reaches."""
+    length_m, width_m, height_m = body.envelope_m
+    return (length_m, width_m, z_m, z_m + height_m) if height_m else (length_m, width_m, -inf, inf)
 
 
 def _at_centre(knots: Sequence[Knot], dx: float, dy: float) -> list[Knot]:

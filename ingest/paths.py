@@ -32,12 +32,21 @@ Row = tuple[float, float, float, float]
 class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Timed poses as sent."""
 
-    poses: tuple[Row, ...]
-    """(p, 4)"""
+    poses: tuple[Row, ...] | Floats
+    """(p, 4); an array where compiled code has read it."""
     datums: tuple[str, ...]
     """(p,) lower case; "" is the robot's own."""
     in_order: bool
     """Whether each is later than the one before."""
+
+    @property
+    def rows(self) -> Sequence[Row]:
+        """The poses, row by row."""
+        return self.poses if isinstance(self.poses, tuple) else [tuple(row) for row in self.poses.tolist()]
+
+    @property
+    def times(self) -> list[float]:
+        return [row[0] for row in self.poses] if isinstance(self.poses, tuple) else self.poses[:, 0].tolist()
 
 
 class Points(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -89,9 +98,9 @@ def path(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, fi
         return NO_PATH
     if len(points) > MOST_POINTS:
         findings["path-too-many"] = None
-    first_s, last_s = read.poses[0][0], read.poses[-1][0]
+    first_s, last_s = float(read.poses[0][0]), float(read.poses[-1][0])
     if not read.in_order:
-        times = [pose[0] for pose in read.poses]
+        times = read.times
         _note_disorder(times, findings)
         first_s, last_s = min(times), max(times)
     if last_s > stamp_s + PATH_S + SLACK_S:
@@ -125,7 +134,7 @@ def destinations(points: Sequence[PredictedLocation] | Points | None, stamp_s: f
         return NO_PATH
     if len(points) > MOST_POINTS:
         findings["destinations-too-many"] = None
-    times = [pose[0] for pose in read.poses]
+    times = read.times
     if max(times) > stamp_s + DESTINATIONS_S + SLACK_S:
         findings["destinations-too-far"] = None
     if max(times) < stamp_s - SLACK_S:
@@ -134,15 +143,15 @@ def destinations(points: Sequence[PredictedLocation] | Points | None, stamp_s: f
         return read
     findings["destinations-unsorted"] = None
     order = sorted(range(len(times)), key=times.__getitem__)
-    poses, datums = tuple(read.poses[row] for row in order), tuple(read.datums[row] for row in order)
+    rows = read.rows
+    poses, datums = tuple(rows[row] for row in order), tuple(read.datums[row] for row in order)
     return Path(poses, datums, in_order=len(set(times)) == len(times))
 
 
 def _read(points: Sequence[PredictedLocation] | Points, findings: Findings) -> Path:
     if isinstance(points, Points):
         findings.update(dict.fromkeys(points.findings))
-        poses = tuple(map(tuple, points.rows.tolist()))
-        return Path(poses, (_datum(points, findings),) * len(poses), in_order=True)
+        return Path(points.rows, (_datum(points, findings),) * len(points), in_order=True)
     points = points[:MOST_POINTS_USED]
     rows = _conforming(points, findings)
     if rows is None:

@@ -71,6 +71,6 @@ def placed(robot: Robot) -> dict[str, Any]:
         "forecast": {
             "basis": Basis(one.basis).name.lower(),
             "reach_m": round(dist(one.knots[0][1:3], one.knots[-1][1:3]), 3),
-            "knots": [[round(value, 3) for value in knot] for knot in one.knots],
+            "knots": [[round(float(value), 3) for value in knot] for knot in one.knots],
         },
     }

@@ -34,6 +34,11 @@ class _Map(ABC):
     @abstractmethod
     def at(self, x: float, y: float) -> Placed: ...
 
+    @property
+    @abstractmethod
+    def tables(self) -> tuple[Floats, Floats, Floats]:
+        """For compiled code: an affine map by rows, its shift, the middle (8,); triangles (t, 12); the rim (e, 9)."""
+
     def pose(self, x: float, y: float, yaw_rad: float) -> tuple[float, float, float]:
         """Where a pose comes to lie. Its heading goes through the linear part there; an unknown one stays nan."""
         to_x, to_y, a, b, c, d = self.at(x, y)
@@ -62,6 +67,10 @@ class Affine(_Map):
     def at(self, x: float, y: float) -> Placed:
         a, b, c, d, shift_x, shift_y = self._numbers
         return a * x + b * y + shift_x, c * x + d * y + shift_y, a, b, c, d
+
+    @cached_property
+    def tables(self) -> tuple[Floats, Floats, Floats]:
+        return np.array([*self._numbers, 0.0, 0.0]), np.empty((0, 12)), np.empty((0, 9))
 
     @property
     def mirrored(self) -> bool:
@@ -150,7 +159,8 @@ class Adjusted(_Map):
             edge_x, edge_y, dx, dy, length2, _, _, _, _ = edge
             share = ((x - edge_x) * dx + (y - edge_y) * dy) / length2
             share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
-            distance2 = (x - edge_x - share * dx) ** 2 + (y - edge_y - share * dy) ** 2
+            away_x, away_y = x - edge_x - share * dx, y - edge_y - share * dy
+            distance2 = away_x * away_x + away_y * away_y
             if distance2 < least:
                 least, at, nearest = distance2, share, edge
         _, _, dx, dy, length2, by_x, by_y, more_x, more_y = nearest
@@ -159,6 +169,11 @@ class Adjusted(_Map):
             return by_x, by_y, 0.0, 0.0, 0.0, 0.0
         u, v = dx / length2, dy / length2
         return by_x, by_y, more_x * u, more_x * v, more_y * u, more_y * v
+
+    @cached_property
+    def tables(self) -> tuple[Floats, Floats, Floats]:
+        base = np.array([*self._base.tables[0][:6], *self._middle])
+        return base, np.array(self._inner).reshape(-1, 12), np.array(self._rim).reshape(-1, 9)
 
     @property
     def mirrored(self) -> bool:

@@ -7,7 +7,7 @@ from math import floor, inf
 from deconflict.effort import Effort
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
-from ingest import conforming
+from ingest import quick
 from ingest.measures import Measures
 from ingest.playback import EngineStarted, Event, Noted, Received, Tick
 from ingest.seam import Batch
@@ -37,7 +37,7 @@ class Reading:
     """The messages of one log through one fleet."""
 
     def __init__(self, site: Site) -> None:
-        conforming.quicken()
+        quick.load()
         self.fleet = fleet_of(site, Measures())
         self.messages = 0
         self.first_s, self.last_s = inf, -inf

@@ -15,7 +15,7 @@ from deconflict.link import PortTakenError, listening, socket_path
 from deconflict.recent import Recent, parcel
 from deconflict.reloading import InForce
 from deconflict.site import Site
-from ingest import conforming
+from ingest import quick
 from ingest.connection import Connection
 from ingest.credentials import Credentials
 from ingest.dialer import Dialer
@@ -222,7 +222,7 @@ class ReceiverRole:
     def _quicken(self) -> None:
         if not self._quickened and sum(self.measures.values["deconflict_messages_total"].values()) >= WORTH_QUICKENING:
             self._quickened = True
-            threading.Thread(target=conforming.quicken, name="compiled", daemon=True).start()
+            threading.Thread(target=quick.load, name="compiled", daemon=True).start()
 
     async def _follow(self, payload: bytes) -> bytes:
         """The batch after the one with the given number, as the engine was given it, for who watches the floor."""

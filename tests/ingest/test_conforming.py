@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from ingest import conforming
+from ingest import quick
 from ingest.conforming import decoded, is_status
 from ingest.reports import IdentityReport, StatusReport
 from tests.vectors import VECTORS, T, at, named, said, with_null
@@ -37,7 +37,7 @@ TEXTS = (
 @pytest.fixture(autouse=True)
 def _all_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever else this process reads: points are a matter of `test_plain.py`."""
-    monkeypatch.setattr(conforming, "_plain", conforming._none)
+    monkeypatch.setattr(quick, "points", None)
 
 
 def validated(raw: bytes) -> dict[str, Any]:
