@@ -20,6 +20,7 @@ from deconflict.importers.plan import PlanError
 from deconflict.link import PortTakenError
 from deconflict.logs import FORMATS, VARIABLE
 from deconflict.logs import begin as begin_log
+from deconflict.notify import Notifier
 from deconflict.service import cluster_problems, run_role, runtime_directory
 from deconflict.simulation.drills import DRILLS
 from deconflict.simulation.senders import simulate
@@ -160,7 +161,8 @@ def _serve(args: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     with runtime_directory() as name:
-        supervisor = Supervisor(settings, data, Path(name), lambda: _sound(args), args.part or PARTS)
+        parts, manager = args.part or PARTS, Notifier(os.environ)
+        supervisor = Supervisor(settings, data, Path(name), lambda: _sound(args), parts, manager)
         signal.signal(signal.SIGHUP, lambda *_: supervisor.reloader.ask())
         supervisor.run(stop)
     return 0

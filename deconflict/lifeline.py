@@ -1,7 +1,8 @@
 """The line between the supervisor and a role, on the role's standard input.
 
 Either end sees the other's end by it, so that no role outlives its supervisor. A role that goes on says so, a byte each
-time: for how many seconds it may be silent from now. One that hangs says nothing.
+time: for how many seconds it may be silent from now. One that hangs says nothing. One that has opened its port says so
+once, by a zero.
 """
 
 import asyncio
@@ -16,6 +17,7 @@ SILENT_S = 20
 """For so long a role may be silent. Its calls to others end within ten seconds, and it speaks each second otherwise."""
 LONG_S = 240
 """The same while it begins, and before what may take long."""
+SERVES = 0
 SPEAK_EVERY_S = 1.0
 GAP_S = 1.0
 """Silence between two looks counts for no more: where the supervisor itself stood still, nobody hangs."""
@@ -29,13 +31,17 @@ class Watching:
         self._ours, self.theirs = socket.socketpair()
         self._ours.setblocking(False)
         self._looked_s, self._silent_s, self._allowed_s = now_s, 0.0, LONG_S
+        self.serves = False
+        """Whether its port was open at the last look."""
 
     def hangs(self, now_s: float) -> bool:
         """Whether the role has been silent for longer than it may; told once, and then counted anew."""
         self._silent_s += min(now_s - self._looked_s, GAP_S)
         self._looked_s = now_s
-        if said := self._said():
-            self._silent_s, self._allowed_s = 0.0, said[-1]
+        said = self._said()
+        self.serves |= SERVES in said
+        if allowed := said.replace(bytes([SERVES]), b""):
+            self._silent_s, self._allowed_s = 0.0, allowed[-1]
         if self._silent_s <= self._allowed_s:
             return False
         self._silent_s = 0.0
@@ -74,9 +80,16 @@ class Lifeline:
 
     def goes_on(self, silent_s: int = SILENT_S) -> None:
         """Say that this role goes on, and for how long it may be silent now, at most 255 s."""
+        self._say(silent_s)
+
+    def serves(self) -> None:
+        """Say that this role's port is open."""
+        self._say(SERVES)
+
+    def _say(self, byte: int) -> None:
         try:
             if self._line:
-                self._line.send(bytes([silent_s]), socket.MSG_DONTWAIT)
+                self._line.send(bytes([byte]), socket.MSG_DONTWAIT)
         except OSError:
             return  # a supervisor that does not listen, or is gone, which `at_end` tells
 

@@ -75,13 +75,15 @@ class Reloader:
         """Have it done at the next `look`; a signal may call this."""
         self._asked.set()
 
+    def asked(self) -> bool:
+        return self._asked.is_set() or (self._runtime / ASKED_FILE).exists()
+
     def look(self) -> None:
         """Carry out what was asked since the last look."""
-        asked = self._runtime / ASKED_FILE
-        if not (self._asked.is_set() or asked.exists()):
+        if not self.asked():
             return
         self._asked.clear()
-        asked.unlink(missing_ok=True)
+        (self._runtime / ASKED_FILE).unlink(missing_ok=True)
         try:
             site, waiting = in_force(self._site, self._read())
         except (SiteError, SecretError, CertificateError) as error:

@@ -80,11 +80,19 @@ async def _run_async_role(
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
     line.at_end(partial(loop.call_soon_threadsafe, stop.set))
     one = _async_role(role, site, runtime, data, exposition)
-    speaking = asyncio.create_task(line.speaking())
+    telling = [asyncio.create_task(line.speaking())]
+    if isinstance(one, ReceiverRole | OperatorRole):
+        telling.append(asyncio.create_task(_serves(one.ready, line)))
     try:
         await one.run(stop)
     finally:
-        speaking.cancel()
+        for task in telling:
+            task.cancel()
+
+
+async def _serves(ready: asyncio.Event, line: Lifeline) -> None:
+    await ready.wait()
+    line.serves()
 
 
 def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Exposition) -> "Runs":

@@ -13,6 +13,7 @@ from itertools import chain
 from pathlib import Path
 
 from deconflict.lifeline import Watching
+from deconflict.notify import READY, STOPPING, Notifier
 from deconflict.reloading import Reloader, write
 from deconflict.roles.operator import ROLES_FILE
 from deconflict.site import Site
@@ -23,6 +24,8 @@ PARTS = {"face": ("operator",), "ingest": ("receiver",), "engine": ("engine",)}
 """The parts of the service, and the roles of each, in the order in which they start."""
 CLUSTER_PARTS = {"face": ("operator", "follower"), "ingest": ("receiver", "feed"), "engine": ("engine",)}
 """The same where several machines share the work; each runs the parts that it is told to."""
+PORTS = ("operator", "receiver")
+"""The roles that have a port for others."""
 STOP_WITHIN_S = 10.0
 BACKOFF_S = (0.2, 10.0)
 """First and longest wait before a role that keeps dying is started again; the first time it is at once."""
@@ -106,8 +109,10 @@ class Supervisor:
         runtime: Path,
         read: Callable[[], Site] | None = None,
         parts: Iterable[str] = PARTS,
+        manager: Notifier | None = None,
     ) -> None:
         """`read` reads the site again for `Reloader`; without it there is nothing to read."""
+        self._manager, self._ready = manager or Notifier({}), False
         roles = chain.from_iterable((CLUSTER_PARTS if site.cluster else PARTS)[part] for part in parts)
         self._runtime = runtime
         self.reloader = Reloader(site, read or (lambda: site), runtime)
@@ -122,11 +127,28 @@ class Supervisor:
                 changed = [role.role for role in self.roles if role.ensure(time.monotonic())]
                 if changed:
                     self._tell()
-                self.reloader.look()
+                self._reload()
+                self._tell_manager()
                 stop.wait(0.1)
         finally:
+            self._manager.say(STOPPING)
             for role in reversed(self.roles):
                 role.stop()
+
+    def _reload(self) -> None:
+        if not self.reloader.asked():
+            return
+        self._manager.reloading(time.monotonic())
+        self.reloader.look()
+        if self._ready:
+            self._manager.say(READY)
+
+    def _tell_manager(self) -> None:
+        """That every port is open, once, and that the roles are watched."""
+        if not self._ready and all(role.line and role.line.serves for role in self.roles if role.role in PORTS):
+            self._ready = True
+            self._manager.say(READY)
+        self._manager.goes_on(time.monotonic())
 
     def _tell(self) -> None:
         write(self._runtime / ROLES_FILE, json.dumps({role.role: role.told() for role in self.roles}))

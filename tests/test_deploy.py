@@ -10,6 +10,7 @@ import pytest
 
 from deconflict.__main__ import parser
 from deconflict.site import DEFAULT
+from deconflict.supervisor import STOP_WITHIN_S
 
 ROOT = Path(__file__).parent.parent
 UNIT, CONTAINER = ROOT / "deploy" / "deconflict.service", ROOT / "Containerfile"
@@ -38,6 +39,12 @@ def test_the_unit_is_shut_in() -> None:
 
 def test_a_reload_asks_the_service_to_read_its_site_file_again() -> None:
     assert re.search(r"^ExecReload=/bin/kill -HUP \$MAINPID$", UNIT.read_text(), re.M)
+
+
+def test_the_unit_waits_for_what_the_service_says_and_watches_that_it_goes_on() -> None:
+    told = dict(re.findall(r"^(Type|NotifyAccess|WatchdogSec|Restart)=(.+)$", UNIT.read_text(), re.M))
+    assert float(told.pop("WatchdogSec")) > 3 * STOP_WITHIN_S, "the service may take so long to end its roles"
+    assert told == {"Type": "notify", "NotifyAccess": "main", "Restart": "always"}
 
 
 def test_the_command_of_the_unit_exists() -> None:

@@ -13,6 +13,7 @@ from ingest import receiver
 from ingest.settings import Tls
 from tests.ingest.test_certificates import trusting, write
 from tests.ingest.test_receiver import floor
+from tests.patience import PATIENCE_S
 
 
 @pytest.fixture
@@ -27,7 +28,7 @@ def site_tls(authority: trustme.CA, tmp_path: Path) -> Tls:
 
 
 async def until(true: Callable[[], object]) -> None:
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(PATIENCE_S):
         while not true():
             await asyncio.sleep(0.01)
 
@@ -35,7 +36,7 @@ async def until(true: Callable[[], object]) -> None:
 async def ended(reader: asyncio.StreamReader) -> None:
     """Waits for the other end to end it."""
     with suppress(ConnectionResetError):
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(PATIENCE_S):
             await reader.read()
 
 
