@@ -4,7 +4,8 @@ import json
 import logging
 import os
 import re
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ FOLDER = "blackbox"
 REGISTER = "register.jsonl"
 NAME = re.compile(r"blackbox-\d{8}T\d{9}Z\.jsonl\.zst")
 
+Pair = tuple[str, ...]
+"""The vendors of two robots, sorted."""
 Box = dict[str, Any]
 """One line of the register: `file`, `bytes`, `sha256` of the last line, `from`, `until`, `near_misses`."""
 
@@ -54,20 +57,28 @@ class Shelf:
         self._write([*self._registered(), box])
 
     def prune(self, *, files: int, total_bytes: int, before: str) -> list[str]:
-        """Remove the oldest beyond so many or so much, and those that end before a time; their names."""
-        size, gone = 0, []
-        for number, box in enumerate(reversed(self.boxes()), 1):
-            size += int(box["bytes"])
-            if number > files or size > total_bytes or box["until"] < before:
-                (self.directory / box["file"]).unlink(missing_ok=True)
-                gone.append(str(box["file"]))
+        """Remove those that end before a time, and what is beyond so many or so much; their names.
+
+        Of those beyond, the oldest goes of the pair of vendors that holds the most, so that none pushes out others'.
+        """
+        boxes = self.boxes()
+        kept = [box for box in boxes if box["until"] >= before]
+        while len(kept) > files:
+            kept.remove(_least_missed(kept, lambda _: 1))
+        while sum(map(_bytes, kept)) > total_bytes:
+            kept.remove(_least_missed(kept, _bytes))
+        gone = [str(box["file"]) for box in boxes if box not in kept]
+        for file in gone:
+            (self.directory / file).unlink(missing_ok=True)
         if gone:
-            self._write([one for one in self._registered() if one["file"] not in gone][-files:] or self._last())
+            self._write(self._linked({str(box["file"]) for box in kept}))
         return gone
 
-    def _last(self) -> list[Box]:
-        """The newest entry is kept without its file: the chain goes on from it."""
-        return self._registered()[-1:]
+    def _linked(self, files: set[str]) -> list[Box]:
+        """What the register tells of files, and of what the chain needs: whatever is before each, and the newest."""
+        registered = self._registered()
+        after = [*(one["file"] for one in registered[1:]), None]
+        return [one for one, then in zip(registered, after, strict=True) if {one["file"], then} & files or then is None]
 
     def _registered(self) -> list[Box]:
         path = self.directory / REGISTER
@@ -90,3 +101,24 @@ class Shelf:
             file.flush()
             os.fsync(file.fileno())
         new.replace(self.directory / REGISTER)
+
+
+def _bytes(box: Box) -> int:
+    return int(box["bytes"])
+
+
+def _least_missed(boxes: Sequence[Box], size: Callable[[Box], int]) -> Box:
+    """The oldest of the pair of vendors that holds the most; a box of several is of the one that holds the least."""
+    held, owned = Counter[Pair](), Counter[Pair]()
+    for box in boxes:
+        for pair in _pairs(box):
+            held[pair] += size(box)
+    owners = [min(_pairs(box), key=lambda pair: (held[pair], pair)) for box in boxes]
+    for box, owner in zip(boxes, owners, strict=True):
+        owned[owner] += size(box)
+    most = max(owned.values())
+    return next(box for box, owner in zip(boxes, owners, strict=True) if owned[owner] == most)
+
+
+def _pairs(box: Box) -> set[Pair]:
+    return {tuple(sorted(map(str, one["vendors"]))) for one in box["near_misses"]} or {()}
