@@ -108,7 +108,7 @@ def _of(name: str, values: Values) -> VendorHealth:
 
     robots, messages = by("deconflict_robots"), by("deconflict_messages_total")
     deviations = by("deconflict_deviations_total")
-    grade = next(iter(by("deconflict_forecast_grade")), None)
+    grade = max(by("deconflict_forecast_grade"), default=None)
     return VendorHealth.model_validate(
         {
             "name": name,

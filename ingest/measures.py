@@ -13,6 +13,32 @@ Labels = tuple[str, ...]
 
 LATENCY_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.75, 1.0, 2.5, 5.0, 10.0)
 
+LARGEST = frozenset(
+    {
+        "deconflict_clock_delay_seconds",
+        "deconflict_forecast_age_seconds",
+        "deconflict_datum_drift_metres",
+        "deconflict_changed_since_timestamp_seconds",
+        "deconflict_forecast_change_metres",
+        "deconflict_datum_change_metres",
+        "deconflict_forecast_error_metres",
+        "deconflict_forecast_band_coverage_ratio",
+        "deconflict_forecast_grade",
+        "deconflict_robots_distrusted",
+        "deconflict_arrival_time_ratio",
+        "deconflict_arrival_error_seconds",
+        "deconflict_arrivals_late_ratio",
+        "deconflict_role_up",
+        "deconflict_engine_effort_reduced",
+        "deconflict_build_info",
+    }
+)
+"""Levels that are not shares of a whole: of what several roles or machines tell, the largest is meant."""
+FURTHEST = frozenset(
+    {"deconflict_clock_offset_seconds", "deconflict_clock_change_seconds", "deconflict_host_clock_off_seconds"}
+)
+"""Those of either sign: the one furthest from 0. All else adds up."""
+
 
 class Histogram:
     """Observations counted by upper bound, as Prometheus counts them."""
@@ -44,12 +70,22 @@ class Histogram:
         return low
 
 
+def together(name: str, one: float, other: float) -> float:
+    """What two roles or machines come to that tell the same series of a count or level."""
+    if name in FURTHEST:
+        return max(one, other, key=abs)
+    return max(one, other) if name in LARGEST else one + other
+
+
 def joined_values(documents: Iterable[dict[str, Any]]) -> dict[str, dict[Labels, float]]:
     """The counts and levels of several roles' `Measures.as_document`, by name and labels."""
     values: dict[str, dict[Labels, float]] = {}
     for document in documents:
         for name, rows in document["values"].items():
-            values.setdefault(name, {}).update({tuple(labels): value for labels, value in rows})
+            series = values.setdefault(name, {})
+            for told, value in rows:
+                labels = tuple(told)
+                series[labels] = together(name, series[labels], value) if labels in series else value
     return values
 
 

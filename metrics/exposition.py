@@ -13,19 +13,18 @@ from prometheus_client.metrics_core import (
     Metric,
 )
 
-from ingest.measures import Labels
+from ingest.measures import Labels, together
 
 Kind = Literal["counter", "gauge", "histogram"]
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One metric. Two roles that tell the same series add up, except where the largest is meant."""
+    """One metric."""
 
     kind: Kind
     labels: Labels
     help: str
-    across_roles: Literal["sum", "largest"] = "sum"
 
 
 CATALOGUE: dict[str, Entry] = {
@@ -54,19 +53,21 @@ CATALOGUE: dict[str, Entry] = {
         "gauge",
         ("vendor",),
         "Added to the vendor's stamps it gives our time: below 0 where its clocks are fast.",
-        "largest",
     ),
     "deconflict_clock_delay_seconds": Entry(
         "gauge",
         ("vendor",),
         "Time from a pose being true to its arrival, median of the vendor's robots.",
-        "largest",
     ),
     "deconflict_host_clock_off_seconds": Entry(
-        "gauge", (), "What the host's clock is ahead of the service's, which does not leap when that is set.", "largest"
+        "gauge",
+        (),
+        "What the host's clock is ahead of the service's, which does not leap when that is set.",
     ),
     "deconflict_forecast_age_seconds": Entry(
-        "gauge", ("vendor",), "Age of the poses that forecasts rest on, median of the vendor's robots.", "largest"
+        "gauge",
+        ("vendor",),
+        "Age of the poses that forecasts rest on, median of the vendor's robots.",
     ),
     "deconflict_messages_shed_total": Entry(
         "counter", ("vendor",), "Messages beyond the vendor's share, overtaken by newer ones before they were read."
@@ -75,25 +76,26 @@ CATALOGUE: dict[str, Entry] = {
         "gauge",
         ("vendor",),
         "How far the vendor's robots rest at docks and chargers from where they did at first.",
-        "largest",
     ),
     "deconflict_changed_since_timestamp_seconds": Entry(
         "gauge",
         ("vendor", "what"),
         "Since when the vendor's forecast, datum or clock is not as it usually was; absent where all is as usual.",
-        "largest",
     ),
     "deconflict_forecast_change_metres": Entry(
         "gauge",
         ("vendor",),
         "How much further off than usual 80 % of forecasts are 3 s ahead.",
-        "largest",
     ),
     "deconflict_datum_change_metres": Entry(
-        "gauge", ("vendor",), "How far from usual the vendor's robots rest at docks and chargers.", "largest"
+        "gauge",
+        ("vendor",),
+        "How far from usual the vendor's robots rest at docks and chargers.",
     ),
     "deconflict_clock_change_seconds": Entry(
-        "gauge", ("vendor",), "How much more than usual is added to the vendor's stamps; below 0: less.", "largest"
+        "gauge",
+        ("vendor",),
+        "How much more than usual is added to the vendor's stamps; below 0: less.",
     ),
     "deconflict_statuses_superseded_total": Entry(
         "counter", ("vendor",), "Status messages replaced by a newer one before the engine read them."
@@ -129,19 +131,21 @@ CATALOGUE: dict[str, Entry] = {
         "gauge",
         ("vendor", "horizon_s", "share"),
         "Forecasts that far ahead were off by at most this, in that share of cases; old cases fade over days.",
-        "largest",
     ),
     "deconflict_forecast_band_coverage_ratio": Entry(
-        "gauge", ("vendor", "share"), "Share of errors within the band that was to hold `share` of them.", "largest"
+        "gauge",
+        ("vendor", "share"),
+        "Share of errors within the band that was to hold `share` of them.",
     ),
     "deconflict_forecast_grade": Entry(
         "gauge",
         ("vendor", "grade"),
         "1 for the vendor's grade: A to E by what 80 % of forecasts are off 3 s ahead (0.1, 0.25, 0.5, 1 m, more).",
-        "largest",
     ),
     "deconflict_robots_distrusted": Entry(
-        "gauge", ("vendor",), "Robots that do other than they say: their forecasts are given wider errors.", "largest"
+        "gauge",
+        ("vendor",),
+        "Robots that do other than they say: their forecasts are given wider errors.",
     ),
     "deconflict_forecasts_distrusted_total": Entry(
         "counter", ("vendor",), "Forecasts of robots that did other than they had said, taken with wider errors."
@@ -172,16 +176,19 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "deconflict_deadlocks_ahead": Entry("gauge", (), "Rings of robots that wait for each other, or will."),
     "deconflict_arrival_time_ratio": Entry(
-        "gauge", ("vendor",), "Time that robots take to a destination over the time that they tell, median.", "largest"
+        "gauge",
+        ("vendor",),
+        "Time that robots take to a destination over the time that they tell, median.",
     ),
     "deconflict_arrival_error_seconds": Entry(
         "gauge",
         ("vendor", "ahead_up_to_s", "share"),
         "Arrivals told of so long ahead were early or late by at most this, in that share of cases; old cases fade.",
-        "largest",
     ),
     "deconflict_arrivals_late_ratio": Entry(
-        "gauge", ("vendor", "ahead_up_to_s"), "Share of arrivals told of so long ahead that came late.", "largest"
+        "gauge",
+        ("vendor", "ahead_up_to_s"),
+        "Share of arrivals told of so long ahead that came late.",
     ),
     "deconflict_advisories_stored_total": Entry("counter", (), "Revisions of advisories stored and published."),
     "deconflict_store_failures_total": Entry("counter", (), "Attempts to store advisories that failed."),
@@ -204,7 +211,7 @@ CATALOGUE: dict[str, Entry] = {
         ("outcome",),
         "Black boxes by what became of them: kept, unfounded, failed or beyond.",
     ),
-    "deconflict_role_up": Entry("gauge", ("role",), "1 if this role of the service answers, else 0.", "largest"),
+    "deconflict_role_up": Entry("gauge", ("role",), "1 if this role of the service answers, else 0."),
     "deconflict_deadlines_missed_total": Entry(
         "counter", (), "Passes of the engine that took longer than engine.deadline_s."
     ),
@@ -213,13 +220,12 @@ CATALOGUE: dict[str, Entry] = {
         (),
         "What the engine leaves out because it can't keep up: 0 nothing, 1 exact smallest separations, "
         "2 also conflicts later than conflict.warning_s and most looks at queues.",
-        "largest",
     ),
     "deconflict_site_reloads_total": Entry(
         "counter", ("result",), "Changed site files that were applied, or refused with the old settings kept."
     ),
     "deconflict_role_restarts_total": Entry("counter", ("role",), "Times this role's process was restarted."),
-    "deconflict_build_info": Entry("gauge", ("version",), "1 for the release that runs.", "largest"),
+    "deconflict_build_info": Entry("gauge", ("version",), "1 for the release that runs."),
 }
 """Every metric by name. Label values are bounded sets: vendors, rules, states, roles, places, never robots."""
 
@@ -254,7 +260,7 @@ class Combined:
         if known is None:
             series[labels] = value
         else:
-            series[labels] = max(known, value) if entry.across_roles == "largest" else known + value
+            series[labels] = together(name, known, value)
 
     def add_histogram(self, name: str, labels: Labels, buckets: Buckets) -> None:
         entry = CATALOGUE.get(name)

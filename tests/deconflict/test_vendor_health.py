@@ -35,6 +35,22 @@ def test_each_vendor_is_summed_over_states_outcomes_rules_and_roles() -> None:
     assert acme.grade_words == "80 % of forecasts 3 s ahead were within 0.25 m"
 
 
+def test_what_several_machines_tell_of_a_vendor_adds_up_or_is_the_worst_by_what_it_means() -> None:
+    machines = [Measures(), Measures()]
+    for one, robots, per_s, offset_s, p80_m, grade in zip(
+        machines, (3, 4), (2.5, 4.0), (-3.0, 0.1), (0.2, 0.7), "BD", strict=True
+    ):
+        one.level("deconflict_robots", {("Acme", "idle"): robots})
+        one.level("deconflict_messages_per_second", {("Acme",): per_s})
+        one.level("deconflict_clock_offset_seconds", {("Acme",): offset_s})
+        one.level("deconflict_forecast_error_metres", {("Acme", "3", str(share)): p80_m for share in (0.5, 0.8, 0.9)})
+        one.level("deconflict_forecast_grade", {("Acme", grade): 1.0})
+    for documents in ([one.as_document() for one in each] for each in (machines, machines[::-1])):
+        (acme,) = vendor_health(documents)
+        assert (acme.robots, acme.messages_per_s, acme.clock_s, acme.grade) == (7, 6.5, -3.0, "D")
+        assert acme.forecast_error[0].p80_m == 0.7
+
+
 def test_errors_are_told_by_how_far_ahead() -> None:
     told = Measures()
     told.count("deconflict_messages_total", "Acme", "accepted")

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from ingest.measures import Measures
+from ingest.measures import FURTHEST, LARGEST, Measures
 from metrics.exposition import CATALOGUE, UNCATALOGUED, combine, render, table
 
 METRICS_PAGE = Path(__file__).parents[2] / "docs" / "metrics.md"
@@ -63,6 +63,11 @@ def test_counters_and_populations_of_two_roles_add_up_and_estimates_do_not() -> 
     assert seen["deconflict_messages_total", (("result", "rejected"), ("vendor", "Acme"))] == 1
     assert seen["deconflict_robots", (("state", "idle"), ("vendor", "Acme"))] == 7
     assert seen["deconflict_clock_offset_seconds", (("vendor", "Acme"),)] == 4
+
+
+def test_what_does_not_add_up_over_roles_is_a_level_of_the_catalogue() -> None:
+    assert not LARGEST & FURTHEST
+    assert {CATALOGUE[name].kind for name in LARGEST | FURTHEST} == {"gauge"}
 
 
 def test_histograms_are_cumulative_and_add_up_over_roles() -> None:

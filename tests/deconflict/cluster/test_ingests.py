@@ -27,7 +27,9 @@ async def test_a_face_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
         both = {robot("A"), robot("B")}
         listed = await until(base, "/robots", lambda told: {one["uuid"] for one in told.get("robots", ())} == both)
         assert {one["presence"] for one in listed["robots"]} == {"present"}
-        await until(base, "/vendors", lambda told: [one["name"] for one in told["vendors"]] == ["Alder"])
+        await until(
+            base, "/vendors", lambda told: [(one["name"], one["robots"]) for one in told["vendors"]] == [("Alder", 2)]
+        )
         async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
             assert "deconflict_messages_total" in (await client.get(f"{base}/metrics")).text
             one = await client.get(f"{base}/robots/{robot('B')}")
