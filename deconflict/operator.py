@@ -258,13 +258,17 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, site: Sit
     app.state.site, app.state.people = site, People(settings.people)
     app.add_middleware(Access, settings=settings, people=app.state.people)
     _add_routes(app, Face(publisher, store, sources, exposition))
-    stream = Stream(store, publisher, measures, settings.stream_send_timeout_s)
+
+    def send_timeout_s() -> float:
+        return float(app.state.site.operator.stream_send_timeout_s)
+
+    stream = Stream(store, publisher, measures, send_timeout_s)
 
     @app.websocket("/advisories/stream")
     async def follow(websocket: WebSocket) -> None:
         await stream.serve(websocket)
 
-    add_view(app, publisher, store, sources)
+    add_view(app, publisher, store, sources, send_timeout_s)
 
     @app.get("/api", include_in_schema=False)
     async def index() -> HTMLResponse:

@@ -26,7 +26,7 @@ FIXED: dict[str, tuple[str, ...] | None] = {
     "receiver": ("host", "port", "tls", "max_message_bytes", "open_timeout_s"),
     "recorder": ("enabled",),
     "cluster": None,
-    "operator": ("host", "port", "tls", "stream_send_timeout_s"),
+    "operator": ("host", "port", "tls"),
     "store": ("directory",),
 }
 """Sections that a restart alone changes, as a whole or the keys named."""

@@ -1,6 +1,7 @@
 """The advisory stream: one WebSocket, which follows the store from a given position (`docs/api.md`)."""
 
 import asyncio
+from collections.abc import Callable
 from contextlib import suppress
 
 from fastapi import WebSocket, WebSocketDisconnect
@@ -32,7 +33,9 @@ class RefusedError(Exception):
 class Stream:
     """Serves subscribers, each until it leaves, is stuck, or the store fails."""
 
-    def __init__(self, store: Store, publisher: Publisher, measures: Measures, send_timeout_s: float) -> None:
+    def __init__(
+        self, store: Store, publisher: Publisher, measures: Measures, send_timeout_s: Callable[[], float]
+    ) -> None:
         self._store, self._publisher, self._measures = store, publisher, measures
         self._send_timeout_s = send_timeout_s
         self._subscribers = 0
@@ -82,14 +85,14 @@ class Stream:
     async def _feed(self, websocket: WebSocket, seq: int) -> None:
         while True:
             for line in await self._publisher.after(seq):
-                async with asyncio.timeout(self._send_timeout_s):
+                async with asyncio.timeout(self._send_timeout_s()):
                     await websocket.send_text(line.text)
                 seq = line.seq
             await asyncio.sleep(0)  # a subscriber that catches up lets the others have their turn
 
     async def _close(self, websocket: WebSocket, code: int, reason: str) -> None:
         with suppress(TimeoutError, WebSocketDisconnect):
-            async with asyncio.timeout(self._send_timeout_s):
+            async with asyncio.timeout(self._send_timeout_s()):
                 await websocket.close(code, reason)
 
     def _count(self, change: int) -> None:

@@ -3,7 +3,7 @@
 import asyncio
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.resources import files
 from math import floor
 from pathlib import Path
@@ -138,10 +138,12 @@ class View:
         return Response(content, headers=HEADERS, media_type=f"{kind}; charset=utf-8")
 
 
-def add_view(app: FastAPI, publisher: Publisher, store: Store, source: FloorSource) -> None:
+def add_view(
+    app: FastAPI, publisher: Publisher, store: Store, source: FloorSource, send_timeout_s: Callable[[], float]
+) -> None:
     """Serve the page and what it asks for."""
-    view, settings = View(app, store, source), app.state.site.operator
-    viewers = Viewers(source.follow, source.pulse, publisher.measures, settings.stream_send_timeout_s)
+    view = View(app, store, source)
+    viewers = Viewers(source.follow, source.pulse, publisher.measures, send_timeout_s)
     app.get("/", include_in_schema=False)(view.page)
     app.get("/page/{name}", include_in_schema=False)(view.file)
     app.get("/site", response_model=dict[str, Any])(view.site)

@@ -29,7 +29,7 @@ Health = Callable[[], Awaitable[dict[str, Any]]]
 class Viewers:
     """Serves pages. `follow` raises `ConnectionError` where the floor can't be had just now."""
 
-    def __init__(self, follow: Follow, health: Health, measures: Measures, send_timeout_s: float) -> None:
+    def __init__(self, follow: Follow, health: Health, measures: Measures, send_timeout_s: Callable[[], float]) -> None:
         self._follow, self._health, self._measures = follow, health, measures
         self._send_timeout_s = send_timeout_s
         self._picture = Picture()
@@ -69,7 +69,7 @@ class Viewers:
             health, picture = self._told, self._picture
             frame = picture.since(version)
             version = picture.version
-            async with asyncio.timeout(self._send_timeout_s):
+            async with asyncio.timeout(self._send_timeout_s()):
                 await websocket.send_text(f'{{"sent_s": {time.time():.3f}, "health": {health}, "floor": {frame}}}')
             await asyncio.sleep(FRAME_S)
 

@@ -52,9 +52,9 @@ def test_what_can_change_holds_and_what_can_not_waits() -> None:
         vendors=(Vendor(name="Alder"),),
     )
     site, waiting = in_force(before, wanted)
-    assert (site.receiver, site.operator) == (before.receiver, before.operator)
+    assert (site.receiver, site.operator) == (before.receiver, wanted.operator.model_copy(update={"port": 2}))
     assert (site.conflict, site.vendors) == (wanted.conflict, wanted.vendors)
-    assert waiting == ("receiver.port", "operator.port", "operator.stream_send_timeout_s")
+    assert waiting == ("receiver.port", "operator.port")
 
 
 def test_the_docs_say_of_every_section_when_it_holds() -> None:
@@ -103,6 +103,20 @@ def test_a_file_that_can_not_be_used_leaves_what_holds(tmp_path: Path) -> None:
     assert changed
     assert (changed.name, role.changed()) == ("new", None)
     assert json.loads((tmp_path / SITE_FILE).read_text())["name"] == "new"
+
+
+def test_the_log_says_which_changed_keys_wait_and_no_other(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    told = {"recorder": {"enabled": False, "keep_days": 2.0}, "operator": {"port": 81, "stream_send_timeout_s": 2.0}}
+    reloader, role = Reloader(Site(), lambda: Site.model_validate(told), tmp_path), InForce(tmp_path, Site())
+    reloader.ask()
+    reloader.look()
+    assert [one.getMessage() for one in caplog.records if one.levelname == "WARNING"] == [
+        "these keys of the site file wait for a restart: recorder.enabled, operator.port"
+    ]
+    changed = role.changed()
+    assert changed
+    assert (changed.recorder.enabled, changed.recorder.keep_days) == (True, 2.0)
+    assert changed.operator.stream_send_timeout_s == 2.0
 
 
 async def placed(service: Served, x: float) -> None:

@@ -121,7 +121,10 @@ async def test_what_a_subscriber_says_is_ignored_unless_it_is_too_long(face: Ser
 
 
 async def test_a_stuck_subscriber_is_dropped_and_the_others_go_on(tmp_path: Path) -> None:
-    async with served(tmp_path, stream_send_timeout_s=0.5) as face:
+    async with served(tmp_path, stream_send_timeout_s=600.0) as face:
+        site = face.app.state.site
+        operator = site.operator.model_copy(update={"stream_send_timeout_s": 0.5})
+        face.app.state.site = site.model_copy(update={"operator": operator})
         stuck = await stuck_subscriber(face)
         listening = asyncio.create_task(heard(face, None, 101))
         await until(lambda: face.measured("deconflict_stream_subscribers") == 2)
