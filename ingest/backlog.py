@@ -32,7 +32,10 @@ class Backlog:
         self._newest: dict[Robot, Arrived] = {}
 
     def put(self, one: Arrived) -> None:
-        uuid = status_of(one.raw) if self._turns.behind else None
+        if self._turns.at_once():
+            self._deliver(*one)
+            return
+        uuid = status_of(one.raw)
         if uuid is None:
             self._turns.do(partial(self._deliver, *one), len(one.raw))
             return

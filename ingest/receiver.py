@@ -59,8 +59,10 @@ class Line:
 
     socket: Listened
     connection: Connection
+    now_s: Callable[[], float]
+    """The event loop's clock, which nobody sets."""
     heard_s: float
-    """When it last sent a message, on the event loop's clock, which nobody sets."""
+    """When it last sent a message."""
 
 
 class Receiver:
@@ -171,7 +173,8 @@ class Receiver:
 
     async def listen(self, socket: Listened, connection: Connection) -> None:
         """Deliver everything that comes over one socket until it ends."""
-        line = Line(socket, connection, asyncio.get_running_loop().time())
+        now_s = asyncio.get_running_loop().time
+        line = Line(socket, connection, now_s, now_s())
         self._enter(line)
         try:
             socket.listen(partial(self._heard, line))
@@ -182,7 +185,7 @@ class Receiver:
             self._turns.do(partial(self._closed, connection))
 
     def _heard(self, line: Line, raw: bytes) -> None:
-        line.heard_s = asyncio.get_running_loop().time()
+        line.heard_s = line.now_s()
         self._take(Arrived(raw, self._clock(), line.connection), line.heard_s)
         transport = line.socket.transport
         if self._turns.full and transport.is_reading():

@@ -58,7 +58,7 @@ class Recorder:
         self._lines: list[bytes] = []
         self._bytes = 0
         """In `_lines`."""
-        self._heads: dict[int, str] = {}
+        self._heads: dict[int, bytes] = {}
         """What every line of an open connection says of it."""
 
     def renew(self, settings: Settings) -> None:
@@ -77,17 +77,18 @@ class Recorder:
 
     def received(self, raw: bytes, arrival_s: float, connection: Connection, rejected: str | None) -> None:
         """A message, and the rule that rejected it if one did."""
-        head = self._begun(arrival_s, connection)
+        begun = self._begun(arrival_s, connection)
         if rejected is None and raw[:1] == b"{" and raw[-1:] == b"}" and b"\n" not in raw and b"\r" not in raw:
-            self._add(b'%b,"message":%b}\n' % (head.encode(), raw))
+            self._add(b'{"received":"%b",%b,"message":%b}\n' % (*begun, raw))
         else:
             reason = f',"rejected":{json.dumps(rejected)}' if rejected else ""
-            self._add(f"{head}{reason},{_quoted(raw)}}}\n".encode())
+            told = f"{reason},{_quoted(raw)}".encode()
+            self._add(b'{"received":"%b",%b%b}\n' % (*begun, told))
 
     def overtaken(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         """A message that was not read, because a newer one came first."""
-        head = self._begun(arrival_s, connection).encode()
-        self._add(b'%b,"overtaken":true,"base64":"%b"}\n' % (head, binascii.b2a_base64(raw, newline=False)))
+        begun, quoted = self._begun(arrival_s, connection), binascii.b2a_base64(raw, newline=False)
+        self._add(b'{"received":"%b",%b,"overtaken":true,"base64":"%b"}\n' % (*begun, quoted))
 
     def closed(self, connection: Connection, now_s: float) -> None:
         self._heads.pop(connection.id, None)
@@ -120,10 +121,10 @@ class Recorder:
             self._files.close()
         self._tally()
 
-    def _begun(self, arrival_s: float, connection: Connection) -> str:
-        """What the line of a message begins with."""
+    def _begun(self, arrival_s: float, connection: Connection) -> tuple[bytes, bytes]:
+        """What the line of a message begins with: when it came, and how."""
         head = self._heads.get(connection.id) or self._heads.setdefault(connection.id, _head(connection))
-        return f'{{"received":"{stamps.write(arrival_s)}",{head}'
+        return stamps.write(arrival_s).encode(), head
 
     def _tally(self) -> None:
         written, dropped = self._writer.tally()
@@ -140,9 +141,9 @@ class Recorder:
             self.flush()
 
 
-def _head(connection: Connection) -> str:
+def _head(connection: Connection) -> bytes:
     vendor = f',"vendor":{json.dumps(connection.vendor)}' if connection.vendor else ""
-    return f'"connection":{connection.id},"peer":{json.dumps(connection.peer)}{vendor}'
+    return f'"connection":{connection.id},"peer":{json.dumps(connection.peer)}{vendor}'.encode()
 
 
 def _quoted(raw: bytes) -> str:

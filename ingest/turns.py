@@ -31,18 +31,17 @@ class Turns:
 
     def do(self, call: Callable[[], None], weight: int = 0) -> None:
         """Call now, or in one of the next turns if this one is over or others wait already."""
-        if self._until_s is None:
-            self._begin()
-        if self.behind:
+        if self.at_once():
+            call()
+        else:
             self._waiting.append((call, weight))
             self._weight += weight
-        else:
-            call()
 
-    @property
-    def behind(self) -> bool:
-        """Whether a call would have to wait."""
-        return bool(self._waiting) or (self._until_s is not None and self._clock() >= self._until_s)
+    def at_once(self) -> bool:
+        """Whether a call need not wait; it may then be made without more ado."""
+        if self._until_s is None:
+            self._begin()
+        return not self._waiting and self._clock() < (self._until_s or 0.0)
 
     def reweigh(self, by: int) -> None:
         """What waits has become heavier by so much."""
