@@ -32,7 +32,7 @@ from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
 from deconflict.site import Site
 from deconflict.sweeper import ACCURACY_M, PairConflicts, Sweeper
-from deconflict.tally import tally
+from deconflict.tally import NEAR_MISSES, tally
 from deconflict.telling import Pair, Party, Prediction, Scene
 from ingest import changes
 from ingest.measures import Measures
@@ -159,6 +159,7 @@ class Engine:
         accuracy_m = COARSE_M if effort >= Effort.COARSE else ACCURACY_M
         conflicts = self._sweeper.step(now_s, reach_s, accuracy_m)
         self.near_misses = [pair for pair in self._trigger.step(conflicts) if self._moves(pair)]
+        self.measures.count(NEAR_MISSES, by=len(self.near_misses))
         predictions = [one for one in self._foreseen(now_s, conflicts) if one.contact_s <= now_s + reach_s]
         scene = Scene(
             self.live.robots.__contains__, self._party, self._meet, self._separation_m, self._datum, self._place

@@ -8,6 +8,7 @@ from ingest.measures import Measures
 
 OUTCOMES = {PASSED: "met", STAND: "met", UNPREDICTED: "not_met"}
 """By why a conflict was cleared, whether its robots came within the clearance; "left" where one was taken away."""
+NEAR_MISSES = "deconflict_near_misses_total"
 TALLIED = ("deconflict_advisories_total", "deconflict_advisories_open", "deconflict_conflicts_ended_total")
 
 

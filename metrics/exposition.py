@@ -206,6 +206,9 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "deconflict_outlet_failures_total": Entry("counter", ("outlet",), "Attempts to deliver that failed."),
     "deconflict_outlet_waiting": Entry("gauge", ("outlet",), "Revisions that wait for an outlet that takes none."),
+    "deconflict_near_misses_total": Entry(
+        "counter", (), "Times that two robots of which one moves came within the clearance, by their forecasts."
+    ),
     "deconflict_blackboxes_total": Entry(
         "counter",
         ("outcome",),

@@ -3,7 +3,8 @@
 The rule of ownership: an advisory is told by whoever owns the tile in which it was raised, at the place where the two
 envelopes first come within the clearance, from then until it is cleared. Every engine that sees both robots judges
 them alike, so exactly one finds that place in a tile of its own; the others keep the same advisory in silence, take
-what the owner told for their own, and go on with it where the tile becomes theirs.
+what the owner told for their own, and go on with it where the tile becomes theirs. A near miss is counted by whoever
+owns the tile in which the first of its robots was heard last.
 """
 
 from collections import Counter, OrderedDict
@@ -19,7 +20,7 @@ from deconflict.cluster.tiles import Area, Grid, Place, Tile
 from deconflict.engine import Engine
 from deconflict.motion import Bools
 from deconflict.site import Site
-from deconflict.tally import TALLIED, tally
+from deconflict.tally import NEAR_MISSES, TALLIED, tally
 from deconflict.telling import Pair
 from ingest.measures import Measures
 from ingest.seam import Batch, Ints
@@ -50,7 +51,7 @@ class Shard:
         self.loads: Counter[Tile] = Counter()
         """Statuses by tile, since who reads it cleared it."""
         self._told = Measures()
-        """Of the advisories that are its own; the engine counts those too that others tell."""
+        """Of the advisories and near misses that are its own; the engine counts those too that are others'."""
         self._grid, self._reach_m = grid, reach_m
         self._around = {GONE}
         """The channels of its tiles and of what is around them."""
@@ -131,13 +132,15 @@ class Shard:
             if home in self.area:
                 due.append(Told(home, one))
                 self._remember(due[-1])
+        near = self._places(a for a, _ in self.engine.near_misses)
+        self._told.count(NEAR_MISSES, by=sum(place in self.area for place in near))
         tally(self._told, [told.advisory for told in due], [told.advisory for told in self._mine()])
         return due
 
     def measured(self) -> list[dict[str, Any]]:
         """`Measures.as_document()` of its engine and of what it told."""
         engine = self.engine.measures.as_document()
-        values = {name: rows for name, rows in engine["values"].items() if name not in TALLIED}
+        values = {name: rows for name, rows in engine["values"].items() if name not in (*TALLIED, NEAR_MISSES)}
         return [engine | {"values": values}, self._told.as_document()]
 
     def hear(self, told: Told, *, overruled: bool = False) -> None:

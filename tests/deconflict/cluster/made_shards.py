@@ -71,12 +71,12 @@ class Single:
     """What the service on one machine tells."""
 
     def __init__(self) -> None:
-        self._engine, self._floors = Engine(judging(SITE), conflicts_only=True), Floors()
+        self.engine, self._floors = Engine(judging(SITE), conflicts_only=True), Floors()
 
     def step(self, tick: int, batches: Iterable[Batch]) -> list[ConflictAdvisory]:
         for one in batches:
-            self._engine.receive(self._floors.renumbered(one))
-        told = self._engine.step(NOW_S + tick / TICKS)
+            self.engine.receive(self._floors.renumbered(one))
+        told = self.engine.step(NOW_S + tick / TICKS)
         return [one for one in told if isinstance(one, ConflictAdvisory)]
 
 

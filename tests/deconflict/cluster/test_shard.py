@@ -13,6 +13,7 @@ from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.cluster.tiles import Grid, Tile
 from deconflict.foresight.calibration import Calibration
 from deconflict.foresight.ledger import Ledger
+from deconflict.tally import NEAR_MISSES
 from metrics.exposition import combine
 from tests.deconflict.cluster.made_shards import NOW_S, REACH_M, TICKS, Course, Ingests, Shards, Single, crossing
 from tests.saying import HALL, LOFT
@@ -46,7 +47,9 @@ def compared(courses: dict[str, Course], datums: dict[str, str], shards: Shards,
         assert sorted(parts, key=lambda one: (one.updated_at, one.robots, one.revision)) == sorted(
             whole, key=lambda one: (one.updated_at, one.robots, one.revision)
         )
-    return Counter(one.state.value for one in whole)
+    near = single.engine.measures.values[NEAR_MISSES]
+    assert joined_sum(shards, NEAR_MISSES) == near
+    return Counter(one.state.value for one in whole) | Counter({NEAR_MISSES: int(near[()])})
 
 
 def joined_sum(shards: Shards, name: str) -> dict[tuple[str, ...], float]:
@@ -85,6 +88,7 @@ def test_shards_tell_what_one_engine_tells_whatever_the_tiling(
     shards = Shards(grid, count, split if halvings else ())
     shards.cover((HALL, LOFT), 100.0, (lambda _: int(rng.integers(count))) if mixed else strips(grid, count, 90.0))
     told = compared(courses, datums, shards, 16)
+    assert told.pop(NEAR_MISSES) > 0
     counted = joined_sum(shards, "deconflict_advisories_total")
     assert counted == {("conflict", state): float(count) for state, count in told.items()}
     assert told[AdvisoryState.RAISED.value] > 0
