@@ -95,14 +95,12 @@ class Lives:
         """
         self.started_s = now_s if self.started_s is None else self.started_s
         revisions = []
-        predicted = {one.pair: one for one in predictions}
+        predicted = {one.pair: one for one in predictions if one.pair in self.tracks or self._matters(one, now_s)}
         for pair in sorted(predicted.keys() | self.tracks.keys()):
             track = self.tracks.get(pair)
             if track and pair not in predicted and _later(track.advisory, until_s):
                 continue
             if track is None:
-                if not predicted[pair].fresh:
-                    continue
                 track = self.tracks[pair] = self._new_track()
             revision = self._advance(track, pair, predicted.get(pair), now_s, updated, scene)
             if revision:
@@ -166,11 +164,19 @@ class Lives:
         elif start_m > clearance_m + self.settings.clear_margin_m:
             track.inside = False
         about_to_touch = prediction.separation_m == 0 and start_m > TOUCHING_M
+        return about_to_touch if track.inside else self._likely(prediction, now_s)
+
+    def _likely(self, prediction: Prediction, now_s: float) -> bool:
+        """Whether an encounter is yet to come that is worth an advisory."""
         wanted = self.settings.raise_probability
-        if prediction.separation_m > clearance_m:
+        if prediction.separation_m > self.settings.clearance_m:
             wanted = max(wanted, SURE)
-        likely = prediction.probability >= wanted
-        return about_to_touch if track.inside else likely and prediction.contact_s > now_s
+        return prediction.probability >= wanted and prediction.contact_s > now_s
+
+    def _matters(self, prediction: Prediction, now_s: float) -> bool:
+        """Whether there is anything to remember of a pair that was not under watch."""
+        inside = prediction.start_separation_m <= self.settings.clearance_m
+        return prediction.fresh and (inside or self._likely(prediction, now_s))
 
     def _holds(self, prediction: Prediction) -> bool:
         return prediction.probability >= self.settings.raise_probability * HELD_SHARE

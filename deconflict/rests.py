@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from math import hypot
 from statistics import median
 
-import numpy as np
 import shapely
 from shapely import Polygon
 
@@ -58,17 +57,15 @@ class Rests:
             return
         first, told = batch.forecasts.start[:-1], batch.forecasts
         stand = (batch.basis == Basis.STATIONARY) & (told.floor[first] >= 0)
-        for uuid in (*batch.gone, *(batch.robots[row] for row in np.flatnonzero(~stand).tolist())):
+        for uuid in batch.gone:
             self.moves(uuid)
-        for row in np.flatnonzero(stand).tolist():
-            at = (float(told.x_m[first[row]]), float(told.y_m[first[row]]))
-            self.stands(
-                batch.robots[row],
-                batch.vendors[row],
-                batch.floors[told.floor[first[row]]],
-                at,
-                float(batch.event_s[row]),
-            )
+        for row, (uuid, stands) in enumerate(zip(batch.robots, stand.tolist(), strict=True)):
+            if not stands:
+                self.moves(uuid)
+            elif uuid not in self._resting:
+                knot = first[row]
+                at, datum = (float(told.x_m[knot]), float(told.y_m[knot])), batch.floors[told.floor[knot]]
+                self.stands(uuid, batch.vendors[row], datum, at, float(batch.event_s[row]))
 
     def moves(self, uuid: str) -> None:
         """The robot drives, or has left."""

@@ -80,10 +80,13 @@ class Contention:
         self._told: dict[str, Told] = {}
         self._last_s = -inf
 
-    def take(self, batch: Batch, revisions: Iterable[AnyAdvisory]) -> None:
-        """Robots that have reported, and what was said of it."""
-        self._last_s = batch.now_s
+    def take(self, batch: Batch) -> None:
+        """Robots that have reported."""
         self._conduct.take(batch)
+
+    def hear(self, now_s: float, revisions: Iterable[AnyAdvisory]) -> None:
+        """What was said at a pass."""
+        self._last_s = now_s
         for one in revisions:
             self._hear(one)
 

@@ -15,6 +15,7 @@ from typing import Any
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.blackbox.start import Start
 from deconflict.engine import Engine
+from deconflict.gathering import Gathering
 from deconflict.site import Site
 from ingest.playback import Event, Reader
 from ingest.seam import Batch, Floats
@@ -146,6 +147,7 @@ class Outcome:
         self.verdicts = [Verdict(clearance_m) for clearance_m in clearances_m]
         self.truth = Truth(clearances_m)
         self.forecasts, self.arrivals, self.contention = ForecastErrors(), Arrivals(), Contention(site)
+        self._gathering = Gathering()
         self.vendor_of: dict[str, str] = {}
         """By robot that has said where it is."""
 
@@ -157,8 +159,9 @@ class Outcome:
         makers = list(zip(batch.vendors, batch.models, strict=True))
         self.forecasts.take(batch.robots, makers, batch.forecasts, said[0].bands_m if said else None)
         self.forecasts.advance(now_s)
-        self.arrivals.take(batch)
-        self.contention.take(batch, said[0].others if said else ())
+        for due in self._gathering.put(batch):
+            self._follow(due.batch)
+        self.contention.hear(now_s, said[0].others if said else ())
         for verdict, each in zip(self.verdicts, said, strict=True):
             verdict.take(now_s, each)
         looked_until_s = self.truth.until_s
@@ -168,8 +171,15 @@ class Outcome:
         revisions = [revision for each in said for revision in each.revisions]
         return [advisory_line(revision) for revision in sorted(revisions, key=lambda each: (each.clearance_m, each.id))]
 
+    def _follow(self, batch: Batch) -> None:
+        """What is asked of in the end alone."""
+        self.arrivals.take(batch)
+        self.contention.take(batch)
+
     def result(self, reading: Reading) -> dict[str, Any]:
         """What the log held, and the scores of every clearance, once nothing more comes."""
+        for due in self._gathering.rest():
+            self._follow(due.batch)
         self.truth.finish()
         self.forecasts.finish()
         self._resolve()
