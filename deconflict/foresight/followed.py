@@ -1,6 +1,7 @@
 """Forecasts kept until their moment has come, and what came of them by the robot's own next reports."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,6 +43,22 @@ class Reports:
         return cls(slots[finite], kinds[finite], batch.event_s[finite], track[finite])
 
 
+class Beside(NamedTuple):
+    """n pairs of robots, looked at k times in the past and m times ahead. Arrays are (n, k + m) but for two."""
+
+    past_s: Floats
+    """(n, k) when that was; nan where both have not reported since."""
+    dx_m: Floats
+    """From the first to the other, and so on."""
+    dy_m: Floats
+    yaw_a_rad: Floats
+    yaw_b_rad: Floats
+    same: Bools
+    """Whether both are known to be on one floor."""
+    speed_mps: Floats
+    """(2, n) at which each goes on, by its forecast."""
+
+
 class Followed:
     """By slot: the newest report, and the last `KEPT` forecasts."""
 
@@ -77,25 +94,17 @@ class Followed:
         """(slots,) event time of the newest report."""
         return self._seen[:, 0]
 
-    def between(self, slots: Ints, t_s: Floats) -> Floats:
-        """(n, m, 4) x_m, y_m, yaw_rad and floor of robots at `t_s` (n, m), joined linearly from the last two reports;
-        floor -1 where not known."""
-        return ways.joined(self._before, self._seen, slots, t_s, LONG_AGO_S, JOINED_S)
-
-    def ahead(self, slots: Ints, t_s: Floats) -> Floats:
-        """(n, m, 4) the same of robots at `t_s` (n, m) by their newest forecasts, linear between its samples."""
-        return ways.ahead(self._seen, self._track, slots, t_s)
+    def beside(self, a: Ints, b: Ints, past_looks: Floats, ahead_s: Floats, now_s: float) -> Beside:
+        """Robots `b` (n,) as seen from `a` (n,): since both reported before, at those parts (k,) of the time, and at
+        `now_s + ahead_s` (m,), by their newest forecasts."""
+        reports = (self._before, self._seen, self._track)
+        return Beside(*ways.beside(*reports, a, b, past_looks, ahead_s, now_s, LONG_AGO_S, JOINED_S))
 
     def nearing(self, told: Bools, slots: Ints, reach_m: Floats, now_s: float, horizon_s: float) -> Ints:
         """(p, 2) pairs of `slots`, one of each `told`, that come within the `reach_m` of both in the horizon, looked at
         every whole second; `told` and `reach_m` are by slot."""
         seconds = int(horizon_s) + 1
         return ways.nearing(told, slots, self._around, reach_m, self._seen, self._track, now_s, seconds, ROUNDING_M)
-
-    def last_two_s(self, slots: Ints) -> tuple[Floats, Floats]:
-        """(n,) times of the last two reports, the earlier first: `LONG_AGO_S` where there is none shortly before."""
-        before_s, seen_s = self._before[slots, 0], self._seen[slots, 0]
-        return np.where(before_s >= seen_s - JOINED_S, before_s, LONG_AGO_S), seen_s
 
     def speed_mps(self, slots: Ints) -> Floats:
         """(n,) at which robots went from their last report but one to the last; nan where that is not known."""
@@ -116,25 +125,17 @@ class Followed:
         self._before[slots] = self._seen[slots]
         self._seen[slots, 0], self._seen[slots, 1:] = reports.event_s[newer], track[:, 0]
         self._track[slots] = track
-        self._around[slots] = _around(track)
+        self._around[slots] = ways.around(track)
         errors = self._shown(slots)
         self._keep(reports, newer, bands_m)
         return errors
 
     def _shown(self, slots: Ints) -> Errors:
         """Errors of kept forecasts of moments between the last two reports."""
-        slot, kept, ahead, due_s = ways.due(
-            self._before, self._seen, self._made_s, slots, HORIZONS, LONG_AGO_S, JOINED_S
-        )
-        was = self.between(slot, due_s[:, None])[:, 0].T
-        x_m, y_m, yaw_rad, floor = self._ahead[slot, kept, ahead].T
-        comparable = (floor == was[3]) & (floor >= 0)
-        dx, dy = was[0] - x_m, was[1] - y_m
-        c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-        every = Errors(
-            self._kind[slot, kept], slot, ahead + 1, c * dx + s * dy, c * dy - s * dx, self._bands_m[slot, kept, ahead]
-        )
-        return every if comparable.all() else every.take(np.flatnonzero(comparable))
+        reports = (self._before, self._seen, self._made_s)
+        slot, kept, ahead, along_m, across_m = ways.due(*reports, self._ahead, slots, LONG_AGO_S, JOINED_S)
+        bands_m = self._bands_m[slot, kept, ahead]
+        return Errors(self._kind[slot, kept], slot, ahead + 1, along_m, across_m, bands_m)
 
     def _keep(self, reports: Reports, newer: Ints, bands_m: Floats) -> None:
         last_s = self._made_s[reports.slot[newer]].max(axis=1)
@@ -145,10 +146,3 @@ class Followed:
         self._made_s[slots, place], self._kind[slots, place] = reports.event_s[rows], reports.kind[rows]
         self._ahead[slots, place] = reports.track[rows, 1 : HORIZONS + 1]
         self._bands_m[slots, place] = bands_m[rows]
-
-
-def _around(track: Floats) -> Floats:
-    """The circle around the box of each track (n, m, 4), and its longest step, (n, 4)."""
-    low, high = track[..., :2].min(axis=1), track[..., :2].max(axis=1)
-    steps = np.hypot(np.diff(track[..., 0]), np.diff(track[..., 1]))
-    return np.column_stack([(low + high) / 2, np.hypot(*(high - low).T) / 2, steps.max(axis=1)])

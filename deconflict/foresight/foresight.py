@@ -17,12 +17,12 @@ from scipy.special import ndtr
 from deconflict.encounter import STANDING_MPS
 from deconflict.foresight.calibration import FEATURES, Calibration, features
 from deconflict.foresight.changes import ForecastChanges
-from deconflict.foresight.followed import JOINED_S, LONG_AGO_S, Followed, Reports
+from deconflict.foresight.followed import JOINED_S, Beside, Followed, Reports
 from deconflict.foresight.grades import measure
 from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Errors, Ledger
 from deconflict.foresight.pairs import Outcomes, Pairs, codes, slots_of
-from deconflict.foresight.ways import reach_m
+from deconflict.foresight.ways import follow, reach_m, spread_m
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
@@ -245,63 +245,37 @@ class Foresight:
         every_m[swept_rows], every_s[swept_rows] = swept.separation_m, swept.separation_at_s
         exact_m, exact_s = every_m[rows], every_s[rows]
         a, b = pairs.a[rows], pairs.b[rows]
-        past_s = self._past(a, b)
-        ahead_s = np.broadcast_to(now_s + self._ahead_s, (len(rows), len(self._ahead_s)))
-        there = [(self._followed.between(slots, past_s), self._followed.ahead(slots, ahead_s)) for slots in (a, b)]
-        past_m, ahead_m = self._separations(there, a, b)
-        self._meet(pairs, rows, past_s, past_m)
+        beside = self._followed.beside(a, b, PAST_LOOKS, self._ahead_s, now_s)
+        past_m, ahead_m = self._separations(beside, a, b)
+        apart_m = self._clearance_m + self._margin_m
+        happened = (pairs.started_s, pairs.below_s, pairs.inside)
+        follow(rows, beside.past_s, past_m, self._clearance_m, apart_m, *happened)
         nearest = ahead_m.argmin(axis=1)
         sampled_m = ahead_m[np.arange(len(rows)), nearest]
         pairs.near_s[rows] = np.where(exact_m <= sampled_m, exact_s, now_s + self._ahead_s[nearest])
         all_m = np.column_stack([ahead_m, exact_m])
+        ahead_s = np.broadcast_to(now_s + self._ahead_s, ahead_m.shape)
         all_s = np.column_stack([ahead_s, exact_s]) - now_s
         spread_m = self._spread_m(a, b, now_s, all_s)
         share = ndtr((self._clearance_m - all_m) / spread_m)
         soon = np.where(all_s <= SOON * self._horizon_s, share, 0.0).max(axis=1)
-        speeds_mps = self._speeds_mps(there)
-        far = self._far(speeds_mps.sum(axis=0), ahead_m[:, 0])
-        pairs.seen[rows] = features(share.max(axis=1), soon, far, speeds_mps.min(axis=0) < STANDING_MPS)
+        far = self._far(beside.speed_mps.sum(axis=0), ahead_m[:, 0])
+        pairs.seen[rows] = features(share.max(axis=1), soon, far, beside.speed_mps.min(axis=0) < STANDING_MPS)
         pairs.near_m[rows] = np.maximum(np.minimum(sampled_m, exact_m), 0.0)
         pairs.now_m[rows] = np.maximum(ahead_m[:, 0], 0.0)
 
-    def _separations(self, there: list[tuple[Floats, Floats]], a: Ints, b: Ints) -> tuple[Floats, Floats]:
+    def _separations(self, beside: Beside, a: Ints, b: Ints) -> tuple[Floats, Floats]:
         """(n, past looks) and (n, looks ahead), negative where they overlap; inf where the two can't be compared."""
-        of_a, of_b = (np.concatenate([past, ahead], axis=1) for past, ahead in there)
-        x_m, y_m = (of_b[..., k] - of_a[..., k] for k in (0, 1))
-        apart_m = signed_gap(x_m, y_m, of_a[..., 2], of_b[..., 2], self._half[:, a], self._half[:, b])
-        comparable = (of_a[..., 3] == of_b[..., 3]) & (of_a[..., 3] >= 0)
-        apart_m = np.where(comparable, apart_m, np.inf)
-        return apart_m[:, : len(PAST_LOOKS)], apart_m[:, len(PAST_LOOKS) :]
+        _, x_m, y_m, yaw_a_rad, yaw_b_rad, same, _ = beside
+        apart_m = signed_gap(x_m, y_m, yaw_a_rad, yaw_b_rad, self._half[:, a], self._half[:, b])
+        apart_m[~same] = np.inf
+        past, ahead = np.hsplit(apart_m, [len(PAST_LOOKS)])
+        return np.ascontiguousarray(past), ahead
 
     def _open(self, pairs: Pairs, rows: Ints, now_s: float) -> Ints:
         """Those of `rows` that are not in an encounter, and of which both robots are heard."""
         heard_s = np.minimum(*(self._followed.heard_s[slots[rows]] for slots in (pairs.a, pairs.b)))
         return rows[~pairs.inside[rows] & (heard_s > now_s - JOINED_S)]
-
-    def _past(self, a: Ints, b: Ints) -> Floats:
-        """(n, past looks) times since the last look for which both robots have reported; nan where there are none."""
-        before = [self._followed.last_two_s(slots) for slots in (a, b)]
-        begin_s, end_s = (np.maximum(before[0][0], before[1][0]), np.minimum(before[0][1], before[1][1]))
-        begin_s = np.where(begin_s > LONG_AGO_S, begin_s, end_s)
-        end_s = np.where(begin_s <= end_s, end_s, np.nan)
-        return begin_s[:, None] + (end_s - begin_s)[:, None] * PAST_LOOKS
-
-    def _meet(self, pairs: Pairs, rows: Ints, past_s: Floats, past_m: Floats) -> None:
-        """Follow who came within the clearance, and who drew apart again."""
-        below = past_m <= self._clearance_m
-        began = below.any(axis=1) & ~pairs.inside[rows]
-        pairs.started_s[rows[began]] = past_s[began, below[began].argmax(axis=1)]
-        met = below.any(axis=1)
-        last = below.shape[1] - 1 - below[:, ::-1].argmax(axis=1)
-        pairs.below_s[rows[met]] = past_s[met, last[met]]
-        apart = (past_m[:, -1] > self._clearance_m + self._margin_m) & np.isfinite(past_m[:, -1])
-        pairs.inside[rows] = (pairs.inside[rows] | began) & ~apart
-
-    def _speeds_mps(self, there: list[tuple[Floats, Floats]]) -> Floats:
-        """(2, n) at which the robots of each pair go on from now, by their forecasts."""
-        ways = [np.hypot(*(ahead[:, 1, k] - ahead[:, 0, k] for k in (0, 1))) for _, ahead in there]
-        speeds: Floats = np.stack(ways) / self._ahead_s[1]
-        return speeds
 
     def _far(self, closing_mps: Floats, now_m: Floats) -> Floats:
         """How long the pair would need if it went straight for each other, in horizons; at most 1."""
@@ -310,21 +284,10 @@ class Foresight:
         return far
 
     def _spread_m(self, a: Ints, b: Ints, now_s: float, ahead_s: Floats) -> Floats:
-        """(n, m) standard deviation of the distance of two robots.
-
-        The place of one that fell silent grows uncertain, unless it stood: it is still there, for all that is known.
-        """
-        squares = np.zeros_like(ahead_s)
-        for slots in (a, b):
-            silent_s = np.maximum(now_s - self._followed.heard_s[slots], 0.0)
-            since_s = np.where(self._rests[slots], 0.0, silent_s)
-            reach = (
-                reach_m(self.ledger.bands_m, self._kind[slots], ahead_s + since_s[:, None])
-                * self._trust(slots)[:, None]
-            )
-            squares += (reach / EIGHTY) ** 2 + (self._doubt_m[slots] ** 2)[:, None]
-        spread: Floats = np.sqrt(squares) + EXACT_M
-        return spread
+        """(n, m) standard deviation of the distance of two robots."""
+        heard_s, trust = np.ascontiguousarray(self._followed.heard_s), np.maximum(self._surprise, 1.0)
+        of_robots = (self._kind, heard_s, self._doubt_m, trust, self._rests)
+        return spread_m(self.ledger.bands_m, *of_robots, a, b, ahead_s, now_s, EIGHTY, EXACT_M)
 
     def _trust(self, slots: Ints) -> Floats:
         trust: Floats = np.maximum(self._surprise[slots], 1.0)

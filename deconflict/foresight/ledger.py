@@ -9,8 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
+from deconflict.compiled import kernel, ready
 from deconflict.foresight.sketch import BINS, bins, quantiles
 from deconflict.learned import Part, UnreadableError, numbers
 from ingest.seam import Basis, Floats, Ints
@@ -34,6 +36,43 @@ FEWEST_KEPT = 1.0
 LEARNED = ("counts", "bias_m", "level", "covered", "cases", "as_of_s")
 REFRESH_S = 1.0
 RADIAL, ALONG, ACROSS = range(3)
+
+
+_COUNTS = tuple(numba.types.Array(numba.float64, dimensions, "C") for dimensions in (4, 3, 3, 2, 3))
+_INTS, _FLOATS, _MATRIX, _SHARES = (
+    numba.types.Array(kind, dimensions, "C", readonly=True)
+    for kind, dimensions in ((numba.int64, 1), (numba.float64, 1), (numba.float64, 2), (numba.float64, 1))
+)
+
+
+@kernel(numba.void(*_COUNTS, *[_INTS] * 2, _FLOATS, _MATRIX, numba.int64[:, ::1], _MATRIX, _SHARES, numba.float64))
+def _count(
+    counts: Floats,
+    bias_m: Floats,
+    covered: Floats,
+    cases: Floats,
+    level: Floats,
+    kind: Ints,
+    horizon_s: Ints,
+    radial_m: Floats,
+    signed_m: Floats,
+    bin_of: Ints,
+    bands_m: Floats,
+    shares: Floats,
+    gain: float,
+) -> None:
+    """Add e errors to the columns of a `Ledger`: along and across (2, e), and the bins of their sizes (3, e)."""
+    for at in range(len(kind)):
+        row, column = kind[at], horizon_s[at] - 1
+        cases[row, column] += 1.0
+        for size in range(len(bin_of)):
+            counts[row, size, column, bin_of[size, at]] += 1.0
+        for side in range(len(signed_m)):
+            bias_m[row, column, side] += signed_m[side, at]
+        for band in range(len(shares)):
+            inside = 1.0 if radial_m[at] <= bands_m[at, band] else 0.0
+            covered[row, column, band] += inside
+            level[row, column, band] += gain * (shares[band] - inside)
 
 
 class Kind(NamedTuple):
@@ -125,15 +164,13 @@ class Ledger:
         if len(errors):
             rows = np.unique(errors.kind)
             self._fade(rows, now_s)
-            at = (errors.kind, errors.horizon_s - 1)
             radial_m = errors.radial_m
-            inside = (radial_m[:, None] <= errors.bands_m).astype(np.float64)
             sizes_m = np.stack([radial_m, np.abs(errors.along_m), np.abs(errors.across_m)])
-            np.add.at(self.counts, (at[0], np.arange(len(sizes_m))[:, None], at[1], bins(sizes_m)), 1.0)
-            np.add.at(self.bias_m, at, np.column_stack([errors.along_m, errors.across_m]))
-            np.add.at(self.covered, at, inside)
-            np.add.at(self.cases, at, 1.0)
-            np.add.at(self.level, at, LEVEL_GAIN * (SHARES - inside))
+            columns = (self.counts, self.bias_m, self.covered, self.cases, self.level)
+            signed_m, bands_m = np.stack([errors.along_m, errors.across_m]), ready(errors.bands_m)
+            _count(
+                *columns, errors.kind, errors.horizon_s, radial_m, signed_m, bins(sizes_m), bands_m, SHARES, LEVEL_GAIN
+            )
             self.level[rows] = np.clip(
                 self.level[rows], SHARES - LEVEL_SLACK, np.minimum(SHARES + LEVEL_SLACK, HIGHEST_LEVEL)
             )
@@ -165,11 +202,10 @@ class Ledger:
         self._read_bands(list(range(len(kinds))))
 
     def _fade(self, rows: Ints, now_s: float) -> None:
-        kept = np.ones(len(self.as_of_s))
-        kept[rows] = 0.5 ** (np.maximum(now_s - self.as_of_s[rows], 0.0) / HALF_LIFE_S)
+        kept = 0.5 ** (np.maximum(now_s - self.as_of_s[rows], 0.0) / HALF_LIFE_S)
         self.as_of_s[rows] = np.maximum(self.as_of_s[rows], now_s)
         for column in (self.counts, self.bias_m, self.covered, self.cases):
-            column[...] *= kept.reshape(-1, *([1] * (column.ndim - 1)))
+            column[rows] *= kept.reshape(-1, *([1] * (column.ndim - 1)))
 
     def _read_bands(self, rows: list[int]) -> None:
         radii = quantiles(self.counts[rows, RADIAL], self.level[rows])

@@ -5,7 +5,7 @@ Compiled; arrays are by slot, as `followed` keeps them. A report is t_s, x_m, y_
 yaw_rad and floor for every second from its report on.
 """
 
-from math import pi
+from math import cos, pi, sin
 
 import numba
 import numpy as np
@@ -15,6 +15,7 @@ from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
+_ASKED_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 _ASKED = numba.types.Array(numba.float64, 2, "A", readonly=True)
 
 
@@ -23,53 +24,52 @@ def _turned(yaw: float, other: float, share: float) -> float:
     return yaw + share * ((other - yaw + pi) % (2 * pi) - pi)
 
 
+@inner
+def _set_joined(pose: Floats, a: Floats, b: Floats, t_s: float, long_ago_s: float, joined_s: float) -> None:
+    """Where a robot was, on the line of its last two reports; floor -1 where none is."""
+    known = a[0] > long_ago_s and a[4] == b[4] and b[0] - a[0] <= joined_s
+    if not known:
+        a = b
+    share = (t_s - a[0]) / max(b[0] - a[0], 1e-9)
+    share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
+    pose[0], pose[1] = a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
+    pose[2], pose[3] = _turned(a[3], b[3], share), b[4] if known else -1.0
+
+
 @kernel(
-    numba.types.Tuple((*[_INTS] * 3, _FLOATS))(  # type: ignore[no-untyped-call]
-        *[_MATRIX] * 3, _INTS, numba.int64, numba.float64, numba.float64
+    numba.types.Tuple((*[_INTS] * 3, *[_FLOATS] * 2))(  # type: ignore[no-untyped-call]
+        *[_MATRIX] * 3, numba.float64[:, :, :, ::1], _INTS, numba.float64, numba.float64
     )
 )
 def due(
-    before: Floats, seen: Floats, made_s: Floats, slots: Ints, horizons: int, long_ago_s: float, joined_s: float
-) -> tuple[Ints, Ints, Ints, Floats]:
+    before: Floats, seen: Floats, made_s: Floats, foretold: Floats, slots: Ints, long_ago_s: float, joined_s: float
+) -> tuple[Ints, Ints, Ints, Floats, Floats]:
     """Slots, forecasts and seconds ahead, less one, of the moments between the last two reports of `slots` (n,) for
-    which they have forecasts, made at `made_s` (slots, kept); and these moments. In that order, (d,) each."""
-    most = len(slots) * made_s.shape[1] * horizons
-    slot, kept, ahead, due_s = (
-        np.empty(most, np.int64),
-        np.empty(most, np.int64),
-        np.empty(most, np.int64),
-        np.empty(most),
-    )
-    found = 0
+    which they have forecasts; and how far along and across the heading `foretold` (slots, kept, horizons, 4) the robot
+    was then. In that order, (d,) each; forecasts were made at `made_s` (slots, kept)."""
+    kept_of_each, horizons = made_s.shape[1], foretold.shape[2]
+    most = len(slots) * kept_of_each * horizons
+    slot, kept, ahead = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
+    along, across, was, found = np.empty(most), np.empty(most), np.empty(4), 0
     for one in slots:
         before_s, seen_s = before[one, 0], seen[one, 0]
         if before_s <= long_ago_s or before_s < seen_s - joined_s:
             continue
-        for made in range(made_s.shape[1]):
+        for made in range(kept_of_each):
             for second in range(horizons):
                 moment_s = made_s[one, made] + (second + 1.0)
-                if before_s < moment_s <= seen_s:
-                    slot[found], kept[found], ahead[found], due_s[found] = one, made, second, moment_s
-                    found += 1
-    return slot[:found].copy(), kept[:found].copy(), ahead[:found].copy(), due_s[:found].copy()
-
-
-@kernel(_CUBE(_MATRIX, _MATRIX, _INTS, _ASKED, numba.float64, numba.float64))
-def joined(before: Floats, seen: Floats, slots: Ints, t_s: Floats, long_ago_s: float, joined_s: float) -> Floats:
-    """(n, m, 4) where robots were at `t_s` (n, m), on the line of their last two reports; floor -1 where none is."""
-    poses = np.empty((*t_s.shape, 4))
-    for row in range(len(slots)):
-        a, b = before[slots[row]], seen[slots[row]]
-        known = a[0] > long_ago_s and a[4] == b[4] and b[0] - a[0] <= joined_s
-        if not known:
-            a = b
-        for at in range(t_s.shape[1]):
-            share = (t_s[row, at] - a[0]) / max(b[0] - a[0], 1e-9)
-            share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
-            pose = poses[row, at]
-            pose[0], pose[1] = a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
-            pose[2], pose[3] = _turned(a[3], b[3], share), b[4] if known else -1.0
-    return poses
+                if not before_s < moment_s <= seen_s:
+                    continue
+                told = foretold[one, made, second]
+                _set_joined(was, before[one], seen[one], moment_s, long_ago_s, joined_s)
+                if told[3] != was[3] or told[3] < 0.0:
+                    continue
+                dx, dy, c, s = was[0] - told[0], was[1] - told[1], cos(told[2]), sin(told[2])
+                slot[found], kept[found], ahead[found] = one, made, second
+                along[found], across[found] = c * dx + s * dy, c * dy - s * dx
+                found += 1
+    slot, kept, ahead = slot[:found].copy(), kept[:found].copy(), ahead[:found].copy()
+    return slot, kept, ahead, along[:found].copy(), across[:found].copy()
 
 
 @inner
@@ -84,14 +84,141 @@ def _set_ahead(pose: Floats, track: Floats, since_s: float) -> None:
     pose[2], pose[3] = _turned(a[2], b[2], share), a[3]
 
 
-@kernel(_CUBE(_MATRIX, _CUBE, _INTS, _ASKED))
-def ahead(seen: Floats, track: Floats, slots: Ints, t_s: Floats) -> Floats:
-    """(n, m, 4) where robots will be at `t_s` (n, m)."""
-    poses = np.empty((*t_s.shape, 4))
-    for row in range(len(slots)):
-        for at in range(t_s.shape[1]):
-            _set_ahead(poses[row, at], track[slots[row]], t_s[row, at] - seen[slots[row], 0])
-    return poses
+@kernel(
+    numba.types.Tuple((*[_MATRIX] * 5, numba.boolean[:, ::1], _MATRIX))(  # type: ignore[no-untyped-call]
+        *[_MATRIX] * 2, _CUBE, *[_INTS] * 2, *[_ASKED_LOOKS] * 2, *[numba.float64] * 3
+    )
+)
+def beside(
+    before: Floats,
+    seen: Floats,
+    track: Floats,
+    a: Ints,
+    b: Ints,
+    past_looks: Floats,
+    ahead_s: Floats,
+    now_s: float,
+    long_ago_s: float,
+    joined_s: float,
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Bools, Floats]:
+    """Robots `b` (n,) as seen from `a` (n,), at `past_looks` (k,), parts of the time since the last look for which both
+    have reported, and at `now_s + ahead_s` (m,).
+
+    These times of the past (n, k), nan where there are none; dx, dy, headings of both and whether they are on one floor
+    (n, k + m); and (2, n) the speeds at which each goes on until the second look ahead.
+    """
+    n, past, looks = len(a), len(past_looks), len(past_looks) + len(ahead_s)
+    past_s, speeds, same = np.empty((n, past)), np.empty((2, n)), np.empty((n, looks), np.bool_)
+    dx, dy, yaw_a, yaw_b = np.empty((n, looks)), np.empty((n, looks)), np.empty((n, looks)), np.empty((n, looks))
+    ways = np.empty((2, looks, 4))
+    for row in range(n):
+        begin_s, end_s = long_ago_s, np.inf
+        for slot in (a[row], b[row]):
+            if before[slot, 0] >= seen[slot, 0] - joined_s:
+                begin_s = max(begin_s, before[slot, 0])
+            end_s = min(end_s, seen[slot, 0])
+        begin_s = begin_s if begin_s > long_ago_s else end_s
+        end_s = end_s if begin_s <= end_s else np.nan
+        for at in range(past):
+            past_s[row, at] = begin_s + (end_s - begin_s) * past_looks[at]
+        for side in (0, 1):
+            slot, way = a[row] if side == 0 else b[row], ways[side]
+            for at in range(past):
+                _set_joined(way[at], before[slot], seen[slot], past_s[row, at], long_ago_s, joined_s)
+            for at in range(past, looks):
+                _set_ahead(way[at], track[slot], now_s + ahead_s[at - past] - seen[slot, 0])
+            first, second = way[past], way[past + 1]
+            speeds[side, row] = np.hypot(second[0] - first[0], second[1] - first[1]) / ahead_s[1]
+        for at in range(looks):
+            one, other = ways[0, at], ways[1, at]
+            dx[row, at], dy[row, at], yaw_a[row, at], yaw_b[row, at] = (
+                other[0] - one[0],
+                other[1] - one[1],
+                one[2],
+                other[2],
+            )
+            same[row, at] = one[3] == other[3] and one[3] >= 0.0
+    return past_s, dx, dy, yaw_a, yaw_b, same, speeds
+
+
+@inner
+def _reach(band: Floats, ahead_s: float) -> float:
+    """Radius of a band so far ahead; linear between and beyond the whole seconds."""
+    whole = min(max(int(np.floor(ahead_s)), 0), len(band) - 1)
+    before = band[whole - 1] if whole else 0.0
+    return float(before + max(ahead_s - whole, 0.0) * (band[whole] - before))
+
+
+@kernel(numba.void(_INTS, *[_MATRIX] * 2, *[numba.float64] * 2, *[_FLOATS] * 2, numba.boolean[::1]))
+def follow(
+    rows: Ints,
+    past_s: Floats,
+    past_m: Floats,
+    within_m: float,
+    apart_m: float,
+    started_s: Floats,
+    below_s: Floats,
+    inside: Bools,
+) -> None:
+    """Of the pairs of `rows` (n,), when they came within `within_m`, when they were last, and whether they have not
+    drawn further apart than `apart_m` since, by separations `past_m` at the times `past_s` (n, k)."""
+    for at, row in enumerate(rows):
+        began = inside[row]
+        for look in range(past_s.shape[1]):
+            if past_m[at, look] <= within_m:
+                if not began:
+                    started_s[row], began = past_s[at, look], True
+                below_s[row] = past_s[at, look]
+        inside[row] = began and not apart_m < past_m[at, -1] < np.inf
+
+
+@kernel(_MATRIX(_CUBE, _INTS, *[_FLOATS] * 3, numba.boolean[::1], *[_INTS] * 2, _ASKED, *[numba.float64] * 3))
+def spread_m(
+    bands_m: Floats,
+    kind: Ints,
+    heard_s: Floats,
+    doubt_m: Floats,
+    trust: Floats,
+    rests: Bools,
+    a: Ints,
+    b: Ints,
+    ahead_s: Floats,
+    now_s: float,
+    sds: float,
+    exact_m: float,
+) -> Floats:
+    """(n, m) standard deviation of the distance of robots `a` and `b` (n,) at times ahead (n, m): of bands so many of
+    them wide, `trust` times as wide, and `exact_m` at least.
+
+    The place of one that fell silent grows uncertain, unless it stood: it is still there, for all that is known.
+    """
+    spread = np.empty(ahead_s.shape)
+    for row in range(len(a)):
+        for at in range(ahead_s.shape[1]):
+            square = 0.0
+            for slot in (a[row], b[row]):
+                since_s = 0.0 if rests[slot] else max(now_s - heard_s[slot], 0.0)
+                reach = _reach(bands_m[kind[slot], :, 1], ahead_s[row, at] + since_s) * trust[slot] / sds
+                square += reach * reach + doubt_m[slot] * doubt_m[slot]
+            spread[row, at] = np.sqrt(square) + exact_m
+    return spread
+
+
+@kernel(_MATRIX(_CUBE))
+def around(track: Floats) -> Floats:
+    """(n, 4) of the circle around the box of each track (n, k, 4), x_m, y_m and radius; and its longest step."""
+    circles = np.empty((len(track), 4))
+    for row in range(len(track)):
+        low_x = high_x = track[row, 0, 0]
+        low_y = high_y = track[row, 0, 1]
+        step = 0.0
+        for at in range(1, track.shape[1]):
+            x, y = track[row, at, 0], track[row, at, 1]
+            low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
+            step = max(step, np.hypot(x - track[row, at - 1, 0], y - track[row, at - 1, 1]))
+        circles[row, 0], circles[row, 1] = (low_x + high_x) / 2, (low_y + high_y) / 2
+        circles[row, 2], circles[row, 3] = np.hypot(high_x - low_x, high_y - low_y) / 2, step
+    return circles
 
 
 @inner
@@ -172,13 +299,9 @@ def nearing(
 
 @kernel(_MATRIX(_CUBE, _INTS, _ASKED))
 def reach_m(bands_m: Floats, rows: Ints, ahead_s: Floats) -> Floats:
-    """(n, m) radius of the 80 % band of n rows of the ledger at the times ahead (n, m); linear between and beyond
-    the whole seconds."""
+    """(n, m) radius of the 80 % band of n rows of the ledger at the times ahead (n, m)."""
     reach = np.empty(ahead_s.shape)
     for row in range(len(rows)):
-        band = bands_m[rows[row], :, 1]
         for at in range(ahead_s.shape[1]):
-            whole = min(max(int(np.floor(ahead_s[row, at])), 0), len(band) - 1)
-            before = band[whole - 1] if whole else 0.0
-            reach[row, at] = before + max(ahead_s[row, at] - whole, 0.0) * (band[whole] - before)
+            reach[row, at] = _reach(bands_m[rows[row], :, 1], ahead_s[row, at])
     return reach

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from deconflict.foresight.followed import Followed, Reports
+from deconflict.foresight.followed import TRACK_S, Followed, Reports
 from deconflict.foresight.ledger import HORIZONS, Errors
 from deconflict.foresight.sampling import poses_at
 from ingest.seam import Forecasts
@@ -86,19 +86,21 @@ def test_a_slot_that_another_robot_has_now_does_not_remember() -> None:
 def test_who_comes_near_at_a_whole_second_is_found_once() -> None:
     """Whatever way robots go and however old their reports are."""
     followed, rng, robots = Followed(), np.random.default_rng(4), 60
-    t_s = [float(n) for n in range(0, 24, 2)]
+    t_s, forecasts = [float(n) for n in range(0, 24, 2)], []
     for slot in range(robots):
         x_m, y_m = (np.cumsum(rng.normal(0, 1.5, (2, len(t_s))), axis=1) + rng.uniform(-25, 25, (2, 1))).tolist()
-        take(followed, robot([t - slot % 5 for t in t_s], x_m, y_m, 0.0, (1.0, 0.5)), slot)
+        forecasts.append(robot([t - slot % 5 for t in t_s], x_m, y_m, 0.0, (1.0, 0.5)))
+        take(followed, forecasts[-1], slot)
     slots, told, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
     found = followed.nearing(told, slots, reach_m, NOW_S + 1.3, 10.0)
-    way = followed.ahead(slots, np.broadcast_to(NOW_S + 1.3 + np.arange(11.0), (len(slots), 11)))
-    step_m = np.hypot(*np.diff(way[..., :2], axis=1).transpose(2, 0, 1)).max(axis=1)
+    until_s = np.array([one.t_s[0] for one in forecasts])[:, None] + TRACK_S
+    way = poses_at(Forecasts.joined(forecasts), np.minimum(NOW_S + 1.3 + np.arange(11.0), until_s))[..., :2]
+    step_m = np.hypot(*np.diff(way, axis=1).transpose(2, 0, 1)).max(axis=1)
     near = {
         (a, b)
         for a, b in combinations(slots.tolist(), 2)
         if (told[a] or told[b])
-        and (np.hypot(*(way[a] - way[b])[:, :2].T) <= reach_m[a] + reach_m[b] + (step_m[a] + step_m[b]) / 2).any()
+        and (np.hypot(*(way[a] - way[b]).T) <= reach_m[a] + reach_m[b] + (step_m[a] + step_m[b]) / 2).any()
     }
     assert sorted((min(pair), max(pair)) for pair in found.tolist()) == sorted(near)
     assert 20 < len(near) < robots * robots / 5
