@@ -17,6 +17,8 @@ TICK_S = 0.25
 """Between passes over a log that has no ticks of its own."""
 LONGEST_GAP = 400
 """A gap in a recording of more ticks than this is not stepped through."""
+HELD_S, MOST_HELD = 120.0, 50_000
+"""For so long, and for so many messages, a log of ours may begin before the engine makes its first pass."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +47,9 @@ class Reading:
         self._own_ticks = False
         self._ticked: int | None = None
         """The last tick that was made up for a log without any."""
+        self._held: list[Received] = []
+        """The first messages of a log of ours, until it is known whether it has ticks."""
+        self._holds = True
 
     @property
     def span_s(self) -> float:
@@ -53,24 +58,43 @@ class Reading:
     def take(self, events: Iterable[Event]) -> Iterator[Pass]:
         """The passes that the next events of the log bring about."""
         for event in events:
-            if isinstance(event, Tick):
+            if isinstance(event, Received):
+                yield from self._received(event)
+            elif isinstance(event, Tick | Noted | EngineStarted):
                 self._own_ticks = True
-                yield self._pass(event.now_s, Effort(event.effort), event.pending)
-            elif isinstance(event, Noted):
-                self._own_ticks = True
-            elif isinstance(event, EngineStarted):
-                self._everything = True
-            elif isinstance(event, Received):
-                if not self._own_ticks:
-                    yield from self._until(event.arrival_s)
-                self.messages += 1
-                self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
-                conform.take(self.fleet, event)
+                yield from self._let_go()
+                self._everything |= isinstance(event, EngineStarted)
+                if isinstance(event, Tick):
+                    yield self._pass(event.now_s, Effort(event.effort), event.pending)
 
     def finish(self) -> Iterator[Pass]:
-        """The pass after the last event."""
+        """The passes after the last event."""
+        yield from self._let_go()
         if not self._own_ticks and self._ticked is not None:
             yield self._pass((self._ticked + 1) * TICK_S)
+
+    def _received(self, event: Received) -> Iterator[Pass]:
+        """What came to a log of ours before its engine began is of no pass until then."""
+        self._holds &= not self._own_ticks and event.connection.id > 0
+        if not self._holds:
+            yield from self._let_go()
+            yield from self._heard(event)
+            return
+        self._held.append(event)
+        if len(self._held) >= MOST_HELD or event.arrival_s - self._held[0].arrival_s > HELD_S:
+            yield from self._let_go()
+
+    def _let_go(self) -> Iterator[Pass]:
+        held, self._held, self._holds = self._held, [], False
+        for event in held:
+            yield from self._heard(event)
+
+    def _heard(self, event: Received) -> Iterator[Pass]:
+        if not self._own_ticks:
+            yield from self._until(event.arrival_s)
+        self.messages += 1
+        self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
+        conform.take(self.fleet, event)
 
     def _until(self, now_s: float) -> Iterator[Pass]:
         """Passes at whole multiples of `TICK_S`, for a log that has no ticks of its own."""

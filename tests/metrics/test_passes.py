@@ -1,21 +1,56 @@
-"""Whose advice the robots of a log may have heard."""
+"""When passes are made over a log, and whose advice its robots may have heard."""
+
+import pytest
 
 from deconflict.site import DEFAULT
 from ingest.connection import Connection
-from ingest.playback import Event, Received, Tick
-from metrics.passes import Reading
-from tests.saying import identity
+from ingest.playback import EngineStarted, Event, Received, Tick
+from metrics.passes import HELD_S, Pass, Reading
+from tests.saying import identity, robot, status
 
 NOW_S = 1_790_000_000.0
 
 
-def heard(*events: Event) -> list[bool]:
+OURS, ANOTHERS = Connection(1, "peer"), Connection(0)
+
+
+def passes(*events: Event) -> list[Pass]:
     reading = Reading(DEFAULT)
-    return [one.heard for one in [*reading.take(events), *reading.finish()]]
+    return [*reading.take(events), *reading.finish()]
 
 
-def said(at_s: float) -> Received:
-    return Received(identity("A-1", NOW_S), NOW_S + at_s, Connection(1, "peer"))
+def heard(*events: Event) -> list[bool]:
+    return [one.heard for one in passes(*events)]
+
+
+def said(at_s: float, connection: Connection = OURS) -> Received:
+    return Received(status("A-1", NOW_S + at_s), NOW_S + at_s, connection)
+
+
+def times_s(*events: Event) -> list[float]:
+    return [one.now_s - NOW_S for one in passes(*events)]
+
+
+def test_what_came_before_the_engine_began_is_in_its_first_pass_and_makes_none_by_itself() -> None:
+    early = [Received(identity("A-1", NOW_S), NOW_S, OURS), *(said(n / 2) for n in range(10))]
+    started = passes(*early, EngineStarted(NOW_S + 5.0), Tick(NOW_S + 5.1), said(5.2), Tick(NOW_S + 5.3))
+    assert [one.now_s - NOW_S for one in started] == pytest.approx([5.1, 5.3])
+    assert started[0].batch.robots == (robot("A-1"),)
+    assert started[0].heard
+    assert times_s(*early, Tick(NOW_S + 5.1)) == pytest.approx([5.1])
+
+
+@pytest.mark.parametrize("connection", [OURS, ANOTHERS])
+def test_a_log_without_ticks_is_stepped_through_whoever_recorded_it(connection: Connection) -> None:
+    assert times_s(said(0.0, connection), said(1.0, connection)) == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.25])
+
+
+def test_a_long_log_of_ours_without_ticks_is_not_kept_in_memory_until_its_end() -> None:
+    reading = Reading(DEFAULT)
+    list(reading.take([said(0.0), said(HELD_S - 1.0)]))
+    assert reading.messages == 0
+    assert list(reading.take([said(HELD_S + 1.0), said(HELD_S + 2.0)]))
+    assert reading.messages == 4
 
 
 def test_robots_of_the_services_own_recording_heard_its_advice_and_those_of_other_logs_did_not() -> None:
