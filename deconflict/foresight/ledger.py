@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from deconflict.compiled import kernel, ready
 from deconflict.foresight.sketch import BINS, bins, quantiles
 from deconflict.learned import Part, UnreadableError, numbers
+from ingest.compiled import kernel, ready
 from ingest.seam import Basis, Floats, Ints
 
 HORIZONS = 10
