@@ -18,9 +18,9 @@ from deconflict.encounter import STANDING_MPS
 from deconflict.foresight.calibration import FEATURES, Calibration, features
 from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.followed import JOINED_S, Beside, Followed, Reports
-from deconflict.foresight.grades import measure
 from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Errors, Ledger
+from deconflict.foresight.measuring import measure
 from deconflict.foresight.pairs import Outcomes, Pairs, codes, slots_of
 from deconflict.foresight.ways import follow, reach_m, spread_m
 from deconflict.learned import Part

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from deconflict.foresight.grades import FEWEST_CASES, grade, measure
+from deconflict.foresight.grades import FEWEST_CASES, grade
 from deconflict.foresight.ledger import Errors, Ledger
+from deconflict.foresight.measuring import measure
 from ingest.measures import Measures
 from ingest.seam import Basis
 
