@@ -1,10 +1,12 @@
 """How fast a recorded log is replayed and scored, and where the time goes: `python -m benchmarks.replay`.
 
 The log is made by the demo's simulated vendors, each in its own dialect, a status a second from most; or give a log of
-your own. One clearance, one core. Processor time, so that a busy machine changes it little.
+your own. One clearance, one core; garbage is searched for as by the command. Processor time, so that a busy machine
+changes it little.
 """
 
 import argparse
+import gc
 import json
 import resource
 import sys
@@ -18,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from deconflict import demo
+from deconflict.__main__ import COLLECTED_EVERY
 from deconflict.advice.desk import Desk
 from deconflict.contention.watch import Contention
 from deconflict.foresight.foresight import Foresight
@@ -136,6 +139,7 @@ def main() -> None:
     options.add_argument("--robots", type=int, default=100)
     options.add_argument("--seconds", type=float, default=300.0)
     args = options.parse_args()
+    gc.set_threshold(*COLLECTED_EVERY)
     site = load(args.site or demo.demo_site()) if args.site or not args.log else Site()
     with TemporaryDirectory() as folder:
         log, short = args.log or Path(folder) / "log.jsonl", Path(folder) / "short.jsonl"

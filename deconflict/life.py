@@ -95,7 +95,9 @@ class Lives:
         """
         self.started_s = now_s if self.started_s is None else self.started_s
         revisions = []
-        predicted = {one.pair: one for one in predictions if one.pair in self.tracks or self._matters(one, now_s)}
+        predicted = {
+            one.pair: one for one in predictions if one.pair in self.tracks or (one.fresh and self._matters(one, now_s))
+        }
         for pair in sorted(predicted.keys() | self.tracks.keys()):
             track = self.tracks.get(pair)
             if track and pair not in predicted and _later(track.advisory, until_s):
@@ -174,9 +176,8 @@ class Lives:
         return prediction.probability >= wanted and prediction.contact_s > now_s
 
     def _matters(self, prediction: Prediction, now_s: float) -> bool:
-        """Whether there is anything to remember of a pair that was not under watch."""
-        inside = prediction.start_separation_m <= self.settings.clearance_m
-        return prediction.fresh and (inside or self._likely(prediction, now_s))
+        """Whether there is anything to remember of news of a pair that was not under watch."""
+        return prediction.start_separation_m <= self.settings.clearance_m or self._likely(prediction, now_s)
 
     def _holds(self, prediction: Prediction) -> bool:
         return prediction.probability >= self.settings.raise_probability * HELD_SHARE

@@ -88,7 +88,10 @@ class Live:
                 self._free.append(robot.slot)
 
     def forecasts(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts]:
-        """The forecasts of those of `uuids` that are on the floor, batch by batch, and whose they are."""
+        """The forecasts of those of `uuids` that are on the floor, batch by batch, and whose they are.
+
+        The robots of a batch are in its order where all of them are asked for.
+        """
         by_batch: dict[int, tuple[Forecasts, list[int], list[str]]] = {}
         for uuid in uuids:
             robot = self.robots.get(uuid)
@@ -96,8 +99,8 @@ class Live:
                 _, rows, names = by_batch.setdefault(id(robot.told), (robot.told, [], []))
                 rows.append(robot.row)
                 names.append(uuid)
-        found = Forecasts.joined(told.take(rows) for told, rows, _ in by_batch.values())
-        return [uuid for _, _, names in by_batch.values() for uuid in names], found
+        parts = [_of(*one) for one in by_batch.values()]
+        return [uuid for names, _ in parts for uuid in names], Forecasts.joined(part for _, part in parts)
 
     def around(self, group: set[str], within_m: float, most: int) -> list[str]:
         """The robots of a group and the nearest to any of them on their floors, in ascending order."""
@@ -121,3 +124,10 @@ class Live:
         if slot == len(self._at):
             self._at = np.concatenate([self._at, np.full((max(slot, 64), 3), np.nan)])
         return slot
+
+
+def _of(told: Forecasts, rows: list[int], names: list[str]) -> tuple[list[str], Forecasts]:
+    """The forecasts of rows of a batch, and whose they are; those of a whole batch as they stand."""
+    if len(rows) == len(told):
+        return [name for _, name in sorted(zip(rows, names, strict=True))], told
+    return names, told.take(rows)

@@ -8,13 +8,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import Self
 
+import numba
 import numpy as np
 
 from deconflict.foresight.leaving import STAYED, part_of
 from deconflict.motion import Bools
+from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
 
 SLOT_BITS = 24
+_TYPES = (numba.int64[::1], numba.float64[:, ::1], *[numba.float64[::1]] * 7, *[numba.boolean[::1]] * 2)
+"""Of the columns of `Pairs`."""
 
 
 def codes(a: Ints, b: Ints) -> Ints:
@@ -25,6 +29,40 @@ def codes(a: Ints, b: Ints) -> Ints:
 def slots_of(code: Ints) -> tuple[Ints, Ints]:
     """The two slots of each number."""
     return code >> SLOT_BITS, code & ((1 << SLOT_BITS) - 1)
+
+
+@kernel(
+    numba.types.Tuple(_TYPES)(numba.int64[::1], *_TYPES)  # type: ignore[no-untyped-call]
+)
+def _merged(
+    new: Ints,
+    code: Ints,
+    seen: Floats,
+    probability: Floats,
+    near_s: Floats,
+    near_m: Floats,
+    now_m: Floats,
+    started_s: Floats,
+    below_s: Floats,
+    asked_s: Floats,
+    watched: Bools,
+    inside: Bools,
+) -> tuple[Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Bools, Bools]:
+    """The columns of `Pairs` with the pairs of `new`, ascending and none of them there, as never looked at."""
+    n = len(code) + len(new)
+    codes, looks, real = np.empty(n, np.int64), np.zeros((n, seen.shape[1])), np.zeros((7, n))
+    flags, before, after = np.zeros((2, n), np.bool_), 0, 0
+    for at in range(n):
+        if before == len(code) or (after < len(new) and new[after] < code[before]):
+            codes[at], real[4, at], real[5, at] = new[after], -np.inf, -np.inf
+            after += 1
+            continue
+        codes[at], looks[at] = code[before], seen[before]
+        real[0, at], real[1, at], real[2, at] = probability[before], near_s[before], near_m[before]
+        real[3, at], real[4, at], real[5, at] = now_m[before], started_s[before], below_s[before]
+        real[6, at], flags[0, at], flags[1, at] = asked_s[before], watched[before], inside[before]
+        before += 1
+    return codes, looks, real[0], real[1], real[2], real[3], real[4], real[5], real[6], flags[0], flags[1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,22 +116,17 @@ class Pairs:
         return np.where(self.code[at] == code, at, -1)
 
     def take(self, rows: Ints | Bools) -> "Pairs":
-        return Pairs(*(getattr(self, one.name)[rows] for one in fields(self)))
-
-    def ordered(self) -> "Pairs":
-        """The same, ascending by `code`."""
-        return self.take(np.argsort(self.code))
+        return Pairs(*(getattr(self, name)[rows] for name in _COLUMNS))
 
     def with_new(self, code: Ints) -> "Pairs":
         """These and the pairs of `code` that are not among them, as never looked at."""
         new = np.unique(code[self.rows(code) < 0])
         if not len(new):
             return self
-        n, real = len(new), np.zeros(len(new))
-        never, seen = np.full(n, -np.inf), np.zeros((n, self.seen.shape[1]))
-        fresh = Pairs(new, seen, real, real, real, real, never, never, real, real > 0, real > 0)
-        both = Pairs(*(np.concatenate([getattr(self, one.name), getattr(fresh, one.name)]) for one in fields(self)))
-        return both.ordered()
+        return Pairs(*_merged(new, *(getattr(self, name) for name in _COLUMNS)))
+
+
+_COLUMNS = tuple(one.name for one in fields(Pairs))
 
 
 @dataclass(slots=True, eq=False)
