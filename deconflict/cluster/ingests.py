@@ -33,6 +33,8 @@ class Ingests:
         """When the newest status of each robot arrived."""
         self._leave: Callable[[], Awaitable[None]] | None = None
         self._followed_s = 0.0
+        self._beginning = asyncio.Lock()
+        """Who asks may have given up and ask again before the floor is heard."""
 
     def calls(self) -> dict[str, Handler]:
         """Named as those of a receiver."""
@@ -85,13 +87,21 @@ class Ingests:
     async def _follow(self, payload: bytes) -> bytes:
         """As a receiver tells of its own floor."""
         self._followed_s = time.monotonic()
-        if self._leave is None:
-            self._leave = await self._bus.hear_rows(EVERY, self._hear)
+        await self._begin()
         if told := await self._recent.after(int(payload)):
             return told
         parts = [opened(one)[2] for one in await self._asked("follow", WITHIN_S)]
         whole = self._joined([self._floors.renumbered(one) for one in parts if one])
         return parcel(self._recent.number, whole.to_bytes(), whole=True)
+
+    async def _begin(self) -> None:
+        """Hear the floor, once. Raises `LinkDownError`."""
+        async with self._beginning:
+            if self._leave is None:
+                try:
+                    self._leave = await self._bus.hear_rows(EVERY, self._hear)
+                except BUS_ERRORS as error:
+                    raise LinkDownError("NATS server") from error
 
     def _hear(self, data: bytes) -> None:
         self._waiting.append(self._floors.renumbered(Batch.from_bytes(data)))

@@ -5,7 +5,8 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import AsyncIterator
+from collections import Counter
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 from deconflict.cluster.bus import Bus
 from deconflict.cluster.feed import Feed
 from deconflict.cluster.follower import Follower
+from deconflict.cluster.member import LISTEN_S
 from deconflict.cluster.ownership import Table
 from deconflict.cluster.settings import Cluster
 from deconflict.reloading import SITE_FILE
@@ -47,6 +49,24 @@ class Broker:
         """As a machine that loses its power."""
         self._process.kill()
         self._process.wait(PATIENCE_S)
+
+
+REFUSALS = 5
+
+
+class Faltering(Bus):
+    """In touch with a real server, where channels take a while to be begun and "refused" is so a few times."""
+
+    def __init__(self, settings: Cluster) -> None:
+        super().__init__(settings, 1.0)
+        self.begun = Counter[str]()
+
+    async def hear_rows(self, channel: str, take: Callable[[bytes], None]) -> Callable[[], Awaitable[None]]:
+        self.begun[channel] += 1
+        if channel == "refused" and self.begun[channel] <= REFUSALS:
+            raise TimeoutError
+        await asyncio.sleep(4 * LISTEN_S)
+        return await super().hear_rows(channel, take)
 
 
 class Machines:

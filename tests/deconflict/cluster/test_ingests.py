@@ -9,7 +9,11 @@ from pathlib import Path
 import httpx
 from websockets.asyncio.client import connect
 
-from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server
+from deconflict.cluster.channels import EVERY
+from deconflict.cluster.feed import connected
+from deconflict.cluster.ingests import Ingests
+from deconflict.cluster.settings import Cluster
+from tests.deconflict.cluster.made_cluster import Broker, Faltering, cluster, ingest, needs_server
 from tests.deconflict.cluster.test_cluster import until
 from tests.deconflict.test_service import drive
 from tests.patience import PATIENCE_S
@@ -41,3 +45,16 @@ async def test_a_face_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
                     seen.setdefault(row[0], set()).add(row[6])
         for each in driving:
             each.cancel()
+
+
+async def test_the_floor_is_heard_once_though_who_asks_asks_again_before_it_is(tmp_path: Path) -> None:
+    broker = Broker(tmp_path)
+    bus = Faltering(Cluster(nats=(broker.address,)))
+    try:
+        assert await connected(bus, asyncio.Event())
+        follow = Ingests(bus).calls()["follow"]
+        await asyncio.gather(*(follow(b"0") for _ in range(3)))
+    finally:
+        await bus.close()
+        broker.kill()
+    assert bus.begun == {EVERY: 1}

@@ -2,8 +2,6 @@
 
 import asyncio
 import time
-from collections import Counter
-from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
 from math import sin
 from pathlib import Path
@@ -11,33 +9,25 @@ from typing import Any
 
 from deconflict.cluster.bus import Bus
 from deconflict.cluster.feed import connected
-from deconflict.cluster.member import LISTEN_S, Member
+from deconflict.cluster.member import Member
 from deconflict.cluster.settings import Cluster
 from deconflict.reloading import SITE_FILE, write
 from deconflict.site import Site
 from ingest.measures import joined_values
-from tests.deconflict.cluster.made_cluster import Broker, Machines, cluster, ingest, needs_server, running
+from tests.deconflict.cluster.made_cluster import (
+    REFUSALS,
+    Broker,
+    Faltering,
+    Machines,
+    cluster,
+    ingest,
+    needs_server,
+    running,
+)
 from tests.deconflict.cluster.test_cluster import until
 from tests.deconflict.test_service import Course, drive
 
 pytestmark = needs_server
-
-
-class Faltering(Bus):
-    """In touch with a real server, where some channels take a while to be begun and one is refused a few times."""
-
-    refusals = 5
-
-    def __init__(self, settings: Cluster) -> None:
-        super().__init__(settings, 1.0)
-        self.begun = Counter[str]()
-
-    async def hear_rows(self, channel: str, take: Callable[[bytes], None]) -> Callable[[], Awaitable[None]]:
-        self.begun[channel] += 1
-        if channel == "refused" and self.begun[channel] <= self.refusals:
-            raise TimeoutError
-        await asyncio.sleep(4 * LISTEN_S)
-        return await super().hear_rows(channel, take)
 
 
 TO_AND_FRO: dict[str, Course] = {
@@ -106,7 +96,7 @@ async def test_channels_are_heard_once_each_though_one_of_those_that_were_begun_
         await asyncio.gather(listening, return_exceptions=True)
         await bus.close()
         broker.kill()
-    assert bus.begun == {"first": 1, "refused": Faltering.refusals + 1, "second": 1}
+    assert bus.begun == {"first": 1, "refused": REFUSALS + 1, "second": 1}
 
 
 async def _listening(bus: Bus, member: Member) -> None:
