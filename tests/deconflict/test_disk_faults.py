@@ -177,8 +177,10 @@ async def test_a_log_on_a_read_only_disk_is_told_of_and_recording_resumes(
     try:
         async with running(tmp_path) as service:
             driving = asyncio.create_task(drive(service.robots_url, CROSSING, 9))
-            await service.until("/advisories", lambda answer: answer["advisories"])
-            assert await measured(service, "deconflict_recorded_lines_dropped_total") > 0
+            await service.until("/advisories?state=all", lambda answer: answer["advisories"])
+            async with asyncio.timeout(PATIENCE_S):
+                while not await measured(service, "deconflict_recorded_lines_dropped_total") > 0:
+                    await asyncio.sleep(0.1)
             assert "Read-only file system" in caplog.text
             await asyncio.to_thread(subprocess.run, ["mount", "-o", "remount,rw", str(log)], check=True)
             async with asyncio.timeout(PATIENCE_S):

@@ -34,22 +34,26 @@ async def feeding(port: int, store: Store, publisher: Publisher) -> AsyncIterato
             await running
 
 
+async def held_now(port: int) -> dict[str, str]:
+    """What a subscriber that comes now is told at once, by topic."""
+    held: dict[str, str] = {}
+    async with Client("127.0.0.1", port) as client:
+        await client.subscribe("deconflict/#", qos=1)
+        await client.subscribe("end")
+        await client.publish("end", "", qos=1)
+        async for message in client.messages:
+            if message.topic.value == "end":
+                break
+            if message.retain and isinstance(message.payload, bytes):
+                held[message.topic.value] = message.payload.decode()
+    return held
+
+
 async def retained(port: int, wanted: set[str]) -> dict[str, str]:
-    """What a subscriber that comes now is told at once, as soon as it is of these topics and no others."""
-    while True:
-        held: dict[str, str] = {}
-        async with Client("127.0.0.1", port) as client:
-            await client.subscribe("deconflict/#", qos=1)
-            await client.subscribe("end")
-            await client.publish("end", "", qos=1)
-            async for message in client.messages:
-                if message.topic.value == "end":
-                    break
-                if message.retain and isinstance(message.payload, bytes):
-                    held[message.topic.value] = message.payload.decode()
-        if set(held) == {f"deconflict/{one}" for one in wanted}:
-            return held
+    """What is held, as soon as it is of these topics and no others."""
+    while set(held := await held_now(port)) != {f"deconflict/{one}" for one in wanted}:
         await asyncio.sleep(0.05)
+    return held
 
 
 async def test_the_broker_holds_what_is_open_and_forgets_what_is_cleared(tmp_path: Path) -> None:
