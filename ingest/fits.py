@@ -21,6 +21,8 @@ COINCIDENT_SHARE = 1e-6
 """Two points nearer to each other than this share of the spread of all are the same point."""
 COINCIDENT_M = 1e-3
 """The same for reference points, metres."""
+NEAREST, FARTHEST = 1e-9, 1e12
+"""Points nearer to each other are the same, and coordinates beyond are nowhere, in any unit: sums of them overflow."""
 FLATTENED_SHARE = 0.01
 """A global fit that squeezes one direction to less than this share of another joins points that don't belong."""
 
@@ -53,11 +55,14 @@ def fit(readings: Floats, reference: Floats, names: Sequence[str], *, mirrored: 
     """The transform that takes `readings` (p, 2) to `reference` (p, 2), metres.
 
     `names` are the points', for messages. `mirrored` is taken for a fact with two points, which can't show it, and
-    ignored with more, which do. Raises `FitError` for fewer than two, coincident or collinear points.
+    ignored with more, which do. Raises `FitError` for fewer than two points, and coincident, collinear or absurd ones.
     """
     if len(readings) < 2:
         raise FitError(f"readings of at least two reference points are needed, found {len(readings)}")
-    _check_distinct(readings, names, "readings of", floor=1e-12 * float(np.abs(readings).max()))
+    for points, what in ((readings, "readings of"), (reference, "reference points")):
+        if not (np.abs(points) < FARTHEST).all():
+            raise FitError(f"the {what} {', '.join(names)} are too far away for any map; correct them")
+    _check_distinct(readings, names, "readings of", floor=max(NEAREST, 1e-12 * float(np.abs(readings).max())))
     _check_distinct(reference, names, "reference points", floor=COINCIDENT_M)
     for points, what in ((readings, "readings"), (reference, "reference points")):
         if _collinear(points):

@@ -18,8 +18,8 @@ licence each comes by its own word. `python -m tests.dependencies > docs/depende
 `make audit` asks the vulnerability database of the Python Packaging Authority for each version in `constraints.txt`,
 the developers' tools included, with pip-audit in an environment of its own. It fails where one is known to be
 vulnerable, and where the database can't be asked: no answer is not a clean one. Run it for each release and whenever
-`constraints.txt` changes, where PyPI itself is reached: a mirror that has packages alone tells nothing, and pip-audit says
-"not found on PyPI". No result is kept here yet, because the database could not be asked. Instead published
+`constraints.txt` changes, where PyPI itself is reached: of a mirror that has packages alone pip-audit says "not found
+on PyPI". No result is kept here yet, because the database could not be asked. Instead published
 advisories of what reads strangers' bytes were looked for by hand, in November 2026, which proves far less: those found
 are mended in the pinned versions (starlette CVE-2024-47874 in 0.40.0, CVE-2025-62727 in 0.49.1 and CVE-2026-48710 in
 1.0.1; idna CVE-2026-45409 in 3.15; h11 0.16.0 is itself such a release). Of websockets, uvicorn, msgspec, pydantic and

@@ -93,6 +93,9 @@ LINE = np.array([[0.0, 0.0], [10.0, 0.01], [25.0, 0.0], [31.0, -0.01]])
         (LINE, HALL[:4], r"the readings of door, dock, pillar, gate lie on one line"),
         (HALL[:4], LINE, r"the reference points of door, dock, pillar, gate lie on one line"),
         (np.array([[0, 0], [9, 0], [9, 9], [0, 9.0]]), np.array([[0, 0], [9, 0], [0, 9], [9, 9.0]]), r"exchanged"),
+        (np.array([[0.0, 5e-324], [0.0, 0.0]]), HALL[:2], "are at the same place"),
+        (np.array([[0.0, 0.0], [0.0, 1e308], [1e308, 1e308]]), HALL[:3], "readings of door, .* are too far away"),
+        (HALL[:2], np.array([[1e308, 0.0], [-1e308, 0.0]]), "reference points door, dock are too far away"),
     ],
 )
 def test_what_fits_nothing_is_refused_by_name(readings: Floats, reference: Floats, says: str) -> None:
