@@ -22,7 +22,7 @@ from deconflict.telling import SEVERITIES, SURE, Pair, Prediction, Scene
 
 UPDATE_GAP_S = 1.0
 """At most one revision in this time, unless the severity rises."""
-HELD_SHARE = 0.3
+HELD_SHARE = 0.15
 """An advisory stands until its probability is below this share of the one that raises."""
 TOUCHING_M = 0.1
 """A pair that begins nearer than this is touching already, for all that forecasts can tell."""

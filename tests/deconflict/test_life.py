@@ -5,7 +5,7 @@ import pytest
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from deconflict.encounter import Encounter
-from deconflict.life import Lives
+from deconflict.life import HELD_SHARE, Lives
 from deconflict.site import Conflict
 from deconflict.telling import Pair, Party, Prediction, Scene
 
@@ -258,10 +258,11 @@ def test_it_is_raised_by_how_likely_it_is_and_more_is_asked_of_forecasts_that_mi
 def test_it_stands_until_it_has_become_unlikely() -> None:
     story = Story()
     story.raised()
+    held = SETTINGS.raise_probability * HELD_SHARE
     assert all(
-        one.state is AdvisoryState.UPDATED for n in range(5) for one in story.predicted(6 - n / 2, probability=0.2)
+        one.state is AdvisoryState.UPDATED for n in range(5) for one in story.predicted(6 - n / 2, probability=held)
     )
-    told = [one for n in range(5) for one in story.predicted(4 - n / 2, probability=0.1)]
+    told = [one for n in range(5) for one in story.predicted(4 - n / 2, probability=held - 0.01)]
     assert [one.cleared_because for one in told] == ["no longer predicted"]
 
 

@@ -15,6 +15,8 @@ from metrics.replay import replay
 from tests.saying import identity, points, status
 
 NOW_S = 1_790_000_000.0
+STRAIGHT_ON = {0.3: (0.81, 0.29), 0.5: (0.91, 0.45)}
+"""Recall and precision on mrclam7.cv, by clearance, of alerts wherever forecasts come within it."""
 RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
 
 
@@ -99,6 +101,17 @@ def test_a_perfect_vendor_of_real_motion_is_foreseen() -> None:
     (figures,) = result["scores"]
     assert figures["recall"] > 0.9
     assert figures["precision"] > 0.6
+
+
+@pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")
+def test_forecasts_that_go_straight_on_still_give_half_as_high_a_precision_again() -> None:
+    result = scored(Path(RECORDINGS or "") / "mrclam7.cv.jsonl.gz", list(STRAIGHT_ON))
+    for figures, (recall, precision) in zip(result["scores"], STRAIGHT_ON.values(), strict=True):
+        assert figures["recall"] >= recall
+        assert figures["precision"] >= 1.5 * precision
+        assert figures["ece"] <= 0.05
+        assert figures["brier_skill"] >= 0.15
+    assert all(0.88 <= row["covered_90"] <= 0.92 for row in result["forecast_error"]["all"])
 
 
 def test_what_is_set_is_as_if_the_site_said_so_and_is_compared(tmp_path: Path) -> None:
