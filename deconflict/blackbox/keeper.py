@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 JOINED_S = 60.0
 """Near misses within this time of the first share its file."""
 MOST_PAIRS = 50
-"""So many of them; what else happened then is in the file without a word on it."""
+"""So many of them, of the vendors that have the most the earliest; what else happened is in the file without a word."""
 SETTLE_S = 2.0
 """Until then the log and the store have what happened before."""
 LATEST_S = 600.0
@@ -58,10 +58,11 @@ class Keeper:
         """Near misses that the engine has just noticed. Writes them down, so that a restart forgets none."""
         wanted = self.site.blackbox.enabled and self.site.recorder.enabled
         for one in near if wanted else ():
-            if len(self._pending) < MOST_PAIRS:
-                self._pending.append((time.monotonic(), one))
-            else:
+            pending = [*self._pending, (time.monotonic(), one)]
+            if len(pending) > MOST_PAIRS:
+                pending.pop(_least_missed([noted for _, noted in pending]))
                 self._measures.count(COUNTED, "beyond")
+            self._pending = pending
         self._remember()
 
     def begun(self, learned: bytes) -> None:
@@ -178,11 +179,18 @@ class Keeper:
         path = self.shelf.directory / PENDING
         try:
             told: list[list[Any]] = json.loads(path.read_text()) if path.exists() else []
-            near = [Near(str(a), str(b), float(at_s)) for a, b, at_s in told]
+            near = [Near.told(*one) for one in told]
         except (OSError, ValueError, TypeError) as error:
             log.warning("%s can't be read: %s", path, error)
         else:
             self.note(near)
+
+
+def _least_missed(near: Sequence[Near]) -> int:
+    """Which is the newest of the two vendors that have the most."""
+    held = Counter(one.vendors for one in near)
+    most = max(held.values())
+    return max(row for row, one in enumerate(near) if held[one.vendors] == most)
 
 
 def _cut(order: Order) -> Box | None:

@@ -1,6 +1,6 @@
 """What goes into one black box: whose near misses, from when to when, and what the engine had in mind at the start."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +19,13 @@ class Near(NamedTuple):
     a: str
     b: str
     at_s: float
+    vendors: tuple[str, ...] = ()
+    """Sorted; unknown where an older release noted it."""
+
+    @classmethod
+    def told(cls, a: str, b: str, at_s: float, vendors: Iterable[str] = ()) -> "Near":
+        """From JSON. Raises `TypeError` and `ValueError` where it is none."""
+        return cls(str(a), str(b), float(at_s), tuple(sorted(map(str, vendors))))
 
 
 class Snapshot(NamedTuple):

@@ -152,7 +152,8 @@ class EngineRole:
         engine.measures.count("deconflict_advice_failures_total", by=len(failed))
         solved_s = [self._solved_s.popleft() for _ in range(len(self._solved_s))]
         engine.measures.observe("deconflict_advice_solve_seconds", solved_s)
-        near = [(*pair, batch.now_s) for pair in engine.near_misses]
+        robots = engine.live.robots
+        near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]
         self._outbox.put(revisions, arrivals_s(batch, time.time()), engine.measures, near)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
@@ -216,7 +217,7 @@ class Outbox:
         revisions: list[AnyAdvisory],
         arrivals_s: dict[str, Floats],
         measures: Measures,
-        near_misses: Sequence[tuple[str, str, float]] = (),
+        near_misses: Sequence[tuple[str, str, float, tuple[str, str]]] = (),
     ) -> None:
         """Queue one step: its revisions, the arrivals of the messages it reflects, by vendor, and near misses.
 

@@ -339,5 +339,5 @@ class OperatorRole:
             advisories = [ADVISORY.validate_python(one) for one in parcel["advisories"]]
             await self._app.state.publisher.publish(advisories)
         if parcel["near_misses"]:
-            await asyncio.to_thread(self._keeper.note, [Near(*one) for one in parcel["near_misses"]])
+            await asyncio.to_thread(self._keeper.note, [Near.told(*one) for one in parcel["near_misses"]])
         return b"stored"

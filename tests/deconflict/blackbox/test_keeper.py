@@ -4,7 +4,7 @@ import asyncio
 import json
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -65,6 +65,20 @@ def test_what_is_pending_is_remembered_over_a_restart_and_bounded(tmp_path: Path
     assert measures.values["deconflict_blackboxes_total"][("beyond",)] == 3
     assert len(json.loads((tmp_path / FOLDER / PENDING).read_text())) == MOST_PAIRS
     store.close()
+
+
+def test_a_flood_of_near_misses_of_two_vendors_leaves_room_for_those_of_others(tmp_path: Path) -> None:
+    def noted() -> list[str]:
+        return [a for a, *_ in json.loads((tmp_path / FOLDER / PENDING).read_text())]
+
+    with closing(Store(tmp_path)) as store:
+        measures = Measures()
+        keeper = Keeper(SETTINGS, tmp_path, store, measures)
+        keeper.note(Near(f"flood {number}", "x", 5.0, ("Mallory", "Mallory")) for number in range(MOST_PAIRS + 3))
+        keeper.note([Near("a", "b", 5.0, ("Alder", "Basalt"))])
+        keeper.note(Near(f"late {number}", "x", 5.0, ("Mallory", "Mallory")) for number in range(3))
+        assert noted() == [*(f"flood {number}" for number in range(MOST_PAIRS - 1)), "a"]
+        assert measures.values["deconflict_blackboxes_total"]["beyond",] == 7
 
 
 async def test_a_near_miss_noted_before_a_restart_is_judged_after_it_and_what_is_old_goes(tmp_path: Path) -> None:

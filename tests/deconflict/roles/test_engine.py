@@ -82,7 +82,7 @@ async def test_any_amount_is_delivered_to_a_face_that_takes_it(tmp_path: Path, m
             outbox = Outbox(Path(runtime))
             outbox.start()
             for number in range(1, 101):
-                outbox.put([], {"Acme": np.full(10_000, NOW_S)}, Measures(), [("a", "b", NOW_S)])
+                outbox.put([], {"Acme": np.full(10_000, NOW_S)}, Measures(), [("a", "b", NOW_S, ("Acme", "Acme"))])
                 await until(lambda count=number: taken == count)
             await asyncio.to_thread(outbox.stop)
     waits = outbox.measures.histograms["deconflict_message_to_advisory_seconds"]["Acme",]
