@@ -48,7 +48,7 @@ def separation_m(a: Forecasts, b: Forecasts, t_s: float) -> float | None:
 
 
 def _box(forecast: Forecasts, pose: Pose) -> Box:
-    return Box(pose.x_m, pose.y_m, pose.yaw_rad, float(forecast.length_m[0]) / 2, float(forecast.width_m[0]) / 2)
+    return Box(pose.x_m, pose.y_m, pose.yaw_rad, forecast.length_m.item(0) / 2, forecast.width_m.item(0) / 2)
 
 
 def _class_of(a: Pose, b: Pose) -> EncounterClass:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ingest.seam import Batch, Floats
 
-ENOUGH = 64
+ENOUGH = 128
 """Robots that are taken in at once: more save hardly anything, and would make one pass wait for them."""
 
 

@@ -1,6 +1,5 @@
 """One robot at one moment of its forecast."""
 
-from bisect import bisect_right
 from dataclasses import dataclass
 from math import cos, hypot, sin
 
@@ -28,16 +27,16 @@ class Pose:
 
 def pose_at(forecast: Forecasts, t_s: float) -> Pose:
     """One robot at `t_s`, as `Forecasts` reads between knots; before the first knot, at the first."""
-    knot = max(bisect_right(forecast.t_s, t_s) - 1, 0)
-    x, y, yaw = (float(column[knot]) for column in (forecast.x_m, forecast.y_m, forecast.yaw_rad))
-    floor = int(forecast.floor[knot])
-    following = knot + 1
-    if following >= len(forecast.t_s) or t_s < forecast.t_s[knot] or forecast.floor[following] != floor:
+    f = forecast
+    knot = max(int(f.t_s.searchsorted(t_s, "right")) - 1, 0)
+    x, y, yaw, floor = f.x_m.item(knot), f.y_m.item(knot), f.yaw_rad.item(knot), f.floor.item(knot)
+    following, begins_s = knot + 1, f.t_s.item(knot)
+    if following >= len(f.t_s) or t_s < begins_s or f.floor.item(following) != floor:
         return Pose(x, y, yaw, 0.0, 0.0, floor)
-    span_s = float(forecast.t_s[following] - forecast.t_s[knot])
-    share = (t_s - float(forecast.t_s[knot])) / span_s
-    dx, dy = float(forecast.x_m[following]) - x, float(forecast.y_m[following]) - y
-    turn = turn_between(yaw, float(forecast.yaw_rad[following]))
+    span_s = f.t_s.item(following) - begins_s
+    share = (t_s - begins_s) / span_s
+    dx, dy = f.x_m.item(following) - x, f.y_m.item(following) - y
+    turn = turn_between(yaw, f.yaw_rad.item(following))
     return Pose(x + share * dx, y + share * dy, yaw + share * turn, dx / span_s, dy / span_s, floor)
 
 

@@ -56,17 +56,11 @@ class Motion:
         """Join each robot's first knot to the one before, if it is newer."""
         rows = np.array([self._row(robot) for robot in robots], np.int64)
         first = forecasts.start[:-1]
-        here = np.column_stack(
-            [
-                forecasts.t_s[first],
-                forecasts.x_m[first],
-                forecasts.y_m[first],
-                forecasts.yaw_rad[first],
-                forecasts.length_m,
-                forecasts.width_m,
-                forecasts.floor[first],
-            ]
-        )
+        here = np.empty((len(rows), 7))
+        told = (forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.yaw_rad, forecasts.floor)
+        for column, values in zip((0, 1, 2, 3, 6), told, strict=True):
+            here[:, column] = values[first]
+        here[:, 4], here[:, 5] = forecasts.length_m, forecasts.width_m
         newer = here[:, 0] > self._last[rows, 0]
         rows, here = rows[newer], here[newer]
         if not len(rows):
