@@ -27,7 +27,7 @@ from tests.saying import HALL, identity, points, robot, status
 PAIRS, PAIRS_OF_A_FLEET = 50, 5
 MEET_AFTER_S = 14.0
 LASTS_S = 12.0
-"""How long everything goes on at least, and how long anything is waited for."""
+"""How long everything goes on at least."""
 MOST_MB = {"receiver": 400, "engine": 700, "operator": 400}
 """At any moment; without anybody hostile they have some 130, 300 and 150."""
 SITE: dict[str, Any] = {
@@ -119,6 +119,14 @@ async def counted(service: Served, vendor: str) -> Counter[str]:
     return found
 
 
+async def abused_for_long(service: Served) -> None:
+    """`LASTS_S` from when much of what is hostile was refused and shed, however late its process has begun."""
+    async with asyncio.timeout(PATIENCE_S):
+        while (hostile := await counted(service, "Mallory"))["rejected"] < 100 or hostile["shed"] < 1000:
+            await asyncio.sleep(0.2)
+    await asyncio.sleep(LASTS_S)
+
+
 def peak_mb(pid: int) -> float:
     """The most memory that a process ever had, of which it did not share."""
     (line,) = (one for one in Path(f"/proc/{pid}/status").read_text().splitlines() if one.startswith("VmHWM"))
@@ -143,7 +151,7 @@ async def test_a_hundred_honest_robots_lose_nothing_while_everything_hostile_goe
                 for first in range(0, PAIRS, PAIRS_OF_A_FLEET)
             ]
             try:
-                await asyncio.gather(all_told(service), asyncio.sleep(LASTS_S))
+                await asyncio.gather(all_told(service), abused_for_long(service))
             finally:
                 stop.set()
         sent = sum(await asyncio.gather(*fleets))
@@ -154,9 +162,6 @@ async def test_a_hundred_honest_robots_lose_nothing_while_everything_hostile_goe
         assert (+became).keys() <= {"accepted", "overtaken"}, (
             "a machine that stands still for a second has two of a robot"
         )
-        hostile = await counted(service, "Mallory")
-        assert hostile["rejected"] > 100, hostile
-        assert hostile["shed"] > 1000, hostile
         assert children(pid) == roles, "somebody died"
         peaks = {role: peak_mb(one) for role, one in roles.items()}
         assert {role: mb for role, mb in peaks.items() if mb > MOST_MB[role]} == {}

@@ -2,6 +2,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from datetime import timedelta
 from pathlib import Path
 from threading import Thread
@@ -85,12 +86,23 @@ def test_latest_by_vendor_and_by_robot_looks_at_both_robots(store: Store) -> Non
     assert ids(kind="something else") == []
 
 
+ROWS = {
+    "revisions": "SELECT DISTINCT id FROM revisions",
+    "advisories": "SELECT id FROM advisories",
+    "parties": "SELECT DISTINCT id FROM parties",
+}
+"""Of which advisories each table has any."""
+
+
 def test_pruning_removes_old_cleared_advisories_whole_and_never_a_number_again(store: Store) -> None:
     store.append([made(1), made(2), cleared(2), made(3), cleared(3)])
     assert store.prune(START + timedelta(minutes=3)) == 1
     assert store.get("advisory-2") == []
     assert [one.seq for one in store.after(0)] == [1, 4, 5]
     assert store.prune(START + timedelta(days=1)) == 1
+    with closing(sqlite3.connect(store.path)) as raw:
+        left = {table: raw.execute(rows).fetchall() for table, rows in ROWS.items()}
+    assert left == {table: [("advisory-1",)] for table in ROWS}
     again = reopened(store)
     assert again.last_seq() == 5
     assert [one.seq for one in again.append([made(4)])] == [6]

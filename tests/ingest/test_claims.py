@@ -1,6 +1,6 @@
 from itertools import pairwise
 
-from ingest.claims import HELD_S, JUMPS, MOST_CLAIMS, MOST_COUNTED, NAMED_ROBOTS, Claims
+from ingest.claims import HELD_S, JUMPS, MOST_CLAIMS, MOST_COUNTED, MOST_WATCHED, NAMED_ROBOTS, Claims
 from ingest.forecast import Sighting
 from ingest.seam import Claim
 
@@ -64,3 +64,13 @@ def test_claims_are_bounded_whatever_is_claimed() -> None:
     (much,) = [one for one in standing if one.claimant == "Mallory"]
     assert (len(much.robots), much.claimed) == (NAMED_ROBOTS, MOST_COUNTED)
     assert much.robots[0] == "r0"
+
+
+def test_of_so_many_robots_that_jump_those_that_jumped_longest_ago_are_forgotten() -> None:
+    claims, there, here = Claims(), at(0, 0.0), at(0, 500.0)
+    for uuid in ["r"] * (JUMPS - 1) + ["s"] * (JUMPS - 1) + [f"r{i}" for i in range(MOST_WATCHED - 1)] + ["r", "s"]:
+        claims.seen(uuid, "Alder", there, here, 0.5, NOW_S)
+    assert [one.robots for one in claims.standing(NOW_S)] == []
+    for uuid in ("t", "t", "t"):
+        claims.seen(uuid, "Alder", there, here, 0.5, NOW_S)
+    assert [one.robots for one in claims.standing(NOW_S)] == [("t",)]
