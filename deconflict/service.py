@@ -57,7 +57,7 @@ async def in_one_process(
 
 
 def _engine_role(site: Site, runtime: Path) -> "EngineRole":
-    from deconflict.roles.engine import EngineRole  # noqa: PLC0415 - brings numba, which no other role needs
+    from deconflict.roles.engine import EngineRole  # noqa: PLC0415 - brings numba, which others do without at first
 
     return EngineRole(site, runtime)
 
