@@ -10,8 +10,9 @@ import pytest
 from websockets.asyncio.client import connect
 
 from deconflict.link import AsyncCaller
-from deconflict.roles.receiver import DOCUMENTS_AT_ONCE, ReceiverRole
+from deconflict.roles.receiver import DOCUMENTS_AT_ONCE, WORTH_QUICKENING, ReceiverRole
 from deconflict.site import Site
+from ingest import quick
 from ingest.connection import Connection
 from ingest.logfiles import LogFiles
 from ingest.playback import EngineStarted, Received, Tick
@@ -100,3 +101,19 @@ async def test_a_disk_that_stalls_delays_no_batch_and_loses_nothing(
     assert isinstance(events[0], EngineStarted)
     assert sum(isinstance(event, Tick) for event in events) == ticks
     assert sum(isinstance(event, Received) for event in events) == 1
+
+
+async def test_who_has_read_a_thousand_messages_reads_by_compiled_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(quick, "points", None)
+    monkeypatch.setattr(quick, "follow", None)
+    async with serving(tmp_path) as role:
+        engine, now_s = AsyncCaller(tmp_path, "receiver"), time.time()
+        for number in range(WORTH_QUICKENING - 1):
+            role.fleet.receive(status("A-1", now_s + number * 1e-3), now_s + number * 1e-3, Connection(1))
+        await engine.call("batch")
+        assert not role._quickened
+        role.fleet.receive(status("A-1", now_s + 60), now_s + 60, Connection(1))
+        while quick.points is None or quick.follow is None:
+            await engine.call("batch")
