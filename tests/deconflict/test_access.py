@@ -109,6 +109,20 @@ async def test_other_people_hold_at_once_and_end_the_sessions_of_those_who_went(
         assert (await browser.get("/advisories", headers=bearer(LEADER))).status_code == 200
 
 
+async def test_sessions_are_bounded_and_the_oldest_ends(
+    tmp_path: Path, people: tuple[Person, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.access.MOST_SESSIONS", 1)
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as first,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as second,
+    ):
+        for browser in (first, second):
+            await browser.post("/login", data={"token": READER})
+        assert [(await one.get("/advisories")).status_code for one in (first, second)] == [401, 200]
+
+
 async def test_a_changed_token_ends_the_sessions_and_streams_that_the_old_one_opened(
     tmp_path: Path, people: tuple[Person, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -375,3 +375,21 @@ def test_a_file_of_each_later_format_is_read_with_its_answers_positions_and_burd
     assert store.position("mqtt") == (7 if version > 3 else None)
     assert [(one.seq, one.acknowledgement) for one in store.append([made(3), cleared(2)])] == [(9, None), (10, given)]
     store.close()
+
+
+def test_what_is_taken_while_others_are_being_stored_is_stored_next(store: Store) -> None:
+    store.take([made(1)])
+    late = [made(2)]
+
+    def meanwhile(statement: str) -> None:
+        if statement.startswith("BEGIN") and late:
+            store.take([late.pop()])
+
+    store._writer.set_trace_callback(meanwhile)
+    store.flush()
+    assert (late, store.unstored) == ([], 1)
+    store.flush()
+    assert store.unstored == 0
+    again = reopened(store)
+    assert [(one.id, one.seq) for one in again.after(0)] == [("advisory-1", 1), ("advisory-2", 2)]
+    again.close()

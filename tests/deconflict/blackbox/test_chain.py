@@ -44,3 +44,10 @@ def test_what_is_no_chain_is_told() -> None:
     for lines in ([], [b"{}\n"], [b"nothing\n"]):
         with pytest.raises(ChainBrokenError):
             verified(lines)
+
+
+def test_an_end_that_tells_of_other_lines_is_found_though_its_hashes_fit() -> None:
+    chain = Chain()
+    lines = [chain.link(b'{"a":1}\n'), chain.link(b'{"end":2}\n')]
+    with pytest.raises(ChainBrokenError, match="the end tells of 2 lines and there are 1"):
+        verified(lines)
