@@ -6,6 +6,7 @@ step here, in a thread of the engine in the service.
 """
 
 import argparse
+import gc
 import math
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ import numpy as np
 from benchmarks.endtoend import benchmark_site
 from benchmarks.offer import ROBOTS_A_CONNECTION, Circling, vendor_of
 from benchmarks.replay import timed
+from deconflict.__main__ import COLLECTED_EVERY
 from deconflict.advice.desk import Desk
 from deconflict.contention.watch import Contention
 from deconflict.engine import Engine
@@ -101,6 +103,7 @@ def main() -> None:
     arguments.add_argument("--robots", type=int, nargs="+", default=[100, 1000, 3000, 10000])
     arguments.add_argument("--seconds", type=float, default=10.0)
     args = arguments.parse_args()
+    gc.set_threshold(*COLLECTED_EVERY)
     quick.load()
     measured(20, 2.0)
     sums = []
