@@ -1,7 +1,6 @@
 """Handshakes of TLS at the robots' port that fail, or never end."""
 
 import asyncio
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from websockets.asyncio.client import connect
 from ingest import receiver
 from ingest.settings import Tls
 from tests.ingest.test_certificates import trusting, write
-from tests.ingest.test_receiver import floor
+from tests.ingest.test_receiver import floor, until
 from tests.patience import PATIENCE_S
 
 
@@ -25,12 +24,6 @@ def authority() -> trustme.CA:
 def site_tls(authority: trustme.CA, tmp_path: Path) -> Tls:
     write(authority, tmp_path)
     return Tls(certificate=str(tmp_path / "site.pem"))
-
-
-async def until(true: Callable[[], object]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not true():
-            await asyncio.sleep(0.01)
 
 
 async def ended(reader: asyncio.StreamReader) -> None:
