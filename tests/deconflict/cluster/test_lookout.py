@@ -85,9 +85,17 @@ def counted(lookout: Lookout, state: AdvisoryState) -> float:
     return joined_values(lookout.measured).get("deconflict_advisories_total", {}).get(("contention", state.value), 0)
 
 
+async def bounded(bus: Bus, bytes_a_message: int) -> None:
+    """Let the stream of what is told take messages of no more than that; -1 of any size."""
+    kept = (await bus._js.stream_info(f"{bus.name}-told")).config
+    await bus._js.update_stream(kept, max_msg_size=bytes_a_message)
+
+
 async def test_a_lookout_goes_on_looking_while_nothing_can_be_told_and_tells_it_all_later(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1) as (bus,), asyncio.timeout(300):
-        await bus._js.delete_stream(f"{bus.name}-told")
+        told: list[Line] = []
+        await bus.hear_told(told.append, after=0)
+        await bounded(bus, 1)
         lookout, robots = Lookout(SITE, bus, Teller(bus), at_once), scripts()
         chores = (lookout.run(lambda: True), lookout.outbox.run(), feed(bus, robots))
         tasks = [asyncio.create_task(one) for one in chores]
@@ -96,9 +104,8 @@ async def test_a_lookout_goes_on_looking_while_nothing_can_be_told_and_tells_it_
         robots["F"] = Script([(0, 30, 60)], [(80, 0, 40)], state=lambda _: "waitingExternalEvent")
         while not counted(lookout, AdvisoryState.UPDATED):
             await asyncio.sleep(0.05)
-        await bus._make()
-        told: list[Line] = []
-        await bus.hear_told(told.append, after=0)
+        assert not told
+        await bounded(bus, -1)
         while len(life := [one for one in told if one.advisory and one.advisory.kind == "contention"]) < 2:
             await asyncio.sleep(0.05)
         for one in tasks:
