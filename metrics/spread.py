@@ -30,7 +30,8 @@ WINDOW_S = 60.0
 """Of the log's time in a window: some seconds of work, so that handing states on is a few hundredths of it."""
 AHEAD = 4
 """Windows under way at once, which bounds the memory."""
-DASHBOARD = ":8787"
+DASHBOARD = ":0"
+"""Any port that is free: another replay may run beside this one. Which it is is told on stderr."""
 
 State = bytes
 
