@@ -10,6 +10,7 @@ from math import isfinite, isnan
 from typing import Any
 
 import numpy as np
+from mypy_extensions import mypyc_attr
 
 from ingest import changes, messages, watch
 from ingest.batches import batch
@@ -35,6 +36,7 @@ NOWHERE = -1
 """Floor index of a frame that is compared with nothing."""
 
 
+@mypyc_attr(serializable=True, allow_interpreted_subclasses=True)
 class Fleet:
     """All robots. Counts what it accepts, rejects and finds in `measures`; rejects go to `quarantine`."""
 
@@ -164,7 +166,7 @@ class Fleet:
 
     def measure(self, now_s: float) -> None:
         """Bring the levels in `measures` up to date."""
-        robots: dict[tuple[str, ...], float] = {}
+        robots: dict[Labels, int] = {}
         ages: dict[str, list[float]] = {}
         clocks: dict[str, list[SenderClock]] = {}
         for robot in self.robots.values():

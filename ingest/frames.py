@@ -5,9 +5,10 @@ vendor that keeps to its own map comes in by its readings of the datum's referen
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
+from mypy_extensions import mypyc_attr
 
 from ingest.fits import Fit, FitError, fit
 from ingest.geographic import Projection
@@ -18,8 +19,7 @@ Pose = tuple[float, float, float]
 """x, y, yaw_rad"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class Frame(msgspec.Struct, frozen=True, gc=False, eq=False):
     """What one vendor means by one datum."""
 
     floor: str
@@ -53,6 +53,7 @@ class Frame:
         return poses
 
 
+@mypyc_attr(serializable=True, allow_interpreted_subclasses=True)
 class Frames:
     """Every frame that the site knows, and those that messages bring."""
 

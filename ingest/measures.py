@@ -6,7 +6,7 @@ another process as the dictionary of `as_document`.
 
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Self
 
 Labels = tuple[str, ...]
@@ -96,8 +96,8 @@ class Measures:
         self.values: dict[str, dict[Labels, float]] = defaultdict(dict)
         self.histograms: dict[str, dict[Labels, Histogram]] = defaultdict(dict)
 
-    def count(self, name: str, *labels: str, by: float = 1) -> None:
-        series = self.values[name]
+    def count(self, name: str, *labels: str, by: int = 1) -> None:
+        series: dict[Labels, Any] = self.values[name]  # a count stays whole, also when compiled
         series[labels] = series.get(labels, 0) + by
 
     def begin(self, *names: str) -> None:
@@ -105,7 +105,7 @@ class Measures:
         for name in names:
             self.count(name, by=0)
 
-    def level(self, name: str, series: dict[Labels, float]) -> None:
+    def level(self, name: str, series: Mapping[Labels, float]) -> None:
         """Replace every series of a gauge, so that what no longer exists is no longer shown."""
         self.values[name] = dict(series)
 

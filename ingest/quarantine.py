@@ -1,8 +1,9 @@
 """Rejected messages, kept for a person to read: the newest of each vendor, within bounds."""
 
 from collections import deque
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from ingest import stamps
 
@@ -12,8 +13,7 @@ KEPT_PER_VENDOR = 100
 MOST_VENDORS = 100
 
 
-@dataclass(frozen=True, slots=True)
-class Rejected:
+class Rejected(msgspec.Struct, frozen=True, gc=False):
     """One rejected message and why."""
 
     raw: bytes
