@@ -1,9 +1,9 @@
 """A replay spread over a Dask cluster, with the result of a single run byte for byte.
 
-The log is cut into windows. Reading, the engine of each clearance and the judging go from window to window, each with a
-state of its own, so that a window's engines run while the next is read and the one before is judged. A task takes its
-state as bytes and gives it on as bytes: it changes nothing that another holds, so the scheduler may put it anywhere and
-repeat it where a worker is lost.
+The log is read here and cut into windows. The engine of each clearance and the judging go from window to window, each
+with a state of its own, so that a window's engines run while the next is read and the one before is judged. A task
+takes its state as bytes and gives it on as bytes: it changes nothing that another holds, so the scheduler may put it
+anywhere and repeat it where a worker is lost.
 """
 
 import logging
@@ -76,21 +76,25 @@ def replay(
 ) -> dict[str, Any]:
     """What `metrics.replay.replay` gives, worked out by the workers of `client`."""
     began = time.perf_counter()
-    read: Any = (pickle.dumps(Reading(site)), [])
+    reading = Reading(site)
     said: list[Any] = [(pickle.dumps(Run(site, clearance_m, start)), []) for clearance_m in clearances_m]
     judged: Any = (pickle.dumps(Outcome(site, clearances_m)), [])
-    under_way: deque[tuple[Future[Any], Future[Any]]] = deque()
+    under_way: deque[Future[Any]] = deque()
     for part, last in _windows(events, window_s):
-        read = client.submit(_read, read, part, last, pure=False)
+        passes = [*chain(reading.take(part), reading.finish() if last else ())]
+        if watch:
+            for one in passes:
+                watch(one.now_s, one.batch)
+        read = client.submit(_thawed, pickle.dumps(passes), pure=False)
         said = [client.submit(_say, run, read, pure=False) for run in said]
         judged = client.submit(_judge, judged, read, *said, pure=False)
-        under_way.append((read, judged))
+        under_way.append(judged)
         if len(under_way) > AHEAD:
-            _tell(client, *under_way.popleft(), tell, watch)
-    for one in under_way:
-        _tell(client, *one, tell, watch)
-    result = client.submit(_conclude, judged, read, pure=False).result()
-    return document(result, reader, time.perf_counter() - began)
+            _tell(client, under_way.popleft(), tell)
+    for window in under_way:
+        _tell(client, window, tell)
+    outcome: Outcome = _thawed(client.submit(itemgetter(0), judged, pure=False).result())
+    return document(outcome.result(reading), reader, time.perf_counter() - began)
 
 
 def _windows(events: Iterable[Event], window_s: float) -> Iterator[tuple[list[Event], bool]]:
@@ -108,43 +112,28 @@ def _windows(events: Iterable[Event], window_s: float) -> Iterator[tuple[list[Ev
     yield part, True
 
 
-def _tell(client: Client, read: Future[Any], judged: Future[Any], tell: Tell | None, watch: Watch | None) -> None:
+def _tell(client: Client, judged: Future[Any], tell: Tell | None) -> None:
     """Wait for a window, and tell what the stream would have said in it."""
-    if watch:
-        for one in client.submit(itemgetter(1), read, pure=False).result():
-            watch(one.now_s, one.batch)
     lines = client.submit(itemgetter(1), judged, pure=False).result()
     if tell:
         for line in lines:
             tell(line)
 
 
-def _read(before: tuple[State, list[Pass]], part: list[Event], last: bool) -> tuple[State, list[Pass]]:
-    reading: Reading = _thawed(before[0])
-    passes = [*chain(reading.take(part), reading.finish() if last else ())]
-    return pickle.dumps(reading), passes
-
-
-def _say(before: tuple[State, list[Said]], read: tuple[State, list[Pass]]) -> tuple[State, list[Said]]:
+def _say(before: tuple[State, list[Said]], passes: list[Pass]) -> tuple[State, list[Said]]:
     run: Run = _thawed(before[0])
-    said = [run.step(one) for one in read[1]]
+    said = [run.step(one) for one in passes]
     return pickle.dumps(run), said
 
 
 def _judge(
-    before: tuple[State, list[Line]], read: tuple[State, list[Pass]], *said: tuple[State, list[Said]]
+    before: tuple[State, list[Line]], passes: list[Pass], *said: tuple[State, list[Said]]
 ) -> tuple[State, list[Line]]:
     outcome: Outcome = _thawed(before[0])
     lines: list[Line] = []
-    for row, one in enumerate(read[1]):
+    for row, one in enumerate(passes):
         lines += outcome.take(one, [each[1][row] for each in said])
     return pickle.dumps(outcome), lines
-
-
-def _conclude(judged: tuple[State, list[Line]], read: tuple[State, list[Pass]]) -> dict[str, Any]:
-    outcome, reading = _thawed(judged[0]), _thawed(read[0])
-    result: dict[str, Any] = outcome.result(reading)
-    return result
 
 
 def _thawed(state: State) -> Any:
