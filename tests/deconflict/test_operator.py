@@ -16,7 +16,7 @@ from deconflict import stream
 from ingest.settings import Tls
 from tests.deconflict.made_advisories import ROBOTS, cleared, made
 from tests.deconflict.served_face import ROBOT_DOCUMENTS, Served, served, until
-from tests.ingest.test_certificates import trusting, write
+from tests.ingest.made_tls import trusting, write
 from tests.patience import PATIENCE_S
 
 API_PAGE = Path(__file__).parents[2] / "docs" / "api.md"

@@ -9,31 +9,15 @@ from websockets.exceptions import InvalidMessage, InvalidStatus
 
 from ingest.certificates import CertificateError, Certificates
 from ingest.settings import Tls, Vendor
+from tests.ingest.made_tls import trusting, write
 from tests.ingest.test_receiver import floor, until
 
 
 @pytest.fixture
-def authority() -> trustme.CA:
-    return trustme.CA()
-
-
-@pytest.fixture
-def site_tls(authority: trustme.CA, tmp_path: Path) -> Tls:
-    write(authority, tmp_path)
+def site_tls(authority: trustme.CA, site_tls: Tls, tmp_path: Path) -> Tls:
+    """That of the others, where clients may show a certificate too."""
     authority.cert_pem.write_to_path(str(tmp_path / "clients.pem"))
-    return Tls(certificate=str(tmp_path / "site.pem"), clients=str(tmp_path / "clients.pem"))
-
-
-def write(authority: trustme.CA, directory: Path) -> None:
-    authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(str(directory / "site.pem"))
-
-
-def trusting(authority: trustme.CA, as_client: str | None = None) -> ssl.SSLContext:
-    context = ssl.create_default_context()
-    authority.configure_trust(context)
-    if as_client:
-        authority.issue_cert(common_name=as_client).configure_cert(context)
-    return context
+    return site_tls.model_copy(update={"clients": str(tmp_path / "clients.pem")})
 
 
 async def test_a_vendor_is_known_by_its_client_certificate(authority: trustme.CA, site_tls: Tls) -> None:

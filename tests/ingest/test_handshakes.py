@@ -2,7 +2,6 @@
 
 import asyncio
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 import trustme
@@ -10,20 +9,9 @@ from websockets.asyncio.client import connect
 
 from ingest import receiver
 from ingest.settings import Tls
-from tests.ingest.test_certificates import trusting, write
+from tests.ingest.made_tls import trusting
 from tests.ingest.test_receiver import floor, until
 from tests.patience import PATIENCE_S
-
-
-@pytest.fixture
-def authority() -> trustme.CA:
-    return trustme.CA()
-
-
-@pytest.fixture
-def site_tls(authority: trustme.CA, tmp_path: Path) -> Tls:
-    write(authority, tmp_path)
-    return Tls(certificate=str(tmp_path / "site.pem"))
 
 
 async def ended(reader: asyncio.StreamReader) -> None:
