@@ -15,8 +15,6 @@ from collections.abc import Iterable
 from math import inf, nan
 from statistics import median
 
-from mypy_extensions import mypyc_attr
-
 WINDOW = 32
 """Messages over which the quickest is sought, at most: half a minute at one a second. At least it is half as many."""
 STEP_S = 1.0
@@ -26,7 +24,6 @@ AGREE_S = 0.5
 they were sent over at least twice that: so long a queue, sent at once, would differ by more."""
 
 
-@mypyc_attr(serializable=True, allow_interpreted_subclasses=True)
 class SenderClock:
     """The clock of one sender, from the stamps and arrivals of its messages."""
 

@@ -10,7 +10,6 @@ from math import isfinite, isnan
 from typing import Any
 
 import numpy as np
-from mypy_extensions import mypyc_attr
 
 from ingest import changes, messages, watch
 from ingest.batches import batch
@@ -36,7 +35,6 @@ NOWHERE = -1
 """Floor index of a frame that is compared with nothing."""
 
 
-@mypyc_attr(serializable=True, allow_interpreted_subclasses=True)
 class Fleet:
     """All robots. Counts what it accepts, rejects and finds in `measures`; rejects go to `quarantine`."""
 

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import msgspec
 import numpy as np
-from mypy_extensions import mypyc_attr
 
 from ingest.fits import Fit, FitError, fit
 from ingest.geographic import Projection
@@ -53,7 +52,6 @@ class Frame(msgspec.Struct, frozen=True, gc=False, eq=False):
         return poses
 
 
-@mypyc_attr(serializable=True, allow_interpreted_subclasses=True)
 class Frames:
     """Every frame that the site knows, and those that messages bring."""
 

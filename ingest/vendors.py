@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from functools import lru_cache
 
-from mypy_extensions import mypyc_attr
-
 from ingest.settings import Model, Vendor
 
 UNKNOWN = "unknown"
@@ -20,7 +18,6 @@ def _unheard_of(name: str) -> Vendor:
     return Vendor(name=name)
 
 
-@mypyc_attr(serializable=True, allow_interpreted_subclasses=True)
 class Vendors:
     """The site's vendors, and those that only identity reports name.
 
