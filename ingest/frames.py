@@ -46,7 +46,8 @@ class Frame(msgspec.Struct, frozen=True, gc=False, eq=False):
         An unknown yaw stays nan. Degrees that are nowhere on Earth become inf.
         """
         if self.transform is not None:
-            return [self.transform.pose(*pose) for pose in poses]
+            transform = self.transform
+            return [transform.pose(x, y, yaw_rad) for x, y, yaw_rad in poses]
         if self.projection is not None:
             return self.projection.poses(poses)
         return poses
