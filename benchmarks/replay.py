@@ -2,8 +2,7 @@
 
 The log is made by the demo's simulated vendors, each in its own dialect, a status a second from most; or give a log of
 your own. One clearance, one core; garbage is searched for as by the command. Processor time, so that a busy machine
-changes it little. Where modules are compiled the speed is theirs, and the shares are those of the same replay
-interpreted: what is compiled can't be timed from within.
+changes it little.
 """
 
 import argparse
@@ -20,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import interpreted
 from deconflict import demo
 from deconflict.__main__ import COLLECTED_EVERY
 from deconflict.advice.desk import Desk
@@ -110,11 +108,10 @@ def timed(spent: dict[str, float], stage: str, owner: Any, name: str) -> Iterato
 
 
 def measure(log: Path, site: Site) -> tuple[dict[str, Any], dict[str, float], float]:
-    """The result, seconds by stage where nothing is compiled, and seconds in all."""
-    stages = {} if interpreted.compiled() else STAGES
-    spent = dict.fromkeys(stages, 0.0)
+    """The result, seconds by stage, and seconds in all."""
+    spent = dict.fromkeys(STAGES, 0.0)
     with ExitStack() as timers:
-        for stage, calls in stages.items():
+        for stage, calls in STAGES.items():
             for owner, name in calls:
                 timers.enter_context(timed(spent, stage, owner, name))
         began = time.process_time()
@@ -161,9 +158,6 @@ def main() -> None:
     print(f"before that, {loading_s:.1f} s to load what is compiled; {peak_mb():.0f} MB at the most")
     json.dump({name: result["scores"][0][name] for name in ("encounters", "alerts")}, sys.stdout)
     print()
-    if compiled := interpreted.compiled():
-        print(f"with {len(compiled)} modules compiled; by stage, interpreted:")
-        interpreted.run_again("benchmarks.replay")
 
 
 if __name__ == "__main__":

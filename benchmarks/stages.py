@@ -2,8 +2,7 @@
 
 The load of `benchmarks.offer` without its sockets, through a fleet and an engine in this process, ten passes a second.
 Processor time of one core, microseconds a message, after the first half of the run. Advice is worked out within the
-step here, in a thread of the engine in the service. Where modules are compiled the sums are theirs, the stages those
-of the same run interpreted: what is compiled can't be timed from within.
+step here, in a thread of the engine in the service.
 """
 
 import argparse
@@ -17,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import interpreted
 from benchmarks.endtoend import benchmark_site
 from benchmarks.offer import ROBOTS_A_CONNECTION, Circling, vendor_of
 from benchmarks.replay import timed
@@ -57,8 +55,6 @@ class Floor:
     messages: int = 0
     passes_s: list[float] = field(default_factory=list)
     """Processor time of each step of the engine."""
-    spent_s: float = 0.0
-    """Processor time of everything but making up what the robots say."""
 
     def __post_init__(self) -> None:
         self.world, site = Circling(self.robots), benchmark_site(0, 0)
@@ -76,7 +72,6 @@ class Floor:
             due_s = self.world.due_s
             due = np.flatnonzero(np.floor(now_s - due_s) > np.floor(before_s - due_s))
             said = self.world.statuses(due, START_S, START_S + now_s)
-            arrived_s = process_time()
             for robot, status in zip(due.tolist(), said, strict=True):
                 self.fleet.receive(status, START_S + now_s, self.lines[robot // ROBOTS_A_CONNECTION])
             batch = Batch.from_bytes(self.fleet.cut(START_S + now_s).to_bytes())
@@ -84,36 +79,20 @@ class Floor:
             self.engine.receive(batch)
             self.engine.step(START_S + now_s)
             self.passes_s.append(process_time() - began_s)
-            self.spent_s += process_time() - arrived_s
             self.messages += len(due)
 
 
-def whole(robots: int, seconds: float) -> tuple[dict[str, float], list[float]]:
-    """Microseconds a message to the engine and within it, and the processor time of each pass."""
-    floor, ticks = _warm(robots, seconds)
-    floor.run(ticks)
-    within_s = sum(floor.passes_s)
-    spent = {"to the engine": floor.spent_s - within_s, "passes": within_s}
-    return {stage: stage_s / floor.messages * 1e6 for stage, stage_s in spent.items()}, floor.passes_s
-
-
-def _warm(robots: int, seconds: float) -> tuple[Floor, Floats]:
-    """A floor after the first half of a run, and the ticks of the other."""
+def measured(robots: int, seconds: float) -> tuple[dict[str, float], list[float]]:
+    """Microseconds a message by stage, and the processor time of each pass."""
     floor, ticks = Floor(robots), np.arange(0.0, seconds, TICK_S)
     floor.run(ticks[: len(ticks) // 2 + 1])
-    floor.messages, floor.passes_s, floor.spent_s = 0, [], 0.0
-    return floor, ticks[len(ticks) // 2 :]
-
-
-def by_stage(robots: int, seconds: float) -> tuple[dict[str, float], list[float]]:
-    """Microseconds a message by stage, and the processor time of each pass."""
-    floor, ticks = _warm(robots, seconds)
+    floor.messages, floor.passes_s = 0, []
     spent = dict.fromkeys(STAGES, 0.0)
     with ExitStack() as timers:
         for stage, calls in STAGES.items():
             for owner, name in calls:
                 timers.enter_context(timed(spent, stage, owner, name))
-        floor.run(ticks)
+        floor.run(ticks[len(ticks) // 2 :])
     inside = ("sweep", "probabilities", "life", "contention", "advice")
     spent["the rest of a pass"] = sum(floor.passes_s) - sum(spent[stage] for stage in inside)
     return {stage: stage_s / floor.messages * 1e6 for stage, stage_s in spent.items()}, floor.passes_s
@@ -126,12 +105,10 @@ def main() -> None:
     args = arguments.parse_args()
     gc.set_threshold(*COLLECTED_EVERY)
     quick.load()
-    compiled = interpreted.compiled()
-    measure = whole if compiled else by_stage
-    measure(20, 2.0)
+    measured(20, 2.0)
     sums = []
     for robots in args.robots:
-        spent, passes_s = measure(robots, args.seconds)
+        spent, passes_s = measured(robots, args.seconds)
         sums.append(sum(spent.values()))
         told = "  ".join(f"{stage} {us:.0f}" for stage, us in spent.items())
         slowest_ms = np.percentile(passes_s, 99) * 1000
@@ -142,9 +119,6 @@ def main() -> None:
     if len(sums) > 1:
         growth = 1 + math.log(sums[-1] / sums[0]) / math.log(args.robots[-1] / args.robots[0])
         print(f"growth exponent of processor time: {growth:.2f}")
-    if compiled:
-        print(f"with {len(compiled)} modules compiled; by stage, interpreted:")
-        interpreted.run_again("benchmarks.stages")
 
 
 if __name__ == "__main__":

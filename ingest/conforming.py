@@ -7,9 +7,8 @@ Nine tenths of a status are the points of its path and destinations. These stay 
 are read from them by compiled code where it is loaded (`ingest/quick.py`), and only others are decoded.
 """
 
-from collections.abc import Sequence
 from types import UnionType
-from typing import Annotated, Any, Protocol, TypeGuard, Union, cast, get_args, get_origin
+from typing import Annotated, Any, TypeGuard, Union, cast, get_args, get_origin
 
 import msgspec
 
@@ -21,20 +20,10 @@ _STATUS_KEY = b'"operationalState"'
 _OF_POINTS = frozenset(("path", "destinations"))
 
 
-class Pointed(Protocol):
-    """What a status has of points: those of a validated report are a list."""
-
-    @property
-    def path(self) -> Sequence[PredictedLocation] | Points | None: ...
-
-    @property
-    def destinations(self) -> Sequence[PredictedLocation] | Points | None: ...
-
-
 def decoded(raw: bytes) -> IdentityReport | StatusReport | None:
     """A report all of whose keys and types are those of the standard, or None. It is only like its model.
 
-    Its path and destinations may be `Points`: they are to be had as of one that is `Pointed`.
+    Its path and destinations may be `Points`.
     """
     if b"null" in raw:
         return None

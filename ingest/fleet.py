@@ -164,7 +164,7 @@ class Fleet:
 
     def measure(self, now_s: float) -> None:
         """Bring the levels in `measures` up to date."""
-        robots: dict[Labels, int] = {}
+        robots: dict[tuple[str, ...], float] = {}
         ages: dict[str, list[float]] = {}
         clocks: dict[str, list[SenderClock]] = {}
         for robot in self.robots.values():

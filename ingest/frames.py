@@ -5,8 +5,8 @@ vendor that keeps to its own map comes in by its readings of the datum's referen
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from ingest.fits import Fit, FitError, fit
@@ -18,7 +18,8 @@ Pose = tuple[float, float, float]
 """x, y, yaw_rad"""
 
 
-class Frame(msgspec.Struct, frozen=True, gc=False, eq=False):
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
     """What one vendor means by one datum."""
 
     floor: str
@@ -46,8 +47,7 @@ class Frame(msgspec.Struct, frozen=True, gc=False, eq=False):
         An unknown yaw stays nan. Degrees that are nowhere on Earth become inf.
         """
         if self.transform is not None:
-            transform = self.transform
-            return [transform.pose(x, y, yaw_rad) for x, y, yaw_rad in poses]
+            return [self.transform.pose(*pose) for pose in poses]
         if self.projection is not None:
             return self.projection.poses(poses)
         return poses

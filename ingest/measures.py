@@ -6,12 +6,10 @@ another process as the dictionary of `as_document`.
 
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Self
 
 Labels = tuple[str, ...]
-Amount = int | float
-"""A count or level. Compiled code would make a `float` of a count, which is written in another way."""
 
 LATENCY_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.75, 1.0, 2.5, 5.0, 10.0)
 
@@ -72,16 +70,16 @@ class Histogram:
         return low
 
 
-def together(name: str, one: Amount, other: Amount) -> Amount:
+def together(name: str, one: float, other: float) -> float:
     """What two roles or machines come to that tell the same series of a count or level."""
     if name in FURTHEST:
         return max(one, other, key=abs)
     return max(one, other) if name in LARGEST else one + other
 
 
-def joined_values(documents: Iterable[dict[str, Any]]) -> dict[str, dict[Labels, Amount]]:
+def joined_values(documents: Iterable[dict[str, Any]]) -> dict[str, dict[Labels, float]]:
     """The counts and levels of several roles' `Measures.as_document`, by name and labels."""
-    values: dict[str, dict[Labels, Amount]] = {}
+    values: dict[str, dict[Labels, float]] = {}
     for document in documents:
         for name, rows in document["values"].items():
             series = values.setdefault(name, {})
@@ -95,10 +93,10 @@ class Measures:
     """One role's measures. Label values are bounded sets: vendors, rules, states, never robots."""
 
     def __init__(self) -> None:
-        self.values: dict[str, dict[Labels, Amount]] = defaultdict(dict)
+        self.values: dict[str, dict[Labels, float]] = defaultdict(dict)
         self.histograms: dict[str, dict[Labels, Histogram]] = defaultdict(dict)
 
-    def count(self, name: str, *labels: str, by: int = 1) -> None:
+    def count(self, name: str, *labels: str, by: float = 1) -> None:
         series = self.values[name]
         series[labels] = series.get(labels, 0) + by
 
@@ -107,7 +105,7 @@ class Measures:
         for name in names:
             self.count(name, by=0)
 
-    def level(self, name: str, series: Mapping[Labels, Amount]) -> None:
+    def level(self, name: str, series: dict[Labels, float]) -> None:
         """Replace every series of a gauge, so that what no longer exists is no longer shown."""
         self.values[name] = dict(series)
 

@@ -273,7 +273,6 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
 
 def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
     stamp = _stamp(report.timestamp, findings)
-    pointed: conforming.Pointed = report
     here = report.location
     if paths.absurd(here.x, here.y, here.z):
         reason = f"location {here.x:g}, {here.y:g}, {here.z:g} is off any floor; send metres on the datum"
@@ -299,8 +298,8 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
         load_used_pct=None if available_pct is None else 100.0 - available_pct,
         battery_pct=_battery(report.batteryPercentage, findings),
         error_codes=_error_codes(report.errorCodes, findings) if report.errorCodes else (),
-        destinations=paths.destinations(pointed.destinations, stamp.t_s, findings),
-        path=paths.path(pointed.path, stamp.t_s, findings),
+        destinations=paths.destinations(report.destinations, stamp.t_s, findings),
+        path=paths.path(report.path, stamp.t_s, findings),
         findings=tuple(findings),
     )
 

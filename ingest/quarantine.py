@@ -1,9 +1,8 @@
 """Rejected messages, kept for a person to read: the newest of each vendor, within bounds."""
 
 from collections import deque
+from dataclasses import dataclass
 from typing import Any
-
-import msgspec
 
 from ingest import stamps
 
@@ -13,7 +12,8 @@ KEPT_PER_VENDOR = 100
 MOST_VENDORS = 100
 
 
-class Rejected(msgspec.Struct, frozen=True, gc=False):
+@dataclass(frozen=True, slots=True)
+class Rejected:
     """One rejected message and why."""
 
     raw: bytes

@@ -1,9 +1,5 @@
 """Everything that is installed is pinned, and its licence written down."""
 
-import tomllib
-
-from packaging.requirements import Requirement
-
 from tests.dependencies import ROOT, licence, needed, page, pinned
 
 CONTAGIOUS = ("GPL", "General Public")
@@ -11,13 +7,6 @@ CONTAGIOUS = ("GPL", "General Public")
 
 def test_everything_that_is_installed_is_pinned() -> None:
     assert not needed().keys() - pinned().keys()
-
-
-def test_a_build_in_isolation_which_asks_no_constraints_compiles_with_the_pinned_tools() -> None:
-    build = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
-    tools = map(Requirement, build["targets"]["wheel"]["hooks"]["mypyc"]["dependencies"])
-    wanted = {one.name: str(one.specifier) for one in tools}
-    assert wanted == {name: f"=={pinned()[name]}" for name in ("hatch-mypyc", "mypy", "setuptools")}
 
 
 def test_the_page_of_licences_is_as_it_is_installed() -> None:

@@ -53,7 +53,7 @@ def test_every_metric_of_the_catalogue_is_rendered_with_its_kind_and_help() -> N
 
 def test_counters_and_populations_of_two_roles_add_up_and_estimates_do_not() -> None:
     roles = [Measures(), Measures()]
-    for role, value in zip(roles, (3, 4), strict=True):
+    for role, value in zip(roles, (3.0, 4.0), strict=True):
         role.count("deconflict_messages_total", "Acme", "accepted", by=value)
         role.level("deconflict_robots", {("Acme", "idle"): value})
         role.level("deconflict_clock_offset_seconds", {("Acme",): value})
