@@ -31,7 +31,7 @@ WINDOW_S = 60.0
 AHEAD = 4
 """Windows under way at once, which bounds the memory."""
 DASHBOARD = ":0"
-"""Any port that is free: another replay may run beside this one. Which it is is told on stderr."""
+"""Any port that is free: another replay may run beside this one. It is served even where nothing can be drawn on it."""
 
 State = bytes
 
@@ -52,12 +52,11 @@ def cluster(address: str) -> Iterator[Client]:
         with client:
             yield client
         return
-    drawn = DASHBOARD if find_spec("bokeh") else None
     with (
-        LocalCluster(threads_per_worker=1, dashboard_address=drawn) as local,  # type: ignore[no-untyped-call]
+        LocalCluster(threads_per_worker=1, dashboard_address=DASHBOARD) as local,  # type: ignore[no-untyped-call]
         Client(local) as client,  # type: ignore[no-untyped-call]
     ):
-        if drawn:
+        if find_spec("bokeh"):
             sys.stderr.write(f"dashboard: {client.dashboard_link}\n")
         yield client
 
