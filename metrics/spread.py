@@ -84,9 +84,9 @@ def replay(
         if watch:
             for one in passes:
                 watch(one.now_s, one.batch)
-        read = client.submit(_thawed, pickle.dumps(passes), pure=False)
-        said = [client.submit(_say, run, read, pure=False) for run in said]
-        judged = client.submit(_judge, judged, read, *said, pure=False)
+        given: Future[Any] = client.submit(list, passes, pure=False)
+        said = [client.submit(_say, run, given, pure=False) for run in said]
+        judged = client.submit(_judge, judged, given, *said, pure=False)
         under_way.append(judged)
         if len(under_way) > AHEAD:
             _tell(client, under_way.popleft(), tell)
