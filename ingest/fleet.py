@@ -108,7 +108,8 @@ class Fleet:
     def overtaken(self, uuid: str, arrival_s: float, connection: Connection) -> None:
         """Count a status, said to be of a robot, that is not read because a newer one has come."""
         self.measures.count("deconflict_messages_total", self._vendor_of(uuid, connection), "overtaken")
-        if robot := self.robots.get(uuid):
+        owner = self._owner(uuid) or connection.vendor
+        if (robot := self.robots.get(uuid)) and connection.vendor in (None, owner):
             self._said(robot, arrival_s)
 
     def closed(self, connection: Connection) -> None:
@@ -196,12 +197,15 @@ class Fleet:
         return vendor if vendor and self.vendors.settings(vendor).names_as_uuid else None
 
     def _vendor_of(self, uuid: str, connection: Connection) -> str:
+        """Who answers for what a connection says of a robot: its own vendor where that is told, whosever the robot."""
+        if connection.vendor:
+            return connection.vendor
         robot = self.robots.get(uuid)
         if robot:
             return robot.vendor
         speaking = self._speaking.get(connection.id, set())
         only = next(iter(speaking)) if len(speaking) == 1 else UNKNOWN
-        return self.vendors.of_robot(uuid) or connection.vendor or only
+        return self.vendors.of_robot(uuid) or only
 
     def _owner(self, uuid: str) -> str | None:
         """The vendor that the robot is known to belong to."""

@@ -134,6 +134,27 @@ def test_what_was_overtaken_is_counted_recorded_and_as_late_as_it_came(tmp_path:
     ]
 
 
+def test_what_another_vendor_says_of_a_robot_and_overtakes_itself_is_that_vendors(tmp_path: Path) -> None:
+    async def run() -> tuple[Behind, Batch]:
+        one = Behind(tmp_path)
+        one.put(status("A-1", NOW_S), NOW_S)
+        one.turns.finish()
+        one.cut(NOW_S + 0.5)
+        for n in range(3):
+            one.put(status("A-1", NOW_S + n, x=900.0), NOW_S + n, BASALT)
+        one.put(status("A-1", NOW_S + 4), NOW_S + 4)
+        one.turns.finish()
+        return one, one.cut(NOW_S + 5)
+
+    one, batch = asyncio.run(run())
+    assert one.measures.values["deconflict_messages_total"] == {
+        ("Alder", "accepted"): 2,
+        ("Basalt", "overtaken"): 2,
+        ("Basalt", "rejected"): 1,
+    }
+    assert (batch.statuses.tolist(), batch.first_arrival_s.tolist()) == ([1], [NOW_S + 4])
+
+
 def test_a_replay_of_who_was_behind_gives_the_same_batches(tmp_path: Path) -> None:
     async def run() -> list[Batch]:
         one, batches, rng = Behind(tmp_path), [], np.random.default_rng(1)

@@ -111,7 +111,11 @@ def test_a_robot_that_its_vendor_spoke_for_is_refused_from_another() -> None:
     one.receive(status("A-1", NOW_S, 3.0), NOW_S, alder)
     for forged in (status("A-1", NOW_S + 1, 90.0), identity("A-1", NOW_S + 1, manufacturerName="Basalt")):
         assert one.receive(forged, NOW_S + 1, basalt) == "uuid-of-another-vendor"
-    assert counted(one, "rejections_total") == {("Basalt", "uuid-of-another-vendor"): 2}
+    one.receive(status("A-1", NOW_S + 1, operationalState=None), NOW_S + 1, basalt)
+    assert counted(one, "rejections_total") == {
+        ("Basalt", "uuid-of-another-vendor"): 2,
+        ("Basalt", "key-missing"): 1,
+    }
     assert document(one, "A-1")["vendor"] == "Alder"
     assert one.cut(NOW_S + 1).forecasts.x_m[0] == 3.0
     assert one.receive(status("A-1", NOW_S + 2, 5.0), NOW_S + 2, alder) is None
