@@ -276,10 +276,12 @@ class Engine:
         return Party(robot.name, robot.vendor, basis, robot.basis is Basis.STATIONARY)
 
     def _meet(self, pair: Pair, contact_s: float) -> Encounter:
-        return encounter(self.live.robots[pair[0]].forecast, self.live.robots[pair[1]].forecast, contact_s)
+        a, b = (self.live.robots[uuid] for uuid in pair)
+        return encounter((a.told, a.row), (b.told, b.row), contact_s)
 
     def _separation_m(self, pair: Pair, now_s: float) -> float | None:
-        return separation_m(self.live.robots[pair[0]].forecast, self.live.robots[pair[1]].forecast, now_s)
+        a, b = (self.live.robots[uuid] for uuid in pair)
+        return separation_m((a.told, a.row), (b.told, b.row), now_s)
 
     def _datum(self, met: Encounter) -> str:
         return self.live.floors[met.floor]

@@ -109,5 +109,5 @@ def _standing(near: Near, at_s: float, decided: Sequence[ConflictAdvisory]) -> C
 
 
 def _place(a: Forecasts, b: Forecasts, at_s: float, floors: Sequence[str]) -> tuple[str, float, float]:
-    meeting = encounter(a, b, at_s)
+    meeting = encounter((a, 0), (b, 0), at_s)
     return floors[meeting.floor], meeting.x_m, meeting.y_m

@@ -2,18 +2,25 @@ from math import pi
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely import Point
 
 from deconflict.advisory import EncounterClass
-from deconflict.encounter import encounter, separation_m
-from deconflict.pose import pose_at
+from deconflict.encounter import Row, encounter, separation_m
+from deconflict.pose import envelope, pose_at
 from ingest.seam import Forecasts
 
 Knot = tuple[float, float, float, float]
+Size = tuple[float, float]
+SQUARES = ((1.0, 1.0), (1.0, 1.0))
 
 
-def two(a: list[Knot], b: list[Knot], floors: tuple[int, int] = (0, 0)) -> tuple[Forecasts, Forecasts]:
-    """Two robots of 1 x 1 m from knots t, x, y, yaw."""
-    knots = np.array(a + b)
+def two(
+    a: list[Knot], b: list[Knot], floors: tuple[int, int] = (0, 0), sizes_m: tuple[Size, Size] = SQUARES
+) -> tuple[Row, Row]:
+    """Two robots from knots t, x, y, yaw."""
+    knots, sizes = np.array(a + b, float), np.array(sizes_m, float)
     both = Forecasts(
         start=np.array([0, len(a), len(a) + len(b)]),
         t_s=knots[:, 0],
@@ -21,12 +28,29 @@ def two(a: list[Knot], b: list[Knot], floors: tuple[int, int] = (0, 0)) -> tuple
         y_m=knots[:, 2],
         yaw_rad=knots[:, 3],
         floor=np.array([floors[0]] * len(a) + [floors[1]] * len(b)),
-        length_m=np.ones(2),
-        width_m=np.ones(2),
+        length_m=sizes[:, 0],
+        width_m=sizes[:, 1],
         bottom_m=np.full(2, -np.inf),
         top_m=np.full(2, np.inf),
     )
-    return both.one(0), both.one(1)
+    return (both, 0), (both, 1)
+
+
+def standing(a: Knot, b: Knot, sizes_m: tuple[Size, Size]) -> tuple[float, float, float]:
+    """The separation of two robots that stand, and the place between them."""
+    robots = two([a], [b], sizes_m=sizes_m)
+    apart_m, met = separation_m(*robots, 0.0), encounter(*robots, 0.0)
+    assert apart_m is not None
+    return apart_m, met.x_m, met.y_m
+
+
+sides_m = st.floats(0.1, 4)
+standing_robots = st.builds(
+    two,
+    st.tuples(st.just(0.0), st.floats(-3, 3), st.floats(-3, 3), st.floats(-4, 4)).map(lambda knot: [knot]),
+    st.tuples(st.just(0.0), st.floats(-3, 3), st.floats(-3, 3), st.floats(-4, 4)).map(lambda knot: [knot]),
+    sizes_m=st.tuples(st.tuples(sides_m, sides_m), st.tuples(sides_m, sides_m)),
+)
 
 
 EASTWARD: list[Knot] = [(0, 0, 0, 0), (10, 10, 0, 0)]
@@ -72,10 +96,47 @@ def test_floors_are_not_compared() -> None:
 
 
 def test_a_robot_stands_where_its_last_knot_left_it() -> None:
-    pose = pose_at(two(EASTWARD, EASTWARD)[0], 25.0)
+    pose = pose_at(two(EASTWARD, EASTWARD)[0][0].one(0), 25.0)
     assert (pose.x_m, pose.y_m, pose.speed_mps) == (10.0, 0.0, 0.0)
 
 
 def test_yaw_turns_the_shorter_way() -> None:
-    pose = pose_at(two([(0, 0, 0, pi - 0.1), (2, 0, 0, -pi + 0.1)], EASTWARD)[0], 1.0)
+    pose = pose_at(two([(0, 0, 0, pi - 0.1), (2, 0, 0, -pi + 0.1)], EASTWARD)[0][0].one(0), 1.0)
     assert abs(pose.yaw_rad) == pytest.approx(pi)
+
+
+@given(standing_robots)
+def test_the_separation_is_that_of_the_envelopes_and_the_place_is_midway(robots: tuple[Row, Row]) -> None:
+    apart_m, met = separation_m(*robots, 0.0), encounter(*robots, 0.0)
+    one, other = (envelope(robot, pose_at(robot, 0.0)) for robot in (told.one(row) for told, row in robots))
+    assert apart_m == pytest.approx(one.distance(other), abs=1e-6)
+    for polygon in (one, other):
+        assert polygon.distance(Point(met.x_m, met.y_m)) == pytest.approx(one.distance(other) / 2, abs=1e-6)
+
+
+@given(standing_robots)
+def test_swapping_the_robots_moves_neither_separation_nor_place(robots: tuple[Row, Row]) -> None:
+    (a, b), (met, swapped) = robots, (encounter(*robots, 0.0), encounter(*robots[::-1], 0.0))
+    assert separation_m(a, b, 0.0) == pytest.approx(separation_m(b, a, 0.0), abs=1e-9)
+    assert (met.x_m, met.y_m) == pytest.approx((swapped.x_m, swapped.y_m), abs=1e-9)
+
+
+def test_sides_that_face_each_other_are_nearest_in_their_middle() -> None:
+    assert standing((0, 0, 0, 0), (0, 5, 0, pi / 2), ((2, 2), (2, 2))) == pytest.approx((3.0, 2.5, 0.0))
+
+
+def test_envelopes_that_cross_without_a_corner_in_the_other_overlap() -> None:
+    assert standing((0, 0, 0, 0), (0, 1.4, 0, pi / 2), ((6, 1), (6, 1))) == pytest.approx((0.0, 1.4, 0.0))
+
+
+@given(st.floats(-1, 12))
+def test_robots_meet_where_their_poses_are(t_s: float) -> None:
+    turning: list[Knot] = [(0, 5, -5, 3.0), (4, 6, 0, -3.0), (9, 0, 0, 0.0)]
+    (told, _), _ = robots = two(EASTWARD, turning)
+    poses = [pose_at(told.one(row), t_s) for row in (0, 1)]
+    dx, dy = poses[1].x_m - poses[0].x_m, poses[1].y_m - poses[0].y_m
+    dvx, dvy = poses[1].vx_mps - poses[0].vx_mps, poses[1].vy_mps - poses[0].vy_mps
+    met = encounter(*robots, t_s)
+    one, other = (envelope(told.one(row), pose) for row, pose in enumerate(poses))
+    assert separation_m(*robots, t_s) == pytest.approx(one.distance(other), abs=1e-9)
+    assert met.closing_speed_mps == pytest.approx(-(dx * dvx + dy * dvy) / np.hypot(dx, dy))
