@@ -5,7 +5,7 @@ Compiled; arrays are by slot, as `followed` keeps them. A report is t_s, x_m, y_
 yaw_rad and floor for every second from its report on.
 """
 
-from math import cos, pi, sin
+from math import cos, floor, pi, sin
 
 import numba
 import numpy as np
@@ -73,13 +73,19 @@ def due(
 
 
 @inner
-def _set_ahead(pose: Floats, track: Floats, since_s: float) -> None:
-    """Where a robot is so long after the report of its track; linear between its samples."""
+def _part(track: Floats, since_s: float) -> tuple[int, float]:
+    """The sample of a track that a robot has reached so long after its report, and how much of the way to the next."""
     last = len(track) - 1
     since_s = min(max(since_s, 0.0), float(last))
     whole = min(int(since_s), last - 1)
+    return whole, since_s - whole if track[whole, 3] == track[whole + 1, 3] else 0.0
+
+
+@inner
+def _set_ahead(pose: Floats, track: Floats, since_s: float) -> None:
+    """Where a robot is so long after the report of its track; linear between its samples."""
+    whole, share = _part(track, since_s)
     a, b = track[whole], track[whole + 1]
-    share = since_s - whole if a[3] == b[3] else 0.0
     pose[0], pose[1] = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
     pose[2], pose[3] = _turned(a[2], b[2], share), a[3]
 
@@ -222,11 +228,15 @@ def around(track: Floats) -> Floats:
 
 
 @inner
-def _set_way(way: Floats, seen: Floats, track: Floats, slot: int, now_s: float) -> float:
-    """Where a robot is at every whole second from now on, in `way`; the furthest that it goes in one."""
+def _set_way(way: Floats, track: Floats, heard_s: float, now_s: float) -> float:
+    """Where a robot is, x_m, y_m and floor, at every whole second from now on, in `way`; the furthest that it goes in
+    one."""
     longest = 0.0
     for second in range(len(way)):
-        _set_ahead(way[second], track[slot], now_s + second - seen[slot, 0])
+        whole, share = _part(track, now_s + second - heard_s)
+        a, b = track[whole], track[whole + 1]
+        way[second, 0], way[second, 1] = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+        way[second, 2] = a[3]
         if second:
             dx, dy = way[second, 0] - way[second - 1, 0], way[second, 1] - way[second - 1, 1]
             longest = max(longest, dx * dx + dy * dy)
@@ -237,11 +247,22 @@ def _set_way(way: Floats, seen: Floats, track: Floats, slot: int, now_s: float) 
 def _meet(one: Floats, other: Floats, within: float) -> bool:
     """Whether two ways come so near at any of their seconds."""
     for second in range(len(one)):
-        if one[second, 3] == other[second, 3] and one[second, 3] >= 0.0:
+        if one[second, 2] == other[second, 2] and one[second, 2] >= 0.0:
             dx, dy = one[second, 0] - other[second, 0], one[second, 1] - other[second, 1]
             if dx * dx + dy * dy <= within * within:
                 return True
     return False
+
+
+@inner
+def _cells(slots: Ints, around: Floats, side: float, across: int, after: Ints) -> Ints:
+    """(across, across) the last of the slots whose circles have their centre in each cell, -1 where none has; the one
+    before it is in `after` (slots,), and so on to -1. Cells repeat, so that one far away costs no room."""
+    last = np.full((across, across), -1)
+    for slot in slots:
+        x, y = floor(around[slot, 0] / side) & (across - 1), floor(around[slot, 1] / side) & (across - 1)
+        after[slot], last[x, y] = last[x, y], slot
+    return last
 
 
 @kernel(
@@ -263,33 +284,33 @@ def nearing(
     """(p, 2) pairs of `slots` (n,), one of each `told`, once each, that come near at any of so many whole seconds.
 
     Near is within the `reach` of both and half of what each goes from one second to the next. Only robots whose circles
-    `around` meet, grown so, are followed; they are gone through from west to east.
+    `around` meet, grown so, are followed: they are in cells that are neighbours.
     """
-    n, found, pairs = len(slots), np.empty((64, 2), np.int64), 0
-    west_to_east = slots[np.argsort(around[slots, 0])]
-    circle, widest = np.empty(n), 0.0
-    for at in range(n):
-        slot = west_to_east[at]
-        circle[at] = around[slot, 2] + around[slot, 3] / 2 + reach[slot] + rounding_m
-        widest = max(widest, circle[at])
-    ways, near = np.empty((n, seconds, 4)), np.full(n, -1.0)
-    for at in range(n):
-        slot = west_to_east[at]
+    circle, found, pairs = np.empty(len(told)), np.empty((64, 2), np.int64), 0
+    widest, across = 0.0, 4
+    for slot in slots:
+        circle[slot] = around[slot, 2] + around[slot, 3] / 2 + reach[slot] + rounding_m
+        widest = max(widest, circle[slot])
+    while across * across < len(slots):
+        across *= 2
+    side, after = 2 * widest, np.empty(len(told), np.int64)
+    last = _cells(slots, around, side, across, after)
+    way, its_way = np.empty((seconds, 3)), np.empty((seconds, 3))
+    for slot in slots:
         if not told[slot]:
             continue
-        for side in (1, -1):
-            other = at + side
-            while 0 <= other < n and abs(around[west_to_east[other], 0] - around[slot, 0]) <= circle[at] + widest:
-                one, beside, other = other, west_to_east[other], other + side
+        near = reach[slot] + _set_way(way, track[slot], seen[slot, 0], now_s) / 2
+        x, y = floor(around[slot, 0] / side), floor(around[slot, 1] / side)
+        for cell in range(9):
+            other = last[(x + cell // 3 - 1) & (across - 1), (y + cell % 3 - 1) & (across - 1)]
+            while other >= 0:
+                beside, other = other, after[other]
                 dx, dy = around[beside, 0] - around[slot, 0], around[beside, 1] - around[slot, 1]
-                within = circle[at] + circle[one]
-                if dx * dx + dy * dy > within * within or (side < 0 and told[beside]):
+                within = circle[slot] + circle[beside]
+                if dx * dx + dy * dy > within * within or (told[beside] and beside <= slot):
                     continue
-                for row in (at, one):
-                    if near[row] < 0.0:
-                        step_m = _set_way(ways[row], seen, track, west_to_east[row], now_s)
-                        near[row] = reach[west_to_east[row]] + step_m / 2
-                if _meet(ways[at], ways[one], near[at] + near[one]):
+                its_near = reach[beside] + _set_way(its_way, track[beside], seen[beside, 0], now_s) / 2
+                if _meet(way, its_way, near + its_near):
                     if pairs == len(found):
                         found = np.concatenate((found, np.empty_like(found)))
                     found[pairs, 0], found[pairs, 1] = slot, beside
