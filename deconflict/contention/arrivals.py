@@ -48,6 +48,10 @@ class Arrivals:
         for said in self._promises.heard(robot, now_s, here, stops):
             self._arrived(vendor, now_s, said)
 
+    def awaits(self, robot: str) -> bool:
+        """Whether it has said that it comes somewhere, and it is not known yet what became of that."""
+        return self._promises.open(robot)
+
     def forget(self, robot: str) -> None:
         self._promises.forget(robot)
 

@@ -121,16 +121,19 @@ class Geometry:
         return found
 
     def passages(
-        self, datums: Sequence[str], view: Ahead, ways: Sequence[shapely.LineString], length_m: Floats, width_m: Floats
+        self, datums: Sequence[str], view: Ahead, ways: Floats, length_m: Floats, width_m: Floats
     ) -> dict[int, dict[str, Passage]]:
-        """The zones that each envelope sweeps through while it stays on its floor: by row, by id of the zone."""
+        """The zones that each envelope sweeps through while it stays on its floor: by row, by id of the zone.
+
+        `ways` (n, k, 2) are its centre's on it.
+        """
         found: dict[int, dict[str, Passage]] = {}
         for datum, floor in self._zones.items():
             rows = np.array([row for row, one in enumerate(datums) if one == datum], np.int64)
             if not len(rows) or floor.tree is None:
                 continue
             reach_m = np.hypot(length_m[rows], width_m[rows]) / 2
-            near, index = floor.tree.query([ways[row] for row in rows], predicate="dwithin", distance=reach_m)
+            near, index = floor.tree.query(shapely.linestrings(ways[rows]), predicate="dwithin", distance=reach_m)
             who = rows[near]
             envelopes = shapely.polygons(view.corners(who, length_m[who], width_m[who]))
             inside = shapely.intersects(np.array(floor.shapes)[index][:, None], envelopes)

@@ -4,14 +4,14 @@ A robot keeps its place until it sets out for the next, and what it wants must b
 the other's place would otherwise need somewhere to pass each other, of which the service knows nothing.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, inf
 
 import shapely
 
 from deconflict.contention.deadlocks import Node, Want
-from deconflict.contention.robots import Seen
+from deconflict.contention.robots import Seen, outlines, ways
 
 WAY_M = 1.0
 """A robot that stands with less than this left to what is in its way waits for it."""
@@ -32,11 +32,12 @@ class Leg:
     arrives_s: float = inf
 
 
-def legs(robots: Iterable[Seen], now_s: float) -> list[Leg]:
-    """Every robot's legs, as far as its destinations reach."""
-    everybody = sorted(robots, key=lambda one: one.uuid)
-    stood_on = _stood_on(everybody)
-    return [leg for one in everybody for leg in _legs(one, stood_on, now_s)]
+def legs(robots: Sequence[Seen], now_s: float) -> list[Leg]:
+    """The legs of robots that have something or go somewhere, or stand where another goes; as far as they reach."""
+    stood_on = _stood_on(robots)
+    in_demand = set(stood_on.values())
+    bound = [one for one in robots if one.stops or one.here or one.uuid in in_demand]
+    return [leg for one in bound for leg in _legs(one, stood_on, now_s)]
 
 
 def _legs(one: Seen, stood_on: Mapping[Node, str], now_s: float) -> Iterable[Leg]:
@@ -44,7 +45,7 @@ def _legs(one: Seen, stood_on: Mapping[Node, str], now_s: float) -> Iterable[Leg
     since_s, datum, x_m, y_m = one.came_s if one.here else one.stood_s, one.datum, one.x_m, one.y_m
     for number, stop in enumerate(one.stops):
         node = one.uuid, number
-        wants = stop.resource or stood_on.get(node)
+        wants = stop.resource or (AT + stood_on[node] if node in stood_on else None)
         away_s = hypot(stop.x_m - x_m, stop.y_m - y_m) if stop.datum == datum else 0.0
         if place:
             yield Leg(node, place, since_s, max(stop.t_s - away_s, since_s, now_s), wants, stop.t_s)
@@ -53,18 +54,20 @@ def _legs(one: Seen, stood_on: Mapping[Node, str], now_s: float) -> Iterable[Leg
         yield Leg((one.uuid, len(one.stops)), place, since_s, inf)
 
 
-def _stood_on(everybody: list[Seen]) -> dict[Node, str]:
-    """By leg, the place of the robot that now stands where the leg ends, outside of every resource."""
-    standing = [one for one in everybody if one.here is None and one.datum and one.stands]
-    ends = [(one, number, stop) for one in everybody for number, stop in enumerate(one.stops) if not stop.resource]
+def _stood_on(robots: Sequence[Seen]) -> dict[Node, str]:
+    """By leg, the robot that now stands where the leg ends, outside of every resource."""
+    ends = [(one, number, stop) for one in robots for number, stop in enumerate(one.stops) if not stop.resource]
+    standing = sorted(
+        (one for one in robots if one.stands and one.here is None and one.datum), key=lambda one: one.uuid
+    )
     if not standing or not ends:
         return {}
     points = shapely.points([stop.x_m for _, _, stop in ends], [stop.y_m for _, _, stop in ends])
     found: dict[Node, str] = {}
-    for row, index in sorted(shapely.STRtree([one.outline for one in standing]).query(points, "intersects").T.tolist()):
+    for row, index in sorted(shapely.STRtree(outlines(standing)).query(points, "intersects").T.tolist()):
         (one, number, stop), other = ends[row], standing[index]
         if one is not other and stop.datum == other.datum:
-            found.setdefault((one.uuid, number), AT + other.uuid)
+            found.setdefault((one.uuid, number), other.uuid)
     return found
 
 
@@ -108,29 +111,31 @@ class Hindrance:
     """When the waiter gets there."""
 
 
-def hindrances(waiters: Iterable[Seen], robots: Iterable[Seen], now_s: float) -> list[Hindrance]:
-    """Which standing robots are in the way of `waiters`, by waiter and time."""
-    standing = sorted((one for one in robots if one.datum and one.stands), key=lambda one: one.uuid)
-    going = sorted((one for one in waiters if one.way is not None and one.datum), key=lambda one: one.uuid)
-    if not standing or not going:
+def hindrances(robots: Sequence[Seen], now_s: float) -> list[Hindrance]:
+    """Which standing robots are in others' way, by waiter and time."""
+    standing = [one for one in robots if one.stands and one.datum]
+    floors = {one.datum for one in standing}
+    going = [one for one in robots if one.datum in floors and (one.goes or one.way_left is not None)]
+    if not going:
         return []
-    tree = shapely.STRtree([one.outline for one in standing])
+    all_ways = ways(going)
     reach = [max(one.width_m / 2 - 0.05, 0.05) for one in going]
-    found = []
-    for row, column in tree.query([one.way for one in going], predicate="dwithin", distance=reach).T.tolist():
-        one, other = going[row], standing[column]
-        if one is not other and one.datum == other.datum and one.way is not None:
-            found.append(Hindrance(one.uuid, other.uuid, max(_reaches_s(one, one.way, other, now_s), now_s)))
+    pairs = shapely.STRtree(outlines(standing)).query(all_ways, predicate="dwithin", distance=reach).T.tolist()
+    met = [(all_ways[row], going[row], standing[column]) for row, column in pairs]
+    met = [(way, one, other) for way, one, other in met if one is not other and one.datum == other.datum]
+    if not met:
+        return []
+    middles = shapely.points([(other.x_m, other.y_m) for _, _, other in met])
+    along_m = shapely.line_locate_point([way for way, _, _ in met], middles).tolist()
+    found = [_hindrance(one, other, to_m, now_s) for (_, one, other), to_m in zip(met, along_m, strict=True)]
     return sorted(found, key=lambda each: (each.waiter, each.from_s, each.blocker))
 
 
-def _reaches_s(one: Seen, way: shapely.LineString, other: Seen, now_s: float) -> float:
-    """When a robot comes to where it has to stop; since when it stands there, if it does."""
-    middle = shapely.Point(other.x_m, other.y_m)
-    to_go_m = float(shapely.line_locate_point(way, middle)) - (one.length_m + min(other.length_m, other.width_m)) / 2
-    if one.stands and to_go_m < WAY_M:
-        return one.stood_s
-    return now_s + max(to_go_m, 0.0) / one.speed_mps
+def _hindrance(one: Seen, other: Seen, along_m: float, now_s: float) -> Hindrance:
+    """From when a robot comes to where it has to stop, or since when it stands there; the other is so far ahead."""
+    to_go_m = along_m - (one.length_m + min(other.length_m, other.width_m)) / 2
+    since_s = one.stood_s if one.stands and to_go_m < WAY_M else now_s + max(to_go_m, 0.0) / one.speed_mps
+    return Hindrance(one.uuid, other.uuid, max(since_s, now_s))
 
 
 def way_wants(found: Iterable[Hindrance]) -> list[Want]:

@@ -52,6 +52,10 @@ class Promises:
             del self._open[robot]
         return kept
 
+    def open(self, robot: str) -> bool:
+        """Whether anything that it said is kept."""
+        return robot in self._open
+
     def forget(self, robot: str) -> None:
         self._open.pop(robot, None)
 

@@ -1,6 +1,6 @@
 """What contention knows of each robot: where it stands, what it has, where it goes next and by which way."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import hypot
@@ -43,11 +43,28 @@ class Stop(NamedTuple):
     resource: str | None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Shapes:
+    """Where the n robots of a batch are and will be, as numbers: few are ever asked for as shapes."""
+
+    corners: Floats
+    """(n, 4, 2) of their envelopes now."""
+    ways: Floats
+    """(n, STEPS + 1, 2) of their envelopes' centres, as far as they are known and stay on their floor."""
+
+
+Said = tuple[str, str, str, float, str, float, float, float, float, float, bool]
+"""What `Seen` tells of a robot from its vendor on to whether it goes, in that order."""
+
+
 @dataclass(slots=True, eq=False)
 class Seen:
     """One robot, as last heard of."""
 
     uuid: str
+    shapes: Shapes
+    row: int
+    """Of `shapes`."""
     vendor: str = ""
     name: str = ""
     state: str = ""
@@ -58,34 +75,52 @@ class Seen:
     y_m: float = 0.0
     length_m: float = 0.0
     width_m: float = 0.0
-    outline: shapely.Polygon = field(default_factory=shapely.Polygon)
+    way_m: float = 0.0
+    """How far it gets in the next ten seconds."""
     goes: bool = False
     """Whether it is forecast to move."""
+    stands: bool = True
+    """Whether it is at rest, whatever it says: it has not moved for a while, or is not to."""
     stood_s: float = 0.0
     """Since when it stands where it is."""
-    stood_at: tuple[str, float, float] = ("", 0.0, 0.0)
+    stood_at: Spot = ("", 0.0, 0.0)
     here: str | None = None
     """The resource it has."""
     came_s: float = 0.0
     """Since when it has that."""
     stops: tuple[Stop, ...] = ()
     """By time, without any that it is at already."""
-    way: shapely.LineString | None = None
-    """Of its envelope's centre, as far as it is forecast; kept by a robot that waits."""
-    way_m: float = 0.0
-    """How far it gets in the next ten seconds."""
+    way_left: shapely.LineString | None = None
+    """Of one that waits on its way, until it is through or rests."""
     passages: dict[str, Passage] = field(default_factory=dict)
     """By zone."""
-
-    @property
-    def stands(self) -> bool:
-        """Whether it is at rest, whatever it says: it has not moved for a while, or is not to."""
-        return not self.goes or self.event_s - self.stood_s >= STANDS_S
 
     @property
     def speed_mps(self) -> float:
         """Along its way; walking pace where it is not forecast to move."""
         return max(self.way_m / (STEPS * STEP_S), 0.2) if self.goes else 1.0
+
+    def hear(self, said: Said, shapes: Shapes, row: int) -> None:
+        """Take in what it says now."""
+        went, ways, at = self.goes, self.shapes.ways, self.row
+        self.shapes, self.row = shapes, row
+        (
+            self.vendor,
+            self.name,
+            self.state,
+            self.event_s,
+            self.datum,
+            self.x_m,
+            self.y_m,
+            self.length_m,
+            self.width_m,
+            self.way_m,
+            self.goes,
+        ) = said
+        if self.goes or self.state in RESTING:
+            self.way_left = None
+        elif went or self.way_left is not None:
+            self.way_left = _rest_of(shapely.linestrings(ways[at]) if went else self.way_left, self)
 
 
 class Robots:
@@ -107,53 +142,29 @@ class Robots:
         batch, now_s = gathered
         if not len(batch):
             return []
-        view = ahead(batch.forecasts, now_s)
-        shapes = _shapes(batch, view)
-        datums = [batch.floors[floor] if floor >= 0 else "" for floor in view.floor[:, 0].tolist()]
+        view, sizes = ahead(batch.forecasts, now_s), batch.forecasts
+        shapes, way_m = _shapes(batch, view)
+        goes = (batch.basis != Basis.STATIONARY) & (way_m > WAY_M)
+        datums = _datums(batch.floors, view.floor[:, 0])
         here = self._geometry.resources_at(datums, view.x_m[:, 0], view.y_m[:, 0])
         ends = self._geometry.resources_at(datums, view.x_m[:, -1], view.y_m[:, -1])
-        stops = self._stops(batch)
-        sizes = batch.forecasts
         passages = self._geometry.passages(datums, view, shapes.ways, sizes.length_m, sizes.width_m)
-        left: list[tuple[str, float]] = []
-        times_s = zip(batch.event_s.tolist(), now_s.tolist(), strict=True)
-        for row, (uuid, (event_s, at_s), basis) in enumerate(
-            zip(batch.robots, times_s, batch.basis.tolist(), strict=True)
-        ):
-            one = self.seen.get(uuid)
+        numbers = (view.x_m[:, 0], view.y_m[:, 0], sizes.length_m, sizes.width_m, way_m, goes)
+        words = (batch.vendors, batch.names, batch.states, batch.event_s.tolist(), datums)
+        said = zip(*words, *(column.tolist() for column in numbers), strict=True)
+        times_s, left = now_s.tolist(), list[tuple[str, float]]()
+        each = zip(batch.robots, said, here, ends, self._stops(batch), batch.basis.tolist(), strict=True)
+        for row, (uuid, told, place, end, stops, basis) in enumerate(each):
+            one, new = self.seen.get(uuid), False
             if one is None:
-                one = self.seen[uuid] = Seen(uuid)
-            one.vendor, one.name, one.state, one.event_s = (
-                batch.vendors[row],
-                batch.names[row],
-                batch.states[row],
-                event_s,
-            )
-            left += self._place(one, datums[row], here[row], shapes, row)
+                one, new = self.seen.setdefault(uuid, Seen(uuid, shapes, row)), True
+            one.hear(told, shapes, row)
+            left += _placed(one, place, new)
             one.passages = passages.get(row, {})
-            one.stops = self._ahead(one, at_s, stops[row])
-            if not one.stops and basis != Basis.VELOCITY:
-                one.stops = _end_of_way(one, view, row, ends[row])
-        return left
-
-    def _place(self, one: Seen, datum: str, here: str | None, shapes: "_Shapes", row: int) -> list[tuple[str, float]]:
-        """Where it stands, since when, what it has, and its way; the resource that it has left, if any."""
-        new = not one.datum and not one.stood_s
-        one.datum, one.x_m, one.y_m = datum, shapes.x_m[row], shapes.y_m[row]
-        one.length_m, one.width_m = shapes.length_m[row], shapes.width_m[row]
-        one.outline = shapes.outlines[row]
-        spot = (datum, one.x_m, one.y_m)
-        if new or not near(spot, one.stood_at, STANDS_M):
-            one.stood_at, one.stood_s = spot, one.event_s
-        left = []
-        if new or here != one.here:
-            left = [(one.here, one.event_s - one.came_s)] if one.here else []
-            one.here, one.came_s = here, one.event_s
-        one.goes = shapes.goes[row]
-        if one.goes:
-            one.way, one.way_m = shapes.ways[row], shapes.way_m[row]
-        elif one.way is not None:
-            one.way = _rest_of(one.way, one) if one.state not in RESTING else None
+            if stops or end or one.stops or self.arrivals.awaits(uuid):
+                one.stops = self._ahead(one, times_s[row], stops)
+                if not one.stops and basis != Basis.VELOCITY:
+                    one.stops = _end_of_way(one, view, row, end)
         return left
 
     def _stops(self, batch: Batch) -> list[list[tuple[float, Spot, str | None]]]:
@@ -161,7 +172,7 @@ class Robots:
         told = batch.destinations
         if not len(told.t_s):
             return [[]] * len(batch)
-        datums = [batch.floors[floor] if floor >= 0 else "" for floor in told.floor.tolist()]
+        datums = _datums(batch.floors, told.floor)
         spots = list(zip(datums, told.x_m.tolist(), told.y_m.tolist(), strict=True))
         found = list(
             zip(told.t_s.tolist(), spots, self._geometry.resources_at(datums, told.x_m, told.y_m), strict=True)
@@ -183,21 +194,26 @@ class Robots:
         return tuple(stops)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Shapes:
-    """Of n robots: envelopes now, and ways as far as they are known and stay on their floor."""
-
-    x_m: list[float]
-    y_m: list[float]
-    length_m: list[float]
-    width_m: list[float]
-    outlines: list[shapely.Polygon]
-    ways: list[shapely.LineString]
-    way_m: list[float]
-    goes: list[bool]
+def _datums(floors: Sequence[str], floor: Ints) -> list[str]:
+    """By name; "" for what is compared with nothing."""
+    return [floors[one] if one >= 0 else "" for one in floor.tolist()]
 
 
-def _shapes(batch: Batch, view: Ahead) -> _Shapes:
+def _placed(one: Seen, here: str | None, new: bool) -> list[tuple[str, float]]:
+    """Set since when a robot stands where it is, and what it has; the resource that it has left, if any."""
+    spot = (one.datum, one.x_m, one.y_m)
+    if new or not near(spot, one.stood_at, STANDS_M):
+        one.stood_at, one.stood_s = spot, one.event_s
+    one.stands = not one.goes or one.event_s - one.stood_s >= STANDS_S
+    if not new and here == one.here:
+        return []
+    left = [(one.here, one.event_s - one.came_s)] if one.here else []
+    one.here, one.came_s = here, one.event_s
+    return left
+
+
+def _shapes(batch: Batch, view: Ahead) -> tuple[Shapes, Floats]:
+    """And how long the ways are that robots are forecast to go on their floor."""
     sizes, everybody = batch.forecasts, np.arange(len(batch))
     stays = view.floor == view.floor[:, :1]
     last = np.where(stays.all(axis=1), stays.shape[1] - 1, np.argmin(stays, axis=1) - 1)
@@ -205,16 +221,20 @@ def _shapes(batch: Batch, view: Ahead) -> _Shapes:
     way_m = np.hypot(np.diff(x_m, axis=1), np.diff(y_m, axis=1)).sum(axis=1)
     known = np.where(batch.basis == Basis.VELOCITY, int(STRAIGHT_S / STEP_S), stays.shape[1] - 1)
     ways = np.stack(_up_to(known, x_m, y_m), axis=-1)
-    return _Shapes(
-        x_m=x_m[:, 0].tolist(),
-        y_m=y_m[:, 0].tolist(),
-        length_m=sizes.length_m.tolist(),
-        width_m=sizes.width_m.tolist(),
-        outlines=shapely.polygons(view.corners(everybody, sizes.length_m, sizes.width_m, 1)[:, 0]).tolist(),
-        ways=shapely.linestrings(ways).tolist(),
-        way_m=way_m.tolist(),
-        goes=((batch.basis != Basis.STATIONARY) & (way_m > WAY_M)).tolist(),
-    )
+    return Shapes(view.corners(everybody, sizes.length_m, sizes.width_m, 1)[:, 0], ways), way_m
+
+
+def outlines(robots: Sequence[Seen]) -> list[shapely.Polygon]:
+    """Envelopes of one or more robots."""
+    found: list[shapely.Polygon] = shapely.polygons([one.shapes.corners[one.row] for one in robots]).tolist()
+    return found
+
+
+def ways(robots: Sequence[Seen]) -> list[shapely.LineString]:
+    """Ways of robots, as far as they are forecast; of those that go nowhere, what is left of theirs."""
+    going = [one.shapes.ways[one.row] for one in robots if one.goes]
+    lines = iter(shapely.linestrings(going).tolist() if going else ())
+    return [next(lines) if one.goes else one.way_left for one in robots]
 
 
 def _up_to(last: Ints, *columns: Floats) -> list[Floats]:

@@ -4,7 +4,6 @@ from math import inf
 
 import numpy as np
 import pytest
-import shapely
 
 from deconflict.contention.ahead import Ahead, ahead
 from deconflict.contention.geometry import Geometry, Passage
@@ -36,8 +35,8 @@ def forecast(*knots: tuple[float, float, float, int], yaw_rad: float = 0.0) -> F
 
 def passage(of: Forecasts, geometry: Geometry) -> Passage | None:
     view = ahead(of, np.array([NOW_S]))
-    way = shapely.LineString(np.stack([view.x_m[0], view.y_m[0]], axis=-1))
-    return geometry.passages([HALL], view, [way], of.length_m, of.width_m).get(0, {}).get("lane")
+    ways = np.stack([view.x_m, view.y_m], axis=-1)
+    return geometry.passages([HALL], view, ways, of.length_m, of.width_m).get(0, {}).get("lane")
 
 
 def test_the_sampling_reads_between_knots_and_stands_after_the_last() -> None:
