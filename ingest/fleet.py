@@ -6,6 +6,7 @@ order give the same batches, whether they come from sockets or from a recording.
 
 from collections import Counter, OrderedDict
 from collections.abc import Iterable
+from functools import partial
 from math import isfinite, isnan
 from typing import Any
 
@@ -16,6 +17,7 @@ from ingest.batches import batch
 from ingest.claims import Claims
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.connection import Connection
+from ingest.floors import NOWHERE, Floors
 from ingest.forecast import Body, Sighting, View, body_of, forecast, matches, stops
 from ingest.frames import Frame, Frames
 from ingest.measures import Labels, Measures
@@ -29,10 +31,6 @@ from ingest.vendors import UNKNOWN, Vendors
 
 STALE_S = 2.0
 """A status that takes this much longer than the sender's quickest is stale."""
-MOST_UNKNOWN = 50
-"""Floors that one vendor may bring by naming datums that the site file does not have: each batch names them all."""
-NOWHERE = -1
-"""Floor index of a frame that is compared with nothing."""
 
 
 class Fleet:
@@ -47,11 +45,9 @@ class Fleet:
         """By UUID, those heard from longest ago first."""
         self._changed: dict[str, None] = {}
         self._clock_changes, self._rates = changes.ClockChanges(), MessageRates()
-        self._floors: dict[str, int] = {}
+        self._floors = Floors(frames)
         self._speaking: dict[int, set[str]] = {}
         self._of_vendor: Counter[str] = Counter()
-        self._made_up: Counter[str] = Counter()
-        """Floors by the vendor that named their datum first, of those that the site file does not have."""
         self._claims = Claims()
 
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
@@ -62,21 +58,22 @@ class Fleet:
             self._count(vendor, message.findings, None)
             self.refuse(message.rule, message.reason, raw, arrival_s, connection, vendor=vendor)
             return message.rule
+        robot = self.robots.get(message.uuid)
         if isinstance(message, Status) and not self._has_place(message, connection):
             reason = f"location {message.x}, {message.y} is nowhere on datum {message.datum}; check units and order"
             self.refuse("position-absurd", reason, raw, arrival_s, connection)
             return "position-absurd"
-        owner, speaker = self._owner(message.uuid), self._speaker(message, connection)
+        owner, speaker = self._owner(message.uuid, robot), self._speaker(message, connection)
         if owner and speaker not in (None, owner):
             self._claims.refused(message.uuid, owner, speaker or UNKNOWN, arrival_s)
             reason = f"robot {message.uuid} is {owner}'s; that vendor may report it, or the site file name another"
             self.refuse("uuid-of-another-vendor", reason, raw, arrival_s, connection)
             return "uuid-of-another-vendor"
-        if message.uuid not in self.robots and self._is_full(self._vendor_of(message.uuid, connection)):
+        if robot is None and self._is_full(self._vendor_of(message.uuid, connection)):
             reason = "the vendor has as many robots as reading.max_robots_per_vendor allows; keep each robot's UUID"
             self.refuse("robots-too-many", reason, raw, arrival_s, connection)
             return "robots-too-many"
-        robot = self.robots.get(message.uuid) or self._admit(message.uuid, connection)
+        robot = robot or self._admit(message.uuid, connection)
         if connection.vendor and not robot.owned:
             self._settle(robot, self.vendors.of_robot(robot.uuid) or connection.vendor)
         robot.owned = robot.owned or isinstance(message, Identity) or connection.vendor is not None
@@ -84,7 +81,8 @@ class Fleet:
             findings = self._identify(robot, message, raw, arrival_s, connection)
         else:
             findings = self._report(robot, message, raw, arrival_s)
-        self._speaking.setdefault(connection.id, set()).add(robot.vendor)
+        if not connection.vendor:
+            self._speaking.setdefault(connection.id, set()).add(robot.vendor)
         self._count(robot.vendor, message.findings + findings, robot)
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
         return None
@@ -108,8 +106,8 @@ class Fleet:
     def overtaken(self, uuid: str, arrival_s: float, connection: Connection) -> None:
         """Count a status, said to be of a robot, that is not read because a newer one has come."""
         self.measures.count("deconflict_messages_total", self._vendor_of(uuid, connection), "overtaken")
-        owner = self._owner(uuid) or connection.vendor
-        if (robot := self.robots.get(uuid)) and connection.vendor in (None, owner):
+        robot = self.robots.get(uuid)
+        if robot and connection.vendor in (None, self._owner(uuid, robot) or connection.vendor):
             self._said(robot, arrival_s)
 
     def closed(self, connection: Connection) -> None:
@@ -122,7 +120,9 @@ class Fleet:
         A robot of a vendor that is no longer configured may be settled by whoever speaks for it next.
         """
         before, self.vendors, self._frames, self.reading = self.vendors, vendors, frames, reading
+        self._floors.renew(frames)
         for robot in self.robots.values():
+            robot.view = None
             self._resettle(robot, before)
             self._place_again(robot, robot.vendor if vendors.settings(robot.vendor).names_as_uuid else None)
 
@@ -157,7 +157,7 @@ class Fleet:
         return [uuid for uuid, robot in self.robots.items() if robot.identity is None]
 
     def _batch(self, robots: list[Robot], now_s: float, gone: tuple[str, ...]) -> Batch:
-        return batch(robots, now_s, tuple(self._floors), gone, self._claims.standing(now_s))
+        return batch(robots, now_s, self._floors.ids, gone, self._claims.standing(now_s))
 
     def documents(self, now_s: float) -> list[dict[str, Any]]:
         """Everything each robot said and what was made of it, JSON-ready, by UUID."""
@@ -207,9 +207,8 @@ class Fleet:
         only = next(iter(speaking)) if len(speaking) == 1 else UNKNOWN
         return self.vendors.of_robot(uuid) or only
 
-    def _owner(self, uuid: str) -> str | None:
-        """The vendor that the robot is known to belong to."""
-        robot = self.robots.get(uuid)
+    def _owner(self, uuid: str, robot: Robot | None) -> str | None:
+        """The vendor that the robot, if there is one of that UUID, is known to belong to."""
         return self.vendors.of_robot(uuid) or (robot.vendor if robot and robot.owned else None)
 
     def _speaker(self, message: Identity | Status, connection: Connection) -> str | None:
@@ -230,7 +229,7 @@ class Fleet:
     def _settle(self, robot: Robot, vendor: str) -> None:
         self._of_vendor[robot.vendor] -= 1
         self._of_vendor[vendor] += 1
-        robot.vendor = vendor
+        robot.vendor, robot.view = vendor, None
 
     def _identify(
         self, robot: Robot, identity: Identity, raw: bytes, arrival_s: float, connection: Connection
@@ -282,19 +281,14 @@ class Fleet:
             self._place(robot, status, *self._sight(robot, status, robot.seen.t_s), None)
 
     def _sight(self, robot: Robot, status: Status, event_s: float) -> tuple[Frame, Sighting]:
-        frame, floor = self._frame(robot.vendor, status.datum)
+        frame, floor = self._floors.of(robot.vendor, status.datum)
         return frame, _sight(status, frame, floor, event_s)
 
     def _place(
         self, robot: Robot, status: Status, frame: Frame, sight: Sighting, before: Sighting | None
     ) -> tuple[str, ...]:
         """Put the robot on its floor and forecast it from there."""
-        view = View(
-            self._body(robot, status),
-            sight.t_s - status.stamp_s,
-            self._frame_of(robot.vendor, status.datum),
-            self.reading,
-        )
+        view = self._view(robot, status, sight.t_s - status.stamp_s)
         robot.frame = frame
         robot.seen, findings = watch.reconcile(before, sight)
         robot.forecast = forecast(status, robot.seen, view)
@@ -306,36 +300,30 @@ class Fleet:
         too_many = ("datum-too-many",) if frame.comparable and sight.floor == NOWHERE else ()
         return (*findings, *robot.forecast.findings, *unknown, *too_many)
 
-    def _body(self, robot: Robot, status: Status) -> Body:
-        vendor = self.vendors.settings(robot.vendor)
-        loaded = bool(status.load_used_pct)
+    def _view(self, robot: Robot, status: Status, clock_offset_s: float) -> View:
+        """How a message of the robot is read: mostly as the one before."""
+        of = bool(status.load_used_pct), status.datum, clock_offset_s
+        if robot.view is None or robot.view_of != of:
+            frame_of = partial(self._floors.named, robot.vendor, status.datum)
+            robot.view, robot.view_of = View(self._body(robot, of[0]), clock_offset_s, frame_of, self.reading), of
+        return robot.view
+
+    def _body(self, robot: Robot, loaded: bool) -> Body:
         if robot.identity is None:
-            default = vendor.default_envelope_m or self.reading.default_envelope_m
-            return Body(default)
+            vendor = self.vendors.settings(robot.vendor)
+            return Body(vendor.default_envelope_m or self.reading.default_envelope_m)
         model = self.vendors.model(robot.vendor, robot.identity.model)
         return body_of(model, robot.identity.envelope_m, loaded, robot.identity.max_speed_mps)
 
-    def _frame(self, vendor: str, datum: str) -> tuple[Frame, int]:
-        frame = self._frames.frame(vendor, datum)
-        if not frame.comparable:
-            return frame, NOWHERE
-        if frame.floor not in self._floors:
-            if not frame.known and self._made_up[vendor] >= MOST_UNKNOWN:
-                return frame, NOWHERE
-            self._made_up[vendor] += not frame.known
-            self._floors[frame.floor] = len(self._floors)
-        return frame, self._floors[frame.floor]
-
     def _has_place(self, status: Status, connection: Connection) -> bool:
         """Whether the location lies anywhere: degrees may be such as no place has."""
+        if status.datum not in self._frames.in_degrees:
+            return True
         frame = self._frames.frame(self._vendor_of(status.uuid, connection), status.datum)
         if frame.projection is None:
             return True
         ((x_m, y_m, _),) = frame.placed([(status.x, status.y, 0.0)])
         return isfinite(x_m) and isfinite(y_m)
-
-    def _frame_of(self, vendor: str, own_datum: str) -> "_FrameOf":
-        return _FrameOf(self, vendor, own_datum)
 
     def _forget(self, now_s: float) -> tuple[str, ...]:
         gone = []
@@ -378,16 +366,6 @@ class Fleet:
             "status": told(robot, robot.status_raw),
             **placed(robot),
         }
-
-
-class _FrameOf:
-    """Frames as one vendor's robot names them; "" is the datum the robot itself is on."""
-
-    def __init__(self, fleet: Fleet, vendor: str, own_datum: str) -> None:
-        self._fleet, self._vendor, self._own = fleet, vendor, own_datum
-
-    def __call__(self, datum: str) -> tuple[Frame, int]:
-        return self._fleet._frame(self._vendor, datum or self._own)
 
 
 def _who(identity: Identity) -> tuple[Any, ...]:

@@ -18,9 +18,9 @@ WITHIN = 1e-12
 """As in `ingest/transforms.py`."""
 NEARLY = 1 - 1e-9
 """Share of the farthest way that is no jump for certain, however lengths are rounded."""
-_NUMBER, _COLUMN, _ROWS = types.float64, types.float64[::1], types.float64[:, ::1]
-_SAME = np.empty(0), np.empty((0, 12)), np.empty((0, 9))
-"""Tables of no transformation."""
+_NUMBER, _ROWS = types.float64, types.float64[:, ::1]
+_SAME = np.empty((0, 12))
+"""The table of no transformation."""
 Placed = tuple[float, float, float, float, float, float]
 
 
@@ -43,7 +43,7 @@ def follow(path: Path, here: Sighting, view: View) -> tuple[Floats, int] | None:
         JUMP_SLACK_M if here.floor == floor else inf,
         JUMP_SLACK_M,
         *body.offset_m,
-        *(frame.transform.tables if frame.transform else _SAME),
+        frame.transform.table if frame.transform else _SAME,
         knots,
     )
     return (knots[:count], floor) if count else None
@@ -82,16 +82,17 @@ def _correction(x: float, y: float, triangles: Floats, rim: Floats) -> Placed:
 
 
 @inner
-def _placed(
-    x: float, y: float, yaw_rad: float, base: Floats, triangles: Floats, rim: Floats
-) -> tuple[float, float, float]:
-    """As `transforms._Map.pose`; an empty `base` leaves everything as it is."""
-    if len(base) == 0:
+def _placed(x: float, y: float, yaw_rad: float, table: Floats) -> tuple[float, float, float]:
+    """As `transforms._Map.pose`; an empty table leaves everything as it is."""
+    if len(table) == 0:
         return x, y, yaw_rad
+    base, rim = table[0], table[1 + int(table[0, 8]) :]
     a, b, c, d = base[0], base[1], base[2], base[3]
     to_x, to_y = a * x + b * y + base[4], c * x + d * y + base[5]
     if len(rim):
-        by_x, by_y, more_a, more_b, more_c, more_d = _correction(x - base[6], y - base[7], triangles, rim)
+        by_x, by_y, more_a, more_b, more_c, more_d = _correction(
+            x - base[6], y - base[7], table[1 : len(table) - len(rim)], rim
+        )
         to_x, to_y, a, b, c, d = to_x + by_x, to_y + by_y, a + more_a, b + more_b, c + more_c, d + more_d
     along, across = cos(yaw_rad), sin(yaw_rad)
     return to_x, to_y, atan2(c * along + d * across, a * along + b * across)
@@ -106,7 +107,7 @@ def _put(knots: Floats, row: int, t_s: float, x: float, y: float, yaw_rad: float
     knots[row, 0], knots[row, 1], knots[row, 2], knots[row, 3] = t_s, x, y, yaw_rad
 
 
-@kernel(types.int64(_ROWS, *[_NUMBER] * 11, _COLUMN, _ROWS, _ROWS, _ROWS))
+@kernel(types.int64(_ROWS, *[_NUMBER] * 11, _ROWS, _ROWS))
 def _follow(
     points: Floats,
     t_s: float,
@@ -120,9 +121,7 @@ def _follow(
     slack_m: float,
     dx: float,
     dy: float,
-    base: Floats,
-    triangles: Floats,
-    rim: Floats,
+    table: Floats,
     knots: Floats,
 ) -> int:
     """How many knots there are, at most one more than `points`; 0 where they are left to others.
@@ -140,7 +139,7 @@ def _follow(
         before_s = at_s
         if at_s <= t_s or last_s >= until_s:
             continue
-        to_x, to_y, to_rad = _placed(points[i, 1], points[i, 2], points[i, 3], base, triangles, rim)
+        to_x, to_y, to_rad = _placed(points[i, 1], points[i, 2], points[i, 3], table)
         way_m = most_mps * (at_s - last_s) + (first_slack_m if count == 1 else slack_m)
         if not (to_x - x) * (to_x - x) + (to_y - y) * (to_y - y) < way_m * way_m * NEARLY:
             return 0

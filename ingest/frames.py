@@ -60,6 +60,8 @@ class Frames:
         """Raises `FitError` for readings that fit nothing, naming the vendor and the datum."""
         by_id = {datum.id: datum for datum in datums}
         self._datums = {datum.id: _of_datum(datum) for datum in datums}
+        self.in_degrees = frozenset(name for name, frame in self._datums.items() if frame.projection)
+        """Datums of the site whose locations may be nowhere."""
         self._maps = {
             (vendor.name, one.datum): _of_map(vendor, one, by_id[one.site_datum])
             for vendor in vendors

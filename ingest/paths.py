@@ -45,6 +45,13 @@ class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
         return self.poses if isinstance(self.poses, tuple) else [tuple(row) for row in self.poses.tolist()]
 
     @property
+    def ends_s(self) -> tuple[float, float]:
+        """The first time and the last, of at least one pose."""
+        if isinstance(self.poses, tuple):
+            return self.poses[0][0], self.poses[-1][0]
+        return self.poses.item(0, 0), self.poses.item(-1, 0)
+
+    @property
     def times(self) -> list[float]:
         return [row[0] for row in self.poses] if isinstance(self.poses, tuple) else self.poses[:, 0].tolist()
 
@@ -93,12 +100,12 @@ def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
 
 def path(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, findings: Findings) -> Path:
     """The path in the order sent, whatever its times; `ingest/forecast.py` gives new ones where they can't be used."""
-    read = _read(points, findings) if points else NO_PATH
-    if read is NO_PATH or not points:
+    read = _read(points, findings)
+    if read is NO_PATH or points is None:
         return NO_PATH
     if len(points) > MOST_POINTS:
         findings["path-too-many"] = None
-    first_s, last_s = float(read.poses[0][0]), float(read.poses[-1][0])
+    first_s, last_s = read.ends_s
     if not read.in_order:
         times = read.times
         _note_disorder(times, findings)
@@ -129,8 +136,8 @@ def _past(last_s: float, stamp_s: float) -> str:
 
 def destinations(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, findings: Findings) -> Path:
     """The destinations in the order of their times."""
-    read = _read(points, findings) if points else NO_PATH
-    if read is NO_PATH or not points:
+    read = _read(points, findings)
+    if read is NO_PATH or points is None:
         return NO_PATH
     if len(points) > MOST_POINTS:
         findings["destinations-too-many"] = None
@@ -148,10 +155,13 @@ def destinations(points: Sequence[PredictedLocation] | Points | None, stamp_s: f
     return Path(poses, datums, in_order=len(set(times)) == len(times))
 
 
-def _read(points: Sequence[PredictedLocation] | Points, findings: Findings) -> Path:
+def _read(points: Sequence[PredictedLocation] | Points | None, findings: Findings) -> Path:
     if isinstance(points, Points):
-        findings.update(dict.fromkeys(points.findings))
-        return Path(points.rows, (_datum(points, findings),) * len(points), in_order=True)
+        if points.findings:
+            findings.update(dict.fromkeys(points.findings))
+        return Path(points.rows, (_datum(points, findings),) * len(points.rows), in_order=True)
+    if not points:
+        return NO_PATH
     points = points[:MOST_POINTS_USED]
     rows = _conforming(points, findings)
     if rows is None:

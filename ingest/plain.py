@@ -17,7 +17,7 @@ from numba import types
 
 from ingest.compiled import inner, kernel
 from ingest.paths import Points
-from ingest.seam import Floats, Ints
+from ingest.seam import Floats
 
 MOST = 200
 """Points; of more none are read here."""
@@ -40,7 +40,10 @@ _ANGLE_AT, _TIMESTAMP_AT, _DATUM_AT = 0, 5, 14
 _BEFORE_MONTH = np.cumsum([0, 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30])
 _LETTERS_OF = types.CPointer(types.uint8)  # type: ignore[no-untyped-call]
 _TEXT = types.Bytes(types.uint8, 1, "C", readonly=True)
-
+_COUNTED = types.Tuple((types.int64, types.UniTuple(types.int64, 5)))  # type: ignore[no-untyped-call]
+Told = tuple[int, int, int, int, int]
+"""Of a point, where the texts of its datums begin and end, -1 for none, and how its time departs."""
+NOTHING = (-1, -1, -1, -1, 0)
 
 Letters = Any
 """A pointer to bytes."""
@@ -48,11 +51,10 @@ Letters = Any
 
 def points(text: bytes) -> Points | None:
     """The points of a JSON array of predicted locations, at least one; None where they are left to others."""
-    rows, told = np.empty((min(len(text) // 16, MOST), 4)), np.empty((2, 5), np.int64)
-    count = _read(text, rows, told)
-    if count <= 0:
+    rows = np.empty((min(len(text) // 16, MOST), 4))
+    count, (right, right_end, other, other_end, departs) = _read(text, rows)
+    if not count:
         return None
-    right, right_end, other, other_end, departs = told[0].tolist()
     return Points(
         rows[:count],
         text[right:right_end].decode() if right >= 0 else None,
@@ -256,24 +258,38 @@ def _key(text: Letters, end: int, at: int) -> tuple[int, int]:
 
 
 @inner
-def _same(text: Letters, a: int, a_end: int, b: int, b_end: int) -> bool:
-    if (a < 0) != (b < 0) or a_end - a != b_end - b:
+def _datum(text: Letters, end: int, at: int, first: int, first_end: int) -> tuple[int, int, int]:
+    """Where the text that begins at `at` is told to stand, and where what follows it begins, -1 if it is not plain."""
+    if _again(text, end, at, first, first_end):
+        return first, first_end, at + first_end - first + 1
+    quote = _end_of_text(text, end, at)
+    return at, quote, quote + 1 if quote >= 0 else -1
+
+
+@inner
+def _again(text: Letters, end: int, at: int, first: int, first_end: int) -> bool:
+    """Whether the text between `first` and `first_end`, if any, stands at `at` too, and a quote behind it."""
+    quote = at + first_end - first
+    if first < 0 or quote >= end or text[quote] != 34:
         return False
-    for i in range(a_end - a):  # noqa: SIM110 - compiled
-        if text[a + i] != text[b + i]:
+    for i in range(first_end - first):  # noqa: SIM110 - compiled
+        if text[at + i] != text[first + i]:
             return False
     return True
 
 
 @inner
-def _point(text: Letters, end: int, at: int, rows: Floats, count: int, told: Ints) -> int:
-    """Where a point ends that begins at `at`; -1 where it is left to others. Fills row `count`, and `told` (5,)."""
-    at, seen, z = _after(text, end, at, 123), 0, 0.0
-    told[0] = told[1] = told[2] = told[3] = -1
+def _point(text: Letters, end: int, at: int, rows: Floats, count: int, first: Told) -> tuple[int, Told]:
+    """Where a point ends that begins at `at`, -1 where it is left to others, and what it tells. Fills row `count`.
+
+    What it tells as `first` does is told to stand where it stands there.
+    """
+    at, seen, z, departs = _after(text, end, at, 123), 0, 0.0, 0
+    right, right_end, other, other_end = NOTHING[0], NOTHING[1], NOTHING[2], NOTHING[3]
     while at >= 0:
         key, at = _key(text, end, at)
         if at < 0 or at >= end or seen & key:
-            return -1
+            break
         seen |= key
         if key == _ANGLE:
             at, rows[count, 3] = _angle(text, end, at)
@@ -282,45 +298,42 @@ def _point(text: Letters, end: int, at: int, rows: Floats, count: int, told: Int
         elif key < _Z:
             at, rows[count, key] = _number(text, end, at)
         elif text[at] != 34:
-            return -1
+            break
         elif key == _TIMESTAMP:
-            at, rows[count, 0], told[4] = _stamp(text, end, at + 1)
+            at, rows[count, 0], departs = _stamp(text, end, at + 1)
+        elif key == _RIGHT:
+            right, right_end, at = _datum(text, end, at + 1, first[0], first[1])
         else:
-            of = 0 if key == _RIGHT else 2
-            told[of], told[of + 1] = at + 1, _end_of_text(text, end, at + 1)
-            at = told[of + 1] + (told[of + 1] >= 0)
+            other, other_end, at = _datum(text, end, at + 1, first[2], first[3])
         ends = _after(text, end, at, 125)
         if ends >= 0:
             near = abs(rows[count, 1]) <= MOST_POSITION and abs(rows[count, 2]) <= MOST_POSITION
-            return ends if near and abs(z) <= MOST_POSITION and seen & _NEEDED == _NEEDED else -1
+            if not (near and abs(z) <= MOST_POSITION and seen & _NEEDED == _NEEDED):
+                break
+            return ends, (right, right_end, other, other_end, departs)
         at = _after(text, end, at, 44)
-    return -1
+    return -1, NOTHING
 
 
-@kernel(types.int64(_LETTERS_OF, types.int64, types.float64[:, ::1], types.int64[:, ::1]))
-def _all_points(text: Letters, end: int, rows: Floats, told: Ints) -> int:
-    """How many points there are, 0 where they are left to others, into `rows`; of all of them `told[0]`."""
-    first, this = told[0], told[1]
-    at, count = _after(text, end, 0, 91), 0
+@kernel(_COUNTED(_LETTERS_OF, types.int64, types.float64[:, ::1]))
+def _all_points(text: Letters, end: int, rows: Floats) -> tuple[int, Told]:
+    """How many points there are, 0 where they are left to others, into `rows`, and what all of them tell."""
+    at, count, first = _after(text, end, 0, 91), 0, NOTHING
     while at >= 0 and count < len(rows):
-        at = _point(text, end, at, rows, count, this if count else first)
-        if at < 0 or (count and rows[count, 0] <= rows[count - 1, 0]):
-            return 0
-        if count and not (
-            this[4] == first[4]
-            and _same(text, this[0], this[1], first[0], first[1])
-            and _same(text, this[2], this[3], first[2], first[3])
-        ):
-            return 0
+        at, told = _point(text, end, at, rows, count, first)
+        if count == 0:
+            first = told
+        if at < 0 or told != first or (count and rows[count, 0] <= rows[count - 1, 0]):
+            break
         count += 1
         ends = _after(text, end, at, 93)
         if ends >= 0:
-            return count if ends == end else 0
+            return count if ends == end else 0, first
         at = _after(text, end, at, 44)
-    return 0
+    return 0, NOTHING
 
 
-@kernel(types.int64(_TEXT, types.float64[:, ::1], types.int64[:, ::1]))
-def _read(text: bytes, rows: Floats, told: Ints) -> int:
+@kernel(_COUNTED(_TEXT, types.float64[:, ::1]))
+def _read(text: bytes, rows: Floats) -> tuple[int, Told]:
     """`_all_points`, which counts no references, since it is handed the letters alone."""
-    return _all_points(np.frombuffer(text, np.uint8).ctypes, len(text), rows, told)
+    return _all_points(np.frombuffer(text, np.uint8).ctypes, len(text), rows)

@@ -6,7 +6,7 @@ from typing import Any
 
 from ingest import messages
 from ingest.clocks import SenderClock
-from ingest.forecast import Forecast, Sighting, Stop
+from ingest.forecast import Forecast, Sighting, Stop, View
 from ingest.frames import Frame
 from ingest.messages import Identity
 from ingest.seam import Basis
@@ -37,6 +37,10 @@ class Robot:
     doubt_m: float = 0.0
     owned: bool = False
     """Whether its vendor is settled: it identified itself, or spoke over a connection of that vendor."""
+    view: View | None = None
+    """How its messages are read; None where something of that may have changed."""
+    view_of: tuple[bool, str, float] = (False, "", nan)
+    """What the view is of: whether the robot is loaded, its datum, the offset of its clock."""
     deviations: dict[str, int] = field(default_factory=dict)
 
     @property

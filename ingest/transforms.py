@@ -36,8 +36,8 @@ class _Map(ABC):
 
     @property
     @abstractmethod
-    def tables(self) -> tuple[Floats, Floats, Floats]:
-        """For compiled code: an affine map by rows, its shift, the middle (8,); triangles (t, 12); the rim (e, 9)."""
+    def table(self) -> Floats:
+        """For compiled code (1 + t + e, 12): map by rows, shift, middle and t (9); triangles; the rim (e, 9)."""
 
     def pose(self, x: float, y: float, yaw_rad: float) -> tuple[float, float, float]:
         """Where a pose comes to lie. Its heading goes through the linear part there; an unknown one stays nan."""
@@ -69,8 +69,8 @@ class Affine(_Map):
         return a * x + b * y + shift_x, c * x + d * y + shift_y, a, b, c, d
 
     @cached_property
-    def tables(self) -> tuple[Floats, Floats, Floats]:
-        return np.array([*self._numbers, 0.0, 0.0]), np.empty((0, 12)), np.empty((0, 9))
+    def table(self) -> Floats:
+        return np.array([[*self._numbers, *[0.0] * 6]])
 
     @property
     def mirrored(self) -> bool:
@@ -171,9 +171,9 @@ class Adjusted(_Map):
         return by_x, by_y, more_x * u, more_x * v, more_y * u, more_y * v
 
     @cached_property
-    def tables(self) -> tuple[Floats, Floats, Floats]:
-        base = np.array([*self._base.tables[0][:6], *self._middle])
-        return base, np.array(self._inner).reshape(-1, 12), np.array(self._rim).reshape(-1, 9)
+    def table(self) -> Floats:
+        first = [*self._base.table[0, :6], *self._middle, len(self._inner), 0.0, 0.0, 0.0]
+        return np.array([first, *self._inner, *((*edge, 0.0, 0.0, 0.0) for edge in self._rim)])
 
     @property
     def mirrored(self) -> bool:

@@ -17,7 +17,7 @@ from websockets.protocol import State
 from deconflict.advisory import ADVISORY, AdvisoryState
 from deconflict.service import in_one_process
 from deconflict.site import Conflict, Operator, Site
-from ingest.fleet import MOST_UNKNOWN
+from ingest.floors import MOST_UNKNOWN
 from ingest.settings import Datum, Reading, Receiver, Vendor
 from metrics.exposition import render
 from tests.deconflict.test_service import CROSSING, Running, drive

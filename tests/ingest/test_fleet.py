@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from ingest.connection import Connection
-from ingest.fleet import MOST_UNKNOWN, NOWHERE, Fleet
+from ingest.fleet import Fleet
+from ingest.floors import MOST_UNKNOWN, NOWHERE
 from ingest.frames import Frames
 from ingest.measures import Measures
 from ingest.quarantine import Quarantine
