@@ -2,10 +2,11 @@
 and how far off that may be.
 
 Compiled; arrays are by slot, as `followed` keeps them. A report is t_s, x_m, y_m, yaw_rad and floor; a track x_m, y_m,
-yaw_rad and floor for every second from its report on.
+yaw_rad and floor for every second from its report on. They are read number by number, as numba pays more for a slice
+of a few numbers than for what is done with them.
 """
 
-from math import cos, floor, pi, sin
+from math import cos, pi, sin
 
 import numba
 import numpy as np
@@ -17,23 +18,29 @@ from ingest.seam import Floats, Ints
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 _ASKED_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 _ASKED = numba.types.Array(numba.float64, 2, "A", readonly=True)
+Pose = tuple[float, float, float, float]
+"""x_m, y_m, yaw_rad and floor."""
 
 
 @inner
 def _turned(yaw: float, other: float, share: float) -> float:
-    return yaw + share * ((other - yaw + pi) % (2 * pi) - pi)
+    turn = other - yaw + pi
+    if not 0.0 <= turn < 2 * pi:
+        turn %= 2 * pi
+    return yaw + share * (turn - pi)
 
 
 @inner
-def _set_joined(pose: Floats, a: Floats, b: Floats, t_s: float, long_ago_s: float, joined_s: float) -> None:
+def _joined(before: Floats, seen: Floats, slot: int, t_s: float, long_ago_s: float, joined_s: float) -> Pose:
     """Where a robot was, on the line of its last two reports; floor -1 where none is."""
-    known = a[0] > long_ago_s and a[4] == b[4] and b[0] - a[0] <= joined_s
-    if not known:
-        a = b
-    share = (t_s - a[0]) / max(b[0] - a[0], 1e-9)
+    a_s, a_x, a_y, a_yaw = before[slot, 0], before[slot, 1], before[slot, 2], before[slot, 3]
+    b_s, b_x, b_y, b_yaw = seen[slot, 0], seen[slot, 1], seen[slot, 2], seen[slot, 3]
+    floor = seen[slot, 4]
+    if not (a_s > long_ago_s and before[slot, 4] == floor and b_s - a_s <= joined_s):
+        a_s, a_x, a_y, a_yaw, floor = b_s, b_x, b_y, b_yaw, -1.0
+    share = (t_s - a_s) / max(b_s - a_s, 1e-9)
     share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
-    pose[0], pose[1] = a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
-    pose[2], pose[3] = _turned(a[3], b[3], share), b[4] if known else -1.0
+    return a_x + share * (b_x - a_x), a_y + share * (b_y - a_y), _turned(a_yaw, b_yaw, share), floor
 
 
 @kernel(
@@ -50,7 +57,7 @@ def due(
     kept_of_each, horizons = made_s.shape[1], foretold.shape[2]
     most = len(slots) * kept_of_each * horizons
     slot, kept, ahead = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
-    along, across, was, found = np.empty(most), np.empty(most), np.empty(4), 0
+    along, across, found = np.empty(most), np.empty(most), 0
     for one in slots:
         before_s, seen_s = before[one, 0], seen[one, 0]
         if before_s <= long_ago_s or before_s < seen_s - joined_s:
@@ -60,11 +67,12 @@ def due(
                 moment_s = made_s[one, made] + (second + 1.0)
                 if not before_s < moment_s <= seen_s:
                     continue
-                told = foretold[one, made, second]
-                _set_joined(was, before[one], seen[one], moment_s, long_ago_s, joined_s)
-                if told[3] != was[3] or told[3] < 0.0:
+                x, y = foretold[one, made, second, 0], foretold[one, made, second, 1]
+                yaw, floor = foretold[one, made, second, 2], foretold[one, made, second, 3]
+                was_x, was_y, _, was_floor = _joined(before, seen, one, moment_s, long_ago_s, joined_s)
+                if floor != was_floor or floor < 0.0:
                     continue
-                dx, dy, c, s = was[0] - told[0], was[1] - told[1], cos(told[2]), sin(told[2])
+                dx, dy, c, s = was_x - x, was_y - y, cos(yaw), sin(yaw)
                 slot[found], kept[found], ahead[found] = one, made, second
                 along[found], across[found] = c * dx + s * dy, c * dy - s * dx
                 found += 1
@@ -73,21 +81,23 @@ def due(
 
 
 @inner
-def _part(track: Floats, since_s: float) -> tuple[int, float]:
-    """The sample of a track that a robot has reached so long after its report, and how much of the way to the next."""
-    last = len(track) - 1
+def _part(track: Floats, slot: int, since_s: float) -> tuple[int, float]:
+    """The sample of its track that a robot has reached so long after its report, and how much of the way to the
+    next."""
+    last = track.shape[1] - 1
     since_s = min(max(since_s, 0.0), float(last))
     whole = min(int(since_s), last - 1)
-    return whole, since_s - whole if track[whole, 3] == track[whole + 1, 3] else 0.0
+    return whole, since_s - whole if track[slot, whole, 3] == track[slot, whole + 1, 3] else 0.0
 
 
 @inner
-def _set_ahead(pose: Floats, track: Floats, since_s: float) -> None:
+def _ahead(track: Floats, slot: int, since_s: float) -> Pose:
     """Where a robot is so long after the report of its track; linear between its samples."""
-    whole, share = _part(track, since_s)
-    a, b = track[whole], track[whole + 1]
-    pose[0], pose[1] = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
-    pose[2], pose[3] = _turned(a[2], b[2], share), a[3]
+    whole, share = _part(track, slot, since_s)
+    x, y, yaw = track[slot, whole, 0], track[slot, whole, 1], track[slot, whole, 2]
+    x += share * (track[slot, whole + 1, 0] - x)
+    y += share * (track[slot, whole + 1, 1] - y)
+    return x, y, _turned(yaw, track[slot, whole + 1, 2], share), track[slot, whole, 3]
 
 
 @kernel(
@@ -116,7 +126,7 @@ def beside(
     n, past, looks = len(a), len(past_looks), len(past_looks) + len(ahead_s)
     past_s, speeds, same = np.empty((n, past)), np.empty((2, n)), np.empty((n, looks), np.bool_)
     dx, dy, yaw_a, yaw_b = np.empty((n, looks)), np.empty((n, looks)), np.empty((n, looks)), np.empty((n, looks))
-    ways = np.empty((2, looks, 4))
+    x, y, yaw, floor = np.empty((2, looks)), np.empty((2, looks)), np.empty((2, looks)), np.empty((2, looks))
     for row in range(n):
         begin_s, end_s = long_ago_s, np.inf
         for slot in (a[row], b[row]):
@@ -128,22 +138,19 @@ def beside(
         for at in range(past):
             past_s[row, at] = begin_s + (end_s - begin_s) * past_looks[at]
         for side in (0, 1):
-            slot, way = a[row] if side == 0 else b[row], ways[side]
-            for at in range(past):
-                _set_joined(way[at], before[slot], seen[slot], past_s[row, at], long_ago_s, joined_s)
-            for at in range(past, looks):
-                _set_ahead(way[at], track[slot], now_s + ahead_s[at - past] - seen[slot, 0])
-            first, second = way[past], way[past + 1]
-            speeds[side, row] = np.hypot(second[0] - first[0], second[1] - first[1]) / ahead_s[1]
+            slot = a[row] if side == 0 else b[row]
+            for at in range(looks):
+                if at < past:
+                    pose = _joined(before, seen, slot, past_s[row, at], long_ago_s, joined_s)
+                else:
+                    pose = _ahead(track, slot, now_s + ahead_s[at - past] - seen[slot, 0])
+                x[side, at], y[side, at], yaw[side, at], floor[side, at] = pose
+            goes_x, goes_y = x[side, past + 1] - x[side, past], y[side, past + 1] - y[side, past]
+            speeds[side, row] = np.hypot(goes_x, goes_y) / ahead_s[1]
         for at in range(looks):
-            one, other = ways[0, at], ways[1, at]
-            dx[row, at], dy[row, at], yaw_a[row, at], yaw_b[row, at] = (
-                other[0] - one[0],
-                other[1] - one[1],
-                one[2],
-                other[2],
-            )
-            same[row, at] = one[3] == other[3] and one[3] >= 0.0
+            dx[row, at], dy[row, at] = x[1, at] - x[0, at], y[1, at] - y[0, at]
+            yaw_a[row, at], yaw_b[row, at] = yaw[0, at], yaw[1, at]
+            same[row, at] = floor[0, at] == floor[1, at] and floor[0, at] >= 0.0
     return past_s, dx, dy, yaw_a, yaw_b, same, speeds
 
 
@@ -228,18 +235,19 @@ def around(track: Floats) -> Floats:
 
 
 @inner
-def _set_way(way: Floats, track: Floats, heard_s: float, now_s: float) -> float:
+def _set_way(way: Floats, track: Floats, slot: int, heard_s: float, now_s: float) -> float:
     """Where a robot is, x_m, y_m and floor, at every whole second from now on, in `way`; the furthest that it goes in
     one."""
     longest = 0.0
     for second in range(len(way)):
-        whole, share = _part(track, now_s + second - heard_s)
-        a, b = track[whole], track[whole + 1]
-        way[second, 0], way[second, 1] = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
-        way[second, 2] = a[3]
+        whole, share = _part(track, slot, now_s + second - heard_s)
+        x, y = track[slot, whole, 0], track[slot, whole, 1]
+        x += share * (track[slot, whole + 1, 0] - x)
+        y += share * (track[slot, whole + 1, 1] - y)
         if second:
-            dx, dy = way[second, 0] - way[second - 1, 0], way[second, 1] - way[second - 1, 1]
+            dx, dy = x - way[second - 1, 0], y - way[second - 1, 1]
             longest = max(longest, dx * dx + dy * dy)
+        way[second, 0], way[second, 1], way[second, 2] = x, y, track[slot, whole, 3]
     return float(np.sqrt(longest))
 
 
@@ -255,12 +263,18 @@ def _meet(one: Floats, other: Floats, within: float) -> bool:
 
 
 @inner
+def _cell(around: Floats, slot: int, side: float) -> tuple[int, int]:
+    return int(np.floor(around[slot, 0] / side)), int(np.floor(around[slot, 1] / side))
+
+
+@inner
 def _cells(slots: Ints, around: Floats, side: float, across: int, after: Ints) -> Ints:
     """(across, across) the last of the slots whose circles have their centre in each cell, -1 where none has; the one
     before it is in `after` (slots,), and so on to -1. Cells repeat, so that one far away costs no room."""
     last = np.full((across, across), -1)
     for slot in slots:
-        x, y = floor(around[slot, 0] / side) & (across - 1), floor(around[slot, 1] / side) & (across - 1)
+        x, y = _cell(around, slot, side)
+        x, y = x & (across - 1), y & (across - 1)
         after[slot], last[x, y] = last[x, y], slot
     return last
 
@@ -299,8 +313,8 @@ def nearing(
     for slot in slots:
         if not told[slot]:
             continue
-        near = reach[slot] + _set_way(way, track[slot], seen[slot, 0], now_s) / 2
-        x, y = floor(around[slot, 0] / side), floor(around[slot, 1] / side)
+        near = reach[slot] + _set_way(way, track, slot, seen[slot, 0], now_s) / 2
+        x, y = _cell(around, slot, side)
         for cell in range(9):
             other = last[(x + cell // 3 - 1) & (across - 1), (y + cell % 3 - 1) & (across - 1)]
             while other >= 0:
@@ -309,7 +323,7 @@ def nearing(
                 within = circle[slot] + circle[beside]
                 if dx * dx + dy * dy > within * within or (told[beside] and beside <= slot):
                     continue
-                its_near = reach[beside] + _set_way(its_way, track[beside], seen[beside, 0], now_s) / 2
+                its_near = reach[beside] + _set_way(its_way, track, beside, seen[beside, 0], now_s) / 2
                 if _meet(way, its_way, near + its_near):
                     if pairs == len(found):
                         found = np.concatenate((found, np.empty_like(found)))
