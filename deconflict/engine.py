@@ -161,9 +161,8 @@ class Engine:
         self.near_misses = [pair for pair in self._trigger.step(conflicts) if self._moves(pair)]
         self.measures.count(NEAR_MISSES, by=len(self.near_misses))
         predictions = [one for one in self._foreseen(now_s, conflicts) if one.contact_s <= now_s + reach_s]
-        scene = Scene(
-            self.live.robots.__contains__, self._party, self._meet, self._separation_m, self._datum, self._place
-        )
+        there = self.live.robots.__contains__
+        scene = Scene(there, self._party, self._stands, self._meet, self._separation_m, self._datum, self._place)
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene, now_s + reach_s)]
         revisions += self._advise(now_s)
         if not self._conflicts_only:
@@ -264,12 +263,14 @@ class Engine:
         return since_s + steps * GROWTH_STEP_M / rate_mps
 
     def _moves(self, pair: Pair) -> bool:
-        return any(self.live.robots[uuid].basis is not Basis.STATIONARY for uuid in pair)
+        return not all(map(self._stands, pair))
 
-    def _party(self, uuid: str) -> Party | None:
+    def _stands(self, uuid: str) -> bool:
         robot = self.live.robots.get(uuid)
-        if robot is None:
-            return None
+        return robot is not None and robot.basis is Basis.STATIONARY
+
+    def _party(self, uuid: str) -> Party:
+        robot = self.live.robots[uuid]
         basis = robot.basis.name.lower()
         if self.foresight.distrusted(uuid):
             basis += " (distrusted)"

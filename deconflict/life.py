@@ -13,6 +13,8 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
+from operator import attrgetter
+from typing import NamedTuple
 
 from deconflict import telling
 from deconflict.advice.desk import differs
@@ -31,6 +33,19 @@ PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", 
 """Why a conflict is cleared while both robots are on the floor."""
 
 
+class Weighed(NamedTuple):
+    """A prediction that was not worth a revision yet."""
+
+    contact_s: float
+    separation_m: float
+    sure: bool
+    """Whether it was likely enough for its severity."""
+    advisory: ConflictAdvisory
+    """The revision that it was held against."""
+    until_s: float
+    """When time alone may make it worth one."""
+
+
 @dataclass(slots=True, eq=False)
 class Track:
     """One pair under watch."""
@@ -40,8 +55,8 @@ class Track:
     """Within the clearance, or not yet drawn apart from it."""
     met: bool = False
     """Came within the clearance while the advisory stood."""
-    weighed: tuple[object, ...] = ()
-    """The newest prediction that was not worth a revision, and of what revision that was thought."""
+    weighed: Weighed | None = None
+    """The newest that was."""
     last_predicted_s: float = 0.0
     advisory: ConflictAdvisory | None = None
 
@@ -94,23 +109,30 @@ class Lives:
         It looked no further than `until_s`: an open advisory on what comes later stands as it is.
         """
         self.started_s = now_s if self.started_s is None else self.started_s
-        revisions = []
-        predicted = {
-            one.pair: one for one in predictions if one.pair in self.tracks or (one.fresh and self._matters(one, now_s))
-        }
-        for pair in sorted(predicted.keys() | self.tracks.keys()):
-            track = self.tracks.get(pair)
-            if track and pair not in predicted and _later(track.advisory, until_s):
-                continue
+        missed, revisions = dict(self.tracks), []
+        for one in predictions:
+            track = missed.pop(one.pair, None)
             if track is None:
-                track = self.tracks[pair] = self._new_track()
-            revision = self._advance(track, pair, predicted.get(pair), now_s, updated, scene)
-            if revision:
-                track.advisory = None if revision.state is AdvisoryState.CLEARED else revision
-                revisions.append(revision)
-            if track.advisory is None and not track.inside and not any(track.looks):
-                del self.tracks[pair]
-        return revisions
+                if not (one.fresh and self._matters(one, now_s)):
+                    continue
+                track = self.tracks[one.pair] = self._new_track()
+            elif self._rests(track, one, now_s):
+                track.last_predicted_s = now_s
+                continue
+            revisions.append(self._kept(track, one.pair, self._advance(track, one, now_s, scene)))
+        for pair, track in missed.items():
+            if not _later(track.advisory, until_s):
+                news = not updated.isdisjoint(pair)
+                revisions.append(self._kept(track, pair, self._missed(track, pair, now_s, scene, news)))
+        return sorted(filter(None, revisions), key=attrgetter("robots"))
+
+    def _kept(self, track: Track, pair: Pair, revision: ConflictAdvisory | None) -> ConflictAdvisory | None:
+        """Remember a pair's revision, and forget the pair where there is nothing left to remember."""
+        if revision:
+            track.advisory = None if revision.state is AdvisoryState.CLEARED else revision
+        if track.advisory is None and not track.inside and not any(track.looks):
+            del self.tracks[pair]
+        return revision
 
     def advise(self, pair: Pair, advice: Recommendation, now_s: float) -> ConflictAdvisory | None:
         """The revision that gives a pair new advice; None where it has no advisory, or one that says the same.
@@ -129,43 +151,58 @@ class Lives:
     def _new_track(self) -> Track:
         return Track(deque(maxlen=self.settings.confirm[1]))
 
-    def _advance(
-        self,
-        track: Track,
-        pair: Pair,
-        prediction: Prediction | None,
-        now_s: float,
-        updated: set[str],
-        scene: Scene,
-    ) -> ConflictAdvisory | None:
-        if prediction is None:
-            news = not updated.isdisjoint(pair)
-            if news:
-                track.looks.append(False)
-            return self._unpredicted(track, pair, now_s, scene) if news or track.advisory else None
-        alerting = self._alerting(track, prediction, now_s)
+    def _missed(self, track: Track, pair: Pair, now_s: float, scene: Scene, news: bool) -> ConflictAdvisory | None:
+        """The revision of a pair of which nothing is predicted."""
+        if news:
+            track.looks.append(False)
+        return self._unpredicted(track, pair, now_s, scene) if news or track.advisory else None
+
+    def _rests(self, track: Track, prediction: Prediction, now_s: float) -> bool:
+        """Whether a pair draws near as it did when it was last weighed, so that nothing is to be done."""
+        apart = not track.inside and prediction.start_separation_m > self.settings.clearance_m
+        return apart and self._is_weighed(track, prediction, now_s) and self._holds(prediction)
+
+    def _is_weighed(self, track: Track, prediction: Prediction, now_s: float) -> bool:
+        """Whether a prediction without news is, for all that a person would do about it, what was weighed before."""
+        weighed = track.weighed
+        return (
+            not prediction.fresh
+            and weighed is not None
+            and weighed.advisory is track.advisory
+            and now_s < weighed.until_s
+            and prediction.contact_s == weighed.contact_s
+            and prediction.separation_m == weighed.separation_m
+            and (prediction.probability >= SURE) == weighed.sure
+            and not telling.is_likelier(weighed.advisory, prediction)
+        )
+
+    def _advance(self, track: Track, prediction: Prediction, now_s: float, scene: Scene) -> ConflictAdvisory | None:
+        """The revision that a prediction makes."""
+        self._note_start(track, prediction.start_separation_m)
+        alerting = prediction.fresh and self._alerting(track, prediction, now_s)
         if prediction.fresh:
             track.looks.append(alerting)
         if track.advisory and not track.inside and not self._holds(prediction):
-            return self._unpredicted(track, pair, now_s, scene)
+            return self._unpredicted(track, prediction.pair, now_s, scene)
         if track.advisory:
             track.last_predicted_s = now_s
             standing = self._standing(track, track.advisory, now_s, scene)
             return standing or self._updated(track, track.advisory, prediction, now_s, scene)
-        if alerting and prediction.fresh and self._confirmed(track, prediction, now_s):
+        if alerting and self._confirmed(track, prediction, now_s):
             track.last_predicted_s, track.met = now_s, False
             return self._raised(prediction, now_s, scene)
         return None
 
+    def _note_start(self, track: Track, start_m: float) -> None:
+        """Note whether the pair, so far apart now, is within the clearance, or has drawn apart from it."""
+        if start_m <= self.settings.clearance_m:
+            track.inside = track.met = True
+        elif start_m > self.settings.clearance_m + self.settings.clear_margin_m:
+            track.inside = False
+
     def _alerting(self, track: Track, prediction: Prediction, now_s: float) -> bool:
         """Whether the pair is coming together, rather than beginning together."""
-        clearance_m = self.settings.clearance_m
-        start_m = prediction.start_separation_m
-        if start_m <= clearance_m:
-            track.inside = track.met = True
-        elif start_m > clearance_m + self.settings.clear_margin_m:
-            track.inside = False
-        about_to_touch = prediction.separation_m == 0 and start_m > TOUCHING_M
+        about_to_touch = prediction.separation_m == 0 and prediction.start_separation_m > TOUCHING_M
         return about_to_touch if track.inside else self._likely(prediction, now_s)
 
     def _likely(self, prediction: Prediction, now_s: float) -> bool:
@@ -189,47 +226,50 @@ class Lives:
     def _raised(self, prediction: Prediction, now_s: float, scene: Scene) -> ConflictAdvisory | None:
         pair = prediction.pair
         ordinal = self.ordinals[pair] = self.ordinals.get(pair, 0) + 1
-        a, b = scene.party(pair[0]), scene.party(pair[1])
-        if a is None or b is None:
+        if not all(map(scene.here, pair)):
             return None
         severity = telling.severity_of(prediction, now_s, None, self.settings)
         met = scene.meet(pair, prediction.contact_s)
-        told = telling.newest(prediction, now_s, scene, (a, b), severity, met, self.settings.clearance_m)
-        return telling.raised(pair, ordinal, (a, b), told, now_s)
+        parties = scene.party(pair[0]), scene.party(pair[1])
+        told = telling.newest(prediction, now_s, scene, parties, severity, met, self.settings.clearance_m)
+        return telling.raised(pair, ordinal, parties, told, now_s)
 
     def _updated(
         self, track: Track, before: ConflictAdvisory, prediction: Prediction, now_s: float, scene: Scene
     ) -> ConflictAdvisory | None:
         if before.time_to_conflict_s == 0 and prediction.contact_s <= now_s:
             return None
+        if self._is_weighed(track, prediction, now_s):
+            return None
         severity = telling.severity_of(prediction, now_s, before.severity, self.settings)
-        weighed = (prediction.contact_s, prediction.separation_m, prediction.probability, severity, before.revision)
-        if weighed == track.weighed and not prediction.fresh:
-            return None
         rises = SEVERITIES.index(severity) > SEVERITIES.index(before.severity)
-        if not rises and now_s - before.updated_at.timestamp() < UPDATE_GAP_S:
+        next_s = before.updated_at.timestamp() + UPDATE_GAP_S
+        if not rises and now_s < next_s:
+            track.weighed = self._weighed(prediction, before, now_s, next_s)
             return None
-        a, b = scene.party(before.robots[0]), scene.party(before.robots[1])
-        if a is None or b is None:
+        pair = prediction.pair
+        if not all(map(scene.here, pair)):
             return None
-        met = scene.meet(prediction.pair, prediction.contact_s)
+        met = scene.meet(pair, prediction.contact_s)
         if not telling.is_news(before, prediction, severity, met, scene.datum(met)):
-            track.weighed = weighed
+            track.weighed = self._weighed(prediction, before, now_s)
             return None
-        return telling.updated(
-            before, telling.newest(prediction, now_s, scene, (a, b), severity, met, self.settings.clearance_m)
-        )
+        parties = scene.party(pair[0]), scene.party(pair[1])
+        told = telling.newest(prediction, now_s, scene, parties, severity, met, self.settings.clearance_m)
+        return telling.updated(before, told)
+
+    def _weighed(self, one: Prediction, before: ConflictAdvisory, now_s: float, until_s: float = inf) -> Weighed:
+        rises_s = telling.severity_until_s(one.contact_s, now_s, self.settings)
+        return Weighed(one.contact_s, one.separation_m, one.probability >= SURE, before, min(rises_s, until_s))
 
     def _standing(
         self, track: Track, advisory: ConflictAdvisory, now_s: float, scene: Scene
     ) -> ConflictAdvisory | None:
         """Clear a pair that met and now both stand: nothing more is predicted of it."""
-        if not track.inside:
+        if not track.inside or not all(map(scene.stands, advisory.robots)):
             return None
-        parties = [scene.party(uuid) for uuid in advisory.robots]
-        stand = all(one is not None and one.standing for one in parties)
         since_s = now_s - advisory.updated_at.timestamp()
-        return advisory.ended(now_s, STAND) if stand and since_s > self.settings.clear_after_s else None
+        return advisory.ended(now_s, STAND) if since_s > self.settings.clear_after_s else None
 
     def _unpredicted(self, track: Track, pair: Pair, now_s: float, scene: Scene) -> ConflictAdvisory | None:
         absent = [uuid for uuid in pair if not scene.here(uuid)]
@@ -261,4 +301,4 @@ class Lives:
 
 
 def _later(advisory: ConflictAdvisory | None, until_s: float) -> bool:
-    return advisory is not None and advisory.predicted_at.timestamp() > until_s
+    return until_s < inf and advisory is not None and advisory.predicted_at.timestamp() > until_s

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
-from math import hypot
+from math import hypot, inf
 from typing import NamedTuple
 from uuid import UUID, uuid5
 
@@ -30,6 +30,7 @@ LIKELIER = 0.15
 """A change of probability that is worth a revision."""
 SURE = 0.8
 """A conflict less likely than this is one level less severe, and none where the forecasts as they stand miss."""
+SLACK_S = 1.0
 
 SEVERITIES = (Severity.CAUTION, Severity.WARNING, Severity.CRITICAL)
 
@@ -63,8 +64,10 @@ class Scene:
 
     here: Callable[[str], bool]
     """Whether a robot is on the floor."""
-    party: Callable[[str], Party | None]
-    """None for a robot that is not."""
+    party: Callable[[str], Party]
+    """For a robot that is."""
+    stands: Callable[[str], bool]
+    """Whether a robot is on the floor and stands there."""
     meet: Callable[[Pair, float], Encounter]
     separation_m: Callable[[Pair, float], float | None]
     """None where the two cannot be compared."""
@@ -98,17 +101,22 @@ def is_news(before: ConflictAdvisory, prediction: Prediction, severity: Severity
         severity != before.severity
         or met.encounter_class != before.encounter_class
         or abs((moment(prediction.contact_s) - before.predicted_at).total_seconds()) > MOVED_S
-        or abs(round(prediction.probability, 3) - (before.probability or 0.0)) > LIKELIER
+        or is_likelier(before, prediction)
         or abs(round(prediction.separation_m, 3) - before.min_separation_m) > DEEPER_M
         or datum != before.location.datum
         or hypot(round(met.x_m, 3) - before.location.x, round(met.y_m, 3) - before.location.y) > MOVED_M
     )
 
 
+def is_likelier(before: ConflictAdvisory, prediction: Prediction) -> bool:
+    """Whether a person would act otherwise on the probability, grown or fallen."""
+    return abs(round(prediction.probability, 3) - (before.probability or 0.0)) > LIKELIER
+
+
 def severity_of(prediction: Prediction, now_s: float, before: Severity | None, settings: Conflict) -> Severity:
     """By time to conflict; one level lower where more than half the clearance is left, or it may well not happen.
 
-    A severity falls only once the time has grown by a second beyond its bound.
+    A severity falls only once the time has grown by `SLACK_S` beyond its bound.
     """
     time_s = prediction.contact_s - now_s
     bounds_s = (settings.warning_s, settings.critical_s)
@@ -120,7 +128,14 @@ def severity_of(prediction: Prediction, now_s: float, before: Severity | None, s
 
     if before is None:
         return SEVERITIES[level(0.0)]
-    return SEVERITIES[max(level(0.0), min(SEVERITIES.index(before), level(1.0)))]
+    return SEVERITIES[max(level(0.0), min(SEVERITIES.index(before), level(SLACK_S)))]
+
+
+def severity_until_s(contact_s: float, now_s: float, settings: Conflict) -> float:
+    """When time alone next changes what `severity_of` says of a conflict at that time."""
+    bounds_s = (settings.warning_s, settings.critical_s)
+    changes_s = [contact_s - bound_s - slack_s for bound_s in bounds_s for slack_s in (SLACK_S, 0.0)]
+    return min((at_s for at_s in changes_s if at_s > now_s), default=inf)
 
 
 def newest(

@@ -40,7 +40,8 @@ class Story:
     def scene(self) -> Scene:
         return Scene(
             here=self.floor.__contains__,
-            party=self.floor.get,
+            party=self.floor.__getitem__,
+            stands=lambda uuid: uuid in self.floor and self.floor[uuid].standing,
             meet=lambda _, __: Encounter(EncounterClass.CROSSING, 1.2, self.x_m, 4.0, 0),
             separation_m=lambda _, __: self.apart_m,
             datum=lambda _: "datum-1",

@@ -45,12 +45,10 @@ class Histories(RuleBasedStateMachine):
         self.answers: dict[str, str] = {}
 
     def scene(self) -> Scene:
-        def party(uuid: str) -> Party | None:
-            return Party(f"Alder {uuid}", "Alder", "path", standing=False) if uuid in self.here else None
-
         return Scene(
             here=self.here.__contains__,
-            party=party,
+            party=lambda uuid: Party(f"Alder {uuid}", "Alder", "path", standing=False),
+            stands=lambda _: False,
             meet=lambda *_: Encounter(EncounterClass.CROSSING, 1.2, 3.0, 4.0, 0),
             separation_m=lambda pair, _: self.apart_m.get(pair, 9.0),
             datum=lambda _: "datum-1",
