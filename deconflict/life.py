@@ -56,9 +56,14 @@ class Track:
     met: bool = False
     """Came within the clearance while the advisory stood."""
     weighed: Weighed | None = None
-    """The newest that was."""
+    """The newest that was, if nothing new has been said since."""
     last_predicted_s: float = 0.0
     advisory: ConflictAdvisory | None = None
+
+    def look(self, *, alerting: bool) -> None:
+        """Either robot had something new to say."""
+        self.looks.append(alerting)
+        self.weighed = None
 
 
 @dataclass(slots=True, eq=False)
@@ -154,7 +159,7 @@ class Lives:
     def _missed(self, track: Track, pair: Pair, now_s: float, scene: Scene, news: bool) -> ConflictAdvisory | None:
         """The revision of a pair of which nothing is predicted."""
         if news:
-            track.looks.append(False)
+            track.look(alerting=False)
         return self._unpredicted(track, pair, now_s, scene) if news or track.advisory else None
 
     def _rests(self, track: Track, prediction: Prediction, now_s: float) -> bool:
@@ -181,7 +186,7 @@ class Lives:
         self._note_start(track, prediction.start_separation_m)
         alerting = prediction.fresh and self._alerting(track, prediction, now_s)
         if prediction.fresh:
-            track.looks.append(alerting)
+            track.look(alerting=alerting)
         if track.advisory and not track.inside and not self._holds(prediction):
             return self._unpredicted(track, prediction.pair, now_s, scene)
         if track.advisory:
