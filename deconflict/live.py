@@ -53,8 +53,7 @@ class Live:
 
     def put(self, batch: Batch) -> list[str]:
         """Replace what is known of the robots of a batch; the UUIDs of those that are new."""
-        self.floors = batch.floors
-        new = [uuid for uuid in batch.robots if uuid not in self.robots]
+        self.floors, told = batch.floors, batch.forecasts
         known = zip(
             batch.robots,
             batch.vendors,
@@ -66,17 +65,20 @@ class Live:
             batch.doubt_m.tolist(),
             strict=True,
         )
-        slots = []
+        slots, new = [], []
         for row, (uuid, vendor, model, name, state, basis, event_s, doubt_m) in enumerate(known):
-            before = self.robots.get(uuid)
-            slot = before.slot if before else self._slot(uuid)
-            slots.append(slot)
-            self.robots[uuid] = LiveRobot(
-                vendor, model, name, state, _BASES[basis], event_s, doubt_m, batch.forecasts, row, slot
-            )
-        first = batch.forecasts.start[:-1]
-        told = (batch.forecasts.x_m, batch.forecasts.y_m, batch.forecasts.floor)
-        self._at[slots] = np.column_stack([column[first] for column in told])
+            one = self.robots.get(uuid)
+            if one is None:
+                new.append(uuid)
+                slot, kind = self._slot(uuid), _BASES[basis]
+                one = LiveRobot(vendor, model, name, state, kind, event_s, doubt_m, told, row, slot)
+                self.robots[uuid] = one
+            else:
+                one.vendor, one.model, one.name, one.state, one.basis = vendor, model, name, state, _BASES[basis]
+                one.event_s, one.doubt_m, one.told, one.row, one.growth_m = event_s, doubt_m, told, row, 0.0
+            slots.append(one.slot)
+        first = told.start[:-1]
+        self._at[slots] = np.column_stack([column[first] for column in (told.x_m, told.y_m, told.floor)])
         return new
 
     def drop(self, uuids: Iterable[str]) -> None:
@@ -92,13 +94,15 @@ class Live:
 
         The robots of a batch are in its order where all of them are asked for.
         """
-        by_batch: dict[int, tuple[Forecasts, list[int], list[str]]] = {}
+        by_batch: dict[int, tuple[Forecasts, dict[int, str]]] = {}
         for uuid in uuids:
             robot = self.robots.get(uuid)
-            if robot is not None:
-                _, rows, names = by_batch.setdefault(id(robot.told), (robot.told, [], []))
-                rows.append(robot.row)
-                names.append(uuid)
+            if robot is None:
+                continue
+            part = by_batch.get(id(robot.told))
+            if part is None:
+                part = by_batch[id(robot.told)] = robot.told, {}
+            part[1][robot.row] = uuid
         parts = [_of(*one) for one in by_batch.values()]
         return [uuid for names, _ in parts for uuid in names], Forecasts.joined(part for _, part in parts)
 
@@ -126,8 +130,8 @@ class Live:
         return slot
 
 
-def _of(told: Forecasts, rows: list[int], names: list[str]) -> tuple[list[str], Forecasts]:
-    """The forecasts of rows of a batch, and whose they are; those of a whole batch as they stand."""
-    if len(rows) == len(told):
-        return [name for _, name in sorted(zip(rows, names, strict=True))], told
-    return names, told.take(rows)
+def _of(told: Forecasts, names: dict[int, str]) -> tuple[list[str], Forecasts]:
+    """Whose rows of a batch are asked for, and their forecasts; those of a whole batch as they stand."""
+    if len(names) == len(told):
+        return [names[row] for row in range(len(told))], told
+    return list(names.values()), told.take(list(names))
