@@ -1,6 +1,8 @@
 """How many advisories there are, and how they end, as measures."""
 
+from collections import Counter
 from collections.abc import Iterable
+from operator import attrgetter
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.life import PASSED, STAND, UNPREDICTED
@@ -20,8 +22,8 @@ def tally(measures: Measures, revisions: Iterable[AnyAdvisory], open_now: Iterab
             for vendor in sorted(set(one.vendors)):
                 outcome = OUTCOMES.get(one.cleared_because, "left")
                 measures.count("deconflict_conflicts_ended_total", vendor, outcome)
-    levels: dict[tuple[str, ...], float] = {}
-    for one in open_now:
-        key = (one.kind, one.severity.value)
-        levels[key] = levels.get(key, 0) + 1
+    counted = Counter(map(attrgetter("kind", "severity"), open_now))
+    levels: dict[tuple[str, ...], float] = {
+        (kind, severity.value): count for (kind, severity), count in counted.items()
+    }
     measures.level("deconflict_advisories_open", levels)

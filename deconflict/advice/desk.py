@@ -165,21 +165,38 @@ def advised(summary: str, advice: Recommendation | None, robots: Sequence[str], 
 def _connected(conflicts: Iterable[ConflictAdvisory]) -> dict[Pairs, Group]:
     """Groups of conflicts that share robots, the soonest first."""
     group_of: dict[str, list[ConflictAdvisory]] = {}
+    groups: list[list[ConflictAdvisory]] = []
     for one in conflicts:
-        groups = [group_of.get(robot, []) for robot in one.robots]
-        joined, other = groups if len(groups[0]) >= len(groups[1]) else reversed(groups)
-        joined.append(one)
-        if other is not joined:
-            joined += other
-            group_of.update((robot, joined) for each in other for robot in each.robots)
-        group_of.update((robot, joined) for robot in one.robots)
-    found = []
-    for members in {id(group): group for group in group_of.values()}.values():
-        ordered = sorted(members, key=attrgetter("robots"))
-        stands = [one.recommendation for one in ordered if one.recommendation and one.recommendation.holds]
-        first = min(one.predicted_at for one in members)
-        found.append(Group(first, tuple(one.robots for one in ordered), stands[0] if stands else None))
-    return {group.pairs: group for group in sorted(found, key=itemgetter(0, 1))}
+        a, b = one.robots
+        members = _joined(group_of, group_of.get(a), group_of.get(b))
+        if not members:
+            groups.append(members)
+        members.append(one)
+        group_of[a] = group_of[b] = members
+    found = sorted((_group(members) for members in groups if members), key=itemgetter(0, 1))
+    return {group.pairs: group for group in found}
+
+
+def _joined(
+    group_of: dict[str, list[ConflictAdvisory]],
+    one: list[ConflictAdvisory] | None,
+    other: list[ConflictAdvisory] | None,
+) -> list[ConflictAdvisory]:
+    """The members of two groups, in the larger one's list; the other's is left empty."""
+    if one is None or other is None or one is other:
+        return one or other or []
+    joined, emptied = (one, other) if len(one) >= len(other) else (other, one)
+    joined += emptied
+    group_of.update((robot, joined) for each in emptied for robot in each.robots)
+    emptied.clear()
+    return joined
+
+
+def _group(members: list[ConflictAdvisory]) -> Group:
+    if len(members) > 1:
+        members.sort(key=attrgetter("robots"))
+    standing = next((one.recommendation for one in members if one.recommendation and one.recommendation.holds), None)
+    return Group(min(one.predicted_at for one in members), tuple(one.robots for one in members), standing)
 
 
 def _goes_on(before: Pairs, asked: Asked, after: Pairs) -> bool:
