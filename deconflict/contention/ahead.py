@@ -27,16 +27,15 @@ class Ahead:
     yaw_rad: Floats
     floor: Ints
 
-    def corners(self, rows: Ints, length_m: Floats, width_m: Floats, steps: int = STEPS + 1) -> Floats:
-        """(r, steps, 4, 2) corners of the envelopes of `rows`, whose sizes are (r,), in the first steps."""
-        yaw_rad = self.yaw_rad[rows, :steps]
-        c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-        along = np.stack([c, s], axis=-1) * length_m[:, None, None] / 2
-        across = np.stack([-s, c], axis=-1) * width_m[:, None, None] / 2
-        centre = np.stack([self.x_m[rows, :steps], self.y_m[rows, :steps]], axis=-1)
-        return np.stack(
-            [centre + along + across, centre - along + across, centre - along - across, centre + along - across], axis=2
-        )
+
+def corners(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m: Floats) -> Floats:
+    """(..., 4, 2) of envelopes at poses (...), whose sizes are of a shape that goes with that."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    along = np.stack([c, s], axis=-1) * length_m[..., None] / 2
+    across = np.stack([-s, c], axis=-1) * width_m[..., None] / 2
+    centre = np.stack([x_m, y_m], axis=-1)
+    ends = [centre + along + across, centre - along + across, centre - along - across, centre + along - across]
+    return np.stack(ends, axis=-2)
 
 
 @kernel(
@@ -60,7 +59,7 @@ def _ahead(
     on = np.empty((n, steps), np.int64)
     for row in range(n):
         before, end = start[row], start[row + 1]
-        sound = before < end
+        sound, turn, turns_from = before < end, 0.0, -1
         for step in range(steps):
             times[row, step] = now_s[row] + step_s * step
             if not sound:
@@ -71,10 +70,12 @@ def _ahead(
             if after > before and floor[after] == floor[before]:
                 share = (times[row, step] - t_s[before]) / (t_s[after] - t_s[before])
                 share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
-            turn = yaw_rad[after] - yaw_rad[before]
+            if turns_from != before:
+                turn, turns_from = yaw_rad[after] - yaw_rad[before], before
+                turn = atan2(sin(turn), cos(turn)) if turn != 0.0 else turn
             x[row, step] = x_m[before] + share * (x_m[after] - x_m[before])
             y[row, step] = y_m[before] + share * (y_m[after] - y_m[before])
-            yaw[row, step] = yaw_rad[before] + share * atan2(sin(turn), cos(turn))
+            yaw[row, step] = yaw_rad[before] + share * turn
             on[row, step] = floor[before]
             sound = isfinite(x[row, step] + y[row, step] + yaw[row, step])
         if not sound:

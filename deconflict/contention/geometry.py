@@ -7,7 +7,7 @@ from math import dist, inf
 import numpy as np
 import shapely
 
-from deconflict.contention.ahead import Ahead
+from deconflict.contention.ahead import Ahead, corners
 from deconflict.contention.demand import CHANGEOVER_S
 from deconflict.contention.resources import Place, Resource, Zone, outlines
 from deconflict.motion import Bools
@@ -135,7 +135,8 @@ class Geometry:
             reach_m = np.hypot(length_m[rows], width_m[rows]) / 2
             near, index = floor.tree.query(shapely.linestrings(ways[rows]), predicate="dwithin", distance=reach_m)
             who = rows[near]
-            envelopes = shapely.polygons(view.corners(who, length_m[who], width_m[who]))
+            poses = (view.x_m[who], view.y_m[who], view.yaw_rad[who])
+            envelopes = shapely.polygons(corners(*poses, length_m[who, None], width_m[who, None]))
             inside = shapely.intersects(np.array(floor.shapes)[index][:, None], envelopes)
             inside &= view.floor[who] == view.floor[who, :1]
             for pair in np.flatnonzero(inside.any(axis=1)).tolist():

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely.ops import substring
 
-from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead
+from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead, corners
 from deconflict.contention.arrivals import Arrivals
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.promises import Spot, near
@@ -47,8 +47,8 @@ class Stop(NamedTuple):
 class Shapes:
     """Where the n robots of a batch are and will be, as numbers: few are ever asked for as shapes."""
 
-    corners: Floats
-    """(n, 4, 2) of their envelopes now."""
+    yaw_rad: Floats
+    """(n,) now."""
     ways: Floats
     """(n, STEPS + 1, 2) of their envelopes' centres, as far as they are known and stay on their floor."""
 
@@ -214,19 +214,19 @@ def _placed(one: Seen, here: str | None, new: bool) -> list[tuple[str, float]]:
 
 def _shapes(batch: Batch, view: Ahead) -> tuple[Shapes, Floats]:
     """And how long the ways are that robots are forecast to go on their floor."""
-    sizes, everybody = batch.forecasts, np.arange(len(batch))
     stays = view.floor == view.floor[:, :1]
     last = np.where(stays.all(axis=1), stays.shape[1] - 1, np.argmin(stays, axis=1) - 1)
     x_m, y_m = _up_to(last, view.x_m, view.y_m)
     way_m = np.hypot(np.diff(x_m, axis=1), np.diff(y_m, axis=1)).sum(axis=1)
     known = np.where(batch.basis == Basis.VELOCITY, int(STRAIGHT_S / STEP_S), stays.shape[1] - 1)
     ways = np.stack(_up_to(known, x_m, y_m), axis=-1)
-    return Shapes(view.corners(everybody, sizes.length_m, sizes.width_m, 1)[:, 0], ways), way_m
+    return Shapes(view.yaw_rad[:, 0].copy(), ways), way_m
 
 
 def outlines(robots: Sequence[Seen]) -> list[shapely.Polygon]:
     """Envelopes of one or more robots."""
-    found: list[shapely.Polygon] = shapely.polygons([one.shapes.corners[one.row] for one in robots]).tolist()
+    poses = [(one.x_m, one.y_m, one.shapes.yaw_rad[one.row], one.length_m, one.width_m) for one in robots]
+    found: list[shapely.Polygon] = shapely.polygons(corners(*np.array(poses).T)).tolist()
     return found
 
 
