@@ -8,7 +8,7 @@ are told by the robots' own reports, as in offline scoring.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, repeat
 from math import floor
 
 import numpy as np
@@ -91,8 +91,10 @@ class Foresight:
         self._rank = np.zeros(0, np.int64)
         """By UUID; pairs are named in its order."""
         self._ranks_stale = False
-        self._told: set[int] = set()
-        """Slots that have a new forecast since the last look."""
+        self._held = np.zeros(0, np.bool_)
+        """Whether a robot has the slot."""
+        self._told = np.zeros(0, np.bool_)
+        """Whether it has a new forecast since the last look."""
         self._half = np.zeros((2, 0))
         self._doubt_m = np.zeros(0)
         self._rests = np.zeros(0, np.bool_)
@@ -124,13 +126,15 @@ class Foresight:
             self._forget(uuid)
         if not len(batch):
             return
-        slots = np.array([self._slot(uuid) for uuid in batch.robots], np.int64)
+        slots = np.fromiter(map(self._slots.get, batch.robots, repeat(-1)), np.int64, len(batch))
+        for row in np.flatnonzero(slots < 0).tolist():
+            slots[row] = self._slot(batch.robots[row])
         if self._ranks_stale:
             self._rank_anew()
         self._kind[slots] = self.ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
         self._half[:, slots] = np.stack([batch.forecasts.length_m, batch.forecasts.width_m]) / 2
         self._doubt_m[slots] = batch.doubt_m
-        self._told.update(slots.tolist())
+        self._told[slots] = True
         reports = Reports.of(batch, slots, self._kind[slots])
         first_m = np.hypot(*(reports.track[:, 1, k] - reports.track[:, 0, k] for k in (0, 1)))
         self._rests[reports.slot] = first_m < STANDING_MPS
@@ -185,9 +189,7 @@ class Foresight:
         """
         flat = np.fromiter(map(self._slots.__getitem__, chain.from_iterable(swept.pairs)), np.int64)
         exact = codes(flat[::2], flat[1::2])
-        told = np.zeros(len(self._kind), bool)
-        told[list(self._told)] = True
-        self._told.clear()
+        told, self._told = self._told, np.zeros(len(self._told), np.bool_)
         near = self._near(told, now_s) if told.any() else np.empty(0, np.int64)
         pairs = self._remembered(now_s).with_new(np.concatenate([exact, near]))
         fresh = told[pairs.a] | told[pairs.b]
@@ -230,7 +232,7 @@ class Foresight:
 
         Envelopes are taken as circles, grown by the 80 % bands at the horizon.
         """
-        slots = np.fromiter(self._slots.values(), np.int64, len(self._slots))
+        slots = np.flatnonzero(self._held)
         kinds = np.arange(len(self.ledger.kinds))
         band_m = reach_m(self.ledger.bands_m, kinds, np.full((len(kinds), 1), self._horizon_s))[:, 0]
         near_m = np.hypot(*self._half) + self._clearance_m / 2 + self._doubt_m
@@ -317,9 +319,9 @@ class Foresight:
         return np.minimum(self._followed.heard_s, self._heeded.own_until_s(asked_s, self._horizon_s))
 
     def _slot(self, uuid: str) -> int:
-        slot = self._slots.get(uuid)
-        if slot is not None:
-            return slot
+        """A new robot's own, unless it has one already."""
+        if uuid in self._slots:
+            return self._slots[uuid]
         if self._spare:
             slot = self._spare.pop()
             self._names[slot] = uuid
@@ -328,7 +330,7 @@ class Foresight:
             self._names.append(uuid)
             if slot >= len(self._kind):
                 self._grow(max(2 * slot, 16))
-        self._slots[uuid] = slot
+        self._slots[uuid], self._held[slot] = slot, True
         self._ranks_stale = True
         return slot
 
@@ -338,7 +340,7 @@ class Foresight:
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._kind)
-        for name in ("_kind", "_rank", "_half", "_doubt_m", "_rests", "_surprise"):
+        for name in ("_held", "_told", "_kind", "_rank", "_half", "_doubt_m", "_rests", "_surprise"):
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
         self._followed.grow(slots)
@@ -349,7 +351,7 @@ class Foresight:
         if slot is None:
             return
         self._spare.append(slot)
-        self._told.discard(slot)
+        self._held[slot] = self._told[slot] = False
         self._surprise[slot] = 0.0
         self._followed.forget(np.array([slot]))
         self._heeded.forget(np.array([slot]))
