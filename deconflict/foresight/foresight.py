@@ -8,7 +8,7 @@ are told by the robots' own reports, as in offline scoring.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, repeat
+from itertools import repeat
 from math import floor
 
 import numpy as np
@@ -101,6 +101,8 @@ class Foresight:
         """Whether the robot stood, by its newest forecast, when that was made."""
         self._surprise = np.zeros(0)
         self._pairs = Pairs.none(FEATURES)
+        self._swept: dict[Pair, int] = {}
+        """Codes of the pairs that were swept in the last look."""
         self._asked_s = self._looked_s = float("-inf")
 
     def learned(self) -> dict[str, Part]:
@@ -187,8 +189,7 @@ class Foresight:
 
         Tells of the swept pairs, and of others whose probability is at least `likely`.
         """
-        flat = np.fromiter(map(self._slots.__getitem__, chain.from_iterable(swept.pairs)), np.int64)
-        exact = codes(flat[::2], flat[1::2])
+        exact = self._exact(swept.pairs)
         told, self._told = self._told, np.zeros(len(self._told), np.bool_)
         near = self._near(told, now_s) if told.any() else np.empty(0, np.int64)
         pairs = self._remembered(now_s).with_new(np.concatenate([exact, near]))
@@ -214,6 +215,15 @@ class Foresight:
             pairs.now_m[rows],
             fresh[rows],
         )
+
+    def _exact(self, pairs: Sequence[Pair]) -> Ints:
+        """Codes of the pairs that were swept, most of them in the last look too."""
+        exact = np.fromiter(map(self._swept.get, pairs, repeat(-1)), np.int64, len(pairs))
+        new = np.flatnonzero(exact < 0)
+        flat = np.array([self._slots[uuid] for row in new.tolist() for uuid in pairs[row]], np.int64)
+        exact[new] = codes(flat[::2], flat[1::2])
+        self._swept = dict(zip(pairs, exact.tolist(), strict=True))
+        return exact
 
     def _named(self, code: Ints) -> list[Pair]:
         names, (a, b) = self._names, slots_of(code)
@@ -351,6 +361,7 @@ class Foresight:
         if slot is None:
             return
         self._spare.append(slot)
+        self._swept.clear()
         self._held[slot] = self._told[slot] = False
         self._surprise[slot] = 0.0
         self._followed.forget(np.array([slot]))

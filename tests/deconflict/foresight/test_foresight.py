@@ -1,6 +1,6 @@
 """Robots that report once a second, what they say and what they do given apart."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -40,11 +40,11 @@ class Stage:
         return [self.second(t_s) for t_s in range(until_s)]
 
     def second(self, t_s: int) -> dict[Pair, float]:
-        self.foresight.receive(self._batch(float(t_s)))
+        self.foresight.receive(self.batch(float(t_s)))
         self.foresight.look(NOW_S + t_s, NONE_SWEPT, 0.5)
         return dict(self.foresight.probabilities())
 
-    def _batch(self, t_s: float) -> Batch:
+    def batch(self, t_s: float) -> Batch:
         n, now_s = len(self.walks), NOW_S + t_s
         return Batch(
             now_s=now_s,
@@ -137,3 +137,15 @@ def test_passing_where_a_robot_was_last_heard_of_is_no_meeting() -> None:
 def test_the_same_calls_give_the_same_answers() -> None:
     walks = {"a": Walk((0.0, -12.0), (0.0, 1.0), says=(0.2, 1.1)), "b": Walk((-12.0, 0.0), (1.0, 0.0))}
     assert Stage(dict(walks)).run(20) == Stage(dict(walks)).run(20)
+
+
+def test_robots_that_left_and_came_back_in_other_places_are_not_taken_for_each_other() -> None:
+    far, near = Walk((0.0, 90.0), (1.0, 0.0)), {"b": Walk((-8.0, 0.0), (1.0, 0.0)), "a": Walk((0.0, 0.0), (0.0, 0.0))}
+    stage = Stage({"c": far} | near)
+    swept = Swept((("a", "b"),), np.array([0.1]), np.array([NOW_S + 8]))
+    stage.second(0)
+    stage.foresight.look(NOW_S, swept, 0.5)
+    stage.foresight.receive(replace(stage.batch(0.5).take(np.arange(0)), gone=tuple(stage.walks)))
+    stage.foresight.receive(stage.batch(1.0))
+    stage.foresight.look(NOW_S + 1, swept, 0.5)
+    assert [pair for pair, _ in stage.foresight.probabilities()] == [("a", "b")]
