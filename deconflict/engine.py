@@ -4,7 +4,7 @@ Pure: `receive` takes a batch, `step` the time of a tick. The live service, test
 and the same calls give the same advisories.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from heapq import heappop, heappush
 from math import floor, inf
@@ -130,6 +130,7 @@ class Engine:
         for uuid in self.live.put(batch):
             heappush(self._quiet, (self.live.robots[uuid].event_s + self.site.reading.quiet_after_s, uuid))
         self._told.update(batch.robots)
+        self._sweep(batch.robots, _widened(batch.forecasts, 2 * batch.doubt_m))
         self._rests.see(batch)
         self.live.drop(batch.gone)
         self._told.difference_update(batch.gone)
@@ -153,7 +154,8 @@ class Engine:
         recorded could not.
         """
         self._aside.settle(self.pending() if pending is None else pending)
-        self._sweep_again(self._told | self._grown(now_s))
+        if grown := self._grown(now_s):
+            self._sweep(*self._swept(sorted(grown)))
         told, self._told = self._told, set()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
         accuracy_m = COARSE_M if effort >= Effort.COARSE else ACCURACY_M
@@ -226,10 +228,7 @@ class Engine:
         columns = (contact_s, separation_m, start_m, fresh, foreseen.probability)
         return list(map(Prediction._make, zip(foreseen.pairs, *(column.tolist() for column in columns), strict=True)))
 
-    def _sweep_again(self, uuids: set[str]) -> None:
-        keys, forecasts = self._swept(sorted(uuids))
-        if not keys:
-            return
+    def _sweep(self, keys: Sequence[str], forecasts: Forecasts) -> None:
         for _, reason in self._sweeper.update(keys, forecasts):
             self.measures.count("deconflict_invalid_forecasts_total", reason)
 
