@@ -192,13 +192,10 @@ class Foresight:
         exact = self._exact(swept.pairs)
         told, self._told = self._told, np.zeros(len(self._told), np.bool_)
         near = self._near(told, now_s) if told.any() else np.empty(0, np.int64)
-        pairs = self._remembered(now_s).with_new(np.concatenate([exact, near]))
-        fresh = told[pairs.a] | told[pairs.b]
-        pairs.watched[fresh] = False
-        pairs.watched[pairs.rows(np.concatenate([exact, near]))] = True
-        swept_rows = pairs.rows(exact)
-        new = pairs.watched & (pairs.near_s == 0)
-        self._examine(pairs, np.flatnonzero(pairs.watched & fresh | new), now_s, swept_rows, swept)
+        pairs, fresh, rows = self._pairs.again(np.concatenate([exact, near]), told, now_s - REMEMBERED_S)
+        swept_rows = rows[: len(exact)]
+        due = np.flatnonzero(pairs.watched & (fresh | (pairs.near_s == 0)))
+        self._examine(pairs, due, now_s, swept_rows, swept)
         pairs.asked_s[pairs.watched] = now_s
         self._pairs, self._looked_s = pairs, now_s
         self._learn(now_s)
@@ -312,10 +309,6 @@ class Foresight:
         bands_m = np.maximum(errors.bands_m[next_second, 2], FINEST_BAND_M)
         ratio = np.minimum(errors.radial_m[next_second] / bands_m, SURPRISE_MOST)
         self._surprise[slots] = SURPRISE_KEEPS * self._surprise[slots] + (1 - SURPRISE_KEEPS) * ratio
-
-    def _remembered(self, now_s: float) -> Pairs:
-        kept = self._pairs.asked_s >= now_s - REMEMBERED_S
-        return self._pairs if kept.all() else self._pairs.take(kept)
 
     def _learn(self, now_s: float) -> None:
         for question, fates in self._outcomes.known(now_s, self._pairs, self._own_until_s):

@@ -17,6 +17,7 @@ from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
 
 SLOT_BITS = 24
+SLOTS = (1 << SLOT_BITS) - 1
 _TYPES = (numba.int64[::1], numba.float64[:, ::1], *[numba.float64[::1]] * 7, *[numba.boolean[::1]] * 2)
 """Of the columns of `Pairs`."""
 
@@ -28,14 +29,19 @@ def codes(a: Ints, b: Ints) -> Ints:
 
 def slots_of(code: Ints) -> tuple[Ints, Ints]:
     """The two slots of each number."""
-    return code >> SLOT_BITS, code & ((1 << SLOT_BITS) - 1)
+    return code >> SLOT_BITS, code & SLOTS
 
 
 @kernel(
-    numba.types.Tuple(_TYPES)(numba.int64[::1], *_TYPES)  # type: ignore[no-untyped-call]
+    numba.types.Tuple((*_TYPES, numba.boolean[::1], numba.int64[::1]))(  # type: ignore[no-untyped-call]
+        *[numba.int64[::1]] * 2, numba.boolean[::1], numba.float64, *_TYPES
+    )
 )
-def _merged(
-    new: Ints,
+def _again(
+    asked: Ints,
+    ascending: Ints,
+    told: Bools,
+    since_s: float,
     code: Ints,
     seen: Floats,
     probability: Floats,
@@ -47,22 +53,33 @@ def _merged(
     asked_s: Floats,
     watched: Bools,
     inside: Bools,
-) -> tuple[Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Bools, Bools]:
-    """The columns of `Pairs` with the pairs of `new`, ascending and none of them there, as never looked at."""
-    n = len(code) + len(new)
-    codes, looks, real = np.empty(n, np.int64), np.zeros((n, seen.shape[1])), np.zeros((7, n))
-    flags, before, after = np.zeros((2, n), np.bool_), 0, 0
-    for at in range(n):
-        if before == len(code) or (after < len(new) and new[after] < code[before]):
-            codes[at], real[4, at], real[5, at] = new[after], -np.inf, -np.inf
+) -> tuple[Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Bools, Bools, Bools, Ints]:
+    """What `Pairs.again` gives, of codes `asked` whose order is `ascending`."""
+    most, before, after, n = len(code) + len(asked), 0, 0, 0
+    codes, looks, real = np.empty(most, np.int64), np.zeros((most, seen.shape[1])), np.zeros((7, most))
+    flags, rows = np.zeros((3, most), np.bool_), np.empty(len(asked), np.int64)
+    while before < len(code) or after < len(asked):
+        is_old = after == len(asked) or (before < len(code) and code[before] <= asked[ascending[after]])
+        one, is_asked = code[before] if is_old else asked[ascending[after]], False
+        while after < len(asked) and asked[ascending[after]] == one:
+            rows[ascending[after]], is_asked = n, True
             after += 1
+        old, before = before, before + is_old
+        is_known = is_old and asked_s[old] >= since_s
+        if not (is_known or is_asked):
             continue
-        codes[at], looks[at] = code[before], seen[before]
-        real[0, at], real[1, at], real[2, at] = probability[before], near_s[before], near_m[before]
-        real[3, at], real[4, at], real[5, at] = now_m[before], started_s[before], below_s[before]
-        real[6, at], flags[0, at], flags[1, at] = asked_s[before], watched[before], inside[before]
-        before += 1
-    return codes, looks, real[0], real[1], real[2], real[3], real[4], real[5], real[6], flags[0], flags[1]
+        codes[n], real[4, n], real[5, n] = one, -np.inf, -np.inf
+        if is_known:
+            for feature in range(seen.shape[1]):
+                looks[n, feature] = seen[old, feature]
+            real[0, n], real[1, n], real[2, n] = probability[old], near_s[old], near_m[old]
+            real[3, n], real[4, n], real[5, n] = now_m[old], started_s[old], below_s[old]
+            real[6, n], flags[0, n], flags[1, n] = asked_s[old], watched[old], inside[old]
+        flags[2, n] = told[one >> SLOT_BITS] or told[one & SLOTS]
+        flags[0, n] = is_asked or (flags[0, n] and not flags[2, n])
+        n += 1
+    some = (real[0, :n], real[1, :n], real[2, :n], real[3, :n], real[4, :n], real[5, :n], real[6, :n])
+    return codes[:n], looks[:n], *some, flags[0, :n], flags[1, :n], flags[2, :n], rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,12 +135,15 @@ class Pairs:
     def take(self, rows: Ints | Bools) -> "Pairs":
         return Pairs(*(getattr(self, name)[rows] for name in _COLUMNS))
 
-    def with_new(self, code: Ints) -> "Pairs":
-        """These and the pairs of `code` that are not among them, as never looked at."""
-        new = np.unique(code[self.rows(code) < 0])
-        if not len(new):
-            return self
-        return Pairs(*_merged(new, *(getattr(self, name) for name in _COLUMNS)))
+    def again(self, code: Ints, told: Bools, since_s: float) -> "tuple[Pairs, Bools, Ints]":
+        """The pairs at a new look, which of them have a robot that is `told` (slots,), and the row of each of `code`.
+
+        Those of `code` are watched; of the others no fresh ones are, and only candidates `since_s` are kept. What is
+        not kept or is new counts as never looked at.
+        """
+        before = (getattr(self, name) for name in _COLUMNS)
+        after = _again(code, np.argsort(code), told, since_s, *before)
+        return Pairs(*after[:-2]), *after[-2:]
 
 
 _COLUMNS = tuple(one.name for one in fields(Pairs))

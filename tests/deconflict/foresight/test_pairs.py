@@ -10,7 +10,8 @@ NOW_S = 1_790_000_000.0
 
 def pairs(*slots: tuple[int, int]) -> Pairs:
     a, b = np.array(slots, np.int64).T
-    return Pairs.none(2).with_new(codes(a, b))
+    every, _, _ = Pairs.none(2).again(codes(a, b), np.zeros(10, bool), NOW_S)
+    return every
 
 
 def test_pairs_are_found_again_by_their_slots() -> None:
@@ -21,10 +22,28 @@ def test_pairs_are_found_again_by_their_slots() -> None:
 
 def test_new_pairs_take_their_place_and_the_others_stay_as_they_were() -> None:
     before = pairs((1, 2), (7, 8))
-    before.probability[:] = 0.3, 0.8
-    after = before.with_new(codes(np.array([3, 1, 3]), np.array([4, 2, 4])))
+    before.probability[:], before.asked_s[:] = (0.3, 0.8), NOW_S
+    after, _, rows = before.again(codes(np.array([3, 1, 3]), np.array([4, 2, 4])), np.zeros(10, bool), NOW_S)
     assert after.a.tolist() == [1, 3, 7]
     assert after.probability.tolist() == [0.3, 0.0, 0.8]
+    assert rows.tolist() == [1, 0, 1]
+
+
+def test_pairs_of_robots_that_report_are_watched_only_where_they_are_asked_for_again() -> None:
+    before = pairs((1, 2), (3, 4), (5, 6), (5, 7))
+    before.asked_s[:] = NOW_S
+    told = np.isin(np.arange(10), [4, 5])
+    after, fresh, _ = before.again(codes(np.array([5]), np.array([7])), told, NOW_S)
+    assert fresh.tolist() == [False, True, True, True]
+    assert after.watched.tolist() == [True, False, False, True]
+
+
+def test_pairs_that_were_no_candidates_for_long_are_forgotten() -> None:
+    before = pairs((1, 2), (3, 4), (5, 6))
+    before.probability[:], before.asked_s[:] = 0.5, (NOW_S - 1, NOW_S - 1, NOW_S)
+    after, _, _ = before.again(codes(np.array([3]), np.array([4])), np.zeros(10, bool), NOW_S)
+    assert after.a.tolist() == [3, 5]
+    assert after.probability.tolist() == [0.0, 0.5]
 
 
 def outcome(*, started_s: list[float], below_s: list[float], heard_s: list[float]) -> tuple[Question, Fates]:
