@@ -32,20 +32,22 @@ class Leg:
     arrives_s: float = inf
 
 
-def legs(robots: Sequence[Seen], now_s: float) -> list[Leg]:
-    """The legs of robots that have something or go somewhere, or stand where another goes; as far as they reach."""
-    stood_on = _stood_on(robots)
-    in_demand = set(stood_on.values())
-    bound = [one for one in robots if one.stops or one.here or one.uuid in in_demand]
-    return [leg for one in bound for leg in _legs(one, stood_on, now_s)]
+def legs(sharing: Sequence[Seen], standing: Sequence[Seen], now_s: float) -> list[Leg]:
+    """The legs, as far as they reach, of robots that have something or go somewhere, and of those that stand there.
+
+    Whoever else stands is where nobody goes.
+    """
+    stood_on = _stood_on(sharing, standing)
+    robots = {one.uuid: one for one in (*sharing, *stood_on.values())}
+    return [leg for one in robots.values() for leg in _legs(one, stood_on, now_s)]
 
 
-def _legs(one: Seen, stood_on: Mapping[Node, str], now_s: float) -> Iterable[Leg]:
+def _legs(one: Seen, stood_on: Mapping[Node, Seen], now_s: float) -> Iterable[Leg]:
     place = one.here or (AT + one.uuid if one.stands else None)
     since_s, datum, x_m, y_m = one.came_s if one.here else one.stood_s, one.datum, one.x_m, one.y_m
     for number, stop in enumerate(one.stops):
         node = one.uuid, number
-        wants = stop.resource or (AT + stood_on[node] if node in stood_on else None)
+        wants = stop.resource or (AT + stood_on[node].uuid if node in stood_on else None)
         away_s = hypot(stop.x_m - x_m, stop.y_m - y_m) if stop.datum == datum else 0.0
         if place:
             yield Leg(node, place, since_s, max(stop.t_s - away_s, since_s, now_s), wants, stop.t_s)
@@ -54,20 +56,18 @@ def _legs(one: Seen, stood_on: Mapping[Node, str], now_s: float) -> Iterable[Leg
         yield Leg((one.uuid, len(one.stops)), place, since_s, inf)
 
 
-def _stood_on(robots: Sequence[Seen]) -> dict[Node, str]:
+def _stood_on(robots: Sequence[Seen], standing: Sequence[Seen]) -> dict[Node, Seen]:
     """By leg, the robot that now stands where the leg ends, outside of every resource."""
+    standing = sorted((one for one in standing if one.here is None), key=lambda one: one.uuid)
     ends = [(one, number, stop) for one in robots for number, stop in enumerate(one.stops) if not stop.resource]
-    standing = sorted(
-        (one for one in robots if one.stands and one.here is None and one.datum), key=lambda one: one.uuid
-    )
     if not standing or not ends:
         return {}
     points = shapely.points([stop.x_m for _, _, stop in ends], [stop.y_m for _, _, stop in ends])
-    found: dict[Node, str] = {}
+    found: dict[Node, Seen] = {}
     for row, index in sorted(shapely.STRtree(outlines(standing)).query(points, "intersects").T.tolist()):
         (one, number, stop), other = ends[row], standing[index]
         if one is not other and stop.datum == other.datum:
-            found.setdefault((one.uuid, number), other.uuid)
+            found.setdefault((one.uuid, number), other)
     return found
 
 
@@ -111,9 +111,10 @@ class Hindrance:
     """When the waiter gets there."""
 
 
-def hindrances(robots: Sequence[Seen], now_s: float) -> list[Hindrance]:
-    """Which standing robots are in others' way, by waiter and time."""
-    standing = [one for one in robots if one.stands and one.datum]
+def hindrances(robots: Iterable[Seen], standing: Sequence[Seen], now_s: float) -> list[Hindrance]:
+    """Which of those that stand are in others' way, by waiter and time."""
+    if not standing:
+        return []
     floors = {one.datum for one in standing}
     going = [one for one in robots if one.datum in floors and (one.goes or one.way_left is not None)]
     if not going:

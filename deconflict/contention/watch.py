@@ -15,7 +15,7 @@ from deconflict.contention.deadlocks import Link, rings
 from deconflict.contention.demand import Request, Turn, first_come
 from deconflict.contention.detours import Refuge
 from deconflict.contention.geometry import Geometry
-from deconflict.contention.journeys import Leg, aisle_wants, hindrances, legs, place_wants, way_wants
+from deconflict.contention.journeys import Hindrance, Leg, aisle_wants, hindrances, legs, place_wants, way_wants
 from deconflict.contention.occupancy import Dwells
 from deconflict.contention.resources import ContentionSettings, Resource, Zone
 from deconflict.contention.robots import Robots, Seen
@@ -99,11 +99,13 @@ class Contention:
         self._looked_s = now_s
         self._catch_up()
         every = list(self.robots.seen.values())
-        passing = [one for one in every if one.passages]
-        self._flow(passing, now_s, dt_s)
-        journeys = legs(every, now_s)
-        self._turns = self._queues(every, passing, journeys, now_s)
-        found = [*self._contended(now_s), *self._doubled(now_s), *self._locked(every, passing, journeys, now_s)]
+        sharing = [one for one in every if one.stops or one.here or one.passages]
+        standing = [one for one in every if one.stands and one.datum]
+        self._flow(sharing, now_s, dt_s)
+        journeys = legs(sharing, standing, now_s)
+        self._turns = self._queues(sharing, journeys, now_s)
+        in_way = hindrances(every, standing, now_s)
+        found = [*self._contended(now_s), *self._doubled(now_s), *self._locked(sharing, journeys, in_way, now_s)]
         self._measure()
         return self._telling.step(now_s, found, self._party)
 
@@ -111,9 +113,9 @@ class Contention:
         one = self.robots.seen[uuid]
         return one.name, one.vendor
 
-    def _flow(self, passing: list[Seen], now_s: float, dt_s: float) -> None:
+    def _flow(self, sharing: list[Seen], now_s: float, dt_s: float) -> None:
         inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
-        for one in passing:
+        for one in sharing:
             for zone, passage in one.passages.items():
                 if passage.enter_s <= now_s < passage.leave_s:
                     inside[zone].add(one.uuid)
@@ -121,12 +123,10 @@ class Contention:
             flow.step(dt_s, len(inside[zone]), len(self._inside[zone] - inside[zone]))
         self._inside = inside
 
-    def _queues(
-        self, every: list[Seen], passing: list[Seen], journeys: list[Leg], now_s: float
-    ) -> dict[str, list[Turn]]:
+    def _queues(self, sharing: list[Seen], journeys: list[Leg], now_s: float) -> dict[str, list[Turn]]:
         """Turns at every place that anybody has or will want, by its id."""
         wanted: dict[str, list[Request]] = {}
-        for one in passing:
+        for one in sharing:
             for zone, passage in one.passages.items():
                 through_s = min(passage.leave_s, float(passage.t_s[-1]) + LOOK_S) - max(passage.enter_s, now_s)
                 inside = one.uuid in self._inside[zone]
@@ -135,8 +135,8 @@ class Contention:
         for leg in journeys:
             if leg.node[1] == 0 and leg.place in self._dwells:
                 wanted.setdefault(leg.place, []).append(self._kept(leg, now_s))
-        for one in every:
-            for request, resource in self._coming(one, now_s) if one.stops else ():
+        for one in sharing:
+            for request, resource in self._coming(one, now_s):
                 wanted.setdefault(resource, []).append(request)
         return {
             place: first_come(wanted[place], self.geometry.capacity(place), now_s, self.geometry.changeover_s(place))
@@ -188,13 +188,14 @@ class Contention:
                     self.geometry, place, turns, self.geometry.capacity(place), inside, now_s
                 )
 
-    def _locked(self, every: list[Seen], passing: list[Seen], journeys: list[Leg], now_s: float) -> Iterable[Finding]:
+    def _locked(
+        self, sharing: list[Seen], journeys: list[Leg], in_way: list[Hindrance], now_s: float
+    ) -> Iterable[Finding]:
         """Rings of waits, and blockers of robots that are in none."""
         resources = self.geometry.resources
-        in_way = hindrances(every, now_s)
         aisles = [zone.id for zone in self.geometry.zones.values() if zone.kind == "aisle"]
         wants = place_wants(journeys, {one.id: one.capacity for one in resources.values()})
-        self._rings = rings([*wants, *aisle_wants(passing, aisles), *way_wants(in_way)])
+        self._rings = rings([*wants, *aisle_wants(sharing, aisles), *way_wants(in_way)])
         refuges = self._refuges() if self._rings else []
         for ring in self._rings:
             advice = self._advising.way_out(ring, self.robots.seen, refuges, now_s)
