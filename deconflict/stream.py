@@ -6,6 +6,7 @@ from contextlib import suppress
 
 from fastapi import WebSocket, WebSocketDisconnect
 
+from deconflict.either import until_either
 from deconflict.publisher import Publisher
 from deconflict.store import Store, StoreError
 from ingest.measures import Measures
@@ -49,7 +50,7 @@ class Stream:
         try:
             asked = websocket.query_params.get("after")
             seq = live_from if asked is None else await self._position(asked)
-            await self._until_gone(websocket, seq)
+            await until_either(self._feed(websocket, seq), left(websocket))
         except RefusedError as refusal:
             await self._close(websocket, refusal.code, refusal.reason)
         except StoreError:
@@ -70,18 +71,6 @@ class Stream:
             raise RefusedError(AFTER_BEYOND_LAST, f"after is beyond the last seq {last}; get /advisories afresh")
         return seq
 
-    async def _until_gone(self, websocket: WebSocket, seq: int) -> None:
-        feeding = asyncio.create_task(self._feed(websocket, seq))
-        leaving = asyncio.create_task(_left(websocket))
-        try:
-            done, _ = await asyncio.wait({feeding, leaving}, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            feeding.cancel()
-            leaving.cancel()
-            await asyncio.gather(feeding, leaving, return_exceptions=True)
-        for task in done:
-            task.result()
-
     async def _feed(self, websocket: WebSocket, seq: int) -> None:
         while True:
             for line in await self._publisher.after(seq):
@@ -100,7 +89,7 @@ class Stream:
         self._measures.level("deconflict_stream_subscribers", {(): self._subscribers})
 
 
-async def _left(websocket: WebSocket) -> None:
+async def left(websocket: WebSocket) -> None:
     """Returns when the subscriber has gone; what it says is not listened to."""
     while (await websocket.receive())["type"] != "websocket.disconnect":
         pass

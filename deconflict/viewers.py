@@ -7,12 +7,13 @@ import asyncio
 import json
 import time
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from typing import Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 
+from deconflict.either import until_either
 from deconflict.picture import Picture
+from deconflict.stream import left
 from ingest.measures import Measures
 from ingest.seam import Batch
 
@@ -45,19 +46,13 @@ class Viewers:
         """Accept, and send frames until the page leaves or takes none for the time allowed."""
         await websocket.accept()
         self._count(+1)
-        feeding, leaving = asyncio.create_task(self._feed(websocket)), asyncio.create_task(_left(websocket))
         try:
-            done, _ = await asyncio.wait({feeding, leaving}, return_when=asyncio.FIRST_COMPLETED)
-            for task in done:
-                task.result()
+            await until_either(self._feed(websocket), left(websocket))
         except TimeoutError:
             self._measures.count("deconflict_stream_dropped_total")
         except WebSocketDisconnect:
             pass
         finally:
-            for task in (feeding, leaving):
-                task.cancel()
-            await asyncio.gather(feeding, leaving, return_exceptions=True)
             self._count(-1)
 
     async def _feed(self, websocket: WebSocket) -> None:
@@ -106,9 +101,3 @@ class Viewers:
             for task in self._work:
                 task.cancel()
             self._work, self._picture = [], Picture()
-
-
-async def _left(websocket: WebSocket) -> None:
-    with suppress(WebSocketDisconnect):
-        while (await websocket.receive())["type"] != "websocket.disconnect":
-            pass

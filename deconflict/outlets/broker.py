@@ -12,6 +12,7 @@ from typing import NamedTuple
 from aiomqtt import Client, MqttError, Will
 
 from deconflict.advisory import ADVISORY, AdvisoryState
+from deconflict.either import until_either
 from deconflict.outlets.following import Following, ending
 from deconflict.outlets.settings import Mqtt
 from deconflict.publisher import Line
@@ -75,24 +76,12 @@ class Broker:
         ) as client:
             await self._say(client, Said(service, "online", True))
             try:
-                await self._feed_until_lost(client)
+                await until_either(self._feed(client), _lost(client))
             except asyncio.CancelledError:
                 client.timeout = GOODBYE_S
                 with suppress(MqttError):
                     await self._say(client, Said(service, "offline", True))
                 raise
-
-    async def _feed_until_lost(self, client: Client) -> None:
-        feeding = asyncio.create_task(self._feed(client))
-        losing = asyncio.create_task(_lost(client))
-        try:
-            done, _ = await asyncio.wait({feeding, losing}, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            feeding.cancel()
-            losing.cancel()
-            await asyncio.gather(feeding, losing, return_exceptions=True)
-        for task in done:
-            task.result()
 
     async def _feed(self, client: Client) -> None:
         """What stands at the position, in case the broker has forgotten, then all that follows."""

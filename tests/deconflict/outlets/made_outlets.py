@@ -5,17 +5,19 @@ import shutil
 import socket
 import subprocess
 import threading
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Coroutine, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from deconflict.publisher import Publisher
 from deconflict.store import Store
 from ingest.measures import Measures
+from tests.deconflict.served_face import until
 from tests.deconflict.test_supervisor import free_ports
 from tests.patience import PATIENCE_S
 
@@ -24,6 +26,19 @@ SECRET = "a secret that both ends know"  # noqa: S105
 needs_mosquitto = pytest.mark.skipif(
     not shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin"), reason="mosquitto is not installed"
 )
+
+
+@asynccontextmanager
+async def working(outlet: Coroutine[Any, Any, None], publisher: Publisher) -> AsyncIterator[None]:
+    """An outlet at work from when it follows `publisher`, until the end of the block."""
+    running = asyncio.create_task(outlet)
+    await until(lambda: publisher.measures.values["deconflict_outlet_waiting"])
+    try:
+        yield
+    finally:
+        running.cancel()
+        with suppress(asyncio.CancelledError):
+            await running
 
 
 @dataclass

@@ -1,8 +1,7 @@
 """The outlet to a broker, with a real one."""
 
 import asyncio
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
 from aiomqtt import Client
@@ -13,7 +12,7 @@ from deconflict.outlets.settings import Mqtt
 from deconflict.publisher import Line, Publisher
 from deconflict.store import Store
 from tests.deconflict.made_advisories import cleared, made
-from tests.deconflict.outlets.made_outlets import broker, kept, needs_mosquitto
+from tests.deconflict.outlets.made_outlets import broker, kept, needs_mosquitto, working
 from tests.deconflict.served_face import until
 from tests.deconflict.test_supervisor import free_ports
 from tests.patience import PATIENCE_S
@@ -21,17 +20,9 @@ from tests.patience import PATIENCE_S
 pytestmark = needs_mosquitto
 
 
-@asynccontextmanager
-async def feeding(port: int, store: Store, publisher: Publisher) -> AsyncIterator[None]:
+def feeding(port: int, store: Store, publisher: Publisher) -> AbstractAsyncContextManager[None]:
     settings = Mqtt(host="127.0.0.1", port=port, retry_s=(0.05, 0.2))
-    running = asyncio.create_task(Broker(settings, Following("mqtt", store, publisher), store).run())
-    await until(lambda: publisher.measures.values["deconflict_outlet_waiting"])
-    try:
-        yield
-    finally:
-        running.cancel()
-        with suppress(asyncio.CancelledError):
-            await running
+    return working(Broker(settings, Following("mqtt", store, publisher), store).run(), publisher)
 
 
 async def held_now(port: int) -> dict[str, str]:

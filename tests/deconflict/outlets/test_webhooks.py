@@ -1,7 +1,5 @@
-import asyncio
 import logging
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
 import pytest
@@ -14,24 +12,15 @@ from deconflict.publisher import Publisher
 from deconflict.store import Store
 from ingest.tokens import SecretError
 from tests.deconflict.made_advisories import cleared, made
-from tests.deconflict.outlets.made_outlets import SECRET, hearing, kept
+from tests.deconflict.outlets.made_outlets import SECRET, hearing, kept, working
 from tests.deconflict.served_face import until
 
 
-@asynccontextmanager
-async def posting(url: str, store: Store, publisher: Publisher, folder: Path) -> AsyncIterator[None]:
+def posting(url: str, store: Store, publisher: Publisher, folder: Path) -> AbstractAsyncContextManager[None]:
     """A webhook at work, until the end of the block."""
     (folder / "secret").write_text(SECRET)
     settings = Webhook(name="mes", url=url, secret=f"file:{folder / 'secret'}", retry_s=(0.02, 0.1), timeout_s=5)
-    following = Following("mes", store, publisher)
-    running = asyncio.create_task(Poster(settings, following).run())
-    await until(lambda: publisher.measures.values["deconflict_outlet_waiting"])
-    try:
-        yield
-    finally:
-        running.cancel()
-        with suppress(asyncio.CancelledError):
-            await running
+    return working(Poster(settings, Following("mes", store, publisher)).run(), publisher)
 
 
 def numbers(heard: list[tuple[dict[str, str], bytes]]) -> list[int]:
@@ -65,16 +54,12 @@ async def test_a_secret_that_can_not_be_used_is_counted_until_it_is_put_right(tm
         path.write_text("whsec_" + "A" * 33)
         settings = Webhook(name="mes", url=other.url, secret=f"file:{path}", retry_s=(0.02, 0.1), timeout_s=5)
         poster = Poster(settings, Following("mes", store, publisher))
-        running = asyncio.create_task(poster.run())
-        await until(lambda: publisher.measures.values["deconflict_outlet_waiting"])
-        await publisher.publish([made(1)])
-        await until(lambda: failures.get(("mes",), 0) > 1)
-        path.write_text(SECRET)
-        poster.refresh()
-        await until(lambda: numbers(other.heard) == [1])
-        running.cancel()
-        with suppress(asyncio.CancelledError):
-            await running
+        async with working(poster.run(), publisher):
+            await publisher.publish([made(1)])
+            await until(lambda: failures.get(("mes",), 0) > 1)
+            path.write_text(SECRET)
+            poster.refresh()
+            await until(lambda: numbers(other.heard) == [1])
 
 
 async def test_a_restart_goes_on_where_it_stopped_and_loses_nothing(tmp_path: Path) -> None:
