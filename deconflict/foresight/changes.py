@@ -43,11 +43,11 @@ class ForecastChanges:
     def take(self, errors: Errors, kinds: list[Kind], now_s: float) -> None:
         """Take in errors of robots; `kinds` are the rows of the ledger."""
         graded = np.flatnonzero(errors.horizon_s == GRADED_S)
-        kind, sizes = errors.kind[graded], bins(errors.radial_m[graded])
-        for row in np.unique(kind).tolist():
+        place = errors.kind[graded] * BINS + bins(errors.radial_m[graded])
+        counts = np.bincount(place, minlength=len(kinds) * BINS).reshape(-1, BINS).astype(np.float64)
+        for row in np.flatnonzero(counts.any(axis=1)).tolist():
             if kinds[row].basis is not Basis.STATIONARY:
-                counts = np.bincount(sizes[kind == row], minlength=BINS).astype(np.float64)
-                self._gather(kinds[row].vendor, counts, now_s)
+                self._gather(kinds[row].vendor, counts[row], now_s)
 
     def changed(self) -> dict[str, Change]:
         """By how many metres forecasts three seconds ahead are further off than they were, of vendors that changed."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from deconflict.foresight.sketch import BINS, bins, quantiles
 from deconflict.learned import Part, UnreadableError, numbers
-from ingest.compiled import kernel, ready
+from ingest.compiled import inner, kernel, ready
 from ingest.seam import Basis, Floats, Ints
 
 HORIZONS = 10
@@ -28,7 +28,8 @@ PRIOR_MPS = {Basis.STATIONARY: 0.02, Basis.PATH: 0.05, Basis.VELOCITY: 0.1, Basi
 PRIOR_SPREAD: Floats = np.array([0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.3, 1.8])
 LEVEL_GAIN = 0.003
 """How fast the level of a band follows coverage."""
-LEVEL_SLACK, HIGHEST_LEVEL = 0.2, 0.998
+LOWEST_LEVEL: Floats = SHARES - 0.2
+HIGHEST_LEVEL: Floats = np.minimum(SHARES + 0.2, 0.998)
 """How far it may."""
 MOST_CLASSES = 100
 FEWEST_KEPT = 1.0
@@ -39,19 +40,36 @@ RADIAL, ALONG, ACROSS = range(3)
 
 
 _COUNTS = tuple(numba.types.Array(numba.float64, dimensions, "C") for dimensions in (4, 3, 3, 2, 3))
-_INTS, _FLOATS, _MATRIX, _SHARES = (
+_INTS, _FLOATS, _MATRIX = (
     numba.types.Array(kind, dimensions, "C", readonly=True)
-    for kind, dimensions in ((numba.int64, 1), (numba.float64, 1), (numba.float64, 2), (numba.float64, 1))
+    for kind, dimensions in ((numba.int64, 1), (numba.float64, 1), (numba.float64, 2))
 )
+_ERRORS = (*[_INTS] * 2, _FLOATS, _MATRIX, numba.int64[:, ::1], _MATRIX)
 
 
-@kernel(numba.void(*_COUNTS, *[_INTS] * 2, _FLOATS, _MATRIX, numba.int64[:, ::1], _MATRIX, _SHARES, numba.float64))
+@inner
+def _fade(counts: Floats, bias_m: Floats, covered: Floats, cases: Floats, rows: Ints, kept: Floats) -> None:
+    for at, row in enumerate(rows):
+        for column in range(cases.shape[1]):
+            cases[row, column] *= kept[at]
+            for size in range(counts.shape[1]):
+                for one in range(counts.shape[3]):
+                    counts[row, size, column, one] *= kept[at]
+            for side in range(bias_m.shape[2]):
+                bias_m[row, column, side] *= kept[at]
+            for band in range(covered.shape[2]):
+                covered[row, column, band] *= kept[at]
+
+
+@kernel(numba.void(*_COUNTS, _INTS, _FLOATS, *_ERRORS, *[_FLOATS] * 3, numba.float64))
 def _count(
     counts: Floats,
     bias_m: Floats,
     covered: Floats,
     cases: Floats,
     level: Floats,
+    rows: Ints,
+    kept: Floats,
     kind: Ints,
     horizon_s: Ints,
     radial_m: Floats,
@@ -59,9 +77,13 @@ def _count(
     bin_of: Ints,
     bands_m: Floats,
     shares: Floats,
+    lowest: Floats,
+    highest: Floats,
     gain: float,
 ) -> None:
-    """Add e errors to the columns of a `Ledger`: along and across (2, e), and the bins of their sizes (3, e)."""
+    """Add e errors of kinds `rows` (r,) to the columns of a `Ledger`, of which so much is `kept` (r,) until then: along
+    and across (2, e), and the bins of their sizes (3, e)."""
+    _fade(counts, bias_m, covered, cases, rows, kept)
     for at in range(len(kind)):
         row, column = kind[at], horizon_s[at] - 1
         cases[row, column] += 1.0
@@ -73,6 +95,10 @@ def _count(
             inside = 1.0 if radial_m[at] <= bands_m[at, band] else 0.0
             covered[row, column, band] += inside
             level[row, column, band] += gain * (shares[band] - inside)
+    for row in rows:
+        for column in range(level.shape[1]):
+            for band in range(level.shape[2]):
+                level[row, column, band] = min(max(level[row, column, band], lowest[band]), highest[band])
 
 
 class Kind(NamedTuple):
@@ -162,18 +188,16 @@ class Ledger:
     def record(self, errors: Errors, now_s: float) -> None:
         """Take in errors; the bands follow at most once in `REFRESH_S`."""
         if len(errors):
-            rows = np.unique(errors.kind)
-            self._fade(rows, now_s)
+            rows = np.flatnonzero(np.bincount(errors.kind))
+            kept = 0.5 ** (np.maximum(now_s - self.as_of_s[rows], 0.0) / HALF_LIFE_S)
+            self.as_of_s[rows] = np.maximum(self.as_of_s[rows], now_s)
             radial_m = errors.radial_m
             sizes_m = np.stack([radial_m, np.abs(errors.along_m), np.abs(errors.across_m)])
             columns = (self.counts, self.bias_m, self.covered, self.cases, self.level)
             signed_m, bands_m = np.stack([errors.along_m, errors.across_m]), ready(errors.bands_m)
-            _count(
-                *columns, errors.kind, errors.horizon_s, radial_m, signed_m, bins(sizes_m), bands_m, SHARES, LEVEL_GAIN
-            )
-            self.level[rows] = np.clip(
-                self.level[rows], SHARES - LEVEL_SLACK, np.minimum(SHARES + LEVEL_SLACK, HIGHEST_LEVEL)
-            )
+            of, shares = (errors.kind, errors.horizon_s), (SHARES, LOWEST_LEVEL, HIGHEST_LEVEL)
+            sizes = bins(sizes_m)
+            _count(*columns, rows, kept, *of, radial_m, signed_m, sizes, bands_m, *shares, LEVEL_GAIN)
             self._stale.update(rows.tolist())
         if self._stale and not 0 <= now_s - self._refreshed_s < REFRESH_S:
             self._refreshed_s = now_s
@@ -200,12 +224,6 @@ class Ledger:
             setattr(self, name, column)
         self.bands_m = np.zeros((len(kinds), HORIZONS, len(SHARES)))
         self._read_bands(list(range(len(kinds))))
-
-    def _fade(self, rows: Ints, now_s: float) -> None:
-        kept = 0.5 ** (np.maximum(now_s - self.as_of_s[rows], 0.0) / HALF_LIFE_S)
-        self.as_of_s[rows] = np.maximum(self.as_of_s[rows], now_s)
-        for column in (self.counts, self.bias_m, self.covered, self.cases):
-            column[rows] *= kept.reshape(-1, *([1] * (column.ndim - 1)))
 
     def _read_bands(self, rows: list[int]) -> None:
         radii = quantiles(self.counts[rows, RADIAL], self.level[rows])
