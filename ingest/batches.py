@@ -1,13 +1,13 @@
 """Rows of a batch out of what is known of each robot."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import chain
 
 import numpy as np
 
 from ingest.forecast import Forecast, Stop
 from ingest.robots import Robot
-from ingest.seam import Batch, Claim, Destinations, Forecasts
+from ingest.seam import Batch, Claim, Destinations, Floats, Forecasts
 
 
 def batch(
@@ -19,7 +19,7 @@ def batch(
         floors=floors,
         robots=tuple(robot.uuid for robot in robots),
         vendors=tuple(robot.vendor for robot in robots),
-        models=tuple(robot.identity.model if robot.identity else "" for robot in robots),
+        models=tuple(robot.model for robot in robots),
         names=tuple(robot.name for robot in robots),
         states=tuple(robot.state for robot in robots),
         statuses=np.array([robot.statuses for robot in robots], np.int64),
@@ -38,28 +38,30 @@ def batch(
 def _layout(forecasts: list[Forecast]) -> Forecasts:
     if not forecasts:
         return Forecasts.empty()
-    knots = np.concatenate([np.asarray(one.knots) for one in forecasts])
-    sizes = np.array([(one.length_m, one.width_m, one.bottom_m, one.top_m) for one in forecasts])
+    t_s, x_m, y_m, yaw_rad = _columns(np.concatenate([one.knots for one in forecasts]))
+    sizes = chain.from_iterable([(one.length_m, one.width_m, one.bottom_m, one.top_m) for one in forecasts])
+    length_m, width_m, bottom_m, top_m = _columns(np.fromiter(sizes, np.float64).reshape(-1, 4))
     return Forecasts(
         start=np.concatenate([[0], np.cumsum([len(one.knots) for one in forecasts])]),
-        t_s=knots[:, 0].copy(),
-        x_m=knots[:, 1].copy(),
-        y_m=knots[:, 2].copy(),
-        yaw_rad=knots[:, 3].copy(),
-        floor=np.fromiter(chain.from_iterable(one.floors for one in forecasts), np.int64, len(knots)),
-        length_m=sizes[:, 0].copy(),
-        width_m=sizes[:, 1].copy(),
-        bottom_m=sizes[:, 2].copy(),
-        top_m=sizes[:, 3].copy(),
+        t_s=t_s,
+        x_m=x_m,
+        y_m=y_m,
+        yaw_rad=yaw_rad,
+        floor=np.fromiter(chain.from_iterable(one.floors for one in forecasts), np.int64, len(t_s)),
+        length_m=length_m,
+        width_m=width_m,
+        bottom_m=bottom_m,
+        top_m=top_m,
     )
 
 
 def _destinations(stops_of: list[tuple[Stop, ...]]) -> Destinations:
     stops = np.fromiter(chain.from_iterable(chain.from_iterable(stops_of)), np.float64).reshape(-1, 4)
-    return Destinations(
-        start=np.concatenate([[0], np.cumsum([len(each) for each in stops_of])]).astype(np.int64),
-        t_s=stops[:, 0].copy(),
-        x_m=stops[:, 1].copy(),
-        y_m=stops[:, 2].copy(),
-        floor=stops[:, 3].astype(np.int64),
-    )
+    t_s, x_m, y_m, floor = _columns(stops)
+    start = np.concatenate([[0], np.cumsum([len(each) for each in stops_of])]).astype(np.int64)
+    return Destinations(start, t_s, x_m, y_m, floor.astype(np.int64))
+
+
+def _columns(rows: Floats) -> Iterable[Floats]:
+    """The columns (n,) of `rows` (n, c)."""
+    return np.ascontiguousarray(rows.T)

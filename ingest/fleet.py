@@ -229,7 +229,7 @@ class Fleet:
     def _settle(self, robot: Robot, vendor: str) -> None:
         self._of_vendor[robot.vendor] -= 1
         self._of_vendor[vendor] += 1
-        robot.vendor, robot.view = vendor, None
+        robot.settle(vendor)
 
     def _identify(
         self, robot: Robot, identity: Identity, raw: bytes, arrival_s: float, connection: Connection

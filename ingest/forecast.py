@@ -145,7 +145,9 @@ def _followed(status: Status, here: Sighting, view: View) -> Forecast | None:
     if followed is None:
         return None
     knots, floor = followed
-    floors = (here.floor, *(floor,) * (len(knots) - 1))
+    floors = (floor,) * len(knots)
+    if here.floor != floor:
+        floors = (here.floor, *floors[1:])
     return Forecast(Basis.PATH, knots, floors, *_size(view.body, status.z))
 
 

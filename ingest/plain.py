@@ -35,8 +35,8 @@ _X, _Y, _Z, _ANGLE, _TIMESTAMP, _RIGHT, _OTHER = (1 << bit for bit in range(7))
 """The keys of a point, as bits; the first five are needed, but for `_Z`."""
 _NEEDED = _X | _Y | _ANGLE | _TIMESTAMP
 _LETTERS = np.frombuffer(b"angletimestampplanarDatumUUID", np.uint8)
-_ANGLE_AT, _TIMESTAMP_AT, _DATUM_AT = 0, 5, 14
-"""Where those keys begin in `_LETTERS`."""
+_TIMESTAMP_AT, _DATUM_AT, _UUID_AT = 5, 14, 25
+"""Where the second key, the third and its ending begin in `_LETTERS`."""
 _BEFORE_MONTH = np.cumsum([0, 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30])
 _LETTERS_OF = types.CPointer(types.uint8)  # type: ignore[no-untyped-call]
 _TEXT = types.Bytes(types.uint8, 1, "C", readonly=True)
@@ -236,25 +236,33 @@ def _angle(text: Letters, end: int, at: int) -> tuple[int, float]:
 
 
 @inner
+def _after_letters(text: Letters, end: int, at: int, first: int, last: int) -> int:
+    """Behind the letters of `_LETTERS` from `first` to `last`; -1 where others stand there."""
+    if at + last - first >= end:
+        return -1
+    for i in range(last - first):
+        if text[at + i] != _LETTERS[first + i]:
+            return -1
+    return at + last - first
+
+
+@inner
 def _key(text: Letters, end: int, at: int) -> tuple[int, int]:
     """Which key of a point stands there and where its value begins; -1 where it has no such key."""
-    begin = at + 1
-    if at >= end or text[at] != 34 or begin >= end:
+    if at + 1 >= end or text[at] != 34:
         return 0, -1
-    quote = _end_of_text(text, end, begin)
-    length, which, like = quote - begin, 0, 0
-    if length == 1 and 120 <= text[begin] <= 122:
-        return _X << (text[begin] - 120), _after(text, end, quote + 1, 58)
-    if length == 5:
-        which, like = _ANGLE, _ANGLE_AT
-    elif length == 9:
-        which, like = _TIMESTAMP, _TIMESTAMP_AT
-    elif length in {11, 15}:
-        which, like = _RIGHT if length == 15 else _OTHER, _DATUM_AT
-    for i in range(length):
-        if which == 0 or text[begin + i] != _LETTERS[like + i]:
-            return 0, -1
-    return which, _after(text, end, quote + 1, 58) if which else -1
+    at, letter, which = at + 1, text[at + 1], _TIMESTAMP
+    if 120 <= letter <= 122:
+        at, which = at + 1, _X << (letter - 120)
+    elif letter == 97:
+        at, which = _after_letters(text, end, at, 0, _TIMESTAMP_AT), _ANGLE
+    elif letter == 116:
+        at = _after_letters(text, end, at, _TIMESTAMP_AT, _DATUM_AT)
+    else:
+        at, which = _after_letters(text, end, at, _DATUM_AT, _UUID_AT), _OTHER
+        if at >= 0 and text[at] == 85:
+            at, which = _after_letters(text, end, at, _UUID_AT, len(_LETTERS)), _RIGHT
+    return which, _after(text, end, at + 1, 58) if 0 <= at < end and text[at] == 34 else -1
 
 
 @inner

@@ -19,6 +19,10 @@ class Robot:
     uuid: str
     vendor: str
     clock: SenderClock
+    name: str = field(init=False)
+    """What a person calls the robot."""
+    model: str = field(init=False)
+    """As its vendor names it; "" before it has identified itself."""
     identity: Identity | None = None
     identity_raw: bytes = b""
     status_raw: bytes = b""
@@ -43,11 +47,15 @@ class Robot:
     """What the view is of: whether the robot is loaded, its datum, the offset of its clock."""
     deviations: dict[str, int] = field(default_factory=dict)
 
-    @property
-    def name(self) -> str:
-        """What a person calls the robot."""
+    def __post_init__(self) -> None:
+        self.settle(self.vendor)
+
+    def settle(self, vendor: str) -> None:
+        """Be a vendor's robot, by the identity that it has now."""
+        self.vendor, self.view = vendor, None
+        self.model = self.identity.model if self.identity else ""
         serial = self.identity.serial if self.identity else self.uuid[:8]
-        return serial if serial.casefold().startswith(self.vendor.casefold()) else f"{self.vendor} {serial}"
+        self.name = serial if serial.casefold().startswith(vendor.casefold()) else f"{vendor} {serial}"
 
 
 def told(robot: Robot, raw: bytes) -> dict[str, Any] | None:

@@ -4,13 +4,13 @@ A `Batch` holds every robot that changed since the last one, its forecast normal
 of its floor. Nothing else passes from the vendors' sockets to the engine.
 """
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from itertools import chain
 from typing import Any, NamedTuple, Self
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -219,13 +219,13 @@ class Batch:
         head = {name: getattr(self, name) for name in _WORDS}
         head["layout"] = [(name, array.dtype.str, len(array)) for name, array in arrays.items()]
         body = [np.ascontiguousarray(array).tobytes() for array in arrays.values()]
-        return b"".join([json.dumps(head).encode(), b"\n", *body])
+        return b"".join([msgspec.json.encode(head), b"\n", *body])
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Self:
         """The batch that `to_bytes` wrote. The arrays are views of `data` and can't be written to."""
         head, _, body = data.partition(b"\n")
-        words: dict[str, Any] = json.loads(head)
+        words: dict[str, Any] = msgspec.json.decode(head)
         arrays: dict[str, Any] = {}
         offset = 0
         for name, kind, length in words.pop("layout"):
