@@ -22,7 +22,7 @@ from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Errors, Ledger
 from deconflict.foresight.measuring import measure
 from deconflict.foresight.pairs import Outcomes, Pairs, codes, slots_of
-from deconflict.foresight.ways import follow, reach_m, spread_m
+from deconflict.foresight.ways import follow, reach_m, within_sds
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
@@ -262,14 +262,9 @@ class Foresight:
         nearest = ahead_m.argmin(axis=1)
         sampled_m = ahead_m[np.arange(len(rows)), nearest]
         pairs.near_s[rows] = np.where(exact_m <= sampled_m, exact_s, now_s + self._ahead_s[nearest])
-        all_m = np.column_stack([ahead_m, exact_m])
-        ahead_s = np.broadcast_to(now_s + self._ahead_s, ahead_m.shape)
-        all_s = np.column_stack([ahead_s, exact_s]) - now_s
-        spread_m = self._spread_m(a, b, now_s, all_s)
-        share = ndtr((self._clearance_m - all_m) / spread_m)
-        soon = np.where(all_s <= SOON * self._horizon_s, share, 0.0).max(axis=1)
+        likely, soon = ndtr(self._within_sds(a, b, now_s, ahead_m, exact_m, exact_s))
         far = self._far(beside.speed_mps.sum(axis=0), ahead_m[:, 0])
-        pairs.seen[rows] = features(share.max(axis=1), soon, far, beside.speed_mps.min(axis=0) < STANDING_MPS)
+        pairs.seen[rows] = features(likely, soon, far, beside.speed_mps.min(axis=0) < STANDING_MPS)
         pairs.near_m[rows] = np.maximum(np.minimum(sampled_m, exact_m), 0.0)
         pairs.now_m[rows] = np.maximum(ahead_m[:, 0], 0.0)
 
@@ -292,11 +287,12 @@ class Foresight:
         far: Floats = np.minimum(needed_s / self._horizon_s, 1.0)
         return far
 
-    def _spread_m(self, a: Ints, b: Ints, now_s: float, ahead_s: Floats) -> Floats:
-        """(n, m) standard deviation of the distance of two robots."""
-        heard_s, trust = np.ascontiguousarray(self._followed.heard_s), np.maximum(self._surprise, 1.0)
-        of_robots = (self._kind, heard_s, self._doubt_m, trust, self._rests)
-        return spread_m(self.ledger.bands_m, *of_robots, a, b, ahead_s, now_s, EIGHTY, EXACT_M)
+    def _within_sds(self, a: Ints, b: Ints, now_s: float, ahead_m: Floats, swept_m: Floats, swept_s: Floats) -> Floats:
+        """(2, n) by how many standard deviations pairs are within the clearance: at the most, and soon."""
+        of_robots = (self._kind, self._followed.heard_s, self._doubt_m, np.maximum(self._surprise, 1.0), self._rests)
+        apart = (ahead_m, now_s + self._ahead_s - now_s, swept_m, swept_s)
+        limits = (self._clearance_m, SOON * self._horizon_s, EIGHTY, EXACT_M)
+        return within_sds(self.ledger.bands_m, *of_robots, a, b, *apart, now_s, *limits)
 
     def _trust(self, slots: Ints) -> Floats:
         trust: Floats = np.maximum(self._surprise[slots], 1.0)

@@ -155,11 +155,11 @@ def beside(
 
 
 @inner
-def _reach(band: Floats, ahead_s: float) -> float:
-    """Radius of a band so far ahead; linear between and beyond the whole seconds."""
-    whole = min(max(int(np.floor(ahead_s)), 0), len(band) - 1)
-    before = band[whole - 1] if whole else 0.0
-    return float(before + max(ahead_s - whole, 0.0) * (band[whole] - before))
+def _reach(bands_m: Floats, kind: int, ahead_s: float) -> float:
+    """Radius of the 80 % band of a kind so far ahead; linear between and beyond the whole seconds."""
+    whole = min(max(int(np.floor(ahead_s)), 0), bands_m.shape[1] - 1)
+    before = bands_m[kind, whole - 1, 1] if whole else 0.0
+    return float(before + max(ahead_s - whole, 0.0) * (bands_m[kind, whole, 1] - before))
 
 
 @kernel(numba.void(_INTS, *[_MATRIX] * 2, *[numba.float64] * 2, *[_FLOATS] * 2, numba.boolean[::1]))
@@ -185,8 +185,20 @@ def follow(
         inside[row] = began and not apart_m < past_m[at, -1] < np.inf
 
 
-@kernel(_MATRIX(_CUBE, _INTS, *[_FLOATS] * 3, numba.boolean[::1], *[_INTS] * 2, _ASKED, *[numba.float64] * 3))
-def spread_m(
+@kernel(
+    _MATRIX(
+        _CUBE,
+        _INTS,
+        _ASKED_LOOKS,
+        *[_FLOATS] * 2,
+        numba.boolean[::1],
+        *[_INTS] * 2,
+        _ASKED,
+        *[_FLOATS] * 3,
+        *[numba.float64] * 5,
+    )
+)
+def within_sds(
     bands_m: Floats,
     kind: Ints,
     heard_s: Floats,
@@ -195,26 +207,39 @@ def spread_m(
     rests: Bools,
     a: Ints,
     b: Ints,
+    ahead_m: Floats,
     ahead_s: Floats,
+    swept_m: Floats,
+    swept_s: Floats,
     now_s: float,
-    sds: float,
+    within_m: float,
+    soon_s: float,
+    band_sds: float,
     exact_m: float,
 ) -> Floats:
-    """(n, m) standard deviation of the distance of robots `a` and `b` (n,) at times ahead (n, m): of bands so many of
-    them wide, `trust` times as wide, and `exact_m` at least.
+    """(2, n) by how many standard deviations of their distance robots `a` and `b` (n,) are within `within_m`, where
+    that is most: in the horizon, and in its first `soon_s`.
 
-    The place of one that fell silent grows uncertain, unless it stood: it is still there, for all that is known.
+    They are so far apart: `ahead_m` (n, m) so long ahead (m,), and `swept_m` (n,) at the times `swept_s`. Bands are
+    `band_sds` wide, and `trust` times as wide; the deviation is `exact_m` at least. The place of a robot that fell
+    silent grows uncertain, unless it stood: it is still there, for all that is known.
     """
-    spread = np.empty(ahead_s.shape)
+    most = np.full((2, len(a)), -np.inf)
     for row in range(len(a)):
-        for at in range(ahead_s.shape[1]):
+        for at in range(len(ahead_s) + 1):
+            apart_m, after_s = swept_m[row], swept_s[row] - now_s
+            if at < len(ahead_s):
+                apart_m, after_s = ahead_m[row, at], ahead_s[at]
             square = 0.0
             for slot in (a[row], b[row]):
                 since_s = 0.0 if rests[slot] else max(now_s - heard_s[slot], 0.0)
-                reach = _reach(bands_m[kind[slot], :, 1], ahead_s[row, at] + since_s) * trust[slot] / sds
+                reach = _reach(bands_m, kind[slot], after_s + since_s) * trust[slot] / band_sds
                 square += reach * reach + doubt_m[slot] * doubt_m[slot]
-            spread[row, at] = np.sqrt(square) + exact_m
-    return spread
+            sds = (within_m - apart_m) / (np.sqrt(square) + exact_m)
+            most[0, row] = max(most[0, row], sds)
+            if after_s <= soon_s:
+                most[1, row] = max(most[1, row], sds)
+    return most
 
 
 @kernel(_MATRIX(_CUBE))
@@ -338,5 +363,5 @@ def reach_m(bands_m: Floats, rows: Ints, ahead_s: Floats) -> Floats:
     reach = np.empty(ahead_s.shape)
     for row in range(len(rows)):
         for at in range(ahead_s.shape[1]):
-            reach[row, at] = _reach(bands_m[rows[row], :, 1], ahead_s[row, at])
+            reach[row, at] = _reach(bands_m, rows[row], ahead_s[row, at])
     return reach
