@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ingest.seam import Basis, Batch, Floats, Forecasts
+from ingest.seam import Basis, Batch, Floats, Forecasts, Ints
 
 _BASES = tuple(Basis)
 
@@ -108,15 +108,22 @@ class Live:
 
     def around(self, group: set[str], within_m: float, most: int) -> list[str]:
         """The robots of a group and the nearest to any of them on their floors, in ascending order."""
-        slots = np.array([self.robots[uuid].slot for uuid in sorted(group)], np.int64)
-        x_m, y_m, floor = self._at.T
-        away_m = np.full(len(self._at), np.inf)
-        for slot in slots.tolist():
-            np.minimum(away_m, np.hypot(x_m - x_m[slot], y_m - y_m[slot]), out=away_m)
-        away_m[slots] = np.inf
-        near = np.flatnonzero((away_m <= within_m) & np.isin(floor, floor[slots]))
-        others = sorted(zip(away_m[near].tolist(), (self._uuids[slot] for slot in near.tolist()), strict=True))
+        members = self._at[[self.robots[uuid].slot for uuid in sorted(group)]]
+        slots = self._within(
+            members[:, :2].min(axis=0, initial=np.inf) - within_m,
+            members[:, :2].max(axis=0, initial=-np.inf) + within_m,
+        )
+        found = self._at[slots]
+        away_m = np.hypot(*(found[:, None, axis] - members[:, axis] for axis in (0, 1))).min(axis=1, initial=np.inf)
+        near = (away_m <= within_m) & np.isin(found[:, 2], members[:, 2])
+        named = [(away, self._uuids[slot]) for away, slot in zip(away_m[near], slots[near].tolist(), strict=True)]
+        others = sorted(one for one in named if one[1] not in group)
         return sorted([*group, *(uuid for _, uuid in others[:most])])
+
+    def _within(self, least_m: Floats, most_m: Floats) -> Ints:
+        """The slots of the robots between two corners."""
+        (x_m, y_m, _), (left, bottom), (right, top) = self._at.T, least_m, most_m
+        return np.flatnonzero((x_m >= left) & (x_m <= right) & (y_m >= bottom) & (y_m <= top))
 
     def _slot(self, uuid: str) -> int:
         if self._free:

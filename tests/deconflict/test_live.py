@@ -47,6 +47,7 @@ def test_those_around_a_group_are_the_nearest_on_its_floors() -> None:
         for within_m, most in ((15.0, 100), (100.0, 5)):
             found = live.around({robot(name) for name in group}, within_m, most)
             assert found == nearest(group, within_m, most, list(SPOTS))
+    assert live.around(set(), 15.0, 100) == []
 
 
 def test_who_has_left_is_around_nobody_and_its_place_goes_to_the_next() -> None:
