@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic_core import to_json
 
 from deconflict.advisory import ADVISORY, AnyAdvisory, Recommendation
 from deconflict.effort import Effort, Pace
@@ -227,11 +228,11 @@ class Outbox:
         if due:
             self._measured_s = time.monotonic()
         parcel = {
-            "advisories": [one.model_dump(mode="json") for one in revisions],
+            "advisories": revisions,
             "measures": [measures.as_document(), self.measures.as_document()] if due else None,
             "near_misses": near_misses,
         }
-        step = json.dumps(parcel).encode() if revisions or due or near_misses else b"", arrivals_s
+        step = to_json(parcel) if revisions or due or near_misses else b"", arrivals_s
         self._put_bytes += _weight(*step)
         self._waiting.put(step)
         if self._put_bytes - self._taken_bytes > MOST_WAITING_BYTES:
