@@ -1,85 +1,125 @@
 """Who comes within the clearance of whom, slab by slab."""
 
-from dataclasses import dataclass
+from math import inf
+from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict.broadphase import BOX, PAIR, Pairs
 from deconflict.motion import Bools
-from ingest.compiled import kernel
-from ingest.seam import Floats, Ints
+from deconflict.narrowphase import FOUND, Found
+from ingest.compiled import inner, kernel
+from ingest.seam import Ints
+
+MEETING = np.dtype(
+    [(name, np.int64) for name in ("a", "b", "slab")]
+    + [(name, np.float64) for name in ("contact", "separation", "separation_at")],
+    align=True,
+)
+"""Two robots that come within the clearance in a slab, by slot, `a` the one with the lower key; times are since the
+epoch."""
+
+Meetings = NDArray[Any]
+"""Of `MEETING`, ascending by the keys and the slab."""
+
+_BOX, _PAIR, _FOUND, _MEETING = (numba.from_dtype(one) for one in (BOX, PAIR, FOUND, MEETING))
+_MEETINGS, _INTS, _REAL = _MEETING[::1], numba.int64[::1], numba.float64
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Meetings:
-    """Pairs of robots that come within the clearance in one slab, ascending by their keys and the slab.
-
-    Arrays are (m,); times are since the epoch.
-    """
-
-    a: Ints
-    """Slot of the robot with the lower key."""
-    b: Ints
-    slab: Ints
-    contact: Floats
-    separation: Floats
-    separation_at: Floats
-
-    def __len__(self) -> int:
-        return len(self.a)
-
-    @classmethod
-    def none(cls) -> "Meetings":
-        whole, real = np.empty(0, np.int64), np.empty(0)
-        return cls(whole, whole, whole, real, real, real)
-
-    @classmethod
-    def joined(cls, parts: list["Meetings"], ranks: Ints) -> "Meetings":
-        """All of `parts`, which have none in common."""
-        parts = [part for part in parts if len(part)] or parts[:1]
-        if len(parts) == 1:
-            return parts[0]
-        every = cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__))
-        slab = every.slab - every.slab.min()
-        place = codes(every, ranks) * (int(slab.max()) + 1) + slab
-        return every.take(np.argsort(place, kind="stable"))
-
-    def take(self, rows: Ints | Bools) -> "Meetings":
-        if rows.dtype == np.bool_:
-            rows = np.flatnonzero(rows)
-        return Meetings(*(getattr(self, name).take(rows) for name in self.__slots__))
-
-    def by_pair(self) -> "Meetings":
-        """One for each pair, in the same order: its first contact and its smallest separation."""
-        first, nearest = _first_and_nearest(self.a, self.b, self.separation)
-        return Meetings(
-            self.a[first],
-            self.b[first],
-            self.slab[first],
-            self.contact[first],
-            self.separation[nearest],
-            self.separation_at[nearest],
-        )
+@kernel(_MEETINGS(_PAIR[::1], _FOUND[::1], _BOX[:, ::1]))
+def met(pairs: Pairs, found: Found, boxes: NDArray[Any]) -> Meetings:
+    """The meetings among pairs in order, of which `found` tells what became of them."""
+    some, n = np.empty(len(pairs), MEETING), 0
+    for row in range(len(pairs)):
+        pair, what = pairs[row], found[row]
+        if what.contact < inf:
+            slab, one = boxes[pair.ring, pair.a].slab, some[n]
+            one.a, one.b, one.slab = pair.a, pair.b, slab
+            one.contact, one.separation = slab + what.contact, what.separation
+            one.separation_at = slab + what.separation_at
+            n += 1
+    return some[:n].copy()
 
 
-def codes(meetings: Meetings, ranks: Ints) -> Ints:
-    """(m,) a number for each pair, ascending as meetings are."""
-    code: Ints = ranks[meetings.a] * len(ranks) + ranks[meetings.b]
-    return code
+@kernel(_MEETINGS(_MEETINGS, numba.boolean[::1], numba.int64))
+def kept(meetings: Meetings, is_changed: Bools, first_slab: int) -> Meetings:
+    """Those that are not over, of robots that did not change."""
+    some, n = np.empty_like(meetings), 0
+    for one in meetings:
+        if one.slab >= first_slab and not is_changed[one.a] and not is_changed[one.b]:
+            some[n] = one
+            n += 1
+    return some[:n].copy()
 
 
-@kernel(numba.types.UniTuple(numba.int64[::1], 2)(numba.int64[::1], numba.int64[::1], numba.float64[::1]))  # type: ignore[no-untyped-call]
-def _first_and_nearest(a: Ints, b: Ints, separation: Floats) -> tuple[Ints, Ints]:
-    """Of each run of rows of one pair, the first and the first of the smallest separation."""
-    first, nearest, runs = np.empty(len(a), np.int64), np.empty(len(a), np.int64), 0
-    for row in range(len(a)):
-        if row == 0 or a[row] != a[row - 1] or b[row] != b[row - 1]:
-            first[runs] = nearest[runs] = row
-            runs += 1
-        elif separation[row] < separation[nearest[runs - 1]]:
-            nearest[runs - 1] = row
-    return first[:runs].copy(), nearest[:runs].copy()
+@inner
+def _is_before(one: Any, other: Any, ranks: Ints) -> bool:
+    if one.a != other.a:
+        return bool(ranks[one.a] < ranks[other.a])
+    if one.b != other.b:
+        return bool(ranks[one.b] < ranks[other.b])
+    return bool(one.slab < other.slab)
+
+
+@kernel(_MEETINGS(_MEETINGS, _MEETINGS, _INTS))
+def joined(some: Meetings, others: Meetings, ranks: Ints) -> Meetings:
+    """Both, which have none in common; `ranks` are those of the keys, by slot."""
+    every, i, j = np.empty(len(some) + len(others), MEETING), 0, 0
+    for at in range(len(every)):
+        if j == len(others) or (i < len(some) and _is_before(some[i], others[j], ranks)):
+            every[at] = some[i]
+            i += 1
+        else:
+            every[at] = others[j]
+            j += 1
+    return every
+
+
+@inner
+def _is_elsewhere(one: Any, begin_s: float, end_s: float) -> bool:
+    """Whether the smallest separation is out of a span."""
+    return bool(one.separation_at < begin_s or one.separation_at > end_s)
+
+
+@kernel(numba.types.Tuple((_MEETINGS, _INTS))(_MEETINGS, _REAL, _REAL))  # type: ignore[no-untyped-call]
+def in_span(meetings: Meetings, begin_s: float, end_s: float) -> tuple[Meetings, Ints]:
+    """The meetings that begin by `end_s`, and which rows of them an edge of the span cuts."""
+    some, cut, n, cuts = np.empty_like(meetings), np.empty(len(meetings), np.int64), 0, 0
+    for one in meetings:
+        if one.contact <= end_s and one.slab <= end_s:
+            if one.contact < begin_s or _is_elsewhere(one, begin_s, end_s):
+                cut[cuts] = n
+                cuts += 1
+            some[n] = one
+            n += 1
+    return some[:n].copy(), cut[:cuts].copy()
+
+
+@kernel(_MEETINGS(_MEETINGS, _INTS, _FOUND[::1], _REAL, _REAL))
+def mended(meetings: Meetings, cut: Ints, found: Found, begin_s: float, end_s: float) -> Meetings:
+    """The meetings of a span, where `found` tells what becomes of those `cut` in the part inside."""
+    for at in range(len(cut)):
+        one, what = meetings[cut[at]], found[at]
+        if what.contact < inf and _is_elsewhere(one, begin_s, end_s):
+            one.separation, one.separation_at = what.separation, one.slab + what.separation_at
+        if one.contact < begin_s:
+            one.contact = one.slab + what.contact
+    return meetings[meetings["contact"] < inf]
+
+
+@kernel(_MEETINGS(_MEETINGS))
+def by_pair(meetings: Meetings) -> Meetings:
+    """One for each pair, in the same order: its first contact and the first of its smallest separations."""
+    pairs, n = np.empty_like(meetings), 0
+    for one in meetings:
+        if n == 0 or one.a != pairs[n - 1].a or one.b != pairs[n - 1].b:
+            pairs[n] = one
+            n += 1
+        elif one.separation < pairs[n - 1].separation:
+            pairs[n - 1].separation, pairs[n - 1].separation_at = one.separation, one.separation_at
+    return pairs[:n].copy()
 
 
 class Names:
@@ -90,12 +130,12 @@ class Names:
         self._codes: Ints = np.zeros(0, np.int64)
         self._names: NDArray[np.object_] = np.zeros(0, object)
 
-    def of(self, meetings: Meetings, keys: NDArray[np.object_], ranks: Ints) -> tuple[tuple[str, str], ...]:
-        """The two keys of each of `meetings`, one for each pair; `keys` and `ranks` are by slot.
+    def of(self, a: Ints, b: Ints, keys: NDArray[np.object_], ranks: Ints) -> tuple[tuple[str, str], ...]:
+        """The two keys of each pair of slots `a` (p,) and `b` (p,), in order of keys; `keys` and `ranks` are by slot.
 
         What is kept holds for as long as `ranks` is the same array.
         """
-        listed = codes(meetings, ranks)
+        listed = ranks[a] * len(ranks) + ranks[b]
         if self._ranks is not ranks:
             self._ranks, self._codes = ranks, self._codes[:0]
         at = np.searchsorted(self._codes, listed)
@@ -103,7 +143,7 @@ class Names:
         known[known] = self._codes[at[known]] == listed[known]
         names = np.empty(len(listed), object)
         names[known] = self._names[at[known]]
-        a, b = keys[meetings.a[~known]].tolist(), keys[meetings.b[~known]].tolist()
-        names[~known] = np.fromiter(zip(a, b, strict=True), object, len(a))
+        new = list(zip(keys[a[~known]].tolist(), keys[b[~known]].tolist(), strict=True))
+        names[~known] = np.fromiter(new, object, len(new))
         self._codes, self._names = listed, names
         return tuple(names.tolist())

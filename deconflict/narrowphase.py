@@ -37,7 +37,7 @@ MOTION = np.dtype([(name, np.float64) for name in _MOTION_FIELDS], align=True)
 B's centre from A's, and the headings, are those at `begin`; lengths and widths are half sides. `swing` is the fastest
 that turning alone can close a gap, metres a second."""
 
-MEETING = np.dtype([(name, np.float64) for name in ("contact", "separation", "separation_at", "open")], align=True)
+FOUND = np.dtype([(name, np.float64) for name in ("contact", "separation", "separation_at", "open")], align=True)
 """First contact, inf for none; smallest separation where there is contact, and when; from when on contact is left
 open, inf where it is not. Times are seconds into the slab."""
 
@@ -50,11 +50,11 @@ Two = tuple[float, float]
 Span = Two
 """Times since the epoch, from and until."""
 Found = NDArray[Any]
-"""Of `MEETING`."""
+"""Of `FOUND`."""
 
 _BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR))
 _TWO = numba.types.UniTuple(numba.float64, 2)  # type: ignore[no-untyped-call]
-_MOTION, _MEETING = numba.from_dtype(MOTION), numba.from_dtype(MEETING)
+_MOTION, _FOUND = numba.from_dtype(MOTION), numba.from_dtype(FOUND)
 
 
 @inner
@@ -308,7 +308,7 @@ def _motions(
 _OF_PAIRS = (_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
 
 
-@kernel(numba.void(*_OF_PAIRS, _TWO, *[numba.float64] * 3, numba.int64, _MEETING[::1], numba.int64[::1]))
+@kernel(numba.void(*_OF_PAIRS, _TWO, *[numba.float64] * 3, numba.int64, _FOUND[::1], numba.int64[::1]))
 def meet(
     pairs: Pairs,
     boxes: NDArray[Any],

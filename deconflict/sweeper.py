@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from deconflict.broadphase import PAIR, Boxes, Pairs, in_order
 from deconflict.exact import Decider
-from deconflict.meetings import Meetings, Names
+from deconflict.meetings import MEETING, Meetings, Names, by_pair, in_span, joined, kept, mended, met
 from deconflict.motion import Bools, Knots, faults
-from deconflict.narrowphase import MEETING, Found, Span, meet, motions_of, smallest_of, start_distances
+from deconflict.narrowphase import FOUND, Found, Span, meet, motions_of, smallest_of, start_distances
 from deconflict.roster import Robots, Roster
 from ingest.seam import Floats, Forecasts, Ints
 
@@ -61,7 +61,7 @@ def looked_at(
 
     And how many motions were looked at, and advanced.
     """
-    found, counts = np.zeros(len(pairs), MEETING), np.zeros(2, np.int64)
+    found, counts = np.zeros(len(pairs), FOUND), np.zeros(2, np.int64)
     meet(pairs, *where, span, clearance_m, TOLERANCE_M, accuracy_m, ROUNDS, found, counts)
     for row in np.flatnonzero(found["open"] < inf).tolist():
         motions = motions_of(pairs[row : row + 1], *where, span)
@@ -94,7 +94,8 @@ class Sweeper:
         self._covered: Ints = np.zeros(0, np.int64)
         """(slots,) the last slab for which a robot has boxes."""
         self._boxes = Boxes(self._slabs)
-        self._meetings, self._names = Meetings.none(), Names()
+        self._meetings: Meetings = np.empty(0, MEETING)
+        self._names = Names()
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
 
     def update(self, keys: Sequence[str], forecasts: Forecasts) -> tuple[tuple[str, str], ...]:
@@ -135,9 +136,9 @@ class Sweeper:
         self._keep(changed, first_slab)
         slabs = ceil(reach_s) + 1 + AHEAD
         pairs = [self._covered_anew(changed, first_slab, slabs), *self._covered_further(first_slab, last_slab, slabs)]
-        ranks = self._roster.ranks()
-        self._meetings = Meetings.joined([self._meetings, *(self._meet(some, decider) for some in pairs)], ranks)
-        found = self._within(now_s, now_s + reach_s, decider).by_pair()
+        for some in pairs:
+            self._meetings = joined(self._meetings, self._meet(some, decider), self._roster.ranks())
+        found = by_pair(self._within(now_s, now_s + reach_s, decider))
         return self._listed(found, now_s, told, decider)
 
     def _taken_in(self, first_slab: int) -> tuple[Ints, Bools]:
@@ -155,10 +156,7 @@ class Sweeper:
         """Forget the meetings that are over, and those of robots that changed."""
         is_changed = np.zeros(len(self._roster), bool)
         is_changed[changed] = True
-        m = self._meetings
-        kept = (m.slab >= first_slab) & ~is_changed[m.a] & ~is_changed[m.b]
-        if not kept.all():
-            self._meetings = m.take(kept)
+        self._meetings = kept(self._meetings, is_changed, first_slab)
 
     def _covered_anew(self, changed: Ints, first_slab: int, slabs: int) -> Pairs:
         """Cover the robots of `changed` in so many slabs from `first_slab` on; the pairs of boxes to look at."""
@@ -189,12 +187,7 @@ class Sweeper:
     def _meet(self, pairs: Pairs, decider: Decider) -> Meetings:
         """The meetings of pairs in their slabs."""
         pairs = in_order(pairs, self._roster.ranks(), self._roster.robots)
-        found = self._looked_at(pairs, (-inf, inf), decider)
-        hit = np.flatnonzero(found["contact"] < inf)
-        pairs, found = pairs[hit], found[hit]
-        a, b = pairs["a"].astype(np.int64), pairs["b"].astype(np.int64)
-        slab = self._boxes.all["slab"][pairs["ring"], a]
-        return Meetings(a, b, slab, slab + found["contact"], found["separation"], slab + found["separation_at"])
+        return met(pairs, self._looked_at(pairs, (-inf, inf), decider), self._boxes.all)
 
     def _looked_at(self, pairs: Pairs, span: Span, decider: Decider) -> Found:
         """What becomes of each pair within `span`, counted."""
@@ -209,35 +202,22 @@ class Sweeper:
 
     def _within(self, begin_s: float, end_s: float, decider: Decider) -> Meetings:
         """The meetings of the horizon; what one of its edges cuts off is looked for again in the part inside."""
-        m = self._meetings
-        m = m.take((m.contact <= end_s) & (m.slab <= end_s))
-        begun, elsewhere = m.contact < begin_s, (m.separation_at < begin_s) | (m.separation_at > end_s)
-        cut = np.flatnonzero(begun | elsewhere)
+        some, cut = in_span(self._meetings, begin_s, end_s)
         if not len(cut):
-            return m
-        found = self._looked_at(self._pairs(m.slab[cut], m.a[cut], m.b[cut]), (begin_s, end_s), decider)
-        m.contact[cut] = np.where(begun[cut], m.slab[cut] + found["contact"], m.contact[cut])
-        again = np.flatnonzero(elsewhere[cut] & (found["contact"] < inf))
-        rows = cut[again]
-        m.separation[rows], m.separation_at[rows] = (
-            found["separation"][again],
-            m.slab[rows] + found["separation_at"][again],
-        )
-        return m.take(np.isfinite(m.contact))
-
-    def _pairs(self, slab: Ints, a: Ints, b: Ints) -> Pairs:
-        pairs = np.empty(len(a), PAIR)
-        pairs["ring"], pairs["a"], pairs["b"] = slab % self._slabs, a, b
-        return pairs
+            return some
+        pairs, again = np.empty(len(cut), PAIR), some[cut]
+        pairs["ring"], pairs["a"], pairs["b"] = again["slab"] % self._slabs, again["a"], again["b"]
+        return mended(some, cut, self._looked_at(pairs, (begin_s, end_s), decider), begin_s, end_s)
 
     def _listed(self, m: Meetings, now_s: float, told: Bools, decider: Decider) -> PairConflicts:
+        a, b, separation_m, separation_at_s = (m[name].copy() for name in ("a", "b", "separation", "separation_at"))
         return PairConflicts(
-            pairs=self._names.of(m, self._roster.keys, self._roster.ranks()),
-            contact_s=np.maximum(m.contact, now_s),
-            separation_m=m.separation,
-            separation_at_s=m.separation_at,
-            start_separation_m=start_distances(m.a, m.b, *self._where(), now_s),
-            fresh=told[m.a] | told[m.b],
+            pairs=self._names.of(a, b, self._roster.keys, self._roster.ranks()),
+            contact_s=np.maximum(m["contact"], now_s),
+            separation_m=separation_m,
+            separation_at_s=separation_at_s,
+            start_separation_m=start_distances(a, b, *self._where(), now_s),
+            fresh=told[a] | told[b],
             box_pairs=self._box_pairs,
             segment_pairs=self._segment_pairs,
             advanced_pairs=self._advanced_pairs,

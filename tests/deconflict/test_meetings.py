@@ -4,7 +4,7 @@ from itertools import groupby
 
 import numpy as np
 
-from deconflict.meetings import Meetings, Names
+from deconflict.meetings import MEETING, Meetings, Names, by_pair, joined
 from ingest.seam import Ints
 
 RNG = np.random.default_rng(21)
@@ -19,28 +19,28 @@ def made(count: int, ranks: Ints) -> Meetings:
     order = np.lexsort((slab, ranks[b], ranks[a]))
     contact = slab + RNG.uniform(0, 1, count)
     separation = RNG.choice([0.0, 0.1, 0.2], count)
-    return Meetings(a, b, slab, contact, separation, contact + 0.25).take(order)
-
-
-def rows(meetings: Meetings) -> list[tuple[float, ...]]:
-    return list(zip(*(getattr(meetings, name).tolist() for name in Meetings.__slots__), strict=True))
+    rows = list(zip(a, b, slab, contact, separation, contact + 0.25, strict=True))
+    return np.array(rows, MEETING)[order]
 
 
 def test_a_pair_has_its_first_contact_and_the_first_of_its_smallest_separations() -> None:
     meetings = made(2000, RANKS)
     expected = []
-    for pair, some in groupby(rows(meetings), key=lambda row: row[:2]):
+    for pair, some in groupby(meetings.tolist(), key=lambda row: row[:2]):
         every = list(some)
         *_, separation, at = min(every, key=lambda row: row[4])
         expected.append((*pair, every[0][2], min(row[3] for row in every), separation, at))
-    assert rows(meetings.by_pair()) == expected
+    assert by_pair(meetings).tolist() == expected
     assert 100 < len(expected) < 1000
 
 
 def test_parts_are_joined_in_the_order_of_keys_and_slabs() -> None:
     whole = made(2000, RANKS)
     part = RNG.integers(0, 4, len(whole))
-    assert rows(Meetings.joined([whole.take(part == n) for n in range(4)], RANKS)) == rows(whole)
+    some = np.empty(0, MEETING)
+    for number in range(4):
+        some = joined(some, whole[part == number], RANKS)
+        assert some.tolist() == whole[part <= number].tolist()
 
 
 def test_names_are_those_of_the_pairs_whatever_was_listed_before() -> None:
@@ -50,8 +50,8 @@ def test_names_are_those_of_the_pairs_whatever_was_listed_before() -> None:
         if turn % 10 == 9:
             keys, ranks = np.roll(keys, 1), RNG.permutation(ROBOTS)
             kept.clear()
-        pairs = made(int(RNG.choice([0, 1, 800])), ranks).by_pair()
-        listed = names.of(pairs, keys, ranks)
-        assert listed == tuple((keys[a], keys[b]) for a, b in zip(pairs.a, pairs.b, strict=True))
+        pairs = by_pair(made(int(RNG.choice([0, 1, 800])), ranks))
+        listed = names.of(pairs["a"], pairs["b"], keys, ranks)
+        assert listed == tuple((keys[a], keys[b]) for a, b in zip(pairs["a"], pairs["b"], strict=True))
         assert all(kept.get(pair, pair) is pair for pair in listed)
         kept = {pair: pair for pair in listed}
