@@ -68,8 +68,8 @@ class Followed:
         self._before = np.zeros((0, 5))
         self._track = np.zeros((0, TRACK_S + 1, 4))
         """Of the newest report: x_m, y_m, yaw_rad and floor."""
-        self._around = np.zeros((0, 4))
-        """(slots, 4) of a circle that a robot will not leave, whenever `ahead` is asked: x_m, y_m and radius; and the
+        self._around = np.zeros((0, 5))
+        """(slots, 5) of a box that a robot will not leave, whenever `beside` is asked: x_m, y_m and half sides; and the
         furthest that it goes in a second."""
         self._made_s = np.zeros((0, KEPT))
         self._next = np.zeros(0, np.int64)

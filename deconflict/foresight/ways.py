@@ -244,8 +244,8 @@ def within_sds(
 
 @kernel(_MATRIX(_CUBE))
 def around(track: Floats) -> Floats:
-    """(n, 4) of the circle around the box of each track (n, k, 4), x_m, y_m and radius; and its longest step."""
-    circles = np.empty((len(track), 4))
+    """(n, 5) of the box around each track (n, k, 4): x_m, y_m and half sides; and its longest step."""
+    boxes = np.empty((len(track), 5))
     for row in range(len(track)):
         low_x = high_x = track[row, 0, 0]
         low_y = high_y = track[row, 0, 1]
@@ -254,9 +254,9 @@ def around(track: Floats) -> Floats:
             x, y = track[row, at, 0], track[row, at, 1]
             low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
             step = max(step, np.hypot(x - track[row, at - 1, 0], y - track[row, at - 1, 1]))
-        circles[row, 0], circles[row, 1] = (low_x + high_x) / 2, (low_y + high_y) / 2
-        circles[row, 2], circles[row, 3] = np.hypot(high_x - low_x, high_y - low_y) / 2, step
-    return circles
+        boxes[row, 0], boxes[row, 1] = (low_x + high_x) / 2, (low_y + high_y) / 2
+        boxes[row, 2], boxes[row, 3], boxes[row, 4] = (high_x - low_x) / 2, (high_y - low_y) / 2, step
+    return boxes
 
 
 @inner
@@ -294,7 +294,7 @@ def _cell(around: Floats, slot: int, side: float) -> tuple[int, int]:
 
 @inner
 def _cells(slots: Ints, around: Floats, side: float, across: int, after: Ints) -> Ints:
-    """(across, across) the last of the slots whose circles have their centre in each cell, -1 where none has; the one
+    """(across, across) the last of the slots whose boxes have their centre in each cell, -1 where none has; the one
     before it is in `after` (slots,), and so on to -1. Cells repeat, so that one far away costs no room."""
     last = np.full((across, across), -1)
     for slot in slots:
@@ -322,14 +322,15 @@ def nearing(
 ) -> Ints:
     """(p, 2) pairs of `slots` (n,), one of each `told`, once each, that come near at any of so many whole seconds.
 
-    Near is within the `reach` of both and half of what each goes from one second to the next. Only robots whose circles
+    Near is within the `reach` of both and half of what each goes from one second to the next. Only robots whose boxes
     `around` meet, grown so, are followed: they are in cells that are neighbours.
     """
-    circle, found, pairs = np.empty(len(told)), np.empty((64, 2), np.int64), 0
+    box, found, pairs = np.empty((len(told), 2)), np.empty((64, 2), np.int64), 0
     widest, across = 0.0, 4
     for slot in slots:
-        circle[slot] = around[slot, 2] + around[slot, 3] / 2 + reach[slot] + rounding_m
-        widest = max(widest, circle[slot])
+        by = around[slot, 4] / 2 + reach[slot] + rounding_m
+        box[slot, 0], box[slot, 1] = around[slot, 2] + by, around[slot, 3] + by
+        widest = max(widest, box[slot, 0], box[slot, 1])
     while across * across < len(slots):
         across *= 2
     side, after = 2 * widest, np.empty(len(told), np.int64)
@@ -344,9 +345,11 @@ def nearing(
             other = last[(x + cell // 3 - 1) & (across - 1), (y + cell % 3 - 1) & (across - 1)]
             while other >= 0:
                 beside, other = other, after[other]
-                dx, dy = around[beside, 0] - around[slot, 0], around[beside, 1] - around[slot, 1]
-                within = circle[slot] + circle[beside]
-                if dx * dx + dy * dy > within * within or (told[beside] and beside <= slot):
+                if told[beside] and beside <= slot:
+                    continue
+                if abs(around[beside, 0] - around[slot, 0]) > box[slot, 0] + box[beside, 0]:
+                    continue
+                if abs(around[beside, 1] - around[slot, 1]) > box[slot, 1] + box[beside, 1]:
                     continue
                 its_near = reach[beside] + _set_way(its_way, track, beside, seen[beside, 0], now_s) / 2
                 if _meet(way, its_way, near + its_near):
