@@ -81,5 +81,5 @@ def _jumped(before: Sighting, now: Sighting, gap_s: float) -> bool:
     """Whether no robot can have been at both places."""
     if before.floor != now.floor:
         return True
-    explained_s = max(gap_s, min(abs(now.t_s - before.t_s), JUMP_S))
-    return hypot(now.x_m - before.x_m, now.y_m - before.y_m) > JUMP_M + JUMP_MPS * explained_s
+    moved_m = hypot(now.x_m - before.x_m, now.y_m - before.y_m)
+    return moved_m > JUMP_M and moved_m > JUMP_M + JUMP_MPS * max(gap_s, min(abs(now.t_s - before.t_s), JUMP_S))

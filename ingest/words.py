@@ -1,6 +1,7 @@
 """What the words of a message mean: UUIDs, datums and states, as they stand and as senders spell them."""
 
 import re
+from functools import lru_cache
 from uuid import UUID, uuid5
 
 from ingest.conformance import Findings, RejectedError
@@ -39,6 +40,8 @@ _ALIASES = {state.casefold(): state for state in STATES} | {
 
 _RFC_4122 = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[1-8][0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")
 _UUID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}")
+_UUID_LETTERS, _REMEMBERED = 36, 1024
+"""Datums that are known to be plain, or not: the same few come again and again."""
 _HEX = re.compile(r"[0-9a-f]{32}")
 
 
@@ -79,7 +82,7 @@ def datum(right: str | None, other: str | None, findings: Findings, *, empty: st
     if other is not None:
         findings["datum-key"] = None
     text = other if right is None else right
-    if text is not None and _UUID.fullmatch(text) and text != NIL_DATUM:
+    if text is not None and len(text) == _UUID_LETTERS and _is_plain_datum(text):
         return text
     lower = (text or "").strip().lower()
     if lower in ("", NIL_DATUM):
@@ -89,6 +92,11 @@ def datum(right: str | None, other: str | None, findings: Findings, *, empty: st
     elif lower != text:
         findings["datum-upper-case"] = None
     return lower[:MAX_WORD]
+
+
+@lru_cache(_REMEMBERED)
+def _is_plain_datum(text: str) -> bool:
+    return _UUID.fullmatch(text) is not None and text != NIL_DATUM
 
 
 def state(text: str, findings: Findings) -> tuple[str, bool]:
