@@ -296,6 +296,23 @@ def _cover(
             _cover_slab(box, robot, knots, k, end, grow_m)
 
 
+@kernel(numba.float64(_BOX[:, ::1], numba.int64[::1]))
+def _side(boxes: NDArray[Any], rings: Ints) -> float:
+    """Of a cell: what nine in ten boxes fit well into, by a sample."""
+    step, n = 1 + boxes.shape[1] // 100, 0
+    longest = np.empty(len(rings) * (1 + boxes.shape[1] // step))
+    for ring in rings:
+        for slot in range(0, boxes.shape[1], step):
+            box = boxes[ring, slot]
+            if box.floor != ABSENT:
+                longest[n] = max(box.east - box.west, box.north - box.south)
+                n += 1
+    if n == 0:
+        return NARROWEST_M
+    most = n * 9 // 10
+    return float(max(ROOMY * np.partition(longest[:n], most)[most], NARROWEST_M))
+
+
 class Boxes:
     """The swept boxes of robots by slab; slab k of absolute time is ring row k modulo their number."""
 
@@ -325,14 +342,4 @@ class Boxes:
         is_changed[changed] = True
         if len(changed) <= FEW or len(changed) * self.all.shape[1] <= FEW_PAIRS:
             return _one_by_one(self.all, rings, changed, is_changed)
-        return _in_cells(self.all, rings, is_changed, 1.0 / self._side(rings))
-
-    def _side(self, rings: Ints) -> float:
-        """Of a cell: what nine in ten boxes fit well into, by a sample."""
-        sample = self.all[rings, :: 1 + self.all.shape[1] // 100]
-        there = sample[sample["floor"] != ABSENT]
-        if not len(there):
-            return NARROWEST_M
-        longest = np.maximum(there["east"] - there["west"], there["north"] - there["south"])
-        most = len(longest) * 9 // 10
-        return max(ROOMY * float(np.partition(longest, most)[most]), NARROWEST_M)
+        return _in_cells(self.all, rings, is_changed, 1.0 / _side(self.all, rings))

@@ -4,10 +4,12 @@ from collections.abc import Iterable, Sequence
 from itertools import repeat
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.motion import KNOT, Knots, set_knots
+from ingest.compiled import kernel
 from ingest.seam import Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
@@ -23,6 +25,8 @@ ROBOT = np.dtype(
 """Half sides and circumscribed radius of the envelope, height range, time of the first knot, and which knots are its:
 `first` to `first + count - 1`."""
 
+_ROBOT, _INTS = numba.from_dtype(ROBOT), numba.int64[::1]
+
 
 def robots_of(forecasts: Forecasts, first: Ints, counts: Ints) -> Robots:
     """(n,) of `ROBOT`: n forecasts of so many knots each, one at least, which begin at `first`."""
@@ -34,6 +38,20 @@ def robots_of(forecasts: Forecasts, first: Ints, counts: Ints) -> Robots:
     said["appears"] = forecasts.t_s[forecasts.start[:-1]]
     said["first"], said["count"] = first, counts
     return said
+
+
+@kernel(numba.types.Tuple((_INTS, numba.int64))(_ROBOT[::1], _INTS, _INTS, numba.int64))  # type: ignore[no-untyped-call]
+def _room(robots: Robots, slots: Ints, counts: Ints, used: int) -> tuple[Ints, int]:
+    """Where the knots of each go: in place of its old ones where they are as many, else from `used` on; the new end."""
+    first = np.empty(len(slots), np.int64)
+    for row in range(len(slots)):
+        robot = robots[slots[row]]
+        if robot.count == counts[row]:
+            first[row] = robot.first
+        else:
+            robot.count, first[row] = 0, used
+            used += counts[row]
+    return first, used
 
 
 class Roster:
@@ -58,7 +76,8 @@ class Roster:
         """Replace the forecasts of `keys`, which are all different; their slots."""
         slots = np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys))
         unknown = np.flatnonzero(slots < 0)
-        slots[unknown] = self._new_slots([keys[row] for row in unknown.tolist()])
+        if len(unknown):
+            slots[unknown] = self._new_slots([keys[row] for row in unknown.tolist()])
         counts = np.diff(forecasts.start)
         first = self._room(slots, counts)
         set_knots(self.knots, first, forecasts)
@@ -90,8 +109,6 @@ class Roster:
         return self._ranks
 
     def _new_slots(self, keys: Sequence[str]) -> list[int]:
-        if not keys:
-            return []
         self._ranks = None
         freed = [self._free.pop() for _ in range(min(len(keys), len(self._free)))]
         slots = freed + list(range(len(self) + len(freed), len(self) + len(keys)))
@@ -103,14 +120,12 @@ class Roster:
         return slots
 
     def _room(self, slots: Ints, counts: Ints) -> Ints:
-        """Where the knots of each go: in place of its old ones where they are as many, else after all others."""
-        grows = counts != self.robots["count"][slots]
-        self.robots["count"][slots[grows]] = 0
-        more = np.where(grows, counts, 0)
-        if self._used + more.sum() > len(self.knots):
-            self._pack(int(more.sum()))
-        first: Ints = np.where(grows, self._used + np.cumsum(more) - more, self.robots["first"][slots])
-        self._used += int(more.sum())
+        """Where the knots of each go, for which there is room then."""
+        first, used = _room(self.robots, slots, counts, self._used)
+        if used > len(self.knots):
+            self._pack(used - self._used)
+            first, used = _room(self.robots, slots, counts, self._used)
+        self._used = used
         return first
 
     def _pack(self, spare: int) -> None:
