@@ -37,9 +37,9 @@ class Reports:
     @classmethod
     def of(cls, batch: Batch, slots: Ints, kinds: Ints) -> "Reports":
         track = poses_at(batch.forecasts, batch.event_s[:, None] + np.arange(TRACK_S + 1.0))
-        finite = np.isfinite(track).all(axis=(1, 2))
-        if finite.all():
+        if np.isfinite(track).all():
             return cls(slots, kinds, batch.event_s, track)
+        finite = np.isfinite(track).all(axis=(1, 2))
         return cls(slots[finite], kinds[finite], batch.event_s[finite], track[finite])
 
 

@@ -240,10 +240,8 @@ class Foresight:
         Envelopes are taken as circles, grown by the 80 % bands at the horizon.
         """
         slots = np.flatnonzero(self._held)
-        kinds = np.arange(len(self.ledger.kinds))
-        band_m = reach_m(self.ledger.bands_m, kinds, np.full((len(kinds), 1), self._horizon_s))[:, 0]
-        near_m = np.hypot(*self._half) + self._clearance_m / 2 + self._doubt_m
-        near_m[slots] += np.minimum(band_m[self._kind[slots]] * self._trust(slots), MOST_GROWN_M)
+        of_robots = (self._kind, self._trust(), self._doubt_m, self._half)
+        near_m = reach_m(self.ledger.bands_m, slots, *of_robots, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
         a, b = self._followed.nearing(told, slots, near_m, now_s, self._horizon_s).T
         swapped = self._rank[a] > self._rank[b]
         return codes(np.where(swapped, b, a), np.where(swapped, a, b))
@@ -253,7 +251,7 @@ class Foresight:
         every_m, every_s = np.full(len(pairs), np.inf), np.full(len(pairs), now_s)
         every_m[swept_rows], every_s[swept_rows] = swept.separation_m, swept.separation_at_s
         exact_m, exact_s = every_m[rows], every_s[rows]
-        a, b = pairs.a[rows], pairs.b[rows]
+        a, b = slots_of(pairs.code[rows])
         beside = self._followed.beside(a, b, PAST_LOOKS, self._ahead_s, now_s)
         past_m, ahead_m = self._separations(beside, a, b)
         apart_m = self._clearance_m + self._margin_m
@@ -273,12 +271,11 @@ class Foresight:
         _, x_m, y_m, yaw_a_rad, yaw_b_rad, same, _ = beside
         apart_m = signed_gap(x_m, y_m, yaw_a_rad, yaw_b_rad, self._half[:, a], self._half[:, b])
         apart_m[~same] = np.inf
-        past, ahead = np.hsplit(apart_m, [len(PAST_LOOKS)])
-        return np.ascontiguousarray(past), ahead
+        return apart_m[:, : len(PAST_LOOKS)], apart_m[:, len(PAST_LOOKS) :]
 
     def _open(self, pairs: Pairs, rows: Ints, now_s: float) -> Ints:
         """Those of `rows` that are not in an encounter, and of which both robots are heard."""
-        heard_s = np.minimum(*(self._followed.heard_s[slots[rows]] for slots in (pairs.a, pairs.b)))
+        heard_s = np.minimum(*(self._followed.heard_s[slots] for slots in slots_of(pairs.code[rows])))
         return rows[~pairs.inside[rows] & (heard_s > now_s - JOINED_S)]
 
     def _far(self, closing_mps: Floats, now_m: Floats) -> Floats:
@@ -289,13 +286,14 @@ class Foresight:
 
     def _within_sds(self, a: Ints, b: Ints, now_s: float, ahead_m: Floats, swept_m: Floats, swept_s: Floats) -> Floats:
         """(2, n) by how many standard deviations pairs are within the clearance: at the most, and soon."""
-        of_robots = (self._kind, self._followed.heard_s, self._doubt_m, np.maximum(self._surprise, 1.0), self._rests)
+        of_robots = (self._kind, self._followed.heard_s, self._doubt_m, self._trust(), self._rests)
         apart = (ahead_m, now_s + self._ahead_s - now_s, swept_m, swept_s)
         limits = (self._clearance_m, SOON * self._horizon_s, EIGHTY, EXACT_M)
         return within_sds(self.ledger.bands_m, *of_robots, a, b, *apart, now_s, *limits)
 
-    def _trust(self, slots: Ints) -> Floats:
-        trust: Floats = np.maximum(self._surprise[slots], 1.0)
+    def _trust(self) -> Floats:
+        """(slots,) how many times as wide as those of its kind a robot's bands are taken."""
+        trust: Floats = np.maximum(self._surprise, 1.0)
         return trust
 
     def _wonder(self, errors: Errors) -> None:

@@ -162,7 +162,7 @@ def _reach(bands_m: Floats, kind: int, ahead_s: float) -> float:
     return float(before + max(ahead_s - whole, 0.0) * (bands_m[kind, whole, 1] - before))
 
 
-@kernel(numba.void(_INTS, *[_MATRIX] * 2, *[numba.float64] * 2, *[_FLOATS] * 2, numba.boolean[::1]))
+@kernel(numba.void(_INTS, _MATRIX, _ASKED, *[numba.float64] * 2, *[_FLOATS] * 2, numba.boolean[::1]))
 def follow(
     rows: Ints,
     past_s: Floats,
@@ -360,11 +360,22 @@ def nearing(
     return found[:pairs].copy()
 
 
-@kernel(_MATRIX(_CUBE, _INTS, _ASKED))
-def reach_m(bands_m: Floats, rows: Ints, ahead_s: Floats) -> Floats:
-    """(n, m) radius of the 80 % band of n rows of the ledger at the times ahead (n, m)."""
-    reach = np.empty(ahead_s.shape)
-    for row in range(len(rows)):
-        for at in range(ahead_s.shape[1]):
-            reach[row, at] = _reach(bands_m, rows[row], ahead_s[row, at])
+@kernel(_FLOATS(_CUBE, *[_INTS] * 2, *[_FLOATS] * 2, _MATRIX, *[numba.float64] * 3))
+def reach_m(
+    bands_m: Floats,
+    slots: Ints,
+    kind: Ints,
+    trust: Floats,
+    doubt_m: Floats,
+    half: Floats,
+    beyond_m: float,
+    horizon_s: float,
+    most_grown_m: float,
+) -> Floats:
+    """(slots,) how far from where they will be robots of `slots` (n,) may be met: within the circle around their `half`
+    sides (2, slots), `beyond_m` and their doubt, grown by their 80 % bands at the horizon."""
+    reach = np.empty(len(kind))
+    for slot in slots:
+        grown = min(_reach(bands_m, kind[slot], horizon_s) * trust[slot], most_grown_m)
+        reach[slot] = np.hypot(half[0, slot], half[1, slot]) + beyond_m + doubt_m[slot] + grown
     return reach

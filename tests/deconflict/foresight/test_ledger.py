@@ -16,6 +16,12 @@ def errors(ledger: Ledger, row: int, horizon_s: int, along_m: Floats) -> Errors:
     return Errors(np.full(n, row), np.zeros(n, np.int64), np.full(n, horizon_s), along_m, np.zeros(n), bands_m)
 
 
+def reach(ledger: Ledger, row: int, ahead_s: float) -> float:
+    """Of a robot without size or doubt: the band alone."""
+    of_robot = (np.array([row]), np.ones(1), np.zeros(1), np.zeros((2, 1)))
+    return float(reach_m(ledger.bands_m, np.array([0]), *of_robot, 0.0, ahead_s, np.inf)[0])
+
+
 @pytest.mark.parametrize("scale_m", [0.01, 0.5])
 def test_bands_cover_what_they_say_even_as_errors_drift(scale_m: float) -> None:
     ledger, rng = Ledger(), default_rng(7)
@@ -42,15 +48,13 @@ def test_bands_widen_with_the_horizon_whatever_was_seen() -> None:
 def test_an_unknown_kind_begins_with_a_prior_for_its_basis() -> None:
     ledger = Ledger()
     row = ledger.row("Alder", "A-7", Basis.VELOCITY, NOW_S)
-    assert reach_m(ledger.bands_m, np.array([row]), np.array([[5.0]]))[0, 0] == pytest.approx(
-        5 * PRIOR_MPS[Basis.VELOCITY], rel=0.15
-    )
+    assert reach(ledger, row, 5.0) == pytest.approx(5 * PRIOR_MPS[Basis.VELOCITY], rel=0.15)
 
 
 def test_reach_is_linear_between_and_beyond_whole_seconds() -> None:
     ledger = Ledger()
-    row = np.array([ledger.row("Alder", "A-7", Basis.PATH, NOW_S)])
-    at = reach_m(ledger.bands_m, row, np.array([[0.0, 0.5, 1.0, 9.0, 10.0, 20.0]]))[0]
+    row = ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
+    at = [reach(ledger, row, ahead_s) for ahead_s in (0.0, 0.5, 1.0, 9.0, 10.0, 20.0)]
     assert at[0] == 0
     assert at[1] == pytest.approx(at[2] / 2)
     assert at[5] == pytest.approx(at[4] + 10 * (at[4] - at[3]))
