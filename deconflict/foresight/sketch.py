@@ -1,13 +1,16 @@
 """Distributions of distances in bounded memory: counts by size, on a scale on which each step is a tenth more."""
 
+import numba
 import numpy as np
 
+from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
 
 SMALLEST_M, STEP, BINS = 1e-3, 1.1, 128
 """The first bin holds all that is at most `SMALLEST_M`, the last all beyond 180 m."""
 EDGES_M: Floats = SMALLEST_M * np.power(STEP, np.arange(BINS, dtype=np.float64))
 """(BINS,) upper edge of each bin."""
+_EDGES, _ROWS = (numba.types.Array(numba.float64, dimensions, "A", readonly=True) for dimensions in (1, 2))
 
 
 def bins(distances_m: Floats) -> Ints:
@@ -17,13 +20,27 @@ def bins(distances_m: Floats) -> Ints:
     return found
 
 
+@kernel(numba.float64[:, ::1](_ROWS, _ROWS, _EDGES))
+def _quantiles(counts: Floats, shares: Floats, edges_m: Floats) -> Floats:
+    found, sums = np.zeros(shares.shape), np.empty(counts.shape[1])
+    for row in range(len(counts)):
+        total = 0.0
+        for at in range(len(sums)):
+            total += counts[row, at]
+            sums[at] = total
+        for share in range(shares.shape[1] if total > 0.0 else 0):
+            at, wanted = 0, shares[row, share] * total - 1e-9
+            while at < len(sums) - 1 and sums[at] < wanted:
+                at += 1
+            found[row, share] = edges_m[at]
+    return found
+
+
 def quantiles(counts: Floats, shares: Floats) -> Floats:
     """The distance (..., s) below which a share (s,) or (..., s) of the counts (..., BINS) lies; 0 of no counts.
 
     At most a tenth too large: the upper edge of the bin in which it lies.
     """
-    sums = np.cumsum(counts, axis=-1)
-    wanted = shares * sums[..., -1:]
-    at = (sums[..., None, :] < wanted[..., :, None] - 1e-9).sum(axis=-1)
-    found: Floats = np.where(sums[..., -1:] > 0, EDGES_M[np.minimum(at, BINS - 1)], 0.0)
-    return found
+    shares = np.broadcast_to(shares, (*counts.shape[:-1], shares.shape[-1]))
+    found = _quantiles(counts.reshape(-1, BINS), shares.reshape(-1, shares.shape[-1]), EDGES_M)
+    return found.reshape(shares.shape)
