@@ -376,6 +376,6 @@ def _sight(status: Status, frame: Frame, floor: int, event_s: float) -> Sighting
     """Where the status puts the robot, in the floor's frame; a turn keeps its sense in a left-handed map."""
     ((x_m, y_m, yaw_rad),) = frame.placed([(status.x, status.y, status.yaw_rad)])
     turn_radps = status.turn_rad_per_s or 0.0
-    if frame.mirrored:
+    if turn_radps and frame.mirrored:
         turn_radps = -turn_radps
     return Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps)

@@ -141,12 +141,15 @@ def destinations(points: Sequence[PredictedLocation] | Points | None, stamp_s: f
         return NO_PATH
     if len(points) > MOST_POINTS:
         findings["destinations-too-many"] = None
-    times = read.times
-    if max(times) > stamp_s + DESTINATIONS_S + SLACK_S:
+    latest_s = read.ends_s[1] if read.in_order else max(read.times)
+    if latest_s > stamp_s + DESTINATIONS_S + SLACK_S:
         findings["destinations-too-far"] = None
-    if max(times) < stamp_s - SLACK_S:
+    if latest_s < stamp_s - SLACK_S:
         findings["destinations-past"] = None
-    if read.in_order or all(map(le, times, times[1:])):
+    if read.in_order:
+        return read
+    times = read.times
+    if all(map(le, times, times[1:])):
         return read
     findings["destinations-unsorted"] = None
     order = sorted(range(len(times)), key=times.__getitem__)

@@ -71,7 +71,9 @@ def is_uuid(text: str) -> bool:
 
 def _plain_uuid(text: str) -> str | None:
     digits = text.strip().lower().removeprefix("urn:uuid:").strip("{}").replace("-", "")
-    return str(UUID(digits)) if _HEX.fullmatch(digits) else None
+    if not _HEX.fullmatch(digits):
+        return None
+    return f"{digits[:8]}-{digits[8:12]}-{digits[12:16]}-{digits[16:20]}-{digits[20:]}"
 
 
 def datum(right: str | None, other: str | None, findings: Findings, *, empty: str) -> str:
