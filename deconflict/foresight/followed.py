@@ -108,11 +108,7 @@ class Followed:
 
     def speed_mps(self, slots: Ints) -> Floats:
         """(n,) at which robots went from their last report but one to the last; nan where that is not known."""
-        before, seen = self._before[slots], self._seen[slots]
-        lasted_s = seen[:, 0] - before[:, 0]
-        known = (lasted_s > 0) & (lasted_s <= JOINED_S) & (before[:, 4] == seen[:, 4])
-        went_m = np.hypot(*(seen[:, k] - before[:, k] for k in (1, 2)))
-        return np.where(known, went_m / np.where(known, lasted_s, 1.0), np.nan)
+        return ways.speed_mps(self._before, self._seen, slots, JOINED_S)
 
     def disown(self, slots: Ints) -> None:
         """Hold none of the forecasts made so far to account."""
@@ -132,10 +128,8 @@ class Followed:
 
     def _shown(self, slots: Ints) -> Errors:
         """Errors of kept forecasts of moments between the last two reports."""
-        reports = (self._before, self._seen, self._made_s)
-        slot, kept, ahead, along_m, across_m = ways.due(*reports, self._ahead, slots, LONG_AGO_S, JOINED_S)
-        bands_m = self._bands_m[slot, kept, ahead]
-        return Errors(self._kind[slot, kept], slot, ahead + 1, along_m, across_m, bands_m)
+        kept = (self._made_s, self._kind, self._ahead, self._bands_m)
+        return Errors(*ways.due(self._before, self._seen, *kept, slots, LONG_AGO_S, JOINED_S))
 
     def _keep(self, reports: Reports, newer: Ints, bands_m: Floats) -> None:
         last_s = self._made_s[reports.slot[newer]].max(axis=1)

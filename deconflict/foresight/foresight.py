@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from deconflict.encounter import STANDING_MPS
+from deconflict.foresight.bands import reach_m, within_sds
 from deconflict.foresight.calibration import FEATURES, Calibration, features
 from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.followed import JOINED_S, Beside, Followed, Reports
@@ -22,7 +23,7 @@ from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Errors, Ledger
 from deconflict.foresight.measuring import measure
 from deconflict.foresight.pairs import Outcomes, Pairs, codes, slots_of
-from deconflict.foresight.ways import follow, reach_m, within_sds
+from deconflict.foresight.ways import follow
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap

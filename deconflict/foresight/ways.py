@@ -1,5 +1,4 @@
-"""Where robots went between their last two reports and will go by their newest forecasts, who comes near whom,
-and how far off that may be.
+"""Where robots went between their last two reports and will go by their newest forecasts, and who comes near whom.
 
 Compiled; arrays are by slot, as `followed` keeps them. A report is t_s, x_m, y_m, yaw_rad and floor; a track x_m, y_m,
 yaw_rad and floor for every second from its report on. They are read number by number, as numba pays more for a slice
@@ -44,20 +43,28 @@ def _joined(before: Floats, seen: Floats, slot: int, t_s: float, long_ago_s: flo
 
 
 @kernel(
-    numba.types.Tuple((*[_INTS] * 3, *[_FLOATS] * 2))(  # type: ignore[no-untyped-call]
-        *[_MATRIX] * 3, numba.float64[:, :, :, ::1], _INTS, numba.float64, numba.float64
+    numba.types.Tuple((*[_INTS] * 3, *[_FLOATS] * 2, _MATRIX))(  # type: ignore[no-untyped-call]
+        *[_MATRIX] * 3, numba.int64[:, ::1], *[numba.float64[:, :, :, ::1]] * 2, _INTS, numba.float64, numba.float64
     )
 )
 def due(
-    before: Floats, seen: Floats, made_s: Floats, foretold: Floats, slots: Ints, long_ago_s: float, joined_s: float
-) -> tuple[Ints, Ints, Ints, Floats, Floats]:
-    """Slots, forecasts and seconds ahead, less one, of the moments between the last two reports of `slots` (n,) for
-    which they have forecasts; and how far along and across the heading `foretold` (slots, kept, horizons, 4) the robot
-    was then. In that order, (d,) each; forecasts were made at `made_s` (slots, kept)."""
+    before: Floats,
+    seen: Floats,
+    made_s: Floats,
+    kind: Ints,
+    foretold: Floats,
+    bands_m: Floats,
+    slots: Ints,
+    long_ago_s: float,
+    joined_s: float,
+) -> tuple[Ints, Ints, Ints, Floats, Floats, Floats]:
+    """Of the moments between the last two reports of `slots` (n,) for which they have forecasts: the forecast's kind,
+    the slot and the whole seconds ahead; how far along and across the heading `foretold` (slots, kept, horizons, 4) the
+    robot was then, (d,) each; and the bands (d, 3). Forecasts were made at `made_s` (slots, kept)."""
     kept_of_each, horizons = made_s.shape[1], foretold.shape[2]
-    most = len(slots) * kept_of_each * horizons
-    slot, kept, ahead = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
-    along, across, found = np.empty(most), np.empty(most), 0
+    most = len(slots) * kept_of_each * (int(joined_s) + 1)
+    its_kind, slot, ahead = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
+    along, across, bands, found = np.empty(most), np.empty(most), np.empty((most, 3)), 0
     for one in slots:
         before_s, seen_s = before[one, 0], seen[one, 0]
         if before_s <= long_ago_s or before_s < seen_s - joined_s:
@@ -73,11 +80,25 @@ def due(
                 if floor != was_floor or floor < 0.0:
                     continue
                 dx, dy, c, s = was_x - x, was_y - y, cos(yaw), sin(yaw)
-                slot[found], kept[found], ahead[found] = one, made, second
+                its_kind[found], slot[found], ahead[found] = kind[one, made], one, second + 1
                 along[found], across[found] = c * dx + s * dy, c * dy - s * dx
+                for band in range(3):
+                    bands[found, band] = bands_m[one, made, second, band]
                 found += 1
-    slot, kept, ahead = slot[:found].copy(), kept[:found].copy(), ahead[:found].copy()
-    return slot, kept, ahead, along[:found].copy(), across[:found].copy()
+    its_kind, slot, ahead = its_kind[:found].copy(), slot[:found].copy(), ahead[:found].copy()
+    return its_kind, slot, ahead, along[:found].copy(), across[:found].copy(), bands[:found].copy()
+
+
+@kernel(_FLOATS(*[_MATRIX] * 2, _INTS, numba.float64))
+def speed_mps(before: Floats, seen: Floats, slots: Ints, joined_s: float) -> Floats:
+    """(n,) at which robots of `slots` went from their last report but one to the last; nan where that is not known."""
+    speed = np.full(len(slots), np.nan)
+    for at, slot in enumerate(slots):
+        lasted_s = seen[slot, 0] - before[slot, 0]
+        if 0.0 < lasted_s <= joined_s and before[slot, 4] == seen[slot, 4]:
+            went_m = np.hypot(seen[slot, 1] - before[slot, 1], seen[slot, 2] - before[slot, 2])
+            speed[at] = went_m / lasted_s
+    return speed
 
 
 @inner
@@ -154,14 +175,6 @@ def beside(
     return past_s, dx, dy, yaw_a, yaw_b, same, speeds
 
 
-@inner
-def _reach(bands_m: Floats, kind: int, ahead_s: float) -> float:
-    """Radius of the 80 % band of a kind so far ahead; linear between and beyond the whole seconds."""
-    whole = min(max(int(np.floor(ahead_s)), 0), bands_m.shape[1] - 1)
-    before = bands_m[kind, whole - 1, 1] if whole else 0.0
-    return float(before + max(ahead_s - whole, 0.0) * (bands_m[kind, whole, 1] - before))
-
-
 @kernel(numba.void(_INTS, _MATRIX, _ASKED, *[numba.float64] * 2, *[_FLOATS] * 2, numba.boolean[::1]))
 def follow(
     rows: Ints,
@@ -183,63 +196,6 @@ def follow(
                     started_s[row], began = past_s[at, look], True
                 below_s[row] = past_s[at, look]
         inside[row] = began and not apart_m < past_m[at, -1] < np.inf
-
-
-@kernel(
-    _MATRIX(
-        _CUBE,
-        _INTS,
-        _ASKED_LOOKS,
-        *[_FLOATS] * 2,
-        numba.boolean[::1],
-        *[_INTS] * 2,
-        _ASKED,
-        *[_FLOATS] * 3,
-        *[numba.float64] * 5,
-    )
-)
-def within_sds(
-    bands_m: Floats,
-    kind: Ints,
-    heard_s: Floats,
-    doubt_m: Floats,
-    trust: Floats,
-    rests: Bools,
-    a: Ints,
-    b: Ints,
-    ahead_m: Floats,
-    ahead_s: Floats,
-    swept_m: Floats,
-    swept_s: Floats,
-    now_s: float,
-    within_m: float,
-    soon_s: float,
-    band_sds: float,
-    exact_m: float,
-) -> Floats:
-    """(2, n) by how many standard deviations of their distance robots `a` and `b` (n,) are within `within_m`, where
-    that is most: in the horizon, and in its first `soon_s`.
-
-    They are so far apart: `ahead_m` (n, m) so long ahead (m,), and `swept_m` (n,) at the times `swept_s`. Bands are
-    `band_sds` wide, and `trust` times as wide; the deviation is `exact_m` at least. The place of a robot that fell
-    silent grows uncertain, unless it stood: it is still there, for all that is known.
-    """
-    most = np.full((2, len(a)), -np.inf)
-    for row in range(len(a)):
-        for at in range(len(ahead_s) + 1):
-            apart_m, after_s = swept_m[row], swept_s[row] - now_s
-            if at < len(ahead_s):
-                apart_m, after_s = ahead_m[row, at], ahead_s[at]
-            square = 0.0
-            for slot in (a[row], b[row]):
-                since_s = 0.0 if rests[slot] else max(now_s - heard_s[slot], 0.0)
-                reach = _reach(bands_m, kind[slot], after_s + since_s) * trust[slot] / band_sds
-                square += reach * reach + doubt_m[slot] * doubt_m[slot]
-            sds = (within_m - apart_m) / (np.sqrt(square) + exact_m)
-            most[0, row] = max(most[0, row], sds)
-            if after_s <= soon_s:
-                most[1, row] = max(most[1, row], sds)
-    return most
 
 
 @kernel(_MATRIX(_CUBE))
@@ -358,24 +314,3 @@ def nearing(
                     found[pairs, 0], found[pairs, 1] = slot, beside
                     pairs += 1
     return found[:pairs].copy()
-
-
-@kernel(_FLOATS(_CUBE, *[_INTS] * 2, *[_FLOATS] * 2, _MATRIX, *[numba.float64] * 3))
-def reach_m(
-    bands_m: Floats,
-    slots: Ints,
-    kind: Ints,
-    trust: Floats,
-    doubt_m: Floats,
-    half: Floats,
-    beyond_m: float,
-    horizon_s: float,
-    most_grown_m: float,
-) -> Floats:
-    """(slots,) how far from where they will be robots of `slots` (n,) may be met: within the circle around their `half`
-    sides (2, slots), `beyond_m` and their doubt, grown by their 80 % bands at the horizon."""
-    reach = np.empty(len(kind))
-    for slot in slots:
-        grown = min(_reach(bands_m, kind[slot], horizon_s) * trust[slot], most_grown_m)
-        reach[slot] = np.hypot(half[0, slot], half[1, slot]) + beyond_m + doubt_m[slot] + grown
-    return reach

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
+from deconflict.foresight.bands import reach_m
 from deconflict.foresight.ledger import HALF_LIFE_S, HORIZONS, MOST_CLASSES, PRIOR_MPS, Errors, Ledger
-from deconflict.foresight.ways import reach_m
 from deconflict.learned import UnreadableError
 from ingest.seam import Basis, Floats
 
