@@ -125,8 +125,7 @@ class Foresight:
 
     def receive(self, batch: Batch) -> None:
         """Hold earlier forecasts against the new reports, and keep the new forecasts."""
-        for uuid in batch.gone:
-            self._forget(uuid)
+        self._forget(batch.gone)
         if not len(batch):
             return
         slots = np.fromiter(map(self._slots.get, batch.robots, repeat(-1)), np.int64, len(batch))
@@ -344,14 +343,14 @@ class Foresight:
         self._followed.grow(slots)
         self._heeded.grow(slots)
 
-    def _forget(self, uuid: str) -> None:
-        slot = self._slots.pop(uuid, None)
-        if slot is None:
+    def _forget(self, uuids: Sequence[str]) -> None:
+        slots = np.array([self._slots.pop(uuid) for uuid in uuids if uuid in self._slots], np.int64)
+        if not len(slots):
             return
-        self._spare.append(slot)
+        self._spare.extend(slots.tolist())
         self._swept.clear()
-        self._held[slot] = self._told[slot] = False
-        self._surprise[slot] = 0.0
-        self._followed.forget(np.array([slot]))
-        self._heeded.forget(np.array([slot]))
-        self._pairs = self._pairs.take((self._pairs.a != slot) & (self._pairs.b != slot))
+        self._held[slots] = self._told[slots] = False
+        self._surprise[slots] = 0.0
+        self._followed.forget(slots)
+        self._heeded.forget(slots)
+        self._pairs = self._pairs.take(self._held[self._pairs.a] & self._held[self._pairs.b])
