@@ -1,6 +1,6 @@
 """What the engine knows of each robot: its newest row of a batch."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -90,21 +90,9 @@ class Live:
                 self._free.append(robot.slot)
 
     def forecasts(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts]:
-        """The forecasts of those of `uuids` that are on the floor, batch by batch, and whose they are.
-
-        The robots of a batch are in its order where all of them are asked for.
-        """
-        by_batch: dict[int, tuple[Forecasts, dict[int, str]]] = {}
-        for uuid in uuids:
-            robot = self.robots.get(uuid)
-            if robot is None:
-                continue
-            part = by_batch.get(id(robot.told))
-            if part is None:
-                part = by_batch[id(robot.told)] = robot.told, {}
-            part[1][robot.row] = uuid
-        parts = [_of(*one) for one in by_batch.values()]
-        return [uuid for names, _ in parts for uuid in names], Forecasts.joined(part for _, part in parts)
+        """The forecasts of those of `uuids` that are on the floor, in that order, and whose they are."""
+        keys = [uuid for uuid in uuids if uuid in self.robots]
+        return keys, _gathered([self.robots[uuid] for uuid in keys])
 
     def around(self, group: set[str], within_m: float, most: int) -> list[str]:
         """The robots of a group and the nearest to any of them on their floors, in ascending order."""
@@ -137,8 +125,20 @@ class Live:
         return slot
 
 
-def _of(told: Forecasts, names: dict[int, str]) -> tuple[list[str], Forecasts]:
-    """Whose rows of a batch are asked for, and their forecasts; those of a whole batch as they stand."""
-    if len(names) == len(told):
-        return [names[row] for row in range(len(told))], told
-    return list(names.values()), told.take(list(names))
+def _gathered(robots: Sequence[LiveRobot]) -> Forecasts:
+    """Their forecasts, in that order: mostly of a few robots of many batches."""
+    if not robots:
+        return Forecasts.empty()
+    spans = [(one.told, slice(*one.told.start[one.row : one.row + 2].tolist())) for one in robots]
+    return Forecasts(
+        start=np.concatenate([[0], np.cumsum([span.stop - span.start for _, span in spans])]),
+        t_s=np.concatenate([told.t_s[span] for told, span in spans]),
+        x_m=np.concatenate([told.x_m[span] for told, span in spans]),
+        y_m=np.concatenate([told.y_m[span] for told, span in spans]),
+        yaw_rad=np.concatenate([told.yaw_rad[span] for told, span in spans]),
+        floor=np.concatenate([told.floor[span] for told, span in spans]),
+        length_m=np.array([one.told.length_m[one.row] for one in robots]),
+        width_m=np.array([one.told.width_m[one.row] for one in robots]),
+        bottom_m=np.array([one.told.bottom_m[one.row] for one in robots]),
+        top_m=np.array([one.told.top_m[one.row] for one in robots]),
+    )
