@@ -64,6 +64,15 @@ def test_changed_settings_place_robots_anew_and_give_them_to_vendors_anew() -> N
     assert one.receive(status("A-1", NOW_S + 1), NOW_S + 1, Connection(4, vendor="Other")) == "uuid-of-another-vendor"
 
 
+def test_a_vendor_that_stays_is_read_by_its_changed_settings() -> None:
+    one = fleet(Vendor(name="Alder"))
+    one.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Alder"))
+    vendors = (Vendor(name="Alder", default_envelope_m=(2.0, 1.5, 0.0)),)
+    one.renew(Vendors(vendors), Frames((), vendors), Reading())
+    one.receive(status("A-1", NOW_S + 1), NOW_S + 1, Connection(1, vendor="Alder"))
+    assert one.cut(NOW_S + 1).forecasts.length_m[0] == 2.0
+
+
 def test_destinations_come_with_the_robot_by_time_and_each_on_its_floor() -> None:
     one = fleet(datums=(Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft")))
     far, near = points((NOW_S + 600, 1.0, 2.0, 0.0), (NOW_S + 60, 3.0, 4.0, 0.0))
