@@ -138,11 +138,11 @@ class Running:
 
 
 @contextmanager
-def service() -> Iterator[Running]:
-    """The service with a process a role, until the end of the block."""
+def service(docks_for: int = 0) -> Iterator[Running]:
+    """The service on a floor with docks for so many robots, with a process a role, until the end of the block."""
     stop, (robots_port, operator_port) = threading.Event(), _free_ports()
     with tempfile.TemporaryDirectory(prefix="benchmark-") as data, runtime_directory() as runtime:
-        supervisor = Supervisor(benchmark_site(robots_port, operator_port), Path(data), Path(runtime))
+        supervisor = Supervisor(benchmark_site(robots_port, operator_port, docks_for), Path(data), Path(runtime))
         running = threading.Thread(target=supervisor.run, args=(stop,))
         running.start()
         try:
@@ -157,10 +157,11 @@ def service() -> Iterator[Running]:
 class Load:
     """The load, in a process of its own."""
 
-    def __init__(self, url: str, robots: int, seconds: float, core: int | None = None) -> None:
+    def __init__(self, url: str, robots: int, seconds: float, core: int | None = None, *, docks: bool = False) -> None:
         spawn = multiprocessing.get_context("spawn")
         self._pipe, child = spawn.Pipe()
-        self._process = spawn.Process(target=offer.serve, args=(child, url, robots, seconds, core))
+        asked = (child, url, robots, seconds, core)
+        self._process = spawn.Process(target=offer.serve, args=asked, kwargs={"docks": docks})
         self._process.start()
         child.close()
 
@@ -176,11 +177,11 @@ class Load:
 
 
 def measured(
-    robots: int, seconds: float, settle_s: float = 10.0, load_core: int | None = None
+    robots: int, seconds: float, settle_s: float = 10.0, load_core: int | None = None, *, docks: bool = False
 ) -> tuple[Row, dict[str, float]]:
     """The figures of a run after `settle_s`, and what the load says of itself."""
-    with service() as one:
-        offering = Load(one.url, robots, settle_s + seconds, load_core)
+    with service(robots if docks else 0) as one:
+        offering = Load(one.url, robots, settle_s + seconds, load_core, docks=docks)
         time.sleep(settle_s)
         one.row(robots)
         time.sleep(seconds - 1)
@@ -210,11 +211,12 @@ def main() -> None:
     arguments.add_argument("--robots", type=int, nargs="+", default=[100, 1000, 3000, 10000])
     arguments.add_argument("--seconds", type=float, default=60.0)
     arguments.add_argument("--load-core", type=int, help="the core that the load is kept to")
+    arguments.add_argument("--docks", action="store_true", help="with a dock and a crossing for each ten robots")
     arguments.add_argument("--json", type=Path)
     args = arguments.parse_args()
     told = []
     for robots in args.robots:
-        row, offered = measured(robots, args.seconds, load_core=args.load_core)
+        row, offered = measured(robots, args.seconds, load_core=args.load_core, docks=args.docks)
         print_row(row, offered)
         told.append(asdict(row) | {"load": offered})
     if len(told) > 1:
@@ -229,11 +231,15 @@ def _exponent(told: list[dict[str, Any]]) -> float:
     return math.log(cores[1] / cores[0]) / math.log(last["robots"] / first["robots"])
 
 
-def benchmark_site(robots_port: int, operator_port: int) -> Site:
+def benchmark_site(robots_port: int, operator_port: int, docks_for: int = 0) -> Site:
+    """A hall, with docks and crossings for so many robots."""
+    docks, crossings = offer.places(docks_for)
     return DEFAULT.model_copy(
         update={
             "datums": (Datum(id=offer.DATUM, name="Hall"),),
             "vendors": tuple(Vendor(name=name) for name in offer.VENDORS),
+            "resources": docks,
+            "zones": crossings,
             "receiver": DEFAULT.receiver.model_copy(update={"port": robots_port}),
             "operator": DEFAULT.operator.model_copy(update={"port": operator_port}),
         }

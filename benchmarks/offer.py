@@ -1,5 +1,8 @@
 """A load: robots of several vendors that report once a second with ten points of path, over real sockets.
 
+Where the floor has docks, each robot also tells when it will be at one, which it shares with nine others; it drives on
+all the same and tells another time then. Each tenth circle then touches its neighbour in a crossing for one robot.
+
 Open loop: a message is sent when it is due whether or not the service keeps up. The generator's own lateness is told,
 so that a figure of the service is not one of the generator. It is cheap, since it may share the service's cores: every
 frame has the same length, masked with zeros, and of all that are due only the digits that have changed are written, at
@@ -23,6 +26,7 @@ from uuid import UUID, uuid5
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict.contention.resources import Resource, Zone
 from ingest.seam import Floats
 
 DATUM = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
@@ -31,6 +35,10 @@ VENDORS = ("Alder", "Basalt", "Corvid", "Dune")
 SPACING_M, RADIUS_M, MARGIN_M = 6.8, 3.0, 10.0
 SLICE_S = 0.02
 ROBOTS_A_CONNECTION = 10
+ROBOTS_A_DOCK, DOCK_EVERY_S, DOCKED_S = 10, 600.0, 30.0
+"""How many robots a dock has, how often each goes there, and for how long."""
+CROSSING_M = 1.2
+"""Half a side."""
 RETRY_S, HANDSHAKE_S = 0.2, 10.0
 HANDSHAKE = (
     "GET {path} HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -42,14 +50,16 @@ Bytes = NDArray[np.uint8]
 STAMP = b"2026-01-01T00:00:00.000Z"
 METRES, UNITS = b"000.000", b" 0.000000"
 _POSE = b'"x":%b,"y":%b,"angle":{"x":0,"y":0,"z":%b,"w":%b}' % (METRES, METRES, UNITS, UNITS)
+POINTS = 10
 _POINT = b'{"timestamp":"%b",%b,"planarDatumUUID":"%b"}' % (STAMP, _POSE, DATUM.encode())
 STATUS = (
     b'{"uuid":"%b","timestamp":"%b","operationalState":"navigating","location":{%b,"planarDatum":"%b"},'
-    b'"velocity":{"linear":%b},"path":[%b]}'
-    % (bytes(36), STAMP, _POSE, DATUM.encode(), METRES, b",".join([_POINT] * 10))
+    b'"velocity":{"linear":%b},"path":[%b],"destinations":[%b]}'
+    % (bytes(36), STAMP, _POSE, DATUM.encode(), METRES, b",".join([_POINT] * POINTS), _POINT)
 )
 """The text of every status; what differs is written over it, of the same length."""
 _TEXT = np.frombuffer(STATUS, np.uint8)
+_TEXT_WITHOUT_DOCKS = np.append(_TEXT[: STATUS.index(b',"destinations"')], _TEXT[-1])
 _THREE = np.array([list(b"%03d" % n) for n in range(1000)], np.uint8)
 _LEADING = np.array([list(b"%3d" % n) for n in range(1000)], np.uint8)
 
@@ -66,6 +76,9 @@ def _places(of: bytes) -> NDArray[np.int64]:
 _UUID_AT, _STAMPS_AT, _METRES_AT, _UNITS_AT = map(_places, (bytes(36), STAMP, METRES, UNITS))
 _SPEED_AT = _places(b'"linear":' + METRES)[:, len(b'"linear":') :]
 _POSITIONS_AT = _METRES_AT[~np.isin(_METRES_AT, _SPEED_AT).any(axis=1)]
+_DOCK_POSITION_AT, _DOCK_UNITS_AT = _POSITIONS_AT[-2:], _UNITS_AT[-2:]
+_POSITIONS_AT, _UNITS_AT = _POSITIONS_AT[:-2], _UNITS_AT[:-2]
+_DOCK_STAMP_AT, _STAMPS_AT = _STAMPS_AT[-1], _STAMPS_AT[:-1]
 
 
 def vendor_of(robot: int) -> str:
@@ -93,20 +106,27 @@ class Offered:
 class Circling:
     """n robots, each round a circle of its own; neighbours' circles nearly touch, so some meet at every moment."""
 
-    def __init__(self, robots: int, seed: int = 1) -> None:
+    def __init__(self, robots: int, seed: int = 1, *, docks: bool = False) -> None:
         rng = np.random.default_rng(seed)
-        across = int(np.ceil(np.sqrt(robots)))
-        self.x, self.y = (
-            MARGIN_M + SPACING_M * row for row in (np.arange(robots) % across, np.arange(robots) // across)
-        )
+        self.x, self.y = middles(robots).T
         self.turn_radps = rng.uniform(0.15, 0.4, robots) * rng.choice([-1, 1], robots)
         self.angle = rng.uniform(0, 2 * np.pi, robots)
         self.due_s = rng.uniform(0, 1, robots)
         """When within each second a robot reports."""
         self.uuids = [str(uuid5(ROBOTS, str(i))) for i in range(robots)]
-        self._texts = _TEXT[None, :].repeat(robots, axis=0)
+        self._docks = docks
+        self._texts = (_TEXT if docks else _TEXT_WITHOUT_DOCKS)[None, :].repeat(robots, axis=0)
+        self.length = self._texts.shape[1]
+        """Of a status."""
         self._texts[:, _UUID_AT[0]] = [list(uuid.encode()) for uuid in self.uuids]
         self._texts[:, _SPEED_AT] = _metres(RADIUS_M * np.abs(self.turn_radps))[:, None]
+        if docks:
+            self._texts[:, _DOCK_POSITION_AT] = _metres(docks_m(robots)[np.arange(robots) // ROBOTS_A_DOCK])
+            self._texts[:, _DOCK_UNITS_AT] = _units(np.array([0.0, 1.0]))
+        self._docks_s = rng.uniform(0, DOCK_EVERY_S, robots)
+        """When each robot will be at its dock, from the beginning."""
+        self._untold = np.ones(robots, bool)
+        """Whether that is not in its text."""
 
     def poses(self, robots: NDArray[np.int64], t_s: Floats) -> tuple[Floats, Floats, Floats]:
         """x, y and yaw of `robots` (m,) at `t_s` (k,), each (m, k)."""
@@ -129,19 +149,65 @@ class Circling:
 
     def statuses(self, robots: NDArray[np.int64], began_s: float, now_s: float) -> list[bytes]:
         """A status of each robot, as of `now_s`, epoch seconds."""
-        ahead_s = np.arange(11, dtype=np.float64)
+        ahead_s = np.arange(POINTS + 1, dtype=np.float64)
         x, y, yaw = self.poses(robots, now_s - began_s + ahead_s)
+        if self._docks:
+            self._tell_docks(robots, began_s, now_s)
         texts = self._texts[robots]
         texts[:, _STAMPS_AT] = [list(_stamp(now_s + one).encode()) for one in ahead_s]
-        texts[:, _POSITIONS_AT] = _metres(np.stack([x, y], axis=2).reshape(len(robots), 22))
-        texts[:, _UNITS_AT] = _units(np.stack([np.sin(yaw / 2), np.cos(yaw / 2)], axis=2).reshape(len(robots), 22))
-        every, length = texts.tobytes(), len(STATUS)
+        texts[:, _POSITIONS_AT] = _metres(np.stack([x, y], axis=2).reshape(len(robots), 2 * (POINTS + 1)))
+        texts[:, _UNITS_AT] = _units(
+            np.stack([np.sin(yaw / 2), np.cos(yaw / 2)], axis=2).reshape(len(robots), 2 * (POINTS + 1))
+        )
+        every, length = texts.tobytes(), self.length
         return [every[at : at + length] for at in range(0, len(every), length)]
 
+    def _tell_docks(self, robots: NDArray[np.int64], began_s: float, now_s: float) -> None:
+        """Write when robots will be at their docks, where that is new."""
+        late = robots[began_s + self._docks_s[robots] <= now_s]
+        self._docks_s[late] += DOCK_EVERY_S
+        self._untold[late] = True
+        new = robots[self._untold[robots]]
+        self._untold[new] = False
+        if len(new):
+            said = [list(_stamp(began_s + docks_s).encode()) for docks_s in self._docks_s[new].tolist()]
+            self._texts[new[:, None], _DOCK_STAMP_AT] = said
 
-async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool]) -> Offered:
+
+def places(robots: int) -> tuple[tuple[Resource, ...], tuple[Zone, ...]]:
+    """The docks and crossings of a floor of so many robots."""
+    docks = tuple(
+        Resource(id=f"dock-{n}", kind="dock", datum=DATUM, polygon=_square(x, y, 0.25), service_s=DOCKED_S)
+        for n, (x, y) in enumerate(docks_m(robots).tolist())
+    )
+    middles_m = middles(robots)[::ROBOTS_A_DOCK] + np.array([SPACING_M / 2, 0.0])
+    crossings = tuple(
+        Zone(id=f"crossing-{n}", kind="crossing", datum=DATUM, polygon=_square(x, y, CROSSING_M))
+        for n, (x, y) in enumerate(middles_m.tolist())
+    )
+    return docks, crossings
+
+
+def middles(robots: int) -> Floats:
+    """(robots, 2) of their circles."""
+    across, every = int(np.ceil(np.sqrt(robots))), np.arange(robots)
+    middles_m: Floats = MARGIN_M + SPACING_M * np.column_stack([every % across, every // across]).astype(np.float64)
+    return middles_m
+
+
+def docks_m(robots: int) -> Floats:
+    """(docks, 2) along one wall."""
+    count = -(-robots // ROBOTS_A_DOCK)
+    return np.column_stack([np.linspace(1.0, MARGIN_M + SPACING_M * np.sqrt(robots), count), np.full(count, 2.0)])
+
+
+def _square(x: float, y: float, half_m: float) -> tuple[tuple[float, float], ...]:
+    return tuple((x + u * half_m, y + v * half_m) for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+
+
+async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool], *, docks: bool) -> Offered:
     """Connect, identify, then send for `seconds` or until `ended`."""
-    world, told, began_core_s = Circling(robots), Offered(), time.process_time()
+    world, told, began_core_s = Circling(robots, docks=docks), Offered(), time.process_time()
     groups = np.array_split(np.arange(robots), -(-robots // ROBOTS_A_CONNECTION))
     lines = [
         Line(f"{url}/{vendor_of(group[0])}", [world.identity(robot) for robot in group.tolist()], told)
@@ -151,7 +217,7 @@ async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool]
     for line in lines:
         await line.open()
     told.connections = len(lines)
-    began_s, done_s, head = time.time(), 0.0, _head(len(STATUS))
+    began_s, done_s, head = time.time(), 0.0, _head(world.length)
     while done_s < seconds and not ended():
         await asyncio.sleep(max(began_s + done_s + SLICE_S - time.time(), 0.0))
         now_s = time.time()
@@ -228,11 +294,13 @@ class Line:
             raise ConnectionRefusedError(reply)
 
 
-def serve(parent: PipeConnection, url: str, robots: int, seconds: float, core: int | None = None) -> None:
+def serve(
+    parent: PipeConnection, url: str, robots: int, seconds: float, core: int | None = None, *, docks: bool = False
+) -> None:
     """The load in this process, to the end or until `parent` says anything; tells it what was done."""
     if core is not None:
         os.sched_setaffinity(0, {core})
-    parent.send(asdict(asyncio.run(offer(url, robots, seconds, parent.poll))))
+    parent.send(asdict(asyncio.run(offer(url, robots, seconds, parent.poll, docks=docks))))
 
 
 def _head(length: int) -> bytes:
