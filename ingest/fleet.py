@@ -63,8 +63,8 @@ class Fleet:
             reason = f"location {message.x}, {message.y} is nowhere on datum {message.datum}; check units and order"
             self.refuse("position-absurd", reason, raw, arrival_s, connection)
             return "position-absurd"
-        owner, speaker = self._owner(message.uuid, robot), self._speaker(message, connection)
-        if owner and speaker not in (None, owner):
+        speaker = self._speaker(message, connection)
+        if owner := self._other_owner(message.uuid, robot, speaker):
             self._claims.refused(message.uuid, owner, speaker or UNKNOWN, arrival_s)
             reason = f"robot {message.uuid} is {owner}'s; that vendor may report it, or the site file name another"
             self.refuse("uuid-of-another-vendor", reason, raw, arrival_s, connection)
@@ -107,7 +107,7 @@ class Fleet:
         """Count a status, said to be of a robot, that is not read because a newer one has come."""
         self.measures.count("deconflict_messages_total", self._vendor_of(uuid, connection), "overtaken")
         robot = self.robots.get(uuid)
-        if robot and connection.vendor in (None, self._owner(uuid, robot) or connection.vendor):
+        if robot and not self._other_owner(uuid, robot, connection.vendor):
             self._said(robot, arrival_s)
 
     def closed(self, connection: Connection) -> None:
@@ -207,9 +207,10 @@ class Fleet:
         only = next(iter(speaking)) if len(speaking) == 1 else UNKNOWN
         return self.vendors.of_robot(uuid) or only
 
-    def _owner(self, uuid: str, robot: Robot | None) -> str | None:
-        """The vendor that the robot, if there is one of that UUID, is known to belong to."""
-        return self.vendors.of_robot(uuid) or (robot.vendor if robot and robot.owned else None)
+    def _other_owner(self, uuid: str, robot: Robot | None, speaker: str | None) -> str | None:
+        """The vendor that the robot, if there is one of that UUID, is known to belong to where another speaks of it."""
+        owner = self.vendors.of_robot(uuid) or (robot.vendor if robot and robot.owned else None)
+        return owner if speaker not in (None, owner) else None
 
     def _speaker(self, message: Identity | Status, connection: Connection) -> str | None:
         """The vendor that a message speaks for, where that is told."""
