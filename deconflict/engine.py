@@ -273,7 +273,7 @@ class Engine:
         basis = robot.basis.name.lower()
         if self.foresight.distrusted(uuid):
             basis += " (distrusted)"
-        return Party(robot.name, robot.vendor, basis, robot.basis is Basis.STATIONARY)
+        return Party(robot.name, robot.vendor, basis, self._stands(uuid))
 
     def _meet(self, pair: Pair, contact_s: float) -> Encounter:
         a, b = (self.live.robots[uuid] for uuid in pair)
