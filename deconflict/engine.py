@@ -4,6 +4,7 @@ Pure: `receive` takes a batch, `step` the time of a tick. The live service, test
 and the same calls give the same advisories.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from heapq import heappop, heappush
@@ -32,7 +33,7 @@ from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
 from deconflict.site import Site
 from deconflict.sweeper import ACCURACY_M, PairConflicts, Sweeper
-from deconflict.tally import NEAR_MISSES, tally
+from deconflict.tally import NEAR_MISSES, by_severity, tally
 from deconflict.telling import Pair, Party, Prediction, Scene
 from ingest import changes
 from ingest.measures import Measures
@@ -114,7 +115,10 @@ class Engine:
 
     def open(self) -> list[AnyAdvisory]:
         """The newest revision of every open advisory."""
-        return [*self._lives.open(), *self._contention.open(), *self._claims.open()]
+        return [*self._lives.told.values(), *self._shared_open()]
+
+    def _shared_open(self) -> list[AnyAdvisory]:
+        return [*self._contention.open(), *self._claims.open()]
 
     def learned(self) -> dict[str, Part]:
         """What is worth keeping over a restart, as it is now: later calls do not change it."""
@@ -185,7 +189,7 @@ class Engine:
 
     def conflicts(self) -> list[ConflictAdvisory]:
         """The newest revision of each open advisory of a conflict."""
-        return self._lives.open()
+        return list(self._lives.told.values())
 
     def adopt(self, told: ConflictAdvisory) -> None:
         """Go on from a revision that another engine decided."""
@@ -193,7 +197,7 @@ class Engine:
 
     def _advise(self, now_s: float) -> list[AnyAdvisory]:
         """The revisions that give conflicts the advice that is due."""
-        due = self._desk.step(now_s, self._lives.open(), self._movers_around)
+        due = self._desk.step(now_s, self._lives.told, self._lives.changed(), self._movers_around)
         return [told for pair, advice in due if (told := self._lives.advise(pair, advice, now_s))]
 
     def _movers_around(self, group: set[str]) -> list[Mover]:
@@ -290,7 +294,8 @@ class Engine:
         return self._landmarks.place(self._datum(met), met.x_m, met.y_m)
 
     def _measure(self, conflicts: PairConflicts, revisions: list[AnyAdvisory]) -> None:
-        tally(self.measures, revisions, self.open())
+        severities = Counter({("conflict", severity): count for severity, count in self._lives.severities.items()})
+        tally(self.measures, revisions, severities + by_severity(self._shared_open()))
         self.measures.level("deconflict_datum_drift_metres", self._rests.drift_m())
         changes.tell(self.measures, {"forecast": self.foresight.changes.changed(), "datum": self._rests.changed()})
         self.measures.level("deconflict_conflicts", {(): len(conflicts.pairs)})

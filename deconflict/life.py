@@ -9,7 +9,7 @@ encounter lasts until the pair has drawn apart by the clearance and a margin: wh
 not alert unless the envelopes are about to touch.
 """
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from deconflict import telling
 from deconflict.advice.desk import differs
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
 from deconflict.site import Conflict
 from deconflict.telling import SEVERITIES, SURE, Pair, Prediction, Scene
 
@@ -76,15 +76,19 @@ class Lives:
     ordinals: dict[Pair, int] = field(default_factory=dict)
     """How many encounters each pair has had."""
     tracks: dict[Pair, Track] = field(default_factory=dict)
+    told: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
+    """The newest revision of each open advisory."""
+    severities: Counter[Severity] = field(default_factory=Counter)
+    """How many of them there are of each."""
+    _changed: set[Pair] = field(default_factory=set)
     started_s: float | None = None
 
     def restore(self, open_advisories: Iterable[ConflictAdvisory]) -> None:
         """Go on with advisories that were open before a restart."""
         for advisory in open_advisories:
-            track = self._new_track()
-            track.advisory, track.inside = advisory, False
+            track = self.tracks[advisory.robots] = self._new_track()
             track.last_predicted_s = advisory.updated_at.timestamp()
-            self.tracks[advisory.robots] = track
+            self._tell(track, advisory)
 
     def adopt(self, told: ConflictAdvisory) -> None:
         """Take a revision that another engine decided for this pair's own, whatever was thought of it here."""
@@ -94,12 +98,15 @@ class Lives:
             if track is None:
                 self.restore([told])
             else:
-                track.advisory, track.last_predicted_s = told, max(track.last_predicted_s, told.updated_at.timestamp())
+                track.last_predicted_s = max(track.last_predicted_s, told.updated_at.timestamp())
+                self._tell(track, told)
         elif track and track.advisory and track.advisory.id == told.id:
-            track.advisory = None
+            self._tell(track, told)
 
-    def open(self) -> list[ConflictAdvisory]:
-        return [track.advisory for track in self.tracks.values() if track.advisory]
+    def changed(self) -> set[Pair]:
+        """The pairs of which something was told since this was asked last."""
+        changed, self._changed = self._changed, set()
+        return changed
 
     def step(
         self,
@@ -134,7 +141,7 @@ class Lives:
     def _kept(self, track: Track, pair: Pair, revision: ConflictAdvisory | None) -> ConflictAdvisory | None:
         """Remember a pair's revision, and forget the pair where there is nothing left to remember."""
         if revision:
-            track.advisory = None if revision.state is AdvisoryState.CLEARED else revision
+            self._tell(track, revision)
         if track.advisory is None and not track.inside and not any(track.looks):
             del self.tracks[pair]
         return revision
@@ -150,8 +157,19 @@ class Lives:
             return None
         if not advice.holds and not advice.note and before.recommendation:
             return None
-        track.advisory = telling.with_advice(before, advice, now_s)
-        return track.advisory
+        return self._tell(track, telling.with_advice(before, advice, now_s))
+
+    def _tell(self, track: Track, revision: ConflictAdvisory) -> ConflictAdvisory:
+        """From now on this revision is the pair's newest."""
+        pair, before = revision.robots, self.told.pop(revision.robots, None)
+        if before:
+            self.severities[before.severity] -= 1
+        track.advisory = None if revision.state is AdvisoryState.CLEARED else revision
+        if track.advisory:
+            self.severities[revision.severity] += 1
+            self.told[pair] = revision
+        self._changed.add(pair)
+        return revision
 
     def _new_track(self) -> Track:
         return Track(deque(maxlen=self.settings.confirm[1]))

@@ -1,10 +1,10 @@
 """How many advisories there are, and how they end, as measures."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from operator import attrgetter
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
 from deconflict.life import PASSED, STAND, UNPREDICTED
 from ingest.measures import Measures
 
@@ -14,16 +14,20 @@ NEAR_MISSES = "deconflict_near_misses_total"
 TALLIED = ("deconflict_advisories_total", "deconflict_advisories_open", "deconflict_conflicts_ended_total")
 
 
-def tally(measures: Measures, revisions: Iterable[AnyAdvisory], open_now: Iterable[AnyAdvisory]) -> None:
-    """Count these revisions, and what is open after them."""
+def by_severity(advisories: Iterable[AnyAdvisory]) -> Counter[tuple[str, Severity]]:
+    """How many there are of each kind and severity."""
+    return Counter(map(attrgetter("kind", "severity"), advisories))
+
+
+def tally(measures: Measures, revisions: Iterable[AnyAdvisory], open_now: Mapping[tuple[str, Severity], int]) -> None:
+    """Count these revisions, and what is open after them, by kind and severity."""
     for one in revisions:
         measures.count("deconflict_advisories_total", one.kind, AdvisoryState(one.state).value)
         if isinstance(one, ConflictAdvisory) and one.cleared_because:
             for vendor in sorted(set(one.vendors)):
                 outcome = OUTCOMES.get(one.cleared_because, "left")
                 measures.count("deconflict_conflicts_ended_total", vendor, outcome)
-    counted = Counter(map(attrgetter("kind", "severity"), open_now))
     levels: dict[tuple[str, ...], float] = {
-        (kind, severity.value): count for (kind, severity), count in counted.items()
+        (kind, severity.value): count for (kind, severity), count in open_now.items()
     }
     measures.level("deconflict_advisories_open", levels)

@@ -6,16 +6,15 @@ What is asked is bounded, so that answers are there in time. Holds begin at that
 forecast.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import partial
-from operator import attrgetter, itemgetter
-from typing import NamedTuple
+from operator import itemgetter
 
 from deconflict.advice.account import Account
 from deconflict.advice.answers import ANSWER_AFTER_S, Answer, Submit, at_once
 from deconflict.advice.delays import Mover, Pair, Window
+from deconflict.advice.groups import Group, Groups, Pairs
 from deconflict.advice.holds import advise_holds
 from deconflict.advisory import ConflictAdvisory, Recommendation
 from deconflict.site import Site
@@ -33,9 +32,6 @@ People can follow no more, and a crowded floor would have the thread that works 
 CHANGED_S = 1.0
 """A hold that differs by less is the same advice."""
 
-Pairs = tuple[Pair, ...]
-
-
 MoversAround = Callable[[set[str]], list[Mover]]
 """The robots of a group and those near to one of them, as swept, in ascending order."""
 
@@ -52,48 +48,50 @@ class Asked:
     """Not there when its time had come."""
 
 
-class Group(NamedTuple):
-    """Conflicts that share robots."""
-
-    first: datetime
-    """When the first of them is predicted."""
-    pairs: Pairs
-    standing: Recommendation | None
-    """The advice that stands in it."""
-
-
 class Desk:
     """Questions under way."""
 
     def __init__(self, site: Site, account: Account, measures: Measures, submit: Submit = at_once) -> None:
         self._conflict, self._settings, self._submit = site.conflict, site.advice, submit
         self._account, self._measures = account, measures
+        self._groups = Groups()
         self._asked: dict[Pairs, Asked] = {}
         self._asked_s: dict[Pair, float] = {}
         """When each conflict was last asked of."""
         self._allowed, self._filled_s = MOST_PAIRS, 0.0
 
     def step(
-        self, now_s: float, conflicts: Sequence[ConflictAdvisory], movers_around: MoversAround
+        self,
+        now_s: float,
+        conflicts: Mapping[Pair, ConflictAdvisory],
+        changed: Iterable[Pair],
+        movers_around: MoversAround,
     ) -> list[tuple[Pair, Recommendation]]:
-        """The advice that is due, by pair; asks for what is open and ahead."""
+        """The advice that is due, by pair; asks for what is ahead of the open `conflicts`, of which none but those
+        `changed` are others than in the last step."""
         told = self._given(now_s)
-        from_then = datetime.fromtimestamp(now_s + ANSWER_AFTER_S, UTC)
-        groups = _connected([one for one in conflicts if one.predicted_at > from_then])
-        self._asked = {pairs: one for pairs, one in self._asked.items() if one.answer or pairs in groups}
+        self._groups.step(now_s + ANSWER_AFTER_S, conflicts, changed)
+        self._asked = {pairs: one for pairs, one in self._asked.items() if one.answer or pairs in self._groups.all}
         self._asked_s = {pair: at_s for pair, at_s in self._asked_s.items() if now_s - at_s < AGAIN_S}
-        due = [group for group in groups.values() if self._is_asked(group)]
         self._allowed = min(self._allowed + (now_s - self._filled_s) * PAIRS_PER_S, MOST_PAIRS)
         self._filled_s = now_s
-        while due and self._allowed > 0:
-            group = due.pop(0)
-            self._allowed -= len(group.pairs)
-            goes_on = [one.since_s for other, one in self._asked.items() if _goes_on(other, one, group.pairs)]
-            answer = self._submit(self._question(group.pairs, group.standing, now_s, movers_around))
-            self._asked[group.pairs] = Asked(now_s, answer, min([now_s, *goes_on]))
-            self._asked_s |= dict.fromkeys(group.pairs, now_s)
-        self._measures.level("deconflict_advice_waiting", {(): len(due)})
+        at_rest = self._at_rest()
+        waiting = len(self._groups.all) - len(at_rest)
+        if waiting and self._allowed > 0:
+            for group in sorted(group for pairs, group in self._groups.all.items() if pairs not in at_rest):
+                if self._allowed <= 0:
+                    break
+                waiting -= 1
+                self._ask(group, now_s, movers_around)
+        self._measures.level("deconflict_advice_waiting", {(): waiting})
         return told
+
+    def _ask(self, group: Group, now_s: float, movers_around: MoversAround) -> None:
+        self._allowed -= len(group.pairs)
+        goes_on = [one.since_s for other, one in self._asked.items() if _goes_on(other, one, group.pairs)]
+        answer = self._submit(self._question(group.pairs, group.standing, now_s, movers_around))
+        self._asked[group.pairs] = Asked(now_s, answer, min([now_s, *goes_on]))
+        self._asked_s |= dict.fromkeys(group.pairs, now_s)
 
     def _given(self, now_s: float) -> list[tuple[Pair, Recommendation]]:
         """The answers whose time has come, by pair, but for those to groups that have grown and will soon have a better
@@ -114,11 +112,12 @@ class Desk:
     def _has_grown(self, pairs: Pairs, one: Asked) -> bool:
         return any(_goes_on(pairs, one, other) for other, new in self._asked.items() if new.at_s > one.at_s)
 
-    def _is_asked(self, group: Group) -> bool:
-        """Whether there is a conflict in a group that was not asked of lately: one that is over changes no advice."""
-        before = self._asked.get(group.pairs)
-        pending = before is not None and before.answer is not None
-        return not pending and not self._asked_s.keys() >= set(group.pairs)
+    def _at_rest(self) -> set[Pairs]:
+        """The groups that are not asked of now: one is pending, or was asked of lately with every conflict that is
+        still in it, as one that is over changes no advice."""
+        pending = {pairs for pairs, one in self._asked.items() if one.answer and pairs in self._groups.all}
+        lately = {group.pairs for pair in self._asked_s if (group := self._groups.of(pair))}
+        return pending | {pairs for pairs in lately if self._asked_s.keys() >= set(pairs)}
 
     def _question(
         self, pairs: Pairs, standing: Recommendation | None, now_s: float, movers_around: MoversAround
@@ -160,43 +159,6 @@ def advised(summary: str, advice: Recommendation | None, robots: Sequence[str], 
     called = dict(zip(robots, names, strict=True))
     told = [f"{called[one.robot]} should wait {one.hold_s:g} s" for one in advice.holds if one.robot in called]
     return "; ".join([summary, *(told or ([advice.note] if advice.note else []))])
-
-
-def _connected(conflicts: Iterable[ConflictAdvisory]) -> dict[Pairs, Group]:
-    """Groups of conflicts that share robots, the soonest first."""
-    group_of: dict[str, list[ConflictAdvisory]] = {}
-    groups: list[list[ConflictAdvisory]] = []
-    for one in conflicts:
-        a, b = one.robots
-        members = _joined(group_of, group_of.get(a), group_of.get(b))
-        if not members:
-            groups.append(members)
-        members.append(one)
-        group_of[a] = group_of[b] = members
-    found = sorted((_group(members) for members in groups if members), key=itemgetter(0, 1))
-    return {group.pairs: group for group in found}
-
-
-def _joined(
-    group_of: dict[str, list[ConflictAdvisory]],
-    one: list[ConflictAdvisory] | None,
-    other: list[ConflictAdvisory] | None,
-) -> list[ConflictAdvisory]:
-    """The members of two groups, in the larger one's list; the other's is left empty."""
-    if one is None or other is None or one is other:
-        return one or other or []
-    joined, emptied = (one, other) if len(one) >= len(other) else (other, one)
-    joined += emptied
-    group_of.update((robot, joined) for each in emptied for robot in each.robots)
-    emptied.clear()
-    return joined
-
-
-def _group(members: list[ConflictAdvisory]) -> Group:
-    if len(members) > 1:
-        members.sort(key=attrgetter("robots"))
-    standing = next((one.recommendation for one in members if one.recommendation and one.recommendation.holds), None)
-    return Group(min(one.predicted_at for one in members), tuple(one.robots for one in members), standing)
 
 
 def _goes_on(before: Pairs, asked: Asked, after: Pairs) -> bool:

@@ -159,14 +159,14 @@ def test_it_clears_when_not_predicted_for_long_enough() -> None:
         "no longer predicted",
     )
     assert cleared.cleared_at is not None
-    assert story.lives.open() == []
+    assert story.lives.told == {}
 
 
 def test_a_prediction_that_comes_back_keeps_the_advisory() -> None:
     story = Story()
     story.raised(12)
     assert [*story.quiet(), *story.quiet(), *story.predicted(8.2, fresh=False)] == []
-    assert len(story.lives.open()) == 1
+    assert len(story.lives.told) == 1
 
 
 def test_it_stays_until_they_have_drawn_apart() -> None:
@@ -183,7 +183,7 @@ def test_it_stays_until_they_have_drawn_apart() -> None:
 def test_a_second_encounter_is_a_new_advisory_with_the_next_ordinal() -> None:
     story = Story()
     first = story.raised()
-    while story.lives.open():
+    while story.lives.told:
         story.quiet()
     second = story.raised()
     assert (first.encounter, second.encounter) == (1, 2)

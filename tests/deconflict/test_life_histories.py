@@ -100,9 +100,9 @@ class Histories(RuleBasedStateMachine):
 
     @invariant()
     def what_runs_is_what_is_stored_as_open(self) -> None:
-        running = {one.id: one.revision for one in self.lives.open()}
+        running = {one.id: one.revision for one in self.lives.told.values()}
         assert running == {one.id: one.revision for one in self.store.open()}
-        assert len({one.robots for one in self.lives.open()}) == len(running), "two are open on one pair"
+        assert len({one.robots for one in self.lives.told.values()}) == len(running), "two are open on one pair"
 
     @invariant()
     def every_story_is_whole(self) -> None:

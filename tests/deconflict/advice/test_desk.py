@@ -10,7 +10,7 @@ from shapely.affinity import rotate, translate
 
 from deconflict.advice.account import Account, yielded_s
 from deconflict.advice.answers import ANSWER_AFTER_S, Answer
-from deconflict.advice.delays import Mover
+from deconflict.advice.delays import Mover, Pair
 from deconflict.advice.desk import MOST_PAIRS, PAIRS_PER_S, Desk
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, moment
 from deconflict.engine import Engine
@@ -107,13 +107,18 @@ class Asking:
     def __init__(self) -> None:
         self.desk = Desk(SITE, Account(), Measures())
         self.now_s = NOW_S
+        self.open: dict[Pair, ConflictAdvisory] = {}
 
     def steps(self, count: int, *pairs: str) -> list[tuple[float, str]]:
         """The pairs that are answered while these are open, and when."""
         told = []
         for _ in range(count):
-            open_ = [made(1, robots=(pair[0], pair[1]), predicted_at=moment(NOW_S + 30)) for pair in pairs]
-            due = self.desk.step(self.now_s, open_, lambda _: [])
+            wanted: dict[Pair, ConflictAdvisory] = {
+                (pair[0], pair[1]): made(1, robots=(pair[0], pair[1]), predicted_at=moment(NOW_S + 30))
+                for pair in pairs
+            }
+            changed, self.open = wanted.keys() ^ self.open.keys(), wanted
+            due = self.desk.step(self.now_s, self.open, changed, lambda _: [])
             told += [(self.now_s - NOW_S, "".join(pair)) for pair, _ in due]
             self.now_s += 0.25
         return told
@@ -185,9 +190,10 @@ def test_an_answer_that_came_late_comes_as_late_in_a_replay() -> None:
 
 def test_a_crowded_floor_is_advised_bit_by_bit_the_soonest_first() -> None:
     pairs = round(MOST_PAIRS) + 40
-    conflicts = [
-        made(n, robots=(f"a{n}", f"b{n}"), predicted_at=moment(NOW_S + 5 + (pairs - n) / 100)) for n in range(pairs)
-    ]
+    conflicts: dict[Pair, ConflictAdvisory] = {
+        (f"a{n}", f"b{n}"): made(n, robots=(f"a{n}", f"b{n}"), predicted_at=moment(NOW_S + 5 + (pairs - n) / 100))
+        for n in range(pairs)
+    }
     asked: list[set[str]] = []
 
     def nobody(group: set[str]) -> list[Mover]:
@@ -196,13 +202,13 @@ def test_a_crowded_floor_is_advised_bit_by_bit_the_soonest_first() -> None:
 
     measures = Measures()
     desk = Desk(SITE, Account(), measures)
-    desk.step(NOW_S, conflicts, nobody)
+    desk.step(NOW_S, conflicts, conflicts, nobody)
     assert asked == [{f"a{n}", f"b{n}"} for n in reversed(range(40, pairs))]
     assert measures.values["deconflict_advice_waiting"] == {(): 40}
-    desk.step(NOW_S + 1, conflicts, nobody)
+    desk.step(NOW_S + 1, conflicts, [], nobody)
     assert len(asked) == MOST_PAIRS + PAIRS_PER_S
-    desk.step(NOW_S + 2, conflicts, nobody)
-    assert sorted(map(sorted, asked)) == sorted(sorted(one.robots) for one in conflicts)
+    desk.step(NOW_S + 2, conflicts, [], nobody)
+    assert sorted(map(sorted, asked)) == sorted(map(sorted, conflicts))
 
 
 def test_advice_comes_no_sooner_than_its_time() -> None:
