@@ -4,10 +4,12 @@ State lives here once; `metrics/exposition.py` derives the Prometheus text from 
 another process as the dictionary of `as_document`.
 """
 
-from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 Labels = tuple[str, ...]
 
@@ -56,9 +58,12 @@ class Histogram:
         histogram.total = sum(row[3] for row in rows)
         return histogram
 
-    def observe(self, value: float) -> None:
-        self.counts[bisect_left(self.bounds, value)] += 1
-        self.total += value
+    def observe(self, values: ArrayLike) -> None:
+        """Count each of n values, (n,)."""
+        values = np.asarray(values, np.float64)
+        bounds = np.searchsorted(self.bounds, values)
+        self.counts = (self.counts + np.bincount(bounds, minlength=len(self.counts))).tolist()
+        self.total += float(values.sum())
 
     def quantile(self, share: float) -> float:
         """The `share` quantile, interpolated within its bucket; the last bound where it lies beyond."""
@@ -109,10 +114,8 @@ class Measures:
         """Replace every series of a gauge, so that what no longer exists is no longer shown."""
         self.values[name] = dict(series)
 
-    def observe(self, name: str, values: Iterable[float], *labels: str) -> None:
-        histogram = self.histograms[name].setdefault(labels, Histogram())
-        for value in values:
-            histogram.observe(value)
+    def observe(self, name: str, values: ArrayLike, *labels: str) -> None:
+        self.histograms[name].setdefault(labels, Histogram()).observe(values)
 
     def as_document(self) -> dict[str, Any]:
         """JSON-ready: `values` and `histograms`, each name to a list of `[labels, ...]` rows."""

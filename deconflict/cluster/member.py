@@ -230,5 +230,5 @@ class Member:
     def _measure_waits(self, arrivals: Mapping[str, Floats]) -> None:
         now_s = time.time()
         for vendor, arrived_s in arrivals.items():
-            waits_s = (now_s - arrived_s).clip(0).tolist()
+            waits_s = (now_s - arrived_s).clip(0)
             self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)

@@ -177,12 +177,14 @@ def arrivals_s(batch: Batch, host_s: float) -> dict[str, Floats]:
     Those that a newer one of the same robot has replaced count as long as the first of them; a robot that is only told
     again counts nothing.
     """
-    vendors, by_vendor = np.array(batch.vendors), {}
+    by_vendor = {}
     ahead_s = host_s - batch.now_s
     ahead_s = ahead_s if abs(ahead_s) > STEPPED_S else 0.0
     newest_s, first_s = batch.arrival_s, batch.first_arrival_s
-    for vendor in dict.fromkeys(batch.vendors):
-        rows = np.flatnonzero((vendors == vendor) & (batch.statuses > 0))
+    numbers = {vendor: number for number, vendor in enumerate(dict.fromkeys(batch.vendors))}
+    said_by = np.fromiter(map(numbers.__getitem__, batch.vendors), np.int64, len(batch))
+    for vendor, number in numbers.items():
+        rows = np.flatnonzero((said_by == number) & (batch.statuses > 0))
         arrived_s = np.concatenate([newest_s[rows], np.repeat(first_s[rows], batch.statuses[rows] - 1)])
         by_vendor[vendor] = arrived_s + ahead_s
     return by_vendor
@@ -251,7 +253,7 @@ class Outbox:
             self._taken_bytes += _weight(parcel, arrivals_s)
             now_s = time.time()
             for vendor, arrived_s in arrivals_s.items():
-                waits_s = (now_s - arrived_s).clip(0).tolist()
+                waits_s = (now_s - arrived_s).clip(0)
                 self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)
             self._keep()
         self._keep()
