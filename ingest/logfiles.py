@@ -5,7 +5,9 @@ ever appended to a torn line.
 """
 
 import logging
+import os
 from collections.abc import Callable
+from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 
@@ -13,6 +15,8 @@ from ingest.settings import Recorder as Settings
 
 log = logging.getLogger(__name__)
 
+KEPT_BYTES = 4 << 20
+"""Of what was written stay in memory at least."""
 RETRY_S = 5.0
 """How long after a failed write the next is tried."""
 DAY_S = 86_400.0
@@ -25,8 +29,8 @@ class LogFiles:
     def __init__(self, settings: Settings, directory: Path, clock: Callable[[], float]) -> None:
         self.settings, self._directory, self._clock = settings, directory, clock
         self._file: FileIO | None = None
-        self._written, self._begun_s = 0, 0.0
-        """Bytes in the file, and when it was begun."""
+        self._written, self._let_go_bytes, self._begun_s = 0, 0, 0.0
+        """Bytes in the file, how many there were when memory was last let go, and when it was begun."""
         self._failed_s = 0.0
         self.failing: str | None = None
         """Why nothing can be written just now."""
@@ -46,12 +50,23 @@ class LogFiles:
         else:
             self._recovered()
         self._written += done
+        if self._file:
+            self._let_go(self._file)
         return done
 
     def close(self) -> None:
         if self._file:
             self._file.close()
         self._file = None
+
+    def _let_go(self, file: FileIO) -> None:
+        """Have the system write out what was written, and no longer keep what is out: who records all day would fill
+        the memory with pages that nobody reads, and each new one costs more than what is written on it."""
+        if self._written - self._let_go_bytes < KEPT_BYTES or not hasattr(os, "posix_fadvise"):
+            return
+        self._let_go_bytes = self._written
+        with suppress(OSError):  # a file system may not know of it
+            os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
     def _segment(self) -> FileIO:
         """The file to write to: a new one at first and where the last is long or old enough."""
@@ -62,7 +77,7 @@ class LogFiles:
             existing = sorted(self._directory.glob(PATTERN))
             self._remove_oldest(self._remove_old(existing))
             self._file = (self._directory / self._name(existing)).open("xb", buffering=0)
-            self._written, self._begun_s = 0, self._clock()
+            self._written, self._let_go_bytes, self._begun_s = 0, 0, self._clock()
         return self._file
 
     def _name(self, existing: list[Path]) -> str:

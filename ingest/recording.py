@@ -18,8 +18,8 @@ and a number `pending` of answers where advice was still worked out (`deconflict
 Times are RFC 3339 in UTC to the microsecond, and the service's times are whole microseconds, so that a replay has the
 very numbers of the live run. Lines go to a thread of their own at each tick, or sooner where there are many, and from
 there to the system, in the order they came: a disk that stalls stops nobody. After `sync` the death of the process
-loses none of them. Nothing is forced to the disk: the loss of power loses what the system has not yet written out, by
-default half a minute on Linux.
+loses none of them. Nobody waits for the disk: the loss of power loses what the system has not yet written out, by
+default half a minute on Linux, and less where much is recorded, since it is asked for that every few megabytes.
 """
 
 import base64
@@ -35,8 +35,8 @@ from ingest.measures import Measures
 from ingest.settings import Recorder as Settings
 from ingest.writer import Writer
 
-FLUSH_BYTES = 1 << 20
-"""Lines that wait for a tick are handed over when they are more than this."""
+FLUSH_BYTES = 1 << 18
+"""Lines that wait for a tick are handed over when they are more than this: little is left to write when it comes."""
 MOST_WAITING_BYTES = 64 << 20
 """Lines that may wait for a slow disk; what comes beyond is dropped and counted."""
 CLOSE_S = 5.0

@@ -9,8 +9,8 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-TURN_S = 0.01
-MOST_TURNS = 5
+TURN_S = 0.004
+MOST_TURNS = 12
 """Of the usual length, that one may last where the loop is as busy with other things."""
 MOST_WAITING, MOST_WEIGHT = 20_000, 64 << 20
 """Calls that wait, and what they weigh, before those who bring more are to wait themselves, until half is left."""

@@ -204,7 +204,9 @@ class ReceiverRole:
         words = payload.split()
         everything = words[:1] == [b"everything"]
         effort, pending = map(int, words[1:]) if words[1:] else (0, 0)
-        await asyncio.sleep(max(self._tick_s + self.site.engine.tick_s - self._now_s(), 0.0))
+        early_s = self._tick_s + self.site.engine.tick_s - self._now_s()
+        if early_s > 0:  # even a sleep of nothing lasts until the loop has gone round
+            await asyncio.sleep(early_s)
         now_s = quantise(max(self._now_s(), self._tick_s))
         self._tick_s = now_s
         if everything:
@@ -215,7 +217,7 @@ class ReceiverRole:
         self._quicken()
         batch = self.fleet.cut(now_s, everything).to_bytes()
         self._recent.add(now_s, batch)
-        if not was_behind:
+        if not was_behind and self.recorder.behind:
             await asyncio.to_thread(self.recorder.sync, DISK_S)
         return batch
 

@@ -7,12 +7,15 @@ from random import Random
 
 import pytest
 
+from ingest.logfiles import KEPT_BYTES
 from ingest.measures import Measures
 from ingest.playback import Closed, EngineStarted, Event, Received, Tick
 from ingest.recording import FLUSH_BYTES, Recorder, quantise
 from ingest.settings import Recorder as Settings
 from tests.ingest.made_logs import LINE, NOW_S, Clock, read, recorder
 from tests.saying import status
+
+RAW = status("A-1", NOW_S)
 
 
 @pytest.mark.parametrize(
@@ -115,6 +118,46 @@ def test_without_ticks_lines_are_not_hoarded(tmp_path: Path) -> None:
     written = sum(segment.stat().st_size for segment in tmp_path.iterdir())
     writer.close()
     assert written >= FLUSH_BYTES
+
+
+def test_what_was_recorded_long_ago_is_not_kept_in_memory(tmp_path: Path) -> None:
+    if _is_in_memory(_synced(tmp_path / "probe", b"anything")):
+        pytest.skip("this file system keeps all it has in memory")
+    writer, _ = recorder(tmp_path / "log")
+    _record(writer, 2 * KEPT_BYTES)
+    (log,) = (tmp_path / "log").iterdir()
+    _synced(log)
+    _record(writer, KEPT_BYTES)
+    assert not _is_in_memory(log)
+    assert not _is_in_memory(log, KEPT_BYTES)
+    writer.close()
+
+
+def _record(writer: Recorder, much: int) -> None:
+    for _ in range(much // len(RAW) + 1):
+        writer.received(RAW, NOW_S, LINE, None)
+    writer.flush()
+    assert writer.sync()
+
+
+def _synced(path: Path, data: bytes = b"") -> Path:
+    """The file, with `data` at its end, written out and as little kept as the file system can."""
+    with path.open("ab", buffering=0) as file:
+        file.write(data)
+        os.fsync(file)
+        if data:
+            os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+    return path
+
+
+def _is_in_memory(path: Path, at: int = 0) -> bool:
+    with path.open("rb", buffering=0) as file:
+        try:
+            return os.preadv(file.fileno(), [bytearray(1)], at, os.RWF_NOWAIT) > 0
+        except BlockingIOError:
+            return False
+        except OSError:
+            pytest.skip("this file system does not tell what it keeps in memory")
 
 
 def test_segments_stay_in_order_though_the_clock_is_set_back(tmp_path: Path) -> None:
