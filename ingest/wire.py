@@ -3,8 +3,12 @@
 websockets parses every frame in Python, queues it and wakes whoever waits for it: half of what a message cost. Nearly
 all messages are one plain frame, and those are cut from the bytes here. Everything else (handshakes, fragments, pings,
 closes, whatever is wrong) is left to websockets, which stands between two frames whenever bytes are cut before it.
+
+All sockets are read into one buffer: a new one of 256 KiB for each read, as asyncio has it otherwise, costs more than
+the reading.
 """
 
+import asyncio
 from collections.abc import Callable
 from typing import Any
 
@@ -29,9 +33,11 @@ LONGEST = 0xFFFF
 ZEROS = bytes(4)
 MOST_EARLY = 16
 """Messages that are kept before somebody listens; then the other end has to wait."""
+_BUFFER = memoryview(bytearray(1 << 16))
+"""Holds what a socket brings until it is cut, which is before the next one is read."""
 
 
-class Listened(Connection):
+class Listened(Connection, asyncio.BufferedProtocol):
     """A connection that hands each message, text or binary, to whoever listens, in order and as it comes."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -53,6 +59,12 @@ class Listened(Connection):
             listener(message)
         if len(early) >= MOST_EARLY:
             self.transport.resume_reading()
+
+    def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - the most that asyncio would ask for
+        return _BUFFER
+
+    def buffer_updated(self, nbytes: int) -> None:
+        self.data_received(bytes(_BUFFER[:nbytes]))
 
     def data_received(self, data: bytes) -> None:
         if self._torn:
