@@ -25,7 +25,7 @@ def queues(robots: int) -> list[Queue]:
     wanted: list[list[Request]] = [[] for _ in range(RESOURCES)]
     for number in range(robots):
         arrival_s, service_s = NOW_S + rng.uniform(0, 900), rng.uniform(30, 120)
-        request = Request(f"robot-{number:04d}", f"vendor-{number % 4}", arrival_s, 0.0, service_s)
+        request = Request(f"robot-{number:04d}", f"vendor-{number % 4}", arrival_s, service_s)
         wanted[int(rng.integers(RESOURCES))].append(request)
     return [Queue(f"dock-{row:02d}", 1, tuple(one)) for row, one in enumerate(wanted)]
 

@@ -57,7 +57,7 @@ class Claims:
             robots=tuple(sorted(one.robots)),
             predicted_s=one.since_s,
             location=self._place(one.robots),
-            summary=said,
+            summary=lambda: said,
             evidence={"owner": one.owner, "claimant": one.claimant, "claimed": one.claimed},
         )
 

@@ -4,13 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from heapq import heapify, heappop, heappush
+from operator import attrgetter
 
 from ortools.sat.python import cp_model
 
 from deconflict.advice.bounds import Task, least_weighted_ends
 from deconflict.advice.effort import Model, solve
 from deconflict.advisory import Recommendation, Slot
-from deconflict.contention.demand import Request, first_come
+from deconflict.contention.demand import Request
 
 EFFORT = 0.1
 SWITCH_S = 2.0
@@ -116,8 +117,8 @@ class Group:
         jobs = {job.request.robot: job for job in self.jobs}
         order = []
         for asked, place in enumerate(self.places):
-            turns = first_come(place.requests, place.capacity, self.now_s, place.changeover_s)
-            order += [(jobs[turn.request.robot], asked) for turn in turns if not turn.request.inside]
+            by_arrival = sorted(place.requests, key=attrgetter("arrival_s", "robot"))
+            order += [(jobs[one.robot], asked) for one in by_arrival if not one.inside]
         return self.served(order)
 
     def dispatched(self) -> list[Served]:

@@ -11,9 +11,9 @@ from deconflict.advice.priorities import USUAL
 from deconflict.advice.slots import Queue, advise_slots
 from deconflict.advisory import Recommendation
 from deconflict.contention.deadlocks import Link
-from deconflict.contention.demand import CHANGEOVER_S, Request, Turn
+from deconflict.contention.demand import Request, Row, Turns
 from deconflict.contention.detours import Refuge, back_out, detour
-from deconflict.contention.geometry import Geometry, Passage
+from deconflict.contention.geometry import CHANGEOVER_S, Geometry, Passage
 from deconflict.contention.robots import Seen
 from ingest.measures import Measures
 
@@ -87,16 +87,12 @@ class Advising:
         self._before, self._detours = self._detours, {}
         self._questions = {key: one for key, one in self._questions.items() if now_s - one.wanted_s < AGAIN_S}
 
-    def slots(self, place: str, turns: Mapping[str, Sequence[Turn]], now_s: float) -> Recommendation | None:
+    def slots(
+        self, place: str, turns: Mapping[str, Turns], robots: Mapping[str, Seen], now_s: float
+    ) -> Recommendation | None:
         """The slots advised for everybody who waits for `place` or for one that can stand in for it."""
-        group = self._group(place)
-        requests = {one: [turn.request for turn in turns.get(one, ())] for one in group}
-        signature = tuple((one, _robots(requests[one], False), _robots(requests[one], True)) for one in group)
-        queues = [
-            Queue(one, self._geometry.capacity(one), tuple(requests[one]), self._geometry.changeover_s(one))
-            for one in group
-        ]
-        return self._told(tuple(group), signature, queues, now_s)
+        group = self._geometry.group(place)
+        return self._told(tuple(group), lambda: [self._queue(one, turns.get(one), robots) for one in group], now_s)
 
     def way_out(
         self, ring: Sequence[Link], robots: Mapping[str, Seen], refuges: Sequence[Refuge], now_s: float
@@ -114,7 +110,6 @@ class Advising:
                 robot=link.waiter,
                 vendor=robots[link.waiter].vendor,
                 arrival_s=one.enter_s,
-                arrival_spread_s=0.0,
                 service_s=self._left_s(one, lane, robots[link.waiter].length_m, now_s),
                 priority=self.priority(link.waiter),
                 inside=has,
@@ -122,9 +117,8 @@ class Advising:
             for link, one, has in zip(ring, passages, inside, strict=True)
             if one
         ]
-        waiters = tuple(link.waiter for link in ring)
-        signature = ((lane, _robots(requests, False), _robots(requests, True)),)
-        return self._told((lane, *waiters), signature, [Queue(lane, 1, tuple(requests), CHANGEOVER_S)], now_s)
+        waiters, queue = tuple(link.waiter for link in ring), Queue(lane, 1, tuple(requests), CHANGEOVER_S)
+        return self._told((lane, *waiters), lambda: [queue], now_s)
 
     def _back_out(self, ring: Sequence[Link], robots: Mapping[str, Seen], now_s: float) -> Recommendation:
         lane = ring[0].where
@@ -142,21 +136,33 @@ class Advising:
         self._detours[key] = advice
         return advice
 
-    def _told(
-        self, key: tuple[str, ...], signature: Signature, queues: Sequence[Queue], now_s: float
-    ) -> Recommendation | None:
+    def _queue(self, place: str, turns: Turns | None, robots: Mapping[str, Seen]) -> Queue:
+        requests = tuple(self._request(row, robots) for row in turns.rows) if turns else ()
+        return Queue(place, self._geometry.capacity(place), requests, self._geometry.changeover_s(place))
+
+    def _request(self, row: Row, robots: Mapping[str, Seen]) -> Request:
+        coming, arrival_s, robot, service_s, _ = row
+        vendor, priority = robots[robot].vendor, self.priority(robot)
+        return Request(robot, vendor, arrival_s, service_s, priority, inside=not coming)
+
+    def _told(self, key: tuple[str, ...], queues: Callable[[], Sequence[Queue]], now_s: float) -> Recommendation | None:
         """The newest answer to a question; asks it again when who waits has changed, or after a while."""
         one = self._questions.setdefault(key, _Question())
         one.wanted_s = now_s
         if one.answer and now_s - one.asked_s >= ANSWER_AFTER_S:
             self._take(one, one.answer)
-        changed = one.signature != signature or now_s - one.asked_s >= AGAIN_S
-        if one.answer is None and changed and self._solved < MOST_SOLVED:
-            self._solved += 1
-            burdens_s, standing = dict(self._account.burdens_s), one.advice
-            work = partial(advise_slots, queues, now_s, burdens_s=burdens_s, standing=standing, effort=self._effort)
-            one.answer, one.asked_s, one.signature, one.late = self._submit(work), now_s, signature, False
+        if one.answer is None and self._solved < MOST_SOLVED:
+            self._ask(one, queues(), now_s)
         return one.advice
+
+    def _ask(self, one: _Question, queues: Sequence[Queue], now_s: float) -> None:
+        signature = tuple(map(_signature, queues))
+        if signature == one.signature and now_s - one.asked_s < AGAIN_S:
+            return
+        self._solved += 1
+        burdens_s, standing = dict(self._account.burdens_s), one.advice
+        work = partial(advise_slots, queues, now_s, burdens_s=burdens_s, standing=standing, effort=self._effort)
+        one.answer, one.asked_s, one.signature, one.late = self._submit(work), now_s, signature, False
 
     def _take(self, one: _Question, answer: Answer) -> None:
         """An answer that is still worked out when its time has come is counted, and taken later."""
@@ -171,13 +177,7 @@ class Advising:
         way_m = self._geometry.lane_m(lane) + length_m
         return max(one.through_s(way_m) - max(now_s - one.enter_s, 0.0), 0.0)
 
-    def _group(self, place: str) -> list[str]:
-        """The places that can stand in for one another, in the order of the site file."""
-        found = self._geometry.resources.get(place)
-        if found is None or not found.group:
-            return [place]
-        return [one.id for one in self._geometry.resources.values() if one.group == found.group]
 
-
-def _robots(requests: Sequence[Request], inside: bool) -> frozenset[str]:
-    return frozenset(one.robot for one in requests if one.inside is inside)
+def _signature(queue: Queue) -> tuple[str, frozenset[str], frozenset[str]]:
+    waiting, inside = (frozenset(one.robot for one in queue.requests if one.inside is has) for has in (False, True))
+    return queue.resource, waiting, inside

@@ -7,7 +7,7 @@ from operator import itemgetter
 
 from deconflict.advisory import Recommendation, Slot, moment
 from deconflict.contention.deadlocks import Link
-from deconflict.contention.demand import CHANGEOVER_S
+from deconflict.contention.geometry import CHANGEOVER_S
 from deconflict.contention.robots import Seen, Stop
 
 PACE_MPS = 1.0

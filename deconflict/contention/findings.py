@@ -1,11 +1,12 @@
 """What a look has found, in words and as evidence."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.blockages import Blocked
 from deconflict.contention.deadlocks import Link
-from deconflict.contention.demand import Turn, free_at_s, longest_queue
+from deconflict.contention.demand import Row, Turns
 from deconflict.contention.geometry import Geometry
 from deconflict.contention.robots import Seen
 from deconflict.contention.telling import Finding
@@ -29,47 +30,59 @@ SOON_S = 30.0
 def contention(
     geometry: Geometry,
     place: str,
-    turns: Sequence[Turn],
+    turns: Turns,
     advice: Recommendation | None,
     robots: Mapping[str, Seen],
     now_s: float,
 ) -> Finding:
     """More robots will want a place than it takes."""
-    capacity = geometry.capacity(place)
-    waiting = sorted((turn for turn in turns if turn.wait_s > 0), key=lambda turn: turn.request.arrival_s)
-    first_s = max(waiting[0].request.arrival_s, now_s)
-    there = [turn for turn in turns if turn.request.arrival_s <= first_s < turn.end_s]
-    longest_s, queue = max(turn.wait_s for turn in waiting), longest_queue(turns)
-    who = names(robots, [turn.request.robot for turn in waiting])
-    free_s = free_at_s(turns, capacity, now_s) - now_s
-    spread_s = waiting[0].request.arrival_spread_s
-    within = f", give or take {spread_s:.0f} s," if spread_s >= TELL_SPREAD_S else ""
-    free = f"; it comes free in {free_s:.0f} s" if free_s > 0 else ""
+    waiting = turns.waiting
+    first_s = max(waiting[0][1], now_s)
+    there = turns.there(first_s)
     return Finding(
         kind="contention",
         about=place,
         severity=Severity.WARNING if first_s - now_s <= SOON_S else Severity.CAUTION,
-        robots=tuple(sorted({turn.request.robot for turn in (*waiting, *there)})),
+        robots=tuple(sorted({*there, *(robot for _, _, robot, _, _ in waiting)})),
         predicted_s=first_s,
-        location=_location(geometry, place),
-        summary=f"{who} will find {geometry.label(place)} taken {_when(first_s - now_s)}{within} and wait up to "
-        f"{longest_s:.0f} s{free}{_advised(geometry, place, waiting, advice, robots)}",
-        evidence=_queue_evidence(geometry, place, capacity, len(there), queue, longest_s),
+        location=geometry.location(place),
+        summary=partial(_taken, geometry, place, turns, advice, robots, now_s),
+        evidence=_queue_evidence(geometry, place, turns, len(there)),
         recommendation=advice,
+    )
+
+
+def _taken(
+    geometry: Geometry,
+    place: str,
+    turns: Turns,
+    advice: Recommendation | None,
+    robots: Mapping[str, Seen],
+    now_s: float,
+) -> str:
+    waiting = turns.waiting
+    _, first_s, _, _, spread_s = waiting[0]
+    who = names(robots, [robot for _, _, robot, _, _ in waiting])
+    within = f", give or take {spread_s:.0f} s," if spread_s >= TELL_SPREAD_S else ""
+    free_s = turns.free_s(geometry.capacity(place), now_s) - now_s
+    free = f"; it comes free in {free_s:.0f} s" if free_s > 0 else ""
+    return (
+        f"{who} will find {geometry.label(place)} taken {_when(first_s - now_s)}{within} and wait up to "
+        f"{turns.longest_s:.0f} s{free}{_advised(geometry, place, waiting, advice, robots)}"
     )
 
 
 def _advised(
     geometry: Geometry,
     place: str,
-    waiting: Sequence[Turn],
+    waiting: Sequence[Row],
     advice: Recommendation | None,
     robots: Mapping[str, Seen],
 ) -> str:
     """What a site service should do: where order or place save nothing, who should come when there is room."""
     if advice is None:
         return ""
-    bound = {turn.request.robot for turn in waiting}
+    bound = {robot for _, _, robot, _, _ in waiting}
     if advice.expected_saving_s < 1:
         late = [slot for slot in advice.slots if slot.robot in bound and slot.wait_s >= 1]
         return "".join(f"; {robots[slot.robot].name} should come {slot.wait_s:.0f} s later" for slot in late[:2])
@@ -81,20 +94,18 @@ def _advised(
     return "".join(f"; {one}" for one in told[:2]) + f", which saves {advice.expected_saving_s:.0f} s in all"
 
 
-def double_occupancy(
-    geometry: Geometry, place: str, turns: Sequence[Turn], capacity: int, inside: tuple[str, ...], now_s: float
-) -> Finding:
+def double_occupancy(geometry: Geometry, place: str, turns: Turns, now_s: float) -> Finding:
     """More robots are in a place than it takes."""
-    longest_s = max((turn.wait_s for turn in turns), default=0.0)
+    inside, capacity = tuple(sorted(row[2] for row in turns.rows[: turns.inside])), geometry.capacity(place)
     return Finding(
         kind="double_occupancy",
         about=place,
         severity=Severity.WARNING,
         robots=inside,
         predicted_s=now_s,
-        location=_location(geometry, place),
-        summary=f"{len(inside)} robots are in {geometry.label(place)}, which takes {capacity}",
-        evidence=_queue_evidence(geometry, place, capacity, len(inside), longest_queue(turns), longest_s),
+        location=geometry.location(place),
+        summary=lambda: f"{len(inside)} robots are in {geometry.label(place)}, which takes {capacity}",
+        evidence=_queue_evidence(geometry, place, turns, len(inside)),
     )
 
 
@@ -116,10 +127,12 @@ def deadlock(
         severity=Severity.CRITICAL if left_s <= 0 else Severity.WARNING if left_s <= SOON_S else Severity.CAUTION,
         robots=tuple(sorted({link.waiter for link in ring})),
         predicted_s=begins_s,
-        location=_location(geometry, drawn) if drawn else Location(datum=seen.datum, x=seen.x_m, y=seen.y_m),
-        summary=f"{who} {'lock' if left_s <= 0 else 'will lock'} each other{place}"
-        f"{'' if left_s <= 0 else ' ' + _when(left_s)}: each waits for the next"
-        f"{_way_out(geometry, ring, advice, robots)}",
+        location=geometry.location(drawn) if drawn else Location(datum=seen.datum, x=seen.x_m, y=seen.y_m),
+        summary=lambda: (
+            f"{who} {'lock' if left_s <= 0 else 'will lock'} each other{place}"
+            f"{'' if left_s <= 0 else ' ' + _when(left_s)}: each waits for the next"
+            f"{_way_out(geometry, ring, advice, robots)}"
+        ),
         recommendation=advice,
         evidence={
             "cycle": tuple(
@@ -162,8 +175,10 @@ def blockage(one: Blocked, robots: Mapping[str, Seen], now_s: float) -> Finding:
         robots=tuple(sorted((one.blocker, *one.holds_up))),
         predicted_s=max(one.from_s, now_s),
         location=Location(datum=seen.datum, x=round(seen.x_m, 3), y=round(seen.y_m, 3)),
-        summary=f"{seen.name} has stood for {now_s - one.since_s:.0f} s ({_says(seen, now_s)}) in the way of "
-        f"{names(robots, one.holds_up)}",
+        summary=lambda: (
+            f"{seen.name} has stood for {now_s - one.since_s:.0f} s ({_says(seen, now_s)}) in the way of "
+            f"{names(robots, one.holds_up)}"
+        ),
         evidence={"blocker": one.blocker, "since_at": moment(one.since_s), "holds_up": one.holds_up},
     )
 
@@ -180,19 +195,12 @@ def _when(left_s: float) -> str:
     return f"in {left_s:.0f} s" if left_s >= 1 else "now"
 
 
-def _location(geometry: Geometry, place: str) -> Location:
-    datum, x, y = geometry.middle(place)
-    return Location(datum=datum, x=round(x, 3), y=round(y, 3))
-
-
-def _queue_evidence(
-    geometry: Geometry, place: str, capacity: int, demand: int, queue: int, wait_s: float
-) -> dict[str, object]:
+def _queue_evidence(geometry: Geometry, place: str, turns: Turns, demand: int) -> dict[str, object]:
     return {
         "resource": place,
         "resource_name": geometry.label(place),
-        "capacity": capacity,
+        "capacity": geometry.capacity(place),
         "demand": demand,
-        "queue_length": queue,
-        "wait_s": round(wait_s, 1),
+        "queue_length": turns.queue,
+        "wait_s": round(turns.longest_s, 1),
     }

@@ -7,11 +7,14 @@ from math import dist, inf
 import numpy as np
 import shapely
 
+from deconflict.advisory import Location
 from deconflict.contention.ahead import Ahead, corners
-from deconflict.contention.demand import CHANGEOVER_S
 from deconflict.contention.resources import Place, Resource, Zone, outlines
 from deconflict.motion import Bools
 from ingest.seam import Floats
+
+CHANGEOVER_S = 4.0
+"""From when a robot sets out from a resource, or is out of a lane, until the next one can be there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +85,10 @@ class Geometry:
         self.zones = {one.id: one for one in zones}
         places: list[Place] = [*self.resources.values(), *self.zones.values()]
         self._middles = {place.id: _middle(place) for place in places}
+        self._locations = {place: _location(*middle) for place, middle in self._middles.items()}
+        self._groups: dict[str, list[str]] = {}
+        for one in self.resources.values():
+            self._groups.setdefault(one.group, []).append(one.id)
         self._resources = _floors(self.resources.values())
         self._zones = _floors(self.zones.values())
 
@@ -105,6 +112,15 @@ class Geometry:
     def middle(self, place: str) -> tuple[str, float, float]:
         """Datum, x and y of a point inside."""
         return self._middles[place]
+
+    def location(self, place: str) -> Location:
+        """The same as it is told, to the millimetre."""
+        return self._locations[place]
+
+    def group(self, place: str) -> list[str]:
+        """The places that can stand in for one another, this one among them, in the order of the site file."""
+        found = self.resources.get(place)
+        return self._groups[found.group] if found and found.group else [place]
 
     def resources_at(self, datums: Sequence[str], x_m: Floats, y_m: Floats) -> list[str | None]:
         """The resource that each point lies in, the first in the site file where outlines overlap."""
@@ -163,6 +179,10 @@ class Geometry:
 def _middle(place: Place) -> tuple[str, float, float]:
     point = shapely.Polygon(place.polygon).representative_point()
     return place.datum, point.x, point.y
+
+
+def _location(datum: str, x_m: float, y_m: float) -> Location:
+    return Location(datum=datum, x=round(x_m, 3), y=round(y_m, 3))
 
 
 def _floors(places: Iterable[Place]) -> dict[str, _Floor]:

@@ -4,9 +4,10 @@ A robot keeps its place until it sets out for the next, and what it wants must b
 the other's place would otherwise need somewhere to pass each other, of which the service knows nothing.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, inf
+from typing import NamedTuple
 
 import shapely
 
@@ -20,8 +21,7 @@ AT = "at "
 PATH = "path"
 
 
-@dataclass(frozen=True, slots=True)
-class Leg:
+class Leg(NamedTuple):
     """One robot keeps `place` from `since_s` to `until_s`, and is at `wants` from `arrives_s` on."""
 
     node: Node
@@ -35,11 +35,20 @@ class Leg:
 def legs(sharing: Sequence[Seen], standing: Sequence[Seen], now_s: float) -> list[Leg]:
     """The legs, as far as they reach, of robots that have something or go somewhere, and of those that stand there.
 
-    Whoever else stands is where nobody goes.
+    Whoever else stands is where nobody goes. Of those that only come and stay, the legs to what others want.
     """
     stood_on = _stood_on(sharing, standing)
     robots = {one.uuid: one for one in (*sharing, *stood_on.values())}
-    return [leg for one in robots.values() for leg in _legs(one, stood_on, now_s)]
+    only_come = {uuid for uuid, one in robots.items() if not one.here and not one.stands and len(one.stops) < 2}
+    found = [leg for uuid, one in robots.items() if uuid not in only_come for leg in _legs(one, stood_on, now_s)]
+    wanted = {leg.wants for leg in found}
+    late = [one for one in sharing if one.uuid in only_come and _meets(one, wanted, stood_on)]
+    return found + [leg for one in late for leg in _legs(one, stood_on, now_s)]
+
+
+def _meets(one: Seen, wanted: Container[str | None], stood_on: Container[Node]) -> bool:
+    """Whether a robot that only comes and stays may be in somebody's way there."""
+    return any(stop.resource in wanted for stop in one.stops) or (one.uuid, 0) in stood_on
 
 
 def _legs(one: Seen, stood_on: Mapping[Node, Seen], now_s: float) -> Iterable[Leg]:
@@ -59,8 +68,10 @@ def _legs(one: Seen, stood_on: Mapping[Node, Seen], now_s: float) -> Iterable[Le
 def _stood_on(robots: Sequence[Seen], standing: Sequence[Seen]) -> dict[Node, Seen]:
     """By leg, the robot that now stands where the leg ends, outside of every resource."""
     standing = sorted((one for one in standing if one.here is None), key=lambda one: one.uuid)
+    if not standing:
+        return {}
     ends = [(one, number, stop) for one in robots for number, stop in enumerate(one.stops) if not stop.resource]
-    if not standing or not ends:
+    if not ends:
         return {}
     points = shapely.points([stop.x_m for _, _, stop in ends], [stop.y_m for _, _, stop in ends])
     found: dict[Node, Seen] = {}

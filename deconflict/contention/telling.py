@@ -9,7 +9,7 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import uuid5
 
 from deconflict.advisory import (
@@ -54,8 +54,7 @@ OVER = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(NamedTuple):
     """What one look found."""
 
     kind: Kind
@@ -66,7 +65,8 @@ class Finding:
     """In ascending order."""
     predicted_s: float
     location: Location | None
-    summary: str
+    summary: Callable[[], str]
+    """Worded where it is told: most looks find what was told before."""
     evidence: dict[str, Any]
     """The fields of its kind of advisory."""
     recommendation: Recommendation | None = None
@@ -157,9 +157,9 @@ def _fields(finding: Finding, now_s: float, party: Callable[[str], tuple[str, st
         "vendors": tuple(vendor for _, vendor in parties),
         "updated_at": moment(now_s),
         "predicted_at": moment(finding.predicted_s),
-        "time_to_conflict_s": round(max(finding.predicted_s - now_s, 0.0), 3),
+        "time_to_conflict_s": _left_s(finding, now_s),
         "location": finding.location,
-        "summary": finding.summary,
+        "summary": finding.summary(),
         "recommendation": finding.recommendation,
         **finding.evidence,
     }
@@ -179,24 +179,25 @@ def _raised(finding: Finding, now_s: float, party: Callable[[str], tuple[str, st
 def _updated(before: Told, finding: Finding, now_s: float, party: Callable[[str], tuple[str, str]]) -> Told | None:
     rises = SEVERITIES.index(finding.severity) > SEVERITIES.index(before.severity)
     advice = finding.recommendation
-    anew = advice is not None and _order(advice) != _order(before.recommendation)
+    other = advice is not None and advice is not before.recommendation
+    anew = other and _order(advice) != _order(before.recommendation)
     if not rises and now_s - before.updated_at.timestamp() < (ADVICE_GAP_S if anew else UPDATE_GAP_S):
         return None
-    told = _fields(finding, now_s, party)
-    if not rises and not anew and not _differs(before, told, now_s):
+    if not rises and not anew and not _differs(before, finding, now_s):
         return None
-    return before.followed(**told)
+    return before.followed(**_fields(finding, now_s, party))
 
 
-def _differs(before: Told, told: dict[str, Any], now_s: float) -> bool:
+def _differs(before: Told, finding: Finding, now_s: float) -> bool:
     """Whether a person or a site service would act otherwise on the new telling."""
     left_s = max(before.predicted_at.timestamp() - now_s, 0.0)
-    moved_s = abs((told["predicted_at"] - before.predicted_at).total_seconds())
-    begun = before.time_to_conflict_s == 0 and told["time_to_conflict_s"] == 0
+    moved_s = abs((moment(finding.predicted_s) - before.predicted_at).total_seconds())
+    begun = before.time_to_conflict_s == 0 and _left_s(finding, now_s) == 0
     if not begun and moved_s > max(MOVED_S, MOVED_SHARE * left_s):
         return True
-    if told["severity"] != before.severity or told["robots"] != before.robots:
+    if finding.severity != before.severity or finding.robots != before.robots:
         return True
+    told = finding.evidence
     if isinstance(before, ContentionAdvisory):
         longer_s = abs(told["wait_s"] - before.wait_s)
         return bool(longer_s > max(MOVED_S, MOVED_SHARE * before.wait_s) or told["queue_length"] != before.queue_length)
@@ -205,6 +206,10 @@ def _differs(before: Told, told: dict[str, Any], now_s: float) -> bool:
     if isinstance(before, ClaimAdvisory):
         return bool(told["claimed"] >= 2 * before.claimed)
     return [(one.waiter, one.holder) for one in told["cycle"]] != [(one.waiter, one.holder) for one in before.cycle]
+
+
+def _left_s(finding: Finding, now_s: float) -> float:
+    return round(max(finding.predicted_s - now_s, 0.0), 3)
 
 
 def _order(advice: Recommendation | None) -> list[tuple[str, str]]:

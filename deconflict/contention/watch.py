@@ -4,7 +4,8 @@ Pure: data and the time in, revisions out. Robots are taken in as they change; a
 changed with them: queues of resources that somebody wants, standing robots that are in somebody's way.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
 
 from deconflict.contention import findings
@@ -12,13 +13,13 @@ from deconflict.contention.advising import Advising, advising_alone
 from deconflict.contention.blockages import blockages
 from deconflict.contention.congestion import Flow
 from deconflict.contention.deadlocks import Link, rings
-from deconflict.contention.demand import Request, Turn, first_come
+from deconflict.contention.demand import Row, Turns, first_come
 from deconflict.contention.detours import Refuge
 from deconflict.contention.geometry import Geometry
 from deconflict.contention.journeys import Hindrance, Leg, aisle_wants, hindrances, legs, place_wants, way_wants
 from deconflict.contention.occupancy import Dwells
 from deconflict.contention.resources import ContentionSettings, Resource, Zone
-from deconflict.contention.robots import Robots, Seen
+from deconflict.contention.robots import Robots, Seen, Stop
 from deconflict.contention.telling import Finding, Telling, Told
 from deconflict.gathering import Gathered, Gathering
 from deconflict.learned import Part, numbers
@@ -28,6 +29,7 @@ from ingest.seam import Batch
 LOOK_S = 1.0
 REACH_S = 900.0
 """How far ahead demand is forecast (standard 5.2.3)."""
+NOBODY = Turns([], 0, [], [], 0.0, 0)
 
 
 class Contention:
@@ -53,7 +55,7 @@ class Contention:
         self._looked_s = -inf
         self._gathering = Gathering()
         self._rings: list[tuple[Link, ...]] = []
-        self._turns: dict[str, list[Turn]] = {}
+        self._turns: dict[str, Turns] = {}
 
     def open(self) -> list[Told]:
         return self._telling.open()
@@ -101,11 +103,12 @@ class Contention:
         every = list(self.robots.seen.values())
         sharing = [one for one in every if one.stops or one.here or one.passages]
         standing = [one for one in every if one.stands and one.datum]
-        self._flow(sharing, now_s, dt_s)
+        passing = [one for one in sharing if one.passages]
+        self._flow(passing, now_s, dt_s)
         journeys = legs(sharing, standing, now_s)
-        self._turns = self._queues(sharing, journeys, now_s)
+        self._turns = first_come(self._wanted(sharing, passing, journeys, now_s), self.geometry, now_s)
         in_way = hindrances(every, standing, now_s)
-        found = [*self._contended(now_s), *self._doubled(now_s), *self._locked(sharing, journeys, in_way, now_s)]
+        found = [*self._contended(now_s), *self._doubled(now_s), *self._locked(passing, journeys, in_way, now_s)]
         self._measure()
         return self._telling.step(now_s, found, self._party)
 
@@ -113,9 +116,9 @@ class Contention:
         one = self.robots.seen[uuid]
         return one.name, one.vendor
 
-    def _flow(self, sharing: list[Seen], now_s: float, dt_s: float) -> None:
+    def _flow(self, passing: list[Seen], now_s: float, dt_s: float) -> None:
         inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
-        for one in sharing:
+        for one in passing:
             for zone, passage in one.passages.items():
                 if passage.enter_s <= now_s < passage.leave_s:
                     inside[zone].add(one.uuid)
@@ -123,79 +126,61 @@ class Contention:
             flow.step(dt_s, len(inside[zone]), len(self._inside[zone] - inside[zone]))
         self._inside = inside
 
-    def _queues(self, sharing: list[Seen], journeys: list[Leg], now_s: float) -> dict[str, list[Turn]]:
-        """Turns at every place that anybody has or will want, by its id."""
-        wanted: dict[str, list[Request]] = {}
-        for one in sharing:
+    def _wanted(
+        self, sharing: list[Seen], passing: list[Seen], journeys: list[Leg], now_s: float
+    ) -> dict[str, list[Row]]:
+        """Who has or will want what, by place."""
+        wanted = defaultdict[str, list[Row]](list)
+        for one in passing:
             for zone, passage in one.passages.items():
                 through_s = min(passage.leave_s, float(passage.t_s[-1]) + LOOK_S) - max(passage.enter_s, now_s)
-                inside = one.uuid in self._inside[zone]
-                request = self._request(one, passage.enter_s, LOOK_S, max(through_s, 0.0), inside=inside)
-                wanted.setdefault(zone, []).append(request)
+                coming = one.uuid not in self._inside[zone]
+                wanted[zone].append((coming, passage.enter_s, one.uuid, max(through_s, 0.0), LOOK_S))
         for leg in journeys:
             if leg.node[1] == 0 and leg.place in self._dwells:
-                wanted.setdefault(leg.place, []).append(self._kept(leg, now_s))
+                wanted[leg.place].append(self._kept(leg, now_s))
+        usual_s = {place: one.service_s for place, one in self._dwells.items()}
         for one in sharing:
-            for request, resource in self._coming(one, now_s):
-                wanted.setdefault(resource, []).append(request)
-        return {
-            place: first_come(wanted[place], self.geometry.capacity(place), now_s, self.geometry.changeover_s(place))
-            for place in sorted(wanted)
-        }
+            met = {one.here}
+            for number, stop in enumerate(one.stops):
+                place = stop.resource
+                if place is not None and place not in met and stop.t_s <= now_s + REACH_S:
+                    met.add(place)
+                    service_s = _until_next_s(one.stops, number) or usual_s[place]
+                    wanted[place].append((True, stop.t_s, one.uuid, service_s, stop.spread_s))
+        return wanted
 
-    def _kept(self, leg: Leg, now_s: float) -> Request:
+    def _kept(self, leg: Leg, now_s: float) -> Row:
         """What a robot has now, for as long as it says, or else as long as robots usually stay."""
         one = self.robots.seen[leg.node[0]]
         left_s = self._dwells[leg.place].remaining_s(now_s - one.came_s)
         if leg.until_s < inf:
             left_s = leg.until_s - now_s
-        return self._request(one, leg.since_s, 0.0, left_s, inside=True)
-
-    def _coming(self, one: Seen, now_s: float) -> Iterable[tuple[Request, str]]:
-        """The resources that a robot goes to, once each."""
-        met = {one.here}
-        for number, stop in enumerate(one.stops):
-            if stop.resource is None or stop.resource in met or stop.t_s > now_s + REACH_S:
-                continue
-            met.add(stop.resource)
-            service_s = self._dwells[stop.resource].service_s
-            if number + 1 < len(one.stops):
-                after = one.stops[number + 1]
-                away_s = ((after.x_m - stop.x_m) ** 2 + (after.y_m - stop.y_m) ** 2) ** 0.5
-                service_s = max(after.t_s - away_s - stop.t_s, 1.0)
-            yield self._request(one, stop.t_s, stop.spread_s, service_s), stop.resource
-
-    def _request(
-        self, one: Seen, arrival_s: float, spread_s: float, service_s: float, *, inside: bool = False
-    ) -> Request:
-        return Request(one.uuid, one.vendor, arrival_s, spread_s, service_s, self._advising.priority(one.uuid), inside)
+        return False, leg.since_s, one.uuid, left_s, 0.0
 
     def _contended(self, now_s: float) -> Iterable[Finding]:
         """Places where somebody will wait long, with the slots that would cost least."""
         long = self._settings.least_wait_s
-        contended = [place for place, turns in self._turns.items() if any(turn.wait_s >= long for turn in turns)]
         self._advising.begin(now_s)
-        for place in contended:
-            advice = self._advising.slots(place, self._turns, now_s)
-            yield findings.contention(self.geometry, place, self._turns[place], advice, self.robots.seen, now_s)
+        for place, turns in self._turns.items():
+            if turns.longest_s >= long:
+                advice = self._advising.slots(place, self._turns, self.robots.seen, now_s)
+                yield findings.contention(self.geometry, place, turns, advice, self.robots.seen, now_s)
 
     def _doubled(self, now_s: float) -> Iterable[Finding]:
         """Places with more robots inside than they take."""
         for place, turns in self._turns.items():
-            inside = tuple(sorted(turn.request.robot for turn in turns if turn.request.inside))
-            if len(inside) > self.geometry.capacity(place):
-                yield findings.double_occupancy(
-                    self.geometry, place, turns, self.geometry.capacity(place), inside, now_s
-                )
+            if turns.inside > self.geometry.capacity(place):
+                yield findings.double_occupancy(self.geometry, place, turns, now_s)
 
     def _locked(
-        self, sharing: list[Seen], journeys: list[Leg], in_way: list[Hindrance], now_s: float
+        self, passing: list[Seen], journeys: list[Leg], in_way: list[Hindrance], now_s: float
     ) -> Iterable[Finding]:
         """Rings of waits, and blockers of robots that are in none."""
         resources = self.geometry.resources
         aisles = [zone.id for zone in self.geometry.zones.values() if zone.kind == "aisle"]
         wants = place_wants(journeys, {one.id: one.capacity for one in resources.values()})
-        self._rings = rings([*wants, *aisle_wants(sharing, aisles), *way_wants(in_way)])
+        self._rings = rings([*wants, *aisle_wants(passing, aisles), *way_wants(in_way)])
         refuges = self._refuges() if self._rings else []
         for ring in self._rings:
             advice = self._advising.way_out(ring, self.robots.seen, refuges, now_s)
@@ -208,21 +193,17 @@ class Contention:
         free = [
             one.id
             for one in self.geometry.resources.values()
-            if one.kind != "lift" and len(self._turns.get(one.id, ())) < one.capacity
+            if one.kind != "lift" and len(self._turns.get(one.id, NOBODY).rows) < one.capacity
         ]
         return [Refuge(place, *self.geometry.middle(place)) for place in free]
 
     def _measure(self) -> None:
-        places, turns = (*self._dwells, *self._flows), self._turns
-        by_place = {place: turns.get(place, []) for place in places}
-        levels: dict[str, dict[str, float]] = {
-            "deconflict_resource_demand": {place: len(all_) for place, all_ in by_place.items()},
-            "deconflict_resource_occupancy": {
-                place: sum(turn.request.inside for turn in all_) for place, all_ in by_place.items()
-            },
-            "deconflict_resource_wait_seconds": {
-                place: max((turn.wait_s for turn in all_), default=0.0) for place, all_ in by_place.items()
-            },
+        places = [*self._dwells, *self._flows]
+        turns = [self._turns.get(place, NOBODY) for place in places]
+        levels: dict[str, Mapping[str, float]] = {
+            "deconflict_resource_demand": dict(zip(places, [len(one.rows) for one in turns], strict=True)),
+            "deconflict_resource_occupancy": dict(zip(places, [one.inside for one in turns], strict=True)),
+            "deconflict_resource_wait_seconds": dict(zip(places, [one.longest_s for one in turns], strict=True)),
             "deconflict_zone_flow_per_second": {zone: one.flow_per_s for zone, one in self._flows.items()},
             "deconflict_zone_saturation_ratio": {zone: one.saturation for zone, one in self._flows.items()},
             "deconflict_arrival_time_ratio": {
@@ -233,3 +214,12 @@ class Contention:
         for name, series in levels.items():
             self._measures.level(name, {(label,): value for label, value in series.items()})
         self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
+
+
+def _until_next_s(stops: Sequence[Stop], number: int) -> float:
+    """How long a robot may keep a stop for which it tells the next one; 0 where it tells none."""
+    if number + 1 == len(stops):
+        return 0.0
+    stop, after = stops[number : number + 2]
+    away_s: float = ((after.x_m - stop.x_m) ** 2 + (after.y_m - stop.y_m) ** 2) ** 0.5
+    return max(after.t_s - away_s - stop.t_s, 1.0)

@@ -22,7 +22,7 @@ def request(
     priority: float = 1.0,
     inside: bool = False,
 ) -> Request:
-    return Request(robot, vendor, NOW_S + arrival_s, 0.0, service_s, priority, inside)
+    return Request(robot, vendor, NOW_S + arrival_s, service_s, priority, inside)
 
 
 def cheapest_s(places: list[Queue]) -> float:

@@ -22,7 +22,7 @@ def finding(wait_s: float = 30.0, severity: Severity = Severity.CAUTION, in_s: f
         "wait_s": wait_s,
     }
     here = Location(datum=HALL, x=0.0, y=0.0)
-    return Finding("contention", "c1", severity, ("a", "b"), NOW_S + in_s, here, "a queue", evidence)
+    return Finding("contention", "c1", severity, ("a", "b"), NOW_S + in_s, here, lambda: "a queue", evidence)
 
 
 def party(uuid: str) -> tuple[str, str]:
