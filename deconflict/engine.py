@@ -34,7 +34,7 @@ from deconflict.rests import Rests
 from deconflict.site import Site
 from deconflict.sweeper import ACCURACY_M, PairConflicts, Sweeper
 from deconflict.tally import NEAR_MISSES, by_severity, tally
-from deconflict.telling import Pair, Party, Prediction, Scene
+from deconflict.telling import Pair, Party, Predictions, Scene
 from ingest import changes
 from ingest.measures import Measures
 from ingest.seam import Basis, Batch, Floats, Forecasts
@@ -166,7 +166,7 @@ class Engine:
         conflicts = self._sweeper.step(now_s, reach_s, accuracy_m)
         self.near_misses = [pair for pair in self._trigger.step(conflicts) if self._moves(pair)]
         self.measures.count(NEAR_MISSES, by=len(self.near_misses))
-        predictions = [one for one in self._foreseen(now_s, conflicts) if one.contact_s <= now_s + reach_s]
+        predictions = self._foreseen(now_s, conflicts).until(now_s + reach_s)
         there = self.live.robots.__contains__
         scene = Scene(there, self._party, self._stands, self._meet, self._separation_m, self._datum, self._place)
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene, now_s + reach_s)]
@@ -219,7 +219,7 @@ class Engine:
         """The standing probability of every watched pair to come within the clearance in the horizon, after `step`."""
         return self.foresight.probabilities()
 
-    def _foreseen(self, now_s: float, conflicts: PairConflicts) -> list[Prediction]:
+    def _foreseen(self, now_s: float, conflicts: PairConflicts) -> Predictions:
         """The pairs that the exact sweep found, and those that may well turn out otherwise."""
         likely = self.site.conflict.raise_probability * HELD_SHARE
         swept = Swept(conflicts.pairs, conflicts.separation_m, conflicts.separation_at_s)
@@ -229,8 +229,7 @@ class Engine:
         separation_m = np.concatenate([conflicts.separation_m, foreseen.near_m[n:]])
         start_m = np.concatenate([conflicts.start_separation_m, foreseen.now_m[n:]])
         fresh = np.concatenate([conflicts.fresh, foreseen.fresh[n:]])
-        columns = (contact_s, separation_m, start_m, fresh, foreseen.probability)
-        return list(map(Prediction._make, zip(foreseen.pairs, *(column.tolist() for column in columns), strict=True)))
+        return Predictions(foreseen.pairs, contact_s, separation_m, start_m, fresh, foreseen.probability)
 
     def _sweep(self, keys: Sequence[str], forecasts: Forecasts) -> None:
         for _, reason in self._sweeper.update(keys, forecasts):

@@ -9,18 +9,18 @@ encounter lasts until the pair has drawn apart by the clearance and a margin: wh
 not alert unless the envelopes are about to touch.
 """
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
 from operator import attrgetter
-from typing import NamedTuple
 
 from deconflict import telling
 from deconflict.advice.desk import differs
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
 from deconflict.site import Conflict
-from deconflict.telling import SEVERITIES, SURE, Pair, Prediction, Scene
+from deconflict.telling import SEVERITIES, SURE, Pair, Prediction, Predictions, Scene
+from deconflict.tracks import UNWEIGHED, Track, Tracks, Weighed
 
 UPDATE_GAP_S = 1.0
 """At most one revision in this time, unless the severity rises."""
@@ -33,39 +33,6 @@ PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", 
 """Why a conflict is cleared while both robots are on the floor."""
 
 
-class Weighed(NamedTuple):
-    """A prediction that was not worth a revision yet."""
-
-    contact_s: float
-    separation_m: float
-    sure: bool
-    """Whether it was likely enough for its severity."""
-    advisory: ConflictAdvisory
-    """The revision that it was held against."""
-    until_s: float
-    """When time alone may make it worth one."""
-
-
-@dataclass(slots=True, eq=False)
-class Track:
-    """One pair under watch."""
-
-    looks: deque[bool]
-    inside: bool = False
-    """Within the clearance, or not yet drawn apart from it."""
-    met: bool = False
-    """Came within the clearance while the advisory stood."""
-    weighed: Weighed | None = None
-    """The newest that was, if nothing new has been said since."""
-    last_predicted_s: float = 0.0
-    advisory: ConflictAdvisory | None = None
-
-    def look(self, *, alerting: bool) -> None:
-        """Either robot had something new to say."""
-        self.looks.append(alerting)
-        self.weighed = None
-
-
 @dataclass(slots=True, eq=False)
 class Lives:
     """Every pair under watch, and the advisories open between them."""
@@ -75,7 +42,7 @@ class Lives:
     """A restored advisory whose robots are not heard of again within this time of the first step is cleared."""
     ordinals: dict[Pair, int] = field(default_factory=dict)
     """How many encounters each pair has had."""
-    tracks: dict[Pair, Track] = field(default_factory=dict)
+    tracks: Tracks = field(init=False)
     told: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
     """The newest revision of each open advisory."""
     severities: Counter[Severity] = field(default_factory=Counter)
@@ -83,25 +50,28 @@ class Lives:
     _changed: set[Pair] = field(default_factory=set)
     started_s: float | None = None
 
+    def __post_init__(self) -> None:
+        self.tracks = Tracks(self.settings.confirm[1])
+
     def restore(self, open_advisories: Iterable[ConflictAdvisory]) -> None:
         """Go on with advisories that were open before a restart."""
         for advisory in open_advisories:
-            track = self.tracks[advisory.robots] = self._new_track()
-            track.last_predicted_s = advisory.updated_at.timestamp()
-            self._tell(track, advisory)
+            self._adopt(self.tracks.get(advisory.robots) or self.tracks.new(advisory.robots), advisory)
 
     def adopt(self, told: ConflictAdvisory) -> None:
         """Take a revision that another engine decided for this pair's own, whatever was thought of it here."""
         track = self.tracks.get(told.robots)
         self.ordinals[told.robots] = max(told.encounter, self.ordinals.get(told.robots, 0))
         if told.state is not AdvisoryState.CLEARED:
-            if track is None:
-                self.restore([told])
-            else:
-                track.last_predicted_s = max(track.last_predicted_s, told.updated_at.timestamp())
-                self._tell(track, told)
+            self._adopt(track or self.tracks.new(told.robots), told)
         elif track and track.advisory and track.advisory.id == told.id:
             self._tell(track, told)
+            self.tracks.keep(track)
+
+    def _adopt(self, track: Track, told: ConflictAdvisory) -> None:
+        self.tracks.predict(track, max(self.tracks.predicted_s(track), told.updated_at.timestamp()))
+        self._tell(track, told)
+        self.tracks.keep(track)
 
     def changed(self) -> set[Pair]:
         """The pairs of which something was told since this was asked last."""
@@ -111,7 +81,7 @@ class Lives:
     def step(
         self,
         now_s: float,
-        predictions: Iterable[Prediction],
+        predictions: Predictions,
         updated: set[str],
         scene: Scene,
         until_s: float = inf,
@@ -121,29 +91,24 @@ class Lives:
         It looked no further than `until_s`: an open advisory on what comes later stands as it is.
         """
         self.started_s = now_s if self.started_s is None else self.started_s
-        missed, revisions = dict(self.tracks), []
-        for one in predictions:
-            track = missed.pop(one.pair, None)
-            if track is None:
-                if not (one.fresh and self._matters(one, now_s)):
-                    continue
-                track = self.tracks[one.pair] = self._new_track()
-            elif self._rests(track, one, now_s):
-                track.last_predicted_s = now_s
-                continue
-            revisions.append(self._kept(track, one.pair, self._advance(track, one, now_s, scene)))
-        for pair, track in missed.items():
-            if not _later(track.advisory, until_s):
-                news = not updated.isdisjoint(pair)
-                revisions.append(self._kept(track, pair, self._missed(track, pair, now_s, scene, news)))
+        raises = self.settings.raise_probability
+        bounds = (self.settings.clearance_m, raises, raises * HELD_SHARE)
+        rows, missed = self.tracks.stirring(predictions, now_s, *bounds)
+        revisions = []
+        for one in predictions.some(rows):
+            track = self.tracks.get(one.pair) or self.tracks.new(one.pair)
+            revisions.append(self._kept(track, self._advance(track, one, now_s, scene)))
+        for track in missed:
+            news = not updated.isdisjoint(track.pair)
+            if (news or track.advisory) and not _later(track.advisory, until_s):
+                revisions.append(self._missed(track, now_s, scene, news))
         return sorted(filter(None, revisions), key=attrgetter("robots"))
 
-    def _kept(self, track: Track, pair: Pair, revision: ConflictAdvisory | None) -> ConflictAdvisory | None:
-        """Remember a pair's revision, and forget the pair where there is nothing left to remember."""
+    def _kept(self, track: Track, revision: ConflictAdvisory | None) -> ConflictAdvisory | None:
+        """Remember a pair, and its revision."""
         if revision:
             self._tell(track, revision)
-        if track.advisory is None and not track.inside and not any(track.looks):
-            del self.tracks[pair]
+        self.tracks.keep(track)
         return revision
 
     def advise(self, pair: Pair, advice: Recommendation, now_s: float) -> ConflictAdvisory | None:
@@ -157,47 +122,26 @@ class Lives:
             return None
         if not advice.holds and not advice.note and before.recommendation:
             return None
-        return self._tell(track, telling.with_advice(before, advice, now_s))
+        return self._kept(track, telling.with_advice(before, advice, now_s))
 
-    def _tell(self, track: Track, revision: ConflictAdvisory) -> ConflictAdvisory:
-        """From now on this revision is the pair's newest."""
-        pair, before = revision.robots, self.told.pop(revision.robots, None)
+    def _tell(self, track: Track, revision: ConflictAdvisory) -> None:
+        """From now on this revision is the pair's newest, against which nothing was weighed yet."""
+        before = self.told.pop(track.pair, None)
         if before:
             self.severities[before.severity] -= 1
-        track.advisory = None if revision.state is AdvisoryState.CLEARED else revision
+        track.advisory, track.weighed = None if revision.state is AdvisoryState.CLEARED else revision, UNWEIGHED
         if track.advisory:
             self.severities[revision.severity] += 1
-            self.told[pair] = revision
-        self._changed.add(pair)
-        return revision
+            self.told[track.pair] = revision
+        self._changed.add(track.pair)
 
-    def _new_track(self) -> Track:
-        return Track(deque(maxlen=self.settings.confirm[1]))
-
-    def _missed(self, track: Track, pair: Pair, now_s: float, scene: Scene, news: bool) -> ConflictAdvisory | None:
+    def _missed(self, track: Track, now_s: float, scene: Scene, news: bool) -> ConflictAdvisory | None:
         """The revision of a pair of which nothing is predicted."""
         if news:
             track.look(alerting=False)
-        return self._unpredicted(track, pair, now_s, scene) if news or track.advisory else None
-
-    def _rests(self, track: Track, prediction: Prediction, now_s: float) -> bool:
-        """Whether a pair draws near as it did when it was last weighed, so that nothing is to be done."""
-        apart = not track.inside and prediction.start_separation_m > self.settings.clearance_m
-        return apart and self._is_weighed(track, prediction, now_s) and self._holds(prediction)
-
-    def _is_weighed(self, track: Track, prediction: Prediction, now_s: float) -> bool:
-        """Whether a prediction without news is, for all that a person would do about it, what was weighed before."""
-        weighed = track.weighed
-        return (
-            not prediction.fresh
-            and weighed is not None
-            and weighed.advisory is track.advisory
-            and now_s < weighed.until_s
-            and prediction.contact_s == weighed.contact_s
-            and prediction.separation_m == weighed.separation_m
-            and (prediction.probability >= SURE) == weighed.sure
-            and not telling.is_likelier(weighed.advisory, prediction)
-        )
+        elif now_s - self.tracks.predicted_s(track) < self.settings.clear_after_s and all(map(scene.here, track.pair)):
+            return None
+        return self._kept(track, self._unpredicted(track, now_s, scene))
 
     def _advance(self, track: Track, prediction: Prediction, now_s: float, scene: Scene) -> ConflictAdvisory | None:
         """The revision that a prediction makes."""
@@ -206,13 +150,14 @@ class Lives:
         if prediction.fresh:
             track.look(alerting=alerting)
         if track.advisory and not track.inside and not self._holds(prediction):
-            return self._unpredicted(track, prediction.pair, now_s, scene)
+            return self._unpredicted(track, now_s, scene)
         if track.advisory:
-            track.last_predicted_s = now_s
+            self.tracks.predict(track, now_s)
             standing = self._standing(track, track.advisory, now_s, scene)
             return standing or self._updated(track, track.advisory, prediction, now_s, scene)
         if alerting and self._confirmed(track, prediction, now_s):
-            track.last_predicted_s, track.met = now_s, False
+            self.tracks.predict(track, now_s)
+            track.met = False
             return self._raised(prediction, now_s, scene)
         return None
 
@@ -234,10 +179,6 @@ class Lives:
         if prediction.separation_m > self.settings.clearance_m:
             wanted = max(wanted, SURE)
         return prediction.probability >= wanted and prediction.contact_s > now_s
-
-    def _matters(self, prediction: Prediction, now_s: float) -> bool:
-        """Whether there is anything to remember of news of a pair that was not under watch."""
-        return prediction.start_separation_m <= self.settings.clearance_m or self._likely(prediction, now_s)
 
     def _holds(self, prediction: Prediction) -> bool:
         return prediction.probability >= self.settings.raise_probability * HELD_SHARE
@@ -262,8 +203,6 @@ class Lives:
     ) -> ConflictAdvisory | None:
         if before.time_to_conflict_s == 0 and prediction.contact_s <= now_s:
             return None
-        if self._is_weighed(track, prediction, now_s):
-            return None
         severity = telling.severity_of(prediction, now_s, before.severity, self.settings)
         rises = SEVERITIES.index(severity) > SEVERITIES.index(before.severity)
         next_s = before.updated_at.timestamp() + UPDATE_GAP_S
@@ -283,7 +222,8 @@ class Lives:
 
     def _weighed(self, one: Prediction, before: ConflictAdvisory, now_s: float, until_s: float = inf) -> Weighed:
         rises_s = telling.severity_until_s(one.contact_s, now_s, self.settings)
-        return Weighed(one.contact_s, one.separation_m, one.probability >= SURE, before, min(rises_s, until_s))
+        sure, told = one.probability >= SURE, before.probability or 0.0
+        return Weighed(one.contact_s, one.separation_m, sure, told, min(rises_s, until_s))
 
     def _standing(
         self, track: Track, advisory: ConflictAdvisory, now_s: float, scene: Scene
@@ -294,13 +234,13 @@ class Lives:
         since_s = now_s - advisory.updated_at.timestamp()
         return advisory.ended(now_s, STAND) if since_s > self.settings.clear_after_s else None
 
-    def _unpredicted(self, track: Track, pair: Pair, now_s: float, scene: Scene) -> ConflictAdvisory | None:
-        absent = [uuid for uuid in pair if not scene.here(uuid)]
+    def _unpredicted(self, track: Track, now_s: float, scene: Scene) -> ConflictAdvisory | None:
+        absent = [uuid for uuid in track.pair if not scene.here(uuid)]
         if absent:
-            return self._absent(track, pair, absent, now_s)
-        if track.advisory and now_s - track.last_predicted_s < self.settings.clear_after_s:
+            return self._absent(track, absent, now_s)
+        if track.advisory and now_s - self.tracks.predicted_s(track) < self.settings.clear_after_s:
             return None
-        apart_m = scene.separation_m(pair, now_s)
+        apart_m = scene.separation_m(track.pair, now_s)
         if apart_m is not None and apart_m <= self.settings.clearance_m + self.settings.clear_margin_m:
             return None
         track.inside = False
@@ -309,7 +249,7 @@ class Lives:
             return None
         return advisory.ended(now_s, PASSED if track.met else UNPREDICTED)
 
-    def _absent(self, track: Track, pair: Pair, absent: list[str], now_s: float) -> ConflictAdvisory | None:
+    def _absent(self, track: Track, absent: list[str], now_s: float) -> ConflictAdvisory | None:
         """A robot that left ends the advisory; one not yet heard of since a restart does so only in time."""
         track.inside = False
         track.looks.clear()
@@ -319,7 +259,7 @@ class Lives:
         restored = advisory.updated_at.timestamp() < (self.started_s or 0.0)
         if restored and now_s - (self.started_s or 0.0) < self.absent_after_s:
             return None
-        names = dict(zip(pair, advisory.names, strict=True))
+        names = dict(zip(track.pair, advisory.names, strict=True))
         return advisory.ended(now_s, f"{' and '.join(names[uuid] for uuid in absent)} left the floor")
 
 

@@ -1,11 +1,13 @@
 """What is told of a conflict: the words and figures of an advisory, and when a newer prediction says something else."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from math import hypot, inf
 from typing import NamedTuple
 from uuid import UUID, uuid5
+
+import numpy as np
 
 from deconflict.advice.desk import advised
 from deconflict.advisory import (
@@ -18,7 +20,9 @@ from deconflict.advisory import (
     moment,
 )
 from deconflict.encounter import Encounter
+from deconflict.motion import Bools
 from deconflict.site import Conflict
+from ingest.seam import Floats, Ints
 
 Pair = tuple[str, str]
 
@@ -46,6 +50,30 @@ class Prediction(NamedTuple):
     """Whether either robot's forecast is new in this pass."""
     probability: float = 1.0
     """That their envelopes come within the clearance in the horizon."""
+
+
+class Predictions(NamedTuple):
+    """Many of them, in columns (n,)."""
+
+    pairs: Sequence[Pair]
+    contact_s: Floats
+    separation_m: Floats
+    start_separation_m: Floats
+    fresh: Bools
+    probability: Floats
+
+    def until(self, end_s: float) -> "Predictions":
+        """Those of what begins by then."""
+        rows = np.flatnonzero(self.contact_s <= end_s)
+        if len(rows) == len(self.pairs):
+            return self
+        pairs, fresh = [self.pairs[row] for row in rows.tolist()], self.fresh[rows]
+        contact_s, separation_m, start_m = self.contact_s[rows], self.separation_m[rows], self.start_separation_m[rows]
+        return Predictions(pairs, contact_s, separation_m, start_m, fresh, self.probability[rows])
+
+    def some(self, rows: Ints) -> list[Prediction]:
+        pairs = map(self.pairs.__getitem__, rows.tolist())
+        return list(map(Prediction._make, zip(pairs, *(column[rows].tolist() for column in self[1:]), strict=True)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,16 +147,14 @@ def severity_of(prediction: Prediction, now_s: float, before: Severity | None, s
     A severity falls only once the time has grown by `SLACK_S` beyond its bound.
     """
     time_s = prediction.contact_s - now_s
-    bounds_s = (settings.warning_s, settings.critical_s)
     shallow = prediction.separation_m > settings.clearance_m / 2 or prediction.probability < SURE
 
     def level(slack_s: float) -> int:
-        reached = sum(time_s <= bound_s + slack_s for bound_s in bounds_s)
+        reached = (time_s <= settings.warning_s + slack_s) + (time_s <= settings.critical_s + slack_s)
         return max(reached - 1, 0) if shallow else reached
 
-    if before is None:
-        return SEVERITIES[level(0.0)]
-    return SEVERITIES[max(level(0.0), min(SEVERITIES.index(before), level(SLACK_S)))]
+    least = level(0.0)
+    return SEVERITIES[least if before is None else max(least, min(SEVERITIES.index(before), level(SLACK_S)))]
 
 
 def severity_until_s(contact_s: float, now_s: float, settings: Conflict) -> float:

@@ -8,6 +8,7 @@ from deconflict.encounter import Encounter
 from deconflict.life import HELD_SHARE, Lives
 from deconflict.site import Conflict
 from deconflict.telling import Pair, Party, Prediction, Scene
+from tests.deconflict.made_predictions import in_columns
 
 PAIR: Pair = ("a", "b")
 SETTINGS = Conflict(
@@ -61,7 +62,7 @@ class Story:
 
     def _step(self, predictions: list[Prediction], told: bool) -> list[ConflictAdvisory]:
         self.now_s += 1.0
-        return self.lives.step(self.now_s, predictions, {"a"} if told else set(), self.scene())
+        return self.lives.step(self.now_s, in_columns(predictions), {"a"} if told else set(), self.scene())
 
     def raised(self, in_s: float = 8.0) -> ConflictAdvisory:
         self.predicted(in_s)
@@ -232,7 +233,7 @@ def test_pairs_no_longer_of_interest_are_forgotten() -> None:
     story.predicted(9)
     for _ in range(3):
         story.quiet()
-    assert story.lives.tracks == {}
+    assert len(story.lives.tracks) == 0
 
 
 def test_the_same_story_gives_the_same_advisories() -> None:

@@ -23,6 +23,7 @@ from deconflict.life import Lives
 from deconflict.site import Conflict
 from deconflict.store import Store
 from deconflict.telling import Pair, Party, Prediction, Scene
+from tests.deconflict.made_predictions import in_columns
 
 SETTINGS = Conflict()
 ABSENT_AFTER_S = 20.0
@@ -73,7 +74,8 @@ class Histories(RuleBasedStateMachine):
                 predictions.append(
                     Prediction(pair, self.now_s + in_s, min(separation_m, start_m), start_m, fresh, probability)
                 )
-        told = self.lives.step(self.now_s, predictions, news & self.here, self.scene(), self.now_s + reach_s)
+        said_now = in_columns(predictions)
+        told = self.lives.step(self.now_s, said_now, news & self.here, self.scene(), self.now_s + reach_s)
         stored = self.store.append(told)
         assert self.store.append(told) == stored, "a sender that sends again doubles nothing"
 

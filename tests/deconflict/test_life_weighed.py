@@ -1,7 +1,6 @@
 """Predictions that say nothing new are left alone: what is told is the same as if each were weighed anew."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,18 +9,32 @@ from deconflict.advisory import ConflictAdvisory, EncounterClass
 from deconflict.encounter import Encounter
 from deconflict.life import Lives
 from deconflict.site import Conflict
-from deconflict.telling import Pair, Party, Prediction, Scene
+from deconflict.telling import Pair, Party, Prediction, Predictions, Scene
+from deconflict.tracks import Track, Tracks
+from ingest.seam import Ints
+from tests.deconflict.made_predictions import in_columns
 
 SETTINGS = Conflict(clearance_m=0.3, clear_after_s=1.0, clear_margin_m=0.1, warning_s=5.0, critical_s=2.0)
 PAIRS: tuple[Pair, ...] = tuple(("a", f"b{n}") for n in range(20))
 PASSES = 150
 
 
-class Thorough(Lives):
-    """Leaves nothing alone."""
+class Every(Tracks):
+    """Leaves no pair under watch alone."""
 
-    def _is_weighed(self, *_: Any, **__: Any) -> bool:
-        return False
+    def stirring(
+        self, predictions: Predictions, now_s: float, clearance_m: float, raises: float, held: float
+    ) -> tuple[Ints, list[Track]]:
+        known = [row for row, pair in enumerate(predictions.pairs) if self.get(pair)]
+        some, missed = super().stirring(predictions, now_s, clearance_m, raises, held)
+        return np.union1d(some, known).astype(np.int64), missed
+
+
+class Thorough(Lives):
+    """Weighs everything anew."""
+
+    def __post_init__(self) -> None:
+        self.tracks = Every(self.settings.confirm[1])
 
 
 @dataclass
@@ -103,8 +116,8 @@ def test_what_is_left_alone_would_have_told_nothing(seed: int) -> None:
     told: list[ConflictAdvisory] = []
     for _ in range(PASSES):
         found, heard = floor.tick()
-        now = lives.step(floor.now_s, found, heard, floor.scene())
-        assert now == thorough.step(floor.now_s, found, heard, floor.scene())
+        now = lives.step(floor.now_s, in_columns(found), heard, floor.scene())
+        assert now == thorough.step(floor.now_s, in_columns(found), heard, floor.scene())
         told += now
     assert len({one.state for one in told}) == 3
     assert len(told) > 2 * len(PAIRS)
