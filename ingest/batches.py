@@ -2,64 +2,82 @@
 
 from collections.abc import Iterable, Sequence
 from itertools import chain
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
 from ingest.forecast import Forecast, Stop
 from ingest.robots import Robot
-from ingest.seam import Batch, Claim, Destinations, Floats, Forecasts
+from ingest.seam import Batch, Claim, Destinations, Floats, Forecasts, Ints
 
 
 def batch(
     robots: Sequence[Robot], now_s: float, floors: tuple[str, ...], gone: tuple[str, ...], claims: tuple[Claim, ...]
 ) -> Batch:
     """The batch of some robots, each of which has a forecast, as they are known now."""
+    forecasts: list[Forecast] = list(_each(robots, "forecast"))
     return Batch(
         now_s=now_s,
         floors=floors,
-        robots=tuple(robot.uuid for robot in robots),
-        vendors=tuple(robot.vendor for robot in robots),
-        models=tuple(robot.model for robot in robots),
-        names=tuple(robot.name for robot in robots),
-        states=tuple(robot.state for robot in robots),
-        statuses=np.array([robot.statuses for robot in robots], np.int64),
-        first_arrival_s=np.array([robot.first_arrival_s for robot in robots], np.float64),
-        arrival_s=np.array([robot.arrival_s for robot in robots], np.float64),
-        event_s=np.array([robot.seen.t_s for robot in robots if robot.seen], np.float64),
-        basis=np.array([robot.forecast.basis for robot in robots if robot.forecast], np.int64),
-        doubt_m=np.array([robot.doubt_m for robot in robots], np.float64),
-        forecasts=_layout([robot.forecast for robot in robots if robot.forecast]),
-        destinations=_destinations([robot.stops for robot in robots]),
+        robots=tuple(_each(robots, "uuid")),
+        vendors=tuple(_each(robots, "vendor")),
+        models=tuple(_each(robots, "model")),
+        names=tuple(_each(robots, "name")),
+        states=tuple(_each(robots, "state")),
+        statuses=_column(robots, "statuses", np.int64),
+        first_arrival_s=_column(robots, "first_arrival_s"),
+        arrival_s=_column(robots, "arrival_s"),
+        event_s=_column(robots, "seen.t_s"),
+        basis=_column(forecasts, "basis", np.int64),
+        doubt_m=_column(robots, "doubt_m"),
+        forecasts=_layout(forecasts),
+        destinations=_destinations(list(_each(robots, "stops"))),
         gone=gone,
         claims=claims,
     )
 
 
+def _each(of: Sequence[Any], name: str) -> Iterable[Any]:
+    return map(attrgetter(name), of)
+
+
+def _column(of: Sequence[Any], name: str, kind: DTypeLike = np.float64) -> NDArray[Any]:
+    return np.fromiter(_each(of, name), kind, len(of))
+
+
 def _layout(forecasts: list[Forecast]) -> Forecasts:
     if not forecasts:
         return Forecasts.empty()
-    t_s, x_m, y_m, yaw_rad = _columns(np.concatenate([one.knots for one in forecasts]))
-    sizes = chain.from_iterable([(one.length_m, one.width_m, one.bottom_m, one.top_m) for one in forecasts])
-    length_m, width_m, bottom_m, top_m = _columns(np.fromiter(sizes, np.float64).reshape(-1, 4))
+    knots = list(_each(forecasts, "knots"))
+    t_s, x_m, y_m, yaw_rad = _columns(np.concatenate(knots))
     return Forecasts(
-        start=np.concatenate([[0], np.cumsum([len(one.knots) for one in forecasts])]),
+        start=_starts(knots),
         t_s=t_s,
         x_m=x_m,
         y_m=y_m,
         yaw_rad=yaw_rad,
-        floor=np.fromiter(chain.from_iterable(one.floors for one in forecasts), np.int64, len(t_s)),
-        length_m=length_m,
-        width_m=width_m,
-        bottom_m=bottom_m,
-        top_m=top_m,
+        floor=np.fromiter(chain.from_iterable(_each(forecasts, "floors")), np.int64, len(t_s)),
+        length_m=_column(forecasts, "length_m"),
+        width_m=_column(forecasts, "width_m"),
+        bottom_m=_column(forecasts, "bottom_m"),
+        top_m=_column(forecasts, "top_m"),
     )
 
 
 def _destinations(stops_of: list[tuple[Stop, ...]]) -> Destinations:
-    stops = np.fromiter(chain.from_iterable(chain.from_iterable(stops_of)), np.float64).reshape(-1, 4)
-    t_s, x_m, y_m, floor = _columns(stops)
-    start = np.concatenate([[0], np.cumsum([len(each) for each in stops_of])]).astype(np.int64)
+    start = _starts(stops_of)
+    numbers = chain.from_iterable(chain.from_iterable(stops_of))
+    t_s, x_m, y_m, floor = _columns(np.fromiter(numbers, np.float64, 4 * int(start[-1])).reshape(-1, 4))
     return Destinations(start, t_s, x_m, y_m, floor.astype(np.int64))
+
+
+def _starts(parts: Sequence[Sequence[Any]]) -> Ints:
+    """(n + 1,) where each of n parts begins, one after the other, and where the last one ends."""
+    start = np.zeros(len(parts) + 1, np.int64)
+    np.cumsum(np.fromiter(map(len, parts), np.int64, len(parts)), out=start[1:])
+    return start
 
 
 def _columns(rows: Floats) -> Iterable[Floats]:

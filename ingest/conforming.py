@@ -4,7 +4,8 @@ What it takes, pydantic takes with the same values, five times as slowly; what i
 leaves alone whatever has a key that the standard does not have, since such keys are kept aside, and whatever is null.
 
 Nine tenths of a status are the points of its path and destinations. These stay bytes at first. Those that are plain
-are read from them by compiled code where it is loaded (`ingest/quick.py`), and only others are decoded.
+are read from them by compiled code where it is loaded (`ingest/quick.py`), and only others are decoded: a status may be
+out of the ordinary in something else.
 """
 
 from types import NoneType, UnionType

@@ -1,8 +1,8 @@
 """One message: bytes in; an identity, a status or a counted rejection out. Never raises on what a sender sent.
 
-A conforming message is decoded at once, one with keys of its own validated from its bytes. One that does not validate
-is parsed, mended where its meaning is plain, and validated again; then optional values that still do not fit are left
-out. Duplicate keys: the last one holds.
+A plain status is read by compiled code where that is loaded (`ingest/quick.py`). What else conforms is decoded at once,
+one with keys of its own validated from its bytes. One that does not validate is parsed, mended where its meaning is
+plain, and validated again; then optional values that still do not fit are left out. Duplicate keys: the last one holds.
 """
 
 import json
@@ -15,7 +15,7 @@ import msgspec
 from pydantic import ValidationError
 from pydantic_core import from_json
 
-from ingest import conforming, mending, paths, stamps, words
+from ingest import conforming, mending, paths, quick, stamps, words
 from ingest.conformance import Findings, RejectedError
 from ingest.paths import Path
 from ingest.reports import (
@@ -110,6 +110,8 @@ def read(raw: bytes, *, names_as_uuid: str | None = None) -> Identity | Status |
     findings: Findings = {}
     said_uuid: object = None
     try:
+        if quick.status and (status := quick.status(raw, names_as_uuid, findings)):
+            return status
         report = conforming.decoded(raw) or _report(raw, findings)
         said_uuid = report.uuid
         uuid = words.robot_uuid(report.uuid, names_as_uuid, findings)

@@ -7,12 +7,16 @@ to read has no use for it.
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from ingest.conformance import Findings
 from ingest.paths import Path, Points
 
 if TYPE_CHECKING:
     from ingest.forecast import Sighting, View
+    from ingest.messages import Status
     from ingest.seam import Floats
 
+status: "Callable[[bytes, str | None, Findings], Status | None] | None" = None
+"""`ingest.plain.status`"""
 points: Callable[[bytes], Points | None] | None = None
 """`ingest.plain.points`"""
 follow: "Callable[[Path, Sighting, View], tuple[Floats, int] | None] | None" = None
@@ -21,7 +25,7 @@ follow: "Callable[[Path, Sighting, View], tuple[Floats, int] | None] | None" = N
 
 def load() -> None:
     """Read by compiled code from now on. What is not on disk yet is compiled, which takes some seconds."""
-    global points, follow
+    global status, points, follow
     from ingest import following, plain  # noqa: PLC0415 - brings numba
 
-    points, follow = plain.points, following.follow
+    status, points, follow = plain.status, plain.points, following.follow

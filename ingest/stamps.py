@@ -130,7 +130,7 @@ def _tail(text: str) -> _Tail | None:
         findings.append("stamp-not-utc")
     fraction_us = int(f"{(fraction or '0')[:6]:0<6}")
     ahead_us = offset_min * (-60_000_000 if hours and hours[0] == "-" else 60_000_000)
-    return _Tail(fraction_us - ahead_us, _resolution_s(len(fraction or "")), tuple(findings))
+    return _Tail(fraction_us - ahead_us, worth_s(len(fraction or "")), tuple(findings))
 
 
 def _spelt(text: str) -> Stamp | None:
@@ -156,11 +156,12 @@ def _epoch(text: str) -> Stamp | None:
     if separator == " ":
         t_s, resolution_s = int(whole) + int(fraction) * 1e-9, _FINEST_S
     elif separator == ".":
-        t_s, resolution_s = float(f"{whole}.{fraction}"), _resolution_s(len(fraction))
+        t_s, resolution_s = float(f"{whole}.{fraction}"), worth_s(len(fraction))
     else:
-        t_s, resolution_s = int(whole) / 1000**thousandths, _resolution_s(3 * thousandths)
+        t_s, resolution_s = int(whole) / 1000**thousandths, worth_s(3 * thousandths)
     return Stamp(t_s, resolution_s, ("stamp-epoch",))
 
 
-def _resolution_s(digits: int) -> float:
+def worth_s(digits: int) -> float:
+    """What one unit of the last of so many digits of a second is worth."""
     return max(10.0 ** -min(max(digits, 0), 9), _FINEST_S)

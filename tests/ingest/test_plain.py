@@ -8,13 +8,13 @@ import pytest
 from msgspec.structs import replace
 
 from ingest import conforming, messages, paths, quick
-from ingest.conformance import Findings
+from ingest.conformance import Findings, RejectedError
 from ingest.messages import Status
 from ingest.paths import Path, Points
-from ingest.plain import points
+from ingest.plain import points, status
 from ingest.reports import PredictedLocation
-from tests.saying import stamp
-from tests.vectors import VECTORS, T, Vector, at
+from tests.saying import HALL, robot, stamp
+from tests.vectors import VECTORS, T, Vector, at, said
 
 OFFSETS = ("Z", "Z", "Z", "+00:00", "+0000", "", "-00:00", "+01:00", "z")
 DATUMS = ("", "", '"planarDatumUUID":"Hall",', '"planarDatum":"","planarDatumUUID":"Yard",', '"planarDatum":"hall",')
@@ -84,6 +84,85 @@ def agrees(raw: bytes) -> bool:
 @pytest.fixture(autouse=True)
 def _not_quickened(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(quick, "points", None)
+    monkeypatch.setattr(quick, "status", None)
+
+
+def made_status(random: Random) -> bytes:
+    """A status as some sender may write it; most of them plain."""
+    odd = random.random() < 0.3
+    known = ["navigating", "idle", "offline", "Moving", "dancing"][: 5 if odd else 3]
+    digits, offset = random.choice((0, 3, 9)), random.choice(OFFSETS)
+    fraction = f".{random.randrange(10**9):09}"[: digits + bool(digits)]
+    where = f'"x":{number(random, 300)},"y":{number(random, 300)},"z":{number(random, 3)},"angle":{turned(random)}'
+    datum = random.choice(('"planarDatum"', '"planarDatumUUID"')) + ":" + random.choice(('"Hall"', f'"{HALL}"', '""'))
+    parts = [
+        f'"uuid":"{random.choice((robot("A"), robot("A").upper(), "A"))}"',
+        f'"timestamp":"{stamp(random.uniform(0, 4.1e9))[:19]}{fraction}{offset}"',
+        f'"operationalState":"{random.choice(known)}"',
+        f'"location":{{{where}{random.choice(("", "," + datum))}}}',
+    ]
+    angular = random.choice(("", f',"angular":{turned(random)}'))
+    amount = random.uniform(-5, 130) if odd else random.choice((0, 1, 42.5, 100))
+    parts += random.sample(
+        [
+            f'"velocity":{{"linear":{number(random, 101 if odd else 5)}{angular}}}',
+            f'"batteryPercentage":{amount}',
+            f'"remainingRunTime":{amount}',
+            f'"loadPercentageStillAvailable" : {amount}',
+            f'"errorCodes":[{random.choice(("", " ", chr(34) + "E1" + chr(34))) if odd else ""}]',
+            f'"path": {made(random).decode()}',
+            f'"destinations":{random.choice(("[]", made(random).decode()))}',
+            '"mood":"good"' if odd else '"remainingRunTime":0.5',
+        ],
+        random.randint(0, 8 if odd else 7),
+    )
+    if random.random() < 0.5:
+        random.shuffle(parts)
+    return f"{{{', '.join(parts)}}}".encode()
+
+
+def status_agrees(raw: bytes) -> bool:
+    """Whether the status is taken; then it is what is made of it otherwise."""
+    findings: Findings = {}
+    try:
+        told = status(raw, "Alder", findings)
+    except RejectedError:
+        told = None
+    expected = messages.read(raw, names_as_uuid="Alder")
+    if told is None:
+        return False
+    assert isinstance(expected, Status)
+    assert told.findings == tuple(findings)
+    assert repr(rowwise_status(told)) == repr(rowwise_status(expected))
+    return True
+
+
+def rowwise_status(one: Status) -> Status:
+    return replace(one, path=rowwise(one.path), destinations=rowwise(one.destinations))
+
+
+def test_a_status_is_read_as_it_is_otherwise() -> None:
+    random = Random(5)
+    taken = sum(status_agrees(made_status(random)) for _ in range(3000))
+    assert 500 < taken < 2500
+
+
+def test_a_damaged_status_is_read_as_it_would_be_or_left_alone() -> None:
+    random = Random(6)
+    sound = [raw for raw in (made_status(random) for _ in range(400)) if status_agrees(raw)]
+    taken = sum(status_agrees(damaged(random.choice(sound), random)) for _ in range(10_000))
+    assert taken > 500
+
+
+@pytest.mark.parametrize("key", ["uuid", "timestamp", "operationalState", "location", "velocity", "mood"])
+def test_a_status_that_lacks_what_it_needs_or_says_something_twice_is_left_alone(key: str) -> None:
+    sound = said(velocity={"linear": 1.0})
+    assert status(sound, None, {})
+    told = json.loads(sound)
+    again = json.dumps({key: told.get(key, "good")})[1:-1]
+    assert status(sound.replace(b"{", b"{" + again.encode() + b",", 1), None, {}) is None
+    if key not in ("velocity", "mood"):
+        assert status(json.dumps({name: told[name] for name in told if name != key}).encode(), None, {}) is None
 
 
 def test_points_are_read_as_msgspec_and_python_read_them() -> None:
@@ -145,9 +224,7 @@ def test_every_message_is_read_as_before_once_that_is_quickened(vector: Vector) 
     before = messages.read(vector.raw)
     quick.load()
     after = messages.read(vector.raw)
-    if isinstance(after, Status):
-        after = replace(after, path=rowwise(after.path), destinations=rowwise(after.destinations))
-    assert repr(after) == repr(before)
+    assert repr(rowwise_status(after) if isinstance(after, Status) else after) == repr(before)
 
 
 @pytest.mark.parametrize("ahead_s", [[1.0, 2.0], [2000.0, 2001.0], [-5.0, -4.0], [0.5, 20.0]])
