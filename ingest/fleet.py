@@ -43,7 +43,7 @@ class Fleet:
         self._frames = frames
         self.robots: OrderedDict[str, Robot] = OrderedDict()
         """By UUID, those heard from longest ago first."""
-        self._changed: dict[str, None] = {}
+        self._changed: dict[str, Robot] = {}
         self._clock_changes, self._rates = changes.ClockChanges(), MessageRates()
         self._floors = Floors(frames)
         self._speaking: dict[int, set[str]] = {}
@@ -141,7 +141,7 @@ class Fleet:
         self._rates.look(now_s, self.measures.values["deconflict_messages_total"])
         self._clock_changes.look(now_s, ((one.vendor, one.clock) for one in self.robots.values() if one.seen))
         changed = self.robots if everything else self._changed
-        robots = [robot for uuid in changed if (robot := self.robots[uuid]).forecast]
+        robots = [robot for robot in changed.values() if robot.forecast]
         self._changed = {}
         cut = self._batch(robots, now_s, gone)
         for robot in robots:
@@ -294,9 +294,9 @@ class Fleet:
         robot.seen, findings = watch.reconcile(before, sight)
         robot.forecast = forecast(status, robot.seen, view)
         robot.stops = stops(status, robot.seen, view)
-        lost = matches(status.error_codes, self.reading.lost_errors)
+        lost = status.error_codes and matches(status.error_codes, self.reading.lost_errors)
         robot.doubt_m = self.reading.lost_doubt_m if lost else 0.0
-        self._changed[robot.uuid] = None
+        self._changed[robot.uuid] = robot
         unknown = () if frame.known else ("datum-unknown",)
         too_many = ("datum-too-many",) if frame.comparable and sight.floor == NOWHERE else ()
         return (*findings, *robot.forecast.findings, *unknown, *too_many)

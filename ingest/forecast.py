@@ -9,7 +9,7 @@ A blocking error makes any robot an obstacle where it stands; a lost one may be 
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
-from itertools import groupby
+from itertools import chain, groupby
 from math import atan2, ceil, cos, hypot, inf, isfinite, isnan, nan, sin
 from operator import itemgetter, lt
 from typing import Protocol
@@ -119,8 +119,10 @@ def stops(status: Status, here: Sighting, view: View) -> tuple[Stop, ...]:
     if not status.destinations.datums or status.state == "manualOverride":
         return ()
     latest_s = here.t_s + view.reading.destination_horizon_s
-    placed = zip(*_on_floors(status.destinations, view), strict=True)
-    return tuple([(t_s, x_m, y_m, floor) for (t_s, x_m, y_m, _), floor in placed if t_s <= latest_s])
+    on_floors = _on_floors(status.destinations, view)
+    return tuple(
+        [(t_s, x_m, y_m, floor) for floor, points in on_floors for t_s, x_m, y_m, _ in points if t_s <= latest_s]
+    )
 
 
 def matches(codes: tuple[str, ...], words: tuple[str, ...]) -> bool:
@@ -139,7 +141,7 @@ def _followed(status: Status, here: Sighting, view: View) -> Forecast | None:
     """By the path, in compiled code where it is loaded and the case is plain."""
     if quick.follow is None or status.state != "navigating" or not status.path.datums:
         return None
-    if matches(status.error_codes, view.reading.blocking_errors):
+    if status.error_codes and matches(status.error_codes, view.reading.blocking_errors):
         return None
     followed = quick.follow(status.path, here, view)
     if followed is None:
@@ -200,7 +202,11 @@ def _setting_out(path: Path, here: Sighting, view: View, findings: list[str]) ->
 
 
 def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> Along | None:
-    points, floors = _on_floors(path, view)
+    points: list[Knot] = []
+    floors: list[int] = []
+    for floor, placed in _on_floors(path, view):
+        points += placed
+        floors += [floor] * len(placed)
     if not points:
         return None
     times = [point[0] for point in points]
@@ -222,19 +228,14 @@ def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> Alo
     return _headed(knots[:possible]), all_floors[:possible]
 
 
-def _on_floors(path: Path, view: View) -> tuple[list[Knot], list[int]]:
-    """The points (p,) in floor frames, and the floor of each.
+def _on_floors(path: Path, view: View) -> Iterable[tuple[int, Sequence[Knot]]]:
+    """The points in the order sent, those next to each other on one floor together in its frame.
 
     Points that have no place there, such as degrees that no latitude has, are left out.
     """
-    points: list[Knot] = []
-    floors: list[int] = []
     for datum, poses in _by_datum(path) if path.datums else ():
         frame, floor = view.frame_of(datum)
-        placed = _placed(poses, frame, view.clock_offset_s)
-        points += placed
-        floors += [floor] * len(placed)
-    return points, floors
+        yield floor, _placed(poses, frame, view.clock_offset_s)
 
 
 def _by_datum(path: Path) -> Iterable[tuple[str, Sequence[Knot]]]:
@@ -306,8 +307,8 @@ def _by_velocity(here: Sighting, horizon_s: float) -> Along:
 def _by_destination(destinations: Path, here: Sighting, view: View) -> Along | None:
     """Straight to the next destination on this floor, at the time it states or at the robot's speed."""
     latest_s = here.t_s + view.reading.destination_horizon_s
-    placed = zip(*_on_floors(destinations, view), strict=True)
-    reachable = [knot for knot, floor in placed if floor == here.floor and knot[0] <= latest_s]
+    on_floor = [points for floor, points in _on_floors(destinations, view) if floor == here.floor]
+    reachable = [knot for knot in chain.from_iterable(on_floor) if knot[0] <= latest_s]
     if not reachable:
         return None
     t_s, x_m, y_m, yaw_rad = min(reachable, key=itemgetter(0))

@@ -46,8 +46,9 @@ _BEGINS = np.cumsum([0, *map(len, _WORDS)])
 _PLACED, _TIMED = 0b1110, 0b1111
 """The keys that a location needs, and a point, as bits."""
 _NEEDED = 1 << _UUID | 1 << _STATE | 1 << _STAMPED | 1 << _LOCATION
-HEAD_ROWS = 3
-"""Rows of a status before its points: its stamp and pose; height, speed and turn; battery, hours left and load."""
+HEAD_ROWS = 4
+"""Rows of a status before its points: its stamp and pose; height, speed and turn; battery, hours left and load;
+the first and last times of its path and of its destinations."""
 OF_LOCATION, OF_PATH, OF_DESTINATIONS, MARKS = 6, 10, 17, 24
 """Marks of a status: where its UUID and state begin and end, how many digits its stamp has and how it departs; what its
 location tells; and of path and destinations where their rows begin and end, and what they tell."""
@@ -381,7 +382,11 @@ def _part(text: Letters, end: int, at: int, key: int, rows: Floats, marks: Ints)
         if key != _PATH:
             mark = OF_DESTINATIONS
         marks[mark] = begin
-        at, marks[mark + 1], told = _array(text, end, at, rows, begin)
+        at, behind, told = _array(text, end, at, rows, begin)
+        if behind > begin:
+            ends = 0 if key == _PATH else 2
+            rows[3, ends], rows[3, ends + 1] = rows[begin, 0], rows[behind - 1, 0]
+        marks[mark + 1] = behind
         for i in range(5):
             marks[mark + 2 + i] = told[i]
     return at

@@ -38,18 +38,13 @@ class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
     """(p,) lower case; "" is the robot's own."""
     in_order: bool
     """Whether each is later than the one before."""
+    ends_s: tuple[float, float]
+    """The first time and the last; nan of no pose."""
 
     @property
     def rows(self) -> Sequence[Row]:
         """The poses, row by row."""
-        return self.poses if isinstance(self.poses, tuple) else [tuple(row) for row in self.poses.tolist()]
-
-    @property
-    def ends_s(self) -> tuple[float, float]:
-        """The first time and the last, of at least one pose."""
-        if isinstance(self.poses, tuple):
-            return self.poses[0][0], self.poses[-1][0]
-        return self.poses.item(0, 0), self.poses.item(-1, 0)
+        return self.poses if isinstance(self.poses, tuple) else self.poses.tolist()
 
     @property
     def times(self) -> list[float]:
@@ -61,6 +56,8 @@ class Points(msgspec.Struct, frozen=True, gc=False, eq=False):
 
     rows: Floats
     """(p, 4) t_s, x, y, yaw_rad"""
+    ends_s: tuple[float, float]
+    """The first time and the last."""
     planarDatumUUID: str | None  # noqa: N815
     planarDatum: str | None  # noqa: N815
     findings: tuple[str, ...]
@@ -70,7 +67,7 @@ class Points(msgspec.Struct, frozen=True, gc=False, eq=False):
         return len(self.rows)
 
 
-NO_PATH = Path((), (), in_order=True)
+NO_PATH = Path((), (), in_order=True, ends_s=(nan, nan))
 
 
 def absurd(x: float, y: float, z: float) -> bool:
@@ -155,14 +152,14 @@ def destinations(points: Sequence[PredictedLocation] | Points | None, stamp_s: f
     order = sorted(range(len(times)), key=times.__getitem__)
     rows = read.rows
     poses, datums = tuple(rows[row] for row in order), tuple(read.datums[row] for row in order)
-    return Path(poses, datums, in_order=len(set(times)) == len(times))
+    return Path(poses, datums, len(set(times)) == len(times), (times[order[0]], times[order[-1]]))
 
 
 def _read(points: Sequence[PredictedLocation] | Points | None, findings: Findings) -> Path:
     if isinstance(points, Points):
         if points.findings:
             findings.update(dict.fromkeys(points.findings))
-        return Path(points.rows, (_datum(points, findings),) * len(points.rows), in_order=True)
+        return Path(points.rows, (_datum(points, findings),) * len(points.rows), True, points.ends_s)
     if not points:
         return NO_PATH
     points = points[:MOST_POINTS_USED]
@@ -177,7 +174,7 @@ def _read(points: Sequence[PredictedLocation] | Points | None, findings: Finding
         heights = [point.z for point in points]
         if len(set(zip(rows, datums, heights, strict=True))) < len(rows):
             findings["duplicate-items"] = None
-    return Path(tuple(rows), datums, in_order)
+    return Path(tuple(rows), datums, in_order, (rows[0][0], rows[-1][0]))
 
 
 def _conforming(points: Sequence[PredictedLocation], findings: Findings) -> list[Row] | None:

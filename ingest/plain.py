@@ -28,7 +28,7 @@ def status(raw: bytes, names_as_uuid: str | None, findings: Findings) -> Status 
     rows, marks = np.empty((HEAD_ROWS + min(len(raw) // 16, MOST), 4)), np.empty(MARKS, np.int64)
     if not read_status(raw, rows, marks):
         return None
-    pose, (z, linear_mps, turn_rad, _), (battery_pct, _, available_pct, _) = rows[:HEAD_ROWS].tolist()
+    pose, (z, linear_mps, turn_rad, _), (battery_pct, _, available_pct, _), ends_s = rows[:HEAD_ROWS].tolist()
     stamp_s, x, y, yaw_rad = pose
     at = marks.tolist()
     uuid_at, uuid_end, state_at, state_end, digits, departs, right, right_end, other, other_end = at[:OF_PATH]
@@ -55,8 +55,8 @@ def status(raw: bytes, names_as_uuid: str | None, findings: Findings) -> Status 
         None if isnan(available_pct) else 100.0 - available_pct,
         None if isnan(battery_pct) else battery_pct,
         (),
-        paths.destinations(_points(raw, rows, at[OF_DESTINATIONS:]), stamp_s, findings),
-        paths.path(_points(raw, rows, at[OF_PATH:OF_DESTINATIONS]), stamp_s, findings),
+        paths.destinations(_points(raw, rows, at[OF_DESTINATIONS:], ends_s[2:]), stamp_s, findings),
+        paths.path(_points(raw, rows, at[OF_PATH:OF_DESTINATIONS], ends_s[:2]), stamp_s, findings),
         tuple(findings),
     )
 
@@ -65,16 +65,16 @@ def points(text: bytes) -> Points | None:
     """The points of a JSON array of predicted locations, at least one; None where they are left to others."""
     rows = np.empty((min(len(text) // 16, MOST), 4))
     count, told = read_points(text, rows)
-    return _points(text, rows, (0, count, *told))
+    return _points(text, rows, (0, count, *told), rows[: count or 1, 0].tolist())
 
 
-def _points(text: bytes, rows: Floats, at: Sequence[int]) -> Points | None:
+def _points(text: bytes, rows: Floats, at: Sequence[int], times: Sequence[float]) -> Points | None:
     """The points between two rows, and what they tell; None where there are none."""
     begin, end, right, right_end, other, other_end, departs = at
     if begin == end:
         return None
     right_word, other_word = _word(text, right, right_end), _word(text, other, other_end)
-    return Points(rows[begin:end], right_word, other_word, _OF_STAMPS[departs])
+    return Points(rows[begin:end], (times[0], times[-1]), right_word, other_word, _OF_STAMPS[departs])
 
 
 def _word(text: bytes, begin: int, end: int) -> str | None:

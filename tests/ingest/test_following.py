@@ -53,7 +53,7 @@ def case(random: Random) -> Case:
     message = read(status("robot", NOW_S, 1.0, 2.0))
     assert isinstance(message, Status)
     in_order = all(later[0] > earlier[0] for earlier, later in pairwise(points))
-    path = Path(tuple(points), (HALL,) * len(points), in_order=in_order)
+    path = Path(tuple(points), (HALL,) * len(points), in_order, (points[0][0], points[-1][0]))
     return Case(here, View(body, offset_s, lambda _: (frame, floor), Reading()), replace(message, path=path))
 
 
@@ -94,7 +94,8 @@ def test_a_path_is_followed_as_it_is_knot_by_knot() -> None:
 def test_what_is_not_plain_is_left_to_python(said: dict[str, Any], here: dict[str, float]) -> None:
     message = read(status("robot", NOW_S, 1.0, 2.0, **said))
     assert isinstance(message, Status)
-    path = Path(((NOW_S + 1, 2.0, 2.0, 0.0), (NOW_S + 2, 3.0, 2.0, 0.0)), (LOFT,) * 2, in_order=True)
+    points = (NOW_S + 1, 2.0, 2.0, 0.0), (NOW_S + 2, 3.0, 2.0, 0.0)
+    path = Path(points, (LOFT,) * 2, in_order=True, ends_s=(NOW_S + 1, NOW_S + 2))
     message = replace(message, path=path)
     sight = replace(Sighting(NOW_S, 0, 1.0, 2.0, 0.0, 1.0), **here)
     view = View(Body((1.0, 0.5, 0.4)), 0.0, lambda _: (Frame("loft", known=True), 0), Reading())

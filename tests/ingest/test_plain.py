@@ -67,7 +67,7 @@ def read(told: Points | list[PredictedLocation]) -> tuple[str, Findings]:
 
 
 def rowwise(path: Path) -> Path:
-    return replace(path, poses=tuple(path.rows))
+    return replace(path, poses=tuple(map(tuple, path.rows)))
 
 
 def agrees(raw: bytes) -> bool:
