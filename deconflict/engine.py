@@ -26,7 +26,7 @@ from deconflict.effort import Effort
 from deconflict.encounter import Encounter, encounter, separation_m
 from deconflict.foresight.foresight import Foresight, Swept
 from deconflict.foresight.heeded import waits_until_s
-from deconflict.landmarks import Landmarks
+from deconflict.landmarks import Landmarks, Spot
 from deconflict.learned import Part
 from deconflict.life import HELD_SHARE, Lives
 from deconflict.live import Live, LiveRobot
@@ -168,7 +168,7 @@ class Engine:
         self.measures.count(NEAR_MISSES, by=len(self.near_misses))
         predictions = self._foreseen(now_s, conflicts).until(now_s + reach_s)
         there = self.live.robots.__contains__
-        scene = Scene(there, self._party, self._stands, self._meet, self._separation_m, self._datum, self._place)
+        scene = Scene(there, self._party, self._stands, self._meet, self._separation_m, self._datum, self._places)
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene, now_s + reach_s)]
         revisions += self._advise(now_s)
         if not self._conflicts_only:
@@ -289,8 +289,8 @@ class Engine:
     def _datum(self, met: Encounter) -> str:
         return self.live.floors[met.floor]
 
-    def _place(self, met: Encounter) -> str:
-        return self._landmarks.place(self._datum(met), met.x_m, met.y_m)
+    def _places(self, met: Sequence[Encounter]) -> list[str]:
+        return self._landmarks.places([Spot(self._datum(one), one.x_m, one.y_m) for one in met])
 
     def _measure(self, conflicts: PairConflicts, revisions: list[AnyAdvisory]) -> None:
         severities = Counter({("conflict", severity): count for severity, count in self._lives.severities.items()})

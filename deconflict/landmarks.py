@@ -1,18 +1,31 @@
 """Where something is, in words that a person on the floor can walk to: a place of the site, or the nearest mark."""
 
 from collections.abc import Iterable, Sequence
+from math import inf
 from operator import itemgetter
 from typing import NamedTuple, Self
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from deconflict.contention.resources import Place, Resource, outlines
+from ingest.seam import Floats
 from ingest.settings import Datum
 
 FARTHEST_M = 15.0
 """A mark that is farther than this says less than the coordinates do."""
 AT_M = 1.5
 """Nearer than this a person would say "at"."""
+
+
+class Spot(NamedTuple):
+    """A point in the frame of a floor."""
+
+    datum: str
+    """The floor's id."""
+    x_m: float
+    y_m: float
 
 
 class Named(NamedTuple):
@@ -47,37 +60,43 @@ class Landmarks:
         }
         """The smallest first."""
 
-    def place(self, datum: str, x_m: float, y_m: float) -> str:
-        """Says where a point is, "3 m from Column C3 on Ground hall".
+    def places(self, spots: Sequence[Spot]) -> list[str]:
+        """Says where each of some points is, "3 m from Column C3 on Ground hall".
 
-        Args:
-            datum: the floor's id.
-            x_m, y_m: the point in the floor's frame, metres.
-
-        Returns:
-            The smallest place that holds the point, else the nearest mark or place and how far it is, else the
-            coordinates; and the floor.
+        The smallest place that holds the point, else the nearest mark or place and how far it is, else the coordinates;
+        and the floor.
         """
-        return f"{self._spot(datum, x_m, y_m)} on {self._floors.get(datum, datum)}"
+        told = [""] * len(spots)
+        for datum in {spot.datum for spot in spots}:
+            rows = [row for row, spot in enumerate(spots) if spot.datum == datum]
+            at_m = np.array([spots[row][1:] for row in rows])
+            for row, words in zip(rows, self._words(datum, at_m), strict=True):
+                told[row] = f"{words} on {self._floors.get(datum, datum)}"
+        return told
 
-    def _spot(self, datum: str, x_m: float, y_m: float) -> str:
-        point = shapely.Point(x_m, y_m)
+    def _words(self, datum: str, at_m: Floats) -> list[str]:
+        """Of points (n, 2) on one floor."""
+        points = shapely.points(at_m)
+        words = [f"near ({x_m:.1f}, {y_m:.1f})" for x_m, y_m in at_m.tolist()]
+        for row, (away_m, name) in self._nearest(datum, points).items():
+            words[row] = f"at {name}" if away_m < AT_M else f"{away_m:.0f} m from {name}"
         if inside := self._inside.get(datum):
-            found = inside.shapes.query(point, predicate="covered_by")
-            if len(found):
-                return inside.names[int(found.min())]
-        near = self._nearest(datum, point)
-        if near is None:
-            return f"near ({x_m:.1f}, {y_m:.1f})"
-        return f"at {near[1]}" if near[0] < AT_M else f"{near[0]:.0f} m from {near[1]}"
+            found = zip(*inside.shapes.query(points, predicate="covered_by").tolist(), strict=True)
+            for row, place in sorted(found, reverse=True):
+                words[row] = inside.names[place]
+        return words
 
-    def _nearest(self, datum: str, point: shapely.Point) -> tuple[float, str] | None:
-        """How far the nearest mark or place is, and its name; of several as near the first by name."""
+    def _nearest(self, datum: str, points: NDArray[np.object_]) -> dict[int, tuple[float, str]]:
+        """How far the nearest mark or place is of those points that are near any, and its name; of several as near the
+        first by name."""
         marks = self._marks.get(datum)
         if marks is None:
-            return None
-        found, away_m = marks.shapes.query_nearest(point, max_distance=FARTHEST_M, return_distance=True)
-        return min(zip(away_m.tolist(), (marks.names[one] for one in found.tolist()), strict=True), default=None)
+            return {}
+        found, away_m = marks.shapes.query_nearest(points, max_distance=FARTHEST_M, return_distance=True)
+        nearest: dict[int, tuple[float, str]] = {}
+        for row, mark, metres in zip(*found.tolist(), away_m.tolist(), strict=True):
+            nearest[row] = min((metres, marks.names[mark]), nearest.get(row, (inf, "")))
+        return nearest
 
 
 def _marks(datum: Datum) -> list[tuple[str, shapely.Geometry]]:

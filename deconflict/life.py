@@ -14,12 +14,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
 from operator import attrgetter
+from typing import NamedTuple
 
 from deconflict import telling
 from deconflict.advice.desk import differs
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
+from deconflict.encounter import Encounter
 from deconflict.site import Conflict
-from deconflict.telling import SEVERITIES, SURE, Pair, Prediction, Predictions, Scene
+from deconflict.telling import SEVERITIES, SURE, Pair, Prediction, Predictions, Scene, Where
 from deconflict.tracks import UNWEIGHED, Track, Tracks, Weighed
 
 UPDATE_GAP_S = 1.0
@@ -31,6 +33,14 @@ TOUCHING_M = 0.1
 
 PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
 """Why a conflict is cleared while both robots are on the floor."""
+
+
+class Due(NamedTuple):
+    """A prediction that is to be told if it is news, which hangs on how the two will meet."""
+
+    track: Track
+    prediction: Prediction
+    severity: Severity
 
 
 @dataclass(slots=True, eq=False)
@@ -94,10 +104,15 @@ class Lives:
         raises = self.settings.raise_probability
         bounds = (self.settings.clearance_m, raises, raises * HELD_SHARE)
         rows, missed = self.tracks.stirring(predictions, now_s, *bounds)
-        revisions = []
+        revisions, due = [], []
         for one in predictions.some(rows):
             track = self.tracks.get(one.pair) or self.tracks.new(one.pair)
-            revisions.append(self._kept(track, self._advance(track, one, now_s, scene)))
+            found = self._advance(track, one, now_s, scene)
+            if isinstance(found, Due):
+                due.append(found)
+            else:
+                revisions.append(self._kept(track, found))
+        revisions += self._decided(due, now_s, scene)
         for track in missed:
             news = not updated.isdisjoint(track.pair)
             if (news or track.advisory) and not _later(track.advisory, until_s):
@@ -143,8 +158,10 @@ class Lives:
             return None
         return self._kept(track, self._unpredicted(track, now_s, scene))
 
-    def _advance(self, track: Track, prediction: Prediction, now_s: float, scene: Scene) -> ConflictAdvisory | None:
-        """The revision that a prediction makes."""
+    def _advance(
+        self, track: Track, prediction: Prediction, now_s: float, scene: Scene
+    ) -> ConflictAdvisory | Due | None:
+        """The revision that a prediction makes, or may make."""
         self._note_start(track, prediction.start_separation_m)
         alerting = prediction.fresh and self._alerting(track, prediction, now_s)
         if prediction.fresh:
@@ -158,7 +175,7 @@ class Lives:
         if alerting and self._confirmed(track, prediction, now_s):
             self.tracks.predict(track, now_s)
             track.met = False
-            return self._raised(prediction, now_s, scene)
+            return self._raised(track, prediction, now_s, scene)
         return None
 
     def _note_start(self, track: Track, start_m: float) -> None:
@@ -187,20 +204,15 @@ class Lives:
         wanted = self.settings.confirm[0]
         return sum(track.looks) >= wanted or prediction.contact_s - now_s <= self.settings.urgent_s
 
-    def _raised(self, prediction: Prediction, now_s: float, scene: Scene) -> ConflictAdvisory | None:
-        pair = prediction.pair
-        ordinal = self.ordinals[pair] = self.ordinals.get(pair, 0) + 1
-        if not all(map(scene.here, pair)):
+    def _raised(self, track: Track, prediction: Prediction, now_s: float, scene: Scene) -> Due | None:
+        self.ordinals[track.pair] = self.ordinals.get(track.pair, 0) + 1
+        if not all(map(scene.here, track.pair)):
             return None
-        severity = telling.severity_of(prediction, now_s, None, self.settings)
-        met = scene.meet(pair, prediction.contact_s)
-        parties = scene.party(pair[0]), scene.party(pair[1])
-        told = telling.newest(prediction, now_s, scene, parties, severity, met, self.settings.clearance_m)
-        return telling.raised(pair, ordinal, parties, told, now_s)
+        return Due(track, prediction, telling.severity_of(prediction, now_s, None, self.settings))
 
     def _updated(
         self, track: Track, before: ConflictAdvisory, prediction: Prediction, now_s: float, scene: Scene
-    ) -> ConflictAdvisory | None:
+    ) -> Due | None:
         if before.time_to_conflict_s == 0 and prediction.contact_s <= now_s:
             return None
         severity = telling.severity_of(prediction, now_s, before.severity, self.settings)
@@ -209,16 +221,35 @@ class Lives:
         if not rises and now_s < next_s:
             track.weighed = self._weighed(prediction, before, now_s, next_s)
             return None
-        pair = prediction.pair
-        if not all(map(scene.here, pair)):
-            return None
-        met = scene.meet(pair, prediction.contact_s)
-        if not telling.is_news(before, prediction, severity, met, scene.datum(met)):
-            track.weighed = self._weighed(prediction, before, now_s)
-            return None
+        return Due(track, prediction, severity) if all(map(scene.here, track.pair)) else None
+
+    def _decided(self, due: Iterable[Due], now_s: float, scene: Scene) -> list[ConflictAdvisory]:
+        """The revisions of those that are new, or say something else than was told."""
+        news = []
+        for one in due:
+            track, prediction, severity = one
+            met, before = scene.meet(track.pair, prediction.contact_s), track.advisory
+            if before is None or telling.is_news(before, prediction, severity, met, scene.datum(met)):
+                news.append((one, met))
+            else:
+                track.weighed = self._weighed(prediction, before, now_s)
+                self.tracks.keep(track)
+        places = scene.places([met for _, met in news])
+        return [self._said(*one, place, now_s, scene) for one, place in zip(news, places, strict=True)]
+
+    def _said(self, due: Due, met: Encounter, place: str, now_s: float, scene: Scene) -> ConflictAdvisory:
+        """The revision of a pair that meets so, there."""
+        (track, prediction, severity), pair = due, due.track.pair
         parties = scene.party(pair[0]), scene.party(pair[1])
-        told = telling.newest(prediction, now_s, scene, parties, severity, met, self.settings.clearance_m)
-        return telling.updated(before, told)
+        where = Where(scene.datum(met), place)
+        told = telling.newest(prediction, now_s, where, parties, severity, met, self.settings.clearance_m)
+        if track.advisory:
+            revision = telling.updated(track.advisory, told)
+        else:
+            revision = telling.raised(pair, self.ordinals[pair], parties, told, now_s)
+        self._tell(track, revision)
+        self.tracks.keep(track)
+        return revision
 
     def _weighed(self, one: Prediction, before: ConflictAdvisory, now_s: float, until_s: float = inf) -> Weighed:
         rises_s = telling.severity_until_s(one.contact_s, now_s, self.settings)

@@ -101,8 +101,17 @@ class Scene:
     """None where the two cannot be compared."""
     datum: Callable[[Encounter], str]
     """The datum's id."""
-    place: Callable[[Encounter], str]
-    """Where on it, in words."""
+    places: Callable[[Sequence[Encounter]], list[str]]
+    """Where on it each is, in words."""
+
+
+class Where(NamedTuple):
+    """Where two meet."""
+
+    datum: str
+    """The datum's id."""
+    place: str
+    """In words."""
 
 
 @dataclass(frozen=True)
@@ -167,13 +176,13 @@ def severity_until_s(contact_s: float, now_s: float, settings: Conflict) -> floa
 def newest(
     prediction: Prediction,
     now_s: float,
-    scene: Scene,
+    where: Where,
     parties: tuple[Party, Party],
     severity: Severity,
     met: Encounter,
     clearance_m: float,
 ) -> Telling:
-    """What there is to tell of a prediction, by which the two meet so."""
+    """What there is to tell of a prediction, by which the two meet so, there."""
     time_s = max(prediction.contact_s - now_s, 0.0)
     return Telling(
         severity=severity,
@@ -186,8 +195,8 @@ def newest(
         clearance_m=clearance_m,
         min_separation_m=round(prediction.separation_m, 3),
         closing_speed_mps=round(met.closing_speed_mps, 3),
-        location=Location(datum=scene.datum(met), x=round(met.x_m, 3), y=round(met.y_m, 3)),
-        summary=_summary(parties, met, time_s, scene.place(met)),
+        location=Location(datum=where.datum, x=round(met.x_m, 3), y=round(met.y_m, 3)),
+        summary=_summary(parties, met, time_s, where.place),
     )
 
 

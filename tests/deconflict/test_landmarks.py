@@ -1,7 +1,7 @@
 import pytest
 
 from deconflict.contention.resources import Resource, Zone
-from deconflict.landmarks import Landmarks
+from deconflict.landmarks import Landmarks, Spot
 from ingest.settings import Datum, ReferencePoint
 
 HALL = Datum(
@@ -28,18 +28,23 @@ DOCK = Resource(id="d1", name="Dock 1", kind="dock", datum="hall", polygon=((30,
 LANDMARKS = Landmarks((HALL, ABROAD), (DOCK, AISLE))
 
 
-@pytest.mark.parametrize(
-    ("datum", "at_m", "said"),
-    [
-        ("hall", (22.0, 1.0), "in Aisle 4 on Ground hall"),
-        ("hall", (31.0, 3.0), "at Dock 1 on Ground hall"),
-        ("hall", (3.0, 4.0), "5 m from Column A1 on Ground hall"),
-        ("hall", (0.5, 0.5), "at Column A1 on Ground hall"),
-        ("hall", (30.0, 9.0), "3 m from Aisle 4 on Ground hall"),
-        ("hall", (0.0, -40.0), "near (0.0, -40.0) on Ground hall"),
-        ("abroad", (48.0, 11.0), "near (48.0, 11.0) on Yard"),
-        ("nowhere", (1.0, 2.0), "near (1.0, 2.0) on nowhere"),
-    ],
-)
-def test_a_point_is_told_by_what_a_person_knows_on_the_floor(datum: str, at_m: tuple[float, float], said: str) -> None:
-    assert LANDMARKS.place(datum, *at_m) == said
+SAID = [
+    (Spot("hall", 22.0, 1.0), "in Aisle 4 on Ground hall"),
+    (Spot("hall", 31.0, 3.0), "at Dock 1 on Ground hall"),
+    (Spot("hall", 3.0, 4.0), "5 m from Column A1 on Ground hall"),
+    (Spot("hall", 0.5, 0.5), "at Column A1 on Ground hall"),
+    (Spot("hall", 30.0, 9.0), "3 m from Aisle 4 on Ground hall"),
+    (Spot("abroad", 48.0, 11.0), "near (48.0, 11.0) on Yard"),
+    (Spot("hall", 0.0, -40.0), "near (0.0, -40.0) on Ground hall"),
+    (Spot("nowhere", 1.0, 2.0), "near (1.0, 2.0) on nowhere"),
+]
+
+
+@pytest.mark.parametrize(("spot", "said"), SAID)
+def test_a_point_is_told_by_what_a_person_knows_on_the_floor(spot: Spot, said: str) -> None:
+    assert LANDMARKS.places([spot]) == [said]
+
+
+def test_many_points_are_told_each_as_it_is_alone() -> None:
+    assert LANDMARKS.places([spot for spot, _ in SAID * 2]) == [said for _, said in SAID * 2]
+    assert LANDMARKS.places([]) == []

@@ -46,7 +46,7 @@ class Story:
             meet=lambda _, __: Encounter(EncounterClass.CROSSING, 1.2, self.x_m, 4.0, 0),
             separation_m=lambda _, __: self.apart_m,
             datum=lambda _: "datum-1",
-            place=lambda _: "in Aisle 4 on Hall",
+            places=lambda met: ["in Aisle 4 on Hall"] * len(met),
         )
 
     def quiet(self, told: bool = True) -> list[ConflictAdvisory]:

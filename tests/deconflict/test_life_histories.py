@@ -53,7 +53,7 @@ class Histories(RuleBasedStateMachine):
             meet=lambda *_: Encounter(EncounterClass.CROSSING, 1.2, 3.0, 4.0, 0),
             separation_m=lambda pair, _: self.apart_m.get(pair, 9.0),
             datum=lambda _: "datum-1",
-            place=lambda _: "in Aisle 4",
+            places=lambda met: ["in Aisle 4"] * len(met),
         )
 
     @rule(

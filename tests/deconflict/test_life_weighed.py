@@ -67,7 +67,7 @@ class Floor:
             meet=lambda pair, _: Encounter(EncounterClass.CROSSING, 1.2, self.meetings[pair].x_m, 4.0, 0),
             separation_m=lambda *_: 5.0,
             datum=lambda _: "datum-1",
-            place=lambda _: "in Aisle 4",
+            places=lambda met: ["in Aisle 4"] * len(met),
         )
 
     def tick(self) -> tuple[list[Prediction], set[str]]:
