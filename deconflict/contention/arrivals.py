@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from deconflict.contention.promises import Promise, Promises, Spot
+from deconflict.contention.promises import Promise, Promises, Spot, Stops
 from deconflict.foresight.lateness import Lateness
 from deconflict.learned import Part, numbers
 
@@ -43,7 +43,7 @@ class Arrivals:
         self._promises = Promises()
         self._ratios: dict[str, Ratios] = {}
 
-    def heard(self, robot: str, vendor: str, now_s: float, here: Spot, stops: list[tuple[float, Spot]]) -> None:
+    def heard(self, robot: str, vendor: str, now_s: float, here: Spot, stops: Stops) -> None:
         """A robot is at `here` and says when it will be where."""
         for said in self._promises.heard(robot, now_s, here, stops):
             self._arrived(vendor, now_s, said)

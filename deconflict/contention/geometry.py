@@ -1,7 +1,7 @@
 """Where places lie: which resource a point is in, which zones an envelope sweeps through."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import dist, inf
 
 import numpy as np
@@ -11,10 +11,12 @@ from deconflict.advisory import Location
 from deconflict.contention.ahead import Ahead, corners
 from deconflict.contention.resources import Place, Resource, Zone, outlines
 from deconflict.motion import Bools
-from ingest.seam import Floats
+from ingest.seam import Floats, Ints
 
 CHANGEOVER_S = 4.0
 """From when a robot sets out from a resource, or is out of a lane, until the next one can be there."""
+ROUNDING_M = 1e-6
+"""What is nearer than this to being near is asked of the shapes themselves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,19 +64,30 @@ class Passage:
         return float(np.interp(t_s, self.t_s, self.along_m))
 
 
-@dataclass(slots=True, eq=False)
 class _Floor:
     """The outlines of one floor, and whose they are."""
 
-    ids: list[str] = field(default_factory=list)
-    shapes: list[shapely.Polygon] = field(default_factory=list)
-    tree: shapely.STRtree | None = None
+    def __init__(self, drawn: Sequence[tuple[str, Iterable[tuple[float, float]]]]) -> None:
+        self.ids = [place for place, _ in drawn]
+        self.outlines = np.array([shapely.Polygon(outline) for _, outline in drawn])
+        shapely.prepare(self.outlines)
+        self.tree = shapely.STRtree(self.outlines)
+        self._bounds_m = shapely.bounds(self.outlines)
 
-    def add(self, place: str, outline: Iterable[tuple[float, float]]) -> None:
-        shape = shapely.Polygon(outline)
-        shapely.prepare(shape)
-        self.ids.append(place)
-        self.shapes.append(shape)
+    def touched(self, index: Ints, view: Ahead, who: Ints, length_m: Floats, width_m: Floats) -> Bools:
+        """(pairs, STEPS + 1) whether the envelopes of robots touch the outlines, all else of (pairs,).
+
+        Only where the middle is near enough for that is it asked of the shapes.
+        """
+        x_m, y_m, yaw_rad = view.x_m[who], view.y_m[who], view.yaw_rad[who]
+        west, south, east, north = self._bounds_m[index].T[:, :, None]
+        beside_m = np.hypot(np.maximum(west - x_m, x_m - east).clip(0), np.maximum(south - y_m, y_m - north).clip(0))
+        touched: Bools = beside_m <= np.hypot(length_m, width_m)[:, None] / 2 + ROUNDING_M
+        pair, step = np.nonzero(touched)
+        poses = (x_m[pair, step], y_m[pair, step], yaw_rad[pair, step])
+        envelopes = shapely.polygons(corners(*poses, length_m[pair], width_m[pair]))
+        touched[pair, step] = shapely.intersects(self.outlines[index[pair]], envelopes)
+        return touched
 
 
 class Geometry:
@@ -130,7 +143,7 @@ class Geometry:
         points = shapely.points(x_m, y_m)
         for datum, floor in self._resources.items():
             rows = np.array([row for row, one in enumerate(datums) if one == datum], np.int64)
-            if len(rows) and floor.tree is not None:
+            if len(rows):
                 inside = floor.tree.query(points[rows], predicate="intersects")
                 for row, index in sorted(inside.T.tolist(), reverse=True):
                     found[rows[row]] = floor.ids[index]
@@ -146,14 +159,12 @@ class Geometry:
         found: dict[int, dict[str, Passage]] = {}
         for datum, floor in self._zones.items():
             rows = np.array([row for row, one in enumerate(datums) if one == datum], np.int64)
-            if not len(rows) or floor.tree is None:
+            if not len(rows):
                 continue
             reach_m = np.hypot(length_m[rows], width_m[rows]) / 2
             near, index = floor.tree.query(shapely.linestrings(ways[rows]), predicate="dwithin", distance=reach_m)
             who = rows[near]
-            poses = (view.x_m[who], view.y_m[who], view.yaw_rad[who])
-            envelopes = shapely.polygons(corners(*poses, length_m[who, None], width_m[who, None]))
-            inside = shapely.intersects(np.array(floor.shapes)[index][:, None], envelopes)
+            inside = floor.touched(index, view, who, length_m[who], width_m[who])
             inside &= view.floor[who] == view.floor[who, :1]
             for pair in np.flatnonzero(inside.any(axis=1)).tolist():
                 row, zone = int(who[pair]), floor.ids[index[pair]]
@@ -186,10 +197,8 @@ def _location(datum: str, x_m: float, y_m: float) -> Location:
 
 
 def _floors(places: Iterable[Place]) -> dict[str, _Floor]:
-    floors: dict[str, _Floor] = {}
+    drawn: dict[str, list[tuple[str, Iterable[tuple[float, float]]]]] = {}
     for place in places:
         for datum, outline in outlines(place):
-            floors.setdefault(datum, _Floor()).add(place.id, outline)
-    for floor in floors.values():
-        floor.tree = shapely.STRtree(floor.shapes)
-    return floors
+            drawn.setdefault(datum, []).append((place.id, outline))
+    return {datum: _Floor(one) for datum, one in drawn.items()}

@@ -4,7 +4,7 @@ A robot keeps its place until it sets out for the next, and what it wants must b
 the other's place would otherwise need somewhere to pass each other, of which the service knows nothing.
 """
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, inf
 from typing import NamedTuple
@@ -35,20 +35,19 @@ class Leg(NamedTuple):
 def legs(sharing: Sequence[Seen], standing: Sequence[Seen], now_s: float) -> list[Leg]:
     """The legs, as far as they reach, of robots that have something or go somewhere, and of those that stand there.
 
-    Whoever else stands is where nobody goes. Of those that only come and stay, the legs to what others want.
+    Whoever else stands is where nobody goes. A robot that has nothing and goes to one place only has a leg where
+    another wants that place.
     """
     stood_on = _stood_on(sharing, standing)
-    robots = {one.uuid: one for one in (*sharing, *stood_on.values())}
-    only_come = {uuid for uuid, one in robots.items() if not one.here and not one.stands and len(one.stops) < 2}
-    found = [leg for uuid, one in robots.items() if uuid not in only_come for leg in _legs(one, stood_on, now_s)]
+    having = {one.uuid: one for one in (*sharing, *stood_on.values()) if one.here or one.stands or len(one.stops) > 1}
+    found = [leg for one in having.values() for leg in _legs(one, stood_on, now_s)]
     wanted = {leg.wants for leg in found}
-    late = [one for one in sharing if one.uuid in only_come and _meets(one, wanted, stood_on)]
-    return found + [leg for one in late for leg in _legs(one, stood_on, now_s)]
-
-
-def _meets(one: Seen, wanted: Container[str | None], stood_on: Container[Node]) -> bool:
-    """Whether a robot that only comes and stays may be in somebody's way there."""
-    return any(stop.resource in wanted for stop in one.stops) or (one.uuid, 0) in stood_on
+    met = [
+        one
+        for one in sharing
+        if one.stops and one.uuid not in having and (one.stops[0].resource in wanted or (one.uuid, 0) in stood_on)
+    ]
+    return found + [leg for one in met for leg in _legs(one, stood_on, now_s)]
 
 
 def _legs(one: Seen, stood_on: Mapping[Node, Seen], now_s: float) -> Iterable[Leg]:

@@ -1,6 +1,6 @@
 """What robots say of when they will be where, kept until they come, and given up where they plan otherwise."""
 
-from collections.abc import Iterable
+from dataclasses import dataclass
 from math import hypot
 from typing import NamedTuple
 
@@ -24,18 +24,43 @@ class Promise(NamedTuple):
     told_s: float
 
 
+Stops = list[tuple[float, Spot]]
+"""When a robot will be where, as it says."""
+
+
+@dataclass(slots=True, eq=False)
+class _Word:
+    """What one robot has said."""
+
+    promised: dict[Spot, list[Promise]]
+    """By destination, to the decimetre."""
+    stops: Stops | None = None
+    """As it said last, where all of that is promised and nothing else."""
+    said_s: float = 0.0
+    """The least of when each of them was promised last."""
+
+    def stands(self, now_s: float, here: Spot, stops: Stops) -> bool:
+        """Whether a robot that is at `here` says nothing new, nor anything again."""
+        if stops != self.stops or now_s - self.said_s >= SAY_AGAIN_S:
+            return False
+        return all(not near(spot, here) for spot in self.promised)
+
+
 class Promises:
-    """By robot and destination, to the decimetre."""
+    """By robot."""
 
     def __init__(self) -> None:
-        self._open: dict[str, dict[Spot, list[Promise]]] = {}
+        self._open: dict[str, _Word] = {}
 
-    def heard(self, robot: str, now_s: float, here: Spot, stops: Iterable[tuple[float, Spot]]) -> list[list[Promise]]:
+    def heard(self, robot: str, now_s: float, here: Spot, stops: Stops) -> list[list[Promise]]:
         """A robot is at `here` and says when it will be where; what it had said of each destination it has come to."""
-        ahead = {(datum, round(x, 1), round(y, 1)): t_s for t_s, (datum, x, y) in stops}
-        if not ahead and robot not in self._open:
+        word = self._open.get(robot)
+        if word and word.stands(now_s, here, stops):
             return []
-        promised = self._open.setdefault(robot, {})
+        ahead = {(datum, round(x, 1), round(y, 1)): t_s for t_s, (datum, x, y) in stops}
+        if not ahead and not word:
+            return []
+        promised = word.promised if word else {}
         kept = []
         for spot, said in list(promised.items()):
             if near(spot, here):
@@ -48,8 +73,11 @@ class Promises:
             said = promised.setdefault(spot, [])
             if len(said) < MOST_PROMISES and (not said or now_s - said[-1].said_s >= SAY_AGAIN_S):
                 said.append(Promise(now_s, t_s))
-        if not promised:
-            del self._open[robot]
+        if promised:
+            settled = stops if promised.keys() == ahead.keys() else None
+            self._open[robot] = _Word(promised, settled, min(said[-1].said_s for said in promised.values()))
+        else:
+            self._open.pop(robot, None)
         return kept
 
     def open(self, robot: str) -> bool:

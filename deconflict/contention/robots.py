@@ -13,7 +13,7 @@ from shapely.ops import substring
 from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead, corners
 from deconflict.contention.arrivals import Arrivals
 from deconflict.contention.geometry import Geometry, Passage
-from deconflict.contention.promises import Spot, near
+from deconflict.contention.promises import ARRIVED_M, Spot, Stops, near
 from deconflict.gathering import Gathered
 from ingest.seam import Basis, Batch, Floats, Ints
 
@@ -153,8 +153,8 @@ class Robots:
         words = (batch.vendors, batch.names, batch.states, batch.event_s.tolist(), datums)
         said = zip(*words, *(column.tolist() for column in numbers), strict=True)
         times_s, left = now_s.tolist(), list[tuple[str, float]]()
-        each = zip(batch.robots, said, here, ends, self._stops(batch), batch.basis.tolist(), strict=True)
-        for row, (uuid, told, place, end, stops, basis) in enumerate(each):
+        each = zip(batch.robots, said, here, ends, *self._stops(batch), batch.basis.tolist(), strict=True)
+        for row, (uuid, told, place, end, stops, resources, basis) in enumerate(each):
             one, new = self.seen.get(uuid), False
             if one is None:
                 one, new = self.seen.setdefault(uuid, Seen(uuid, shapes, row)), True
@@ -162,34 +162,33 @@ class Robots:
             left += _placed(one, place, new)
             one.passages = passages.get(row, {})
             if stops or end or one.stops or self.arrivals.awaits(uuid):
-                one.stops = self._ahead(one, times_s[row], stops)
+                one.stops = self._ahead(one, times_s[row], stops, resources)
                 if not one.stops and basis != Basis.VELOCITY:
                     one.stops = _end_of_way(one, view, row, end)
         return left
 
-    def _stops(self, batch: Batch) -> list[list[tuple[float, Spot, str | None]]]:
-        """By robot, its destinations as told: time, place and resource."""
+    def _stops(self, batch: Batch) -> tuple[list[Stops], list[list[str | None]]]:
+        """By robot, its destinations as told, and the resources that those are in."""
         told = batch.destinations
         if not len(told.t_s):
-            return [[]] * len(batch)
+            return [[]] * len(batch), [[]] * len(batch)
         datums = _datums(batch.floors, told.floor)
-        spots = list(zip(datums, told.x_m.tolist(), told.y_m.tolist(), strict=True))
-        found = list(
-            zip(told.t_s.tolist(), spots, self._geometry.resources_at(datums, told.x_m, told.y_m), strict=True)
-        )
-        start = told.start.tolist()
-        return [found[first:end] for first, end in pairwise(start)]
+        spots = zip(datums, told.x_m.tolist(), told.y_m.tolist(), strict=True)
+        stops = list(zip(told.t_s.tolist(), spots, strict=True))
+        resources = self._geometry.resources_at(datums, told.x_m, told.y_m)
+        spans = list(pairwise(told.start.tolist()))
+        return [stops[first:end] for first, end in spans], [resources[first:end] for first, end in spans]
 
-    def _ahead(self, one: Seen, now_s: float, told: list[tuple[float, Spot, str | None]]) -> tuple[Stop, ...]:
+    def _ahead(self, one: Seen, now_s: float, told: Stops, resources: list[str | None]) -> tuple[Stop, ...]:
         """Its stops without those it is at already, each no sooner than it can be there."""
-        here = (one.datum, one.x_m, one.y_m)
-        self.arrivals.heard(one.uuid, one.vendor, now_s, here, [(t_s, spot) for t_s, spot, _ in told])
+        self.arrivals.heard(one.uuid, one.vendor, now_s, (one.datum, one.x_m, one.y_m), told)
         stops: list[Stop] = []
-        for told_s, (datum, x_m, y_m), resource in told:
-            if not stops and (near(here, (datum, x_m, y_m)) or (resource and resource == one.here)):
+        for (told_s, (datum, x_m, y_m)), resource in zip(told, resources, strict=True):
+            on_floor = datum == one.datum
+            away_m = hypot(x_m - one.x_m, y_m - one.y_m) if on_floor else 0.0
+            if not stops and ((on_floor and away_m <= ARRIVED_M) or (resource and resource == one.here)):
                 continue
             expected_s, spread_s = self.arrivals.expected(one.vendor, now_s, told_s)
-            away_m = hypot(x_m - one.x_m, y_m - one.y_m) if datum == one.datum else 0.0
             stops.append(Stop(max(expected_s, now_s + away_m / QUICKEST_MPS), spread_s, datum, x_m, y_m, resource))
         return tuple(stops)
 

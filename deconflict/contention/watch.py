@@ -5,7 +5,7 @@ changed with them: queues of resources that somebody wants, standing robots that
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from math import inf
 
 from deconflict.contention import findings
@@ -141,13 +141,13 @@ class Contention:
                 wanted[leg.place].append(self._kept(leg, now_s))
         usual_s = {place: one.service_s for place, one in self._dwells.items()}
         for one in sharing:
-            met = {one.here}
+            met, last = {one.here}, len(one.stops) - 1
             for number, stop in enumerate(one.stops):
-                place = stop.resource
-                if place is not None and place not in met and stop.t_s <= now_s + REACH_S:
+                t_s, spread_s, _, _, _, place = stop
+                if place is not None and place not in met and t_s <= now_s + REACH_S:
                     met.add(place)
-                    service_s = _until_next_s(one.stops, number) or usual_s[place]
-                    wanted[place].append((True, stop.t_s, one.uuid, service_s, stop.spread_s))
+                    service_s = _between_s(stop, one.stops[number + 1]) if number < last else usual_s[place]
+                    wanted[place].append((True, t_s, one.uuid, service_s, spread_s))
         return wanted
 
     def _kept(self, leg: Leg, now_s: float) -> Row:
@@ -216,10 +216,7 @@ class Contention:
         self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
 
 
-def _until_next_s(stops: Sequence[Stop], number: int) -> float:
-    """How long a robot may keep a stop for which it tells the next one; 0 where it tells none."""
-    if number + 1 == len(stops):
-        return 0.0
-    stop, after = stops[number : number + 2]
+def _between_s(stop: Stop, after: Stop) -> float:
+    """How long a robot may keep a stop before it sets out for the next one."""
     away_s: float = ((after.x_m - stop.x_m) ** 2 + (after.y_m - stop.y_m) ** 2) ** 0.5
     return max(after.t_s - away_s - stop.t_s, 1.0)

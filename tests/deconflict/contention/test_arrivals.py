@@ -63,3 +63,11 @@ def test_what_was_learned_goes_on_after_a_restart() -> None:
     resumed.resume(arrivals.learned())
     assert resumed.quantiles("Alder") == arrivals.quantiles("Alder")
     assert resumed.seen() == {"Alder": 20}
+
+
+def test_a_word_that_is_repeated_is_kept_every_half_minute_and_held_against_the_arrival() -> None:
+    arrivals = Arrivals()
+    for t in range(101):
+        arrivals.heard("r", "Alder", float(t), DOCK if t == 100 else AWAY, [(110.0, DOCK)])
+    assert arrivals.seen() == {"Alder": 4}
+    assert not arrivals.awaits("r")
