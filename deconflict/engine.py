@@ -222,7 +222,7 @@ class Engine:
     def _foreseen(self, now_s: float, conflicts: PairConflicts) -> Predictions:
         """The pairs that the exact sweep found, and those that may well turn out otherwise."""
         likely = self.site.conflict.raise_probability * HELD_SHARE
-        swept = Swept(conflicts.pairs, conflicts.separation_m, conflicts.separation_at_s)
+        swept = Swept(conflicts.pairs, conflicts.before, conflicts.separation_m, conflicts.separation_at_s)
         foreseen = self.foresight.look(now_s, swept, likely)
         n = len(conflicts.pairs)
         contact_s = np.concatenate([conflicts.contact_s, foreseen.near_s[n:]])

@@ -14,19 +14,41 @@ _BASES = tuple(Basis)
 class LiveRobot:
     """One robot on the floor, until it is said to be gone: silence never removes it."""
 
-    vendor: str
-    model: str
-    name: str
-    state: str
-    basis: Basis
-    event_s: float
-    doubt_m: float
-    told: Forecasts
-    """Of all robots of its batch, envelopes as reported."""
+    batch: Batch
+    """The newest that it was in."""
     row: int
     slot: int
     growth_m: float = 0.0
     """How far its uncertainty has grown since it fell quiet."""
+
+    @property
+    def vendor(self) -> str:
+        return self.batch.vendors[self.row]
+
+    @property
+    def model(self) -> str:
+        return self.batch.models[self.row]
+
+    @property
+    def name(self) -> str:
+        return self.batch.names[self.row]
+
+    @property
+    def basis(self) -> Basis:
+        return _BASES[int(self.batch.basis[self.row])]
+
+    @property
+    def event_s(self) -> float:
+        return float(self.batch.event_s[self.row])
+
+    @property
+    def doubt_m(self) -> float:
+        return float(self.batch.doubt_m[self.row])
+
+    @property
+    def told(self) -> Forecasts:
+        """Of all robots of its batch, envelopes as reported."""
+        return self.batch.forecasts
 
     @property
     def forecast(self) -> Forecasts:
@@ -54,28 +76,14 @@ class Live:
     def put(self, batch: Batch) -> list[str]:
         """Replace what is known of the robots of a batch; the UUIDs of those that are new."""
         self.floors, told = batch.floors, batch.forecasts
-        known = zip(
-            batch.robots,
-            batch.vendors,
-            batch.models,
-            batch.names,
-            batch.states,
-            batch.basis.tolist(),
-            batch.event_s.tolist(),
-            batch.doubt_m.tolist(),
-            strict=True,
-        )
         slots, new = [], []
-        for row, (uuid, vendor, model, name, state, basis, event_s, doubt_m) in enumerate(known):
+        for row, uuid in enumerate(batch.robots):
             one = self.robots.get(uuid)
             if one is None:
                 new.append(uuid)
-                slot, kind = self._slot(uuid), _BASES[basis]
-                one = LiveRobot(vendor, model, name, state, kind, event_s, doubt_m, told, row, slot)
-                self.robots[uuid] = one
+                one = self.robots[uuid] = LiveRobot(batch, row, self._slot(uuid))
             else:
-                one.vendor, one.model, one.name, one.state, one.basis = vendor, model, name, state, _BASES[basis]
-                one.event_s, one.doubt_m, one.told, one.row, one.growth_m = event_s, doubt_m, told, row, 0.0
+                one.batch, one.row, one.growth_m = batch, row, 0.0
             slots.append(one.slot)
         first = told.start[:-1]
         self._at[slots] = np.column_stack([column[first] for column in (told.x_m, told.y_m, told.floor)])

@@ -130,8 +130,9 @@ class Names:
         self._codes: Ints = np.zeros(0, np.int64)
         self._names: NDArray[np.object_] = np.zeros(0, object)
 
-    def of(self, a: Ints, b: Ints, keys: NDArray[np.object_], ranks: Ints) -> tuple[tuple[str, str], ...]:
-        """The two keys of each pair of slots `a` (p,) and `b` (p,), in order of keys; `keys` and `ranks` are by slot.
+    def of(self, a: Ints, b: Ints, keys: NDArray[np.object_], ranks: Ints) -> tuple[tuple[tuple[str, str], ...], Ints]:
+        """The two keys of each pair of slots `a` (p,) and `b` (p,), in order of keys, and its place among those listed
+        before, -1 for one that was not; `keys` and `ranks` are by slot.
 
         What is kept holds for as long as `ranks` is the same array.
         """
@@ -146,4 +147,4 @@ class Names:
         new = list(zip(keys[a[~known]].tolist(), keys[b[~known]].tolist(), strict=True))
         names[~known] = np.fromiter(new, object, len(new))
         self._codes, self._names = listed, names
-        return tuple(names.tolist())
+        return tuple(names.tolist()), np.where(known, at, -1)

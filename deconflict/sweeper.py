@@ -31,6 +31,8 @@ class PairConflicts:
     """c pairs that come within the clearance, ascending by keys, and what the pass cost."""
 
     pairs: tuple[tuple[str, str], ...]
+    before: Ints
+    """(c,) the place of each pair among those of the last pass; -1 where it is not known to be one."""
     contact_s: Floats
     """(c,) first time within the clearance, to a millimetre and never late; `now_s` where they begin so."""
     separation_m: Floats
@@ -211,8 +213,10 @@ class Sweeper:
 
     def _listed(self, m: Meetings, now_s: float, told: Bools, decider: Decider) -> PairConflicts:
         a, b, separation_m, separation_at_s = (m[name].copy() for name in ("a", "b", "separation", "separation_at"))
+        pairs, before = self._names.of(a, b, self._roster.keys, self._roster.ranks())
         return PairConflicts(
-            pairs=self._names.of(a, b, self._roster.keys, self._roster.ranks()),
+            pairs=pairs,
+            before=before,
             contact_s=np.maximum(m["contact"], now_s),
             separation_m=separation_m,
             separation_at_s=separation_at_s,

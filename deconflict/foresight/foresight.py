@@ -55,6 +55,8 @@ class Swept:
     """What the exact sweep found: c pairs whose forecasts come within the clearance. Arrays are (c,)."""
 
     pairs: Sequence[Pair]
+    before: Ints
+    """The place of each among those of the last look; -1 where it is not known to be one."""
     separation_m: Floats
     separation_at_s: Floats
 
@@ -102,8 +104,8 @@ class Foresight:
         """Whether the robot stood, by its newest forecast, when that was made."""
         self._surprise = np.zeros(0)
         self._pairs = Pairs.none(FEATURES)
-        self._swept: dict[Pair, int] = {}
-        """Codes of the pairs that were swept in the last look."""
+        self._swept: Ints = np.zeros(0, np.int64)
+        """Codes of the pairs that were swept in the last look; -1 where a robot left since."""
         self._asked_s = self._looked_s = float("-inf")
 
     def learned(self) -> dict[str, Part]:
@@ -189,7 +191,7 @@ class Foresight:
 
         Tells of the swept pairs, and of others whose probability is at least `likely`.
         """
-        exact = self._exact(swept.pairs)
+        exact = self._swept = self._exact(swept)
         told, self._told = self._told, np.zeros(len(self._told), np.bool_)
         near = self._near(told, now_s) if told.any() else np.empty(0, np.int64)
         pairs, fresh, rows = self._pairs.again(np.concatenate([exact, near]), told, now_s - REMEMBERED_S)
@@ -213,13 +215,13 @@ class Foresight:
             fresh[rows],
         )
 
-    def _exact(self, pairs: Sequence[Pair]) -> Ints:
+    def _exact(self, swept: Swept) -> Ints:
         """Codes of the pairs that were swept, most of them in the last look too."""
-        exact = np.fromiter(map(self._swept.get, pairs, repeat(-1)), np.int64, len(pairs))
+        exact, again = np.full(len(swept.pairs), -1), swept.before >= 0
+        exact[again] = self._swept[swept.before[again]]
         new = np.flatnonzero(exact < 0)
-        flat = np.array([self._slots[uuid] for row in new.tolist() for uuid in pairs[row]], np.int64)
+        flat = np.array([self._slots[uuid] for row in new.tolist() for uuid in swept.pairs[row]], np.int64)
         exact[new] = codes(flat[::2], flat[1::2])
-        self._swept = dict(zip(pairs, exact.tolist(), strict=True))
         return exact
 
     def _named(self, code: Ints) -> list[Pair]:
@@ -348,7 +350,7 @@ class Foresight:
         if not len(slots):
             return
         self._spare.extend(slots.tolist())
-        self._swept.clear()
+        self._swept[:] = -1
         self._held[slots] = self._told[slots] = False
         self._surprise[slots] = 0.0
         self._followed.forget(slots)

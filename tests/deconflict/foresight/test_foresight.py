@@ -11,7 +11,7 @@ from ingest.seam import Basis, Batch, Destinations, Forecasts
 from tests.deconflict.made_encounters import NOW_S, robot
 
 CLEARANCE_M = 0.3
-NONE_SWEPT = Swept((), np.empty(0), np.empty(0))
+NONE_SWEPT = Swept((), np.empty(0, np.int64), np.empty(0), np.empty(0))
 NO_STOPS = Destinations(np.zeros(1, np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0, np.int64))
 
 Velocity = tuple[float, float]
@@ -142,10 +142,10 @@ def test_the_same_calls_give_the_same_answers() -> None:
 def test_robots_that_left_and_came_back_in_other_places_are_not_taken_for_each_other() -> None:
     far, near = Walk((0.0, 90.0), (1.0, 0.0)), {"b": Walk((-8.0, 0.0), (1.0, 0.0)), "a": Walk((0.0, 0.0), (0.0, 0.0))}
     stage = Stage({"c": far} | near)
-    swept = Swept((("a", "b"),), np.array([0.1]), np.array([NOW_S + 8]))
+    swept = Swept((("a", "b"),), np.array([-1]), np.array([0.1]), np.array([NOW_S + 8]))
     stage.second(0)
     stage.foresight.look(NOW_S, swept, 0.5)
     stage.foresight.receive(replace(stage.batch(0.5).take(np.arange(0)), gone=tuple(stage.walks)))
     stage.foresight.receive(stage.batch(1.0))
-    stage.foresight.look(NOW_S + 1, swept, 0.5)
+    stage.foresight.look(NOW_S + 1, replace(swept, before=np.array([0])), 0.5)
     assert [pair for pair, _ in stage.foresight.probabilities()] == [("a", "b")]
