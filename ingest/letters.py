@@ -26,6 +26,8 @@ LATEST_US = 4102444800_000_000
 """2100; the earliest is 1970."""
 MOST_SPEED, MOST_SHARE = 100.0, 100.0
 """Metres a second, per cent."""
+MOST_LETTERS = 80
+"""Of a word: what is made of it is remembered."""
 NO_OFFSET, NO_COLON = 1, 2
 """How times depart from RFC 3339: no offset from UTC, or one without a colon."""
 _TEN = np.array([float(10**power) for power in range(23)])
@@ -259,7 +261,7 @@ def _datum(text: Letters, end: int, at: int, first: int, first_end: int) -> tupl
     if _again(text, end, at, first, first_end):
         return first, first_end, at + first_end - first + 1
     quote = _end_of_text(text, end, at)
-    return at, quote, quote + 1 if quote >= 0 else -1
+    return at, quote, quote + 1 if 0 <= quote <= at + MOST_LETTERS else -1
 
 
 @inner

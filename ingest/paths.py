@@ -52,19 +52,13 @@ class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
 
 
 class Points(msgspec.Struct, frozen=True, gc=False, eq=False):
-    """Points of which all is well but perhaps their stamps and their one datum, each later than the one before."""
+    """A path or destinations as compiled code reads them: in order, on one datum, and all is well but what is told."""
 
-    rows: Floats
-    """(p, 4) t_s, x, y, yaw_rad"""
-    ends_s: tuple[float, float]
-    """The first time and the last."""
-    planarDatumUUID: str | None  # noqa: N815
-    planarDatum: str | None  # noqa: N815
+    path: Path
     findings: tuple[str, ...]
-    """Of the stamps."""
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.path.datums)
 
 
 NO_PATH = Path((), (), in_order=True, ends_s=(nan, nan))
@@ -159,7 +153,7 @@ def _read(points: Sequence[PredictedLocation] | Points | None, findings: Finding
     if isinstance(points, Points):
         if points.findings:
             findings.update(dict.fromkeys(points.findings))
-        return Path(points.rows, (_datum(points, findings),) * len(points.rows), True, points.ends_s)
+        return points.path
     if not points:
         return NO_PATH
     points = points[:MOST_POINTS_USED]
@@ -221,12 +215,13 @@ def _datums(points: Sequence[PredictedLocation], findings: Findings) -> tuple[st
     right, other = first.planarDatumUUID, first.planarDatum
     for point in points:
         if point.planarDatumUUID != right or point.planarDatum != other:
-            return tuple(_datum(each, findings) for each in points)
-    return (_datum(first, findings),) * len(points)
+            return tuple(datum(each.planarDatumUUID, each.planarDatum, findings) for each in points)
+    return (datum(right, other, findings),) * len(points)
 
 
-def _datum(point: PredictedLocation | Points, findings: Findings) -> str:
-    if point.planarDatumUUID is None and point.planarDatum is None:
+def datum(right: str | None, other: str | None, findings: Findings) -> str:
+    """Of a point, from the key where it belongs or from the other; "" is the robot's own."""
+    if right is None and other is None:
         return ""
-    datum = words.datum(point.planarDatumUUID, point.planarDatum, findings, empty="datum-empty")
-    return "" if datum == NIL_DATUM else datum
+    said = words.datum(right, other, findings, empty="datum-empty")
+    return "" if said == NIL_DATUM else said

@@ -13,14 +13,15 @@ from ingest import paths, words
 from ingest.conformance import Findings
 from ingest.letters import HEAD_ROWS, MARKS, MOST, OF_DESTINATIONS, OF_PATH, read_points, read_status
 from ingest.messages import Status
-from ingest.paths import Points
+from ingest.paths import Path, Points
 from ingest.seam import Floats
 from ingest.stamps import worth_s
 
 _OF_STAMPS = (), ("stamp-no-offset",), ("stamp-offset-no-colon",)
 """Findings, by how a stamp departs."""
 _RESOLUTIONS_S = [worth_s(digits) for digits in range(10)]
-_SHARED_LETTERS, _SHARED = 80, 1024
+_REMEMBERED = 1024
+"""Words and how they go together: the same few come again and again."""
 
 
 def status(raw: bytes, names_as_uuid: str | None, findings: Findings) -> Status | None:
@@ -33,12 +34,14 @@ def status(raw: bytes, names_as_uuid: str | None, findings: Findings) -> Status 
     at = marks.tolist()
     uuid_at, uuid_end, state_at, state_end, digits, departs, right, right_end, other, other_end = at[:OF_PATH]
     uuid = words.robot_uuid(raw[uuid_at:uuid_end].decode(), names_as_uuid, findings)
-    if departs:
-        findings.update(dict.fromkeys(_OF_STAMPS[departs]))
-    state, known_state = words.state(_word(raw, state_at, state_end) or "", findings)
-    datum = words.datum(
-        _word(raw, other, other_end), _word(raw, right, right_end), findings, empty="datum-missing"
-    )  # a location has its datum under the other key
+    state, known_state, datum, found = _said_of_it(
+        departs,
+        raw[state_at:state_end],
+        raw[other:other_end] if other >= 0 else None,
+        raw[right:right_end] if right >= 0 else None,
+    )
+    if found:
+        findings.update(dict.fromkeys(found))
     return Status(
         uuid,
         stamp_s,
@@ -73,17 +76,31 @@ def _points(text: bytes, rows: Floats, at: Sequence[int], times: Sequence[float]
     begin, end, right, right_end, other, other_end, departs = at
     if begin == end:
         return None
-    right_word, other_word = _word(text, right, right_end), _word(text, other, other_end)
-    return Points(rows[begin:end], (times[0], times[-1]), right_word, other_word, _OF_STAMPS[departs])
+    datum, findings = _said_of_points(
+        departs,
+        text[right:right_end] if right >= 0 else None,
+        text[other:other_end] if other >= 0 else None,
+    )
+    return Points(Path(rows[begin:end], (datum,) * (end - begin), True, (times[0], times[-1])), findings)
 
 
-def _word(text: bytes, begin: int, end: int) -> str | None:
-    """What stands there, as the one string that it was before; None where it stands nowhere."""
-    if begin < 0:
-        return None
-    return _shared(text[begin:end]) if end - begin <= _SHARED_LETTERS else text[begin:end].decode()
+@lru_cache(_REMEMBERED)
+def _said_of_it(
+    departs: int, state: bytes, right: bytes | None, other: bytes | None
+) -> tuple[str, bool, str, tuple[str, ...]]:
+    """A status's state, whether it is known, and datum, with the findings on its stamp and on these."""
+    findings: Findings = dict.fromkeys(_OF_STAMPS[departs])
+    name, known = words.state(state.decode(), findings)
+    datum = words.datum(_decoded(right), _decoded(other), findings, empty="datum-missing")
+    return name, known, datum, tuple(findings)
 
 
-@lru_cache(_SHARED)
-def _shared(letters: bytes) -> str:
-    return letters.decode()
+@lru_cache(_REMEMBERED)
+def _said_of_points(departs: int, right: bytes | None, other: bytes | None) -> tuple[str, tuple[str, ...]]:
+    """The datum of points, with the findings on their stamps and on that."""
+    findings: Findings = dict.fromkeys(_OF_STAMPS[departs])
+    return paths.datum(_decoded(right), _decoded(other), findings), tuple(findings)
+
+
+def _decoded(letters: bytes | None) -> str | None:
+    return None if letters is None else letters.decode()

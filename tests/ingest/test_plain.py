@@ -193,7 +193,7 @@ def test_damaged_points_are_read_as_they_would_be_or_left_alone() -> None:
 def test_a_number_is_the_double_nearest_to_it_or_left_alone(value: str) -> None:
     raw = json.dumps([at(T, x=0.0)]).replace('"x": 0.0, "y": 4', f'"x": {value}, "y": 4').encode()
     told = points(raw)
-    assert told is None or told.rows[0, 1] == float(value)
+    assert told is None or told.path.rows[0][1] == float(value)
 
 
 def days() -> Iterator[str]:
