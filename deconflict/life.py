@@ -103,15 +103,15 @@ class Lives:
         self.started_s = now_s if self.started_s is None else self.started_s
         raises = self.settings.raise_probability
         bounds = (self.settings.clearance_m, raises, raises * HELD_SHARE)
-        rows, missed = self.tracks.stirring(predictions, now_s, *bounds)
+        rows, found, missed = self.tracks.stirring(predictions, now_s, *bounds)
         revisions, due = [], []
-        for one in predictions.some(rows):
-            track = self.tracks.get(one.pair) or self.tracks.new(one.pair)
-            found = self._advance(track, one, now_s, scene)
-            if isinstance(found, Due):
-                due.append(found)
+        for one, known in zip(predictions.some(rows), found, strict=True):
+            track = known or self.tracks.new(one.pair)
+            said = self._advance(track, one, now_s, scene)
+            if isinstance(said, Due):
+                due.append(said)
             else:
-                revisions.append(self._kept(track, found))
+                revisions.append(self._kept(track, said))
         revisions += self._decided(due, now_s, scene)
         for track in missed:
             news = not updated.isdisjoint(track.pair)

@@ -59,6 +59,8 @@ class Track:
     weighed: Weighed = UNWEIGHED
     """The newest prediction that was, if nothing new has been said since."""
     advisory: ConflictAdvisory | None = None
+    kept: tuple[bool, bool, Weighed] | None = None
+    """As it is in the columns: whether it has an advisory and is inside, and what was weighed."""
 
     def look(self, *, alerting: bool) -> None:
         """Either robot had something new to say."""
@@ -162,8 +164,10 @@ class Tracks:
         """Remember a pair as it is now, or forget it where there is nothing left to remember."""
         told, one = track.advisory is not None, track.weighed
         if told or track.inside or any(track.looks):
-            weighed = (one.contact_s, one.separation_m, one.told, one.until_s)
-            self._rows[track.row] = (True, told, track.inside, one.sure, False, *weighed)
+            state = (told, track.inside, one)
+            if state != track.kept:
+                weighed = (one.contact_s, one.separation_m, one.told, one.until_s)
+                self._rows[track.row], track.kept = (True, told, track.inside, one.sure, False, *weighed), state
         else:
             self._rows[track.row]["there"] = False
             self._free.append(track.row)
@@ -179,15 +183,16 @@ class Tracks:
 
     def stirring(
         self, predictions: Predictions, now_s: float, clearance_m: float, raises: float, held: float
-    ) -> tuple[Ints, list[Track]]:
-        """The rows of the `predictions` that may change anything, and the pairs of which there is none.
+    ) -> tuple[Ints, list[Track | None], list[Track]]:
+        """The rows of the `predictions` that may change anything, their pairs so far as they are under watch, and the
+        pairs of which nothing is predicted.
 
         What is not fresh changes nothing of a pair that draws near as it did when it was weighed, is as likely, and no
         less than `held`; nor of one without an advisory. A new pair must be within the clearance or likely to come,
         which is from a probability of `raises` on.
         """
-        found = map(self._of.get, predictions.pairs)
+        found = list(map(self._of.get, predictions.pairs))
         at = np.array([-1 if track is None else track.row for track in found], np.int64)
         settings = (now_s, clearance_m, raises, held, SURE, LIKELIER, ROUNDED)
         some, missed = _stirring(self._rows, self._predicted_s, at, *predictions[1:], *settings)
-        return some, [self._by_row[row] for row in missed.tolist()]
+        return some, [found[row] for row in some.tolist()], [self._by_row[row] for row in missed.tolist()]

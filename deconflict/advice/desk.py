@@ -9,6 +9,7 @@ forecast.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from heapq import heapify, heappop
 from operator import itemgetter
 
 from deconflict.advice.account import Account
@@ -78,11 +79,12 @@ class Desk:
         at_rest = self._at_rest()
         waiting = len(self._groups.all) - len(at_rest)
         if waiting and self._allowed > 0:
-            for group in sorted(group for pairs, group in self._groups.all.items() if pairs not in at_rest):
-                if self._allowed <= 0:
-                    break
-                waiting -= 1
-                self._ask(group, now_s, movers_around)
+            heapify(soonest := list(self._groups.all.values()))
+            while waiting and self._allowed > 0:
+                group = heappop(soonest)
+                if group.pairs not in at_rest:
+                    waiting -= 1
+                    self._ask(group, now_s, movers_around)
         self._measures.level("deconflict_advice_waiting", {(): waiting})
         return told
 

@@ -24,10 +24,11 @@ class Every(Tracks):
 
     def stirring(
         self, predictions: Predictions, now_s: float, clearance_m: float, raises: float, held: float
-    ) -> tuple[Ints, list[Track]]:
+    ) -> tuple[Ints, list[Track | None], list[Track]]:
         known = [row for row, pair in enumerate(predictions.pairs) if self.get(pair)]
-        some, missed = super().stirring(predictions, now_s, clearance_m, raises, held)
-        return np.union1d(some, known).astype(np.int64), missed
+        some, _, missed = super().stirring(predictions, now_s, clearance_m, raises, held)
+        some = np.union1d(some, known).astype(np.int64)
+        return some, [self.get(predictions.pairs[row]) for row in some.tolist()], missed
 
 
 class Thorough(Lives):
