@@ -12,6 +12,7 @@ import numpy as np
 from deconflict.contention.promises import Promise, Promises, Spot, Stops
 from deconflict.foresight.lateness import Lateness
 from deconflict.learned import Part, numbers
+from ingest.seam import Floats
 
 SHORTEST_S = 5.0
 """Nearer arrivals than this teach nothing: their ratios are noise."""
@@ -24,6 +25,9 @@ PRIOR_RATIOS = (0.9, 1.0, 1.0, 1.0, 1.3)
 """What is thought of a vendor of which nothing has been seen, each of the weight of one arrival just seen."""
 RATIO_BOUNDS = (0.2, 10.0)
 
+Quantiles = tuple[float, float, float]
+"""Of ratios: 10, 50 and 90 %."""
+
 
 @dataclass(slots=True)
 class Ratios:
@@ -31,8 +35,7 @@ class Ratios:
 
     seen: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=MOST_RATIOS))
     """When it was seen, and the ratio."""
-    quantiles: tuple[float, float, float] | None = None
-    """10, 50 and 90 %."""
+    quantiles: Quantiles | None = None
 
 
 class Arrivals:
@@ -48,6 +51,10 @@ class Arrivals:
         for said in self._promises.heard(robot, now_s, here, stops):
             self._arrived(vendor, now_s, said)
 
+    def knows(self, robot: str, now_s: float, stops: Stops) -> bool:
+        """Whether a robot that has come to none of its destinations says nothing new, nor anything again."""
+        return self._promises.know(robot, now_s, stops)
+
     def awaits(self, robot: str) -> bool:
         """Whether it has said that it comes somewhere, and it is not known yet what became of that."""
         return self._promises.open(robot)
@@ -55,13 +62,7 @@ class Arrivals:
     def forget(self, robot: str) -> None:
         self._promises.forget(robot)
 
-    def expected(self, vendor: str, now_s: float, told_s: float) -> tuple[float, float]:
-        """When a robot that tells `told_s` will come, and half the width of the middle 80 % of it, never past."""
-        low, middle, high = self.quantiles(vendor)
-        ahead_s = max(told_s - now_s, 0.0)
-        return now_s + middle * ahead_s, (high - low) / 2 * ahead_s
-
-    def quantiles(self, vendor: str) -> tuple[float, float, float]:
+    def quantiles(self, vendor: str) -> Quantiles:
         """The 10, 50 and 90 % quantiles of time taken over time told; older arrivals weigh less."""
         ratios = self._ratios.get(vendor) or self._ratios.setdefault(vendor, Ratios())
         if ratios.quantiles is None:
@@ -95,6 +96,16 @@ class Arrivals:
                 ratio = (now_s - one.said_s) / (one.told_s - one.said_s)
                 ratios.seen.append((now_s, min(max(ratio, low), high)))
                 ratios.quantiles = None
+
+
+def expected(rates: Floats, now_s: Floats, told_s: Floats) -> tuple[Floats, Floats]:
+    """When robots that tell `told_s` (m,) will come, and half the width of the middle 80 % of it, never past.
+
+    `rates` (m, 3) are the quantiles of their vendors.
+    """
+    low, middle, high = rates.T
+    ahead_s = np.maximum(told_s - now_s, 0.0)
+    return now_s + middle * ahead_s, (high - low) / 2 * ahead_s
 
 
 def _quantile(weighed: list[tuple[float, float]], share: float) -> float:

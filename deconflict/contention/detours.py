@@ -7,8 +7,9 @@ from operator import itemgetter
 
 from deconflict.advisory import Recommendation, Slot, moment
 from deconflict.contention.deadlocks import Link
+from deconflict.contention.destinations import Stop
 from deconflict.contention.geometry import CHANGEOVER_S
-from deconflict.contention.robots import Seen, Stop
+from deconflict.contention.robots import Seen
 
 PACE_MPS = 1.0
 """At which robots are taken to drive from place to place, in a straight line."""

@@ -39,12 +39,6 @@ class _Word:
     said_s: float = 0.0
     """The least of when each of them was promised last."""
 
-    def stands(self, now_s: float, here: Spot, stops: Stops) -> bool:
-        """Whether a robot that is at `here` says nothing new, nor anything again."""
-        if stops != self.stops or now_s - self.said_s >= SAY_AGAIN_S:
-            return False
-        return all(not near(spot, here) for spot in self.promised)
-
 
 class Promises:
     """By robot."""
@@ -55,8 +49,6 @@ class Promises:
     def heard(self, robot: str, now_s: float, here: Spot, stops: Stops) -> list[list[Promise]]:
         """A robot is at `here` and says when it will be where; what it had said of each destination it has come to."""
         word = self._open.get(robot)
-        if word and word.stands(now_s, here, stops):
-            return []
         ahead = {(datum, round(x, 1), round(y, 1)): t_s for t_s, (datum, x, y) in stops}
         if not ahead and not word:
             return []
@@ -79,6 +71,11 @@ class Promises:
         else:
             self._open.pop(robot, None)
         return kept
+
+    def know(self, robot: str, now_s: float, stops: Stops) -> bool:
+        """Whether a robot that is at none of its destinations says what it said, and not for so long that it counts."""
+        word = self._open.get(robot)
+        return word is not None and stops == word.stops and now_s - word.said_s < SAY_AGAIN_S
 
     def open(self, robot: str) -> bool:
         """Whether anything that it said is kept."""

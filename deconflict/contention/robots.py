@@ -2,18 +2,16 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
-from math import hypot
-from typing import NamedTuple
 
 import numpy as np
 import shapely
 from shapely.ops import substring
 
 from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead, corners
-from deconflict.contention.arrivals import Arrivals
-from deconflict.contention.geometry import Geometry, Passage
-from deconflict.contention.promises import ARRIVED_M, Spot, Stops, near
+from deconflict.contention.arrivals import Arrivals, Quantiles
+from deconflict.contention.destinations import UNTOLD, Destinations, Stop
+from deconflict.contention.geometry import Geometry, Passage, datums_of
+from deconflict.contention.promises import Spot, near
 from deconflict.gathering import Gathered
 from ingest.seam import Basis, Batch, Floats, Ints
 
@@ -21,26 +19,12 @@ STANDS_M = 0.1
 """A robot that has moved no further than this stands."""
 STANDS_S = 3.0
 """For so long, if it is forecast to move."""
-QUICKEST_MPS = 2.0
-"""Nobody is expected to be anywhere sooner than at this speed in a straight line."""
 WAY_M = 0.5
 """A way with less than this left is gone."""
 STRAIGHT_S = 3.0
 """A robot that tells no path is taken to go straight on for so long; nobody knows its way beyond."""
 RESTING = frozenset(("idle", "charging", "disabled", "offline"))
 """States of robots that want to go nowhere now."""
-
-
-class Stop(NamedTuple):
-    """One destination ahead."""
-
-    t_s: float
-    """When the robot comes, corrected by how wrong its vendor has been."""
-    spread_s: float
-    datum: str
-    x_m: float
-    y_m: float
-    resource: str | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,57 +129,41 @@ class Robots:
         view, sizes = ahead(batch.forecasts, now_s), batch.forecasts
         shapes, way_m = _shapes(batch, view)
         goes = (batch.basis != Basis.STATIONARY) & (way_m > WAY_M)
-        datums = _datums(batch.floors, view.floor[:, 0])
+        datums = datums_of(batch.floors, view.floor[:, 0])
         here = self._geometry.resources_at(datums, view.x_m[:, 0], view.y_m[:, 0])
         ends = self._geometry.resources_at(datums, view.x_m[:, -1], view.y_m[:, -1])
         passages = self._geometry.passages(datums, view, shapes.ways, sizes.length_m, sizes.width_m)
+        destinations = Destinations(batch, view, now_s, here, self._geometry)
         numbers = (view.x_m[:, 0], view.y_m[:, 0], sizes.length_m, sizes.width_m, way_m, goes)
         words = (batch.vendors, batch.names, batch.states, batch.event_s.tolist(), datums)
         said = zip(*words, *(column.tolist() for column in numbers), strict=True)
-        times_s, left = now_s.tolist(), list[tuple[str, float]]()
-        each = zip(batch.robots, said, here, ends, *self._stops(batch), batch.basis.tolist(), strict=True)
-        for row, (uuid, told, place, end, stops, resources, basis) in enumerate(each):
+        robots, rates = list[Seen](), list[Quantiles]()
+        left = list[tuple[str, float]]()
+        for row, (uuid, told, place, at_s) in enumerate(zip(batch.robots, said, here, now_s.tolist(), strict=True)):
             one, new = self.seen.get(uuid), False
             if one is None:
                 one, new = self.seen.setdefault(uuid, Seen(uuid, shapes, row)), True
             one.hear(told, shapes, row)
             left += _placed(one, place, new)
             one.passages = passages.get(row, {})
-            if stops or end or one.stops or self.arrivals.awaits(uuid):
-                one.stops = self._ahead(one, times_s[row], stops, resources)
-                if not one.stops and basis != Basis.VELOCITY:
-                    one.stops = _end_of_way(one, view, row, end)
+            robots.append(one)
+            rates.append(self._rate(one, at_s, destinations, row))
+        stops = destinations.stops(rates)
+        each = zip(robots, destinations.first, destinations.spans, ends, batch.basis.tolist(), strict=True)
+        for row, (one, first, (_, last), end, basis) in enumerate(each):
+            one.stops = tuple(stops[first:last])
+            if end and not one.stops and basis != Basis.VELOCITY:
+                one.stops = _end_of_way(one, view, row, end)
         return left
 
-    def _stops(self, batch: Batch) -> tuple[list[Stops], list[list[str | None]]]:
-        """By robot, its destinations as told, and the resources that those are in."""
-        told = batch.destinations
-        if not len(told.t_s):
-            return [[]] * len(batch), [[]] * len(batch)
-        datums = _datums(batch.floors, told.floor)
-        spots = zip(datums, told.x_m.tolist(), told.y_m.tolist(), strict=True)
-        stops = list(zip(told.t_s.tolist(), spots, strict=True))
-        resources = self._geometry.resources_at(datums, told.x_m, told.y_m)
-        spans = list(pairwise(told.start.tolist()))
-        return [stops[first:end] for first, end in spans], [resources[first:end] for first, end in spans]
-
-    def _ahead(self, one: Seen, now_s: float, told: Stops, resources: list[str | None]) -> tuple[Stop, ...]:
-        """Its stops without those it is at already, each no sooner than it can be there."""
-        self.arrivals.heard(one.uuid, one.vendor, now_s, (one.datum, one.x_m, one.y_m), told)
-        stops: list[Stop] = []
-        for (told_s, (datum, x_m, y_m)), resource in zip(told, resources, strict=True):
-            on_floor = datum == one.datum
-            away_m = hypot(x_m - one.x_m, y_m - one.y_m) if on_floor else 0.0
-            if not stops and ((on_floor and away_m <= ARRIVED_M) or (resource and resource == one.here)):
-                continue
-            expected_s, spread_s = self.arrivals.expected(one.vendor, now_s, told_s)
-            stops.append(Stop(max(expected_s, now_s + away_m / QUICKEST_MPS), spread_s, datum, x_m, y_m, resource))
-        return tuple(stops)
-
-
-def _datums(floors: Sequence[str], floor: Ints) -> list[str]:
-    """By name; "" for what is compared with nothing."""
-    return [floors[one] if one >= 0 else "" for one in floor.tolist()]
+    def _rate(self, one: Seen, now_s: float, destinations: Destinations, row: int) -> Quantiles:
+        """Take in what a robot says of where it goes; what to make of that."""
+        first, last = destinations.spans[row]
+        if first < last or self.arrivals.awaits(one.uuid):
+            told = destinations.told[first:last]
+            if destinations.near[row] or not self.arrivals.knows(one.uuid, now_s, told):
+                self.arrivals.heard(one.uuid, one.vendor, now_s, (one.datum, one.x_m, one.y_m), told)
+        return self.arrivals.quantiles(one.vendor) if destinations.first[row] < last else UNTOLD
 
 
 def _placed(one: Seen, here: str | None, new: bool) -> list[tuple[str, float]]:

@@ -14,12 +14,13 @@ from deconflict.contention.blockages import blockages
 from deconflict.contention.congestion import Flow
 from deconflict.contention.deadlocks import Link, rings
 from deconflict.contention.demand import Row, Turns, first_come
+from deconflict.contention.destinations import Stop
 from deconflict.contention.detours import Refuge
 from deconflict.contention.geometry import Geometry
 from deconflict.contention.journeys import Hindrance, Leg, aisle_wants, hindrances, legs, place_wants, way_wants
 from deconflict.contention.occupancy import Dwells
 from deconflict.contention.resources import ContentionSettings, Resource, Zone
-from deconflict.contention.robots import Robots, Seen, Stop
+from deconflict.contention.robots import Robots, Seen
 from deconflict.contention.telling import Finding, Telling, Told
 from deconflict.gathering import Gathered, Gathering
 from deconflict.learned import Part, numbers
