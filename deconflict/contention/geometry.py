@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from deconflict.advisory import Location
-from deconflict.contention.ahead import Ahead, corners
+from deconflict.contention.ahead import STEPS, Ahead, corners
 from deconflict.contention.resources import Place, Resource, Zone, outlines
 from deconflict.motion import Bools
 from ingest.seam import Floats, Ints
@@ -166,16 +166,15 @@ class Geometry:
             who = rows[near]
             inside = floor.touched(index, view, who, length_m[who], width_m[who])
             inside &= view.floor[who] == view.floor[who, :1]
-            for pair in np.flatnonzero(inside.any(axis=1)).tolist():
-                row, zone = int(who[pair]), floor.ids[index[pair]]
-                found.setdefault(row, {})[zone] = self._passage(zone, view, row, inside[pair])
+            pairs = np.flatnonzero(inside.any(axis=1))
+            runs = zip(who[pairs].tolist(), index[pairs].tolist(), *_first_runs(inside[pairs]), strict=True)
+            for row, at, first, end in runs:
+                zone = floor.ids[at]
+                found.setdefault(row, {})[zone] = self._passage(zone, view, row, first, end)
         return found
 
-    def _passage(self, zone: str, one: Ahead, row: int, inside: Bools) -> Passage:
-        """The first run of steps that are inside."""
-        first = int(np.argmax(inside))
-        out = np.flatnonzero(~inside[first:])
-        end = first + int(out[0]) if len(out) else len(inside)
+    def _passage(self, zone: str, one: Ahead, row: int, first: int, end: int) -> Passage:
+        """That is inside from step `first` to `end`."""
         axis = self.zones[zone].axis
         along_m, across_m = np.zeros(end - first), 0.0
         if axis:
@@ -183,8 +182,15 @@ class Geometry:
             unit = np.array([bx - ax, by - ay]) / np.hypot(bx - ax, by - ay)
             x_m, y_m = one.x_m[row, first:end] - ax, one.y_m[row, first:end] - ay
             along_m, across_m = x_m * unit[0] + y_m * unit[1], float((y_m * unit[0] - x_m * unit[1]).mean())
-        leave_s, t_s = float(one.t_s[row, end]) if len(out) else inf, one.t_s[row, first:end]
+        leave_s, t_s = float(one.t_s[row, end]) if end <= STEPS else inf, one.t_s[row, first:end]
         return Passage(zone, float(t_s[0]), leave_s, t_s, along_m, across_m)
+
+
+def _first_runs(inside: Bools) -> tuple[list[int], list[int]]:
+    """Where the first run of steps that are inside begins and ends; (n, steps), in each row there is one."""
+    first = inside.argmax(axis=1)
+    out = ~inside & (np.arange(inside.shape[1]) > first[:, None])
+    return first.tolist(), np.where(out.any(axis=1), out.argmax(axis=1), inside.shape[1]).tolist()
 
 
 def _middle(place: Place) -> tuple[str, float, float]:

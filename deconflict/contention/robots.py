@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from math import hypot
 
 import numpy as np
 import shapely
@@ -11,7 +12,7 @@ from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead, corners
 from deconflict.contention.arrivals import Arrivals, Quantiles
 from deconflict.contention.destinations import UNTOLD, Destinations, Stop
 from deconflict.contention.geometry import Geometry, Passage, datums_of
-from deconflict.contention.promises import Spot, near
+from deconflict.contention.promises import Spot
 from deconflict.gathering import Gathered
 from ingest.seam import Basis, Batch, Floats, Ints
 
@@ -168,9 +169,9 @@ class Robots:
 
 def _placed(one: Seen, here: str | None, new: bool) -> list[tuple[str, float]]:
     """Set since when a robot stands where it is, and what it has; the resource that it has left, if any."""
-    spot = (one.datum, one.x_m, one.y_m)
-    if new or not near(spot, one.stood_at, STANDS_M):
-        one.stood_at, one.stood_s = spot, one.event_s
+    datum, x_m, y_m = one.stood_at
+    if new or datum != one.datum or hypot(one.x_m - x_m, one.y_m - y_m) > STANDS_M:
+        one.stood_at, one.stood_s = (one.datum, one.x_m, one.y_m), one.event_s
     one.stands = not one.goes or one.event_s - one.stood_s >= STANDS_S
     if not new and here == one.here:
         return []
