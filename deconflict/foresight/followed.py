@@ -9,6 +9,7 @@ from deconflict.foresight import ways
 from deconflict.foresight.ledger import HORIZONS, Errors
 from deconflict.foresight.sampling import poses_at
 from deconflict.motion import Bools
+from ingest.compiled import ready
 from ingest.seam import Batch, Floats, Ints
 
 KEPT = HORIZONS + 1
@@ -36,11 +37,12 @@ class Reports:
 
     @classmethod
     def of(cls, batch: Batch, slots: Ints, kinds: Ints) -> "Reports":
-        track = poses_at(batch.forecasts, batch.event_s[:, None] + np.arange(TRACK_S + 1.0))
+        event_s = ready(batch.event_s)
+        track = poses_at(batch.forecasts, event_s[:, None] + np.arange(TRACK_S + 1.0))
         if np.isfinite(track).all():
-            return cls(slots, kinds, batch.event_s, track)
+            return cls(slots, kinds, event_s, track)
         finite = np.isfinite(track).all(axis=(1, 2))
-        return cls(slots[finite], kinds[finite], batch.event_s[finite], track[finite])
+        return cls(slots[finite], kinds[finite], event_s[finite], track[finite])
 
 
 class Beside(NamedTuple):
@@ -116,27 +118,14 @@ class Followed:
 
     def take(self, reports: Reports, bands_m: Floats) -> Errors:
         """The errors that the reports show, and the new forecasts kept; `bands_m` (n, HORIZONS, 3) are theirs."""
-        newer = np.flatnonzero(reports.event_s > self._seen[reports.slot, 0])
-        slots, track = reports.slot[newer], reports.track[newer]
-        self._before[slots] = self._seen[slots]
-        self._seen[slots, 0], self._seen[slots, 1:] = reports.event_s[newer], track[:, 0]
-        self._track[slots] = track
-        self._around[slots] = ways.around(track)
-        errors = self._shown(slots)
-        self._keep(reports, newer, bands_m)
+        told = (reports.slot, reports.event_s, reports.track)
+        newer = ways.hear(self._before, self._seen, self._track, self._around, *told)
+        errors = self._shown(reports.slot[newer])
+        kept = (self._made_s, self._next, self._kind, self._ahead, self._bands_m)
+        ways.keep(*kept, newer, *told, reports.kind, bands_m, SPACED_S)
         return errors
 
     def _shown(self, slots: Ints) -> Errors:
         """Errors of kept forecasts of moments between the last two reports."""
         kept = (self._made_s, self._kind, self._ahead, self._bands_m)
         return Errors(*ways.due(self._before, self._seen, *kept, slots, LONG_AGO_S, JOINED_S))
-
-    def _keep(self, reports: Reports, newer: Ints, bands_m: Floats) -> None:
-        last_s = self._made_s[reports.slot[newer]].max(axis=1)
-        rows = newer[reports.event_s[newer] - last_s >= SPACED_S]
-        slots = reports.slot[rows]
-        place = self._next[slots]
-        self._next[slots] = (place + 1) % KEPT
-        self._made_s[slots, place], self._kind[slots, place] = reports.event_s[rows], reports.kind[rows]
-        self._ahead[slots, place] = reports.track[rows, 1 : HORIZONS + 1]
-        self._bands_m[slots, place] = bands_m[rows]

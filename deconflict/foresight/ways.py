@@ -198,21 +198,86 @@ def follow(
         inside[row] = began and not apart_m < past_m[at, -1] < np.inf
 
 
-@kernel(_MATRIX(_CUBE))
-def around(track: Floats) -> Floats:
-    """(n, 5) of the box around each track (n, k, 4): x_m, y_m and half sides; and its longest step."""
-    boxes = np.empty((len(track), 5))
-    for row in range(len(track)):
-        low_x = high_x = track[row, 0, 0]
-        low_y = high_y = track[row, 0, 1]
-        step = 0.0
-        for at in range(1, track.shape[1]):
-            x, y = track[row, at, 0], track[row, at, 1]
-            low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
-            step = max(step, np.hypot(x - track[row, at - 1, 0], y - track[row, at - 1, 1]))
-        boxes[row, 0], boxes[row, 1] = (low_x + high_x) / 2, (low_y + high_y) / 2
-        boxes[row, 2], boxes[row, 3], boxes[row, 4] = (high_x - low_x) / 2, (high_y - low_y) / 2, step
-    return boxes
+@inner
+def _set_around(around: Floats, track: Floats, slot: int) -> None:
+    """The box around a robot's track, x_m, y_m and half sides, and its longest step."""
+    low_x = high_x = track[slot, 0, 0]
+    low_y = high_y = track[slot, 0, 1]
+    step = 0.0
+    for at in range(1, track.shape[1]):
+        x, y = track[slot, at, 0], track[slot, at, 1]
+        low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
+        step = max(step, np.hypot(x - track[slot, at - 1, 0], y - track[slot, at - 1, 1]))
+    around[slot, 0], around[slot, 1] = (low_x + high_x) / 2, (low_y + high_y) / 2
+    around[slot, 2], around[slot, 3], around[slot, 4] = (high_x - low_x) / 2, (high_y - low_y) / 2, step
+
+
+@kernel(_INTS(*[_MATRIX] * 2, _CUBE, _MATRIX, _INTS, _ASKED_LOOKS, _CUBE))
+def hear(
+    before: Floats, seen: Floats, track: Floats, around: Floats, slots: Ints, event_s: Floats, told: Floats
+) -> Ints:
+    """Take reports of `slots` (n,) at `event_s` (n,) in, with their tracks `told` (n, k, 4); the rows of those that are
+    newer than what was `seen`, as others are not."""
+    newer, n = np.empty(len(slots), np.int64), 0
+    for row, slot in enumerate(slots):
+        if not event_s[row] > seen[slot, 0]:
+            continue
+        for part in range(5):
+            before[slot, part] = seen[slot, part]
+            seen[slot, part] = told[row, 0, part - 1] if part else event_s[row]
+        for at in range(told.shape[1]):
+            for part in range(4):
+                track[slot, at, part] = told[row, at, part]
+        _set_around(around, track, slot)
+        newer[n] = row
+        n += 1
+    return newer[:n].copy()
+
+
+@kernel(
+    numba.void(
+        _MATRIX,
+        _INTS,
+        numba.int64[:, ::1],
+        *[numba.float64[:, :, :, ::1]] * 2,
+        *[_INTS] * 2,
+        _ASKED_LOOKS,
+        _CUBE,
+        _INTS,
+        _CUBE,
+        numba.float64,
+    )
+)
+def keep(
+    made_s: Floats,
+    following: Ints,
+    kind: Ints,
+    foretold: Floats,
+    bands_m: Floats,
+    rows: Ints,
+    slots: Ints,
+    event_s: Floats,
+    told: Floats,
+    its_kind: Ints,
+    its_bands_m: Floats,
+    spaced_s: float,
+) -> None:
+    """Keep the forecasts of `rows` of reports to be held to account, each in place of its robot's oldest, where the
+    last was made at least `spaced_s` before. Columns by slot are as `due` reads them."""
+    for row in rows:
+        slot, last_s = slots[row], -np.inf
+        for made in range(made_s.shape[1]):
+            last_s = max(last_s, made_s[slot, made])
+        if not event_s[row] - last_s >= spaced_s:
+            continue
+        place = following[slot]
+        following[slot] = (place + 1) % made_s.shape[1]
+        made_s[slot, place], kind[slot, place] = event_s[row], its_kind[row]
+        for second in range(foretold.shape[2]):
+            for part in range(4):
+                foretold[slot, place, second, part] = told[row, second + 1, part]
+            for band in range(bands_m.shape[3]):
+                bands_m[slot, place, second, band] = its_bands_m[row, second, band]
 
 
 @inner
