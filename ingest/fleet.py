@@ -289,7 +289,7 @@ class Fleet:
         self, robot: Robot, status: Status, frame: Frame, sight: Sighting, before: Sighting | None
     ) -> tuple[str, ...]:
         """Put the robot on its floor and forecast it from there."""
-        view = self._view(robot, status, sight.t_s - status.stamp_s)
+        view = self._view(robot, status)
         robot.frame = frame
         robot.seen, findings = watch.reconcile(before, sight)
         robot.forecast = forecast(status, robot.seen, view)
@@ -301,12 +301,12 @@ class Fleet:
         too_many = ("datum-too-many",) if frame.comparable and sight.floor == NOWHERE else ()
         return (*findings, *robot.forecast.findings, *unknown, *too_many)
 
-    def _view(self, robot: Robot, status: Status, clock_offset_s: float) -> View:
+    def _view(self, robot: Robot, status: Status) -> View:
         """How a message of the robot is read: mostly as the one before."""
-        of = bool(status.load_used_pct), status.datum, clock_offset_s
+        of = bool(status.load_used_pct), status.datum
         if robot.view is None or robot.view_of != of:
             frame_of = partial(self._floors.named, robot.vendor, status.datum)
-            robot.view, robot.view_of = View(self._body(robot, of[0]), clock_offset_s, frame_of, self.reading), of
+            robot.view, robot.view_of = View(self._body(robot, of[0]), frame_of, self.reading), of
         return robot.view
 
     def _body(self, robot: Robot, loaded: bool) -> Body:
@@ -379,4 +379,5 @@ def _sight(status: Status, frame: Frame, floor: int, event_s: float) -> Sighting
     turn_radps = status.turn_rad_per_s or 0.0
     if turn_radps and frame.mirrored:
         turn_radps = -turn_radps
-    return Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps)
+    offset_s = event_s - status.stamp_s
+    return Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps, offset_s)

@@ -37,7 +37,7 @@ def follow(path: Path, here: Sighting, view: View) -> tuple[Floats, int] | None:
         here.x_m,
         here.y_m,
         here.yaw_rad,
-        view.clock_offset_s,
+        here.clock_offset_s,
         here.t_s + reading.horizon_s + reading.quiet_after_s,
         jump_mps(body),
         JUMP_SLACK_M if here.floor == floor else inf,

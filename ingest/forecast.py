@@ -57,11 +57,9 @@ class Body(msgspec.Struct, frozen=True, gc=False):
 
 
 class View(msgspec.Struct, frozen=True):
-    """How one robot's messages are read: its body, its clock, its frames, the settings."""
+    """How one robot's messages are read: its body, its frames, the settings."""
 
     body: Body
-    clock_offset_s: float
-    """Added to the robot's stamps it gives service time."""
     frame_of: FrameOf
     reading: Reading
 
@@ -78,6 +76,8 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     linear_mps: float | None = None
     """Signed along the heading; None where neither sent nor observed."""
     turn_radps: float = 0.0
+    clock_offset_s: float = 0.0
+    """Added to the robot's stamps it gives service time, as here."""
 
 
 class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -119,7 +119,7 @@ def stops(status: Status, here: Sighting, view: View) -> tuple[Stop, ...]:
     if not status.destinations.datums or status.state == "manualOverride":
         return ()
     latest_s = here.t_s + view.reading.destination_horizon_s
-    on_floors = _on_floors(status.destinations, view)
+    on_floors = _on_floors(status.destinations, here, view)
     return tuple(
         [(t_s, x_m, y_m, floor) for floor, points in on_floors for t_s, x_m, y_m, _ in points if t_s <= latest_s]
     )
@@ -204,13 +204,13 @@ def _setting_out(path: Path, here: Sighting, view: View, findings: list[str]) ->
 def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> Along | None:
     points: list[Knot] = []
     floors: list[int] = []
-    for floor, placed in _on_floors(path, view):
+    for floor, placed in _on_floors(path, here, view):
         points += placed
         floors += [floor] * len(placed)
     if not points:
         return None
     times = [point[0] for point in points]
-    in_order = (path.in_order and not view.clock_offset_s) or all(map(lt, times, times[1:]))
+    in_order = (path.in_order and not here.clock_offset_s) or all(map(lt, times, times[1:]))
     if times[-1] <= here.t_s or not in_order:
         retimed = _retimed(points, here, view.body)
         if retimed is None:
@@ -228,14 +228,14 @@ def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> Alo
     return _headed(knots[:possible]), all_floors[:possible]
 
 
-def _on_floors(path: Path, view: View) -> Iterable[tuple[int, Sequence[Knot]]]:
+def _on_floors(path: Path, here: Sighting, view: View) -> Iterable[tuple[int, Sequence[Knot]]]:
     """The points in the order sent, those next to each other on one floor together in its frame.
 
     Points that have no place there, such as degrees that no latitude has, are left out.
     """
     for datum, poses in _by_datum(path) if path.datums else ():
         frame, floor = view.frame_of(datum)
-        yield floor, _placed(poses, frame, view.clock_offset_s)
+        yield floor, _placed(poses, frame, here.clock_offset_s)
 
 
 def _by_datum(path: Path) -> Iterable[tuple[str, Sequence[Knot]]]:
@@ -307,7 +307,7 @@ def _by_velocity(here: Sighting, horizon_s: float) -> Along:
 def _by_destination(destinations: Path, here: Sighting, view: View) -> Along | None:
     """Straight to the next destination on this floor, at the time it states or at the robot's speed."""
     latest_s = here.t_s + view.reading.destination_horizon_s
-    on_floor = [points for floor, points in _on_floors(destinations, view) if floor == here.floor]
+    on_floor = [points for floor, points in _on_floors(destinations, here, view) if floor == here.floor]
     reachable = [knot for knot in chain.from_iterable(on_floor) if knot[0] <= latest_s]
     if not reachable:
         return None

@@ -43,8 +43,8 @@ class Robot:
     """Whether its vendor is settled: it identified itself, or spoke over a connection of that vendor."""
     view: View | None = None
     """How its messages are read; None where something of that may have changed."""
-    view_of: tuple[bool, str, float] = (False, "", nan)
-    """What the view is of: whether the robot is loaded, its datum, the offset of its clock."""
+    view_of: tuple[bool, str] = (False, "")
+    """What the view is of: whether the robot is loaded, and its datum."""
     deviations: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -54,7 +54,8 @@ def case(random: Random) -> Case:
     assert isinstance(message, Status)
     in_order = all(later[0] > earlier[0] for earlier, later in pairwise(points))
     path = Path(tuple(points), (HALL,) * len(points), in_order, (points[0][0], points[-1][0]))
-    return Case(here, View(body, offset_s, lambda _: (frame, floor), Reading()), replace(message, path=path))
+    here = replace(here, clock_offset_s=offset_s)
+    return Case(here, View(body, lambda _: (frame, floor), Reading()), replace(message, path=path))
 
 
 def as_array(said: Status) -> Status:
@@ -98,7 +99,7 @@ def test_what_is_not_plain_is_left_to_python(said: dict[str, Any], here: dict[st
     path = Path(points, (LOFT,) * 2, in_order=True, ends_s=(NOW_S + 1, NOW_S + 2))
     message = replace(message, path=path)
     sight = replace(Sighting(NOW_S, 0, 1.0, 2.0, 0.0, 1.0), **here)
-    view = View(Body((1.0, 0.5, 0.4)), 0.0, lambda _: (Frame("loft", known=True), 0), Reading())
+    view = View(Body((1.0, 0.5, 0.4)), lambda _: (Frame("loft", known=True), 0), Reading())
     one = forecast(as_array(message), sight, view)
     assert isinstance(one.knots, tuple)
     assert shown(one) == shown(forecast(message, sight, view))

@@ -3,6 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from ingest.forecast import Body, Forecast, Sighting, View, body_of, forecast, matches
 from ingest.frames import Frame, Frames
@@ -24,7 +25,8 @@ def frame_of(datum: str) -> tuple[Frame, int]:
 def ahead(here: Sighting = HERE, body: Body = BODY, offset_s: float = 0.0, **said: Any) -> Forecast:
     message = read(status("robot", NOW_S - offset_s, here.x_m, here.y_m, **said))
     assert isinstance(message, Status)
-    return forecast(message, here, View(body, offset_s, frame_of, Reading()))
+    here = replace(here, clock_offset_s=offset_s)
+    return forecast(message, here, View(body, frame_of, Reading()))
 
 
 def straight(speed_mps: float = 1.0, late_s: float = 0.0) -> list[dict[str, Any]]:
