@@ -76,6 +76,19 @@ def test_a_report_told_again_counts_once() -> None:
     assert [len(take(followed, again)), len(take(followed, again))] == [1, 0]
 
 
+def test_a_report_that_is_older_than_the_newest_is_left_out() -> None:
+    followed, punctual = Followed(), Followed()
+    told = [straight(NOW_S + n, 0.8 * n, 0.0, 1.0) for n in range(5)]
+    for one in told[:4]:
+        take(followed, one)
+        take(punctual, one)
+    assert len(take(followed, straight(NOW_S + 1.5, 9.0, 9.0, 1.0))) == 0
+    assert followed.heard_s[0] == NOW_S + 3
+    late, expected = take(followed, told[4]), take(punctual, told[4])
+    assert len(expected) == 4
+    assert (late.along_m.tolist(), late.horizon_s.tolist()) == (expected.along_m.tolist(), expected.horizon_s.tolist())
+
+
 def test_a_slot_that_another_robot_has_now_does_not_remember() -> None:
     followed = Followed()
     take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
