@@ -102,8 +102,8 @@ class Lives:
         """
         self.started_s = now_s if self.started_s is None else self.started_s
         raises = self.settings.raise_probability
-        bounds = (self.settings.clearance_m, raises, raises * HELD_SHARE)
-        rows, found, missed = self.tracks.stirring(predictions, now_s, *bounds)
+        bounds = (self.settings.clearance_m, raises, raises * HELD_SHARE, self.settings.clear_after_s)
+        rows, found, missed, resting = self.tracks.stirring(predictions, now_s, *bounds)
         revisions, due = [], []
         for one, known in zip(predictions.some(rows), found, strict=True):
             track = known or self.tracks.new(one.pair)
@@ -113,9 +113,11 @@ class Lives:
             else:
                 revisions.append(self._kept(track, said))
         revisions += self._decided(due, now_s, scene)
-        for track in missed:
-            news = not updated.isdisjoint(track.pair)
-            if (news or track.advisory) and not _later(track.advisory, until_s):
+        for track, rests in zip(missed, resting, strict=True):
+            a, b = track.pair
+            news = a in updated or b in updated
+            left = track.advisory and not (scene.here(a) and scene.here(b))
+            if (news or left or not rests) and not _later(track.advisory, until_s):
                 revisions.append(self._missed(track, now_s, scene, news))
         return sorted(filter(None, revisions), key=attrgetter("robots"))
 
@@ -154,8 +156,6 @@ class Lives:
         """The revision of a pair of which nothing is predicted."""
         if news:
             track.look(alerting=False)
-        elif now_s - self.tracks.predicted_s(track) < self.settings.clear_after_s and all(map(scene.here, track.pair)):
-            return None
         return self._kept(track, self._unpredicted(track, now_s, scene))
 
     def _advance(

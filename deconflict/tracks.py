@@ -68,9 +68,22 @@ class Track:
         self.weighed = UNWEIGHED
 
 
+class Stirring(NamedTuple):
+    """What a pass has to look at."""
+
+    rows: Ints
+    """The predictions that may change anything."""
+    known: list[Track | None]
+    """Their pairs, so far as they are under watch."""
+    missed: list[Track]
+    """The pairs of which nothing is predicted."""
+    rests: list[bool]
+    """Whether there is nothing to clear of each: no advisory, or one of which something was predicted lately."""
+
+
 @kernel(
-    numba.types.Tuple((_INTS, _INTS))(  # type: ignore[no-untyped-call]
-        _ROW[::1], _FLOATS, _INTS, *[_FLOATS] * 3, _BOOLS, _FLOATS, *[numba.float64] * 7
+    numba.types.Tuple((_INTS, _INTS, _BOOLS))(  # type: ignore[no-untyped-call]
+        _ROW[::1], _FLOATS, _INTS, *[_FLOATS] * 3, _BOOLS, _FLOATS, *[numba.float64] * 8
     )
 )
 def _stirring(
@@ -89,8 +102,10 @@ def _stirring(
     sure: float,
     likelier: float,
     rounded: float,
-) -> tuple[Ints, Ints]:
-    some, n, missed, m = np.empty(len(at), np.int64), 0, np.empty(len(rows), np.int64), 0
+    lately_s: float,
+) -> tuple[Ints, Ints, Bools]:
+    some, n = np.empty(len(at), np.int64), 0
+    missed, rests, m = np.empty(len(rows), np.int64), np.empty(len(rows), np.bool_), 0
     for one in range(len(at)):
         far = start_m[one] > clearance_m
         if at[one] < 0:
@@ -121,10 +136,10 @@ def _stirring(
     for place in range(len(rows)):
         row = rows[place]
         if row.there and not row.predicted:
-            missed[m] = place
+            missed[m], rests[m] = place, not row.told or now_s - predicted_s[place] < lately_s
             m += 1
         row.predicted = False
-    return some[:n].copy(), missed[:m].copy()
+    return some[:n].copy(), missed[:m].copy(), rests[:m].copy()
 
 
 class Tracks:
@@ -182,10 +197,9 @@ class Tracks:
         self._predicted_s[track.row] = now_s
 
     def stirring(
-        self, predictions: Predictions, now_s: float, clearance_m: float, raises: float, held: float
-    ) -> tuple[Ints, list[Track | None], list[Track]]:
-        """The rows of the `predictions` that may change anything, their pairs so far as they are under watch, and the
-        pairs of which nothing is predicted.
+        self, predictions: Predictions, now_s: float, clearance_m: float, raises: float, held: float, lately_s: float
+    ) -> Stirring:
+        """Which predictions and pairs a pass has to look at.
 
         What is not fresh changes nothing of a pair that draws near as it did when it was weighed, is as likely, and no
         less than `held`; nor of one without an advisory. A new pair must be within the clearance or likely to come,
@@ -193,6 +207,7 @@ class Tracks:
         """
         found = list(map(self._of.get, predictions.pairs))
         at = np.array([-1 if track is None else track.row for track in found], np.int64)
-        settings = (now_s, clearance_m, raises, held, SURE, LIKELIER, ROUNDED)
-        some, missed = _stirring(self._rows, self._predicted_s, at, *predictions[1:], *settings)
-        return some, [found[row] for row in some.tolist()], [self._by_row[row] for row in missed.tolist()]
+        settings = (now_s, clearance_m, raises, held, SURE, LIKELIER, ROUNDED, lately_s)
+        some, missed, rests = _stirring(self._rows, self._predicted_s, at, *predictions[1:], *settings)
+        known = [found[row] for row in some.tolist()]
+        return Stirring(some, known, [self._by_row[row] for row in missed.tolist()], rests.tolist())

@@ -10,8 +10,7 @@ from deconflict.encounter import Encounter
 from deconflict.life import Lives
 from deconflict.site import Conflict
 from deconflict.telling import Pair, Party, Prediction, Predictions, Scene
-from deconflict.tracks import Track, Tracks
-from ingest.seam import Ints
+from deconflict.tracks import Stirring, Tracks
 from tests.deconflict.made_predictions import in_columns
 
 SETTINGS = Conflict(clearance_m=0.3, clear_after_s=1.0, clear_margin_m=0.1, warning_s=5.0, critical_s=2.0)
@@ -23,12 +22,13 @@ class Every(Tracks):
     """Leaves no pair under watch alone."""
 
     def stirring(
-        self, predictions: Predictions, now_s: float, clearance_m: float, raises: float, held: float
-    ) -> tuple[Ints, list[Track | None], list[Track]]:
+        self, predictions: Predictions, now_s: float, clearance_m: float, raises: float, held: float, lately_s: float
+    ) -> Stirring:
         known = [row for row, pair in enumerate(predictions.pairs) if self.get(pair)]
-        some, _, missed = super().stirring(predictions, now_s, clearance_m, raises, held)
+        some, _, missed, _ = super().stirring(predictions, now_s, clearance_m, raises, held, lately_s)
         some = np.union1d(some, known).astype(np.int64)
-        return some, [self.get(predictions.pairs[row]) for row in some.tolist()], missed
+        tracks = [self.get(predictions.pairs[row]) for row in some.tolist()]
+        return Stirring(some, tracks, missed, [track.advisory is None for track in missed])
 
 
 class Thorough(Lives):
