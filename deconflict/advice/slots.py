@@ -20,7 +20,8 @@ TIE_S = 0.1
 PASSES, FAR = 3, 6
 """An order is improved before it is searched: so often, and by moves of no more ranks."""
 LONG, LONG_SHARE = 12, 0.02
-"""A queue of more robots is not searched where its order is within this share of the bound: a search gains less."""
+"""A queue of more robots is not searched where its order is within this share of the bound: a search gains less. One of
+fewer is not within `TIE_S` of it."""
 WEIGHT = 100
 """Priorities count in hundredths."""
 
@@ -206,9 +207,9 @@ def _improved(
         return best, 0, True
     least, best = group.bound(), _climbed(group, best)
     fair_already = not any(burden(job) for job in group.jobs)
-    worth = LONG_SHARE if len(group.jobs) > LONG else 0.0
-    if fair_already and _cost(best) - least <= worth * _cost(best):
-        return best, least, _cost(best) == least
+    worth = LONG_SHARE * _cost(best) if len(group.jobs) > LONG else _units(TIE_S)
+    if fair_already and _cost(best) - least <= worth:
+        return best, least, _cost(best) - least <= _units(TIE_S)
     model = SlotModel(group, best)
     cost = sum(job.weight * (start - job.arrival) for job, start in zip(group.jobs, model.starts, strict=True))
     model.model.add(cost >= least)

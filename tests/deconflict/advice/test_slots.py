@@ -84,6 +84,14 @@ def test_a_long_queue_is_known_to_be_near_the_least_that_it_can_cost() -> None:
     assert 0.95 * advice.cost_s < advice.bound_s <= advice.cost_s
 
 
+def test_what_costs_no_more_than_arrivals_are_known_is_not_searched() -> None:
+    """The bound is a millionth short, so that it is one whatever is rounded; to prove the rest took longest of all."""
+    queue = [request(f"r{row}", 20.0 * row, 40.0) for row in range(8)]
+    advice = advise_slots([Queue("dock", 1, (request("in", -5.0, 30.0, inside=True), *queue))], NOW_S, effort=0.0)
+    assert advice.cost_s == advice.first_come_cost_s == sum(30.0 + 20.0 * row for row in range(8))
+    assert advice.proven_optimal
+
+
 def test_a_short_visit_goes_before_a_long_one() -> None:
     charger = Queue(
         "charger", 1, (request("long", 0, 600), request("short", 1, 30), request("in", -5, 20, inside=True))
