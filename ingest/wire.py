@@ -34,7 +34,7 @@ ZEROS = bytes(4)
 MOST_EARLY = 16
 """Messages that are kept before somebody listens; then the other end has to wait."""
 _BUFFER = memoryview(bytearray(1 << 16))
-"""Holds what a socket brings until it is cut, which is before the next one is read."""
+"""Holds what a socket brings until it is cut, which is before the next one is read: a process has one event loop."""
 
 
 class Listened(Connection, asyncio.BufferedProtocol):
