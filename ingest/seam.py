@@ -188,6 +188,10 @@ class Batch:
     def __len__(self) -> int:
         return len(self.robots)
 
+    def datums(self, floor: Ints) -> list[str]:
+        """The ids of floors by index; "" for what is compared with nothing."""
+        return [self.floors[one] if one >= 0 else "" for one in floor.tolist()]
+
     def take(self, rows: Ints, gone: tuple[str, ...] = ()) -> Self:
         """The robots of `rows` (m,), in that order, and those that are gone."""
         chosen = rows.tolist()

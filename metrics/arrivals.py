@@ -56,8 +56,7 @@ class Arrivals:
 
 def _spots(batch: Batch, floor: Ints, x_m: Floats, y_m: Floats) -> list[Spot]:
     """Places; on "" where they are compared with nothing."""
-    datums = [batch.floors[one] if one >= 0 else "" for one in floor.tolist()]
-    return list(zip(datums, x_m.tolist(), y_m.tolist(), strict=True))
+    return list(zip(batch.datums(floor), x_m.tolist(), y_m.tolist(), strict=True))
 
 
 def _row(counts: Ints) -> Mapping[str, Any]:

@@ -189,7 +189,7 @@ class Conduct:
     def _reports(self, batch: Batch) -> "Iterator[_Report]":
         """One of each robot of the batch."""
         first, told = batch.forecasts.start[:-1], batch.forecasts
-        floors = [batch.floors[floor] if floor >= 0 else "" for floor in told.floor[first].tolist()]
+        floors = batch.datums(told.floor[first])
         x_m, y_m = told.x_m[first], told.y_m[first]
         resources = _touched(self._resources, floors, shapely.points(x_m, y_m))
         zones = [frozenset[str]()] * len(floors)
@@ -205,8 +205,7 @@ class Conduct:
         told = batch.destinations
         if not len(told.t_s) or not self._resources:
             return [frozenset()] * len(batch)
-        floors = [batch.floors[floor] if floor >= 0 else "" for floor in told.floor.tolist()]
-        found = _touched(self._resources, floors, shapely.points(told.x_m, told.y_m))
+        found = _touched(self._resources, batch.datums(told.floor), shapely.points(told.x_m, told.y_m))
         return [frozenset().union(*found[begin:end]) for begin, end in pairwise(told.start.tolist())]
 
 

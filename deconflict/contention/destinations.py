@@ -8,7 +8,7 @@ import numpy as np
 
 from deconflict.contention.ahead import Ahead
 from deconflict.contention.arrivals import Quantiles, expected
-from deconflict.contention.geometry import Geometry, datums_of
+from deconflict.contention.geometry import Geometry
 from deconflict.contention.promises import ARRIVED_M, Stops
 from ingest.seam import Batch, Floats
 
@@ -44,7 +44,7 @@ class Destinations:
         from_x_m, from_y_m = view.x_m[self._robot, 0], view.y_m[self._robot, 0]
         on_floor = np.maximum(told.floor, -1) == np.maximum(view.floor[self._robot, 0], -1)
         self._away_m = np.where(on_floor, np.hypot(told.x_m - from_x_m, told.y_m - from_y_m), 0.0)
-        datums = datums_of(batch.floors, told.floor)
+        datums = batch.datums(told.floor)
         self._spots = list(zip(datums, told.x_m.tolist(), told.y_m.tolist(), strict=True))
         self._resources = geometry.resources_at(datums, told.x_m, told.y_m)
         there = on_floor & (self._away_m <= ARRIVED_M)

@@ -202,11 +202,6 @@ def _location(datum: str, x_m: float, y_m: float) -> Location:
     return Location(datum=datum, x=round(x_m, 3), y=round(y_m, 3))
 
 
-def datums_of(floors: Sequence[str], floor: Ints) -> list[str]:
-    """By name; "" for what is compared with nothing."""
-    return [floors[one] if one >= 0 else "" for one in floor.tolist()]
-
-
 def _floors(places: Iterable[Place]) -> dict[str, _Floor]:
     drawn: dict[str, list[tuple[str, Iterable[tuple[float, float]]]]] = {}
     for place in places:

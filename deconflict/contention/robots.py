@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from math import hypot
 
 import numpy as np
 import shapely
@@ -11,8 +10,8 @@ from shapely.ops import substring
 from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead, corners
 from deconflict.contention.arrivals import Arrivals, Quantiles
 from deconflict.contention.destinations import UNTOLD, Destinations, Stop
-from deconflict.contention.geometry import Geometry, Passage, datums_of
-from deconflict.contention.promises import Spot
+from deconflict.contention.geometry import Geometry, Passage
+from deconflict.contention.promises import Spot, near
 from deconflict.gathering import Gathered
 from ingest.seam import Basis, Batch, Floats, Ints
 
@@ -130,7 +129,7 @@ class Robots:
         view, sizes = ahead(batch.forecasts, now_s), batch.forecasts
         shapes, way_m = _shapes(batch, view)
         goes = (batch.basis != Basis.STATIONARY) & (way_m > WAY_M)
-        datums = datums_of(batch.floors, view.floor[:, 0])
+        datums = batch.datums(view.floor[:, 0])
         here = self._geometry.resources_at(datums, view.x_m[:, 0], view.y_m[:, 0])
         ends = self._geometry.resources_at(datums, view.x_m[:, -1], view.y_m[:, -1])
         passages = self._geometry.passages(datums, view, shapes.ways, sizes.length_m, sizes.width_m)
@@ -169,9 +168,9 @@ class Robots:
 
 def _placed(one: Seen, here: str | None, new: bool) -> list[tuple[str, float]]:
     """Set since when a robot stands where it is, and what it has; the resource that it has left, if any."""
-    datum, x_m, y_m = one.stood_at
-    if new or datum != one.datum or hypot(one.x_m - x_m, one.y_m - y_m) > STANDS_M:
-        one.stood_at, one.stood_s = (one.datum, one.x_m, one.y_m), one.event_s
+    spot = (one.datum, one.x_m, one.y_m)
+    if new or not near(spot, one.stood_at, STANDS_M):
+        one.stood_at, one.stood_s = spot, one.event_s
     one.stands = not one.goes or one.event_s - one.stood_s >= STANDS_S
     if not new and here == one.here:
         return []

@@ -98,9 +98,9 @@ def dwells(logs: Iterable[Path], site: Site) -> Iterator[Dwell]:
 def _ended(standing: dict[str, _Stand], batch: Batch) -> Iterator[Dwell]:
     """Take in where robots are; the stops that this ends."""
     sizes, start = batch.forecasts, batch.forecasts.start
-    for row, uuid in enumerate(batch.robots):
+    for row, (uuid, datum) in enumerate(zip(batch.robots, batch.datums(sizes.floor[start[:-1]]), strict=True)):
         knot, event_s = int(start[row]), float(batch.event_s[row])
-        spot = _datum(batch, int(sizes.floor[knot])), float(sizes.x_m[knot]), float(sizes.y_m[knot])
+        spot = datum, float(sizes.x_m[knot]), float(sizes.y_m[knot])
         before = standing.get(uuid)
         if before and near(before.spot, spot, STANDS_M):
             before.last_s = event_s
@@ -152,7 +152,3 @@ def _known(members: Sequence[Dwell], geometry: Geometry) -> bool:
     x_m, y_m = np.array([one.x_m for one in members]), np.array([one.y_m for one in members])
     inside = geometry.resources_at([one.datum for one in members], x_m, y_m)
     return sum(one is not None for one in inside) > len(members) / 2
-
-
-def _datum(batch: Batch, index: int) -> str:
-    return batch.floors[index] if index >= 0 else ""
