@@ -32,7 +32,7 @@ from deconflict.cluster.tiles import Grid, Tile
 from deconflict.engine import Engine
 from deconflict.learned import Part, UnreadableError, packed, unpacked
 from deconflict.reloading import InForce
-from deconflict.roles.engine import LEARNED_EVERY_S, arrivals_s
+from deconflict.roles.engine import LEARNED_EVERY_S, arrivals_s, note_waits
 from deconflict.site import Site
 from ingest.measures import Measures
 from ingest.seam import Batch, Floats
@@ -228,7 +228,4 @@ class Member:
         self._lines.append(line)
 
     def _measure_waits(self, arrivals: Mapping[str, Floats]) -> None:
-        now_s = time.time()
-        for vendor, arrived_s in arrivals.items():
-            waits_s = (now_s - arrived_s).clip(0)
-            self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)
+        note_waits(self.measures, arrivals, time.time())

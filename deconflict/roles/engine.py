@@ -6,7 +6,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -190,6 +190,12 @@ def arrivals_s(batch: Batch, host_s: float) -> dict[str, Floats]:
     return by_vendor
 
 
+def note_waits(measures: Measures, arrivals_s: Mapping[str, Floats], now_s: float) -> None:
+    """How long messages that arrived then, by vendor, took until what they led to is told."""
+    for vendor, arrived_s in arrivals_s.items():
+        measures.observe("deconflict_message_to_advisory_seconds", (now_s - arrived_s).clip(0), vendor)
+
+
 class Outbox:
     """Delivers revisions in order, again and again until the operator face has stored them."""
 
@@ -251,10 +257,7 @@ class Outbox:
             if parcel:
                 self._publish(parcel)
             self._taken_bytes += _weight(parcel, arrivals_s)
-            now_s = time.time()
-            for vendor, arrived_s in arrivals_s.items():
-                waits_s = (now_s - arrived_s).clip(0)
-                self.measures.observe("deconflict_message_to_advisory_seconds", waits_s, vendor)
+            note_waits(self.measures, arrivals_s, time.time())
             self._keep()
         self._keep()
 
