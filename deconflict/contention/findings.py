@@ -1,7 +1,6 @@
 """What a look has found, in words and as evidence."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.blockages import Blocked
@@ -46,30 +45,25 @@ def contention(
         robots=tuple(sorted({*there, *(robot for _, _, robot, _, _ in waiting)})),
         predicted_s=first_s,
         location=geometry.location(place),
-        summary=partial(_taken, geometry, place, turns, advice, robots, now_s),
+        summary=lambda: (
+            f"{names(robots, [robot for _, _, robot, _, _ in waiting])} will find {geometry.label(place)} taken "
+            f"{_when(first_s - now_s)}{_within(waiting[0])} and wait up to {turns.longest_s:.0f} s"
+            f"{_free(turns, geometry.capacity(place), now_s)}{_advised(geometry, place, waiting, advice, robots)}"
+        ),
         evidence=_queue_evidence(geometry, place, turns, len(there)),
         recommendation=advice,
     )
 
 
-def _taken(
-    geometry: Geometry,
-    place: str,
-    turns: Turns,
-    advice: Recommendation | None,
-    robots: Mapping[str, Seen],
-    now_s: float,
-) -> str:
-    waiting = turns.waiting
-    _, first_s, _, _, spread_s = waiting[0]
-    who = names(robots, [robot for _, _, robot, _, _ in waiting])
-    within = f", give or take {spread_s:.0f} s," if spread_s >= TELL_SPREAD_S else ""
-    free_s = turns.free_s(geometry.capacity(place), now_s) - now_s
-    free = f"; it comes free in {free_s:.0f} s" if free_s > 0 else ""
-    return (
-        f"{who} will find {geometry.label(place)} taken {_when(first_s - now_s)}{within} and wait up to "
-        f"{turns.longest_s:.0f} s{free}{_advised(geometry, place, waiting, advice, robots)}"
-    )
+def _within(first: Row) -> str:
+    """How well it is known when the first comes, where that is worth a word."""
+    spread_s = first[4]
+    return f", give or take {spread_s:.0f} s," if spread_s >= TELL_SPREAD_S else ""
+
+
+def _free(turns: Turns, capacity: int, now_s: float) -> str:
+    free_s = turns.free_s(capacity, now_s) - now_s
+    return f"; it comes free in {free_s:.0f} s" if free_s > 0 else ""
 
 
 def _advised(
