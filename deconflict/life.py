@@ -76,12 +76,10 @@ class Lives:
             self._adopt(track or self.tracks.new(told.robots), told)
         elif track and track.advisory and track.advisory.id == told.id:
             self._tell(track, told)
-            self.tracks.keep(track)
 
     def _adopt(self, track: Track, told: ConflictAdvisory) -> None:
         self.tracks.predict(track, max(self.tracks.predicted_s(track), told.updated_at.timestamp()))
         self._tell(track, told)
-        self.tracks.keep(track)
 
     def changed(self) -> set[Pair]:
         """The pairs of which something was told since this was asked last."""
@@ -125,7 +123,8 @@ class Lives:
         """Remember a pair, and its revision."""
         if revision:
             self._tell(track, revision)
-        self.tracks.keep(track)
+        else:
+            self.tracks.keep(track)
         return revision
 
     def advise(self, pair: Pair, advice: Recommendation, now_s: float) -> ConflictAdvisory | None:
@@ -151,6 +150,7 @@ class Lives:
             self.severities[revision.severity] += 1
             self.told[track.pair] = revision
         self._changed.add(track.pair)
+        self.tracks.keep(track)
 
     def _missed(self, track: Track, now_s: float, scene: Scene, news: bool) -> ConflictAdvisory | None:
         """The revision of a pair of which nothing is predicted."""
@@ -248,7 +248,6 @@ class Lives:
         else:
             revision = telling.raised(pair, self.ordinals[pair], parties, told, now_s)
         self._tell(track, revision)
-        self.tracks.keep(track)
         return revision
 
     def _weighed(self, one: Prediction, before: ConflictAdvisory, now_s: float, until_s: float = inf) -> Weighed:

@@ -121,7 +121,6 @@ def _stirring(
             continue
         if (
             still
-            and row.told
             and now_s < row.until
             and contact_s[one] == row.contact
             and separation_m[one] == row.separation
