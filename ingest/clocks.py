@@ -61,8 +61,7 @@ class SenderClock:
         self._resolution_s = resolution_s
         if not abs(gap_s - self._newest_s) > STEP_S + resolution_s or self._confirms(gap_s, stamp_s):
             self._believe(gap_s)
-        late_s = gap_s - self.offset_s
-        self.delay_s = late_s if late_s > 0.0 else 0.0
+        self.delay_s = max(gap_s - self.offset_s, 0.0)
 
     def event_s(self, stamp_s: float, arrival_s: float) -> float:
         """When what the newest message says was true, by the service's clock; never after its arrival.
@@ -70,8 +69,7 @@ class SenderClock:
         Where stamps are much coarser than the delays it is the latest time they may mean.
         """
         coarse_s = self._resolution_s if self._resolution_s > 2 * self._tolerance_s else 0.0
-        event_s = stamp_s + self.offset_s + coarse_s
-        return event_s if event_s < arrival_s else arrival_s
+        return min(stamp_s + self.offset_s + coarse_s, arrival_s)
 
     def _believe(self, gap_s: float) -> None:
         self._newest_s, self._step_s = gap_s, nan

@@ -294,7 +294,7 @@ class Fleet:
         robot.seen, findings = watch.reconcile(before, sight)
         robot.forecast = forecast(status, robot.seen, view)
         robot.stops = stops(status, robot.seen, view)
-        lost = status.error_codes and matches(status.error_codes, self.reading.lost_errors)
+        lost = matches(status.error_codes, self.reading.lost_errors)
         robot.doubt_m = self.reading.lost_doubt_m if lost else 0.0
         self._changed[robot.uuid] = robot
         unknown = () if frame.known else ("datum-unknown",)

@@ -46,7 +46,7 @@ def follow(path: Path, here: Sighting, view: View) -> tuple[Floats, int] | None:
         frame.transform.table if frame.transform else _SAME,
         knots,
     )
-    return (knots if count == len(knots) else knots[:count], floor) if count else None
+    return (knots[:count], floor) if count else None
 
 
 @inner

@@ -141,7 +141,7 @@ def _followed(status: Status, here: Sighting, view: View) -> Forecast | None:
     """By the path, in compiled code where it is loaded and the case is plain."""
     if quick.follow is None or status.state != "navigating" or not status.path.datums:
         return None
-    if status.error_codes and matches(status.error_codes, view.reading.blocking_errors):
+    if matches(status.error_codes, view.reading.blocking_errors):
         return None
     followed = quick.follow(status.path, here, view)
     if followed is None:
