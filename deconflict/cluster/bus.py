@@ -1,4 +1,6 @@
-"""NATS as the cluster uses it: parcels, told revisions, members and the table. Nothing else here speaks to it.
+"""NATS as the cluster uses it: parcels, told revisions, members and the table.
+
+Nothing but this and `hearing` speaks to it.
 
 Parcels go on `NAME.rows.CHANNEL` into a stream in memory that is kept for half a minute; revisions on `NAME.told.KEY`
 into a durable one, whose sequence numbers are those of the advisories (`lines`).
@@ -10,20 +12,19 @@ import logging
 import time
 from collections.abc import Awaitable, Callable, Iterable
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta
 from math import inf
 from typing import Any
 from uuid import uuid4
 
 import nats
 from nats.aio.msg import Msg
-from nats.errors import Error as NatsError
 from nats.js import JetStreamContext, api
 from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError
 
 from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.cluster.channels import MOST_BYTES
 from deconflict.cluster.credentials import credentials
+from deconflict.cluster.hearing import BUS_ERRORS, PENDING, Hearing, lately, latest
 from deconflict.cluster.lines import Line, key_of, line, told_as
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Place
@@ -32,8 +33,6 @@ log = logging.getLogger(__name__)
 
 KEPT_S = 30.0
 """How long parcels are kept."""
-REPLAYED_S = 15.0
-"""How much of them who takes a tile over hears again."""
 LEASE_S = 4.0
 """A member not heard of for this long is gone."""
 SAME_S = 120.0
@@ -48,11 +47,6 @@ ERRORS_S = 10.0
 WRONG_LAST_SEQUENCE = 10071
 FEED = "feed-"
 """How the names of members that are ingests begin."""
-PENDING = 1 << 20
-"""Messages that may wait to be taken in."""
-
-BUS_ERRORS = (NatsError, TimeoutError, OSError)
-"""What a call raises while the server can't be had."""
 
 
 class OverruledError(Exception):
@@ -93,7 +87,7 @@ class Bus:
         self._quick: JetStreamContext = self._nats.jetstream(timeout=QUICK_S)
         try:
             await self._make()
-            await self._hear(f"$KV.{self.name}-members.*", f"KV_{self.name}-members", self._met, _latest)
+            await self._hear(f"$KV.{self.name}-members.*", f"KV_{self.name}-members", self._met, latest)
         except BaseException:
             await self.close()
             raise
@@ -174,7 +168,7 @@ class Bus:
         async def taken(message: Msg) -> None:
             take(message.data)
 
-        heard, _ = await self._hear(f"{self.name}.rows.{channel}", f"{self.name}-rows", taken, _lately)
+        heard, _ = await self._hear(f"{self.name}.rows.{channel}", f"{self.name}-rows", taken, lately)
 
         async def leave() -> None:
             self._hearings.remove(heard)
@@ -284,7 +278,7 @@ class Bus:
 
         def since() -> api.ConsumerConfig:
             if after is None and not seen:
-                return _latest()
+                return latest()
             return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_SEQUENCE, opt_start_seq=seen + 1)
 
         subject = f"{self.name}.told.*" if after is None else f"{self.name}.>"
@@ -297,7 +291,7 @@ class Bus:
         stream: str,
         taken: Callable[[Msg], Awaitable[None]],
         config: Callable[[], api.ConsumerConfig],
-    ) -> tuple["Hearing", int]:
+    ) -> tuple[Hearing, int]:
         """The subscription, and how many messages there are for it already."""
         hearing = Hearing(subject, stream, taken, config)
         try:
@@ -352,60 +346,3 @@ class Bus:
         except KeyWrongLastSequenceError:
             return False
         return True
-
-
-class Hearing:
-    """One subscription, begun again with every connection."""
-
-    def __init__(
-        self,
-        subject: str,
-        stream: str,
-        taken: Callable[[Msg], Awaitable[None]],
-        config: Callable[[], api.ConsumerConfig],
-    ) -> None:
-        """`config` says from where on each time it begins."""
-        self._subject, self._stream, self._taken, self._config = subject, stream, taken, config
-        self._heard: JetStreamContext.PushSubscription | None = None
-        self._ended = False
-
-    async def begin(self, js: JetStreamContext) -> int:
-        """How many messages there are for it already. One that has been ended, also meanwhile, stays so."""
-        await self._leave()
-        if self._ended:
-            return 0
-        config = self._config()
-        self._heard = await js.subscribe(
-            self._subject,
-            stream=self._stream,
-            cb=self._taken,
-            config=config,
-            ordered_consumer=True,
-            pending_msgs_limit=PENDING,
-            pending_bytes_limit=1 << 30,
-        )
-        if self._ended:
-            await self._leave()
-            return 0
-        config.opt_start_time = None  # the client begins a lost subscription anew at a number, and keeps this otherwise
-        state = await self._heard.consumer_info()
-        return (state.num_pending or 0) + (state.delivered.consumer_seq if state.delivered else 0)
-
-    async def end(self) -> None:
-        self._ended = True
-        await self._leave()
-
-    async def _leave(self) -> None:
-        heard, self._heard = self._heard, None
-        if heard:
-            with suppress(*BUS_ERRORS):
-                await heard.unsubscribe()
-
-
-def _latest() -> api.ConsumerConfig:
-    return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.LAST_PER_SUBJECT)
-
-
-def _lately() -> api.ConsumerConfig:
-    since = datetime.now(UTC) - timedelta(seconds=REPLAYED_S)
-    return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_TIME, opt_start_time=since)

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from deconflict.cluster.bus import BUS_ERRORS, FEED, Bus
+from deconflict.cluster.bus import FEED, Bus
 from deconflict.cluster.channels import Sorter, pieces, reach_m
+from deconflict.cluster.hearing import BUS_ERRORS
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Grid
 from deconflict.link import AsyncCaller, LinkDownError

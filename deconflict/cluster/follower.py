@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.advisory import Acknowledgement
-from deconflict.cluster.bus import BUS_ERRORS, Bus
+from deconflict.cluster.bus import Bus
 from deconflict.cluster.feed import RETRY_S, beating, connected, until
+from deconflict.cluster.hearing import BUS_ERRORS
 from deconflict.cluster.ingests import Ingests
 from deconflict.cluster.lines import Line
 from deconflict.cluster.settings import Cluster

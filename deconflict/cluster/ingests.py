@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.cluster.bus import BUS_ERRORS, Bus
+from deconflict.cluster.bus import Bus
 from deconflict.cluster.channels import EVERY, Floors, late
+from deconflict.cluster.hearing import BUS_ERRORS
 from deconflict.link import Handler, LinkDownError
 from deconflict.recent import Recent, opened, parcel
 from ingest.seam import Batch

@@ -14,9 +14,10 @@ from typing import Any
 
 from deconflict.advice.answers import Submit
 from deconflict.advisory import ConflictAdvisory
-from deconflict.cluster.bus import BUS_ERRORS, Bus
+from deconflict.cluster.bus import Bus
 from deconflict.cluster.channels import EVERY
 from deconflict.cluster.commons import Commons
+from deconflict.cluster.hearing import BUS_ERRORS
 from deconflict.cluster.lines import Line
 from deconflict.cluster.outbox import Outbox
 from deconflict.cluster.teller import Teller

@@ -18,9 +18,10 @@ from typing import Any
 from uuid import uuid4
 
 from deconflict.advisory import ConflictAdvisory
-from deconflict.cluster.bus import BUS_ERRORS, Bus
+from deconflict.cluster.bus import Bus
 from deconflict.cluster.channels import reach_m
 from deconflict.cluster.feed import beating, connected, until
+from deconflict.cluster.hearing import BUS_ERRORS
 from deconflict.cluster.lines import Line
 from deconflict.cluster.lookout import Lookout
 from deconflict.cluster.outbox import Outbox

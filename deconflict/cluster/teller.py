@@ -6,8 +6,9 @@ from collections import OrderedDict
 from contextlib import suppress
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
-from deconflict.cluster.bus import BUS_ERRORS, Bus, OverruledError
+from deconflict.cluster.bus import Bus, OverruledError
 from deconflict.cluster.feed import RETRY_S
+from deconflict.cluster.hearing import BUS_ERRORS
 from deconflict.cluster.lines import Line, key_of
 from deconflict.cluster.shard import REMEMBERED
 from deconflict.cluster.tiles import Place

@@ -12,8 +12,9 @@ from nats.errors import MaxPayloadError
 from nats.js.api import ConsumerConfig
 
 from deconflict.advisory import AdvisoryState
-from deconflict.cluster.bus import BUS_ERRORS, FEED, Bus, OverruledError, _lately
+from deconflict.cluster.bus import FEED, Bus, OverruledError
 from deconflict.cluster.feed import connected
+from deconflict.cluster.hearing import BUS_ERRORS, lately
 from deconflict.cluster.lines import key_of
 from deconflict.cluster.member import Member
 from deconflict.cluster.settings import Cluster
@@ -147,9 +148,9 @@ async def test_what_was_left_while_the_connection_was_renewed_is_not_heard_again
             """Once it begins anew, both are left: itself on its way, the other before its turn."""
             if leaves:
                 leaving.extend(asyncio.create_task(_done(leaves.pop(name))) for name in ("a", "b"))
-            return _lately()
+            return lately()
 
-        with patch("deconflict.cluster.bus._lately", begins):
+        with patch("deconflict.cluster.bus.lately", begins):
             first = await bus.hear_rows("a", lambda _: None)
         leaves |= {"a": first, "b": await bus.hear_rows("b", lambda _: None)}
         await bus.hear_rows("c", lambda _: None)
