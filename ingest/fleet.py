@@ -8,6 +8,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Iterable
 from functools import partial
 from math import isfinite, isnan
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from ingest.connection import Connection
 from ingest.floors import NOWHERE, Floors
 from ingest.forecast import Body, Sighting, View, body_of, forecast, matches, stops
 from ingest.frames import Frame, Frames
+from ingest.introductions import Introduction
 from ingest.measures import Labels, Measures
 from ingest.messages import Identity, Rejection, Status
 from ingest.quarantine import Quarantine, rejected
@@ -156,6 +158,23 @@ class Fleet:
         """UUIDs of the robots that have not said who they are."""
         return [uuid for uuid, robot in self.robots.items() if robot.identity is None]
 
+    def introductions(self, after_s: float) -> list[Introduction]:
+        """What robots have said of themselves after `after_s`, the first first."""
+        told = (one.introduction for one in self.robots.values() if one.introduction)
+        return sorted((one for one in told if one.arrival_s > after_s), key=attrgetter("arrival_s"))
+
+    def introduce(self, one: Introduction, arrival_s: float, connection: Connection) -> str | None:
+        """Take in what a robot said of itself elsewhere, and then; the answer is that of `receive`."""
+        rule = self.receive(one.raw, arrival_s, connection)
+        if rule is None:
+            self.robots[one.uuid].introduction = one
+        return rule
+
+    def lacks(self, introduction: Introduction) -> bool:
+        """Whether the robot is here and has not said that or something newer of itself."""
+        robot = self.robots.get(introduction.uuid)
+        return robot is not None and introduction.is_news_to(robot.introduction)
+
     def _batch(self, robots: list[Robot], now_s: float, gone: tuple[str, ...]) -> Batch:
         return batch(robots, now_s, self._floors.ids, gone, self._claims.standing(now_s))
 
@@ -236,7 +255,8 @@ class Fleet:
         self, robot: Robot, identity: Identity, raw: bytes, arrival_s: float, connection: Connection
     ) -> tuple[str, ...]:
         before = robot.identity
-        robot.identity, robot.identity_raw = identity, raw
+        robot.identity = identity
+        robot.introduction = Introduction.over(connection, robot.uuid, raw, arrival_s)
         vendor = self.vendors.of_robot(robot.uuid) or connection.vendor
         self._settle(robot, vendor or self.vendors.of_manufacturer(identity.manufacturer))
         if isnan(robot.arrival_s):
@@ -363,7 +383,7 @@ class Fleet:
             "state": robot.state,
             "clock": {"offset_s": round(robot.clock.offset_s, 3), "delay_s": round(robot.clock.delay_s, 3)},
             "deviations": dict(sorted(robot.deviations.items())),
-            "identity": told(robot, robot.identity_raw),
+            "identity": told(robot, robot.introduction.raw if robot.introduction else b""),
             "status": told(robot, robot.status_raw),
             **placed(robot),
         }

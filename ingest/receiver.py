@@ -87,8 +87,11 @@ class Receiver:
         measures: Measures,
         clock: Callable[[], float],
         first_id: int = 1,
+        shares_port: bool = False,
     ) -> None:
-        self.settings = settings
+        """With `shares_port` others that do so too may have the same port, and the kernel gives each some of the
+        connections (`SO_REUSEPORT`)."""
+        self.settings, self._shares_port = settings, shares_port
         self._credentials = credentials
         self._certificates = Certificates(settings.tls) if settings.tls else None
         self._handshakes = self._shaking(self._certificates) if self._certificates else None
@@ -127,6 +130,7 @@ class Receiver:
             close_timeout=CLOSE_TIMEOUT_S,
             ping_interval=None,
             create_connection=cast(type[ServerConnection], bounded),
+            reuse_port=self._shares_port or None,
             logger=logging.getLogger("websockets.robots"),
         )
         self._reaper = asyncio.create_task(self._reap())

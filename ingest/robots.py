@@ -8,6 +8,7 @@ from ingest import messages
 from ingest.clocks import SenderClock
 from ingest.forecast import Forecast, Sighting, Stop, View
 from ingest.frames import Frame
+from ingest.introductions import Introduction
 from ingest.messages import Identity
 from ingest.seam import Basis
 
@@ -24,7 +25,8 @@ class Robot:
     model: str = field(init=False)
     """As its vendor names it; "" before it has identified itself."""
     identity: Identity | None = None
-    identity_raw: bytes = b""
+    introduction: Introduction | None = None
+    """The report that its identity was read from."""
     status_raw: bytes = b""
     state: str = ""
     known_state: bool = True

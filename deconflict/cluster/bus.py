@@ -1,4 +1,4 @@
-"""NATS as the cluster uses it: parcels, told revisions, members and the table.
+"""NATS as the cluster uses it: parcels, told revisions, introductions, members and the table.
 
 Nothing but this and `hearing` speaks to it.
 
@@ -20,6 +20,7 @@ import nats
 from nats.aio.msg import Msg
 from nats.js import JetStreamContext, api
 from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError
+from nats.js.kv import KeyValue
 
 from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.cluster.channels import MOST_BYTES
@@ -28,11 +29,14 @@ from deconflict.cluster.hearing import BUS_ERRORS, PENDING, Hearing, lately, lat
 from deconflict.cluster.lines import Line, key_of, line, told_as
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Place
+from ingest.introductions import Introduction
 
 log = logging.getLogger(__name__)
 
 KEPT_S = 30.0
 """How long parcels are kept."""
+INTRODUCED_S = 30 * 86400.0
+"""How long what a robot says of itself is kept."""
 LEASE_S = 4.0
 """A member not heard of for this long is gone."""
 SAME_S = 120.0
@@ -101,6 +105,9 @@ class Bus:
         await self._js.create_key_value(bucket=f"{name}-members", ttl=LEASE_S, storage=memory, replicas=copies)
         await self._js.create_key_value(bucket=f"{name}-table", storage=disk, replicas=copies)
         self._learned = await self._js.create_key_value(bucket=f"{name}-learned", storage=disk, replicas=copies)
+        self._introduced = await self._js.create_key_value(
+            bucket=f"{name}-introduced", ttl=INTRODUCED_S, storage=disk, replicas=copies
+        )
         self._table = await self._quick.key_value(f"{name}-table")
 
     async def close(self) -> None:
@@ -317,19 +324,35 @@ class Bus:
 
     async def keep(self, name: str, data: bytes) -> None:
         """Keep some bytes for whoever begins later; what is too large for the server is not kept."""
-        if len(data) <= self._nats.max_payload:
-            await self._learned.put(name, data)
-        else:
-            log.warning(
-                "%s takes %s bytes, and the NATS server no more than %s", name, len(data), self._nats.max_payload
-            )
+        await self._put(self._learned, name, data)
 
     async def kept(self, name: str) -> bytes | None:
         """What was kept last under a name."""
-        try:
-            return (await self._learned.get(name)).value
-        except KeyNotFoundError:
-            return None
+        return await _value(self._learned, name)
+
+    async def introduce(self, one: Introduction) -> None:
+        """Keep what a robot has said of itself, unless that is known, or something newer."""
+        kept = await _value(self._introduced, one.uuid)
+        if one.is_news_to(Introduction.of_document(json.loads(kept)) if kept else None):
+            await self._put(self._introduced, one.uuid, json.dumps(one.document()).encode())
+
+    async def hear_introductions(self, take: Callable[[Introduction], None]) -> None:
+        """Take what each robot has said of itself, and what it will say."""
+
+        async def taken(message: Msg) -> None:
+            if message.data:
+                take(Introduction.of_document(json.loads(message.data)))
+
+        bucket = f"{self.name}-introduced"
+        await self._hear(f"$KV.{bucket}.*", f"KV_{bucket}", taken, latest)
+
+    async def _put(self, bucket: KeyValue, key: str, data: bytes) -> None:
+        if len(data) <= self._nats.max_payload:
+            await bucket.put(key, data)
+        else:
+            log.warning(
+                "%s takes %s bytes, and the NATS server no more than %s", key, len(data), self._nats.max_payload
+            )
 
     async def table(self) -> tuple[int, dict[str, Any] | None]:
         """The table as it was written last, and what number that has."""
@@ -346,3 +369,10 @@ class Bus:
         except KeyWrongLastSequenceError:
             return False
         return True
+
+
+async def _value(bucket: KeyValue, key: str) -> bytes | None:
+    try:
+        return (await bucket.get(key)).value
+    except KeyNotFoundError:
+        return None

@@ -11,6 +11,7 @@ from uuid import uuid4
 from deconflict.cluster.bus import FEED, Bus
 from deconflict.cluster.channels import Sorter, pieces, reach_m
 from deconflict.cluster.hearing import BUS_ERRORS
+from deconflict.cluster.introductions import Introductions
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Grid
 from deconflict.link import AsyncCaller, LinkDownError
@@ -102,7 +103,8 @@ class Feed:
         await self._bus.wanted(self._whole)
         await self._bus.asked(self._name, self._answer)
         try:
-            await until(stop, beating(self._bus, self._beat), self._feed())
+            introductions = Introductions(self._bus, self._receiver)
+            await until(stop, beating(self._bus, self._beat), self._feed(), introductions.run())
         finally:
             await self._bus.close()
 

@@ -21,6 +21,7 @@ from ingest.credentials import Credentials
 from ingest.dialer import Dialer
 from ingest.fleet import Fleet
 from ingest.frames import Frames
+from ingest.introductions import Introduction
 from ingest.measures import Measures
 from ingest.playback import Closed, Reader, Received, segments
 from ingest.quarantine import Quarantine
@@ -36,6 +37,8 @@ logger = logging.getLogger(__name__)
 DISK_S = 0.05
 """How long a batch waits for its messages to be recorded. Where the disk still owes earlier ones it does not wait."""
 DOCUMENTS_AT_ONCE = 20
+INTRODUCER = "another ingest"
+"""As the peer of what robots have said of themselves elsewhere."""
 RELOAD_CHECK_S = 0.2
 RECOVERED_SEGMENTS = 2
 """Newest segments of the log that are read back at a start."""
@@ -106,6 +109,7 @@ class ReceiverRole:
             measures=self.measures,
             clock=self._now_s,
             first_id=found.connection + 1,
+            shares_port=site.cluster is not None,
         )
         self.ready = asyncio.Event()
         """Set once its ports are open."""
@@ -123,6 +127,8 @@ class ReceiverRole:
             "quarantine": self._quarantine,
             "measures": self._measures,
             "unidentified": self._unidentified,
+            "introductions": self._introductions,
+            "introduce": self._introduce,
             "follow": self._follow,
         }
         await self._open_port()
@@ -245,6 +251,19 @@ class ReceiverRole:
 
     async def _unidentified(self, _: bytes) -> bytes:
         return json.dumps(self.fleet.unidentified()).encode()
+
+    async def _introductions(self, payload: bytes) -> bytes:
+        """What robots have said of themselves after a time of arrival."""
+        return json.dumps([one.document() for one in self.fleet.introductions(float(payload))]).encode()
+
+    async def _introduce(self, payload: bytes) -> bytes:
+        """What robots that are here have said of themselves elsewhere, taken in and recorded as if it came here."""
+        for one in map(Introduction.of_document, json.loads(payload)):
+            if self.fleet.lacks(one):
+                connection, now_s = self.receiver.new_connection(INTRODUCER, "/", one.vendor), self._now_s()
+                self.recorder.received(one.raw, now_s, connection, self.fleet.introduce(one, now_s, connection))
+                self._closed(connection)
+        return b""
 
     async def _measures(self, _: bytes) -> bytes:
         self.fleet.measure(self._now_s())

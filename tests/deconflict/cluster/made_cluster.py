@@ -132,10 +132,10 @@ async def face(machines: Machines, data: Path) -> AsyncIterator[OperatorRole]:
 
 
 @asynccontextmanager
-async def ingest(machines: Machines, data: Path) -> AsyncIterator[str]:
+async def ingest(machines: Machines, data: Path, port: int = 0) -> AsyncIterator[str]:
     """An ingest of the cluster, in this process: the address for its robots."""
     with runtime_directory() as runtime:
-        site = machines.site()
+        site = machines.site(port)
         receiver, feed = ReceiverRole(site, Path(runtime), data / "log"), Feed(site, machines.settings, Path(runtime))
         async with running(receiver), running(feed):
             await receiver.ready.wait()
