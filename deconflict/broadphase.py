@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from deconflict.motion import KNOT, Bools, Knots
 from deconflict.roster import ROBOT, Robots
 from ingest.compiled import inner, kernel
-from ingest.seam import Ints
+from ingest.seam import Floats, Ints
 
 ABSENT = -1
 """Floor of a box that is not there."""
@@ -45,6 +45,7 @@ Cells = tuple[Ints, Ints, Row]
 """Where each cell starts, the slots cell by cell, and their boxes."""
 
 _BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR))
+_INTS = numba.int64[::1]
 
 
 @inner
@@ -218,24 +219,6 @@ def _beside(one: Any, other: Any) -> bool:
     return bool(one.bottom <= other.top and other.bottom <= one.top)
 
 
-@kernel(numba.types.Tuple((_PAIR[::1], numba.int64[::1]))(_BOX[:, ::1], _ROBOT[::1], *[numba.int64[::1]] * 3))  # type: ignore[no-untyped-call]
-def of_chosen(boxes: NDArray[Any], robots: Robots, rings: Ints, a: Ints, b: Ints) -> tuple[Pairs, Ints]:
-    """Of the pairs of slots `a` (p,) and `b` (p,), the boxes that overlap, pair by pair and in the order of `rings`,
-    and of which pair they are."""
-    found, pair_of, n = np.empty(1024, PAIR), np.empty(1024, np.int64), 0
-    for pair in range(len(a)):
-        if not _beside(robots[a[pair]], robots[b[pair]]):
-            continue
-        if n + len(rings) > len(found):
-            found, pair_of = np.concatenate((found, np.empty_like(found))), np.concatenate((pair_of, pair_of))
-        for ring in rings:
-            one = boxes[ring, a[pair]]
-            if one.floor != ABSENT and _overlap(one, boxes[ring, b[pair]]):
-                found[n].ring, found[n].a, found[n].b, pair_of[n] = ring, a[pair], b[pair], pair
-                n += 1
-    return found[:n].copy(), pair_of[:n].copy()
-
-
 @kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1]))
 def in_order(pairs: Pairs, ranks: Ints, robots: Robots) -> Pairs:
     """The pairs that are not above one another, the robot of the lower rank first, ascending by both ranks.
@@ -280,20 +263,79 @@ def _cover_slab(box: Any, robot: Any, knots: Knots, k: int, end: int, grow_m: fl
         begin, k = until, k + 1
 
 
+@inner
+def _cover_robot(
+    boxes: NDArray[Any], slot: int, robot: Any, knots: Knots, first_slab: int, slabs: int, grow_m: float
+) -> None:
+    """The boxes of one robot; a robot without knots has none."""
+    k, end = robot.first, robot.first + robot.count
+    for slab in range(first_slab, first_slab + slabs):
+        box = boxes[slab % len(boxes), slot]
+        box.slab, box.floor = slab, ABSENT
+        while k + 1 < end and knots[k + 1].t - slab <= 0.0:
+            k += 1
+        box.knot = k - robot.first
+        if robot.count:
+            _cover_slab(box, robot, knots, k, end, grow_m)
+
+
 @kernel(numba.void(_BOX[:, ::1], numba.int64[::1], _ROBOT[::1], _KNOT[::1], numba.int64, numba.int64, numba.float64))
 def _cover(
     boxes: NDArray[Any], slots: Ints, robots: Robots, knots: Knots, first_slab: int, slabs: int, grow_m: float
 ) -> None:
     for slot in slots:
-        robot = robots[slot]
-        k, end = robot.first, robot.first + robot.count
-        for slab in range(first_slab, first_slab + slabs):
-            box = boxes[slab % len(boxes), slot]
-            box.slab, box.floor = slab, ABSENT
-            while k + 1 < end and knots[k + 1].t - slab <= 0.0:
-                k += 1
-            box.knot = k - robot.first
-            _cover_slab(box, robot, knots, k, end, grow_m)
+        _cover_robot(boxes, slot, robots[slot], knots, first_slab, slabs, grow_m)
+
+
+@inner
+def _spanned(boxes: NDArray[Any], slot: int) -> Any:
+    """West, east, south and north of all that a robot covers; the wrong way around where it covers nothing."""
+    west, east, south, north = np.inf, -np.inf, np.inf, -np.inf
+    for ring in range(len(boxes)):
+        box = boxes[ring, slot]
+        if box.floor != ABSENT:
+            west, east, south, north = (
+                min(west, box.west),
+                max(east, box.east),
+                min(south, box.south),
+                max(north, box.north),
+            )
+    return west, east, south, north
+
+
+@kernel(
+    numba.types.Tuple((_BOX[:, ::1], _PAIR[::1], _INTS))(  # type: ignore[no-untyped-call]
+        _ROBOT[::1], _KNOT[::1], _INTS, _INTS, numba.float64, numba.float64[::1], numba.float64
+    )
+)
+def of_chosen(
+    robots: Robots, knots: Knots, a: Ints, b: Ints, now_s: float, until_s: Floats, grow_m: float
+) -> tuple[NDArray[Any], Pairs, Ints]:
+    """The boxes of `robots` from `now_s` on, by slab; of the pairs of slots `a` (p,) and `b` (p,), those that overlap
+    by `until_s` (p,), pair by pair and in the order of time; and of which pair they are."""
+    first_slab, last_s = floor(now_s), now_s
+    for pair in range(len(a)):
+        last_s = max(last_s, until_s[pair])
+    boxes, spans = np.empty((floor(last_s) - first_slab + 1, len(robots)), BOX), np.empty((len(robots), 4))
+    for slot in range(len(robots)):
+        _cover_robot(boxes, slot, robots[slot], knots, first_slab, len(boxes), grow_m)
+        spans[slot] = _spanned(boxes, slot)
+    found, pair_of, n = np.empty(1024, PAIR), np.empty(1024, np.int64), 0
+    for pair in range(len(a)):
+        one, other = spans[a[pair]], spans[b[pair]]
+        if one[0] > other[1] or other[0] > one[1] or one[2] > other[3] or other[2] > one[3]:
+            continue
+        if not _beside(robots[a[pair]], robots[b[pair]]):
+            continue
+        if n + len(boxes) > len(found):
+            found, pair_of = np.concatenate((found, np.empty_like(found))), np.concatenate((pair_of, pair_of))
+        for slab in range(first_slab, floor(until_s[pair]) + 1):
+            ring = slab % len(boxes)
+            box = boxes[ring, a[pair]]
+            if box.floor != ABSENT and _overlap(box, boxes[ring, b[pair]]):
+                found[n].ring, found[n].a, found[n].b, pair_of[n] = ring, a[pair], b[pair], pair
+                n += 1
+    return boxes, found[:n].copy(), pair_of[:n].copy()
 
 
 @kernel(numba.float64(_BOX[:, ::1], numba.int64[::1]))

@@ -305,6 +305,18 @@ def _motions(
     return motions, n, looked_at
 
 
+@inner
+def _first_of(motions: Motions, target_m: float, tolerance_m: float, rounds: int) -> Two:
+    """The first contact of motions in order, inf for none, or from when on it is left open, inf where it is not."""
+    for m in motions:
+        t, state = first_contact(m, target_m, tolerance_m, rounds)
+        if state == MET:
+            return t, inf
+        if state == OPEN:
+            return inf, t
+    return inf, inf
+
+
 _OF_PAIRS = (_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
 
 
@@ -338,15 +350,7 @@ def meet(
         counts[0] += looked_at
         counts[1] += n
         meeting = found[at]
-        meeting.contact = meeting.open = inf
-        for m in motions[:n]:
-            t, state = first_contact(m, target_m, tolerance_m, rounds)
-            if state == MET:
-                meeting.contact = t
-                break
-            if state == OPEN:
-                meeting.open = t
-                break
+        meeting.contact, meeting.open = _first_of(motions[:n], target_m, tolerance_m, rounds)
         if meeting.contact < inf:
             meeting.separation, meeting.separation_at = smallest(motions[:n], accuracy_m, lows, highs)
 
@@ -377,26 +381,83 @@ def _set_place(place: Any, box: Any, robot: Any, knots: Knots, t: float) -> None
     place.x, place.y, place.cos, place.sin = knot.x + knot.vx * into, knot.y + knot.vy * into, cos(yaw), sin(yaw)
 
 
+@inner
+def _start_distance(
+    a: int, b: int, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float, places: NDArray[Any]
+) -> float:
+    """How far two robots are apart at `now_s`, or when the later of them appears; inf on different floors.
+
+    A robot that is at its place in `places` by then is not placed again.
+    """
+    one, two = robots[a], robots[b]
+    t = max(now_s, one.appears, two.appears)
+    for slot in (a, b):
+        if places[slot].t != t:
+            _set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
+    p, q = places[a], places[b]
+    if p.floor < 0 or p.floor != q.floor:
+        return inf
+    half_a, half_b = (one.half_length, one.half_width), (two.half_length, two.half_width)
+    return _between(q.x - p.x, q.y - p.y, (p.cos, p.sin), (q.cos, q.sin), half_a, half_b)[0]
+
+
 @kernel(numba.float64[::1](numba.int64[::1], numba.int64[::1], *_OF_PAIRS[1:], numba.float64))
 def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float) -> Floats:
     """(p,) how far the robots `a` (p,) and `b` (p,) are apart at `now_s`, or when the later of each two appears.
 
     inf on different floors. A robot's place is worked out once for all its pairs, in the order of slots.
     """
-    apart_m, places, wanted = np.full(len(a), inf), np.empty(len(robots), PLACE), np.zeros(len(robots), np.bool_)
+    apart_m, places, wanted = np.empty(len(a)), np.empty(len(robots), PLACE), np.zeros(len(robots), np.bool_)
     for at in range(len(a)):
         wanted[a[at]] = wanted[b[at]] = True
     for slot in np.flatnonzero(wanted):
         t = max(now_s, robots[slot].appears)
         _set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
     for at in range(len(a)):
-        one, two = robots[a[at]], robots[b[at]]
-        t = max(now_s, one.appears, two.appears)
-        for slot in (a[at], b[at]):
-            if places[slot].t != t:
-                _set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
-        p, q = places[a[at]], places[b[at]]
-        if p.floor >= 0 and p.floor == q.floor:
-            half_a, half_b = (one.half_length, one.half_width), (two.half_length, two.half_width)
-            apart_m[at], _, _ = _between(q.x - p.x, q.y - p.y, (p.cos, p.sin), (q.cos, q.sin), half_a, half_b)
+        apart_m[at] = _start_distance(a[at], b[at], boxes, robots, knots, now_s, places)
     return apart_m
+
+
+@kernel(
+    numba.types.Tuple((numba.float64[::1],) * 3)(  # type: ignore[no-untyped-call]
+        _OF_PAIRS[0],
+        numba.int64[::1],
+        *_OF_PAIRS[1:],
+        numba.float64,
+        numba.float64[::1],
+        *[numba.float64] * 2,
+        numba.int64,
+    )
+)
+def first_of_chosen(
+    pairs: Pairs,
+    pair_of: Ints,
+    boxes: NDArray[Any],
+    robots: Robots,
+    knots: Knots,
+    now_s: float,
+    until_s: Floats,
+    target_m: float,
+    tolerance_m: float,
+    rounds: int,
+) -> tuple[Floats, Floats, Floats]:
+    """(p,) when each pair first meets in [`now_s`, `until_s` (p,)], and how far apart it is at `now_s` if it may; (n,)
+    from when on boxes are left open. inf where it does not, and they are not.
+
+    `pair_of` (n,) says of which pair the boxes `pairs` (n,) are; those after its first contact are not looked at.
+    """
+    contact_s, start_m, open_ = np.full(len(until_s), inf), np.full(len(until_s), inf), np.full(len(pairs), inf)
+    motions, places = np.empty(16, MOTION), np.empty(len(robots), PLACE)
+    for slot in range(len(places)):
+        places[slot].t = inf
+    for at in range(len(pairs)):
+        pair, of = pairs[at], pair_of[at]
+        if contact_s[of] < inf:
+            continue
+        there, span = _both_there(boxes, robots, knots, pair), (now_s, until_s[of])
+        motions, n, _ = _motions(boxes, robots, knots, pair, there, span, target_m + tolerance_m, motions)
+        t, open_[at] = _first_of(motions[:n], target_m, tolerance_m, rounds)
+        if t < inf or open_[at] < inf:
+            contact_s[of] = max(boxes[pair.ring, pair.a].slab + t, now_s)
+            start_m[of] = _start_distance(pair.a, pair.b, boxes, robots, knots, now_s, places)
+    return contact_s, start_m, open_

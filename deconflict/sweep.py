@@ -5,16 +5,16 @@ has not changed from one pass to the next and gives the same answer. Method and 
 """
 
 from dataclasses import dataclass
-from math import floor
 
 import numpy as np
 
-from deconflict.broadphase import Boxes, of_chosen
+from deconflict.broadphase import of_chosen
 from deconflict.exact import Decider
-from deconflict.motion import KNOT, faults, set_knots
-from deconflict.narrowphase import start_distances
-from deconflict.roster import robots_of
-from deconflict.sweeper import TOLERANCE_M, Sweeper, Where, looked_at
+from deconflict.motion import KNOT, Knots, faults, set_knots
+from deconflict.narrowphase import first_of_chosen, motions_of
+from deconflict.roster import Robots, robots_of
+from deconflict.sweeper import ROUNDS, TOLERANCE_M, Sweeper
+from ingest.compiled import ready
 from ingest.seam import Floats, Forecasts, Ints
 
 
@@ -71,38 +71,35 @@ def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, cleara
 
 
 def first_meetings(
-    forecasts: Forecasts, a: Ints, b: Ints, *, now_s: float, horizon_s: float, clearance_m: float
+    forecasts: Forecasts, a: Ints, b: Ints, *, now_s: float, until_s: Floats, clearance_m: float
 ) -> tuple[Floats, Floats]:
-    """Of the pairs of rows `a` (p,) and `b` (p,) alone, when each first comes within the clearance, (p,), to a
-    millimetre and never late, inf where it does not; and its distance at `now_s`, (p,), inf on different floors.
+    """Of the pairs of rows `a` (p,) and `b` (p,) alone, when each first comes within the clearance by `until_s` (p,),
+    to a millimetre and never late, inf where it does not; and how far those that do are apart at `now_s`, (p,).
 
     Robots that can't be swept meet nobody.
     """
-    a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
-    contact_s, start_m = np.full(len(a), np.inf), np.full(len(a), np.inf)
-    first_slab, last_slab = floor(now_s), floor(now_s + horizon_s)
-    where, slabs = _spread_out(forecasts, first_slab, last_slab - first_slab + 1, clearance_m)
-    pairs, pair_of = of_chosen(*where[:2], slabs % len(slabs), a, b)
-    decider, span = Decider(clearance_m, TOLERANCE_M), (now_s, now_s + horizon_s)
-    found, _ = looked_at(pairs, where, span, clearance_m, np.inf, decider)
-    met = np.flatnonzero(found["contact"] < np.inf)[::-1]
-    contact_s[pair_of[met]] = where[0]["slab"][pairs["ring"][met], pairs["a"][met]] + found["contact"][met]
-    rows = np.flatnonzero(contact_s < np.inf)
-    start_m[rows] = start_distances(a[rows], b[rows], *where, now_s)
-    return np.maximum(contact_s, now_s), start_m
+    robots, knots = _laid_out(forecasts)
+    chosen, grow_m = (ready(a, np.int64), ready(b, np.int64)), clearance_m / 2 + TOLERANCE_M
+    boxes, pairs, pair_of = of_chosen(robots, knots, *chosen, now_s, until_s, grow_m)
+    where = (boxes, robots, knots)
+    contact_s, start_m, open_ = first_of_chosen(
+        pairs, pair_of, *where, now_s, until_s, clearance_m, TOLERANCE_M, ROUNDS
+    )
+    for row in np.flatnonzero(open_ < np.inf).tolist():
+        pair, one, decider = pair_of[row], pairs[row : row + 1], Decider(clearance_m, TOLERANCE_M)
+        met = decider.first_contact(motions_of(one, *where, (now_s, until_s[pair])), float(open_[row]))
+        contact_s[pair] = min(contact_s[pair], max(boxes["slab"][one["ring"][0], one["a"][0]] + met, now_s))
+    return contact_s, start_m
 
 
-def _spread_out(forecasts: Forecasts, first_slab: int, slabs: int, clearance_m: float) -> tuple[Where, Ints]:
-    """Boxes, robots and knots of all forecasts by row, those that can't be swept without boxes; and the slabs."""
+def _laid_out(forecasts: Forecasts) -> tuple[Robots, Knots]:
+    """Robots by row, those that can't be swept without knots, and the knots of all."""
     knots = np.zeros(len(forecasts.t_s), KNOT)
     set_knots(knots, forecasts.start[:-1], forecasts)
-    robots, boxes = robots_of(forecasts, forecasts.start[:-1], np.diff(forecasts.start)), Boxes(slabs)
-    boxes.grow(len(forecasts))
-    sound, wrong = np.arange(len(forecasts)), faults(forecasts)
+    robots, wrong = robots_of(forecasts, forecasts.start[:-1], np.diff(forecasts.start)), faults(forecasts)
     if wrong:
-        sound = np.delete(sound, list(wrong))
-    boxes.cover(sound, robots, knots, first_slab, slabs, clearance_m / 2 + TOLERANCE_M)
-    return (boxes.all, robots, knots), np.arange(first_slab, first_slab + slabs)
+        robots["count"][list(wrong)] = 0
+    return robots, knots
 
 
 def _order(forecasts: Forecasts) -> Ints:

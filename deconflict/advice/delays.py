@@ -158,9 +158,8 @@ def meetings(movers: Sequence[Mover], holds_s: Sequence[float], window: Window) 
     held = delayed(free, rows, np.array(holds_s, np.float64), window)
     horizon_s = window.horizon_s + max(holds_s, default=0.0)
     a, b = _pairs_of(len(movers))
-    met_s, begins_m = first_meetings(
-        held, a, b, now_s=window.start_s, horizon_s=horizon_s, clearance_m=window.clearance_m
-    )
+    until_s = np.full(len(a), window.start_s + horizon_s)
+    met_s, begins_m = first_meetings(held, a, b, now_s=window.start_s, until_s=until_s, clearance_m=window.clearance_m)
     met = np.flatnonzero((met_s < inf) & (begins_m > window.clearance_m))
     return {
         (movers[one].robot, movers[other].robot): at_s
@@ -177,11 +176,11 @@ def allowed_differences(pairs: Sequence[tuple[Mover, Mover]], window: Window) ->
     allowed = np.ones((len(pairs), len(steps)), bool)
     fans, a, b = _fans(pairs, steps, window)
     ends_s = window.start_s + window.horizon_s + np.abs(steps) * STEP_S
-    reach_s = window.horizon_s + window.longest_hold_s
     open_ = np.arange(len(pairs))
     for clearance_m in (window.clearance_m, 0.0):
         asked = (a[open_].ravel(), b[open_].ravel())
-        met_s, begins_m = first_meetings(fans, *asked, now_s=window.start_s, horizon_s=reach_s, clearance_m=clearance_m)
+        until_s = np.tile(ends_s, len(open_))
+        met_s, begins_m = first_meetings(fans, *asked, now_s=window.start_s, until_s=until_s, clearance_m=clearance_m)
         near = begins_m.reshape(-1, len(steps)).min(axis=1) <= clearance_m
         allowed[open_[~near]] = (met_s.reshape(-1, len(steps)) > ends_s)[~near]
         open_ = open_[near]
