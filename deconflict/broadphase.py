@@ -19,9 +19,9 @@ ABSENT = -1
 """Floor of a box that is not there."""
 MIXED = -2
 """Floor of a box in which the robot changes floor; it may meet anything."""
-FEW = 3
+FEW = 20
 """Up to so many changed robots are held against all others one by one; for more the boxes are sorted into cells."""
-FEW_PAIRS = 2000
+FEW_PAIRS = 20_000
 """So are more, where they and all others make up no more pairs than this: cells for so few cost more than they save."""
 ROOMY = 1.5
 """Side of a cell, as a multiple of what nine in ten boxes stay below. Longer boxes are wide, and cost more."""
@@ -44,8 +44,11 @@ Row = NDArray[Any]
 Cells = tuple[Ints, Ints, Row]
 """Where each cell starts, the slots cell by cell, and their boxes."""
 
+Reaches = Floats
+"""(slots, 4) west, east, south and north of all that a robot covers, or a little more; inside out where nothing is."""
+
 _BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR))
-_INTS = numba.int64[::1]
+_INTS, _REACHES = numba.int64[::1], numba.float64[:, ::1]
 
 
 @inner
@@ -95,6 +98,12 @@ def _overlap(a: Any, b: Any) -> bool:
     """Whether a box that is there shares room, slab and floor with another."""
     near = (a.west <= b.east) & (b.west <= a.east) & (a.south <= b.north) & (b.south <= a.north) & (a.slab == b.slab)
     return bool(near and b.floor != ABSENT and (a.floor == b.floor or min(a.floor, b.floor) == MIXED))
+
+
+@inner
+def _near(one: Floats, other: Floats) -> Any:
+    """Whether one reach overlaps another."""
+    return (one[0] <= other[1]) & (other[0] <= one[1]) & (one[2] <= other[3]) & (other[2] <= one[3])
 
 
 @inner
@@ -182,19 +191,20 @@ def _in_cells(boxes: NDArray[Any], rings: Ints, is_changed: Bools, share: float)
     return found[:n].copy()
 
 
-@kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], numba.int64[::1], numba.boolean[::1]))
-def _one_by_one(boxes: NDArray[Any], rings: Ints, changed: Ints, is_changed: Bools) -> Pairs:
-    """The few that changed against all, without cells."""
-    found, n, everyone = np.empty(1024, PAIR), 0, np.arange(boxes.shape[1])
-    for ring in rings:
-        row, before = boxes[ring], n
-        for slot in changed:
-            if row[slot].floor == ABSENT:
+@kernel(_PAIR[::1](_BOX[:, ::1], _REACHES, numba.int64[::1], numba.int64[::1], numba.boolean[::1]))
+def _one_by_one(boxes: NDArray[Any], reaches: Reaches, rings: Ints, changed: Ints, is_changed: Bools) -> Pairs:
+    """The few that changed against all, without cells: slab by slab only where what they cover in all overlaps."""
+    found, n = np.empty(1024, PAIR), 0
+    for slot in changed:
+        for other in range(len(reaches)):
+            if not _near(reaches[slot], reaches[other]) or other == slot or (other < slot and is_changed[other]):
                 continue
-            found = _with_room(found, n + len(row))
-            n = _held_against(row[slot], slot, slot, everyone, row, 0, len(everyone), is_changed, found, n)
-        for at in range(before, n):
-            found[at].ring = ring
+            found = _with_room(found, n + len(rings))
+            for ring in rings:
+                one = boxes[ring, slot]
+                if one.floor != ABSENT and _overlap(one, boxes[ring, other]):
+                    found[n].ring, found[n].a, found[n].b = ring, slot, other
+                    n += 1
     return found[:n].copy()
 
 
@@ -265,10 +275,17 @@ def _cover_slab(box: Any, robot: Any, knots: Knots, k: int, end: int, grow_m: fl
 
 @inner
 def _cover_robot(
-    boxes: NDArray[Any], slot: int, robot: Any, knots: Knots, first_slab: int, slabs: int, grow_m: float
+    boxes: NDArray[Any],
+    reaches: Reaches,
+    slot: int,
+    robot: Any,
+    knots: Knots,
+    first_slab: int,
+    slabs: int,
+    grow_m: float,
 ) -> None:
-    """The boxes of one robot; a robot without knots has none."""
-    k, end = robot.first, robot.first + robot.count
+    """The boxes of one robot, to which its reach extends; a robot without knots has none."""
+    k, end, reach = robot.first, robot.first + robot.count, reaches[slot]
     for slab in range(first_slab, first_slab + slabs):
         box = boxes[slab % len(boxes), slot]
         box.slab, box.floor = slab, ABSENT
@@ -277,30 +294,40 @@ def _cover_robot(
         box.knot = k - robot.first
         if robot.count:
             _cover_slab(box, robot, knots, k, end, grow_m)
+        if box.floor != ABSENT:
+            reach[0], reach[1] = min(reach[0], box.west), max(reach[1], box.east)
+            reach[2], reach[3] = min(reach[2], box.south), max(reach[3], box.north)
 
 
-@kernel(numba.void(_BOX[:, ::1], numba.int64[::1], _ROBOT[::1], _KNOT[::1], numba.int64, numba.int64, numba.float64))
+@kernel(
+    numba.void(_BOX[:, ::1], _REACHES, numba.int64[::1], _ROBOT[::1], _KNOT[::1], *[numba.int64] * 2, numba.float64)
+)
 def _cover(
-    boxes: NDArray[Any], slots: Ints, robots: Robots, knots: Knots, first_slab: int, slabs: int, grow_m: float
+    boxes: NDArray[Any],
+    reaches: Reaches,
+    slots: Ints,
+    robots: Robots,
+    knots: Knots,
+    first_slab: int,
+    slabs: int,
+    grow_m: float,
 ) -> None:
     for slot in slots:
-        _cover_robot(boxes, slot, robots[slot], knots, first_slab, slabs, grow_m)
+        _cover_robot(boxes, reaches, slot, robots[slot], knots, first_slab, slabs, grow_m)
 
 
 @inner
-def _spanned(boxes: NDArray[Any], slot: int) -> Any:
-    """West, east, south and north of all that a robot covers; the wrong way around where it covers nothing."""
-    west, east, south, north = np.inf, -np.inf, np.inf, -np.inf
-    for ring in range(len(boxes)):
-        box = boxes[ring, slot]
-        if box.floor != ABSENT:
-            west, east, south, north = (
-                min(west, box.west),
-                max(east, box.east),
-                min(south, box.south),
-                max(north, box.north),
-            )
-    return west, east, south, north
+def _reach_nothing(reaches: Reaches, slot: int) -> None:
+    reaches[slot, 0] = reaches[slot, 2] = np.inf
+    reaches[slot, 1] = reaches[slot, 3] = -np.inf
+
+
+@kernel(numba.void(_BOX[:, ::1], _REACHES, numba.int64[::1]))
+def _clear(boxes: NDArray[Any], reaches: Reaches, slots: Ints) -> None:
+    for slot in slots:
+        _reach_nothing(reaches, slot)
+        for ring in range(len(boxes)):
+            boxes[ring, slot].floor = ABSENT
 
 
 @kernel(
@@ -316,16 +343,13 @@ def of_chosen(
     first_slab, last_s = floor(now_s), now_s
     for pair in range(len(a)):
         last_s = max(last_s, until_s[pair])
-    boxes, spans = np.empty((floor(last_s) - first_slab + 1, len(robots)), BOX), np.empty((len(robots), 4))
+    boxes, reaches = np.empty((floor(last_s) - first_slab + 1, len(robots)), BOX), np.empty((len(robots), 4))
     for slot in range(len(robots)):
-        _cover_robot(boxes, slot, robots[slot], knots, first_slab, len(boxes), grow_m)
-        spans[slot] = _spanned(boxes, slot)
+        _reach_nothing(reaches, slot)
+        _cover_robot(boxes, reaches, slot, robots[slot], knots, first_slab, len(boxes), grow_m)
     found, pair_of, n = np.empty(1024, PAIR), np.empty(1024, np.int64), 0
     for pair in range(len(a)):
-        one, other = spans[a[pair]], spans[b[pair]]
-        if one[0] > other[1] or other[0] > one[1] or one[2] > other[3] or other[2] > one[3]:
-            continue
-        if not _beside(robots[a[pair]], robots[b[pair]]):
+        if not _near(reaches[a[pair]], reaches[b[pair]]) or not _beside(robots[a[pair]], robots[b[pair]]):
             continue
         if n + len(boxes) > len(found):
             found, pair_of = np.concatenate((found, np.empty_like(found))), np.concatenate((pair_of, pair_of))
@@ -361,27 +385,28 @@ class Boxes:
     def __init__(self, slabs: int) -> None:
         self.all: NDArray[Any] = np.zeros((slabs, 0), BOX)
         """(slabs, slots): a row holds some of older slabs that are not yet replaced."""
+        self.reaches: Reaches = np.zeros((0, 4))
 
     def grow(self, slots: int) -> None:
         """Make room for so many slots."""
-        before = self.all
-        if slots > before.shape[1]:
-            self.all = np.zeros((len(before), slots), BOX)
-            self.all["floor"] = ABSENT
-            self.all[:, : before.shape[1]] = before
+        before, reaches = self.all, self.reaches
+        if slots > len(reaches):
+            self.all, self.reaches = np.zeros((len(before), slots), BOX), np.empty((slots, 4))
+            self.all[:, : len(reaches)], self.reaches[: len(reaches)] = before, reaches
+            self.clear(np.arange(len(reaches), slots))
 
     def clear(self, slots: Ints) -> None:
         """Forget the boxes of `slots`."""
-        self.all["floor"][:, slots] = ABSENT
+        _clear(self.all, self.reaches, slots)
 
     def cover(self, slots: Ints, robots: Robots, knots: Knots, first_slab: int, slabs: int, grow_m: float) -> None:
         """Set the boxes of `slots` for `slabs` slabs from `first_slab` on, grown by `grow_m` to each side."""
-        _cover(self.all, slots, robots, knots, first_slab, slabs, grow_m)
+        _cover(self.all, self.reaches, slots, robots, knots, first_slab, slabs, grow_m)
 
     def pairs(self, changed: Ints, rings: Ints) -> Pairs:
         """Each pair of boxes of one slab that overlap, in ring rows `rings`, at least one of them `changed`'s; once."""
-        is_changed = np.zeros(self.all.shape[1], bool)
+        is_changed = np.zeros(len(self.reaches), bool)
         is_changed[changed] = True
-        if len(changed) <= FEW or len(changed) * self.all.shape[1] <= FEW_PAIRS:
-            return _one_by_one(self.all, rings, changed, is_changed)
+        if len(changed) <= FEW or len(changed) * len(is_changed) <= FEW_PAIRS:
+            return _one_by_one(self.all, self.reaches, rings, changed, is_changed)
         return _in_cells(self.all, rings, is_changed, 1.0 / _side(self.all, rings))

@@ -11,7 +11,7 @@ from numpy.random import Generator
 from deconflict.broadphase import ABSENT, FEW, MIXED, PAIR, ROOMY, Boxes, in_order
 from deconflict.roster import ROBOT, Roster
 from deconflict.sweeper import PairConflicts, Sweeper
-from ingest.seam import Forecasts, Ints
+from ingest.seam import Floats, Forecasts, Ints
 from tests.deconflict.made_encounters import HORIZON_S, NOW_S, moved, robot, wanderer
 from tests.oracle import Track, truth
 
@@ -119,7 +119,19 @@ def random_boxes(seed: int, robots: int, *, floors: int = 2, longest_m: float = 
     width, height = rng.uniform(0, longest_m, (2, SLABS, robots)) * np.where(long, 40 * ROOMY, 1)
     west = np.where(far, west * 1e6, west)
     made["west"], made["east"], made["south"], made["north"] = west, west + width, south, south + height
+    boxes.reaches[:] = reaches_of(boxes)
     return boxes
+
+
+def reaches_of(boxes: Boxes) -> Floats:
+    """(slots, 4) what is covered by all boxes that are there."""
+    there = boxes.all["floor"] != ABSENT
+    low, high = (
+        [np.where(there, boxes.all[side], none) for side in sides]
+        for none, sides in ((np.inf, ("west", "south")), (-np.inf, ("east", "north")))
+    )
+    (west, south), (east, north) = (side.min(axis=0) for side in low), (side.max(axis=0) for side in high)
+    return np.stack([west, east, south, north], axis=1)
 
 
 def by_force(boxes: Boxes, changed: Ints) -> set[tuple[int, int, int]]:
@@ -150,7 +162,7 @@ def check(boxes: Boxes, changed: Ints) -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.2, 0.5, 1.0])
-@pytest.mark.parametrize("robots", [150, 600])
+@pytest.mark.parametrize("robots", [150, 1500])
 def test_finds_each_pair_that_brute_force_finds_once(robots: int, share: float) -> None:
     boxes = random_boxes(robots, robots)
     changed = np.random.default_rng(0).permutation(robots)[: int(share * robots)]
@@ -222,6 +234,19 @@ def test_a_box_knows_the_knot_that_holds_when_it_begins() -> None:
     boxes.clear(np.arange(30))
     assert (boxes.all["floor"] == ABSENT).all()
     assert len(roster) == 30
+
+
+def test_a_reach_holds_all_boxes_of_its_robot_and_no_more_until_old_ones_are_replaced() -> None:
+    _, roster, boxes = covered(30, 3, 0.1)
+    np.testing.assert_array_equal(boxes.reaches, reaches_of(boxes))
+    for first_slab in range(int(NOW_S) + SLABS, int(NOW_S) + 3 * SLABS):
+        boxes.cover(np.arange(30), roster.robots, roster.knots, first_slab, 1, 0.1)
+        now = reaches_of(boxes)
+        assert (np.isinf(now) | (boxes.reaches * (1, -1, 1, -1) <= now * (1, -1, 1, -1))).all()
+    boxes.grow(40)
+    boxes.clear(np.arange(10))
+    assert (boxes.reaches[[*range(10), *range(30, 40)]] == (np.inf, -np.inf, np.inf, -np.inf)).all()
+    assert np.isfinite(boxes.reaches[10:30]).all()
 
 
 def test_pairs_are_put_in_order_without_those_above_one_another() -> None:
