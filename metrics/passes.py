@@ -1,6 +1,6 @@
 """A recorded log as the passes that the engine makes: what each takes in, and when."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import floor, inf
 
@@ -59,50 +59,47 @@ class Reading:
         """The passes that the next events of the log bring about."""
         for event in events:
             if isinstance(event, Received):
-                yield from self._received(event)
+                yield from self._heard(self._ready(event))
             elif isinstance(event, Tick | Noted | EngineStarted):
                 self._own_ticks = True
-                yield from self._let_go()
+                yield from self._heard(self._let_go())
                 self._everything |= isinstance(event, EngineStarted)
                 if isinstance(event, Tick):
                     yield self._pass(event.now_s, Effort(event.effort), event.pending)
 
     def finish(self) -> Iterator[Pass]:
         """The passes after the last event."""
-        yield from self._let_go()
+        yield from self._heard(self._let_go())
         if not self._own_ticks and self._ticked is not None:
             yield self._pass((self._ticked + 1) * TICK_S)
 
-    def _received(self, event: Received) -> Iterator[Pass]:
-        """What came to a log of ours before its engine began is of no pass until then."""
-        self._holds &= not self._own_ticks and event.connection.id > 0
+    def _ready(self, event: Received) -> Sequence[Received]:
+        """The messages to be heard now: what came to a log of ours before its engine began is of no pass until then."""
         if not self._holds:
-            yield from self._let_go()
-            yield from self._heard(event)
-            return
+            return (event,)
         self._held.append(event)
-        if len(self._held) >= MOST_HELD or event.arrival_s - self._held[0].arrival_s > HELD_S:
-            yield from self._let_go()
+        long = len(self._held) >= MOST_HELD or event.arrival_s - self._held[0].arrival_s > HELD_S
+        return self._let_go() if long or event.connection.id <= 0 else ()
 
-    def _let_go(self) -> Iterator[Pass]:
+    def _let_go(self) -> list[Received]:
         held, self._held, self._holds = self._held, [], False
-        for event in held:
-            yield from self._heard(event)
+        return held
 
-    def _heard(self, event: Received) -> Iterator[Pass]:
-        if not self._own_ticks:
-            yield from self._until(event.arrival_s)
-        self.messages += 1
-        self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
-        conform.take(self.fleet, event)
+    def _heard(self, events: Iterable[Received]) -> Iterator[Pass]:
+        """Take in messages, with passes at whole multiples of `TICK_S` for a log that has no ticks of its own."""
+        for event in events:
+            if not self._own_ticks:
+                for tick in self._ticks(event.arrival_s):
+                    yield self._pass(tick * TICK_S)
+            self.messages += 1
+            self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
+            conform.take(self.fleet, event)
 
-    def _until(self, now_s: float) -> Iterator[Pass]:
-        """Passes at whole multiples of `TICK_S`, for a log that has no ticks of its own."""
+    def _ticks(self, now_s: float) -> range:
+        """Those that have come since the last message."""
         now = floor(now_s / TICK_S)
-        if self._ticked is not None:
-            for step in range(max(self._ticked, now - LONGEST_GAP) + 1, now + 1):
-                yield self._pass(step * TICK_S)
-        self._ticked = now
+        before, self._ticked = self._ticked, now
+        return range(now + 1 if before is None else max(before, now - LONGEST_GAP) + 1, now + 1)
 
     def _pass(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> Pass:
         batch = self.fleet.cut(now_s, self._everything)
