@@ -57,12 +57,12 @@ class Rests:
             return
         first, told = batch.forecasts.start[:-1], batch.forecasts
         stand = (batch.basis == Basis.STATIONARY) & (told.floor[first] >= 0)
-        for uuid in batch.gone:
-            self.moves(uuid)
+        resting = self._resting
+        resting.difference_update(batch.gone)
         for row, (uuid, stands) in enumerate(zip(batch.robots, stand.tolist(), strict=True)):
             if not stands:
-                self.moves(uuid)
-            elif uuid not in self._resting:
+                resting.discard(uuid)
+            elif uuid not in resting:
                 knot = first[row]
                 at, datum = (float(told.x_m[knot]), float(told.y_m[knot])), batch.floors[told.floor[knot]]
                 self.stands(uuid, batch.vendors[row], datum, at, float(batch.event_s[row]))
