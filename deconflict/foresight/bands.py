@@ -1,15 +1,39 @@
-"""How far from where they will be robots may be found, by the bands of their kind. Compiled; arrays are by slot."""
+"""How far from where they will be robots may be found, by the bands of their kind, and so how near pairs of them come.
+
+Compiled; robots are by slot.
+"""
+
+from typing import Any
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
+from deconflict.foresight.pairs import PAIR, Pairs
 from deconflict.motion import Bools
 from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 
+EIGHTY = 1.28
+"""A normal distribution has 80 % within so many standard deviations."""
+EXACT_M = 0.02
+"""Standard deviation of a forecast that was never wrong."""
+SOON = 0.2
+"""The part of the horizon in which an overlap is looked for apart: forecasts are at their best there."""
+CREEPING_MPS = 0.01
+
+ROBOT = np.dtype(
+    [("kind", np.int64), ("doubt_m", np.float64), ("surprise", np.float64), ("rests", np.bool_)], align=True
+)
+"""What is known of a robot: the row of its kind in the ledger, its doubt, by how much its errors exceed the bands of
+its kind, and whether it stood, by its newest forecast, when that was made."""
+
+Robots = NDArray[Any]
+"""Of `ROBOT`."""
+
+_PAIRS, _ROBOTS = (numba.from_dtype(one)[::1] for one in (PAIR, ROBOT))
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
-_ASKED_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
-_ASKED = numba.types.Array(numba.float64, 2, "A", readonly=True)
+_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 
 
 @inner
@@ -20,13 +44,17 @@ def _reach(bands_m: Floats, kind: int, ahead_s: float) -> float:
     return float(before + max(ahead_s - whole, 0.0) * (bands_m[kind, whole, 1] - before))
 
 
-@kernel(_FLOATS(_CUBE, *[_INTS] * 2, *[_FLOATS] * 2, _MATRIX, *[numba.float64] * 3))
+@inner
+def _trust(robot: Any) -> float:
+    """How many times as wide as those of its kind a robot's bands are taken."""
+    return float(max(robot.surprise, 1.0))
+
+
+@kernel(_FLOATS(_CUBE, _INTS, _ROBOTS, _MATRIX, *[numba.float64] * 3))
 def reach_m(
     bands_m: Floats,
     slots: Ints,
-    kind: Ints,
-    trust: Floats,
-    doubt_m: Floats,
+    robots: Robots,
     half: Floats,
     beyond_m: float,
     horizon_s: float,
@@ -34,65 +62,109 @@ def reach_m(
 ) -> Floats:
     """(slots,) how far from where they will be robots of `slots` (n,) may be met: within the circle around their `half`
     sides (2, slots), `beyond_m` and their doubt, grown by their 80 % bands at the horizon."""
-    reach = np.empty(len(kind))
+    reach = np.empty(len(robots))
     for slot in slots:
-        grown = min(_reach(bands_m, kind[slot], horizon_s) * trust[slot], most_grown_m)
-        reach[slot] = np.hypot(half[0, slot], half[1, slot]) + beyond_m + doubt_m[slot] + grown
+        robot = robots[slot]
+        grown = min(_reach(bands_m, robot.kind, horizon_s) * _trust(robot), most_grown_m)
+        reach[slot] = np.hypot(half[0, slot], half[1, slot]) + beyond_m + robot.doubt_m + grown
     return reach
 
 
+@inner
+def _follow(pair: Any, past_s: Floats, apart_m: Floats, row: int, within_m: float, margin_m: float) -> None:
+    """When a pair came within `within_m`, when it was last, and whether it has drawn apart by more than the margin
+    since."""
+    began, looks = pair.inside, past_s.shape[1]
+    for look in range(looks):
+        if apart_m[row, look] <= within_m:
+            if not began:
+                pair.started_s, began = past_s[row, look], True
+            pair.below_s = past_s[row, look]
+    pair.inside = began and not within_m + margin_m < apart_m[row, looks - 1] < np.inf
+
+
+@inner
+def _square(bands_m: Floats, robot: Any, ahead_s: float) -> float:
+    """Of the deviation of a robot's place `ahead_s` of its report."""
+    reach = _reach(bands_m, robot.kind, ahead_s) * _trust(robot) / EIGHTY
+    return float(reach * reach + robot.doubt_m * robot.doubt_m)
+
+
 @kernel(
-    _MATRIX(
-        _CUBE,
-        _INTS,
-        _ASKED_LOOKS,
+    numba.types.Tuple((_MATRIX, _FLOATS))(  # type: ignore[no-untyped-call]
+        _PAIRS,
+        *[_INTS] * 4,
         *[_FLOATS] * 2,
-        numba.boolean[::1],
-        *[_INTS] * 2,
-        _ASKED,
-        *[_FLOATS] * 3,
-        *[numba.float64] * 5,
+        *[_MATRIX] * 2,
+        numba.boolean[:, ::1],
+        _MATRIX,
+        _CUBE,
+        _ROBOTS,
+        _MATRIX,
+        _LOOKS,
+        *[numba.float64] * 4,
     )
 )
-def within_sds(
-    bands_m: Floats,
-    kind: Ints,
-    heard_s: Floats,
-    doubt_m: Floats,
-    trust: Floats,
-    rests: Bools,
+def judge(
+    pairs: Pairs,
+    rows: Ints,
     a: Ints,
     b: Ints,
-    ahead_m: Floats,
-    ahead_s: Floats,
+    swept_rows: Ints,
     swept_m: Floats,
     swept_s: Floats,
+    past_s: Floats,
+    apart_m: Floats,
+    same: Bools,
+    speed_mps: Floats,
+    bands_m: Floats,
+    robots: Robots,
+    seen: Floats,
+    ahead_s: Floats,
     now_s: float,
+    horizon_s: float,
     within_m: float,
-    soon_s: float,
-    band_sds: float,
-    exact_m: float,
-) -> Floats:
-    """(2, n) by how many standard deviations of their distance robots `a` and `b` (n,) are within `within_m`, where
-    that is most: in the horizon, and in its first `soon_s`.
+    margin_m: float,
+) -> tuple[Floats, Floats]:
+    """Set how near the pairs of `rows` (n,) came and come, of robots `a` and `b` (n,): their separations at the times
+    `past_s` (n, k) and `ahead_s` (m,) from now are `apart_m` (n, k + m), where both are known to be on the `same` floor
+    (n, k + m). Those of `swept_rows` (c,) come within `swept_m` at the times `swept_s` (c,) besides.
 
-    They are so far apart: `ahead_m` (n, m) so long ahead (m,), and `swept_m` (n,) at the times `swept_s`. Bands are
-    `band_sds` wide, and `trust` times as wide; the deviation is `exact_m` at least. The place of a robot that fell
-    silent grows uncertain, unless it stood: it is still there, for all that is known.
+    (2, n) by how many standard deviations of their distance they are within `within_m`, where that is most: in the
+    horizon, and soon. (n,) how long each would need if it went straight for each other at `speed_mps` (2, n), in
+    horizons; at most 1. The place of a robot that was last `seen` some time ago grows uncertain, unless it stood: it is
+    still there, for all that is known.
     """
-    most = np.full((2, len(a)), -np.inf)
-    for row in range(len(a)):
-        for at in range(len(ahead_s) + 1):
-            apart_m, after_s = swept_m[row], swept_s[row] - now_s
-            if at < len(ahead_s):
-                apart_m, after_s = ahead_m[row, at], ahead_s[at]
-            square = 0.0
-            for slot in (a[row], b[row]):
-                since_s = 0.0 if rests[slot] else max(now_s - heard_s[slot], 0.0)
-                reach = _reach(bands_m, kind[slot], after_s + since_s) * trust[slot] / band_sds
-                square += reach * reach + doubt_m[slot] * doubt_m[slot]
-            sds = (within_m - apart_m) / (np.sqrt(square) + exact_m)
+    n, past = len(rows), past_s.shape[1]
+    most, far, swept_at = np.full((2, n), -np.inf), np.empty(n), np.full(len(pairs), -1)
+    for at in range(len(swept_rows)):
+        swept_at[swept_rows[at]] = at
+    for row in range(n):
+        pair, swept = pairs[rows[row]], swept_at[rows[row]]
+        for look in range(apart_m.shape[1]):
+            if not same[row, look]:
+                apart_m[row, look] = np.inf
+        _follow(pair, past_s, apart_m, row, within_m, margin_m)
+        one, other = robots[a[row]], robots[b[row]]
+        one_silent_s = 0.0 if one.rests else max(now_s - seen[a[row], 0], 0.0)
+        other_silent_s = 0.0 if other.rests else max(now_s - seen[b[row], 0], 0.0)
+        nearest_m, nearest_s = apart_m[row, past], now_s + ahead_s[0]
+        for look in range(len(ahead_s) + (swept >= 0)):
+            if look < len(ahead_s):
+                separation_m, at_s = apart_m[row, past + look], now_s + ahead_s[look]
+                is_nearest = separation_m < nearest_m
+            else:
+                separation_m, at_s = swept_m[swept], swept_s[swept]
+                is_nearest = separation_m <= nearest_m
+            if is_nearest:
+                nearest_m, nearest_s = separation_m, at_s
+            after_s = at_s - now_s
+            square = _square(bands_m, one, after_s + one_silent_s) + _square(bands_m, other, after_s + other_silent_s)
+            sds = (within_m - separation_m) / (np.sqrt(square) + EXACT_M)
             most[0, row] = max(most[0, row], sds)
-            if after_s <= soon_s:
+            if after_s <= SOON * horizon_s:
                 most[1, row] = max(most[1, row], sds)
-    return most
+        pair.near_s, pair.near_m, pair.now_m = nearest_s, max(nearest_m, 0.0), max(apart_m[row, past], 0.0)
+        needed_s = max(apart_m[row, past] - within_m, 0.0) / max(speed_mps[0, row] + speed_mps[1, row], CREEPING_MPS)
+        far[row] = min(needed_s / horizon_s, 1.0)
+    return most, far

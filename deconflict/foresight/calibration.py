@@ -10,12 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from deconflict.foresight.leaving import PARTS, counts, weights
-from deconflict.foresight.pairs import Fates
+from deconflict.foresight.pairs import FEATURES, Fates
 from deconflict.learned import Part, numbers
 from deconflict.motion import Bools
 from ingest.seam import Floats
 
-FEATURES = 5
 PRIOR: Floats = np.array([0.07, 1.07, 0.2, -0.27, -0.74])
 """Weights of what `features` gives."""
 PRIOR_SD: Floats = np.array([0.7, 0.3, 0.3, 0.7, 0.7])
@@ -30,7 +29,9 @@ def features(likely: Floats, soon: Floats, far: Floats, stands: Bools) -> Floats
     """(n, FEATURES) of the largest share of the error distribution that lies within the clearance at any moment of the
     horizon and in its first fifth, how long the pair would need if it went straight for each other, in horizons, and
     whether either stands: it is seen, and gone around."""
-    return np.column_stack([np.ones(len(likely)), _log_odds(likely), _log_odds(soon), far, stands])
+    seen = np.ones((len(likely), FEATURES))
+    seen[:, 1], seen[:, 2], seen[:, 3], seen[:, 4] = _log_odds(likely), _log_odds(soon), far, stands
+    return seen
 
 
 def _log_odds(share: Floats) -> Floats:

@@ -65,7 +65,7 @@ class Followed:
     """By slot: the newest report, and the last `KEPT` forecasts."""
 
     def __init__(self) -> None:
-        self._seen = np.zeros((0, 5))
+        self.seen = np.zeros((0, 5))
         """(slots, 5) t_s, x_m, y_m, yaw_rad and floor of the newest report."""
         self._before = np.zeros((0, 5))
         self._track = np.zeros((0, TRACK_S + 1, 4))
@@ -89,28 +89,28 @@ class Followed:
 
     def forget(self, slots: Ints) -> None:
         """Other robots have these slots from now on."""
-        self._made_s[slots] = self._seen[slots, 0] = self._before[slots, 0] = LONG_AGO_S
+        self._made_s[slots] = self.seen[slots, 0] = self._before[slots, 0] = LONG_AGO_S
 
     @property
     def heard_s(self) -> Floats:
         """(slots,) event time of the newest report."""
-        return self._seen[:, 0]
+        return self.seen[:, 0]
 
     def beside(self, a: Ints, b: Ints, past_looks: Floats, ahead_s: Floats, now_s: float) -> Beside:
         """Robots `b` (n,) as seen from `a` (n,): since both reported before, at those parts (k,) of the time, and at
         `now_s + ahead_s` (m,), by their newest forecasts."""
-        reports = (self._before, self._seen, self._track)
+        reports = (self._before, self.seen, self._track)
         return Beside(*ways.beside(*reports, a, b, past_looks, ahead_s, now_s, LONG_AGO_S, JOINED_S))
 
     def nearing(self, told: Bools, slots: Ints, reach_m: Floats, now_s: float, horizon_s: float) -> Ints:
         """(p, 2) pairs of `slots`, one of each `told`, that come within the `reach_m` of both in the horizon, looked at
         every whole second; `told` and `reach_m` are by slot."""
         seconds = int(horizon_s) + 1
-        return ways.nearing(told, slots, self._around, reach_m, self._seen, self._track, now_s, seconds, ROUNDING_M)
+        return ways.nearing(told, slots, self._around, reach_m, self.seen, self._track, now_s, seconds, ROUNDING_M)
 
     def speed_mps(self, slots: Ints) -> Floats:
         """(n,) at which robots went from their last report but one to the last; nan where that is not known."""
-        return ways.speed_mps(self._before, self._seen, slots, JOINED_S)
+        return ways.speed_mps(self._before, self.seen, slots, JOINED_S)
 
     def disown(self, slots: Ints) -> None:
         """Hold none of the forecasts made so far to account."""
@@ -119,7 +119,7 @@ class Followed:
     def take(self, reports: Reports, bands_m: Floats) -> Errors:
         """The errors that the reports show, and the new forecasts kept; `bands_m` (n, HORIZONS, 3) are theirs."""
         told = (reports.slot, reports.event_s, reports.track)
-        newer = ways.hear(self._before, self._seen, self._track, self._around, *told)
+        newer = ways.hear(self._before, self.seen, self._track, self._around, *told)
         errors = self._shown(reports.slot[newer])
         kept = (self._made_s, self._next, self._kind, self._ahead, self._bands_m)
         ways.keep(*kept, newer, *told, reports.kind, bands_m, SPACED_S)
@@ -128,4 +128,4 @@ class Followed:
     def _shown(self, slots: Ints) -> Errors:
         """Errors of kept forecasts of moments between the last two reports."""
         kept = (self._made_s, self._kind, self._ahead, self._bands_m)
-        return Errors(*ways.due(self._before, self._seen, *kept, slots, LONG_AGO_S, JOINED_S))
+        return Errors(*ways.due(self._before, self.seen, *kept, slots, LONG_AGO_S, JOINED_S))

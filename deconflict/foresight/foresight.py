@@ -15,15 +15,14 @@ import numpy as np
 from scipy.special import ndtr
 
 from deconflict.encounter import STANDING_MPS
-from deconflict.foresight.bands import reach_m, within_sds
-from deconflict.foresight.calibration import FEATURES, Calibration, features
+from deconflict.foresight.bands import ROBOT, judge, reach_m
+from deconflict.foresight.calibration import Calibration, features
 from deconflict.foresight.changes import ForecastChanges
-from deconflict.foresight.followed import JOINED_S, Beside, Followed, Reports
+from deconflict.foresight.followed import JOINED_S, Followed, Reports
 from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Errors, Ledger
 from deconflict.foresight.measuring import measure
-from deconflict.foresight.pairs import Outcomes, Pairs, codes, slots_of
-from deconflict.foresight.ways import follow
+from deconflict.foresight.pairs import PAIR, Outcomes, again, codes, slots_of
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
@@ -35,16 +34,8 @@ Pair = tuple[str, str]
 LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
 """Parts of ten at which the horizon is sampled."""
 PAST_LOOKS: Floats = np.arange(1, 6) / 5
-EIGHTY = 1.28
-"""A normal distribution has 80 % within so many standard deviations."""
-EXACT_M = 0.02
-"""Standard deviation of a forecast that was never wrong."""
-SOON = 0.2
-"""The part of the horizon in which an overlap is looked for apart: forecasts are at their best there."""
-CREEPING_MPS = 0.01
 MOST_GROWN_M = 0.75
 """An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
-REMEMBERED_S = 15.0
 SURPRISE_KEEPS, SURPRISE_MOST, DISTRUSTED = 0.7, 10.0, 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
 FINEST_BAND_M = 0.05
@@ -90,7 +81,7 @@ class Foresight:
         self._slots: dict[str, int] = {}
         self._names: list[str] = []
         self._spare: list[int] = []
-        self._kind = np.zeros(0, np.int64)
+        self._robots = np.zeros(0, ROBOT)
         self._rank = np.zeros(0, np.int64)
         """By UUID; pairs are named in its order."""
         self._ranks_stale = False
@@ -99,11 +90,7 @@ class Foresight:
         self._told = np.zeros(0, np.bool_)
         """Whether it has a new forecast since the last look."""
         self._half = np.zeros((2, 0))
-        self._doubt_m = np.zeros(0)
-        self._rests = np.zeros(0, np.bool_)
-        """Whether the robot stood, by its newest forecast, when that was made."""
-        self._surprise = np.zeros(0)
-        self._pairs = Pairs.none(FEATURES)
+        self._pairs = np.zeros(0, PAIR)
         self._swept: Ints = np.zeros(0, np.int64)
         """Codes of the pairs that were swept in the last look; -1 where a robot left since."""
         self._asked_s = self._looked_s = float("-inf")
@@ -135,25 +122,25 @@ class Foresight:
             slots[row] = self._slot(batch.robots[row])
         if self._ranks_stale:
             self._rank_anew()
-        self._kind[slots] = self.ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
+        self._robots["kind"][slots] = self.ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
         self._half[:, slots] = np.stack([batch.forecasts.length_m, batch.forecasts.width_m]) / 2
-        self._doubt_m[slots] = batch.doubt_m
+        self._robots["doubt_m"][slots] = batch.doubt_m
         self._told[slots] = True
-        reports = Reports.of(batch, slots, self._kind[slots])
+        reports = Reports.of(batch, slots, self._robots["kind"][slots])
         first_m = np.hypot(*(reports.track[:, 1, k] - reports.track[:, 0, k] for k in (0, 1)))
-        self._rests[reports.slot] = first_m < STANDING_MPS
+        self._robots["rests"][reports.slot] = first_m < STANDING_MPS
         errors = self._own(reports, self._followed.take(reports, self.ledger.bands_m[reports.kind]))
         self.ledger.record(errors, batch.now_s)
         self.changes.take(errors, list(self.ledger.kinds), batch.now_s)
         self._wonder(errors)
-        for row in np.flatnonzero(self._surprise[slots] > DISTRUSTED).tolist():
+        for row in np.flatnonzero(self._robots["surprise"][slots] > DISTRUSTED).tolist():
             self.measures.count("deconflict_forecasts_distrusted_total", batch.vendors[row])
 
     def advise(self, now_s: float, until_s: Mapping[str, float]) -> None:
         """Robots should wait until then, by advice that stands."""
         for uuid in until_s.keys() & self._slots.keys():
             slot = self._slots[uuid]
-            stands = self._rests[slot] or self._followed.speed_mps(np.array([slot]))[0] < STANDING_MPS
+            stands = self._robots["rests"][slot] or self._followed.speed_mps(np.array([slot]))[0] < STANDING_MPS
             self._heeded.advise(slot, now_s, until_s[uuid], bool(stands))
 
     def heeding(self, now_s: float) -> list[str]:
@@ -162,7 +149,7 @@ class Foresight:
 
     def _own(self, reports: Reports, errors: Errors) -> Errors:
         """The errors without those of robots that wait as advised, of which no earlier forecast is held to account."""
-        stand = self._rests[reports.slot] | (self._followed.speed_mps(reports.slot) < STANDING_MPS)
+        stand = self._robots["rests"][reports.slot] | (self._followed.speed_mps(reports.slot) < STANDING_MPS)
         waits = self._heeded.see(reports.slot, reports.event_s, stand)
         self._followed.disown(waits)
         return errors.take(np.flatnonzero(~np.isin(errors.robot, waits))) if len(waits) else errors
@@ -170,21 +157,21 @@ class Foresight:
     def distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion."""
         slot = self._slots.get(uuid)
-        return slot is not None and bool(self._surprise[slot] > DISTRUSTED)
+        return slot is not None and bool(self._robots["surprise"][slot] > DISTRUSTED)
 
     def _distrusted(self) -> dict[Labels, float]:
         """By vendor, robots whose forecasts contradict their own motion."""
         kinds = list(self.ledger.kinds)
         told: dict[Labels, float] = {(kind.vendor,): 0.0 for kind in kinds}
-        for slot in np.flatnonzero(self._surprise > DISTRUSTED).tolist():
-            told[kinds[self._kind[slot]].vendor,] += 1
+        for slot in np.flatnonzero(self._robots["surprise"] > DISTRUSTED).tolist():
+            told[kinds[self._robots["kind"][slot]].vendor,] += 1
         return told
 
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The standing probability of every pair under watch that is not in an encounter, both robots being heard."""
         pairs = self._pairs
-        shown = self._open(pairs, np.flatnonzero(pairs.watched), self._looked_s)
-        return sorted(zip(self._named(pairs.code[shown]), pairs.probability[shown].tolist(), strict=True))
+        shown = self._open(np.flatnonzero(pairs["watched"]), self._looked_s)
+        return sorted(zip(self._named(pairs["code"][shown]), pairs["probability"][shown].tolist(), strict=True))
 
     def look(self, now_s: float, swept: Swept, likely: float) -> Foreseen:
         """Look again at what changed, and learn from what has become known.
@@ -194,24 +181,21 @@ class Foresight:
         exact = self._swept = self._exact(swept)
         told, self._told = self._told, np.zeros(len(self._told), np.bool_)
         near = self._near(told, now_s) if told.any() else np.empty(0, np.int64)
-        pairs, fresh, rows = self._pairs.again(np.concatenate([exact, near]), told, now_s - REMEMBERED_S)
-        swept_rows = rows[: len(exact)]
-        due = np.flatnonzero(pairs.watched & (fresh | (pairs.near_s == 0)))
-        self._examine(pairs, due, now_s, swept_rows, swept)
-        pairs.asked_s[pairs.watched] = now_s
-        self._pairs, self._looked_s = pairs, now_s
+        self._pairs, fresh, rows, due = again(self._pairs, np.concatenate([exact, near]), told, now_s)
+        pairs, swept_rows, self._looked_s = self._pairs, rows[: len(exact)], now_s
+        self._examine(due, now_s, swept_rows, swept)
         self._learn(now_s)
-        pairs.probability[:] = self.calibration.probability(pairs.seen)
+        pairs["probability"] = self.calibration.probability(pairs["seen"])
         self._ask(now_s)
-        others = pairs.watched & (pairs.probability >= likely)
+        others = pairs["watched"] & (pairs["probability"] >= likely)
         others[swept_rows] = False
         rows = np.concatenate([swept_rows, np.flatnonzero(others)])
         return Foreseen(
-            [*swept.pairs, *self._named(pairs.code[others])],
-            pairs.probability[rows],
-            pairs.near_s[rows],
-            pairs.near_m[rows],
-            pairs.now_m[rows],
+            [*swept.pairs, *self._named(pairs["code"][others])],
+            pairs["probability"][rows],
+            pairs["near_s"][rows],
+            pairs["near_m"][rows],
+            pairs["now_m"][rows],
             fresh[rows],
         )
 
@@ -233,8 +217,8 @@ class Foresight:
             self._asked_s = floor(now_s)
             measure(self.ledger, self.measures)
             self.measures.level("deconflict_robots_distrusted", self._distrusted())
-            rows = self._open(self._pairs, np.flatnonzero(self._pairs.watched), now_s)
-            self._outcomes.ask(now_s, self._pairs.code[rows], self._pairs.seen[rows])
+            asked = self._pairs[self._open(np.flatnonzero(self._pairs["watched"]), now_s)]
+            self._outcomes.ask(now_s, asked["code"], asked["seen"])
 
     def _near(self, told: Bools, now_s: float) -> Ints:
         """Codes of the pairs, one of `told` in each, that may come near in the horizon, whole second by whole second.
@@ -242,61 +226,33 @@ class Foresight:
         Envelopes are taken as circles, grown by the 80 % bands at the horizon.
         """
         slots = np.flatnonzero(self._held)
-        of_robots = (self._kind, self._trust(), self._doubt_m, self._half)
-        near_m = reach_m(self.ledger.bands_m, slots, *of_robots, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
+        of_robots = (slots, self._robots, self._half)
+        near_m = reach_m(self.ledger.bands_m, *of_robots, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
         a, b = self._followed.nearing(told, slots, near_m, now_s, self._horizon_s).T
         swapped = self._rank[a] > self._rank[b]
         return codes(np.where(swapped, b, a), np.where(swapped, a, b))
 
-    def _examine(self, pairs: Pairs, rows: Ints, now_s: float, swept_rows: Ints, swept: Swept) -> None:
+    def _examine(self, rows: Ints, now_s: float, swept_rows: Ints, swept: Swept) -> None:
         """Look at pairs of `rows`; the exact sweep found those of `swept_rows`."""
-        every_m, every_s = np.full(len(pairs), np.inf), np.full(len(pairs), now_s)
-        every_m[swept_rows], every_s[swept_rows] = swept.separation_m, swept.separation_at_s
-        exact_m, exact_s = every_m[rows], every_s[rows]
-        a, b = slots_of(pairs.code[rows])
+        pairs = self._pairs
+        a, b = slots_of(pairs["code"][rows])
         beside = self._followed.beside(a, b, PAST_LOOKS, self._ahead_s, now_s)
-        past_m, ahead_m = self._separations(beside, a, b)
-        apart_m = self._clearance_m + self._margin_m
-        happened = (pairs.started_s, pairs.below_s, pairs.inside)
-        follow(rows, beside.past_s, past_m, self._clearance_m, apart_m, *happened)
-        nearest = ahead_m.argmin(axis=1)
-        sampled_m = ahead_m[np.arange(len(rows)), nearest]
-        pairs.near_s[rows] = np.where(exact_m <= sampled_m, exact_s, now_s + self._ahead_s[nearest])
-        likely, soon = ndtr(self._within_sds(a, b, now_s, ahead_m, exact_m, exact_s))
-        far = self._far(beside.speed_mps.sum(axis=0), ahead_m[:, 0])
-        pairs.seen[rows] = features(likely, soon, far, beside.speed_mps.min(axis=0) < STANDING_MPS)
-        pairs.near_m[rows] = np.maximum(np.minimum(sampled_m, exact_m), 0.0)
-        pairs.now_m[rows] = np.maximum(ahead_m[:, 0], 0.0)
+        past_s, dx_m, dy_m, yaw_a_rad, yaw_b_rad, same, speed_mps = beside
+        apart_m = signed_gap(dx_m, dy_m, yaw_a_rad, yaw_b_rad, self._half[:, a], self._half[:, b])
+        exact = (swept_rows, swept.separation_m, swept.separation_at_s)
+        of_robots = (self.ledger.bands_m, self._robots, self._followed.seen)
+        limits = (now_s, self._horizon_s, self._clearance_m, self._margin_m)
+        sds, far = judge(
+            pairs, rows, a, b, *exact, past_s, apart_m, same, speed_mps, *of_robots, self._ahead_s, *limits
+        )
+        likely, soon = ndtr(sds)
+        pairs["seen"][rows] = features(likely, soon, far, speed_mps.min(axis=0) < STANDING_MPS)
 
-    def _separations(self, beside: Beside, a: Ints, b: Ints) -> tuple[Floats, Floats]:
-        """(n, past looks) and (n, looks ahead), negative where they overlap; inf where the two can't be compared."""
-        _, x_m, y_m, yaw_a_rad, yaw_b_rad, same, _ = beside
-        apart_m = signed_gap(x_m, y_m, yaw_a_rad, yaw_b_rad, self._half[:, a], self._half[:, b])
-        apart_m[~same] = np.inf
-        return apart_m[:, : len(PAST_LOOKS)], apart_m[:, len(PAST_LOOKS) :]
-
-    def _open(self, pairs: Pairs, rows: Ints, now_s: float) -> Ints:
+    def _open(self, rows: Ints, now_s: float) -> Ints:
         """Those of `rows` that are not in an encounter, and of which both robots are heard."""
-        heard_s = np.minimum(*(self._followed.heard_s[slots] for slots in slots_of(pairs.code[rows])))
-        return rows[~pairs.inside[rows] & (heard_s > now_s - JOINED_S)]
-
-    def _far(self, closing_mps: Floats, now_m: Floats) -> Floats:
-        """How long the pair would need if it went straight for each other, in horizons; at most 1."""
-        needed_s = np.maximum(now_m - self._clearance_m, 0.0) / np.maximum(closing_mps, CREEPING_MPS)
-        far: Floats = np.minimum(needed_s / self._horizon_s, 1.0)
-        return far
-
-    def _within_sds(self, a: Ints, b: Ints, now_s: float, ahead_m: Floats, swept_m: Floats, swept_s: Floats) -> Floats:
-        """(2, n) by how many standard deviations pairs are within the clearance: at the most, and soon."""
-        of_robots = (self._kind, self._followed.heard_s, self._doubt_m, self._trust(), self._rests)
-        apart = (ahead_m, now_s + self._ahead_s - now_s, swept_m, swept_s)
-        limits = (self._clearance_m, SOON * self._horizon_s, EIGHTY, EXACT_M)
-        return within_sds(self.ledger.bands_m, *of_robots, a, b, *apart, now_s, *limits)
-
-    def _trust(self) -> Floats:
-        """(slots,) how many times as wide as those of its kind a robot's bands are taken."""
-        trust: Floats = np.maximum(self._surprise, 1.0)
-        return trust
+        pairs = self._pairs
+        heard_s = np.minimum(*(self._followed.heard_s[slots] for slots in slots_of(pairs["code"][rows])))
+        return rows[~pairs["inside"][rows] & (heard_s > now_s - JOINED_S)]
 
     def _wonder(self, errors: Errors) -> None:
         """Remember by how much robots' own errors a second ahead exceed the bands of their kind."""
@@ -304,7 +260,9 @@ class Foresight:
         slots = errors.robot[next_second]
         bands_m = np.maximum(errors.bands_m[next_second, 2], FINEST_BAND_M)
         ratio = np.minimum(errors.radial_m[next_second] / bands_m, SURPRISE_MOST)
-        self._surprise[slots] = SURPRISE_KEEPS * self._surprise[slots] + (1 - SURPRISE_KEEPS) * ratio
+        self._robots["surprise"][slots] = (
+            SURPRISE_KEEPS * self._robots["surprise"][slots] + (1 - SURPRISE_KEEPS) * ratio
+        )
 
     def _learn(self, now_s: float) -> None:
         for question, fates in self._outcomes.known(now_s, self._pairs, self._own_until_s):
@@ -327,7 +285,7 @@ class Foresight:
         else:
             slot = len(self._names)
             self._names.append(uuid)
-            if slot >= len(self._kind):
+            if slot >= len(self._robots):
                 self._grow(max(2 * slot, 16))
         self._slots[uuid], self._held[slot] = slot, True
         self._ranks_stale = True
@@ -338,8 +296,8 @@ class Foresight:
         self._rank[[self._slots[name] for name in sorted(self._slots)]] = np.arange(len(self._slots))
 
     def _grow(self, slots: int) -> None:
-        more = slots - len(self._kind)
-        for name in ("_held", "_told", "_kind", "_rank", "_half", "_doubt_m", "_rests", "_surprise"):
+        more = slots - len(self._robots)
+        for name in ("_held", "_told", "_robots", "_rank", "_half"):
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
         self._followed.grow(slots)
@@ -352,7 +310,8 @@ class Foresight:
         self._spare.extend(slots.tolist())
         self._swept[:] = -1
         self._held[slots] = self._told[slots] = False
-        self._surprise[slots] = 0.0
+        self._robots["surprise"][slots] = 0.0
         self._followed.forget(slots)
         self._heeded.forget(slots)
-        self._pairs = self._pairs.take(self._held[self._pairs.a] & self._held[self._pairs.b])
+        a, b = slots_of(self._pairs["code"])
+        self._pairs = self._pairs[self._held[a] & self._held[b]]

@@ -1,15 +1,16 @@
-"""Pairs of robots under watch, in columns: how near each pair is and was, and how likely it is to meet.
+"""Pairs of robots under watch: how near each pair is and was, and how likely it is to meet.
 
 A pair is known by one number, its two slots. Rows stay in order of it, so that a pass finds yesterday's rows by search,
 never pair by pair.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
-from typing import Self
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from deconflict.foresight.leaving import STAYED, part_of
 from deconflict.motion import Bools
@@ -18,8 +19,25 @@ from ingest.seam import Floats, Ints
 
 SLOT_BITS = 24
 SLOTS = (1 << SLOT_BITS) - 1
-_TYPES = (numba.int64[::1], numba.float64[:, ::1], *[numba.float64[::1]] * 7, *[numba.boolean[::1]] * 2)
-"""Of the columns of `Pairs`."""
+FEATURES = 5
+"""Of `calibration.features`."""
+REMEMBERED_S = 15.0
+
+PAIR = np.dtype(
+    [("code", np.int64), ("seen", np.float64, (FEATURES,))]
+    + [(name, np.float64) for name in ("probability", "near_s", "near_m", "now_m", "started_s", "below_s", "asked_s")]
+    + [("watched", np.bool_), ("inside", np.bool_)],
+    align=True,
+)
+"""Of a pair: its features as last looked at; when the forecasts are nearest within the horizon, how near they are then,
+and at the last look; when its last encounter began and when it was last seen within the clearance, -inf before the
+first; when it was last a candidate, and whether it is one now; whether it is within the clearance, or not yet drawn
+apart from it."""
+
+Pairs = NDArray[Any]
+"""(p,) of `PAIR`, ascending by `code`."""
+
+_PAIRS, _INTS, _BOOLS = numba.from_dtype(PAIR)[::1], numba.int64[::1], numba.boolean[::1]
 
 
 def codes(a: Ints, b: Ints) -> Ints:
@@ -32,121 +50,82 @@ def slots_of(code: Ints) -> tuple[Ints, Ints]:
     return code >> SLOT_BITS, code & SLOTS
 
 
+def rows_of(pairs: Pairs, code: Ints) -> Ints:
+    """The row of each of `code`; -1 where it is not there."""
+    if not len(pairs):
+        return np.full(len(code), -1)
+    at = np.minimum(np.searchsorted(pairs["code"], code), len(pairs) - 1)
+    return np.where(pairs["code"][at] == code, at, -1)
+
+
 @kernel(
-    numba.types.Tuple((*_TYPES, numba.boolean[::1], numba.int64[::1]))(  # type: ignore[no-untyped-call]
-        *[numba.int64[::1]] * 2, numba.boolean[::1], numba.float64, *_TYPES
+    numba.types.UniTuple(numba.int64, 2)(  # type: ignore[no-untyped-call]
+        _PAIRS, *[_INTS] * 2, _BOOLS, *[numba.float64] * 2, _PAIRS, _BOOLS, *[_INTS] * 2
     )
 )
-def _again(
+def _look_again(
+    before: Pairs,
     asked: Ints,
     ascending: Ints,
     told: Bools,
+    now_s: float,
     since_s: float,
-    code: Ints,
-    seen: Floats,
-    probability: Floats,
-    near_s: Floats,
-    near_m: Floats,
-    now_m: Floats,
-    started_s: Floats,
-    below_s: Floats,
-    asked_s: Floats,
-    watched: Bools,
-    inside: Bools,
-) -> tuple[Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Bools, Bools, Bools, Ints]:
-    """What `Pairs.again` gives, of codes `asked` whose order is `ascending`."""
-    most, before, after, n = len(code) + len(asked), 0, 0, 0
-    codes, looks, real = np.empty(most, np.int64), np.zeros((most, seen.shape[1])), np.zeros((7, most))
-    flags, rows = np.zeros((3, most), np.bool_), np.empty(len(asked), np.int64)
-    while before < len(code) or after < len(asked):
-        is_old = after == len(asked) or (before < len(code) and code[before] <= asked[ascending[after]])
-        one, is_asked = code[before] if is_old else asked[ascending[after]], False
+    pairs: Pairs,
+    fresh: Bools,
+    rows: Ints,
+    due: Ints,
+) -> tuple[int, int]:
+    """Set what `again` gives, of codes `asked` whose order is `ascending`; how many pairs there are, and are due."""
+    old, after, n, dues = 0, 0, 0, 0
+    while old < len(before) or after < len(asked):
+        is_old = after == len(asked) or (old < len(before) and before[old].code <= asked[ascending[after]])
+        one, is_asked = before[old].code if is_old else asked[ascending[after]], False
         while after < len(asked) and asked[ascending[after]] == one:
             rows[ascending[after]], is_asked = n, True
             after += 1
-        old, before = before, before + is_old
-        is_known = is_old and asked_s[old] >= since_s
+        is_known = is_old and before[old].asked_s >= since_s
+        if is_known:
+            pairs[n] = before[old]
+        old += is_old
         if not (is_known or is_asked):
             continue
-        codes[n], real[4, n], real[5, n] = one, -np.inf, -np.inf
-        if is_known:
-            for feature in range(seen.shape[1]):
-                looks[n, feature] = seen[old, feature]
-            real[0, n], real[1, n], real[2, n] = probability[old], near_s[old], near_m[old]
-            real[3, n], real[4, n], real[5, n] = now_m[old], started_s[old], below_s[old]
-            real[6, n], flags[0, n], flags[1, n] = asked_s[old], watched[old], inside[old]
-        flags[2, n] = told[one >> SLOT_BITS] or told[one & SLOTS]
-        flags[0, n] = is_asked or (flags[0, n] and not flags[2, n])
+        pair = pairs[n]
+        if not is_known:
+            pair.code, pair.started_s, pair.below_s = one, -np.inf, -np.inf
+        fresh[n] = told[one >> SLOT_BITS] or told[one & SLOTS]
+        pair.watched = is_asked or (pair.watched and not fresh[n])
+        if pair.watched:
+            pair.asked_s = now_s
+            if fresh[n] or pair.near_s == 0.0:
+                due[dues] = n
+                dues += 1
         n += 1
-    some = (real[0, :n], real[1, :n], real[2, :n], real[3, :n], real[4, :n], real[5, :n], real[6, :n])
-    return codes[:n], looks[:n], *some, flags[0, :n], flags[1, :n], flags[2, :n], rows
+    return n, dues
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Pairs:
-    """p pairs, ascending by `code`. Arrays are (p,) unless said otherwise."""
+class Again(NamedTuple):
+    """The pairs at a new look."""
 
-    code: Ints
-    seen: Floats
-    """(p, FEATURES) as last looked at."""
-    probability: Floats
-    near_s: Floats
-    """When the forecasts are nearest within the horizon."""
-    near_m: Floats
-    """How near they are then."""
-    now_m: Floats
-    """Separation when last looked at, by the newest forecasts."""
-    started_s: Floats
-    """When the last encounter began; -inf before the first."""
-    below_s: Floats
-    """When they were last seen within the clearance; -inf before the first."""
-    asked_s: Floats
-    """When it was last a candidate."""
-    watched: Bools
-    """Whether it is a candidate now."""
-    inside: Bools
-    """Within the clearance, or not yet drawn apart from it."""
-
-    def __len__(self) -> int:
-        return len(self.code)
-
-    @classmethod
-    def none(cls, features: int) -> Self:
-        real = np.empty(0)
-        return cls(
-            np.empty(0, np.int64), np.empty((0, features)), real, real, real, real, real, real, real, real > 0, real > 0
-        )
-
-    @property
-    def a(self) -> Ints:
-        return slots_of(self.code)[0]
-
-    @property
-    def b(self) -> Ints:
-        return slots_of(self.code)[1]
-
-    def rows(self, code: Ints) -> Ints:
-        """The row of each of `code`; -1 where it is not there."""
-        if not len(self):
-            return np.full(len(code), -1)
-        at = np.minimum(np.searchsorted(self.code, code), len(self) - 1)
-        return np.where(self.code[at] == code, at, -1)
-
-    def take(self, rows: Ints | Bools) -> "Pairs":
-        return Pairs(*(getattr(self, name)[rows] for name in _COLUMNS))
-
-    def again(self, code: Ints, told: Bools, since_s: float) -> "tuple[Pairs, Bools, Ints]":
-        """The pairs at a new look, which of them have a robot that is `told` (slots,), and the row of each of `code`.
-
-        Those of `code` are watched; of the others no fresh ones are, and only candidates `since_s` are kept. What is
-        not kept or is new counts as never looked at.
-        """
-        before = (getattr(self, name) for name in _COLUMNS)
-        after = _again(code, np.argsort(code), told, since_s, *before)
-        return Pairs(*after[:-2]), *after[-2:]
+    pairs: Pairs
+    fresh: Bools
+    """(p,) whether either robot has reported since the last look."""
+    rows: Ints
+    """Of each code that was asked for."""
+    due: Ints
+    """Rows of the pairs that must be looked at."""
 
 
-_COLUMNS = tuple(one.name for one in fields(Pairs))
+def again(before: Pairs, code: Ints, told: Bools, now_s: float) -> Again:
+    """The pairs of the last look and those of `code` (n,), at a new one; `told` (slots,) are robots that reported.
+
+    Those of `code` are watched; of the others no fresh ones are, and only candidates of the last `REMEMBERED_S` are
+    kept. What is not kept or is new counts as never looked at. Watched pairs are due that are fresh or new.
+    """
+    most = len(before) + len(code)
+    pairs, fresh, due = np.zeros(most, PAIR), np.empty(most, np.bool_), np.empty(most, np.int64)
+    rows = np.empty(len(code), np.int64)
+    n, dues = _look_again(before, code, np.argsort(code), told, now_s, now_s - REMEMBERED_S, pairs, fresh, rows, due)
+    return Again(pairs[:n], fresh[:n], rows, due[:dues])
 
 
 @dataclass(slots=True, eq=False)
@@ -193,8 +172,8 @@ class Outcomes:
         told = []
         while self.open and self.open[0].t_s + self.horizon_s + self.waits_s <= now_s:
             question = self.open.pop(0)
-            row = pairs.rows(question.code)
-            started_s, below_s = (_at(column, row) for column in (pairs.started_s, pairs.below_s))
+            row = rows_of(pairs, question.code)
+            started_s, below_s = (_at(column, row) for column in (pairs["started_s"], pairs["below_s"]))
             until_s, (a, b) = own_until_s(question.t_s), slots_of(question.code)
             last_s = np.minimum(until_s[a], until_s[b])
             apart = (started_s > question.t_s) | (below_s < question.t_s)

@@ -16,7 +16,6 @@ from ingest.seam import Floats, Ints
 
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 _ASKED_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
-_ASKED = numba.types.Array(numba.float64, 2, "A", readonly=True)
 Pose = tuple[float, float, float, float]
 """x_m, y_m, yaw_rad and floor."""
 
@@ -173,29 +172,6 @@ def beside(
             yaw_a[row, at], yaw_b[row, at] = yaw[0, at], yaw[1, at]
             same[row, at] = floor[0, at] == floor[1, at] and floor[0, at] >= 0.0
     return past_s, dx, dy, yaw_a, yaw_b, same, speeds
-
-
-@kernel(numba.void(_INTS, _MATRIX, _ASKED, *[numba.float64] * 2, *[_FLOATS] * 2, numba.boolean[::1]))
-def follow(
-    rows: Ints,
-    past_s: Floats,
-    past_m: Floats,
-    within_m: float,
-    apart_m: float,
-    started_s: Floats,
-    below_s: Floats,
-    inside: Bools,
-) -> None:
-    """Of the pairs of `rows` (n,), when they came within `within_m`, when they were last, and whether they have not
-    drawn further apart than `apart_m` since, by separations `past_m` at the times `past_s` (n, k)."""
-    for at, row in enumerate(rows):
-        began = inside[row]
-        for look in range(past_s.shape[1]):
-            if past_m[at, look] <= within_m:
-                if not began:
-                    started_s[row], began = past_s[at, look], True
-                below_s[row] = past_s[at, look]
-        inside[row] = began and not apart_m < past_m[at, -1] < np.inf
 
 
 @inner

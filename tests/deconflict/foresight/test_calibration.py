@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.foresight.calibration import FEATURES, PRIOR, Calibration, features
+from deconflict.foresight.calibration import PRIOR, Calibration, features
 from deconflict.foresight.leaving import STAYED
-from deconflict.foresight.pairs import Fates
+from deconflict.foresight.pairs import FEATURES, Fates
 from deconflict.motion import Bools
 from ingest.seam import Floats
 

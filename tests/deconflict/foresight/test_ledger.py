@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.foresight.bands import reach_m
+from deconflict.foresight.bands import ROBOT, reach_m
 from deconflict.foresight.ledger import HALF_LIFE_S, HORIZONS, MOST_CLASSES, PRIOR_MPS, Errors, Ledger
 from deconflict.learned import UnreadableError
 from ingest.seam import Basis, Floats
@@ -18,8 +18,9 @@ def errors(ledger: Ledger, row: int, horizon_s: int, along_m: Floats) -> Errors:
 
 def reach(ledger: Ledger, row: int, ahead_s: float) -> float:
     """Of a robot without size or doubt: the band alone."""
-    of_robot = (np.array([row]), np.ones(1), np.zeros(1), np.zeros((2, 1)))
-    return float(reach_m(ledger.bands_m, np.array([0]), *of_robot, 0.0, ahead_s, np.inf)[0])
+    robot = np.zeros(1, ROBOT)
+    robot["kind"] = row
+    return float(reach_m(ledger.bands_m, np.array([0]), robot, np.zeros((2, 1)), 0.0, ahead_s, np.inf)[0])
 
 
 @pytest.mark.parametrize("scale_m", [0.01, 0.5])

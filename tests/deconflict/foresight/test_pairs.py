@@ -1,57 +1,82 @@
-from dataclasses import replace
-
 import numpy as np
 
 from deconflict.foresight.leaving import STAYED
-from deconflict.foresight.pairs import Fates, Outcomes, Pairs, Question, codes
+from deconflict.foresight.pairs import (
+    PAIR,
+    REMEMBERED_S,
+    Fates,
+    Outcomes,
+    Pairs,
+    Question,
+    again,
+    codes,
+    rows_of,
+    slots_of,
+)
 
 NOW_S = 1_790_000_000.0
 
 
 def pairs(*slots: tuple[int, int]) -> Pairs:
     a, b = np.array(slots, np.int64).T
-    every, _, _ = Pairs.none(2).again(codes(a, b), np.zeros(10, bool), NOW_S)
-    return every
+    return again(np.zeros(0, PAIR), codes(a, b), np.zeros(10, bool), NOW_S).pairs
+
+
+def slots(every: Pairs) -> list[tuple[int, int]]:
+    a, b = slots_of(every["code"])
+    return list(zip(a.tolist(), b.tolist(), strict=True))
 
 
 def test_pairs_are_found_again_by_their_slots() -> None:
     every = pairs((5, 2), (1, 9), (1, 3))
-    assert every.rows(codes(np.array([5, 1, 7]), np.array([2, 9, 7]))).tolist() == [2, 1, -1]
-    assert list(zip(every.a.tolist(), every.b.tolist(), strict=True)) == [(1, 3), (1, 9), (5, 2)]
+    assert rows_of(every, codes(np.array([5, 1, 7]), np.array([2, 9, 7]))).tolist() == [2, 1, -1]
+    assert slots(every) == [(1, 3), (1, 9), (5, 2)]
 
 
 def test_new_pairs_take_their_place_and_the_others_stay_as_they_were() -> None:
     before = pairs((1, 2), (7, 8))
-    before.probability[:], before.asked_s[:] = (0.3, 0.8), NOW_S
-    after, _, rows = before.again(codes(np.array([3, 1, 3]), np.array([4, 2, 4])), np.zeros(10, bool), NOW_S)
-    assert after.a.tolist() == [1, 3, 7]
-    assert after.probability.tolist() == [0.3, 0.0, 0.8]
+    before["probability"] = (0.3, 0.8)
+    before["seen"] = [[1.0], [2.0]]
+    after, _, rows, _ = again(before, codes(np.array([3, 1, 3]), np.array([4, 2, 4])), np.zeros(10, bool), NOW_S)
+    assert slots(after) == [(1, 2), (3, 4), (7, 8)]
+    assert after["probability"].tolist() == [0.3, 0.0, 0.8]
+    assert after["seen"][:, -1].tolist() == [1.0, 0.0, 2.0]
     assert rows.tolist() == [1, 0, 1]
 
 
 def test_pairs_of_robots_that_report_are_watched_only_where_they_are_asked_for_again() -> None:
     before = pairs((1, 2), (3, 4), (5, 6), (5, 7))
-    before.asked_s[:] = NOW_S
+    before["near_s"] = NOW_S
     told = np.isin(np.arange(10), [4, 5])
-    after, fresh, _ = before.again(codes(np.array([5]), np.array([7])), told, NOW_S)
+    after, fresh, _, due = again(before, codes(np.array([5]), np.array([7])), told, NOW_S)
     assert fresh.tolist() == [False, True, True, True]
-    assert after.watched.tolist() == [True, False, False, True]
+    assert after["watched"].tolist() == [True, False, False, True]
+    assert due.tolist() == [3]
+
+
+def test_new_pairs_are_due_whether_or_not_their_robots_report() -> None:
+    before = pairs((1, 2))
+    before["near_s"] = NOW_S
+    asked = codes(np.array([1, 3]), np.array([2, 4]))
+    assert again(before, asked, np.zeros(10, bool), NOW_S).due.tolist() == [1]
 
 
 def test_pairs_that_were_no_candidates_for_long_are_forgotten() -> None:
     before = pairs((1, 2), (3, 4), (5, 6))
-    before.probability[:], before.asked_s[:] = 0.5, (NOW_S - 1, NOW_S - 1, NOW_S)
-    after, _, _ = before.again(codes(np.array([3]), np.array([4])), np.zeros(10, bool), NOW_S)
-    assert after.a.tolist() == [3, 5]
-    assert after.probability.tolist() == [0.0, 0.5]
+    before["probability"], before["asked_s"] = 0.5, NOW_S - REMEMBERED_S - np.array([1, 1, 0])
+    before["watched"] = False
+    after = again(before, codes(np.array([3]), np.array([4])), np.zeros(10, bool), NOW_S).pairs
+    assert slots(after) == [(3, 4), (5, 6)]
+    assert after["probability"].tolist() == [0.0, 0.5]
+    assert after["asked_s"].tolist() == [NOW_S, NOW_S - REMEMBERED_S]
 
 
 def outcome(*, started_s: list[float], below_s: list[float], heard_s: list[float]) -> tuple[Question, Fates]:
     """Of pairs (0, 1), (0, 2) ... asked at `NOW_S`."""
     every = pairs(*((0, n + 1) for n in range(len(started_s))))
-    every = replace(every, started_s=NOW_S + np.array(started_s), below_s=NOW_S + np.array(below_s))
+    every["started_s"], every["below_s"] = NOW_S + np.array(started_s), NOW_S + np.array(below_s)
     outcomes = Outcomes(horizon_s=10.0)
-    outcomes.ask(NOW_S, every.code, every.seen)
+    outcomes.ask(NOW_S, every["code"], every["seen"])
     heard = NOW_S + np.array(heard_s)
     assert outcomes.known(NOW_S + 11, every, lambda _: heard) == []
     (told,) = outcomes.known(NOW_S + 12, every, lambda _: heard)
