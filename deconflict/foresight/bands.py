@@ -18,6 +18,9 @@ EIGHTY = 1.28
 """A normal distribution has 80 % within so many standard deviations."""
 EXACT_M = 0.02
 """Standard deviation of a forecast that was never wrong."""
+SURPRISE_KEEPS, SURPRISE_MOST = 0.7, 10.0
+"""Of a surprise, how much is left at the next error, and how many bands it is at the most."""
+FINEST_BAND_M = 0.05
 SOON = 0.2
 """The part of the horizon in which an overlap is looked for apart: forecasts are at their best there."""
 CREEPING_MPS = 0.01
@@ -48,6 +51,19 @@ def _reach(bands_m: Floats, kind: int, ahead_s: float) -> float:
 def _trust(robot: Any) -> float:
     """How many times as wide as those of its kind a robot's bands are taken."""
     return float(max(robot.surprise, 1.0))
+
+
+@kernel(numba.void(_ROBOTS, *[_INTS] * 2, _FLOATS, _MATRIX))
+def wonder(robots: Robots, slots: Ints, horizon_s: Ints, radial_m: Floats, bands_m: Floats) -> None:
+    """Remember by how much the errors a second ahead of robots of `slots` (e,) exceed the bands `bands_m` (e, 3) of
+    their kind; of several of one robot the last counts."""
+    surprise = np.empty(len(slots))
+    for at, slot in enumerate(slots):
+        ratio = min(radial_m[at] / max(bands_m[at, 2], FINEST_BAND_M), SURPRISE_MOST)
+        surprise[at] = SURPRISE_KEEPS * robots[slot].surprise + (1 - SURPRISE_KEEPS) * ratio
+    for at, slot in enumerate(slots):
+        if horizon_s[at] == 1:
+            robots[slot].surprise = surprise[at]
 
 
 @kernel(_FLOATS(_CUBE, _INTS, _ROBOTS, _MATRIX, *[numba.float64] * 3))

@@ -117,15 +117,24 @@ class Followed:
         self._made_s[slots] = LONG_AGO_S
 
     def take(self, reports: Reports, bands_m: Floats) -> Errors:
-        """The errors that the reports show, and the new forecasts kept; `bands_m` (n, HORIZONS, 3) are theirs."""
-        told = (reports.slot, reports.event_s, reports.track)
-        newer = ways.hear(self._before, self.seen, self._track, self._around, *told)
-        errors = self._shown(reports.slot[newer])
-        kept = (self._made_s, self._next, self._kind, self._ahead, self._bands_m)
-        ways.keep(*kept, newer, *told, reports.kind, bands_m, SPACED_S)
-        return errors
-
-    def _shown(self, slots: Ints) -> Errors:
-        """Errors of kept forecasts of moments between the last two reports."""
-        kept = (self._made_s, self._kind, self._ahead, self._bands_m)
-        return Errors(*ways.due(self._before, self.seen, *kept, slots, LONG_AGO_S, JOINED_S))
+        """The errors that the reports show, and the new forecasts kept; `bands_m` are (kinds, HORIZONS, 3)."""
+        shown = ways.take(
+            self._before,
+            self.seen,
+            self._track,
+            self._around,
+            self._made_s,
+            self._next,
+            self._kind,
+            self._ahead,
+            self._bands_m,
+            reports.slot,
+            reports.event_s,
+            reports.track,
+            reports.kind,
+            bands_m,
+            LONG_AGO_S,
+            JOINED_S,
+            SPACED_S,
+        )
+        return Errors(*shown)

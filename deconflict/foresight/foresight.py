@@ -8,14 +8,13 @@ are told by the robots' own reports, as in offline scoring.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import repeat
 from math import floor
 
 import numpy as np
 from scipy.special import ndtr
 
 from deconflict.encounter import STANDING_MPS
-from deconflict.foresight.bands import ROBOT, judge, reach_m
+from deconflict.foresight.bands import ROBOT, judge, reach_m, wonder
 from deconflict.foresight.calibration import Calibration, features
 from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.followed import JOINED_S, Followed, Reports
@@ -36,9 +35,8 @@ LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
 PAST_LOOKS: Floats = np.arange(1, 6) / 5
 MOST_GROWN_M = 0.75
 """An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
-SURPRISE_KEEPS, SURPRISE_MOST, DISTRUSTED = 0.7, 10.0, 2.0
+DISTRUSTED = 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
-FINEST_BAND_M = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,22 +115,22 @@ class Foresight:
         self._forget(batch.gone)
         if not len(batch):
             return
-        slots = np.fromiter(map(self._slots.get, batch.robots, repeat(-1)), np.int64, len(batch))
+        slots = np.array([self._slots.get(uuid, -1) for uuid in batch.robots])
         for row in np.flatnonzero(slots < 0).tolist():
             slots[row] = self._slot(batch.robots[row])
         if self._ranks_stale:
             self._rank_anew()
-        self._robots["kind"][slots] = self.ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
-        self._half[:, slots] = np.stack([batch.forecasts.length_m, batch.forecasts.width_m]) / 2
-        self._robots["doubt_m"][slots] = batch.doubt_m
+        kinds = np.array(self.ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s))
+        self._robots["kind"][slots], self._robots["doubt_m"][slots] = kinds, batch.doubt_m
+        self._half[0, slots], self._half[1, slots] = batch.forecasts.length_m / 2, batch.forecasts.width_m / 2
         self._told[slots] = True
-        reports = Reports.of(batch, slots, self._robots["kind"][slots])
-        first_m = np.hypot(*(reports.track[:, 1, k] - reports.track[:, 0, k] for k in (0, 1)))
-        self._robots["rests"][reports.slot] = first_m < STANDING_MPS
-        errors = self._own(reports, self._followed.take(reports, self.ledger.bands_m[reports.kind]))
+        reports = Reports.of(batch, slots, kinds)
+        went_m = reports.track[:, 1] - reports.track[:, 0]
+        self._robots["rests"][reports.slot] = np.hypot(went_m[:, 0], went_m[:, 1]) < STANDING_MPS
+        errors = self._own(reports, self._followed.take(reports, self.ledger.bands_m))
         self.ledger.record(errors, batch.now_s)
         self.changes.take(errors, list(self.ledger.kinds), batch.now_s)
-        self._wonder(errors)
+        wonder(self._robots, errors.robot, errors.horizon_s, errors.radial_m, errors.bands_m)
         for row in np.flatnonzero(self._robots["surprise"][slots] > DISTRUSTED).tolist():
             self.measures.count("deconflict_forecasts_distrusted_total", batch.vendors[row])
 
@@ -151,8 +149,10 @@ class Foresight:
         """The errors without those of robots that wait as advised, of which no earlier forecast is held to account."""
         stand = self._robots["rests"][reports.slot] | (self._followed.speed_mps(reports.slot) < STANDING_MPS)
         waits = self._heeded.see(reports.slot, reports.event_s, stand)
+        if not len(waits):
+            return errors
         self._followed.disown(waits)
-        return errors.take(np.flatnonzero(~np.isin(errors.robot, waits))) if len(waits) else errors
+        return errors.take(np.flatnonzero(~np.isin(errors.robot, waits)))
 
     def distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion."""
@@ -253,16 +253,6 @@ class Foresight:
         pairs = self._pairs
         heard_s = np.minimum(*(self._followed.heard_s[slots] for slots in slots_of(pairs["code"][rows])))
         return rows[~pairs["inside"][rows] & (heard_s > now_s - JOINED_S)]
-
-    def _wonder(self, errors: Errors) -> None:
-        """Remember by how much robots' own errors a second ahead exceed the bands of their kind."""
-        next_second = np.flatnonzero(errors.horizon_s == 1)
-        slots = errors.robot[next_second]
-        bands_m = np.maximum(errors.bands_m[next_second, 2], FINEST_BAND_M)
-        ratio = np.minimum(errors.radial_m[next_second] / bands_m, SURPRISE_MOST)
-        self._robots["surprise"][slots] = (
-            SURPRISE_KEEPS * self._robots["surprise"][slots] + (1 - SURPRISE_KEEPS) * ratio
-        )
 
     def _learn(self, now_s: float) -> None:
         for question, fates in self._outcomes.known(now_s, self._pairs, self._own_until_s):

@@ -7,12 +7,16 @@ its way when it was told to wait, and reports since show that it stands.
 
 from collections.abc import Iterable
 
+import numba
 import numpy as np
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.motion import Bools
+from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
 
+_INTS, _FLOATS, _BOOLS = numba.int64[::1], numba.float64[::1], numba.boolean[::1]
+_STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
 ONE_WAIT_S = 15.0
 """Times at which a robot was seen to wait that are less apart are one wait."""
 
@@ -29,6 +33,28 @@ def waits_until_s(revisions: Iterable[AnyAdvisory]) -> dict[str, float]:
         for robot, end_s in told:
             until_s[robot] = max(end_s, until_s.get(robot, end_s))
     return until_s
+
+
+@kernel(_INTS(_FLOATS, _BOOLS, *[_FLOATS] * 2, _INTS, _STAMPS, _BOOLS, numba.float64))
+def _see(
+    advised_until_s: Floats,
+    went: Bools,
+    since_s: Floats,
+    last_s: Floats,
+    slots: Ints,
+    event_s: Floats,
+    stand: Bools,
+    one_wait_s: float,
+) -> Ints:
+    """What `Heeded.see` does to its columns, and gives."""
+    waits, n = np.empty(len(slots), np.int64), 0
+    for row, slot in enumerate(slots):
+        if stand[row] and went[slot] and event_s[row] <= advised_until_s[slot]:
+            if event_s[row] - last_s[slot] > one_wait_s:
+                since_s[slot] = event_s[row]
+            last_s[slot], waits[n] = event_s[row], slot
+            n += 1
+    return waits[:n].copy()
 
 
 class Heeded:
@@ -60,12 +86,8 @@ class Heeded:
 
     def see(self, slots: Ints, event_s: Floats, stand: Bools) -> Ints:
         """Those of `slots` (n,) that, as their reports show, wait as advised; `stand` (n,) is which of them stand."""
-        waits = np.flatnonzero(stand & self._went[slots] & (event_s <= self._advised_until_s[slots]))
-        rows, seen_s = slots[waits], event_s[waits]
-        anew = seen_s - self._last_s[rows] > ONE_WAIT_S
-        self._since_s[rows[anew]] = seen_s[anew]
-        self._last_s[rows] = seen_s
-        return rows
+        columns = (self._advised_until_s, self._went, self._since_s, self._last_s)
+        return _see(*columns, slots, event_s, stand, ONE_WAIT_S)
 
     def waiting(self, since_s: float) -> Ints:
         """Slots of the robots that were seen to wait at that moment or later."""

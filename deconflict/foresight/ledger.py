@@ -5,9 +5,9 @@ follows the coverage that bands truly had, so that coverage holds whatever the s
 (Gibbs and Candes 2021, adaptive conformal inference). Old errors fade, a half in `HALF_LIFE_S`.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -44,7 +44,7 @@ _INTS, _FLOATS, _MATRIX = (
     numba.types.Array(kind, dimensions, "C", readonly=True)
     for kind, dimensions in ((numba.int64, 1), (numba.float64, 1), (numba.float64, 2))
 )
-_ERRORS = (*[_INTS] * 2, _FLOATS, _MATRIX, numba.int64[:, ::1], _MATRIX)
+_ERRORS = (*[_INTS] * 2, *[_FLOATS] * 3, numba.int64[:, ::1], _MATRIX)
 
 
 @inner
@@ -73,7 +73,8 @@ def _count(
     kind: Ints,
     horizon_s: Ints,
     radial_m: Floats,
-    signed_m: Floats,
+    along_m: Floats,
+    across_m: Floats,
     bin_of: Ints,
     bands_m: Floats,
     shares: Floats,
@@ -81,16 +82,16 @@ def _count(
     highest: Floats,
     gain: float,
 ) -> None:
-    """Add e errors of kinds `rows` (r,) to the columns of a `Ledger`, of which so much is `kept` (r,) until then: along
-    and across (2, e), and the bins of their sizes (3, e)."""
+    """Add e errors of kinds `rows` (r,) to the columns of a `Ledger`, of which so much is `kept` (r,) until then; the
+    bins of their sizes are (3, e)."""
     _fade(counts, bias_m, covered, cases, rows, kept)
     for at in range(len(kind)):
         row, column = kind[at], horizon_s[at] - 1
         cases[row, column] += 1.0
         for size in range(len(bin_of)):
             counts[row, size, column, bin_of[size, at]] += 1.0
-        for side in range(len(signed_m)):
-            bias_m[row, column, side] += signed_m[side, at]
+        bias_m[row, column, 0] += along_m[at]
+        bias_m[row, column, 1] += across_m[at]
         for band in range(len(shares)):
             inside = 1.0 if radial_m[at] <= bands_m[at, band] else 0.0
             covered[row, column, band] += inside
@@ -125,16 +126,23 @@ class Errors:
     """Positive to the left."""
     bands_m: Floats
     """(e, 3) radii of the bands when the forecast was made."""
+    radial_m: Floats = field(init=False)
+    size: Ints = field(init=False)
+    """(3, e) bins of the sizes: radial, along and across."""
+
+    def __post_init__(self) -> None:
+        sizes_m = np.empty((3, len(self)))
+        np.hypot(self.along_m, self.across_m, out=sizes_m[RADIAL])
+        np.abs(self.along_m, out=sizes_m[ALONG])
+        np.abs(self.across_m, out=sizes_m[ACROSS])
+        object.__setattr__(self, "radial_m", sizes_m[RADIAL])
+        object.__setattr__(self, "size", bins(sizes_m))
 
     def __len__(self) -> int:
         return len(self.kind)
 
     def take(self, rows: Ints) -> "Errors":
-        return Errors(*(getattr(self, name)[rows] for name in self.__slots__))
-
-    @property
-    def radial_m(self) -> Floats:
-        return np.hypot(self.along_m, self.across_m)
+        return Errors(*(getattr(self, one.name)[rows] for one in fields(self) if one.init))
 
 
 @dataclass(slots=True, eq=False)
@@ -182,8 +190,12 @@ class Ledger:
     def rows(self, vendors: Sequence[str], models: Sequence[str], bases: Sequence[int], now_s: float) -> list[int]:
         """(n,) as `row`, of n kinds, most of them alike."""
         kinds = list(zip(vendors, models, bases, strict=True))
-        found = {kind: self.row(*kind[:2], Basis(kind[2]), now_s) for kind in dict.fromkeys(kinds)}
-        return [found[kind] for kind in kinds]
+        known: Mapping[Any, int] = self.kinds
+        found = [known.get(kind) for kind in kinds]
+        return [
+            self.row(*kind[:2], Basis(kind[2]), now_s) if row is None else row
+            for row, kind in zip(found, kinds, strict=True)
+        ]
 
     def record(self, errors: Errors, now_s: float) -> None:
         """Take in errors; the bands follow at most once in `REFRESH_S`."""
@@ -191,13 +203,10 @@ class Ledger:
             rows = np.flatnonzero(np.bincount(errors.kind))
             kept = 0.5 ** (np.maximum(now_s - self.as_of_s[rows], 0.0) / HALF_LIFE_S)
             self.as_of_s[rows] = np.maximum(self.as_of_s[rows], now_s)
-            radial_m = errors.radial_m
-            sizes_m = np.stack([radial_m, np.abs(errors.along_m), np.abs(errors.across_m)])
             columns = (self.counts, self.bias_m, self.covered, self.cases, self.level)
-            signed_m, bands_m = np.stack([errors.along_m, errors.across_m]), ready(errors.bands_m)
+            off_m, bands_m = (errors.radial_m, errors.along_m, errors.across_m), ready(errors.bands_m)
             of, shares = (errors.kind, errors.horizon_s), (SHARES, LOWEST_LEVEL, HIGHEST_LEVEL)
-            sizes = bins(sizes_m)
-            _count(*columns, rows, kept, *of, radial_m, signed_m, sizes, bands_m, *shares, LEVEL_GAIN)
+            _count(*columns, rows, kept, *of, *off_m, errors.size, bands_m, *shares, LEVEL_GAIN)
             self._stale.update(rows.tolist())
         if self._stale and not 0 <= now_s - self._refreshed_s < REFRESH_S:
             self._refreshed_s = now_s

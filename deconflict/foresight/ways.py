@@ -41,53 +41,6 @@ def _joined(before: Floats, seen: Floats, slot: int, t_s: float, long_ago_s: flo
     return a_x + share * (b_x - a_x), a_y + share * (b_y - a_y), _turned(a_yaw, b_yaw, share), floor
 
 
-@kernel(
-    numba.types.Tuple((*[_INTS] * 3, *[_FLOATS] * 2, _MATRIX))(  # type: ignore[no-untyped-call]
-        *[_MATRIX] * 3, numba.int64[:, ::1], *[numba.float64[:, :, :, ::1]] * 2, _INTS, numba.float64, numba.float64
-    )
-)
-def due(
-    before: Floats,
-    seen: Floats,
-    made_s: Floats,
-    kind: Ints,
-    foretold: Floats,
-    bands_m: Floats,
-    slots: Ints,
-    long_ago_s: float,
-    joined_s: float,
-) -> tuple[Ints, Ints, Ints, Floats, Floats, Floats]:
-    """Of the moments between the last two reports of `slots` (n,) for which they have forecasts: the forecast's kind,
-    the slot and the whole seconds ahead; how far along and across the heading `foretold` (slots, kept, horizons, 4) the
-    robot was then, (d,) each; and the bands (d, 3). Forecasts were made at `made_s` (slots, kept)."""
-    kept_of_each, horizons = made_s.shape[1], foretold.shape[2]
-    most = len(slots) * kept_of_each * (int(joined_s) + 1)
-    its_kind, slot, ahead = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
-    along, across, bands, found = np.empty(most), np.empty(most), np.empty((most, 3)), 0
-    for one in slots:
-        before_s, seen_s = before[one, 0], seen[one, 0]
-        if before_s <= long_ago_s or before_s < seen_s - joined_s:
-            continue
-        for made in range(kept_of_each):
-            for second in range(horizons):
-                moment_s = made_s[one, made] + (second + 1.0)
-                if not before_s < moment_s <= seen_s:
-                    continue
-                x, y = foretold[one, made, second, 0], foretold[one, made, second, 1]
-                yaw, floor = foretold[one, made, second, 2], foretold[one, made, second, 3]
-                was_x, was_y, _, was_floor = _joined(before, seen, one, moment_s, long_ago_s, joined_s)
-                if floor != was_floor or floor < 0.0:
-                    continue
-                dx, dy, c, s = was_x - x, was_y - y, cos(yaw), sin(yaw)
-                its_kind[found], slot[found], ahead[found] = kind[one, made], one, second + 1
-                along[found], across[found] = c * dx + s * dy, c * dy - s * dx
-                for band in range(3):
-                    bands[found, band] = bands_m[one, made, second, band]
-                found += 1
-    its_kind, slot, ahead = its_kind[:found].copy(), slot[:found].copy(), ahead[:found].copy()
-    return its_kind, slot, ahead, along[:found].copy(), across[:found].copy(), bands[:found].copy()
-
-
 @kernel(_FLOATS(*[_MATRIX] * 2, _INTS, numba.float64))
 def speed_mps(before: Floats, seen: Floats, slots: Ints, joined_s: float) -> Floats:
     """(n,) at which robots of `slots` went from their last report but one to the last; nan where that is not known."""
@@ -254,6 +207,112 @@ def keep(
                 foretold[slot, place, second, part] = told[row, second + 1, part]
             for band in range(bands_m.shape[3]):
                 bands_m[slot, place, second, band] = its_bands_m[row, second, band]
+
+
+@inner
+def _hear(before: Floats, seen: Floats, track: Floats, slot: int, event_s: float, told: Floats, row: int) -> None:
+    for part in range(5):
+        before[slot, part] = seen[slot, part]
+        seen[slot, part] = told[row, 0, part - 1] if part else event_s
+    for at in range(told.shape[1]):
+        for part in range(4):
+            track[slot, at, part] = told[row, at, part]
+
+
+@inner
+def _keep(made_s: Floats, following: Ints, slot: int, event_s: float, spaced_s: float) -> int:
+    """The place of a robot's oldest forecast, where its new one goes; -1 where the last was made less than `spaced_s`
+    before."""
+    last_s = -np.inf
+    for made in range(made_s.shape[1]):
+        last_s = max(last_s, made_s[slot, made])
+    if not event_s - last_s >= spaced_s:
+        return -1
+    place = int(following[slot])
+    made_s[slot, place], following[slot] = event_s, (place + 1) % made_s.shape[1]
+    return place
+
+
+@kernel(
+    numba.types.Tuple((*[_INTS] * 3, *[_FLOATS] * 2, _MATRIX))(  # type: ignore[no-untyped-call]
+        *[_MATRIX] * 2,
+        _CUBE,
+        *[_MATRIX] * 2,
+        _INTS,
+        numba.int64[:, ::1],
+        *[numba.float64[:, :, :, ::1]] * 2,
+        _INTS,
+        _ASKED_LOOKS,
+        _CUBE,
+        _INTS,
+        _CUBE,
+        *[numba.float64] * 3,
+    )
+)
+def take(
+    before: Floats,
+    seen: Floats,
+    track: Floats,
+    around: Floats,
+    made_s: Floats,
+    following: Ints,
+    kind: Ints,
+    foretold: Floats,
+    bands_m: Floats,
+    slots: Ints,
+    event_s: Floats,
+    told: Floats,
+    kinds: Ints,
+    of_kinds_m: Floats,
+    long_ago_s: float,
+    joined_s: float,
+    spaced_s: float,
+) -> tuple[Ints, Ints, Ints, Floats, Floats, Floats]:
+    """Take in reports of `slots` (n,), all different, at `event_s` (n,), with their tracks `told` (n, k, 4): forecasts
+    of `kinds` (n,), whose bands are `of_kinds_m` (kinds, horizons, 3). What is no newer than was `seen` is left out.
+
+    Of the moments since the report before for which there are forecasts: the forecast's kind, the slot and the whole
+    seconds ahead; how far along and across the heading foretold the robot was then, (d,) each; and the bands (d, 3).
+    Forecasts are kept to be held to account so, made at `made_s` (slots, kept), if the last was `spaced_s` before.
+    """
+    kept, horizons = made_s.shape[1], foretold.shape[2]
+    most = len(slots) * kept * (int(joined_s) + 1)
+    its_kind, its_slot, ahead = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
+    along, across, bands, found = np.empty(most), np.empty(most), np.empty((most, 3)), 0
+    for row, slot in enumerate(slots):
+        if not event_s[row] > seen[slot, 0]:
+            continue
+        _hear(before, seen, track, slot, event_s[row], told, row)
+        _set_around(around, track, slot)
+        before_s, seen_s = before[slot, 0], seen[slot, 0]
+        is_joined = before_s > long_ago_s and before_s >= seen_s - joined_s
+        for made in range(kept if is_joined else 0):
+            first = max(int(before_s - made_s[slot, made]) - 1, 0)
+            for second in range(first, min(int(seen_s - made_s[slot, made]) + 1, horizons)):
+                moment_s = made_s[slot, made] + (second + 1.0)
+                if not before_s < moment_s <= seen_s:
+                    continue
+                x, y = foretold[slot, made, second, 0], foretold[slot, made, second, 1]
+                yaw, floor = foretold[slot, made, second, 2], foretold[slot, made, second, 3]
+                was_x, was_y, _, was_floor = _joined(before, seen, slot, moment_s, long_ago_s, joined_s)
+                if floor != was_floor or floor < 0.0:
+                    continue
+                dx, dy, c, s = was_x - x, was_y - y, cos(yaw), sin(yaw)
+                its_kind[found], its_slot[found], ahead[found] = kind[slot, made], slot, second + 1
+                along[found], across[found] = c * dx + s * dy, c * dy - s * dx
+                for band in range(3):
+                    bands[found, band] = bands_m[slot, made, second, band]
+                found += 1
+        place = _keep(made_s, following, slot, event_s[row], spaced_s)
+        if place >= 0:
+            kind[slot, place] = kinds[row]
+            for second in range(horizons):
+                for part in range(4):
+                    foretold[slot, place, second, part] = told[row, second + 1, part]
+                for band in range(3):
+                    bands_m[slot, place, second, band] = of_kinds_m[kinds[row], second, band]
+    its_kind, its_slot, ahead = its_kind[:found].copy(), its_slot[:found].copy(), ahead[:found].copy()
+    return its_kind, its_slot, ahead, along[:found].copy(), across[:found].copy(), bands[:found].copy()
 
 
 @inner
