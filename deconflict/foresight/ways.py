@@ -316,28 +316,28 @@ def take(
 
 
 @inner
-def _set_way(way: Floats, track: Floats, slot: int, heard_s: float, now_s: float) -> float:
-    """Where a robot is, x_m, y_m and floor, at every whole second from now on, in `way`; the furthest that it goes in
+def _set_way(ways: Floats, track: Floats, slot: int, heard_s: float, now_s: float) -> float:
+    """Where a robot is, x_m, y_m and floor, at every whole second from now on, in `ways`; the furthest that it goes in
     one."""
     longest = 0.0
-    for second in range(len(way)):
+    for second in range(ways.shape[1]):
         whole, share = _part(track, slot, now_s + second - heard_s)
         x, y = track[slot, whole, 0], track[slot, whole, 1]
         x += share * (track[slot, whole + 1, 0] - x)
         y += share * (track[slot, whole + 1, 1] - y)
         if second:
-            dx, dy = x - way[second - 1, 0], y - way[second - 1, 1]
+            dx, dy = x - ways[slot, second - 1, 0], y - ways[slot, second - 1, 1]
             longest = max(longest, dx * dx + dy * dy)
-        way[second, 0], way[second, 1], way[second, 2] = x, y, track[slot, whole, 3]
+        ways[slot, second, 0], ways[slot, second, 1], ways[slot, second, 2] = x, y, track[slot, whole, 3]
     return float(np.sqrt(longest))
 
 
 @inner
-def _meet(one: Floats, other: Floats, within: float) -> bool:
+def _meet(ways: Floats, one: int, other: int, within: float) -> bool:
     """Whether two ways come so near at any of their seconds."""
-    for second in range(len(one)):
-        if one[second, 2] == other[second, 2] and one[second, 2] >= 0.0:
-            dx, dy = one[second, 0] - other[second, 0], one[second, 1] - other[second, 1]
+    for second in range(ways.shape[1]):
+        if ways[one, second, 2] == ways[other, second, 2] and ways[one, second, 2] >= 0.0:
+            dx, dy = ways[one, second, 0] - ways[other, second, 0], ways[one, second, 1] - ways[other, second, 1]
             if dx * dx + dy * dy <= within * within:
                 return True
     return False
@@ -391,11 +391,12 @@ def nearing(
         across *= 2
     side, after = 2 * widest, np.empty(len(told), np.int64)
     last = _cells(slots, around, side, across, after)
-    way, its_way = np.empty((seconds, 3)), np.empty((seconds, 3))
+    ways, near = np.empty((len(told), seconds, 3)), np.full(len(told), -1.0)
     for slot in slots:
         if not told[slot]:
             continue
-        near = reach[slot] + _set_way(way, track, slot, seen[slot, 0], now_s) / 2
+        if near[slot] < 0.0:
+            near[slot] = reach[slot] + _set_way(ways, track, slot, seen[slot, 0], now_s) / 2
         x, y = _cell(around, slot, side)
         for cell in range(9):
             other = last[(x + cell // 3 - 1) & (across - 1), (y + cell % 3 - 1) & (across - 1)]
@@ -407,8 +408,9 @@ def nearing(
                     continue
                 if abs(around[beside, 1] - around[slot, 1]) > box[slot, 1] + box[beside, 1]:
                     continue
-                its_near = reach[beside] + _set_way(its_way, track, beside, seen[beside, 0], now_s) / 2
-                if _meet(way, its_way, near + its_near):
+                if near[beside] < 0.0:
+                    near[beside] = reach[beside] + _set_way(ways, track, beside, seen[beside, 0], now_s) / 2
+                if _meet(ways, slot, beside, near[slot] + near[beside]):
                     if pairs == len(found):
                         found = np.concatenate((found, np.empty_like(found)))
                     found[pairs, 0], found[pairs, 1] = slot, beside
