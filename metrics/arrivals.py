@@ -28,11 +28,14 @@ class Arrivals:
         """Robots that have reported, and where they say that they go."""
         first, told = batch.forecasts.start[:-1], batch.destinations
         here = _spots(batch, *(getattr(batch.forecasts, name)[first] for name in ("floor", "x_m", "y_m")))
-        stops = list(zip(told.t_s.tolist(), _spots(batch, told.floor, told.x_m, told.y_m), strict=True))
-        for row, (begin, end) in enumerate(pairwise(told.start.tolist())):
-            now_s, ahead = float(batch.event_s[row]), [one for one in stops[begin:end] if one[1][0]]
-            for said in self._promises.heard(batch.robots[row], now_s, here[row], ahead):
-                self._come(batch.vendors[row], now_s, said)
+        known = np.flatnonzero(told.floor >= 0)
+        spots = _spots(batch, told.floor[known], told.x_m[known], told.y_m[known])
+        told_s = told.t_s[known].tolist()
+        spans = pairwise(np.searchsorted(known, told.start).tolist())
+        each = zip(batch.robots, batch.vendors, batch.event_s.tolist(), here, spans, strict=True)
+        for robot, vendor, now_s, at, (begin, end) in each:
+            for said in self._promises.heard(robot, now_s, at, spots[begin:end], told_s[begin:end]):
+                self._come(vendor, now_s, said)
         for robot in batch.gone:
             self._promises.forget(robot)
 

@@ -5,11 +5,12 @@ time told: what is late is late in proportion to how far it goes.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from deconflict.contention.promises import Promise, Promises, Spot, Stops
+from deconflict.contention.promises import Promise, Promises, Spot
 from deconflict.foresight.lateness import Lateness
 from deconflict.learned import Part, numbers
 from ingest.seam import Floats
@@ -46,18 +47,12 @@ class Arrivals:
         self._promises = Promises()
         self._ratios: dict[str, Ratios] = {}
 
-    def heard(self, robot: str, vendor: str, now_s: float, here: Spot, stops: Stops) -> None:
-        """A robot is at `here` and says when it will be where."""
-        for said in self._promises.heard(robot, now_s, here, stops):
+    def heard(
+        self, robot: str, vendor: str, now_s: float, here: Spot, spots: Sequence[Spot], told_s: Sequence[float]
+    ) -> None:
+        """A robot is at `here` and says when it will be at each of `spots`."""
+        for said in self._promises.heard(robot, now_s, here, spots, told_s):
             self._arrived(vendor, now_s, said)
-
-    def knows(self, robot: str, now_s: float, stops: Stops) -> bool:
-        """Whether a robot that has come to none of its destinations says nothing new, nor anything again."""
-        return self._promises.know(robot, now_s, stops)
-
-    def awaits(self, robot: str) -> bool:
-        """Whether it has said that it comes somewhere, and it is not known yet what became of that."""
-        return self._promises.open(robot)
 
     def forget(self, robot: str) -> None:
         self._promises.forget(robot)

@@ -9,13 +9,11 @@ import numpy as np
 from deconflict.contention.ahead import Ahead
 from deconflict.contention.arrivals import Quantiles, expected
 from deconflict.contention.geometry import Geometry
-from deconflict.contention.promises import ARRIVED_M, Stops
+from deconflict.contention.promises import ARRIVED_M, Spot
 from ingest.seam import Batch, Floats
 
 QUICKEST_MPS = 2.0
 """Nobody is expected to be anywhere sooner than at this speed in a straight line."""
-NEAR_M = ARRIVED_M + 0.1
-"""Spots are kept to the decimetre: a robot further away is at none of them."""
 UNTOLD: Quantiles = (0.0, 0.0, 0.0)
 
 
@@ -45,28 +43,26 @@ class Destinations:
         on_floor = np.maximum(told.floor, -1) == np.maximum(view.floor[self._robot, 0], -1)
         self._away_m = np.where(on_floor, np.hypot(told.x_m - from_x_m, told.y_m - from_y_m), 0.0)
         datums = batch.datums(told.floor)
-        self._spots = list(zip(datums, told.x_m.tolist(), told.y_m.tolist(), strict=True))
+        self.spots: list[Spot] = list(zip(datums, told.x_m.tolist(), told.y_m.tolist(), strict=True))
+        self.told_s: list[float] = told.t_s.tolist()
         self._resources = geometry.resources_at(datums, told.x_m, told.y_m)
         there = on_floor & (self._away_m <= ARRIVED_M)
         robots = zip(self._robot.tolist(), self._resources, strict=True)
         there |= np.fromiter((place is not None and place == here[row] for row, place in robots), bool, len(there))
         start = told.start.tolist()
         self.spans = list(pairwise(start))
-        """(n) of the robots' rows of `told`."""
-        self.told: Stops = list(zip(told.t_s.tolist(), self._spots, strict=True))
+        """(n) of the robots' rows of `spots` and `told_s`."""
         self.first = start[:-1]
         """(n) the first that each robot is not at already."""
         for row, robot in zip(np.flatnonzero(there).tolist(), self._robot[there].tolist(), strict=True):
             self.first[robot] += self.first[robot] == row
-        self.near = np.bincount(self._robot[on_floor & (self._away_m <= NEAR_M)], minlength=n).astype(bool).tolist()
-        """(n) whether a robot may have come to one of them."""
 
     def stops(self, rates: Sequence[Quantiles]) -> list[Stop]:
         """All of them, each no sooner than its robot can be there; `rates` (n) are of the robots' vendors."""
-        if not self.told:
+        if not self.spots:
             return []
         expected_s, spread_s = expected(np.array(rates)[self._robot], self._now_s, self._t_s)
         soonest_s = self._now_s + self._away_m / QUICKEST_MPS
         times = (np.maximum(expected_s, soonest_s).tolist(), spread_s.tolist())
-        each = zip(*times, self._spots, self._resources, strict=True)
+        each = zip(*times, self.spots, self._resources, strict=True)
         return [Stop(t_s, spread_s, *spot, resource) for t_s, spread_s, spot, resource in each]

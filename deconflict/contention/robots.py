@@ -159,10 +159,8 @@ class Robots:
     def _rate(self, one: Seen, now_s: float, destinations: Destinations, row: int) -> Quantiles:
         """Take in what a robot says of where it goes; what to make of that."""
         first, last = destinations.spans[row]
-        if first < last or self.arrivals.awaits(one.uuid):
-            told = destinations.told[first:last]
-            if destinations.near[row] or not self.arrivals.knows(one.uuid, now_s, told):
-                self.arrivals.heard(one.uuid, one.vendor, now_s, (one.datum, one.x_m, one.y_m), told)
+        here, told = (one.datum, one.x_m, one.y_m), (destinations.spots[first:last], destinations.told_s[first:last])
+        self.arrivals.heard(one.uuid, one.vendor, now_s, here, *told)
         return self.arrivals.quantiles(one.vendor) if destinations.first[row] < last else UNTOLD
 
 

@@ -5,15 +5,15 @@ import pytest
 
 from deconflict.contention import arrivals as arrivals_module
 from deconflict.contention.arrivals import MOST_RATIOS, Arrivals
-from deconflict.contention.promises import Spot
+from deconflict.contention.promises import Promises, Spot
 
 DOCK: Spot = ("hall", 10.0, 0.0)
 AWAY: Spot = ("hall", 0.0, 0.0)
 
 
 def trip(arrivals: Arrivals, robot: str, begins_s: float, takes_s: float, told_s: float) -> None:
-    arrivals.heard(robot, "Alder", begins_s, AWAY, [(begins_s + told_s, DOCK)])
-    arrivals.heard(robot, "Alder", begins_s + takes_s, DOCK, [(begins_s + told_s, DOCK)])
+    arrivals.heard(robot, "Alder", begins_s, AWAY, [DOCK], [begins_s + told_s])
+    arrivals.heard(robot, "Alder", begins_s + takes_s, DOCK, [DOCK], [begins_s + told_s])
 
 
 def expected(arrivals: Arrivals, vendor: str, now_s: float, told_s: float) -> tuple[float, float]:
@@ -46,16 +46,16 @@ def test_a_time_that_is_past_is_now() -> None:
 
 def test_a_plan_that_is_given_up_teaches_nothing() -> None:
     arrivals = Arrivals()
-    arrivals.heard("r", "Alder", 0.0, AWAY, [(60.0, DOCK)])
-    arrivals.heard("r", "Alder", 10.0, AWAY, [(60.0, ("hall", 50.0, 0.0))])
-    arrivals.heard("r", "Alder", 300.0, DOCK, [])
+    arrivals.heard("r", "Alder", 0.0, AWAY, [DOCK], [60.0])
+    arrivals.heard("r", "Alder", 10.0, AWAY, [("hall", 50.0, 0.0)], [60.0])
+    arrivals.heard("r", "Alder", 300.0, DOCK, [], [])
     assert arrivals.seen().get("Alder", 0) == 0
 
 
 def test_a_robot_that_stands_at_its_destination_teaches_nothing() -> None:
     arrivals = Arrivals()
     for t in range(100):
-        arrivals.heard("r", "Alder", float(t), DOCK, [(500.0, DOCK)])
+        arrivals.heard("r", "Alder", float(t), DOCK, [DOCK], [500.0])
     assert arrivals.seen().get("Alder", 0) == 0
 
 
@@ -78,6 +78,21 @@ def test_what_was_learned_goes_on_after_a_restart() -> None:
 def test_a_word_that_is_repeated_is_kept_every_half_minute_and_held_against_the_arrival() -> None:
     arrivals = Arrivals()
     for t in range(101):
-        arrivals.heard("r", "Alder", float(t), DOCK if t == 100 else AWAY, [(110.0, DOCK)])
+        arrivals.heard("r", "Alder", float(t), DOCK if t == 100 else AWAY, [DOCK], [110.0])
     assert arrivals.seen() == {"Alder": 4}
-    assert not arrivals.awaits("r")
+
+
+def test_where_a_robot_comes_and_whence_it_sets_out_again_is_seen_as_if_it_said_something_new_each_time() -> None:
+    rng, spots = np.random.default_rng(1), [DOCK, ("hall", 10.0, 2.04), ("yard", 10.0, 0.0)]
+    again, anew, came = Promises(), Promises(), 0
+    for _ in range(20):
+        way_m = np.array([9.0, 0.0]) + np.cumsum(rng.normal(scale=0.2, size=(400, 2)), axis=0)
+        for t, (x_m, y_m) in enumerate(way_m.tolist()):
+            now, told_s = ("r", float(t), ("hall", x_m, y_m)), [t + 40.0, t + 60.0, t + 90.0]
+            turn = 1 - t % 2 * 2
+            expected = anew.heard(*now, spots[::turn], told_s[::turn])
+            assert sorted(again.heard(*now, spots, told_s)) == sorted(expected)
+            came += len(expected)
+        again.forget("r")
+        anew.forget("r")
+    assert came > 50

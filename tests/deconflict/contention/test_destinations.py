@@ -26,7 +26,6 @@ def test_what_a_robot_is_at_already_is_not_ahead_of_it() -> None:
     destinations = told((0, 0), (5, 0.6, 0), (60, 40, 0), (90, 9, 0))
     assert destinations.spans == [(0, 3), (3, 3)]
     assert destinations.first == [1, 3]
-    assert destinations.near == [True, False]
 
 
 def test_nor_is_the_resource_that_it_has_however_far_from_its_middle() -> None:
