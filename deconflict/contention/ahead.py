@@ -1,7 +1,7 @@
 """Where robots will be in the next ten seconds, at even steps: many forecasts looked up at once."""
 
 from dataclasses import dataclass
-from math import atan2, cos, isfinite, sin
+from math import atan2, cos, hypot, isfinite, sin
 
 import numba
 import numpy as np
@@ -28,8 +28,20 @@ class Ahead:
     floor: Ints
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Ways:
+    """Of n robots, on the floor that each is on now."""
+
+    lines_m: Floats
+    """(n, STEPS + 1, 2) where their envelopes' centres will be, as far as that is known."""
+    boxes_m: Floats
+    """(n, 4) west, south, east and north of that."""
+    way_m: Floats
+    """(n,) how far each gets, whether that is known or not."""
+
+
 def corners(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m: Floats) -> Floats:
-    """(..., 4, 2) of envelopes at poses (...), whose sizes are of a shape that goes with that."""
+    """(n, 4, 2) of envelopes at poses, each of (n,)."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     along = np.stack([c, s], axis=-1) * length_m[..., None] / 2
     across = np.stack([-s, c], axis=-1) * width_m[..., None] / 2
@@ -92,3 +104,33 @@ def ahead(forecasts: Forecasts, now_s: Floats) -> Ahead:
     t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
     start, floor = ready(f.start, np.int64), ready(f.floor, np.int64)
     return Ahead(*_ahead(start, t_s, x_m, y_m, yaw_rad, floor, now_s, STEP_S, STEPS + 1))
+
+
+@kernel(
+    numba.types.Tuple((numba.float64[:, :, ::1], *[numba.float64[:, ::1]] * 2))(  # type: ignore[no-untyped-call]
+        numba.float64[:, ::1], numba.float64[:, ::1], numba.int64[:, ::1], _INTS
+    )
+)
+def _ways(x_m: Floats, y_m: Floats, floor: Ints, known: Ints) -> tuple[Floats, Floats, Floats]:
+    n, steps = x_m.shape
+    lines_m, boxes_m, legs_m = np.empty((n, steps, 2)), np.empty((n, 4)), np.zeros((n, steps - 1))
+    for row in range(n):
+        last = 0
+        lines_m[row, 0] = x_m[row, 0], y_m[row, 0]
+        west, south, east, north = x_m[row, 0], y_m[row, 0], x_m[row, 0], y_m[row, 0]
+        while last + 1 < steps and floor[row, last + 1] == floor[row, 0]:
+            x, y = x_m[row, last + 1], y_m[row, last + 1]
+            legs_m[row, last] = hypot(x - x_m[row, last], y - y_m[row, last])
+            last += 1
+            if last <= known[row]:
+                lines_m[row, last] = x, y
+                west, south, east, north = min(west, x), min(south, y), max(east, x), max(north, y)
+        lines_m[row, min(last, known[row]) + 1 :] = lines_m[row, min(last, known[row])]
+        boxes_m[row] = west, south, east, north
+    return lines_m, boxes_m, legs_m
+
+
+def ways_ahead(view: Ahead, known: Ints) -> Ways:
+    """The ways of robots whose future is known until step `known` (n,); each is held where its way ends."""
+    lines_m, boxes_m, legs_m = _ways(view.x_m, view.y_m, view.floor, known)
+    return Ways(lines_m, boxes_m, legs_m.sum(axis=1))

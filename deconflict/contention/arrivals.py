@@ -54,6 +54,10 @@ class Arrivals:
         for said in self._promises.heard(robot, now_s, here, spots, told_s):
             self._arrived(vendor, now_s, said)
 
+    def awaits(self, robot: str) -> bool:
+        """Whether it has said that it comes somewhere, and not since then that it goes nowhere."""
+        return robot in self._promises
+
     def forget(self, robot: str) -> None:
         self._promises.forget(robot)
 

@@ -8,15 +8,14 @@ import numpy as np
 import shapely
 
 from deconflict.advisory import Location
-from deconflict.contention.ahead import STEPS, Ahead, corners
+from deconflict.contention.ahead import STEPS, Ahead, Ways, corners
+from deconflict.contention.boxes import ROUNDING_M, grown, touching
 from deconflict.contention.resources import Place, Resource, Zone, outlines
 from deconflict.motion import Bools
 from ingest.seam import Floats, Ints
 
 CHANGEOVER_S = 4.0
 """From when a robot sets out from a resource, or is out of a lane, until the next one can be there."""
-ROUNDING_M = 1e-6
-"""What is nearer than this to being near is asked of the shapes themselves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,12 +66,18 @@ class Passage:
 class _Floor:
     """The outlines of one floor, and whose they are."""
 
-    def __init__(self, drawn: Sequence[tuple[str, Iterable[tuple[float, float]]]]) -> None:
+    def __init__(self, datum: str, drawn: Sequence[tuple[str, Iterable[tuple[float, float]]]]) -> None:
+        self.datum = datum
         self.ids = [place for place, _ in drawn]
         self.outlines = np.array([shapely.Polygon(outline) for _, outline in drawn])
         shapely.prepare(self.outlines)
         self.tree = shapely.STRtree(self.outlines)
         self._bounds_m = shapely.bounds(self.outlines)
+
+    def near(self, datums: Sequence[str], boxes_m: Floats) -> Ints:
+        """(k,) rows of what is on this floor, in boxes (n, 4) of which some touch those around outlines."""
+        touched = dict.fromkeys(touching(boxes_m, self._bounds_m)[:, 0].tolist())
+        return np.array([row for row in touched if datums[row] == self.datum], np.int64)
 
     def touched(self, index: Ints, view: Ahead, who: Ints, length_m: Floats, width_m: Floats) -> Bools:
         """(pairs, STEPS + 1) whether the envelopes of robots touch the outlines, all else of (pairs,).
@@ -140,29 +145,30 @@ class Geometry:
         found: list[str | None] = [None] * len(datums)
         if not self._resources:
             return found
-        points = shapely.points(x_m, y_m)
-        for datum, floor in self._resources.items():
-            rows = np.array([row for row, one in enumerate(datums) if one == datum], np.int64)
+        boxes_m = np.stack([x_m, y_m, x_m, y_m], axis=1)
+        for floor in self._resources:
+            rows = floor.near(datums, boxes_m)
             if len(rows):
-                inside = floor.tree.query(points[rows], predicate="intersects")
+                inside = floor.tree.query(shapely.points(x_m[rows], y_m[rows]), predicate="intersects")
                 for row, index in sorted(inside.T.tolist(), reverse=True):
                     found[rows[row]] = floor.ids[index]
         return found
 
     def passages(
-        self, datums: Sequence[str], view: Ahead, ways: Floats, length_m: Floats, width_m: Floats
+        self, datums: Sequence[str], view: Ahead, ways: Ways, length_m: Floats, width_m: Floats
     ) -> dict[int, dict[str, Passage]]:
-        """The zones that each envelope sweeps through while it stays on its floor: by row, by id of the zone.
-
-        `ways` (n, k, 2) are its centre's on it.
-        """
+        """The zones that each envelope sweeps through while it stays on its floor: by row, by id of the zone."""
         found: dict[int, dict[str, Passage]] = {}
-        for datum, floor in self._zones.items():
-            rows = np.array([row for row, one in enumerate(datums) if one == datum], np.int64)
+        if not self._zones:
+            return found
+        reach_m = np.hypot(length_m, width_m) / 2
+        boxes_m = grown(ways.boxes_m, reach_m)
+        for floor in self._zones:
+            rows = floor.near(datums, boxes_m)
             if not len(rows):
                 continue
-            reach_m = np.hypot(length_m[rows], width_m[rows]) / 2
-            near, index = floor.tree.query(shapely.linestrings(ways[rows]), predicate="dwithin", distance=reach_m)
+            lines = shapely.linestrings(ways.lines_m[rows])
+            near, index = floor.tree.query(lines, predicate="dwithin", distance=reach_m[rows])
             who = rows[near]
             inside = floor.touched(index, view, who, length_m[who], width_m[who])
             inside &= view.floor[who] == view.floor[who, :1]
@@ -202,9 +208,9 @@ def _location(datum: str, x_m: float, y_m: float) -> Location:
     return Location(datum=datum, x=round(x_m, 3), y=round(y_m, 3))
 
 
-def _floors(places: Iterable[Place]) -> dict[str, _Floor]:
+def _floors(places: Iterable[Place]) -> list[_Floor]:
     drawn: dict[str, list[tuple[str, Iterable[tuple[float, float]]]]] = {}
     for place in places:
         for datum, outline in outlines(place):
             drawn.setdefault(datum, []).append((place.id, outline))
-    return {datum: _Floor(one) for datum, one in drawn.items()}
+    return [_Floor(datum, one) for datum, one in drawn.items()]

@@ -9,16 +9,21 @@ from dataclasses import dataclass
 from math import hypot, inf
 from typing import NamedTuple
 
+import numpy as np
 import shapely
 
+from deconflict.contention.boxes import grown, touching
 from deconflict.contention.deadlocks import Node, Want
 from deconflict.contention.robots import Seen, outlines, ways
+from ingest.seam import Floats
 
 WAY_M = 1.0
 """A robot that stands with less than this left to what is in its way waits for it."""
 AT = "at "
 """Prefix of the name of a place that nobody drew: where a robot stands."""
 PATH = "path"
+LEAST_M = 0.05
+"""What touches another one's way by less than this is not in it; nor is a way narrower than that on either side."""
 
 
 class Leg(NamedTuple):
@@ -67,11 +72,15 @@ def _legs(one: Seen, stood_on: Mapping[Node, Seen], now_s: float) -> Iterable[Le
 def _stood_on(robots: Sequence[Seen], standing: Sequence[Seen]) -> dict[Node, Seen]:
     """By leg, the robot that now stands where the leg ends, outside of every resource."""
     standing = sorted((one for one in standing if one.here is None), key=lambda one: one.uuid)
-    if not standing:
-        return {}
     ends = [(one, number, stop) for one in robots for number, stop in enumerate(one.stops) if not stop.resource]
-    if not ends:
+    if not standing or not ends:
         return {}
+    near = touching(np.array([(stop.x_m, stop.y_m) * 2 for _, _, stop in ends]), _around(standing)).tolist()
+    near = [(row, index) for row, index in near if ends[row][0] is not standing[index]]
+    if not near:
+        return {}
+    standing = [standing[index] for index in sorted({index for _, index in near})]
+    ends = [ends[row] for row in dict(near)]
     points = shapely.points([stop.x_m for _, _, stop in ends], [stop.y_m for _, _, stop in ends])
     found: dict[Node, Seen] = {}
     for row, index in sorted(shapely.STRtree(outlines(standing)).query(points, "intersects").T.tolist()):
@@ -79,6 +88,12 @@ def _stood_on(robots: Sequence[Seen], standing: Sequence[Seen]) -> dict[Node, Se
         if one is not other and stop.datum == other.datum:
             found.setdefault((one.uuid, number), other)
     return found
+
+
+def _around(robots: Sequence[Seen]) -> Floats:
+    """(n, 4) boxes around the envelopes of one or more robots, however they are turned."""
+    x_m, y_m, length_m, width_m = np.array([(one.x_m, one.y_m, one.length_m, one.width_m) for one in robots]).T
+    return grown(np.stack([x_m, y_m, x_m, y_m], axis=1), np.hypot(length_m, width_m) / 2)
 
 
 def place_wants(every: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]:
@@ -129,8 +144,15 @@ def hindrances(robots: Iterable[Seen], standing: Sequence[Seen], now_s: float) -
     going = [one for one in robots if one.datum in floors and (one.goes or one.way_left is not None)]
     if not going:
         return []
+    boxes_m = grown(np.array([one.box_m for one in going]), np.array([one.width_m for one in going]) / 2 + LEAST_M)
+    near = touching(boxes_m, _around(standing)).tolist()
+    near = [(row, at) for row, at in near if going[row] is not standing[at] and going[row].datum == standing[at].datum]
+    if not near:
+        return []
+    going = [going[row] for row in dict(near)]
+    standing = [standing[index] for index in {index for _, index in near}]
     all_ways = ways(going)
-    reach = [max(one.width_m / 2 - 0.05, 0.05) for one in going]
+    reach = [max(one.width_m / 2 - LEAST_M, LEAST_M) for one in going]
     pairs = shapely.STRtree(outlines(standing)).query(all_ways, predicate="dwithin", distance=reach).T.tolist()
     met = [(all_ways[row], going[row], standing[column]) for row, column in pairs]
     met = [(way, one, other) for way, one, other in met if one is not other and one.datum == other.datum]

@@ -85,6 +85,10 @@ class Promises:
             self._open.pop(robot, None)
         return kept
 
+    def __contains__(self, robot: str) -> bool:
+        """Whether it named destinations when it was heard last, or some of before are still promised."""
+        return robot in self._open
+
     def forget(self, robot: str) -> None:
         self._open.pop(robot, None)
 

@@ -7,13 +7,13 @@ import numpy as np
 import shapely
 from shapely.ops import substring
 
-from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead, corners
+from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead, corners, ways_ahead
 from deconflict.contention.arrivals import Arrivals, Quantiles
 from deconflict.contention.destinations import UNTOLD, Destinations, Stop
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.promises import Spot, near
 from deconflict.gathering import Gathered
-from ingest.seam import Basis, Batch, Floats, Ints
+from ingest.seam import Basis, Floats
 
 STANDS_M = 0.1
 """A robot that has moved no further than this stands."""
@@ -21,8 +21,8 @@ STANDS_S = 3.0
 """For so long, if it is forecast to move."""
 WAY_M = 0.5
 """A way with less than this left is gone."""
-STRAIGHT_S = 3.0
-"""A robot that tells no path is taken to go straight on for so long; nobody knows its way beyond."""
+STRAIGHT = int(3.0 / STEP_S)
+"""A robot that tells no path is taken to go straight on for so many steps; nobody knows its way beyond."""
 RESTING = frozenset(("idle", "charging", "disabled", "offline"))
 """States of robots that want to go nowhere now."""
 
@@ -37,8 +37,8 @@ class Shapes:
     """(n, STEPS + 1, 2) of their envelopes' centres, as far as they are known and stay on their floor."""
 
 
-Said = tuple[str, str, str, float, str, float, float, float, float, float, bool]
-"""What `Seen` tells of a robot from its vendor on to whether it goes, in that order."""
+Said = tuple[str, str, str, float, Spot, float, float, float, bool, list[float]]
+"""What `Seen` tells of a robot from its vendor on to the box around its way, in that order."""
 
 
 @dataclass(slots=True, eq=False)
@@ -53,16 +53,16 @@ class Seen:
     name: str = ""
     state: str = ""
     event_s: float = 0.0
-    datum: str = ""
-    """"" where it is compared with nothing."""
-    x_m: float = 0.0
-    y_m: float = 0.0
+    spot: Spot = ("", 0.0, 0.0)
+    """Where it is; on "" where it is compared with nothing."""
     length_m: float = 0.0
     width_m: float = 0.0
     way_m: float = 0.0
     """How far it gets in the next ten seconds."""
     goes: bool = False
     """Whether it is forecast to move."""
+    box_m: Sequence[float] = ()
+    """West, south, east and north of its way, or of the last one that it was on."""
     stands: bool = True
     """Whether it is at rest, whatever it says: it has not moved for a while, or is not to."""
     stood_s: float = 0.0
@@ -80,30 +80,43 @@ class Seen:
     """By zone."""
 
     @property
+    def datum(self) -> str:
+        return self.spot[0]
+
+    @property
+    def x_m(self) -> float:
+        return self.spot[1]
+
+    @property
+    def y_m(self) -> float:
+        return self.spot[2]
+
+    @property
     def speed_mps(self) -> float:
         """Along its way; walking pace where it is not forecast to move."""
         return max(self.way_m / (STEPS * STEP_S), 0.2) if self.goes else 1.0
 
     def hear(self, said: Said, shapes: Shapes, row: int) -> None:
         """Take in what it says now."""
-        went, ways, at = self.goes, self.shapes.ways, self.row
+        went, ways, at, was_at = self.goes, self.shapes.ways, self.row, self.spot
         self.shapes, self.row = shapes, row
         (
             self.vendor,
             self.name,
             self.state,
             self.event_s,
-            self.datum,
-            self.x_m,
-            self.y_m,
+            self.spot,
             self.length_m,
             self.width_m,
             self.way_m,
             self.goes,
+            box_m,
         ) = said
+        if self.goes:
+            self.box_m = box_m
         if self.goes or self.state in RESTING:
             self.way_left = None
-        elif went or self.way_left is not None:
+        elif went or (self.way_left is not None and was_at != self.spot):
             self.way_left = _rest_of(shapely.linestrings(ways[at]) if went else self.way_left, self)
 
 
@@ -127,15 +140,16 @@ class Robots:
         if not len(batch):
             return []
         view, sizes = ahead(batch.forecasts, now_s), batch.forecasts
-        shapes, way_m = _shapes(batch, view)
-        goes = (batch.basis != Basis.STATIONARY) & (way_m > WAY_M)
+        ways = ways_ahead(view, np.where(batch.basis == Basis.VELOCITY, STRAIGHT, STEPS))
+        shapes = Shapes(view.yaw_rad[:, 0].copy(), ways.lines_m)
+        goes = (batch.basis != Basis.STATIONARY) & (ways.way_m > WAY_M)
         datums = batch.datums(view.floor[:, 0])
         here = self._geometry.resources_at(datums, view.x_m[:, 0], view.y_m[:, 0])
-        ends = self._geometry.resources_at(datums, view.x_m[:, -1], view.y_m[:, -1])
-        passages = self._geometry.passages(datums, view, shapes.ways, sizes.length_m, sizes.width_m)
+        passages = self._geometry.passages(datums, view, ways, sizes.length_m, sizes.width_m)
         destinations = Destinations(batch, view, now_s, here, self._geometry)
-        numbers = (view.x_m[:, 0], view.y_m[:, 0], sizes.length_m, sizes.width_m, way_m, goes)
-        words = (batch.vendors, batch.names, batch.states, batch.event_s.tolist(), datums)
+        spots = zip(datums, view.x_m[:, 0].tolist(), view.y_m[:, 0].tolist(), strict=True)
+        numbers = (sizes.length_m, sizes.width_m, ways.way_m, goes, ways.boxes_m)
+        words = (batch.vendors, batch.names, batch.states, batch.event_s.tolist(), spots)
         said = zip(*words, *(column.tolist() for column in numbers), strict=True)
         robots, rates = list[Seen](), list[Quantiles]()
         left = list[tuple[str, float]]()
@@ -149,24 +163,32 @@ class Robots:
             robots.append(one)
             rates.append(self._rate(one, at_s, destinations, row))
         stops = destinations.stops(rates)
-        each = zip(robots, destinations.first, destinations.spans, ends, batch.basis.tolist(), strict=True)
-        for row, (one, first, (_, last), end, basis) in enumerate(each):
+        for one, first, (_, last) in zip(robots, destinations.first, destinations.spans, strict=True):
             one.stops = tuple(stops[first:last])
-            if end and not one.stops and basis != Basis.VELOCITY:
-                one.stops = _end_of_way(one, view, row, end)
+        if self._geometry.resources:
+            going = np.flatnonzero(goes & (batch.basis != Basis.VELOCITY))
+            self._follow([row for row in going.tolist() if not robots[row].stops], robots, datums, view)
         return left
+
+    def _follow(self, rows: list[int], robots: Sequence[Seen], datums: Sequence[str], view: Ahead) -> None:
+        """Where those go that tell no destination: to the resource that their way ends in."""
+        ends = self._geometry.resources_at([datums[row] for row in rows], view.x_m[rows, -1], view.y_m[rows, -1])
+        for row, end in zip(rows, ends, strict=True):
+            if end:
+                robots[row].stops = _end_of_way(robots[row], view, row, end)
 
     def _rate(self, one: Seen, now_s: float, destinations: Destinations, row: int) -> Quantiles:
         """Take in what a robot says of where it goes; what to make of that."""
         first, last = destinations.spans[row]
-        here, told = (one.datum, one.x_m, one.y_m), (destinations.spots[first:last], destinations.told_s[first:last])
-        self.arrivals.heard(one.uuid, one.vendor, now_s, here, *told)
+        if first < last or self.arrivals.awaits(one.uuid):
+            told = destinations.spots[first:last], destinations.told_s[first:last]
+            self.arrivals.heard(one.uuid, one.vendor, now_s, one.spot, *told)
         return self.arrivals.quantiles(one.vendor) if destinations.first[row] < last else UNTOLD
 
 
 def _placed(one: Seen, here: str | None, new: bool) -> list[tuple[str, float]]:
     """Set since when a robot stands where it is, and what it has; the resource that it has left, if any."""
-    spot = (one.datum, one.x_m, one.y_m)
+    spot = one.spot
     if new or not near(spot, one.stood_at, STANDS_M):
         one.stood_at, one.stood_s = spot, one.event_s
     one.stands = not one.goes or one.event_s - one.stood_s >= STANDS_S
@@ -175,17 +197,6 @@ def _placed(one: Seen, here: str | None, new: bool) -> list[tuple[str, float]]:
     left = [(one.here, one.event_s - one.came_s)] if one.here else []
     one.here, one.came_s = here, one.event_s
     return left
-
-
-def _shapes(batch: Batch, view: Ahead) -> tuple[Shapes, Floats]:
-    """And how long the ways are that robots are forecast to go on their floor."""
-    stays = view.floor == view.floor[:, :1]
-    last = np.where(stays.all(axis=1), stays.shape[1] - 1, np.argmin(stays, axis=1) - 1)
-    x_m, y_m = _up_to(last, view.x_m, view.y_m)
-    way_m = np.hypot(np.diff(x_m, axis=1), np.diff(y_m, axis=1)).sum(axis=1)
-    known = np.where(batch.basis == Basis.VELOCITY, int(STRAIGHT_S / STEP_S), stays.shape[1] - 1)
-    ways = np.stack(_up_to(known, x_m, y_m), axis=-1)
-    return Shapes(view.yaw_rad[:, 0].copy(), ways), way_m
 
 
 def outlines(robots: Sequence[Seen]) -> list[shapely.Polygon]:
@@ -202,18 +213,9 @@ def ways(robots: Sequence[Seen]) -> list[shapely.LineString]:
     return [next(lines) if one.goes else one.way_left for one in robots]
 
 
-def _up_to(last: Ints, *columns: Floats) -> list[Floats]:
-    """(n, m) columns of which each row stays as it is in its column `last` (n,) from there on."""
-    steps = columns[0].shape[1]
-    if (last >= steps - 1).all():
-        return list(columns)
-    kept = np.minimum(np.arange(steps), last[:, None])
-    return [np.take_along_axis(column, kept, 1) for column in columns]
-
-
-def _end_of_way(one: Seen, view: Ahead, row: int, resource: str | None) -> tuple[Stop, ...]:
-    """Where a robot tells no destination, the resource that its way ends in."""
-    if resource is None or resource == one.here or not one.goes or view.floor[row, -1] != view.floor[row, 0]:
+def _end_of_way(one: Seen, view: Ahead, row: int, resource: str) -> tuple[Stop, ...]:
+    """As if that were its destination, unless it has it, or is on another floor by then."""
+    if resource == one.here or view.floor[row, -1] != view.floor[row, 0]:
         return ()
     x_m, y_m = float(view.x_m[row, -1]), float(view.y_m[row, -1])
     short_m = np.hypot(view.x_m[row] - x_m, view.y_m[row] - y_m)

@@ -5,7 +5,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from deconflict.contention.ahead import Ahead, ahead
+from deconflict.contention.ahead import STEPS, Ahead, ahead, ways_ahead
 from deconflict.contention.geometry import Geometry, Passage
 from ingest.seam import Forecasts
 from tests.deconflict.contention.scenes import aisle, box, resource
@@ -35,7 +35,7 @@ def forecast(*knots: tuple[float, float, float, int], yaw_rad: float = 0.0) -> F
 
 def passage(of: Forecasts, geometry: Geometry) -> Passage | None:
     view = ahead(of, np.array([NOW_S]))
-    ways = np.stack([view.x_m, view.y_m], axis=-1)
+    ways = ways_ahead(view, np.full(1, STEPS))
     return geometry.passages([HALL], view, ways, of.length_m, of.width_m).get(0, {}).get("lane")
 
 
@@ -79,3 +79,19 @@ def test_a_lift_is_one_resource_on_all_its_floors() -> None:
 def test_where_outlines_overlap_the_first_in_the_site_file_counts() -> None:
     both = Geometry([resource("b", 0.5, 0), resource("a", 0, 0)], [])
     assert both.resources_at([HALL, HALL], np.array([0.4, -0.9]), np.zeros(2)) == ["b", "a"]
+
+
+def test_ways_are_held_where_a_robot_leaves_its_floor_or_its_future_is_unknown() -> None:
+    rng = np.random.default_rng(1)
+    x_m, y_m = rng.normal(size=(2, 200, STEPS + 1)).cumsum(axis=2)
+    floor, known = np.zeros_like(x_m, np.int64), rng.choice([6, STEPS], 200)
+    floor[50:, 9:], floor[100:, 12:], floor[150:, 1:] = 1, 0, 2
+    found = ways_ahead(Ahead(x_m, x_m, y_m, x_m, floor), known)
+    last = np.repeat([STEPS, 8, 8, 0], 50)
+    there = np.minimum(np.arange(STEPS + 1), last[:, None])
+    legs_m = np.hypot(*(np.diff(np.take_along_axis(one, there, 1), axis=1) for one in (x_m, y_m)))
+    assert found.way_m == pytest.approx(legs_m.sum(axis=1))
+    there = np.minimum(there, known[:, None])
+    lines_m = np.stack([np.take_along_axis(one, there, 1) for one in (x_m, y_m)], axis=-1)
+    assert np.array_equal(found.lines_m, lines_m)
+    assert np.array_equal(found.boxes_m, np.concatenate([lines_m.min(axis=1), lines_m.max(axis=1)], axis=1))
