@@ -98,6 +98,12 @@ def _placed(x: float, y: float, yaw_rad: float, table: Floats) -> tuple[float, f
     return to_x, to_y, atan2(c * along + d * across, a * along + b * across)
 
 
+@kernel(types.UniTuple(_NUMBER, 3)(_NUMBER, _NUMBER, _NUMBER, _ROWS))  # type: ignore[no-untyped-call]
+def placed(x: float, y: float, yaw_rad: float, table: Floats) -> tuple[float, float, float]:
+    """As `_placed`."""
+    return _placed(x, y, yaw_rad, table)
+
+
 @inner
 def _put(knots: Floats, row: int, t_s: float, x: float, y: float, yaw_rad: float, dx: float, dy: float) -> None:
     """A knot of the envelope's centre, which lies `dx` before the location and `dy` to its left."""

@@ -21,11 +21,13 @@ points: Callable[[bytes], Points | None] | None = None
 """`ingest.plain.points`"""
 follow: "Callable[[Path, Sighting, View], tuple[Floats, int] | None] | None" = None
 """`ingest.following.follow`"""
+placed: "Callable[[float, float, float, Floats], tuple[float, float, float]] | None" = None
+"""`ingest.following.placed`"""
 
 
 def load() -> None:
     """Read by compiled code from now on. What is not on disk yet is compiled, which takes some seconds."""
-    global status, points, follow
+    global status, points, follow, placed
     from ingest import following, plain  # noqa: PLC0415 - brings numba
 
-    status, points, follow = plain.status, plain.points, following.follow
+    status, points, follow, placed = plain.status, plain.points, following.follow, following.placed

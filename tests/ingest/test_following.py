@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from ingest import quick
-from ingest.following import follow
+from ingest.following import follow, placed
 from ingest.forecast import Body, Forecast, Sighting, View, forecast
 from ingest.frames import Frame
 from ingest.messages import Status, read
@@ -69,6 +69,15 @@ def shown(one: Forecast) -> str:
 @pytest.fixture(autouse=True)
 def _loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(quick, "follow", follow)
+    monkeypatch.setattr(quick, "placed", None)
+
+
+def test_a_pose_is_placed_as_it_is_without() -> None:
+    random = Random(6)
+    for transform in filter(None, MAPS):
+        for _ in range(2000):
+            pose = random.uniform(-20, 60), random.uniform(-20, 60), random.choice((nan, random.uniform(-pi, pi)))
+            assert repr(placed(*pose, transform.table)) == repr(transform.pose(*pose))
 
 
 def test_a_path_is_followed_as_it_is_knot_by_knot() -> None:

@@ -85,6 +85,7 @@ def agrees(raw: bytes) -> bool:
 def _not_quickened(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(quick, "points", None)
     monkeypatch.setattr(quick, "status", None)
+    monkeypatch.setattr(quick, "placed", None)
 
 
 def made_status(random: Random) -> bytes:
