@@ -4,7 +4,7 @@ Pure: `receive` takes a message and when it arrived, `cut` takes the time of a t
 order give the same batches, whether they come from sockets or from a recording.
 """
 
-from collections import Counter, OrderedDict
+from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Iterable
 from functools import partial
 from math import isfinite, isnan
@@ -48,7 +48,8 @@ class Fleet:
         self._changed: dict[str, Robot] = {}
         self._clock_changes, self._rates = changes.ClockChanges(), MessageRates()
         self._floors = Floors(frames)
-        self._speaking: dict[int, set[str]] = {}
+        self._speaking: defaultdict[int, set[str]] = defaultdict(set)
+        """Vendors of the robots heard over a connection that speaks for none, by its number."""
         self._of_vendor: Counter[str] = Counter()
         self._claims = Claims()
 
@@ -84,7 +85,7 @@ class Fleet:
         else:
             findings = self._report(robot, message, raw, arrival_s)
         if not connection.vendor:
-            self._speaking.setdefault(connection.id, set()).add(robot.vendor)
+            self._speaking[connection.id].add(robot.vendor)
         self._count(robot.vendor, message.findings + findings, robot)
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
         return None
@@ -228,12 +229,14 @@ class Fleet:
 
     def _other_owner(self, uuid: str, robot: Robot | None, speaker: str | None) -> str | None:
         """The vendor that the robot, if there is one of that UUID, is known to belong to where another speaks of it."""
+        if speaker is None:
+            return None
         owner = self.vendors.of_robot(uuid) or (robot.vendor if robot and robot.owned else None)
-        return owner if speaker not in (None, owner) else None
+        return owner if speaker != owner else None
 
     def _speaker(self, message: Identity | Status, connection: Connection) -> str | None:
         """The vendor that a message speaks for, where that is told."""
-        if connection.vendor or self.vendors.of_robot(message.uuid) or isinstance(message, Status):
+        if connection.vendor or isinstance(message, Status) or self.vendors.of_robot(message.uuid):
             return connection.vendor
         return self.vendors.of_manufacturer(message.manufacturer)
 
@@ -314,7 +317,7 @@ class Fleet:
         robot.seen, findings = watch.reconcile(before, sight)
         robot.forecast = forecast(status, robot.seen, view)
         robot.stops = stops(status, robot.seen, view)
-        lost = matches(status.error_codes, self.reading.lost_errors)
+        lost = status.error_codes and matches(status.error_codes, self.reading.lost_errors)
         robot.doubt_m = self.reading.lost_doubt_m if lost else 0.0
         self._changed[robot.uuid] = robot
         unknown = () if frame.known else ("datum-unknown",)

@@ -92,9 +92,14 @@ def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
 def path(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, findings: Findings) -> Path:
     """The path in the order sent, whatever its times; `ingest/forecast.py` gives new ones where they can't be used."""
     read = _read(points, findings)
-    if read is NO_PATH or points is None:
-        return NO_PATH
-    if len(points) > MOST_POINTS:
+    return read if points is None else checked_path(read, len(points), stamp_s, findings)
+
+
+def checked_path(read: Path, sent: int, stamp_s: float, findings: Findings) -> Path:
+    """A path that was read, of so many points sent, once it is noted what is wrong with their number and times."""
+    if read is NO_PATH:
+        return read
+    if sent > MOST_POINTS:
         findings["path-too-many"] = None
     first_s, last_s = read.ends_s
     if not read.in_order:
@@ -128,9 +133,14 @@ def _past(last_s: float, stamp_s: float) -> str:
 def destinations(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, findings: Findings) -> Path:
     """The destinations in the order of their times."""
     read = _read(points, findings)
-    if read is NO_PATH or points is None:
-        return NO_PATH
-    if len(points) > MOST_POINTS:
+    return read if points is None else checked_destinations(read, len(points), stamp_s, findings)
+
+
+def checked_destinations(read: Path, sent: int, stamp_s: float, findings: Findings) -> Path:
+    """Destinations that were read, as `checked_path`, in the order of their times."""
+    if read is NO_PATH:
+        return read
+    if sent > MOST_POINTS:
         findings["destinations-too-many"] = None
     latest_s = read.ends_s[1] if read.in_order else max(read.times)
     if latest_s > stamp_s + DESTINATIONS_S + SLACK_S:

@@ -13,7 +13,7 @@ from ingest import paths, words
 from ingest.conformance import Findings
 from ingest.letters import HEAD_ROWS, MARKS, MOST, OF_DESTINATIONS, OF_PATH, read_points, read_status
 from ingest.messages import Status
-from ingest.paths import Path, Points
+from ingest.paths import NO_PATH, Path, Points
 from ingest.seam import Floats
 from ingest.stamps import worth_s
 
@@ -42,6 +42,9 @@ def status(raw: bytes, names_as_uuid: str | None, findings: Findings) -> Status 
     )
     if found:
         findings.update(dict.fromkeys(found))
+    destinations = _path(raw, rows, at[OF_DESTINATIONS:], ends_s[2:], findings)
+    destinations = paths.checked_destinations(destinations, len(destinations.datums), stamp_s, findings)
+    path = _path(raw, rows, at[OF_PATH:OF_DESTINATIONS], ends_s[:2], findings)
     return Status(
         uuid,
         stamp_s,
@@ -58,8 +61,8 @@ def status(raw: bytes, names_as_uuid: str | None, findings: Findings) -> Status 
         None if isnan(available_pct) else 100.0 - available_pct,
         None if isnan(battery_pct) else battery_pct,
         (),
-        paths.destinations(_points(raw, rows, at[OF_DESTINATIONS:], ends_s[2:]), stamp_s, findings),
-        paths.path(_points(raw, rows, at[OF_PATH:OF_DESTINATIONS], ends_s[:2]), stamp_s, findings),
+        destinations,
+        paths.checked_path(path, len(path.datums), stamp_s, findings),
         tuple(findings),
     )
 
@@ -68,20 +71,26 @@ def points(text: bytes) -> Points | None:
     """The points of a JSON array of predicted locations, at least one; None where they are left to others."""
     rows = np.empty((min(len(text) // 16, MOST), 4))
     count, told = read_points(text, rows)
-    return _points(text, rows, (0, count, *told), rows[: count or 1, 0].tolist())
+    if not count:
+        return None
+    findings: Findings = {}
+    path = _path(text, rows, (0, count, *told), (float(rows[0, 0]), float(rows[count - 1, 0])), findings)
+    return Points(path, tuple(findings))
 
 
-def _points(text: bytes, rows: Floats, at: Sequence[int], times: Sequence[float]) -> Points | None:
-    """The points between two rows, and what they tell; None where there are none."""
+def _path(text: bytes, rows: Floats, at: Sequence[int], ends_s: Sequence[float], findings: Findings) -> Path:
+    """The points between two rows."""
     begin, end, right, right_end, other, other_end, departs = at
     if begin == end:
-        return None
-    datum, findings = _said_of_points(
+        return NO_PATH
+    datum, found = _said_of_points(
         departs,
         text[right:right_end] if right >= 0 else None,
         text[other:other_end] if other >= 0 else None,
     )
-    return Points(Path(rows[begin:end], (datum,) * (end - begin), True, (times[0], times[-1])), findings)
+    if found:
+        findings.update(dict.fromkeys(found))
+    return Path(rows[begin:end], (datum,) * (end - begin), True, (ends_s[0], ends_s[1]))
 
 
 @lru_cache(_REMEMBERED)

@@ -35,8 +35,7 @@ UNREADABLE = (ValueError, KeyError, TypeError, RecursionError)
 _BROKEN = (OSError, EOFError, zstandard.ZstdError)
 
 
-@dataclass(frozen=True, slots=True)
-class Received:
+class Received(msgspec.Struct, frozen=True, gc=False):
     """A message as it came."""
 
     raw: bytes
@@ -46,8 +45,7 @@ class Received:
     """The rule that rejected it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Overtaken:
+class Overtaken(msgspec.Struct, frozen=True, gc=False):
     """A status that nobody read, because a newer one of its robot came first."""
 
     raw: bytes

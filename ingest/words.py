@@ -42,27 +42,36 @@ _RFC_4122 = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[1-8][0-9a-f]{3}-[89ab][0-9a-f]
 _UUID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}")
 _UUID_LETTERS, _REMEMBERED = 36, 1024
 """Datums that are known to be plain, or not: the same few come again and again."""
+_ROBOTS_REMEMBERED = 16_384
+"""UUIDs, as they are spelt, that are kept read: each comes once a second."""
 _HEX = re.compile(r"[0-9a-f]{32}")
 
 
 def robot_uuid(text: str, names_as_uuid: str | None, findings: Findings) -> str:
     """The UUID that `text` means, in lower case with dashes. A name becomes one of `names_as_uuid`, if given."""
-    if _RFC_4122.fullmatch(text):
-        return text
+    uuid, found = (_known_robot if len(text) <= MAX_WORD else _robot)(text, names_as_uuid)
+    if found:
+        findings.update(dict.fromkeys(found))
+    return uuid
+
+
+def _robot(text: str, names_as_uuid: str | None) -> tuple[str, tuple[str, ...]]:
+    """The UUID that `text` means, and the findings on it."""
     plain = _plain_uuid(text)
     if plain:
-        if text.lower() != plain:
-            findings["uuid-no-dashes"] = None
-        if text.lower() != text:
-            findings["uuid-upper-case"] = None
-        if not _RFC_4122.fullmatch(plain):
-            findings["uuid-not-rfc4122"] = None
-        return plain
+        found = {
+            "uuid-no-dashes": text.lower() != plain,
+            "uuid-upper-case": text.lower() != text,
+            "uuid-not-rfc4122": not _RFC_4122.fullmatch(plain),
+        }
+        return plain, tuple(rule for rule, is_so in found.items() if is_so)
     if names_as_uuid and text.strip():
-        findings["uuid-is-name"] = None
-        return str(uuid5(NAMED_ROBOTS, f"{names_as_uuid}/{text}"))
+        return str(uuid5(NAMED_ROBOTS, f"{names_as_uuid}/{text}")), ("uuid-is-name",)
     reason = f"{text[:60]!r} is no UUID; send one, or set names_as_uuid for this vendor in the site file"
     raise RejectedError("uuid-unreadable", reason)
+
+
+_known_robot = lru_cache(_ROBOTS_REMEMBERED)(_robot)
 
 
 def is_uuid(text: str) -> bool:
