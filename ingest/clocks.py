@@ -76,9 +76,10 @@ class SenderClock:
         if self._heard == WINDOW // 2:
             self._earlier_s, self._least_s, self._heard = self._least_s, inf, 0
         self._heard += 1
-        self._least_s = min(self._least_s, gap_s)
-        least_s = min(self._least_s, self._earlier_s)
-        self.offset_s = 0.0 if abs(least_s) <= self._tolerance_s else least_s
+        if gap_s < self._least_s:
+            self._least_s = gap_s
+            least_s = min(gap_s, self._earlier_s)
+            self.offset_s = 0.0 if abs(least_s) <= self._tolerance_s else least_s
 
     def _confirms(self, gap_s: float, stamp_s: float) -> bool:
         """Whether messages over a long enough time agree on a step; if so, what was known before is forgotten."""

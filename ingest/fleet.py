@@ -346,7 +346,7 @@ class Fleet:
         frame = self._frames.frame(self._vendor_of(status.uuid, connection), status.datum)
         if frame.projection is None:
             return True
-        ((x_m, y_m, _),) = frame.placed([(status.x, status.y, 0.0)])
+        x_m, y_m, _ = frame.pose(status.x, status.y, 0.0)
         return isfinite(x_m) and isfinite(y_m)
 
     def _forget(self, now_s: float) -> tuple[str, ...]:
@@ -398,7 +398,7 @@ def _who(identity: Identity) -> tuple[Any, ...]:
 
 def _sight(status: Status, frame: Frame, floor: int, event_s: float) -> Sighting:
     """Where the status puts the robot, in the floor's frame; a turn keeps its sense in a left-handed map."""
-    ((x_m, y_m, yaw_rad),) = frame.placed([(status.x, status.y, status.yaw_rad)])
+    x_m, y_m, yaw_rad = frame.pose(status.x, status.y, status.yaw_rad)
     turn_radps = status.turn_rad_per_s or 0.0
     if turn_radps and frame.mirrored:
         turn_radps = -turn_radps

@@ -40,7 +40,8 @@ class Floors:
 
     def named(self, vendor: str, own: str, datum: str) -> Placed:
         """The same as its robot names it that is on the datum `own`; "" is that."""
-        return self.of(vendor, datum or own)
+        key = vendor, datum or own
+        return self._placed.get(key) or self._first(key)
 
     def _first(self, key: tuple[str, str]) -> Placed:
         vendor, datum = key

@@ -24,8 +24,8 @@ _SAME = np.empty((0, 12))
 Placed = tuple[float, float, float, float, float, float]
 
 
-def follow(path: Path, here: Sighting, view: View) -> tuple[Floats, int] | None:
-    """Knots (k, 4) of the envelope's centre from `here` along the path and the floor of all but the first, or None."""
+def follow(path: Path, here: Sighting, view: View) -> tuple[Floats, tuple[int, ...]] | None:
+    """Knots (k, 4) of the envelope's centre from `here` along the path, and the floor of each, or None."""
     frame, floor = view.frame_of(path.datums[0])
     points, reading, body = path.poses, view.reading, view.body
     if frame.projection is not None or isinstance(points, tuple):
@@ -46,7 +46,10 @@ def follow(path: Path, here: Sighting, view: View) -> tuple[Floats, int] | None:
         frame.transform.table if frame.transform else _SAME,
         knots,
     )
-    return (knots[:count], floor) if count else None
+    if not count:
+        return None
+    floors = (floor,) * count if here.floor == floor else (here.floor, *(floor,) * (count - 1))
+    return knots[:count], floors
 
 
 @inner

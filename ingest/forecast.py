@@ -141,16 +141,10 @@ def _followed(status: Status, here: Sighting, view: View) -> Forecast | None:
     """By the path, in compiled code where it is loaded and the case is plain."""
     if quick.follow is None or status.state != "navigating" or not status.path.datums:
         return None
-    if matches(status.error_codes, view.reading.blocking_errors):
+    if status.error_codes and matches(status.error_codes, view.reading.blocking_errors):
         return None
     followed = quick.follow(status.path, here, view)
-    if followed is None:
-        return None
-    knots, floor = followed
-    floors = (floor,) * len(knots)
-    if here.floor != floor:
-        floors = (here.floor, *floors[1:])
-    return Forecast(Basis.PATH, knots, floors, *_size(view.body, status.z))
+    return Forecast(Basis.PATH, *followed, *_size(view.body, status.z)) if followed else None
 
 
 def _motion(status: Status, here: Sighting, view: View, findings: list[str]) -> tuple[Basis, Along]:
@@ -228,14 +222,16 @@ def _by_path(path: Path, here: Sighting, view: View, findings: list[str]) -> Alo
     return _headed(knots[:possible]), all_floors[:possible]
 
 
-def _on_floors(path: Path, here: Sighting, view: View) -> Iterable[tuple[int, Sequence[Knot]]]:
+def _on_floors(path: Path, here: Sighting, view: View) -> list[tuple[int, Sequence[Knot]]]:
     """The points in the order sent, those next to each other on one floor together in its frame.
 
     Points that have no place there, such as degrees that no latitude has, are left out.
     """
+    on_floors: list[tuple[int, Sequence[Knot]]] = []
     for datum, poses in _by_datum(path) if path.datums else ():
         frame, floor = view.frame_of(datum)
-        yield floor, _placed(poses, frame, here.clock_offset_s)
+        on_floors.append((floor, _placed(poses, frame, here.clock_offset_s)))
+    return on_floors
 
 
 def _by_datum(path: Path) -> Iterable[tuple[str, Sequence[Knot]]]:
@@ -248,7 +244,9 @@ def _by_datum(path: Path) -> Iterable[tuple[str, Sequence[Knot]]]:
 
 
 def _placed(poses: Sequence[Knot], frame: Frame, clock_offset_s: float) -> Sequence[Knot]:
-    if not frame.is_floor:
+    if frame.transform is not None:
+        return [(t_s + clock_offset_s, *frame.transform.pose(x, y, yaw_rad)) for t_s, x, y, yaw_rad in poses]
+    if frame.projection is not None:
         placed = zip(poses, frame.placed([pose[1:] for pose in poses]), strict=True)
         return [(pose[0] + clock_offset_s, x, y, yaw) for pose, (x, y, yaw) in placed if isfinite(x) and isfinite(y)]
     if not clock_offset_s:

@@ -32,11 +32,6 @@ class Frame:
     transform: Transform | None = None
 
     @property
-    def is_floor(self) -> bool:
-        """Whether the frame is that of the floor itself, in metres."""
-        return self.transform is None and self.projection is None
-
-    @property
     def mirrored(self) -> bool:
         """Whether a turn to the left there is one to the right on the floor."""
         return self.projection is not None or (self.transform is not None and self.transform.mirrored)
@@ -46,11 +41,17 @@ class Frame:
 
         An unknown yaw stays nan. Degrees that are nowhere on Earth become inf.
         """
+        if self.transform is None and self.projection is None:
+            return poses
+        return self.projection.poses(poses) if self.projection else [self.pose(*pose) for pose in poses]
+
+    def pose(self, x: float, y: float, yaw_rad: float) -> Pose:
+        """One of `placed`."""
         if self.transform is not None:
-            return [self.transform.pose(*pose) for pose in poses]
+            return self.transform.pose(x, y, yaw_rad)
         if self.projection is not None:
-            return self.projection.poses(poses)
-        return poses
+            return self.projection.poses([(x, y, yaw_rad)])[0]
+        return x, y, yaw_rad
 
 
 class Frames:

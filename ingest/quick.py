@@ -19,7 +19,7 @@ status: "Callable[[bytes, str | None, Findings], Status | None] | None" = None
 """`ingest.plain.status`"""
 points: Callable[[bytes], Points | None] | None = None
 """`ingest.plain.points`"""
-follow: "Callable[[Path, Sighting, View], tuple[Floats, int] | None] | None" = None
+follow: "Callable[[Path, Sighting, View], tuple[Floats, tuple[int, ...]] | None] | None" = None
 """`ingest.following.follow`"""
 placed: "Callable[[float, float, float, Floats], tuple[float, float, float]] | None" = None
 """`ingest.following.placed`"""

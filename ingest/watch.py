@@ -40,32 +40,34 @@ def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[s
 
 
 def _by_motion(before: Sighting | None, now: Sighting, findings: tuple[str, ...]) -> tuple[Sighting, tuple[str, ...]]:
-    if before is None or before.floor != now.floor or not 0.0 < now.t_s - before.t_s <= COMPARABLE_S:
+    if before is None or before.floor != now.floor:
         return now, findings
     gap_s = now.t_s - before.t_s
+    if not 0.0 < gap_s <= COMPARABLE_S:
+        return now, findings
     dx, dy = now.x_m - before.x_m, now.y_m - before.y_m
-    moved_m, travel_rad = hypot(dx, dy), atan2(dy, dx)
+    moved_m = hypot(dx, dy)
     if isnan(now.yaw_rad):
-        now = replace(now, yaw_rad=travel_rad if moved_m > MOVED_M else before.yaw_rad)
+        now = replace(now, yaw_rad=atan2(dy, dx) if moved_m > MOVED_M else before.yaw_rad)
     elif not isnan(before.yaw_rad):
-        turned = turn_between(before.yaw_rad, now.yaw_rad)
-        if abs(now.turn_radps * gap_s - turned) > SLOW_TURN_RAD + abs(now.turn_radps * gap_s) / 2:
+        turned, told = turn_between(before.yaw_rad, now.yaw_rad), now.turn_radps * gap_s
+        if abs(told - turned) > SLOW_TURN_RAD + abs(told) / 2:
             findings += ("turn-rate-contradicts-motion",) if now.turn_radps else ()
             now = replace(now, turn_radps=0.0)
     if now.linear_mps is None:
         along_m = dx * cos(now.yaw_rad) + dy * sin(now.yaw_rad) if not isnan(now.yaw_rad) else moved_m
         return replace(now, linear_mps=along_m / gap_s), findings
-    return _signed(now, moved_m, travel_rad, findings)
+    if moved_m <= MOVED_M or isnan(now.yaw_rad) or not now.linear_mps:
+        return now, findings
+    return _signed(now, now.linear_mps, atan2(dy, dx), findings)
 
 
 def _signed(
-    now: Sighting, moved_m: float, travel_rad: float, findings: tuple[str, ...]
+    now: Sighting, linear_mps: float, travel_rad: float, findings: tuple[str, ...]
 ) -> tuple[Sighting, tuple[str, ...]]:
-    if moved_m <= MOVED_M or isnan(now.yaw_rad) or not now.linear_mps:
-        return now, findings
     astray = abs(turn_between(now.yaw_rad, travel_rad))
-    if now.linear_mps > 0 and astray > 3 * pi / 4:
-        return replace(now, linear_mps=-now.linear_mps), (*findings, "speed-sign-lost")
+    if linear_mps > 0 and astray > 3 * pi / 4:
+        return replace(now, linear_mps=-linear_mps), (*findings, "speed-sign-lost")
     if pi / 4 < astray < 3 * pi / 4:
         return now, (*findings, "heading-contradicts-motion")
     return now, findings
