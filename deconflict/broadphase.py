@@ -10,8 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.motion import KNOT, Bools, Knots
-from deconflict.roster import ROBOT, Robots
+from deconflict.motion import KNOT, ROBOT, Bools, Knots, Robots
 from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 

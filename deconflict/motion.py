@@ -23,11 +23,24 @@ KNOT = np.dtype(
 )
 """Time, envelope centre and heading, rates a second until the next knot, and floor. Rates are 0 after the last."""
 
-_KNOT = numba.from_dtype(KNOT)
+Robots = NDArray[Any]
+"""Of `ROBOT`."""
+
+ROBOT = np.dtype(
+    [(name, np.float64) for name in ("half_length", "half_width", "radius", "bottom", "top", "appears")]
+    + [("first", np.int64), ("count", np.int64)],
+    align=True,
+)
+"""Half sides and circumscribed radius of the envelope, height range, time of the first knot, and which knots are its:
+`first` to `first + count - 1`."""
+
+_KNOT, _ROBOT = (numba.from_dtype(one) for one in (KNOT, ROBOT))
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 FARTHEST_M, LATEST_S, MOST_TURNED_RAD = 1e8, 1e11, 1e6
 """Numbers beyond these are no places, times or headings, and their differences would lose their digits."""
+SAME_S = 1e-6
+"""A knot so soon after a forecast is cut is left out for it."""
 
 
 @kernel(numba.boolean(_INTS, *[_FLOATS] * 8))
@@ -100,10 +113,11 @@ def _wrapped(yaw: float) -> float:
     return (yaw + pi) % (2 * pi) - pi
 
 
-@kernel(numba.void(_KNOT[::1], numba.int64[::1], _INTS, _FLOATS, _FLOATS, _FLOATS, _FLOATS, _INTS))
-def _set_knots(
+@inner
+def _write_knots(
     knots: Knots, first: Ints, start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, on_floor: Ints
 ) -> None:
+    """The knots of row i from `first[i]` on."""
     for row in range(len(first)):
         for k in range(start[row], start[row + 1]):
             knot = knots[first[row] + k - start[row]]
@@ -115,8 +129,77 @@ def _set_knots(
                 knot.turn = _wrapped(yaw_rad[k + 1] - yaw_rad[k]) / span
 
 
+@kernel(numba.void(_KNOT[::1], numba.int64[::1], _INTS, _FLOATS, _FLOATS, _FLOATS, _FLOATS, _INTS))
+def _set_knots(
+    knots: Knots, first: Ints, start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, on_floor: Ints
+) -> None:
+    _write_knots(knots, first, start, t_s, x_m, y_m, yaw_rad, on_floor)
+
+
 def set_knots(knots: Knots, first: Ints, forecasts: Forecasts) -> None:
     """Write the knots of valid forecasts into `knots`, those of row i from `first[i]` on."""
     f = forecasts
     t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
     _set_knots(knots, first, ready(f.start, np.int64), t_s, x_m, y_m, yaw_rad, ready(f.floor, np.int64))
+
+
+@kernel(
+    numba.types.Tuple((_ROBOT[::1], _KNOT[::1]))(  # type: ignore[no-untyped-call]
+        _ROBOT[::1], *[_FLOATS] * 4, _INTS, numba.int64[::1], numba.float64[::1], *[numba.float64] * 4
+    )
+)
+def delayed(
+    robots: Robots,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    floor: Ints,
+    rows: Ints,
+    hold_s: Floats,
+    leaves_s: float,
+    horizon_s: float,
+    short_s: float,
+    beyond_s: float,
+) -> tuple[Robots, Knots]:
+    """The robots of `rows` (n,), each held for `hold_s` (n,) at `leaves_s`, and their knots: where each is then and
+    when its hold ends, what it does later, and a last one in line with the two before it `beyond_s` after its horizon,
+    unless it ends sooner than `short_s` before that. A robot without knots stays so."""
+    held, begins, most = robots[rows], np.zeros(len(rows) + 1, np.int64), 0
+    for robot in held:
+        most += robot.count + 3
+    t, x, y, yaw, on_floor = np.empty(most), np.empty(most), np.empty(most), np.empty(most), np.empty(most, np.int64)
+    n = 0
+    for at in range(len(held)):
+        begins[at + 1] = begin = n
+        first, end, hold = held[at].first, held[at].first + held[at].count, hold_s[at]
+        if first == end:
+            continue
+        passed = np.searchsorted(t_s[first:end], leaves_s, "right")
+        knot, share, turn = first + max(passed - 1, 0), 0.0, 0.0
+        after = knot + 1
+        if passed and after < end and floor[after] == floor[knot]:
+            share = (leaves_s - t_s[knot]) / (t_s[after] - t_s[knot])
+            turn = _wrapped(yaw_rad[after] - yaw_rad[knot])
+        else:
+            after = knot
+        for _ in range(1 if hold == 0.0 else 2):
+            t[n], on_floor[n] = leaves_s + hold * (n - begin), floor[knot]
+            x[n], y[n] = x_m[knot] + share * (x_m[after] - x_m[knot]), y_m[knot] + share * (y_m[after] - y_m[knot])
+            yaw[n] = yaw_rad[knot] + share * turn
+            n += 1
+        for k in range(first, end):
+            if t_s[k] > leaves_s + SAME_S:
+                t[n], x[n], y[n], yaw[n], on_floor[n] = t_s[k] + hold, x_m[k], y_m[k], yaw_rad[k], floor[k]
+                n += 1
+        a, b, ends = n - 2, n - 1, leaves_s + horizon_s + hold
+        if a >= begin and ends - short_s <= t[b] < ends + beyond_s and on_floor[a] == on_floor[b]:
+            t[n], on_floor[n], yaw[n] = ends + beyond_s, on_floor[b], yaw[b]
+            share = (t[n] - t[b]) / (t[b] - t[a])
+            x[n], y[n] = x[b] + share * (x[b] - x[a]), y[b] + share * (y[b] - y[a])
+            n += 1
+        begins[at + 1] = n
+        held[at].first, held[at].count, held[at].appears = begin, n - begin, t[begin]
+    knots = np.empty(n, KNOT)
+    _write_knots(knots, begins[:-1], begins, t, x, y, yaw, on_floor)
+    return held, knots

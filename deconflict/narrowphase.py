@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.broadphase import BOX, PAIR, Pairs
-from deconflict.motion import KNOT, Knots
-from deconflict.roster import ROBOT, Robots
+from deconflict.motion import KNOT, ROBOT, Knots, Robots
 from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 

@@ -2,28 +2,16 @@
 
 from collections.abc import Iterable, Sequence
 from itertools import repeat
-from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.motion import KNOT, Knots, set_knots
+from deconflict.motion import KNOT, ROBOT, Knots, Robots, set_knots
 from ingest.compiled import kernel
 from ingest.seam import Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
-
-Robots = NDArray[Any]
-"""Of `ROBOT`."""
-
-ROBOT = np.dtype(
-    [(name, np.float64) for name in ("half_length", "half_width", "radius", "bottom", "top", "appears")]
-    + [("first", np.int64), ("count", np.int64)],
-    align=True,
-)
-"""Half sides and circumscribed radius of the envelope, height range, time of the first knot, and which knots are its:
-`first` to `first + count - 1`."""
 
 _ROBOT, _INTS = numba.from_dtype(ROBOT), numba.int64[::1]
 

@@ -10,11 +10,9 @@ import numpy as np
 
 from deconflict.broadphase import of_chosen
 from deconflict.exact import Decider
-from deconflict.motion import KNOT, Knots, faults, set_knots
+from deconflict.motion import Knots, Robots
 from deconflict.narrowphase import first_of_chosen, motions_of
-from deconflict.roster import Robots, robots_of
 from deconflict.sweeper import ROUNDS, TOLERANCE_M, Sweeper
-from ingest.compiled import ready
 from ingest.seam import Floats, Forecasts, Ints
 
 
@@ -71,16 +69,13 @@ def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, cleara
 
 
 def first_meetings(
-    forecasts: Forecasts, a: Ints, b: Ints, *, now_s: float, until_s: Floats, clearance_m: float
+    robots: Robots, knots: Knots, a: Ints, b: Ints, *, now_s: float, until_s: Floats, clearance_m: float
 ) -> tuple[Floats, Floats]:
-    """Of the pairs of rows `a` (p,) and `b` (p,) alone, when each first comes within the clearance by `until_s` (p,),
-    to a millimetre and never late, inf where it does not; and how far those that do are apart at `now_s`, (p,).
-
-    Robots that can't be swept meet nobody.
+    """Of the pairs of rows `a` (p,) and `b` (p,) of `robots` alone, when each first comes within the clearance by
+    `until_s` (p,), to a millimetre and never late, inf where it does not; and how far those that do are apart at
+    `now_s`, (p,). Robots without knots meet nobody.
     """
-    robots, knots = _laid_out(forecasts)
-    chosen, grow_m = (ready(a, np.int64), ready(b, np.int64)), clearance_m / 2 + TOLERANCE_M
-    boxes, pairs, pair_of = of_chosen(robots, knots, *chosen, now_s, until_s, grow_m)
+    boxes, pairs, pair_of = of_chosen(robots, knots, a, b, now_s, until_s, clearance_m / 2 + TOLERANCE_M)
     where = (boxes, robots, knots)
     contact_s, start_m, open_ = first_of_chosen(
         pairs, pair_of, *where, now_s, until_s, clearance_m, TOLERANCE_M, ROUNDS
@@ -90,16 +85,6 @@ def first_meetings(
         met = decider.first_contact(motions_of(one, *where, (now_s, until_s[pair])), float(open_[row]))
         contact_s[pair] = min(contact_s[pair], max(boxes["slab"][one["ring"][0], one["a"][0]] + met, now_s))
     return contact_s, start_m
-
-
-def _laid_out(forecasts: Forecasts) -> tuple[Robots, Knots]:
-    """Robots by row, those that can't be swept without knots, and the knots of all."""
-    knots = np.zeros(len(forecasts.t_s), KNOT)
-    set_knots(knots, forecasts.start[:-1], forecasts)
-    robots, wrong = robots_of(forecasts, forecasts.start[:-1], np.diff(forecasts.start)), faults(forecasts)
-    if wrong:
-        robots["count"][list(wrong)] = 0
-    return robots, knots
 
 
 def _order(forecasts: Forecasts) -> Ints:

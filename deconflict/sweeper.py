@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from deconflict.broadphase import PAIR, Boxes, Pairs, in_order
 from deconflict.exact import Decider
 from deconflict.meetings import MEETING, Meetings, Names, by_pair, in_span, joined, kept, mended, met
-from deconflict.motion import Bools, Knots, faults
+from deconflict.motion import Bools, Knots, Robots, faults
 from deconflict.narrowphase import FOUND, Found, Span, meet, motions_of, smallest_of, start_distances
-from deconflict.roster import Robots, Roster
+from deconflict.roster import Roster
 from ingest.seam import Floats, Forecasts, Ints
 
 TOLERANCE_M = 1e-3

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from ortools.sat.python import cp_model
 
-from deconflict.advice.delays import STEP_S, Mover, Pair, Window, allowed_differences, meetings
+from deconflict.advice.delays import STEP_S, Delays, Mover, Pair, Window
 from deconflict.advice.effort import Model, solve
 from deconflict.advice.exhaust import NONE, UNKNOWN, Choice, least
 from deconflict.advisory import Hold, Recommendation
@@ -29,13 +29,13 @@ class Problem:
 
     movers: dict[str, Mover]
     window: Window
+    delays: Delays
     allowed: dict[Pair, list[int]] = field(default_factory=dict)
     hopeless: list[Pair] = field(default_factory=list)
     """Pairs that no hold keeps apart."""
 
     def constrain(self, pairs: Sequence[Pair]) -> None:
-        found = allowed_differences([(self.movers[a], self.movers[b]) for a, b in pairs], self.window)
-        for pair, steps in zip(pairs, found, strict=True):
+        for pair, steps in zip(pairs, self.delays.allowed(pairs) if pairs else (), strict=True):
             first, second = (self.movers[robot].holdable for robot in pair)
             self._allow(pair, [step for step in steps if step == 0 or (first if step > 0 else second)])
 
@@ -75,8 +75,8 @@ def advise_holds(
     before. To hold a robot that `standing` does not hold must save `switch_s`. Where no hold works, `note` says who
     needs another route.
     """
-    problem = Problem({one.robot: one for one in movers}, window)
-    without = meetings(movers, [0.0] * len(movers), window)
+    problem = Problem({one.robot: one for one in movers}, window, Delays(movers, window))
+    without = problem.delays.meetings([0.0] * len(movers))
     pairs = sorted({(min(pair), max(pair)) for pair in conflicts})
     problem.constrain(pairs)
     planner = Planner(
@@ -102,7 +102,7 @@ def _made(problem: Problem, plan: Plan, without: Mapping[Pair, float]) -> list[P
     """The plan swept again: pairs that it was to clear and did not, and pairs that it brings together."""
     movers = list(problem.movers.values())
     held = {robot for robot, hold in plan.items() if hold}
-    found = meetings(movers, [plan.get(one.robot, 0) * STEP_S for one in movers], problem.window) if held else without
+    found = problem.delays.meetings([plan.get(one.robot, 0) * STEP_S for one in movers]) if held else without
     ordered = {(min(pair), max(pair)) for pair in found}
     before = {(min(pair), max(pair)) for pair in without} | set(problem.hopeless)
     return sorted(

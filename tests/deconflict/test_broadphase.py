@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from numpy.random import Generator
 
 from deconflict.broadphase import ABSENT, FEW, MIXED, PAIR, ROOMY, Boxes, in_order
-from deconflict.roster import ROBOT, Roster
+from deconflict.motion import ROBOT
+from deconflict.roster import Roster
 from deconflict.sweeper import PairConflicts, Sweeper
 from ingest.seam import Floats, Forecasts, Ints
 from tests.deconflict.made_encounters import HORIZON_S, NOW_S, moved, robot, wanderer

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from deconflict import exact, sweeper
+from deconflict.motion import Knots, Robots
 from deconflict.roster import Roster
 from deconflict.sweep import Invalid, first_meetings, sweep
 from ingest.seam import Forecasts, Ints
@@ -254,13 +255,21 @@ def test_times_may_count_from_any_epoch() -> None:
         assert max(distance) <= 0.25 + DISTANCE_M + ROUNDING_M
 
 
+def laid_out(forecasts: Forecasts) -> tuple[Robots, Knots]:
+    roster = Roster()
+    roster.put([str(row) for row in range(len(forecasts))], forecasts)
+    return roster.robots, roster.knots
+
+
 @pytest.mark.parametrize("clearance_m", CLEARANCES_M)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_chosen_pairs_meet_when_the_whole_floor_says(family: str, clearance_m: float) -> None:
     forecasts = encounters(family, 60, 11, clearance_m)
-    a, b = np.array(rows_of_pairs(60)).T
+    a, b = np.array(rows_of_pairs(60)).T.copy()
     until_s = np.full(len(a), NOW_S + HORIZON_S)
-    contact_s, start_m = first_meetings(forecasts, b, a, now_s=NOW_S, until_s=until_s, clearance_m=clearance_m)
+    contact_s, start_m = first_meetings(
+        *laid_out(forecasts), b, a, now_s=NOW_S, until_s=until_s, clearance_m=clearance_m
+    )
     whole = sweep(forecasts, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=clearance_m)
     met = np.flatnonzero(contact_s < np.inf)
     assert [[row, row + 1] for row in a[met].tolist()] == whole.pairs.tolist()
@@ -273,23 +282,26 @@ def test_chosen_pairs_are_looked_at_until_their_own_time(monkeypatch: pytest.Mon
     """And FCL, which decides where advancement may take no round, says the same to a millimetre."""
     forecasts = encounters("random", 60, 11, 0.25)
     a, b = np.array(rows_of_pairs(60)).T.copy()
-    all_s, _ = first_meetings(forecasts, a, b, now_s=NOW_S, until_s=np.full(60, NOW_S + HORIZON_S), clearance_m=0.25)
+    all_s, _ = first_meetings(
+        *laid_out(forecasts), a, b, now_s=NOW_S, until_s=np.full(60, NOW_S + HORIZON_S), clearance_m=0.25
+    )
     met = np.flatnonzero(all_s < np.inf)
     until_s = np.where(np.arange(60) % 2, all_s + 0.1, all_s - 0.1)
     until_s[all_s == np.inf] = NOW_S + HORIZON_S
     monkeypatch.setattr("deconflict.sweep.ROUNDS", rounds)
-    told_s, _ = first_meetings(forecasts, a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.25)
+    told_s, _ = first_meetings(*laid_out(forecasts), a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.25)
     in_time = met[(met % 2 == 1) & (until_s[met] > NOW_S)]
     assert len(in_time) > 5
     assert np.flatnonzero(told_s < np.inf).tolist() == in_time.tolist()
     assert np.abs(told_s[in_time] - all_s[in_time]).max() < (LATE_S if rounds == 0 else INSTANT_S)
 
 
-def test_a_chosen_robot_that_cannot_be_swept_meets_nobody() -> None:
+def test_chosen_robots_without_knots_meet_nobody() -> None:
     crossing = [robot([0, 8], [-4, 4], [0, 0], 0.0, (1.0, 0.6)), robot([0, 8], [0, 0], [-4, 4], 1.6, (1.0, 0.6))]
-    forecasts = Forecasts.joined([*crossing, replace(crossing[1], width_m=np.array([np.nan]))])
-    until_s = np.full(2, NOW_S + HORIZON_S)
-    told = first_meetings(forecasts, np.array([0, 0]), np.array([1, 2]), now_s=NOW_S, until_s=until_s, clearance_m=0.3)
+    robots, knots = laid_out(Forecasts.joined([*crossing, crossing[1]]))
+    robots["count"][2] = 0
+    a, b, until_s = np.array([0, 0]), np.array([1, 2]), np.full(2, NOW_S + HORIZON_S)
+    told = first_meetings(robots, knots, a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.3)
     assert np.isfinite(told).tolist() == [[True, False], [True, False]]
 
 

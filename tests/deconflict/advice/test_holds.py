@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from deconflict.advice import exhaust, holds
-from deconflict.advice.delays import STEP_S, Mover, Pair, Window, allowed_differences, meetings
+from deconflict.advice.delays import STEP_S, Delays, Mover, Pair, Window
 from deconflict.advice.exhaust import UNKNOWN
 from deconflict.advice.holds import advise_holds
 from deconflict.advisory import Hold, Recommendation
@@ -58,7 +58,8 @@ def cheapest_s(movers: list[Mover], window: Window) -> float | None:
 
     grid = [k * STEP_S for k in range(window.steps + 1)]
     choices = sorted(product(*(grid if one.holdable else [0.0] for one in movers)), key=cost)
-    return next((cost(holds) for holds in choices if not meetings(movers, holds, window)), None)
+    delays = Delays(movers, window)
+    return next((cost(holds) for holds in choices if not delays.meetings(holds)), None)
 
 
 @settings(max_examples=12, deadline=None)
@@ -75,7 +76,7 @@ def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, f
         through(str(row), yaw, before_m=m, speed_mps=v, priority=weight)
         for row, (yaw, m, v, weight) in enumerate(courses)
     ]
-    found = meetings(movers, [0.0] * len(movers), window)
+    found = Delays(movers, window).meetings([0.0] * len(movers))
     assume(found)
     apart = all(
         min(abs(a.forecast.x_m[0] - b.forecast.x_m[0]), 9.0) + abs(a.forecast.y_m[0] - b.forecast.y_m[0]) > 2.0
@@ -90,7 +91,7 @@ def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, f
         return
     assert advice.cost_s == cheapest
     assert advice.proven_optimal
-    assert meetings(movers, holds_s(advice, movers), window) == {}
+    assert Delays(movers, window).meetings(holds_s(advice, movers)) == {}
     assert advice.first_come_cost_s is None or advice.cost_s <= advice.first_come_cost_s
 
 
@@ -150,11 +151,11 @@ def test_where_the_cheapest_takes_too_long_to_find_advice_that_stands_claims_no_
 
 def test_differences_are_those_at_which_the_sweep_finds_nothing() -> None:
     a, b = through("a", 0.0), through("b", 1.2, before_m=4.0)
-    (allowed,) = allowed_differences([(a, b)], WINDOW)
+    (allowed,) = Delays([a, b], WINDOW).allowed([("a", "b")])
     swept = [
         step
         for step in range(-WINDOW.steps, WINDOW.steps + 1)
-        if not meetings([a, b], [max(step, 0) * STEP_S, max(-step, 0) * STEP_S], WINDOW)
+        if not Delays([a, b], WINDOW).meetings([max(step, 0) * STEP_S, max(-step, 0) * STEP_S])
     ]
     assert allowed == swept
     assert 0 < len(allowed) < 2 * WINDOW.steps + 1
@@ -188,8 +189,8 @@ def test_no_hold_brings_another_pair_together() -> None:
     movers = [a, b, tail]
     advice = advise_holds(movers, [("a", "b")], WINDOW, burdens_s=burdens_s)
     assert [one.robot for one in advice.holds] == ["b"]
-    before = meetings(movers, [0.0] * 3, WINDOW)
-    assert set(meetings(movers, holds_s(advice, movers), WINDOW)) <= set(before) - {("a", "b")}
+    before = Delays(movers, WINDOW).meetings([0.0] * 3)
+    assert set(Delays(movers, WINDOW).meetings(holds_s(advice, movers))) <= set(before) - {("a", "b")}
 
 
 @pytest.mark.parametrize(("burdened", "yields"), [("acme", "b"), ("bolt", "a")])
@@ -232,6 +233,6 @@ def test_four_ways_at_one_crossing() -> None:
     movers = [through(name, row * pi / 4, before_m=5.0) for row, name in enumerate("abcd")]
     advice = advise_holds(movers, pairs_of(movers), WINDOW)
     assert advice.proven_optimal
-    assert meetings(movers, holds_s(advice, movers), WINDOW) == {}
+    assert Delays(movers, WINDOW).meetings(holds_s(advice, movers)) == {}
     assert advice.first_come_cost_s is not None
     assert advice.cost_s <= advice.first_come_cost_s
