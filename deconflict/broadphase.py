@@ -27,12 +27,12 @@ ROOMY = 1.5
 NARROWEST_M = 1e-3
 """Of a cell."""
 
-BOX = np.dtype(
-    [("slab", np.int64), ("floor", np.int64), ("knot", np.int64)]
-    + [(side, np.float64) for side in ("west", "east", "south", "north")],
-    align=True,
-)
+_SIDES = [(side, np.float64) for side in ("west", "east", "south", "north")]
+BOX = np.dtype([("slab", np.int64), ("floor", np.int64), ("knot", np.int64), *_SIDES], align=True)
 """What a robot covers in a slab, and which of its knots holds when it begins or the robot appears."""
+
+REACH = np.dtype(_SIDES, align=True)
+"""All that a robot covers, or a little more; inside out where it is nowhere."""
 
 PAIR = np.dtype([(name, np.int32) for name in ("ring", "a", "b")], align=True)
 
@@ -43,11 +43,11 @@ Row = NDArray[Any]
 Cells = tuple[Ints, Ints, Row]
 """Where each cell starts, the slots cell by cell, and their boxes."""
 
-Reaches = Floats
-"""(slots, 4) west, east, south and north of all that a robot covers, or a little more; inside out where nothing is."""
+Reaches = NDArray[Any]
+"""Of `REACH`, by slot."""
 
-_BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR))
-_INTS, _REACHES = numba.int64[::1], numba.float64[:, ::1]
+_BOX, _KNOT, _ROBOT, _PAIR, _REACH = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR, REACH))
+_INTS, _REACHES = numba.int64[::1], _REACH[::1]
 
 
 @inner
@@ -93,16 +93,18 @@ def _cells(row: Row, is_changed: Bools, share: float) -> tuple[Ints, Ints, Ints,
 
 
 @inner
-def _overlap(a: Any, b: Any) -> bool:
-    """Whether a box that is there shares room, slab and floor with another."""
-    near = (a.west <= b.east) & (b.west <= a.east) & (a.south <= b.north) & (b.south <= a.north) & (a.slab == b.slab)
-    return bool(near and b.floor != ABSENT and (a.floor == b.floor or min(a.floor, b.floor) == MIXED))
+def _near(one: Any, other: Any) -> bool:
+    """Whether two boxes, or reaches, share room."""
+    return bool(
+        (one.west <= other.east) & (other.west <= one.east) & (one.south <= other.north) & (other.south <= one.north)
+    )
 
 
 @inner
-def _near(one: Floats, other: Floats) -> Any:
-    """Whether one reach overlaps another."""
-    return (one[0] <= other[1]) & (other[0] <= one[1]) & (one[2] <= other[3]) & (other[2] <= one[3])
+def _overlap(a: Any, b: Any) -> bool:
+    """Whether a box that is there shares room, slab and floor with another."""
+    near = _near(a, b) & (a.slab == b.slab)
+    return bool(near and b.floor != ABSENT and (a.floor == b.floor or min(a.floor, b.floor) == MIXED))
 
 
 @inner
@@ -246,30 +248,12 @@ def in_order(pairs: Pairs, ranks: Ints, robots: Robots) -> Pairs:
 
 
 @inner
-def _cover_slab(box: Any, robot: Any, knots: Knots, k: int, end: int, grow_m: float) -> None:
-    """The box of what a robot covers in `box.slab`, from knot `k` on; a turning robot counts as its circle."""
-    slab = box.slab
-    begin = max(knots[k].t - slab, 0.0)
-    while begin < 1.0 and k < end:
-        knot = knots[k]
-        until = min(knots[k + 1].t - slab, 1.0) if k + 1 < end else 1.0
-        if knot.floor >= 0:
-            if box.floor == ABSENT:
-                box.floor = knot.floor
-                box.west, box.east, box.south, box.north = np.inf, -np.inf, np.inf, -np.inf
-            elif box.floor != knot.floor:
-                box.floor = MIXED
-            reach_x = reach_y = robot.radius
-            if knot.turn == 0.0:
-                c, s = abs(cos(knot.yaw)), abs(sin(knot.yaw))
-                reach_x = c * robot.half_length + s * robot.half_width
-                reach_y = s * robot.half_length + c * robot.half_width
-            since = slab - knot.t
-            for t in (begin, until):
-                x, y = knot.x + knot.vx * (since + t), knot.y + knot.vy * (since + t)
-                box.west, box.east = min(box.west, x - reach_x - grow_m), max(box.east, x + reach_x + grow_m)
-                box.south, box.north = min(box.south, y - reach_y - grow_m), max(box.north, y + reach_y + grow_m)
-        begin, k = until, k + 1
+def _extent(robot: Any, knot: Any) -> tuple[float, float]:
+    """How far a robot extends along x and y from its centre, from a knot on; a turning one counts as its circle."""
+    if knot.turn != 0.0:
+        return robot.radius, robot.radius
+    c, s = abs(cos(knot.yaw)), abs(sin(knot.yaw))
+    return c * robot.half_length + s * robot.half_width, s * robot.half_length + c * robot.half_width
 
 
 @inner
@@ -285,17 +269,34 @@ def _cover_robot(
 ) -> None:
     """The boxes of one robot, to which its reach extends; a robot without knots has none."""
     k, end, reach = robot.first, robot.first + robot.count, reaches[slot]
+    of, along_x, along_y = -1, 0.0, 0.0
     for slab in range(first_slab, first_slab + slabs):
         box = boxes[slab % len(boxes), slot]
         box.slab, box.floor = slab, ABSENT
         while k + 1 < end and knots[k + 1].t - slab <= 0.0:
             k += 1
         box.knot = k - robot.first
-        if robot.count:
-            _cover_slab(box, robot, knots, k, end, grow_m)
+        on, begin = k, max(knots[k].t - slab, 0.0) if k < end else 1.0
+        while begin < 1.0 and on < end:
+            knot = knots[on]
+            until = min(knots[on + 1].t - slab, 1.0) if on + 1 < end else 1.0
+            if knot.floor >= 0:
+                if box.floor == ABSENT:
+                    box.floor = knot.floor
+                    box.west, box.east, box.south, box.north = np.inf, -np.inf, np.inf, -np.inf
+                elif box.floor != knot.floor:
+                    box.floor = MIXED
+                if on != of:
+                    of, (along_x, along_y) = on, _extent(robot, knot)
+                since = slab - knot.t
+                for t in (begin, until):
+                    x, y = knot.x + knot.vx * (since + t), knot.y + knot.vy * (since + t)
+                    box.west, box.east = min(box.west, x - along_x - grow_m), max(box.east, x + along_x + grow_m)
+                    box.south, box.north = min(box.south, y - along_y - grow_m), max(box.north, y + along_y + grow_m)
+            begin, on = until, on + 1
         if box.floor != ABSENT:
-            reach[0], reach[1] = min(reach[0], box.west), max(reach[1], box.east)
-            reach[2], reach[3] = min(reach[2], box.south), max(reach[3], box.north)
+            reach.west, reach.east = min(reach.west, box.west), max(reach.east, box.east)
+            reach.south, reach.north = min(reach.south, box.south), max(reach.north, box.north)
 
 
 @kernel(
@@ -317,8 +318,8 @@ def _cover(
 
 @inner
 def _reach_nothing(reaches: Reaches, slot: int) -> None:
-    reaches[slot, 0] = reaches[slot, 2] = np.inf
-    reaches[slot, 1] = reaches[slot, 3] = -np.inf
+    reaches[slot].west = reaches[slot].south = np.inf
+    reaches[slot].east = reaches[slot].north = -np.inf
 
 
 @kernel(numba.void(_BOX[:, ::1], _REACHES, numba.int64[::1]))
@@ -327,6 +328,16 @@ def _clear(boxes: NDArray[Any], reaches: Reaches, slots: Ints) -> None:
         _reach_nothing(reaches, slot)
         for ring in range(len(boxes)):
             boxes[ring, slot].floor = ABSENT
+
+
+@inner
+def _last_slabs(robots: int, a: Ints, b: Ints, until_s: Floats) -> Ints:
+    """(robots,) until which slab each is in a pair that is asked of; before all others where it is in none."""
+    last = np.full(robots, -(1 << 62))
+    for pair in range(len(a)):
+        until = floor(until_s[pair])
+        last[a[pair]], last[b[pair]] = max(last[a[pair]], until), max(last[b[pair]], until)
+    return last
 
 
 @kernel(
@@ -339,13 +350,12 @@ def of_chosen(
 ) -> tuple[NDArray[Any], Pairs, Ints]:
     """The boxes of `robots` from `now_s` on, by slab; of the pairs of slots `a` (p,) and `b` (p,), those that overlap
     by `until_s` (p,), pair by pair and in the order of time; and of which pair they are."""
-    first_slab, last_s = floor(now_s), now_s
-    for pair in range(len(a)):
-        last_s = max(last_s, until_s[pair])
-    boxes, reaches = np.empty((floor(last_s) - first_slab + 1, len(robots)), BOX), np.empty((len(robots), 4))
+    first_slab, last = floor(now_s), _last_slabs(len(robots), a, b, until_s)
+    slabs = max(last.max() - first_slab + 1, 0) if len(last) else 0
+    boxes, reaches = np.empty((slabs, len(robots)), BOX), np.empty(len(robots), REACH)
     for slot in range(len(robots)):
         _reach_nothing(reaches, slot)
-        _cover_robot(boxes, reaches, slot, robots[slot], knots, first_slab, len(boxes), grow_m)
+        _cover_robot(boxes, reaches, slot, robots[slot], knots, first_slab, last[slot] - first_slab + 1, grow_m)
     found, pair_of, n = np.empty(1024, PAIR), np.empty(1024, np.int64), 0
     for pair in range(len(a)):
         if not _near(reaches[a[pair]], reaches[b[pair]]) or not _beside(robots[a[pair]], robots[b[pair]]):
@@ -384,13 +394,13 @@ class Boxes:
     def __init__(self, slabs: int) -> None:
         self.all: NDArray[Any] = np.zeros((slabs, 0), BOX)
         """(slabs, slots): a row holds some of older slabs that are not yet replaced."""
-        self.reaches: Reaches = np.zeros((0, 4))
+        self.reaches: Reaches = np.zeros(0, REACH)
 
     def grow(self, slots: int) -> None:
         """Make room for so many slots."""
         before, reaches = self.all, self.reaches
         if slots > len(reaches):
-            self.all, self.reaches = np.zeros((len(before), slots), BOX), np.empty((slots, 4))
+            self.all, self.reaches = np.zeros((len(before), slots), BOX), np.empty(slots, REACH)
             self.all[:, : len(reaches)], self.reaches[: len(reaches)] = before, reaches
             self.clear(np.arange(len(reaches), slots))
 

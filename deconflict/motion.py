@@ -110,7 +110,8 @@ def _reasons(forecasts: Forecasts) -> dict[int, str]:
 @inner
 def _wrapped(yaw: float) -> float:
     """The same heading within [-pi, pi): sines of large angles lose digits."""
-    return (yaw + pi) % (2 * pi) - pi
+    turned = yaw + pi
+    return (turned if 0.0 <= turned < 2 * pi else turned % (2 * pi)) - pi
 
 
 @inner
