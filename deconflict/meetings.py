@@ -83,14 +83,16 @@ def _is_elsewhere(one: Any, begin_s: float, end_s: float) -> bool:
     return bool(one.separation_at < begin_s or one.separation_at > end_s)
 
 
-@kernel(numba.types.Tuple((_MEETINGS, _INTS))(_MEETINGS, _REAL, _REAL))  # type: ignore[no-untyped-call]
-def in_span(meetings: Meetings, begin_s: float, end_s: float) -> tuple[Meetings, Ints]:
-    """The meetings that begin by `end_s`, and which rows of them an edge of the span cuts."""
+@kernel(numba.types.Tuple((_MEETINGS, _INTS))(_MEETINGS, _REAL, _REAL, numba.int64, _PAIR[::1]))  # type: ignore[no-untyped-call]
+def in_span(meetings: Meetings, begin_s: float, end_s: float, rings: int, pairs: Pairs) -> tuple[Meetings, Ints]:
+    """The meetings that begin by `end_s`, and which rows of them an edge of the span cuts; `pairs`, of which there is
+    one for each meeting, begin with theirs then."""
     some, cut, n, cuts = np.empty_like(meetings), np.empty(len(meetings), np.int64), 0, 0
     for one in meetings:
         if one.contact <= end_s and one.slab <= end_s:
             if one.contact < begin_s or _is_elsewhere(one, begin_s, end_s):
-                cut[cuts] = n
+                pair = pairs[cuts]
+                cut[cuts], pair.ring, pair.a, pair.b = n, one.slab % rings, one.a, one.b
                 cuts += 1
             some[n] = one
             n += 1
@@ -122,6 +124,19 @@ def by_pair(meetings: Meetings) -> Meetings:
     return pairs[:n].copy()
 
 
+@kernel(numba.types.UniTuple(_INTS, 2)(_INTS, _MEETINGS, _INTS))  # type: ignore[no-untyped-call]
+def _placed(before: Ints, pairs: Meetings, ranks: Ints) -> tuple[Ints, Ints]:
+    """Numbers (p,) of pairs in order, which ascend, and the place of each among those of `before`; -1 for none."""
+    codes, places, at = np.empty(len(pairs), np.int64), np.full(len(pairs), -1), 0
+    for row in range(len(pairs)):
+        code = codes[row] = ranks[pairs[row].a] * len(ranks) + ranks[pairs[row].b]
+        while at < len(before) and before[at] < code:
+            at += 1
+        if at < len(before) and before[at] == code:
+            places[row] = at
+    return codes, places
+
+
 class Names:
     """The keys of listed pairs, kept from pass to pass: most pairs are listed again."""
 
@@ -130,21 +145,17 @@ class Names:
         self._codes: Ints = np.zeros(0, np.int64)
         self._names: NDArray[np.object_] = np.zeros(0, object)
 
-    def of(self, a: Ints, b: Ints, keys: NDArray[np.object_], ranks: Ints) -> tuple[tuple[tuple[str, str], ...], Ints]:
-        """The two keys of each pair of slots `a` (p,) and `b` (p,), in order of keys, and its place among those listed
-        before, -1 for one that was not; `keys` and `ranks` are by slot.
+    def of(self, pairs: Meetings, keys: NDArray[np.object_], ranks: Ints) -> tuple[tuple[tuple[str, str], ...], Ints]:
+        """The two keys of each of p pairs, and (p,) its place among those listed before, -1 for one that was not.
 
-        What is kept holds for as long as `ranks` is the same array.
+        `keys` and `ranks` are by slot; what is kept holds for as long as `ranks` is the same array.
         """
-        listed = ranks[a] * len(ranks) + ranks[b]
         if self._ranks is not ranks:
             self._ranks, self._codes = ranks, self._codes[:0]
-        at = np.searchsorted(self._codes, listed)
-        known = at < len(self._codes)
-        known[known] = self._codes[at[known]] == listed[known]
-        names = np.empty(len(listed), object)
-        names[known] = self._names[at[known]]
-        new = list(zip(keys[a[~known]].tolist(), keys[b[~known]].tolist(), strict=True))
-        names[~known] = np.fromiter(new, object, len(new))
-        self._codes, self._names = listed, names
-        return tuple(names.tolist()), np.where(known, at, -1)
+        self._codes, before = _placed(self._codes, pairs, ranks)
+        names, known = np.empty(len(before), object), before >= 0
+        names[known] = self._names[before[known]]
+        for row in np.flatnonzero(~known).tolist():
+            names[row] = (keys[pairs["a"][row]], keys[pairs["b"][row]])
+        self._names = names
+        return tuple(names.tolist()), before

@@ -319,7 +319,11 @@ def _first_of(motions: Motions, target_m: float, tolerance_m: float, rounds: int
 _OF_PAIRS = (_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
 
 
-@kernel(numba.void(*_OF_PAIRS, _TWO, *[numba.float64] * 3, numba.int64, _FOUND[::1], numba.int64[::1]))
+@kernel(
+    numba.types.Tuple((_FOUND[::1], *[numba.int64] * 3))(  # type: ignore[no-untyped-call]
+        *_OF_PAIRS, _TWO, *[numba.float64] * 3, numba.int64
+    )
+)
 def meet(
     pairs: Pairs,
     boxes: NDArray[Any],
@@ -330,28 +334,27 @@ def meet(
     tolerance_m: float,
     accuracy_m: float,
     rounds: int,
-    found: Found,
-    counts: NDArray[np.int64],
-) -> None:
-    """What becomes of each pair of boxes within `span`, in `found`.
-
-    Adds to `counts` the motions that were looked at, and those whose circles come near enough for a closer look.
+) -> tuple[Found, int, int, int]:
+    """What becomes of each pair of boxes within `span`, and how many are left open; how many motions were looked at,
+    and those whose circles come near enough for a closer look.
     """
+    found, opened, looked_at, advanced = np.empty(len(pairs), FOUND), 0, 0, 0
     motions, lows, highs = np.empty(16, MOTION), np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS)
     there = np.empty(BLOCK)
     for at in range(len(pairs)):
         if at % BLOCK == 0:
             for ahead in range(min(BLOCK, len(pairs) - at)):
                 there[ahead] = _both_there(boxes, robots, knots, pairs[at + ahead])
-        motions, n, looked_at = _motions(
+        motions, n, near_or_far = _motions(
             boxes, robots, knots, pairs[at], there[at % BLOCK], span, target_m + tolerance_m, motions
         )
-        counts[0] += looked_at
-        counts[1] += n
+        looked_at, advanced = looked_at + near_or_far, advanced + n
         meeting = found[at]
         meeting.contact, meeting.open = _first_of(motions[:n], target_m, tolerance_m, rounds)
+        opened += meeting.open < inf
         if meeting.contact < inf:
             meeting.separation, meeting.separation_at = smallest(motions[:n], accuracy_m, lows, highs)
+    return found, opened, looked_at, advanced
 
 
 @kernel(_MOTION[::1](_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1], _TWO))

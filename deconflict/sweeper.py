@@ -12,7 +12,7 @@ from deconflict.broadphase import PAIR, Boxes, Pairs, in_order
 from deconflict.exact import Decider
 from deconflict.meetings import MEETING, Meetings, Names, by_pair, in_span, joined, kept, mended, met
 from deconflict.motion import Bools, Knots, Robots, faults
-from deconflict.narrowphase import FOUND, Found, Span, meet, motions_of, smallest_of, start_distances
+from deconflict.narrowphase import Found, Span, meet, motions_of, smallest_of, start_distances
 from deconflict.roster import Roster
 from ingest.seam import Floats, Forecasts, Ints
 
@@ -56,23 +56,6 @@ Where = tuple[NDArray[Any], Robots, Knots]
 """Boxes, robots and knots, by slot."""
 
 
-def looked_at(
-    pairs: Pairs, where: Where, span: Span, clearance_m: float, accuracy_m: float, decider: Decider
-) -> tuple[Found, tuple[int, int]]:
-    """What becomes of each pair of boxes within `span`; what advancement leaves open FCL decides.
-
-    And how many motions were looked at, and advanced.
-    """
-    found, counts = np.zeros(len(pairs), FOUND), np.zeros(2, np.int64)
-    meet(pairs, *where, span, clearance_m, TOLERANCE_M, accuracy_m, ROUNDS, found, counts)
-    for row in np.flatnonzero(found["open"] < inf).tolist():
-        motions = motions_of(pairs[row : row + 1], *where, span)
-        contact = decider.first_contact(motions, float(found["open"][row]))
-        least = smallest_of(motions, accuracy_m) if contact < inf else (inf, inf)
-        found[row] = (contact, *least, inf)
-    return found, (int(counts[0]), int(counts[1]))
-
-
 class Sweeper:
     """Keeps meetings by pair and slab of absolute time, so that they hold as the horizon moves on.
 
@@ -95,6 +78,8 @@ class Sweeper:
         """(slots,) the first slab from which on a robot has boxes without a gap."""
         self._covered: Ints = np.zeros(0, np.int64)
         """(slots,) the last slab for which a robot has boxes."""
+        self._first_slab = 0
+        """Of the last pass: only where time goes back from it do boxes lack that were covered."""
         self._boxes = Boxes(self._slabs)
         self._meetings: Meetings = np.empty(0, MEETING)
         self._names = Names()
@@ -134,8 +119,8 @@ class Sweeper:
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
         decider = Decider(self._clearance_m, TOLERANCE_M)
         first_slab, last_slab = floor(now_s), floor(now_s + reach_s)
-        changed, told = self._taken_in(first_slab)
-        self._keep(changed, first_slab)
+        is_changed, told = self._taken_in(first_slab)
+        self._meetings, changed = kept(self._meetings, is_changed, first_slab), np.flatnonzero(is_changed)
         slabs = ceil(reach_s) + 1 + AHEAD
         pairs = [self._covered_anew(changed, first_slab, slabs), *self._covered_further(first_slab, last_slab, slabs)]
         for some in pairs:
@@ -143,22 +128,17 @@ class Sweeper:
         found = by_pair(self._within(now_s, now_s + reach_s, decider))
         return self._listed(found, now_s, told, decider)
 
-    def _taken_in(self, first_slab: int) -> tuple[Ints, Bools]:
-        """The slots to cover anew, ascending, and which slots have a new forecast."""
+    def _taken_in(self, first_slab: int) -> tuple[Bools, Bools]:
+        """Which slots to cover anew, and which have a new forecast."""
         slots = len(self._roster)
         for column in (self._since, self._covered):
             column.resize(slots, refcheck=False)
         self._boxes.grow(slots)
-        went_back = np.maximum(self._since, self._covered - self._slabs + 1) > first_slab
-        changed, told = np.flatnonzero(self._touched | went_back), self._told
-        self._touched, self._told = np.zeros(slots, bool), np.zeros(slots, bool)
-        return changed, told
-
-    def _keep(self, changed: Ints, first_slab: int) -> None:
-        """Forget the meetings that are over, and those of robots that changed."""
-        is_changed = np.zeros(len(self._roster), bool)
-        is_changed[changed] = True
-        self._meetings = kept(self._meetings, is_changed, first_slab)
+        is_changed, told = self._touched, self._told
+        if first_slab < self._first_slab:
+            is_changed |= np.maximum(self._since, self._covered - self._slabs + 1) > first_slab
+        self._touched, self._told, self._first_slab = np.zeros(slots, bool), np.zeros(slots, bool), first_slab
+        return is_changed, told
 
     def _covered_anew(self, changed: Ints, first_slab: int, slabs: int) -> Pairs:
         """Cover the robots of `changed` in so many slabs from `first_slab` on; the pairs of boxes to look at."""
@@ -170,9 +150,8 @@ class Sweeper:
 
     def _covered_further(self, first_slab: int, last_slab: int, slabs: int) -> list[Pairs]:
         """Cover robots without news in the slabs that have come into view; the pairs of boxes to look at."""
-        behind = self._roster.present(np.flatnonzero(self._covered < last_slab))
-        found = []
-        for covered in np.unique(self._covered[behind]).tolist():
+        behind, found = self._roster.present(np.flatnonzero(self._covered < last_slab)), []
+        for covered in sorted(set(self._covered[behind].tolist())):
             slots = behind[self._covered[behind] == covered]
             begin, end = max(covered + 1, first_slab), first_slab + slabs
             if begin > covered + 1:
@@ -192,11 +171,19 @@ class Sweeper:
         return met(pairs, self._looked_at(pairs, (-inf, inf), decider), self._boxes.all)
 
     def _looked_at(self, pairs: Pairs, span: Span, decider: Decider) -> Found:
-        """What becomes of each pair within `span`, counted."""
-        found, counts = looked_at(pairs, self._where(), span, self._clearance_m, self._accuracy_m, decider)
+        """What becomes of each pair within `span`, counted; what advancement leaves open FCL decides."""
+        boxes, robots, knots = self._where()
+        found, opened, looked_at, advanced = meet(
+            pairs, boxes, robots, knots, span, self._clearance_m, TOLERANCE_M, self._accuracy_m, ROUNDS
+        )
         self._box_pairs += len(pairs)
-        self._segment_pairs += counts[0]
-        self._advanced_pairs += counts[1]
+        self._segment_pairs += looked_at
+        self._advanced_pairs += advanced
+        for row in np.flatnonzero(found["open"] < inf).tolist() if opened else ():
+            motions = motions_of(pairs[row : row + 1], boxes, robots, knots, span)
+            contact = decider.first_contact(motions, float(found["open"][row]))
+            least = smallest_of(motions, self._accuracy_m) if contact < inf else (inf, inf)
+            found[row] = (contact, *least, inf)
         return found
 
     def _where(self) -> Where:
@@ -204,16 +191,15 @@ class Sweeper:
 
     def _within(self, begin_s: float, end_s: float, decider: Decider) -> Meetings:
         """The meetings of the horizon; what one of its edges cuts off is looked for again in the part inside."""
-        some, cut = in_span(self._meetings, begin_s, end_s)
+        pairs = np.empty(len(self._meetings), PAIR)
+        some, cut = in_span(self._meetings, begin_s, end_s, self._slabs, pairs)
         if not len(cut):
             return some
-        pairs, again = np.empty(len(cut), PAIR), some[cut]
-        pairs["ring"], pairs["a"], pairs["b"] = again["slab"] % self._slabs, again["a"], again["b"]
-        return mended(some, cut, self._looked_at(pairs, (begin_s, end_s), decider), begin_s, end_s)
+        return mended(some, cut, self._looked_at(pairs[: len(cut)], (begin_s, end_s), decider), begin_s, end_s)
 
     def _listed(self, m: Meetings, now_s: float, told: Bools, decider: Decider) -> PairConflicts:
         a, b, separation_m, separation_at_s = (m[name].copy() for name in ("a", "b", "separation", "separation_at"))
-        pairs, before = self._names.of(a, b, self._roster.keys, self._roster.ranks())
+        pairs, before = self._names.of(m, self._roster.keys, self._roster.ranks())
         return PairConflicts(
             pairs=pairs,
             before=before,

@@ -51,7 +51,7 @@ def test_names_are_those_of_the_pairs_whatever_was_listed_before() -> None:
             keys, ranks = np.roll(keys, 1), RNG.permutation(ROBOTS)
             kept.clear()
         pairs = by_pair(made(int(RNG.choice([0, 1, 800])), ranks))
-        listed, before = names.of(pairs["a"], pairs["b"], keys, ranks)
+        listed, before = names.of(pairs, keys, ranks)
         assert listed == tuple((keys[a], keys[b]) for a, b in zip(pairs["a"], pairs["b"], strict=True))
         assert all(kept.get(pair, pair) is pair for pair in listed)
         places = {pair: place for place, pair in enumerate(kept)}
