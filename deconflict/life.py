@@ -100,7 +100,8 @@ class Lives:
         """
         self.started_s = now_s if self.started_s is None else self.started_s
         raises = self.settings.raise_probability
-        bounds = (self.settings.clearance_m, raises, raises * HELD_SHARE, self.settings.clear_after_s)
+        within_m = (self.settings.clearance_m, self.settings.clear_margin_m)
+        bounds = (*within_m, raises, raises * HELD_SHARE, self.settings.clear_after_s)
         rows, found, missed, resting = self.tracks.stirring(predictions, now_s, *bounds)
         revisions, due = [], []
         for one, known in zip(predictions.some(rows), found, strict=True):

@@ -19,12 +19,12 @@ ROUNDED = 1e-3
 """Probabilities are told to so much."""
 
 ROW = np.dtype(
-    [(name, np.bool_) for name in ("there", "told", "inside", "sure", "predicted")]
+    [(name, np.bool_) for name in ("there", "told", "begun", "inside", "met", "sure", "predicted")]
     + [(name, np.float64) for name in ("contact", "separation", "probability", "until")],
     align=True,
 )
-"""Whether a track has the row, has an open advisory and is inside; what it was `Weighed` to be; and whether it is
-predicted in this pass."""
+"""Whether a track has the row, has an open advisory, of what has begun, is inside and met; what it was `Weighed` to be;
+and whether it is predicted in this pass."""
 
 _ROW, _INTS, _FLOATS, _BOOLS = numba.from_dtype(ROW), numba.int64[::1], numba.float64[::1], numba.boolean[::1]
 
@@ -59,8 +59,9 @@ class Track:
     weighed: Weighed = UNWEIGHED
     """The newest prediction that was, if nothing new has been said since."""
     advisory: ConflictAdvisory | None = None
-    kept: tuple[bool, bool, Weighed] | None = None
-    """As it is in the columns: whether it has an advisory and is inside, and what was weighed."""
+    kept: tuple[bool, bool, bool, bool, Weighed] | None = None
+    """As it is in the columns: whether it has an advisory, of what has begun, is inside and met; and what was weighed.
+    """
 
     def look(self, *, alerting: bool) -> None:
         """Either robot had something new to say."""
@@ -83,7 +84,7 @@ class Stirring(NamedTuple):
 
 @kernel(
     numba.types.Tuple((_INTS, _INTS, _BOOLS))(  # type: ignore[no-untyped-call]
-        _ROW[::1], _FLOATS, _INTS, *[_FLOATS] * 3, _BOOLS, _FLOATS, *[numba.float64] * 8
+        _ROW[::1], _FLOATS, _INTS, *[_FLOATS] * 3, _BOOLS, _FLOATS, *[numba.float64] * 9
     )
 )
 def _stirring(
@@ -97,6 +98,7 @@ def _stirring(
     probability: Floats,
     now_s: float,
     clearance_m: float,
+    apart_m: float,
     raises: float,
     held: float,
     sure: float,
@@ -116,18 +118,18 @@ def _stirring(
             continue
         row = rows[at[one]]
         row.predicted = True
-        still = far and not fresh[one] and not row.inside
+        still = not fresh[one] and (start_m[one] <= apart_m and (far or row.met) if row.inside else far)
         if still and not row.told:
             continue
-        if (
-            still
-            and now_s < row.until
+        as_weighed = (
+            now_s < row.until
             and contact_s[one] == row.contact
             and separation_m[one] == row.separation
             and (probability[one] >= sure) == row.sure
             and abs(probability[one] - row.probability) <= likelier - rounded
-            and probability[one] >= held
-        ):
+        )
+        begun = row.begun and contact_s[one] <= now_s
+        if still and not row.inside and probability[one] >= held and (begun or as_weighed):
             predicted_s[at[one]] = now_s
             continue
         some[n] = one
@@ -176,12 +178,13 @@ class Tracks:
 
     def keep(self, track: Track) -> None:
         """Remember a pair as it is now, or forget it where there is nothing left to remember."""
-        told, one = track.advisory is not None, track.weighed
+        told, one = track.advisory, track.weighed
         if told or track.inside or any(track.looks):
-            state = (told, track.inside, one)
+            begun = told is not None and told.time_to_conflict_s == 0
+            state = (told is not None, begun, track.inside, track.met, one)
             if state != track.kept:
                 weighed = (one.contact_s, one.separation_m, one.told, one.until_s)
-                self._rows[track.row], track.kept = (True, told, track.inside, one.sure, False, *weighed), state
+                self._rows[track.row], track.kept = (True, *state[:4], one.sure, False, *weighed), state
         else:
             self._rows[track.row]["there"] = False
             self._free.append(track.row)
@@ -196,17 +199,26 @@ class Tracks:
         self._predicted_s[track.row] = now_s
 
     def stirring(
-        self, predictions: Predictions, now_s: float, clearance_m: float, raises: float, held: float, lately_s: float
+        self,
+        predictions: Predictions,
+        now_s: float,
+        clearance_m: float,
+        margin_m: float,
+        raises: float,
+        held: float,
+        lately_s: float,
     ) -> Stirring:
         """Which predictions and pairs a pass has to look at.
 
-        What is not fresh changes nothing of a pair that draws near as it did when it was weighed, is as likely, and no
-        less than `held`; nor of one without an advisory. A new pair must be within the clearance or likely to come,
-        which is from a probability of `raises` on.
+        What is not fresh changes nothing of a pair that draws near as it did when it was weighed, or is told to have
+        met already, is as likely, and no less than `held`; nor of one without an advisory, which stays inside until it
+        has drawn apart by `margin_m`. A new pair must be within the clearance or likely to come, which is from a
+        probability of `raises` on.
         """
         found = list(map(self._of.get, predictions.pairs))
         at = np.array([-1 if track is None else track.row for track in found], np.int64)
-        settings = (now_s, clearance_m, raises, held, SURE, LIKELIER, ROUNDED, lately_s)
+        apart_m = clearance_m + margin_m
+        settings = (now_s, clearance_m, apart_m, raises, held, SURE, LIKELIER, ROUNDED, lately_s)
         some, missed, rests = _stirring(self._rows, self._predicted_s, at, *predictions[1:], *settings)
         known = [found[row] for row in some.tolist()]
         return Stirring(some, known, [self._by_row[row] for row in missed.tolist()], rests.tolist())

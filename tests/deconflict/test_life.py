@@ -71,6 +71,24 @@ class Story:
         return advisory
 
 
+def test_two_that_draw_apart_without_news_may_come_together_again() -> None:
+    story = Story()
+    assert story.predicted(0, separation_m=0.2, start_m=0.2) == []
+    assert story.predicted(0, separation_m=0.2, start_m=0.5, fresh=False) == []
+    (advisory,) = story.predicted(1, separation_m=0.2, start_m=0.35)
+    assert advisory.state is AdvisoryState.RAISED
+
+
+def test_what_had_begun_and_is_to_come_again_is_told_without_news_too() -> None:
+    story = Story()
+    story.raised(3)
+    (begun,) = story.predicted(0)
+    assert begun.time_to_conflict_s == 0
+    assert story.predicted(0, fresh=False) == []
+    (later,) = story.predicted(3, fresh=False)
+    assert later.time_to_conflict_s == 3.0
+
+
 def test_two_looks_of_three_raise() -> None:
     story = Story()
     assert story.predicted(9) == []

@@ -21,11 +21,9 @@ PASSES = 150
 class Every(Tracks):
     """Leaves no pair under watch alone."""
 
-    def stirring(
-        self, predictions: Predictions, now_s: float, clearance_m: float, raises: float, held: float, lately_s: float
-    ) -> Stirring:
+    def stirring(self, predictions: Predictions, now_s: float, *settings: float) -> Stirring:
         known = [row for row, pair in enumerate(predictions.pairs) if self.get(pair)]
-        some, _, missed, _ = super().stirring(predictions, now_s, clearance_m, raises, held, lately_s)
+        some, _, missed, _ = super().stirring(predictions, now_s, *settings)
         some = np.union1d(some, known).astype(np.int64)
         tracks = [self.get(predictions.pairs[row]) for row in some.tolist()]
         return Stirring(some, tracks, missed, [track.advisory is None for track in missed])
