@@ -28,14 +28,16 @@ LIMITS = Limits(least_spread=0.05, least_change=0.15)
 """Metres along each axis."""
 
 Spot = tuple[float, float]
+Bounds = tuple[float, float, float, float]
+"""West, south, east and north."""
 
 
 @dataclass(slots=True, eq=False)
 class Rests:
     """Keeps, for each vendor, a mark at each resource and the newest offsets from it."""
 
-    _places: dict[str, list[tuple[str, Polygon]]]
-    """Datum to the resources on it."""
+    _places: dict[str, list[tuple[str, Polygon, Bounds]]]
+    """Datum to the resources on it, and the bounds of each."""
     _resting: set[str] = field(default_factory=set)
     _firsts: dict[tuple[str, str], list[Spot]] = field(default_factory=dict)
     """Vendor and resource to its first rests."""
@@ -45,10 +47,11 @@ class Rests:
 
     @classmethod
     def at(cls, resources: Iterable[Resource]) -> "Rests":
-        places: dict[str, list[tuple[str, Polygon]]] = {}
+        places: dict[str, list[tuple[str, Polygon, Bounds]]] = {}
         for one in resources:
             if one.kind in MARKS:
-                places.setdefault(one.datum, []).append((one.id, Polygon(one.polygon)))
+                outline = Polygon(one.polygon)
+                places.setdefault(one.datum, []).append((one.id, outline, outline.bounds))
         return cls(places)
 
     def see(self, batch: Batch) -> None:
@@ -76,9 +79,9 @@ class Rests:
         if uuid in self._resting:
             return
         self._resting.add(uuid)
-        point = shapely.Point(at)
-        for resource, outline in self._places.get(datum, ()):
-            if outline.contains(point):
+        x, y = at
+        for resource, outline, (west, south, east, north) in self._places.get(datum, ()):
+            if west <= x <= east and south <= y <= north and outline.contains(shapely.Point(at)):
                 self._rested(vendor, resource, at, at_s)
 
     def drift_m(self) -> dict[tuple[str, ...], float]:
@@ -100,7 +103,7 @@ class Rests:
 
     def resume(self, part: Part) -> None:
         """Go on with what `learned` told; marks of resources that are no more are dropped. Raises `UnreadableError`."""
-        known = {resource for places in self._places.values() for resource, _ in places}
+        known = {resource for places in self._places.values() for resource, *_ in places}
         try:
             for vendor, resource, at in part.get("marks", ()):
                 if resource in known:
