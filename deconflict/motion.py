@@ -4,7 +4,7 @@ A slab is one whole second of absolute time. What a robot does in a slab follows
 whichever pass asks. Times within a slab count from its start: small numbers that keep their digits, whatever the date.
 """
 
-from math import pi
+from math import pi, sqrt
 from typing import Any
 
 import numba
@@ -130,18 +130,86 @@ def _write_knots(
                 knot.turn = _wrapped(yaw_rad[k + 1] - yaw_rad[k]) / span
 
 
-@kernel(numba.void(_KNOT[::1], numba.int64[::1], _INTS, _FLOATS, _FLOATS, _FLOATS, _FLOATS, _INTS))
-def _set_knots(
-    knots: Knots, first: Ints, start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, on_floor: Ints
+@inner
+def _set_robot(
+    robot: Any, first: int, count: int, appears: float, length_m: float, width_m: float, bottom_m: float, top_m: float
 ) -> None:
-    _write_knots(knots, first, start, t_s, x_m, y_m, yaw_rad, on_floor)
+    half_length, half_width = length_m / 2, width_m / 2
+    robot.half_length, robot.half_width = half_length, half_width
+    robot.radius = sqrt(half_length * half_length + half_width * half_width)
+    robot.bottom, robot.top, robot.appears, robot.first, robot.count = bottom_m, top_m, appears, first, count
 
 
-def set_knots(knots: Knots, first: Ints, forecasts: Forecasts) -> None:
-    """Write the knots of valid forecasts into `knots`, those of row i from `first[i]` on."""
+@kernel(_ROBOT[::1](*[_INTS] * 3, *[_FLOATS] * 5))
+def _robots_of(
+    first: Ints,
+    counts: Ints,
+    start: Ints,
+    t_s: Floats,
+    length_m: Floats,
+    width_m: Floats,
+    bottom_m: Floats,
+    top_m: Floats,
+) -> Robots:
+    robots = np.empty(len(first), ROBOT)
+    for row in range(len(first)):
+        appears = t_s[start[row]] if counts[row] else 0.0
+        sizes_m = length_m[row], width_m[row], bottom_m[row], top_m[row]
+        _set_robot(robots[row], first[row], counts[row], appears, *sizes_m)
+    return robots
+
+
+def robots_of(forecasts: Forecasts, first: Ints, counts: Ints) -> Robots:
+    """(n,) of `ROBOT`: n forecasts of so many knots each, which begin at `first`."""
     f = forecasts
+    sizes_m = (ready(column) for column in (f.length_m, f.width_m, f.bottom_m, f.top_m))
+    return _robots_of(first, counts, ready(f.start, np.int64), ready(f.t_s), *sizes_m)
+
+
+@kernel(
+    numba.int64(*(_ROBOT[::1], _KNOT[::1], numba.int64[::1], numba.int64), _INTS, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 4)
+)
+def _replace(
+    robots: Robots,
+    knots: Knots,
+    slots: Ints,
+    used: int,
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    on_floor: Ints,
+    length_m: Floats,
+    width_m: Floats,
+    bottom_m: Floats,
+    top_m: Floats,
+) -> int:
+    first, end = np.empty(len(slots), np.int64), used
+    for row in range(len(slots)):
+        robot, count = robots[slots[row]], start[row + 1] - start[row]
+        if robot.count == count:
+            first[row] = robot.first
+        else:
+            first[row] = end
+            end += count
+    if end <= len(knots):
+        for row in range(len(slots)):
+            sizes_m = length_m[row], width_m[row], bottom_m[row], top_m[row]
+            count, appears = start[row + 1] - start[row], t_s[start[row]]
+            _set_robot(robots[slots[row]], first[row], count, appears, *sizes_m)
+        _write_knots(knots, first, start, t_s, x_m, y_m, yaw_rad, on_floor)
+    return end
+
+
+def replace(robots: Robots, knots: Knots, slots: Ints, used: int, forecasts: Forecasts) -> int:
+    """Write valid forecasts into the `robots` of `slots` (n,) and their knots into `knots`: in place of the old ones
+    where they are as many, else from `used` on. Where those in use end then; nothing is written where that is beyond
+    `knots`."""
+    f, where = forecasts, (robots, knots, slots, used)
     t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
-    _set_knots(knots, first, ready(f.start, np.int64), t_s, x_m, y_m, yaw_rad, ready(f.floor, np.int64))
+    sizes_m = (ready(column) for column in (f.length_m, f.width_m, f.bottom_m, f.top_m))
+    return _replace(*where, ready(f.start, np.int64), t_s, x_m, y_m, yaw_rad, ready(f.floor, np.int64), *sizes_m)
 
 
 @kernel(

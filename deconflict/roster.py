@@ -3,43 +3,13 @@
 from collections.abc import Iterable, Sequence
 from itertools import repeat
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.motion import KNOT, ROBOT, Knots, Robots, set_knots
-from ingest.compiled import kernel
+from deconflict.motion import KNOT, ROBOT, Knots, Robots, replace
 from ingest.seam import Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
-
-_ROBOT, _INTS = numba.from_dtype(ROBOT), numba.int64[::1]
-
-
-def robots_of(forecasts: Forecasts, first: Ints, counts: Ints) -> Robots:
-    """(n,) of `ROBOT`: n forecasts of so many knots each, one at least, which begin at `first`."""
-    half_length, half_width = forecasts.length_m / 2, forecasts.width_m / 2
-    said = np.empty(len(forecasts), ROBOT)
-    said["half_length"], said["half_width"] = half_length, half_width
-    said["radius"] = np.sqrt(half_length * half_length + half_width * half_width)
-    said["bottom"], said["top"] = forecasts.bottom_m, forecasts.top_m
-    said["appears"] = forecasts.t_s[forecasts.start[:-1]]
-    said["first"], said["count"] = first, counts
-    return said
-
-
-@kernel(numba.types.Tuple((_INTS, numba.int64))(_ROBOT[::1], _INTS, _INTS, numba.int64))  # type: ignore[no-untyped-call]
-def _room(robots: Robots, slots: Ints, counts: Ints, used: int) -> tuple[Ints, int]:
-    """Where the knots of each go: in place of its old ones where they are as many, else from `used` on; the new end."""
-    first = np.empty(len(slots), np.int64)
-    for row in range(len(slots)):
-        robot = robots[slots[row]]
-        if robot.count == counts[row]:
-            first[row] = robot.first
-        else:
-            robot.count, first[row] = 0, used
-            used += counts[row]
-    return first, used
 
 
 class Roster:
@@ -66,10 +36,12 @@ class Roster:
         unknown = np.flatnonzero(slots < 0)
         if len(unknown):
             slots[unknown] = self._new_slots([keys[row] for row in unknown.tolist()])
-        counts = np.diff(forecasts.start)
-        first = self._room(slots, counts)
-        set_knots(self.knots, first, forecasts)
-        self.robots[slots] = robots_of(forecasts, first, counts)
+        used = replace(self.robots, self.knots, slots, self._used, forecasts)
+        if used > len(self.knots):
+            self.robots["count"][slots] = 0
+            self._pack(len(forecasts.t_s))
+            used = replace(self.robots, self.knots, slots, self._used, forecasts)
+        self._used = used
         return slots
 
     def discard(self, keys: Iterable[str]) -> list[int]:
@@ -106,15 +78,6 @@ class Roster:
             self.robots, self.keys = np.pad(self.robots, (0, spare)), np.pad(self.keys, (0, spare))
         self.keys[slots] = keys
         return slots
-
-    def _room(self, slots: Ints, counts: Ints) -> Ints:
-        """Where the knots of each go, for which there is room then."""
-        first, used = _room(self.robots, slots, counts, self._used)
-        if used > len(self.knots):
-            self._pack(used - self._used)
-            first, used = _room(self.robots, slots, counts, self._used)
-        self._used = used
-        return first
 
     def _pack(self, spare: int) -> None:
         """Leave out the knots of forecasts that were replaced, and make room for `spare` more."""

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.motion import Knots, Robots, delayed, faults
-from deconflict.roster import robots_of
+from deconflict.motion import Knots, Robots, delayed, faults, robots_of
 from deconflict.sweep import first_meetings
 from ingest.compiled import ready
 from ingest.seam import Floats, Forecasts, Ints

@@ -5,7 +5,7 @@ from math import inf, nan, pi
 import numpy as np
 import pytest
 
-from deconflict.motion import KNOT, Knots, faults, set_knots
+from deconflict.motion import KNOT, ROBOT, Knots, faults, replace, robots_of
 from ingest.seam import Forecasts
 from tests.deconflict.made_encounters import FAMILIES, encounters, robot
 from tests.oracle import Track
@@ -14,8 +14,8 @@ SQUARE = (1.0, 1.0)
 
 
 def knots_of(forecasts: Forecasts) -> Knots:
-    made = np.zeros(len(forecasts.t_s), KNOT)
-    set_knots(made, forecasts.start[:-1], forecasts)
+    made, robots = np.zeros(len(forecasts.t_s), KNOT), np.zeros(len(forecasts), ROBOT)
+    assert replace(robots, made, np.arange(len(forecasts)), 0, forecasts) == len(made)
     return made
 
 
@@ -45,6 +45,26 @@ def test_a_robot_stands_after_its_last_knot_and_where_its_floor_changes() -> Non
     knots = knots_of(robot([0, 2, 4], [0, 1, 5], [0, 0, 2], 0, SQUARE, floor=[0, 0, 1]))
     assert knots["vx"].tolist() == [0.5, 0, 0]
     assert knots["vy"].tolist() == [0, 0, 0]
+
+
+def test_robots_have_half_the_sides_of_their_envelopes_and_their_own_knots() -> None:
+    f = encounters(next(iter(FAMILIES)), 8, 61, 0.25)
+    counts, half_m = np.diff(f.start), np.stack([f.length_m, f.width_m]) / 2
+    radius_m = np.sqrt(half_m[0] * half_m[0] + half_m[1] * half_m[1])
+    columns = (*half_m, radius_m, f.bottom_m, f.top_m, f.t_s[f.start[:-1]], f.start[:-1], counts)
+    expected = list(zip(*(column.tolist() for column in columns), strict=True))
+    assert robots_of(f, f.start[:-1], counts).tolist() == expected
+    kept = np.zeros(len(f), ROBOT)
+    replace(kept, np.zeros(len(f.t_s), KNOT), np.arange(len(f)), 0, f)
+    assert kept.tolist() == expected
+
+
+def test_nothing_is_written_where_there_is_no_room() -> None:
+    f = encounters(next(iter(FAMILIES)), 8, 61, 0.25)
+    kept, knots = np.zeros(len(f), ROBOT), np.zeros(len(f.t_s) + 4, KNOT)
+    assert replace(kept, knots, np.arange(len(f)), 5, f) == len(knots) + 1
+    assert not kept["count"].any()
+    assert not knots["t"].any()
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deconflict import roster as module
-from deconflict.motion import KNOT, set_knots
+from deconflict.motion import KNOT, ROBOT, replace
 from deconflict.roster import Roster
 from ingest.seam import Forecasts
 from tests.deconflict.made_encounters import wanderer
@@ -15,7 +15,7 @@ def assert_holds(roster: Roster, newest: dict[str, Forecasts]) -> None:
     for key, forecast in newest.items():
         robot = roster.robots[roster.slots[key]]
         said = np.zeros(len(forecast.t_s), KNOT)
-        set_knots(said, np.zeros(1, np.int64), forecast)
+        replace(np.zeros(1, ROBOT), said, np.zeros(1, np.int64), 0, forecast)
         np.testing.assert_array_equal(roster.knots[robot["first"] : robot["first"] + robot["count"]], said)
         assert 2 * robot["half_length"] == forecast.length_m[0]
         assert robot["appears"] == forecast.t_s[0]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from deconflict.advice.delays import SHORT_S, Delays, Mover, Window
-from deconflict.motion import Knots, Robots, delayed
-from deconflict.roster import robots_of
+from deconflict.motion import Knots, Robots, delayed, robots_of
 from ingest.seam import Forecasts
 from tests.deconflict.made_encounters import NOW_S, robot
 
