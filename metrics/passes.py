@@ -88,16 +88,15 @@ class Reading:
     def _heard(self, events: Iterable[Received]) -> Iterator[Pass]:
         """Take in messages, with passes at whole multiples of `TICK_S` for a log that has no ticks of its own."""
         for event in events:
-            if not self._own_ticks:
-                for tick in self._ticks(event.arrival_s):
+            if not self._own_ticks and (now := floor(event.arrival_s / TICK_S)) != self._ticked:
+                for tick in self._ticks(now):
                     yield self._pass(tick * TICK_S)
             self.messages += 1
             self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
             conform.take(self.fleet, event)
 
-    def _ticks(self, now_s: float) -> range:
-        """Those that have come since the last message."""
-        now = floor(now_s / TICK_S)
+    def _ticks(self, now: int) -> range:
+        """Those that have come since the last message, up to `now`."""
         before, self._ticked = self._ticked, now
         return range(now + 1 if before is None else max(before, now - LONGEST_GAP) + 1, now + 1)
 
