@@ -4,7 +4,6 @@ Pure: `receive` takes a batch, `step` the time of a tick. The live service, test
 and the same calls give the same advisories.
 """
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from heapq import heappop, heappush
@@ -73,6 +72,8 @@ class Engine:
         conflict = site.conflict
         self.foresight = Foresight(conflict.clearance_m, conflict.clear_margin_m, conflict.horizon_s, self.measures)
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
+        there = self.live.robots.__contains__
+        self._scene = Scene(there, self._party, self._stands, self._meet, self._separation_m, self._datum, self._places)
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
         self._submit, self._aside = submit, Aside(submit)
@@ -167,9 +168,7 @@ class Engine:
         self.near_misses = [pair for pair in self._trigger.step(conflicts) if self._moves(pair)]
         self.measures.count(NEAR_MISSES, by=len(self.near_misses))
         predictions = self._foreseen(now_s, conflicts).until(now_s + reach_s)
-        there = self.live.robots.__contains__
-        scene = Scene(there, self._party, self._stands, self._meet, self._separation_m, self._datum, self._places)
-        revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, scene, now_s + reach_s)]
+        revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, self._scene, now_s + reach_s)]
         revisions += self._advise(now_s)
         if not self._conflicts_only:
             revisions += self._shared(now_s, effort)
@@ -293,8 +292,9 @@ class Engine:
         return self._landmarks.places([Spot(self._datum(one), one.x_m, one.y_m) for one in met])
 
     def _measure(self, conflicts: PairConflicts, revisions: list[AnyAdvisory]) -> None:
-        severities = Counter({("conflict", severity): count for severity, count in self._lives.severities.items()})
-        tally(self.measures, revisions, severities + by_severity(self._shared_open()))
+        open_now = by_severity(self._shared_open())
+        open_now.update({("conflict", severity): count for severity, count in self._lives.severities.items() if count})
+        tally(self.measures, revisions, open_now)
         self.measures.level("deconflict_datum_drift_metres", self._rests.drift_m())
         changes.tell(self.measures, {"forecast": self.foresight.changes.changed(), "datum": self._rests.changed()})
         self.measures.level("deconflict_conflicts", {(): len(conflicts.pairs)})

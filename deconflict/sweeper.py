@@ -150,7 +150,10 @@ class Sweeper:
 
     def _covered_further(self, first_slab: int, last_slab: int, slabs: int) -> list[Pairs]:
         """Cover robots without news in the slabs that have come into view; the pairs of boxes to look at."""
-        behind, found = self._roster.present(np.flatnonzero(self._covered < last_slab)), []
+        behind, found = np.flatnonzero(self._covered < last_slab), []
+        if not len(behind):
+            return []
+        behind = self._roster.present(behind)
         for covered in sorted(set(self._covered[behind].tolist())):
             slots = behind[self._covered[behind] == covered]
             begin, end = max(covered + 1, first_slab), first_slab + slabs
