@@ -7,18 +7,19 @@ Those of which a robot waited as advised are counted apart.
 """
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
-from math import asin, floor, inf, pi, sqrt
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+from math import floor, inf, pi
 from typing import Any
 from zlib import crc32
 
 import numpy as np
 
 from deconflict.foresight.leaving import PARTS, STAYED, part_of, weights
-from ingest.seam import Floats
+from ingest.seam import Floats, Ints
 from metrics.bootstrap import Interval, interval
 from metrics.summaries import brier, brier_skill
-from metrics.truth import Pair, Truth
+from metrics.truth import Encounter, Pair, Truth
 from metrics.waits import Waits
 
 HORIZON_S = 10.0
@@ -30,6 +31,9 @@ FINE = 1000
 """Steps of the arcsine of the root of a probability, so that small ones and those near 1 are told apart too."""
 GROUPS = 32
 """Pairs fall into so many groups, which the bootstrap draws whole: seconds of one pair are no independent cases."""
+
+_STEPS = np.sin((np.arange(FINE) + 0.5) / FINE * (pi / 2)) ** 2
+"""Where one step of probability ends and the next begins."""
 
 EACH_ONCE = np.ones(PARTS + 1)
 """Weights that leave out what is left out, without making up for it."""
@@ -48,15 +52,14 @@ class Tally:
         self.left = np.zeros(PARTS + 1)
         """Samples of which a robot left before anything happened, by when it did."""
 
-    def add(self, group: int, probability: float, part: int) -> None:
-        """A sample that came true in a part of the horizon, or not (`STAYED`)."""
-        step = round(asin(sqrt(probability)) * 2 / pi * FINE)
-        for counts, row, by in (
-            (self.fine, step, probability),
-            (self.groups, group, (probability - (part < STAYED)) ** 2),
-        ):
-            counts[0, part, row] += 1.0
-            counts[1, part, row] += by
+    def add(self, group: Ints, probability: Floats, part: Ints) -> None:
+        """Samples (n,) that each came true in a part of the horizon, or not (`STAYED`)."""
+        step = np.searchsorted(_STEPS, probability)
+        squared = [off**2 for off in (probability - (part < STAYED)).tolist()]
+        for (samples, sums), column, by in ((self.fine, step, probability), (self.groups, group, squared)):
+            at = part * samples.shape[1] + column
+            np.add.at(samples.reshape(-1), at, 1.0)
+            np.add.at(sums.reshape(-1), at, by)
 
     @classmethod
     def joined(cls, parts: Iterable["Tally"]) -> "Tally":
@@ -145,46 +148,64 @@ class Calibration:
 
     def resolve(self, truth: Truth, vendor_of: Mapping[str, str]) -> None:
         """Count every sample of which it is known what followed."""
+        due: list[tuple[float, Pair, float]] = []
         while self._waiting and self._waiting[0][0] + HORIZON_S <= truth.until_s:
             at_s, probabilities = self._waiting.popleft()
-            began_s = [self._began_s(truth, pair, at_s) for pair, _ in probabilities]
-            last_s = [min(truth.motion.last_seen_s(robot) for robot in pair) for pair, _ in probabilities]
-            parts = part_of(np.minimum(began_s, last_s) - at_s, HORIZON_S).tolist()
-            for (pair, probability), one_began_s, part in zip(probabilities, began_s, parts, strict=True):
-                vendors = (vendor_of[pair[0]], vendor_of[pair[1]])
-                self._judge(pair, vendors, at_s, probability, one_began_s, part)
+            due += [(at_s, pair, probability) for pair, probability in probabilities]
+        if due:
+            at, pairs, said = zip(*due, strict=True)
+            self._judge(np.array(at), pairs, np.array(said), truth, vendor_of)
 
     def whole(self) -> Tally:
         return Tally.joined(self.by_vendors.values())
 
-    def _judge(self, pair: Pair, vendors: Vendors, at_s: float, probability: float, began_s: float, part: int) -> None:
-        """Count one sample, unless it was said within an encounter; in `part` one began or a robot was last seen."""
-        if began_s == at_s:
-            return
-        if self.waits.began_s(pair, at_s, at_s + HORIZON_S) < began_s:
-            self.heeded += 1
-            return
-        both = (min(vendors), max(vendors))
-        if both not in self.by_vendors:
-            self.by_vendors[both] = Tally()
-        tallies = [self.by_vendors[both]]
-        if at_s >= self._settled_from_s:
-            tallies.append(self.settled)
-        group = crc32("".join(pair).encode()) % GROUPS
-        for tally in tallies:
-            if began_s < inf:
-                tally.add(group, probability, min(part, STAYED - 1))
-            elif part == STAYED:
-                tally.add(group, probability, STAYED)
-            else:
-                tally.left[part] += 1
+    def _judge(
+        self, at_s: Floats, pairs: Sequence[Pair], said: Floats, truth: Truth, vendor_of: Mapping[str, str]
+    ) -> None:
+        """Count samples (n,), but for those that were said within an encounter."""
+        met = truth.by_pair(self._clearance_m)
+        each = list(zip(at_s.tolist(), pairs, strict=True))
+        began_s = np.array([_began_s(met[pair], one_s) if pair in met else inf for one_s, pair in each])
+        waited_s = np.array([self.waits.began_s(pair, one_s, one_s + HORIZON_S) for one_s, pair in each])
+        last_s = {robot: truth.motion.last_seen_s(robot) for robot in set(chain.from_iterable(pairs))}
+        last = np.array([min(last_s[a], last_s[b]) for a, b in pairs])
+        part = part_of(np.minimum(began_s, last) - at_s, HORIZON_S)
+        outside, heeded = began_s != at_s, waited_s < began_s
+        self.heeded += int((outside & heeded).sum())
+        rows = np.flatnonzero(outside & ~heeded)
+        groups = {pair: crc32("".join(pair).encode()) % GROUPS for pair in set(pairs)}
+        group = np.array([groups[pair] for pair in pairs])
+        came = began_s < inf
+        part = np.where(came, np.minimum(part, STAYED - 1), part)
+        is_known = came | (part == STAYED)
+        settled = (self.settled, rows[at_s[rows] >= self._settled_from_s])
+        for tally, of in (*self._by_vendors(rows, pairs, vendor_of), settled):
+            known, left = of[is_known[of]], of[~is_known[of]]
+            tally.add(group[known], said[known], part[known])
+            np.add.at(tally.left, part[left], 1.0)
 
-    def _began_s(self, truth: Truth, pair: Pair, at_s: float) -> float:
-        """When the next encounter within the horizon begins; `at_s` within one, inf where there is none."""
-        began_s = inf
-        for one in reversed(truth.of_pair(self._clearance_m, pair)):
-            if one.start_s <= at_s:
-                return at_s if at_s <= one.end_s else began_s
-            if one.start_s <= at_s + HORIZON_S:
-                began_s = one.start_s
-        return began_s
+    def _by_vendors(
+        self, rows: Ints, pairs: Sequence[Pair], vendor_of: Mapping[str, str]
+    ) -> Iterator[tuple[Tally, Ints]]:
+        """The chosen samples of each two vendors, and where they are counted."""
+        vendors = {pair: _sorted(vendor_of[pair[0]], vendor_of[pair[1]]) for pair in set(pairs)}
+        chosen: dict[Vendors, list[int]] = {}
+        for row in rows.tolist():
+            chosen.setdefault(vendors[pairs[row]], []).append(row)
+        for both, some in chosen.items():
+            yield self.by_vendors.setdefault(both, Tally()), np.array(some)
+
+
+def _sorted(a: str, b: str) -> Vendors:
+    return (a, b) if a <= b else (b, a)
+
+
+def _began_s(encounters: Sequence[Encounter], at_s: float) -> float:
+    """When the next one within the horizon begins; `at_s` within one, inf where there is none."""
+    began_s = inf
+    for one in reversed(encounters):
+        if one.start_s <= at_s:
+            return at_s if at_s <= one.end_s else began_s
+        if one.start_s <= at_s + HORIZON_S:
+            began_s = one.start_s
+    return began_s

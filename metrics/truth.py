@@ -6,7 +6,7 @@ threshold; two runs are one where the gap is at most 1 s or the pair never drew 
 foreseeable where both robots were present for at least 2 s before its start.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import floor, inf
 
@@ -83,9 +83,9 @@ class Truth:
         """Those that have ended, by start."""
         return sorted(self._below[threshold_m].closed, key=lambda one: (one.start_s, one.pair))
 
-    def of_pair(self, threshold_m: float, pair: Pair) -> Sequence[Encounter]:
-        """Those of one pair as far as has been looked, by start; the last may go on."""
-        return self._below[threshold_m].of_pair.get(pair, ())
+    def by_pair(self, threshold_m: float) -> Mapping[Pair, Sequence[Encounter]]:
+        """Those of each pair as far as has been looked, by start; the last may go on."""
+        return self._below[threshold_m].of_pair
 
     def _look(self, samples: int) -> None:
         if self._next is None or samples <= 0:

@@ -26,9 +26,11 @@ class Waits:
 
     def began_s(self, pair: Pair, from_s: float, to_s: float) -> float:
         """When one of a pair first waited between two times; inf where neither did."""
-        spans = [span for robot in pair if robot in self._of for span in self._of[robot]]
-        if not spans:
-            return inf
-        return min(
-            (max(began_s, from_s) for began_s, ended_s in spans if began_s <= to_s and ended_s >= from_s), default=inf
-        )
+        first_s = inf
+        for robot in pair:
+            for began_s, ended_s in reversed(self._of.get(robot, ())):
+                if ended_s < from_s:
+                    break
+                if began_s <= to_s:
+                    first_s = min(first_s, max(began_s, from_s))
+        return first_s

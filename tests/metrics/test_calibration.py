@@ -14,9 +14,13 @@ def tally(*said: tuple[float, int, int]) -> Tally:
     """So many samples of a probability, of which so many came true."""
     made = Tally()
     for probability, samples, came_true in said:
-        for n in range(samples):
-            made.add(n % 7, probability, 0 if n < came_true else STAYED)
+        n = np.arange(samples)
+        made.add(n % 7, np.full(samples, probability), np.where(n < came_true, 0, STAYED))
     return made
+
+
+def add(tally: Tally, group: int, probability: float, part: int) -> None:
+    tally.add(np.array([group]), np.array([probability]), np.array([part]))
 
 
 def test_probabilities_that_mean_what_they_say_have_no_calibration_error() -> None:
@@ -46,8 +50,7 @@ def test_where_nothing_was_published_or_nothing_ever_happened_there_is_no_figure
 
 def test_bins_hold_the_same_number_of_samples() -> None:
     made = Tally()
-    for probability in np.linspace(0.0, 1.0, 5000) ** 4:
-        made.add(0, float(probability), STAYED)
+    made.add(np.zeros(5000, np.int64), np.linspace(0.0, 1.0, 5000) ** 4, np.full(5000, STAYED))
     assert made.bins()[:, 0].tolist() == pytest.approx([500] * 10, abs=60)
 
 
@@ -58,15 +61,15 @@ def test_pairs_that_are_known_stand_for_those_of_which_a_robot_left() -> None:
         if n % 2:
             made.left[2] += 1
         else:
-            made.add(n % 7, 0.3, 5 if n % 20 < 6 else STAYED)
+            add(made, n % 7, 0.3, 5 if n % 20 < 6 else STAYED)
     assert made.figures()["ece"] == pytest.approx(0.0)
     # and here those that would meet in the first second do so before half of the others leave
     made = Tally()
     for n in range(100):
         if n < 30:
-            made.add(n % 7, 0.3, 0)
+            add(made, n % 7, 0.3, 0)
         elif n % 2:
-            made.add(n % 7, 0.3, STAYED)
+            add(made, n % 7, 0.3, STAYED)
         else:
             made.left[2] += 1
     assert made.figures()["ece"] == pytest.approx(0.0)
