@@ -7,7 +7,7 @@ import numpy as np
 from ingest.seam import Batch, Floats
 
 ENOUGH = 128
-"""Robots that are taken in at once: more save hardly anything, and would make one pass wait for them."""
+"""Robots that a live engine takes in at once: more save hardly anything, and would make one pass wait for them."""
 
 
 class Gathered(NamedTuple):
@@ -21,14 +21,16 @@ class Gathered(NamedTuple):
 class Gathering:
     """Batches in the order of their ticks. How they are cut changes no robot, nor when each was heard or gone."""
 
-    def __init__(self) -> None:
+    def __init__(self, enough: int = ENOUGH) -> None:
+        """`enough` robots are taken in at once."""
+        self._enough = enough
         self._waiting: list[Batch] = []
 
     def put(self, batch: Batch) -> list[Gathered]:
         """What is to be taken in now, in order: all up to a batch in which robots are gone, or enough of them."""
         due = self.rest() if self._waiting and not _goes_on(self._waiting[-1], batch) else []
         self._waiting.append(batch)
-        if batch.gone or sum(map(len, self._waiting)) >= ENOUGH:
+        if batch.gone or sum(map(len, self._waiting)) >= self._enough:
             due += self.rest()
         return due
 

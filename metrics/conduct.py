@@ -6,17 +6,17 @@ every resource for at least 5 s while the place was full, and then entered it or
 """
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from math import hypot, inf
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 
+from deconflict.contention.boxes import grown, touching
 from deconflict.contention.resources import Place, Resource, Zone, outlines
-from ingest.seam import Batch, Floats
+from ingest.seam import Batch, Floats, Ints
 
 STANDS_M, STOOD_S = 0.1, 3.0
 WAITED_S = 5.0
@@ -24,6 +24,7 @@ JOINED_S = 5.0
 """A robot that is silent for longer is not known to have stood."""
 MOST_PENDING = 32
 """Stops of one robot that are kept until it enters a place."""
+NOWHERE = frozenset[str]()
 
 
 class Span(NamedTuple):
@@ -90,7 +91,7 @@ class Conduct:
     def __init__(self, resources: Iterable[Resource], zones: Iterable[Zone]) -> None:
         places: list[Place] = [*resources, *zones]
         self._capacity = {one.id: one.capacity for one in places}
-        self._resources, self._zones = _by_floor(resources), _by_floor(zones)
+        self._resources, self._zones = _Outlines(resources), _Outlines(zones)
         self._inside: dict[str, set[str]] = {place: set() for place in self._capacity}
         self._full: dict[str, list[Span]] = {place: [] for place in self._capacity}
         self._since: dict[tuple[str, bool], float] = {}
@@ -133,8 +134,9 @@ class Conduct:
 
     def _move(self, robot: str, one: _Seen) -> None:
         """It stands no longer where it stood."""
-        stand = Stand(Span(one.came_s, one.seen_s), one.floor, one.x_m, one.y_m, one.outside, one.goals)
-        if stand.span.lasts_s >= STOOD_S:
+        span = Span(one.came_s, one.seen_s)
+        if span.lasts_s >= STOOD_S:
+            stand = Stand(span, one.floor, one.x_m, one.y_m, one.outside, one.goals)
             self.stands.setdefault(robot, []).append(stand)
             one.pending = [*one.pending[1 - MOST_PENDING :], stand]
 
@@ -191,46 +193,49 @@ class Conduct:
         first, told = batch.forecasts.start[:-1], batch.forecasts
         floors = batch.datums(told.floor[first])
         x_m, y_m = told.x_m[first], told.y_m[first]
-        resources = _touched(self._resources, floors, shapely.points(x_m, y_m))
-        zones = [frozenset[str]()] * len(floors)
-        if self._zones:
-            envelopes = _envelopes(x_m, y_m, told.yaw_rad[first], told.length_m, told.width_m)
-            zones = _touched(self._zones, floors, envelopes)
-        columns = (batch.event_s.tolist(), floors, x_m.tolist(), y_m.tolist(), resources, zones, self._goals(batch))
-        for t_s, floor, x, y, kept, passed, goals in zip(*columns, strict=True):
-            yield _Report(t_s, floor, x, y, kept | passed, not kept, goals)
+        middles = np.stack([x_m, y_m, x_m, y_m], axis=1)
+        resources = self._resources.touched(floors, middles, lambda rows: shapely.points(middles[rows, :2]))
+        poses = (x_m, y_m, told.yaw_rad[first], told.length_m, told.width_m)
+        boxes_m = grown(middles, np.hypot(told.length_m, told.width_m) / 2)
+        zones = self._zones.touched(floors, boxes_m, lambda rows: _envelopes(*(one[rows] for one in poses)))
+        columns = (batch.event_s.tolist(), floors, x_m.tolist(), y_m.tolist(), self._goals(batch))
+        for row, (t_s, floor, x, y, goals) in enumerate(zip(*columns, strict=True)):
+            kept = resources.get(row, NOWHERE)
+            yield _Report(t_s, floor, x, y, kept | zones.get(row, NOWHERE), kept is NOWHERE, goals)
 
     def _goals(self, batch: Batch) -> list[frozenset[str]]:
         """By robot, the resources that it says it goes to."""
-        told = batch.destinations
-        if not len(told.t_s) or not self._resources:
-            return [frozenset()] * len(batch)
-        found = _touched(self._resources, batch.datums(told.floor), shapely.points(told.x_m, told.y_m))
-        return [frozenset().union(*found[begin:end]) for begin, end in pairwise(told.start.tolist())]
+        told, goals = batch.destinations, [NOWHERE] * len(batch)
+        spots = np.stack([told.x_m, told.y_m], axis=1)
+        boxes_m = np.concatenate([spots, spots], axis=1)
+        found = self._resources.touched(batch.datums(told.floor), boxes_m, lambda rows: shapely.points(spots[rows]))
+        robot = np.repeat(np.arange(len(batch)), np.diff(told.start))
+        for row, places in found.items():
+            goals[robot[row]] |= places
+        return goals
 
 
-Trees = dict[str, tuple[shapely.STRtree, list[str]]]
+class _Outlines:
+    """Places, to ask which of them something touches on its floor."""
 
+    def __init__(self, places: Iterable[Place]) -> None:
+        drawn = [(datum, place.id, outline) for place in places for datum, outline in outlines(place)]
+        self._datums, self._places = [datum for datum, _, _ in drawn], [place for _, place, _ in drawn]
+        self._shapes = np.array([shapely.Polygon(outline) for _, _, outline in drawn])
+        self._boxes_m = shapely.bounds(self._shapes).reshape(-1, 4)
 
-def _by_floor(places: Iterable[Place]) -> Trees:
-    found: dict[str, list[tuple[str, shapely.Polygon]]] = {}
-    for place in places:
-        for datum, outline in outlines(place):
-            found.setdefault(datum, []).append((place.id, shapely.Polygon(outline)))
-    return {
-        datum: (shapely.STRtree([shape for _, shape in rows]), [place for place, _ in rows])
-        for datum, rows in found.items()
-    }
-
-
-def _touched(trees: Trees, floors: list[str], shapes: Any) -> list[frozenset[str]]:
-    """By shape, the places on its floor that it touches."""
-    found = [frozenset[str]()] * len(floors)
-    for floor, (tree, places) in trees.items():
-        rows = np.array([row for row, one in enumerate(floors) if one == floor], np.int64)
-        for row, place in tree.query(shapes[rows], predicate="intersects").T.tolist() if len(rows) else ():
-            found[rows[row]] |= {places[place]}
-    return found
+    def touched(
+        self, datums: Sequence[str], boxes_m: Floats, shapes: Callable[[Ints], Any]
+    ) -> dict[int, frozenset[str]]:
+        """By row, the places that what is in a box (n, 4) touches; `shapes` makes it of the rows that may touch any."""
+        pairs = touching(boxes_m, self._boxes_m).tolist()
+        near = np.array([pair for pair in pairs if datums[pair[0]] == self._datums[pair[1]]], np.int64).reshape(-1, 2)
+        found: dict[int, frozenset[str]] = {}
+        if len(near):
+            touches = shapely.intersects(shapes(near[:, 0]), self._shapes[near[:, 1]])
+            for row, place in near[touches].tolist():
+                found[row] = found.get(row, frozenset()) | {self._places[place]}
+        return found
 
 
 def _envelopes(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m: Floats) -> Any:

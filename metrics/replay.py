@@ -31,6 +31,8 @@ from metrics.truth import Pair, Truth
 
 FORESEEN_S = 10.0
 """An advisory that was cleared longer before a near moment than this had nothing to do with it."""
+FOLLOWED = 1024
+"""Robots whose reports are followed at once: for what is asked of in the end, no pass has to be short."""
 
 Line = dict[str, Any]
 Tell = Callable[[Line], None]
@@ -147,7 +149,7 @@ class Outcome:
         self.verdicts = [Verdict(clearance_m) for clearance_m in clearances_m]
         self.truth = Truth(clearances_m)
         self.forecasts, self.arrivals, self.contention = ForecastErrors(), Arrivals(), Contention(site)
-        self._gathering = Gathering()
+        self._gathering = Gathering(FOLLOWED)
         self.vendor_of: dict[str, str] = {}
         """By robot that has said where it is."""
 
