@@ -4,11 +4,13 @@ The truth is the recorded motion of `metrics/motion.py`. Along and across are th
 """
 
 from collections.abc import Sequence
+from math import cos, hypot, isfinite, sin
 from typing import Any
 
+import numba
 import numpy as np
 
-from deconflict.motion import Bools
+from ingest.compiled import kernel, ready
 from ingest.seam import Floats, Forecasts, Ints
 from metrics.motion import JOINED_S
 from metrics.sketch import BINS, bins_of, quantile
@@ -19,8 +21,6 @@ BANDS = (0.5, 0.8, 0.9)
 KINDS = ("distance", "along", "across")
 GATHERED_S = 5.0
 """Forecasts of so long are held against the motion together."""
-APART = 1e6
-"""Seconds between two robots on the one time axis of a search; more than any log that is held at once."""
 
 Maker = tuple[str, str]
 """Vendor and model."""
@@ -30,12 +30,12 @@ class ForecastErrors:
     """Forecasts that wait for the motion they foretold, and counts of their errors."""
 
     def __init__(self) -> None:
-        self.counts: dict[Maker, Ints] = {}
-        """(kinds, horizons, BINS) by vendor and model."""
-        self.inside: dict[Maker, Ints] = {}
-        """(horizons, bands + 1) by vendor and model: how many lay within each band, and of how many bands are known."""
+        self._counts: Ints = np.zeros((len(KINDS), 0, len(HORIZONS_S), BINS), np.int64)
+        """By maker in the second dimension."""
+        self._inside: Ints = np.zeros((0, len(HORIZONS_S), len(BANDS) + 1), np.int64)
+        """By maker: how many lay within each band, and of how many bands are known."""
         self._index: dict[str, int] = {}
-        self._makers: list[Maker] = []
+        self._makers: dict[Maker, int] = {}
         self._waiting: list[tuple[Ints, Ints, Floats, Forecasts]] = []
         """Robot, maker, bands, forecast."""
         self._since_s: float | None = None
@@ -51,11 +51,10 @@ class ForecastErrors:
         """
         if not len(robots):
             return
-        made_by = [self._maker(maker) for maker in makers]
         rows = [self._index.setdefault(robot, len(self._index)) for robot in robots]
         if bands_m is None:
             bands_m = np.full((len(rows), len(HORIZONS_S), len(BANDS)), np.nan)
-        self._waiting.append((np.array(rows), np.array(made_by), bands_m, forecasts))
+        self._waiting.append((np.array(rows), self._rows(makers), bands_m, forecasts))
         if self._since_s is None:
             self._since_s = float(forecasts.t_s[forecasts.start[:-1]].min())
 
@@ -71,43 +70,33 @@ class ForecastErrors:
     def figures(self) -> dict[str, Any]:
         """Median and p90 by horizon, of all and by vendor and model."""
         return {
-            "all": _by_horizon(
-                sum(self.counts.values(), np.zeros((len(KINDS), len(HORIZONS_S), BINS), np.int64)),
-                sum(self.inside.values(), np.zeros((len(HORIZONS_S), len(BANDS) + 1), np.int64)),
-            ),
+            "all": _by_horizon(self._counts.sum(axis=1), self._inside.sum(axis=0)),
             "by_model": [
-                {
-                    "vendor": vendor,
-                    "model": model,
-                    "horizons": _by_horizon(self.counts[vendor, model], self.inside[vendor, model]),
-                }
-                for vendor, model in sorted(self.counts)
+                {"vendor": vendor, "model": model, "horizons": _by_horizon(self._counts[:, row], self._inside[row])}
+                for (vendor, model), row in sorted(self._makers.items())
             ],
         }
 
-    def _maker(self, maker: Maker) -> int:
-        if maker not in self.counts:
-            self.counts[maker] = np.zeros((len(KINDS), len(HORIZONS_S), BINS), np.int64)
-            self.inside[maker] = np.zeros((len(HORIZONS_S), len(BANDS) + 1), np.int64)
-            self._makers.append(maker)
-        return self._makers.index(maker)
+    def _rows(self, makers: Sequence[Maker]) -> Ints:
+        """The rows of makers (n,) in what is counted."""
+        new = [maker for maker in dict.fromkeys(makers) if maker not in self._makers]
+        if new:
+            self._makers |= {maker: row for row, maker in enumerate(new, len(self._makers))}
+            self._counts = np.pad(self._counts, ((0, 0), (0, len(new)), (0, 0), (0, 0)))
+            self._inside = np.pad(self._inside, ((0, len(new)), (0, 0), (0, 0)))
+        return np.array([self._makers[maker] for maker in makers])
 
     def _count(self, until_s: float) -> None:
         robot, maker, bands_m = (np.concatenate([waiting[n] for waiting in self._waiting]) for n in range(3))
-        forecasts = Forecasts.joined(waiting[3] for waiting in self._waiting)
-        made_s = forecasts.t_s[forecasts.start[:-1]]
-        due = np.flatnonzero(made_s < until_s)
-        errors, known = _errors(robot, forecasts, due)
-        for row, name in enumerate(self._makers):
-            chosen = known & (maker[due] == row)[:, None]
-            at = np.nonzero(chosen)
-            for kind in range(len(KINDS)):
-                np.add.at(self.counts[name][kind], (at[1], bins_of(errors[kind][at])), 1)
-            bands = bands_m[due][at]
-            np.add.at(self.inside[name][:, :-1], at[1], errors[0][at][:, None] <= bands)
-            np.add.at(self.inside[name][:, -1], at[1], np.isfinite(bands).all(axis=1))
+        told = Forecasts.joined(waiting[3] for waiting in self._waiting)
+        made_s = told.t_s[told.start[:-1]]
+        columns = (told.t_s, told.x_m, told.y_m, told.yaw_rad, ready(told.floor, np.int64), bands_m)
+        order = np.lexsort((made_s, robot))
+        errors, at = _held(order, robot, maker, told.start, *columns, until_s, HORIZONS_S, JOINED_S, self._inside)
+        for counts, bins in zip(self._counts, bins_of(errors), strict=True):
+            np.add.at(counts.reshape(-1), at * BINS + bins, 1)
         rows = np.flatnonzero(made_s >= until_s)
-        self._keep(robot[rows], maker[rows], bands_m[rows], forecasts.take(rows))
+        self._keep(robot[rows], maker[rows], bands_m[rows], told.take(rows))
 
     def _keep(self, robot: Ints, maker: Ints, bands_m: Floats, rest: Forecasts) -> None:
         self._waiting, self._since_s = [], None
@@ -116,41 +105,83 @@ class ForecastErrors:
             self._since_s = float(rest.t_s[rest.start[:-1]].min())
 
 
-def _errors(robot: Ints, forecasts: Forecasts, due: Ints) -> tuple[Floats, Bools]:
-    """(kinds, d, horizons) errors of the forecasts `due`, and (d, horizons) whether the motion is known there."""
-    first = forecasts.start[:-1]
-    base_s = float(forecasts.t_s.min())
-    order = np.lexsort((forecasts.t_s[first], robot))
-    at, who = forecasts.t_s[first][order] - base_s, robot[order]
-    wanted = (forecasts.t_s[first][due] - base_s)[:, None] + HORIZONS_S
-    before = np.searchsorted(who * APART + at, robot[due][:, None] * APART + wanted, side="right") - 1
-    after = np.minimum(before + 1, len(at) - 1)
-    gap_s = at[after] - at[before]
-    joined = (who[after] == robot[due][:, None]) & (gap_s > 0) & (gap_s <= JOINED_S)
-    known = joined | (at[before] == wanted)
-    share = np.where(joined, (wanted - at[before]) / np.where(joined, gap_s, 1.0), 0.0)
-    b, a = first[order[before]], first[order[after]]
-    known &= ~joined | (forecasts.floor[a] == forecasts.floor[b])
-    x, y = (column[b] + share * (column[a] - column[b]) for column in (forecasts.x_m, forecasts.y_m))
-    px, py, yaw, floor = _told(forecasts, due, wanted + base_s)
-    known &= floor == forecasts.floor[b]
-    dx, dy = x - px, y - py
-    along, across = np.cos(yaw) * dx + np.sin(yaw) * dy, np.cos(yaw) * dy - np.sin(yaw) * dx
-    return np.stack([np.hypot(dx, dy), np.abs(along), np.abs(across)]), known
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 
-def _told(forecasts: Forecasts, rows: Ints, t_s: Floats) -> tuple[Floats, Floats, Floats, Ints]:
-    """Where the forecasts of `rows` put their robots at `t_s` (d, h): x, y, heading and floor."""
-    base_s = float(forecasts.t_s.min())
-    owner = np.repeat(np.arange(len(forecasts)), np.diff(forecasts.start))
-    keys = owner * APART + (forecasts.t_s - base_s)
-    knot = np.searchsorted(keys, rows[:, None] * APART + (t_s - base_s), side="right") - 1
-    following = np.minimum(knot + 1, forecasts.start[rows + 1][:, None] - 1)
-    lasts_s = forecasts.t_s[following] - forecasts.t_s[knot]
-    moving = (lasts_s > 0) & (forecasts.floor[following] == forecasts.floor[knot])
-    share = np.where(moving, (t_s - forecasts.t_s[knot]) / np.where(moving, lasts_s, 1.0), 0.0)
-    x, y = (c[knot] + share * (c[following] - c[knot]) for c in (forecasts.x_m, forecasts.y_m))
-    return x, y, forecasts.yaw_rad[knot], forecasts.floor[knot]
+@kernel(
+    numba.types.Tuple((numba.float64[:, ::1], numba.int64[::1]))(  # type: ignore[no-untyped-call]
+        *[_INTS] * 4,
+        *[_FLOATS] * 4,
+        _INTS,
+        numba.types.Array(numba.float64, 3, "C", readonly=True),
+        numba.float64,
+        _FLOATS,
+        numba.float64,
+        numba.int64[:, :, ::1],
+    )
+)
+def _held(
+    order: Ints,
+    robot: Ints,
+    maker: Ints,
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    floor: Ints,
+    bands_m: Floats,
+    until_s: float,
+    horizons_s: Floats,
+    joined_s: float,
+    inside: Ints,
+) -> tuple[Floats, Ints]:
+    """Forecasts made before `until_s`, held against the motion; `order` is by robot and by when they were made.
+
+    (kinds, m) errors and (m,) maker and horizon of each, as an index into (makers, horizons); adds to `inside` (makers,
+    horizons, bands + 1) how many lie within each band, and of how many all are known.
+    """
+    n, horizons, bands, m = len(order), len(horizons_s), bands_m.shape[2], 0
+    errors, at = np.empty((3, n * horizons)), np.empty(n * horizons, np.int64)
+    for place in range(n):
+        row = order[place]
+        knot, end, made_s, before = start[row], start[row + 1], t_s[start[row]], place
+        if made_s >= until_s:
+            continue
+        for column in range(horizons):
+            ahead_s = horizons_s[column]
+            while before + 1 < n and robot[order[before + 1]] == robot[row]:
+                if t_s[start[order[before + 1]]] - made_s > ahead_s:
+                    break
+                before += 1
+            b, share = start[order[before]], 0.0
+            x, y, since_s = x_m[b], y_m[b], ahead_s - (t_s[b] - made_s)
+            a = start[order[before + 1]] if before + 1 < n and robot[order[before + 1]] == robot[row] else b
+            gap_s = t_s[a] - t_s[b]
+            if 0.0 < gap_s <= joined_s and floor[a] == floor[b]:
+                share = since_s / gap_s
+                x, y = x + share * (x_m[a] - x), y + share * (y_m[a] - y)
+            elif 0.0 < gap_s <= joined_s or since_s != 0.0:
+                continue
+            while knot + 1 < end and t_s[knot + 1] - made_s <= ahead_s:
+                knot += 1
+            if floor[knot] != floor[b]:
+                continue
+            dx, dy, following = x - x_m[knot], y - y_m[knot], min(knot + 1, end - 1)
+            if following > knot and floor[following] == floor[knot]:
+                share = (ahead_s - (t_s[knot] - made_s)) / (t_s[following] - t_s[knot])
+                dx = x - (x_m[knot] + share * (x_m[following] - x_m[knot]))
+                dy = y - (y_m[knot] + share * (y_m[following] - y_m[knot]))
+            c, s = cos(yaw_rad[knot]), sin(yaw_rad[knot])
+            errors[0, m], errors[1, m], errors[2, m] = hypot(dx, dy), abs(c * dx + s * dy), abs(c * dy - s * dx)
+            at[m] = maker[row] * horizons + column
+            within, known = inside[maker[row], column], True
+            for band in range(bands):
+                within[band] += errors[0, m] <= bands_m[row, column, band]
+                known &= isfinite(bands_m[row, column, band])
+            within[bands] += known
+            m += 1
+    return errors[:, :m].copy(), at[:m].copy()
 
 
 def _by_horizon(counts: Ints, inside: Ints) -> list[dict[str, Any]]:

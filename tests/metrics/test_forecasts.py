@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from ingest.seam import Floats, Forecasts
-from metrics.forecasts import ForecastErrors
+from metrics.forecasts import KINDS, ForecastErrors
+from metrics.motion import JOINED_S
 from metrics.sketch import BINS, bins_of, quantile
 
 MAKER = ("Alder", "A7")
@@ -90,3 +91,54 @@ def test_bands_cover_the_share_of_errors_within_them() -> None:
     told = row(errors, 5)
     assert [told["banded"], told["covered_50"], told["covered_90"]] == pytest.approx([35, 17 / 35, 1.0])
     assert row(driven(1.0, 1.0), 5)["covered_90"] is None
+
+
+def wandering(rng: np.random.Generator, t_s: float) -> Forecasts:
+    """A robot that says that it will be anywhere, on either of two floors."""
+    t = t_s + np.array([0.0, *np.sort(rng.choice(np.arange(1, 24), 3, replace=False) / 2)])
+    x, y, yaw = rng.normal(size=(3, 4))
+    one = np.ones(1)
+    return Forecasts(np.array([0, 4]), t, x, y, yaw, rng.choice(2, 4, p=(0.8, 0.2)), one, one, 0 * one, one)
+
+
+def errors_by_hand(of: Forecasts, horizon_s: float, reports: list[Forecasts]) -> tuple[float, float, float] | None:
+    at_s = of.t_s[0] + horizon_s
+    before = max((one for one in reports if one.t_s[0] <= at_s), key=lambda one: one.t_s[0])
+    after = min((one for one in reports if one.t_s[0] > at_s), key=lambda one: one.t_s[0], default=before)
+    gap_s = after.t_s[0] - before.t_s[0]
+    if 0 < gap_s <= JOINED_S:
+        share = (at_s - before.t_s[0]) / gap_s
+        is_known = after.floor[0] == before.floor[0]
+    else:
+        share, is_known = 0.0, before.t_s[0] == at_s
+    knot = np.searchsorted(of.t_s, at_s, side="right") - 1
+    if not is_known or of.floor[knot] != before.floor[0]:
+        return None
+    told = [column[knot] for column in (of.x_m, of.y_m)]
+    if knot + 1 < 4 and of.floor[knot + 1] == of.floor[knot]:
+        told = [np.interp(at_s, of.t_s, column) for column in (of.x_m, of.y_m)]
+    found = [b + share * (a - b) for a, b in ((after.x_m[0], before.x_m[0]), (after.y_m[0], before.y_m[0]))]
+    off = complex(found[0] - told[0], found[1] - told[1]) * np.exp(-1j * of.yaw_rad[knot])
+    return abs(off), abs(off.real), abs(off.imag)
+
+
+def test_errors_are_those_of_every_forecast_held_against_every_report_by_hand() -> None:
+    rng, errors = np.random.default_rng(1), ForecastErrors()
+    reports: dict[str, list[Forecasts]] = {}
+    for second in np.arange(0, 60, 0.5):
+        for robot in ("a", "b", "c"):
+            if rng.random() < 0.6:
+                reports.setdefault(robot, []).append(wandering(rng, second))
+                errors.take([robot], [("Alder", robot)], reports[robot][-1])
+        errors.advance(second)
+    errors.finish()
+    figures = errors.figures()
+    for horizon in range(10):
+        by_hand = [errors_by_hand(each, horizon + 1.0, of) for of in reports.values() for each in of]
+        known = np.array([one for one in by_hand if one])
+        told = figures["all"][horizon]
+        assert told["cases"] == len(known) == sum(one["horizons"][horizon]["cases"] for one in figures["by_model"])
+        for kind, lengths in zip(KINDS, known.T, strict=True):
+            counts = np.bincount(bins_of(lengths), minlength=BINS)
+            assert told[f"{kind}_median_m"] == pytest.approx(quantile(counts, 0.5), rel=0.03)
+            assert told[f"{kind}_p90_m"] == pytest.approx(quantile(counts, 0.9), rel=0.03)
