@@ -402,11 +402,9 @@ def nearing(
             other = last[(x + cell // 3 - 1) & (across - 1), (y + cell % 3 - 1) & (across - 1)]
             while other >= 0:
                 beside, other = other, after[other]
-                if told[beside] and beside <= slot:
-                    continue
-                if abs(around[beside, 0] - around[slot, 0]) > box[slot, 0] + box[beside, 0]:
-                    continue
-                if abs(around[beside, 1] - around[slot, 1]) > box[slot, 1] + box[beside, 1]:
+                far_in_x = abs(around[beside, 0] - around[slot, 0]) > box[slot, 0] + box[beside, 0]
+                far_in_y = abs(around[beside, 1] - around[slot, 1]) > box[slot, 1] + box[beside, 1]
+                if (told[beside] and beside <= slot) or far_in_x or far_in_y:
                     continue
                 if near[beside] < 0.0:
                     near[beside] = reach[beside] + _set_way(ways, track, beside, seen[beside, 0], now_s) / 2
