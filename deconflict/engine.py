@@ -202,13 +202,14 @@ class Engine:
     def _movers_around(self, group: set[str]) -> list[Mover]:
         """The robots of a group that are on the floor, and those near to them, as swept."""
         uuids = self.live.around(group & self.live.robots.keys(), NEAR_M, MOST_NEAR)
-        keys, forecasts = self._swept(uuids)
-        row_of = {uuid: row for row, uuid in enumerate(keys)}
-        return [self._mover(uuid, self.live.robots[uuid], forecasts, row_of[uuid]) for uuid in uuids]
+        _, forecasts = self._swept(uuids)
+        return [self._mover(uuid, self.live.robots[uuid], forecasts, row) for row, uuid in enumerate(uuids)]
 
     def _mover(self, uuid: str, one: LiveRobot, forecasts: Forecasts, row: int) -> Mover:
-        priority = self._priorities.of(one.vendor, one.model)
-        return Mover(uuid, one.name, one.vendor, forecasts, row, one.basis is not Basis.STATIONARY, priority)
+        batch, own = one.batch, one.row
+        vendor, moves = batch.vendors[own], int(batch.basis[own]) != Basis.STATIONARY
+        priority = self._priorities.of(vendor, batch.models[own])
+        return Mover(uuid, batch.names[own], vendor, forecasts, row, moves, priority)
 
     def _priority(self, uuid: str) -> float:
         one = self.live.robots[uuid]

@@ -2,12 +2,40 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from math import hypot, inf
 
+import numba
 import numpy as np
 
+from ingest.compiled import kernel
 from ingest.seam import Basis, Batch, Floats, Forecasts, Ints
 
 _BASES = tuple(Basis)
+_FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
+
+
+@kernel(numba.types.Tuple((_INTS, _FLOATS))(numba.float64[:, ::1], _INTS, numba.float64))  # type: ignore[no-untyped-call]
+def _near(at: Floats, members: Ints, within_m: float) -> tuple[Ints, Floats]:
+    """The slots of robots so near to one of `members`, on the floor of one of them, and how far it is to the nearest.
+
+    `at` (slots, 3) is x_m, y_m and floor; nan where there is no robot.
+    """
+    own = at[members]
+    west, south, east, north = inf, inf, -inf, -inf
+    for x_m, y_m, _ in own:
+        west, south, east, north = min(west, x_m), min(south, y_m), max(east, x_m), max(north, y_m)
+    slots, away_m, n = np.empty(len(at), np.int64), np.empty(len(at)), 0
+    for slot in range(len(at)):
+        x_m, y_m, floor = at[slot]
+        if not (west - within_m <= x_m <= east + within_m and south - within_m <= y_m <= north + within_m):
+            continue
+        nearest_m, beside = inf, False
+        for other_x_m, other_y_m, other_floor in own:
+            nearest_m = min(nearest_m, hypot(x_m - other_x_m, y_m - other_y_m))
+            beside |= floor == other_floor
+        if beside and nearest_m <= within_m:
+            slots[n], away_m[n], n = slot, nearest_m, n + 1
+    return slots[:n].copy(), away_m[:n].copy()
 
 
 @dataclass(slots=True, eq=False)
@@ -104,22 +132,10 @@ class Live:
 
     def around(self, group: set[str], within_m: float, most: int) -> list[str]:
         """The robots of a group and the nearest to any of them on their floors, in ascending order."""
-        members = self._at[[self.robots[uuid].slot for uuid in sorted(group)]]
-        slots = self._within(
-            members[:, :2].min(axis=0, initial=np.inf) - within_m,
-            members[:, :2].max(axis=0, initial=-np.inf) + within_m,
-        )
-        found = self._at[slots]
-        away_m = np.hypot(*(found[:, None, axis] - members[:, axis] for axis in (0, 1))).min(axis=1, initial=np.inf)
-        near = (away_m <= within_m) & np.isin(found[:, 2], members[:, 2])
-        named = [(away, self._uuids[slot]) for away, slot in zip(away_m[near], slots[near].tolist(), strict=True)]
+        slots, away_m = _near(self._at, np.array([self.robots[uuid].slot for uuid in group], np.int64), within_m)
+        named = zip(away_m.tolist(), [self._uuids[slot] for slot in slots.tolist()], strict=True)
         others = sorted(one for one in named if one[1] not in group)
         return sorted([*group, *(uuid for _, uuid in others[:most])])
-
-    def _within(self, least_m: Floats, most_m: Floats) -> Ints:
-        """The slots of the robots between two corners."""
-        (x_m, y_m, _), (left, bottom), (right, top) = self._at.T, least_m, most_m
-        return np.flatnonzero((x_m >= left) & (x_m <= right) & (y_m >= bottom) & (y_m <= top))
 
     def _slot(self, uuid: str) -> int:
         if self._free:

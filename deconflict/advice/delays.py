@@ -29,8 +29,7 @@ Late = tuple[Robots, Knots]
 """Robots, each late by its hold, and their knots."""
 
 
-@dataclass(frozen=True, slots=True)
-class Mover:
+class Mover(NamedTuple):
     """One robot that others meet."""
 
     robot: str
