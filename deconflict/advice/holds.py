@@ -140,21 +140,17 @@ class Planner:
 
     def _choice(self, robots: list[str]) -> Choice:
         """Costs count before the number of those held, and that before what the burdened wait."""
-        row, steps = {robot: row for row, robot in enumerate(robots)}, self.problem.window.steps
-        movers = [self.problem.movers[robot] for robot in robots]
-        longest, rank, change = (
-            np.array(
-                [(steps * one.holdable, self.ranks[one.robot], self._change(one.robot)) for one in movers], np.int64
-            )
-            .reshape(-1, 3)
-            .T.copy()
-        )
+        steps, movers = self.problem.window.steps, [self.problem.movers[robot] for robot in robots]
+        longest = np.array([steps * one.holdable for one in movers], np.int64)
         weight = np.array([_weight(one) for one in movers], np.int64)
-        most = 1 + int(rank.sum()) * steps
-        after = 1 + len(robots) * most + int(rank.sum()) * steps
+        rank = np.array([self.ranks[one.vendor] for one in movers], np.int64)
+        change = np.array([self._change(robot) for robot in robots], np.int64)
+        most = 1 + sum(rank.tolist()) * steps
+        after = most * (1 + len(robots))
         allowed = np.zeros((len(self.problem.allowed), 2 * steps + 1), bool)
         for at, differences in enumerate(self.problem.allowed.values()):
             allowed[at, np.array(differences) + steps] = True
+        row = {robot: row for row, robot in enumerate(robots)}
         pairs = np.array([(row[a], row[b]) for a, b in self.problem.allowed], np.int64).reshape(-1, 2)
         return Choice(longest, weight, after * weight + rank, after * change + most, pairs, allowed)
 
@@ -182,9 +178,10 @@ class Planner:
         proven = solved.proven and not self.standing
         model.add(cost + change <= round(solved.solver.objective_value))
         model.clear_objective()  # type: ignore[no-untyped-call]
-        most = 1 + sum(self.ranks[robot] * self.problem.window.steps for robot in holds)
+        rank = {robot: self.ranks[self.problem.movers[robot].vendor] for robot in holds}
+        most = 1 + sum(rank.values()) * self.problem.window.steps
         model.minimize(
-            sum(most * held[robot] for robot in holds) + sum(self.ranks[robot] * hold for robot, hold in holds.items())
+            sum(most * held[robot] for robot in holds) + sum(rank[robot] * hold for robot, hold in holds.items())
         )
         fairer = solve(model, self.effort, presolve=False)
         if fairer.found:
@@ -216,16 +213,12 @@ def _first_come(problem: Problem, without: Mapping[Pair, float]) -> Plan | None:
     }
     plan: Plan = {}
     for robot in sorted(met_s, key=lambda one: (problem.movers[one].holdable, met_s[one], one)):
+        before = [(plan[b], 1, steps) for (a, b), steps in problem.allowed.items() if a == robot and b in plan]
+        before += [(plan[a], -1, steps) for (a, b), steps in problem.allowed.items() if b == robot and a in plan]
         most = problem.window.steps if problem.movers[robot].holdable else 0
-        mine = {
-            pair: steps
-            for pair, steps in problem.allowed.items()
-            if robot in pair and set(pair) <= plan.keys() | {robot}
-        }
         for hold in range(most + 1):
-            there = plan | {robot: hold}
-            if all(there[a] - there[b] in steps for (a, b), steps in mine.items()):
-                plan = there
+            if all(sign * (hold - other) in steps for other, sign, steps in before):
+                plan[robot] = hold
                 break
         else:
             return None
@@ -273,9 +266,10 @@ def _recommended(problem: Problem, plan: Plan, bound: int, proven: bool, first: 
 
 
 def _ranks(burdens_s: Mapping[str, float], movers: Sequence[Mover]) -> dict[str, int]:
-    """How little each robot should yield: the place of its vendor among the burdened."""
-    levels = sorted({burdens_s.get(one.vendor, 0.0) for one in movers})
-    return {one.robot: levels.index(burdens_s.get(one.vendor, 0.0)) for one in movers}
+    """By vendor, how little its robots should yield: its place among the burdened."""
+    burden_s = {vendor: burdens_s.get(vendor, 0.0) for vendor in {one.vendor for one in movers}}
+    place = {level: rank for rank, level in enumerate(sorted(set(burden_s.values())))}
+    return {vendor: place[level] for vendor, level in burden_s.items()}
 
 
 def _held(standing: Recommendation | None) -> frozenset[str]:
