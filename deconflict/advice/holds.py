@@ -51,9 +51,6 @@ class Problem:
     def robots(self) -> list[str]:
         return sorted({robot for pair in self.allowed for robot in pair})
 
-    def fits(self, plan: Plan) -> bool:
-        return all(plan.get(a, 0) - plan.get(b, 0) in steps for (a, b), steps in self.allowed.items())
-
     def cost(self, plan: Plan) -> int:
         return sum(_weight(self.movers[robot]) * hold for robot, hold in plan.items())
 
