@@ -6,7 +6,7 @@ go: the path through (u, v) depends on the difference of the holds alone, and so
 Differences on the grid of holds are swept as they are, standing included, so on that grid the answer is exact.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import inf
@@ -85,20 +85,23 @@ class Delays:
     def __init__(self, movers: Sequence[Mover], window: Window) -> None:
         self._movers, self._window = movers, window
         self._told, self._rows = _together(movers)
-        self._row = dict(zip([one.robot for one in movers], self._rows.tolist(), strict=True))
-        self._robots = robots_of(self._told, self._told.start[:-1], np.diff(self._told.start))
+        self._place = {one.robot: place for place, one in enumerate(movers)}
+        self._robots = robots_of(self._told, self._told.start[:-1], self._told.start[1:] - self._told.start[:-1])
         if wrong := faults(self._told):
             self._robots["count"][list(wrong)] = 0
 
-    def meetings(self, holds_s: Sequence[float]) -> dict[Pair, float]:
-        """Who comes within the clearance, and when first, where each robot is held for so long.
+    def meetings(self, held_s: Mapping[str, float]) -> dict[Pair, float]:
+        """Who comes within the clearance, and when first, where some robots are held for so long.
 
         Until the last that is held has had its horizon. Pairs that begin within the clearance are left out.
         """
         window, movers, (a, b) = self._window, self._movers, _pairs_of(len(self._movers))
-        until_s = np.full(len(a), window.start_s + window.horizon_s + max(holds_s, default=0.0))
-        held = self._delayed(self._rows, np.array(holds_s, np.float64))
-        met_s, begins_m = self._first_meetings(held, a, b, until_s, window.clearance_m)
+        until_s = np.full(len(a), window.start_s + window.horizon_s + max(held_s.values(), default=0.0))
+        hold_s = np.zeros(len(movers))
+        for robot, seconds in held_s.items():
+            hold_s[self._place[robot]] = seconds
+        late = self._delayed(self._rows, hold_s)
+        met_s, begins_m = self._first_meetings(late, a, b, until_s, window.clearance_m)
         met = np.flatnonzero((met_s < inf) & (begins_m > window.clearance_m))
         return {
             (movers[one].robot, movers[other].robot): at_s
@@ -115,7 +118,7 @@ class Delays:
         fans, a, b = self._fans(pairs, steps)
         allowed, open_ = np.ones(a.shape, bool), np.arange(len(pairs))
         for clearance_m in (self._window.clearance_m, 0.0):
-            until_s = np.tile(from_s + steps.late_s, len(open_))
+            until_s = np.concatenate([from_s + steps.late_s] * len(open_))
             told = self._first_meetings(fans, a[open_].ravel(), b[open_].ravel(), until_s, clearance_m)
             met_s, begins_m = (one.reshape(-1, len(steps.late_s)) for one in told)
             near = begins_m[:, 0] <= clearance_m
@@ -128,8 +131,8 @@ class Delays:
     def _fans(self, pairs: Sequence[Pair], steps: Fan) -> tuple[Late, Ints, Ints]:
         """Every robot of the pairs at every hold; and of each pair, (p, differences), the rows of both at each."""
         robots, holds = dict.fromkeys(robot for pair in pairs for robot in pair), len(steps.hold_s)
-        rows = np.array([self._row[robot] for robot in robots], np.int64)
-        fans = self._delayed(rows.repeat(holds), np.tile(steps.hold_s, len(rows)))
+        rows = self._rows[[self._place[robot] for robot in robots]]
+        fans = self._delayed(rows.repeat(holds), np.concatenate([steps.hold_s] * len(rows)))
         begins = dict(zip(robots, range(0, len(rows) * holds, holds), strict=True))
         a, b = np.array([[begins[one], begins[other]] for one, other in pairs], np.int64).T[:, :, None]
         return fans, a + steps.first, b + steps.second

@@ -73,7 +73,7 @@ def advise_holds(
     needs another route.
     """
     problem = Problem({one.robot: one for one in movers}, window, Delays(movers, window))
-    without = problem.delays.meetings([0.0] * len(movers))
+    without = problem.delays.meetings({})
     pairs = sorted({(min(pair), max(pair)) for pair in conflicts})
     problem.constrain(pairs)
     planner = Planner(
@@ -97,13 +97,12 @@ def advise_holds(
 
 def _made(problem: Problem, plan: Plan, without: Mapping[Pair, float]) -> list[Pair]:
     """The plan swept again: pairs that it was to clear and did not, and pairs that it brings together."""
-    movers = list(problem.movers.values())
-    held = {robot for robot, hold in plan.items() if hold}
-    found = problem.delays.meetings([plan.get(one.robot, 0) * STEP_S for one in movers]) if held else without
+    held = {robot: hold * STEP_S for robot, hold in plan.items() if hold}
+    found = problem.delays.meetings(held) if held else without
     ordered = {(min(pair), max(pair)) for pair in found}
     before = {(min(pair), max(pair)) for pair in without} | set(problem.hopeless)
     return sorted(
-        pair for pair in ordered if pair in problem.allowed or (pair not in before and not held.isdisjoint(pair))
+        pair for pair in ordered if pair in problem.allowed or (pair not in before and not held.keys().isdisjoint(pair))
     )
 
 

@@ -45,9 +45,8 @@ def pairs_of(movers: list[Mover]) -> list[Pair]:
     return [(a.robot, b.robot) for a, b in combinations(movers, 2)]
 
 
-def holds_s(advice: Recommendation, movers: list[Mover]) -> list[float]:
-    told = {one.robot: one.hold_s for one in advice.holds}
-    return [told.get(one.robot, 0.0) for one in movers]
+def held_s(advice: Recommendation) -> dict[str, float]:
+    return {one.robot: one.hold_s for one in advice.holds}
 
 
 def cheapest_s(movers: list[Mover], window: Window) -> float | None:
@@ -58,8 +57,8 @@ def cheapest_s(movers: list[Mover], window: Window) -> float | None:
 
     grid = [k * STEP_S for k in range(window.steps + 1)]
     choices = sorted(product(*(grid if one.holdable else [0.0] for one in movers)), key=cost)
-    delays = Delays(movers, window)
-    return next((cost(holds) for holds in choices if not delays.meetings(holds)), None)
+    delays, names = Delays(movers, window), [one.robot for one in movers]
+    return next((cost(holds) for holds in choices if not delays.meetings(dict(zip(names, holds, strict=True)))), None)
 
 
 @settings(max_examples=12, deadline=None)
@@ -76,7 +75,7 @@ def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, f
         through(str(row), yaw, before_m=m, speed_mps=v, priority=weight)
         for row, (yaw, m, v, weight) in enumerate(courses)
     ]
-    found = Delays(movers, window).meetings([0.0] * len(movers))
+    found = Delays(movers, window).meetings({})
     assume(found)
     apart = all(
         min(abs(a.forecast.x_m[0] - b.forecast.x_m[0]), 9.0) + abs(a.forecast.y_m[0] - b.forecast.y_m[0]) > 2.0
@@ -91,7 +90,7 @@ def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, f
         return
     assert advice.cost_s == cheapest
     assert advice.proven_optimal
-    assert Delays(movers, window).meetings(holds_s(advice, movers)) == {}
+    assert Delays(movers, window).meetings(held_s(advice)) == {}
     assert advice.first_come_cost_s is None or advice.cost_s <= advice.first_come_cost_s
 
 
@@ -155,7 +154,7 @@ def test_differences_are_those_at_which_the_sweep_finds_nothing() -> None:
     swept = [
         step
         for step in range(-WINDOW.steps, WINDOW.steps + 1)
-        if not Delays([a, b], WINDOW).meetings([max(step, 0) * STEP_S, max(-step, 0) * STEP_S])
+        if not Delays([a, b], WINDOW).meetings({"a": max(step, 0) * STEP_S, "b": max(-step, 0) * STEP_S})
     ]
     assert allowed == swept
     assert 0 < len(allowed) < 2 * WINDOW.steps + 1
@@ -189,8 +188,8 @@ def test_no_hold_brings_another_pair_together() -> None:
     movers = [a, b, tail]
     advice = advise_holds(movers, [("a", "b")], WINDOW, burdens_s=burdens_s)
     assert [one.robot for one in advice.holds] == ["b"]
-    before = Delays(movers, WINDOW).meetings([0.0] * 3)
-    assert set(Delays(movers, WINDOW).meetings(holds_s(advice, movers))) <= set(before) - {("a", "b")}
+    before = Delays(movers, WINDOW).meetings({})
+    assert set(Delays(movers, WINDOW).meetings(held_s(advice))) <= set(before) - {("a", "b")}
 
 
 @pytest.mark.parametrize(("burdened", "yields"), [("acme", "b"), ("bolt", "a")])
@@ -233,6 +232,6 @@ def test_four_ways_at_one_crossing() -> None:
     movers = [through(name, row * pi / 4, before_m=5.0) for row, name in enumerate("abcd")]
     advice = advise_holds(movers, pairs_of(movers), WINDOW)
     assert advice.proven_optimal
-    assert Delays(movers, WINDOW).meetings(holds_s(advice, movers)) == {}
+    assert Delays(movers, WINDOW).meetings(held_s(advice)) == {}
     assert advice.first_come_cost_s is not None
     assert advice.cost_s <= advice.first_come_cost_s
