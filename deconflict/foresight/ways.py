@@ -316,12 +316,14 @@ def take(
 
 
 @inner
-def _set_way(ways: Floats, track: Floats, slot: int, heard_s: float, now_s: float) -> float:
-    """Where a robot is, x_m, y_m and floor, at every whole second from now on, in `ways`; the furthest that it goes in
-    one."""
+def _set_way(ways: Floats, near: Floats, reach: Floats, seen: Floats, track: Floats, slot: int, now_s: float) -> None:
+    """Where a robot is, x_m, y_m and floor, at every whole second from now on, in `ways`; and its `reach` and half of
+    the furthest that it goes in one, in `near`: unless they are set already."""
+    if near[slot] >= 0.0:
+        return
     longest = 0.0
     for second in range(ways.shape[1]):
-        whole, share = _part(track, slot, now_s + second - heard_s)
+        whole, share = _part(track, slot, now_s + second - seen[slot, 0])
         x, y = track[slot, whole, 0], track[slot, whole, 1]
         x += share * (track[slot, whole + 1, 0] - x)
         y += share * (track[slot, whole + 1, 1] - y)
@@ -329,7 +331,7 @@ def _set_way(ways: Floats, track: Floats, slot: int, heard_s: float, now_s: floa
             dx, dy = x - ways[slot, second - 1, 0], y - ways[slot, second - 1, 1]
             longest = max(longest, dx * dx + dy * dy)
         ways[slot, second, 0], ways[slot, second, 1], ways[slot, second, 2] = x, y, track[slot, whole, 3]
-    return float(np.sqrt(longest))
+    near[slot] = reach[slot] + np.sqrt(longest) / 2
 
 
 @inner
@@ -395,8 +397,7 @@ def nearing(
     for slot in slots:
         if not told[slot]:
             continue
-        if near[slot] < 0.0:
-            near[slot] = reach[slot] + _set_way(ways, track, slot, seen[slot, 0], now_s) / 2
+        _set_way(ways, near, reach, seen, track, slot, now_s)
         x, y = _cell(around, slot, side)
         for cell in range(9):
             other = last[(x + cell // 3 - 1) & (across - 1), (y + cell % 3 - 1) & (across - 1)]
@@ -406,8 +407,7 @@ def nearing(
                 far_in_y = abs(around[beside, 1] - around[slot, 1]) > box[slot, 1] + box[beside, 1]
                 if (told[beside] and beside <= slot) or far_in_x or far_in_y:
                     continue
-                if near[beside] < 0.0:
-                    near[beside] = reach[beside] + _set_way(ways, track, beside, seen[beside, 0], now_s) / 2
+                _set_way(ways, near, reach, seen, track, beside, now_s)
                 if _meet(ways, slot, beside, near[slot] + near[beside]):
                     if pairs == len(found):
                         found = np.concatenate((found, np.empty_like(found)))
