@@ -5,7 +5,7 @@ another process as the dictionary of `as_document`.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -100,6 +100,11 @@ class Measures:
     def __init__(self) -> None:
         self.values: dict[str, dict[Labels, float]] = defaultdict(dict)
         self.histograms: dict[str, dict[Labels, Histogram]] = defaultdict(dict)
+        self._asked: list[Callable[[], None]] = []
+
+    def ask(self, tell: Callable[[], None]) -> None:
+        """Have `tell` bring its levels up to date each time that the measures are told of."""
+        self._asked.append(tell)
 
     def count(self, name: str, *labels: str, by: float = 1) -> None:
         series = self.values[name]
@@ -119,6 +124,8 @@ class Measures:
 
     def as_document(self) -> dict[str, Any]:
         """JSON-ready: `values` and `histograms`, each name to a list of `[labels, ...]` rows."""
+        for tell in self._asked:
+            tell()
         return {
             "values": {
                 name: [[list(labels), value] for labels, value in sorted(series.items())]

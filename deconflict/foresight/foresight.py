@@ -69,6 +69,7 @@ class Foresight:
 
     def __init__(self, clearance_m: float, margin_m: float, horizon_s: float, measures: Measures) -> None:
         self.ledger, self.calibration, self.measures = Ledger(), Calibration(), measures
+        measures.ask(self._measure)
         self.changes = ForecastChanges()
         self._clearance_m, self._margin_m = clearance_m, margin_m
         self._ahead_s = LOOKS * (horizon_s / LOOKS[-1])
@@ -112,7 +113,8 @@ class Foresight:
 
     def receive(self, batch: Batch) -> None:
         """Hold earlier forecasts against the new reports, and keep the new forecasts."""
-        self._forget(batch.gone)
+        if batch.gone:
+            self._forget(batch.gone)
         if not len(batch):
             return
         slots = np.array([self._slots.get(uuid, -1) for uuid in batch.robots])
@@ -159,6 +161,10 @@ class Foresight:
         slot = self._slots.get(uuid)
         return slot is not None and bool(self._robots["surprise"][slot] > DISTRUSTED)
 
+    def _measure(self) -> None:
+        measure(self.ledger, self.measures)
+        self.measures.level("deconflict_robots_distrusted", self._distrusted())
+
     def _distrusted(self) -> dict[Labels, float]:
         """By vendor, robots whose forecasts contradict their own motion."""
         kinds = list(self.ledger.kinds)
@@ -201,11 +207,13 @@ class Foresight:
 
     def _exact(self, swept: Swept) -> Ints:
         """Codes of the pairs that were swept, most of them in the last look too."""
-        exact, again = np.full(len(swept.pairs), -1), swept.before >= 0
-        exact[again] = self._swept[swept.before[again]]
+        exact = np.full(len(swept.pairs), -1)
+        if len(self._swept):
+            exact = np.where(swept.before >= 0, self._swept[swept.before], -1)
         new = np.flatnonzero(exact < 0)
-        flat = np.array([self._slots[uuid] for row in new.tolist() for uuid in swept.pairs[row]], np.int64)
-        exact[new] = codes(flat[::2], flat[1::2])
+        if len(new):
+            flat = np.array([self._slots[uuid] for row in new.tolist() for uuid in swept.pairs[row]])
+            exact[new] = codes(flat[::2], flat[1::2])
         return exact
 
     def _named(self, code: Ints) -> list[Pair]:
@@ -215,8 +223,6 @@ class Foresight:
     def _ask(self, now_s: float) -> None:
         if floor(now_s) > self._asked_s:
             self._asked_s = floor(now_s)
-            measure(self.ledger, self.measures)
-            self.measures.level("deconflict_robots_distrusted", self._distrusted())
             asked = self._pairs[self._open(np.flatnonzero(self._pairs["watched"]), now_s)]
             self._outcomes.ask(now_s, asked["code"], asked["seen"])
 
@@ -230,7 +236,7 @@ class Foresight:
         near_m = reach_m(self.ledger.bands_m, *of_robots, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
         a, b = self._followed.nearing(told, slots, near_m, now_s, self._horizon_s).T
         swapped = self._rank[a] > self._rank[b]
-        return codes(np.where(swapped, b, a), np.where(swapped, a, b))
+        return np.where(swapped, codes(b, a), codes(a, b))
 
     def _examine(self, rows: Ints, now_s: float, swept_rows: Ints, swept: Swept) -> None:
         """Look at pairs of `rows`; the exact sweep found those of `swept_rows`."""

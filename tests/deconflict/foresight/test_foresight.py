@@ -95,6 +95,7 @@ def test_one_that_contradicts_its_own_motion_is_distrusted_until_it_does_as_it_s
     for t_s in range(30, 36):
         stage.second(t_s)
     assert stage.foresight.distrusted("a")
+    stage.foresight.measures.as_document()
     values = stage.foresight.measures.values
     assert values["deconflict_robots_distrusted"] == {("Alder",): 1.0}
     assert values["deconflict_forecasts_distrusted_total"]["Alder",] >= 3
@@ -102,6 +103,7 @@ def test_one_that_contradicts_its_own_motion_is_distrusted_until_it_does_as_it_s
     for t_s in range(36, 50):
         stage.second(t_s)
     assert not stage.foresight.distrusted("a")
+    stage.foresight.measures.as_document()
     assert values["deconflict_robots_distrusted"] == {("Alder",): 0.0}
 
 
