@@ -53,6 +53,29 @@ def _trust(robot: Any) -> float:
     return float(max(robot.surprise, 1.0))
 
 
+@kernel(numba.void(_ROBOTS, _MATRIX, *[_INTS] * 2, *[_LOOKS] * 3, _INTS, _CUBE, numba.float64))
+def note(
+    robots: Robots,
+    half: Floats,
+    slots: Ints,
+    kinds: Ints,
+    doubt_m: Floats,
+    length_m: Floats,
+    width_m: Floats,
+    followed: Ints,
+    track: Floats,
+    standing_mps: float,
+) -> None:
+    """Keep what robots of `slots` (n,) told of themselves, and whether those of `followed` (f,) stand for the first
+    second of their tracks (f, k, 4)."""
+    for row, slot in enumerate(slots):
+        robots[slot].kind, robots[slot].doubt_m = kinds[row], doubt_m[row]
+        half[0, slot], half[1, slot] = length_m[row] / 2, width_m[row] / 2
+    for row, slot in enumerate(followed):
+        went_m = np.hypot(track[row, 1, 0] - track[row, 0, 0], track[row, 1, 1] - track[row, 0, 1])
+        robots[slot].rests = went_m < standing_mps
+
+
 @kernel(numba.void(_ROBOTS, *[_INTS] * 2, _FLOATS, _MATRIX))
 def wonder(robots: Robots, slots: Ints, horizon_s: Ints, radial_m: Floats, bands_m: Floats) -> None:
     """Remember by how much the errors a second ahead of robots of `slots` (e,) exceed the bands `bands_m` (e, 3) of

@@ -18,6 +18,7 @@ from ingest.seam import Floats
 PRIOR: Floats = np.array([0.07, 1.07, 0.2, -0.27, -0.74])
 """Weights of what `features` gives."""
 PRIOR_SD: Floats = np.array([0.7, 0.3, 0.3, 0.7, 0.7])
+PRIOR_INFORMATION: Floats = np.diag(PRIOR_SD**-2.0)
 OUTCOME_WEIGHT = 0.25
 """Outcomes of one pair in successive seconds say much the same."""
 FADES_S = 900.0
@@ -44,7 +45,7 @@ class Calibration:
     """The model, and what it has learned."""
 
     weights: Floats = field(default_factory=PRIOR.copy)
-    information: Floats = field(default_factory=lambda: np.diag(PRIOR_SD**-2.0))
+    information: Floats = field(default_factory=PRIOR_INFORMATION.copy)
     """(FEATURES, FEATURES) inverse of the covariance of the weights."""
     ended: Floats = field(default_factory=lambda: np.zeros((2, PARTS + 1)))
     """(2, PARTS + 1) how many pairs were known or left in each part of the horizon, faded."""
@@ -66,7 +67,7 @@ class Calibration:
         weight = OUTCOME_WEIGHT * np.where(fates.left, 0.0, weights(*self.ended)[fates.part])
         expected = self.probability(seen)
         certain = weight * expected * (1 - expected)
-        self.information = kept * self.information + (1 - kept) * np.diag(PRIOR_SD**-2.0)
+        self.information = kept * self.information + (1 - kept) * PRIOR_INFORMATION
         self.information += (seen * certain[:, None]).T @ seen
         self.weights = self.weights + np.linalg.solve(self.information, seen.T @ (weight * (fates.met - expected)))
 

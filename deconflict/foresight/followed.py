@@ -102,11 +102,11 @@ class Followed:
         reports = (self._before, self.seen, self._track)
         return Beside(*ways.beside(*reports, a, b, past_looks, ahead_s, now_s, LONG_AGO_S, JOINED_S))
 
-    def nearing(self, told: Bools, slots: Ints, reach_m: Floats, now_s: float, horizon_s: float) -> Ints:
+    def nearing(self, told: Bools, slots: Ints, rank: Ints, reach_m: Floats, now_s: float, horizon_s: float) -> Ints:
         """(p, 2) pairs of `slots`, one of each `told`, that come within the `reach_m` of both in the horizon, looked at
-        every whole second; `told` and `reach_m` are by slot."""
-        seconds = int(horizon_s) + 1
-        return ways.nearing(told, slots, self._around, reach_m, self.seen, self._track, now_s, seconds, ROUNDING_M)
+        every whole second; the lower in `rank` first. `told`, `rank` and `reach_m` are by slot."""
+        seconds, reports = int(horizon_s) + 1, (self._around, reach_m, self.seen, self._track)
+        return ways.nearing(told, slots, rank, *reports, now_s, seconds, ROUNDING_M)
 
     def speed_mps(self, slots: Ints) -> Floats:
         """(n,) at which robots went from their last report but one to the last; nan where that is not known."""

@@ -8,13 +8,14 @@ are told by the robots' own reports, as in offline scoring.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from math import floor
 
 import numpy as np
 from scipy.special import ndtr
 
 from deconflict.encounter import STANDING_MPS
-from deconflict.foresight.bands import ROBOT, judge, reach_m, wonder
+from deconflict.foresight.bands import ROBOT, judge, note, reach_m, wonder
 from deconflict.foresight.calibration import Calibration, features
 from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.followed import JOINED_S, Followed, Reports
@@ -25,6 +26,7 @@ from deconflict.foresight.pairs import PAIR, Outcomes, again, codes, slots_of
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
+from ingest.compiled import ready
 from ingest.measures import Labels, Measures
 from ingest.seam import Batch, Floats, Ints
 
@@ -117,18 +119,17 @@ class Foresight:
             self._forget(batch.gone)
         if not len(batch):
             return
-        slots = np.array([self._slots.get(uuid, -1) for uuid in batch.robots])
+        slots = np.fromiter(map(self._slots.get, batch.robots, repeat(-1)), np.int64, len(batch))
         for row in np.flatnonzero(slots < 0).tolist():
             slots[row] = self._slot(batch.robots[row])
         if self._ranks_stale:
             self._rank_anew()
         kinds = np.array(self.ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s))
-        self._robots["kind"][slots], self._robots["doubt_m"][slots] = kinds, batch.doubt_m
-        self._half[0, slots], self._half[1, slots] = batch.forecasts.length_m / 2, batch.forecasts.width_m / 2
         self._told[slots] = True
-        reports = Reports.of(batch, slots, kinds)
-        went_m = reports.track[:, 1] - reports.track[:, 0]
-        self._robots["rests"][reports.slot] = np.hypot(went_m[:, 0], went_m[:, 1]) < STANDING_MPS
+        reports, told = Reports.of(batch, slots, kinds), batch.forecasts
+        doubt_m, length_m, width_m = ready(batch.doubt_m), ready(told.length_m), ready(told.width_m)
+        of_robots = (slots, kinds, doubt_m, length_m, width_m)
+        note(self._robots, self._half, *of_robots, reports.slot, reports.track, STANDING_MPS)
         errors = self._own(reports, self._followed.take(reports, self.ledger.bands_m))
         self.ledger.record(errors, batch.now_s)
         self.changes.take(errors, list(self.ledger.kinds), batch.now_s)
@@ -234,9 +235,7 @@ class Foresight:
         slots = np.flatnonzero(self._held)
         of_robots = (slots, self._robots, self._half)
         near_m = reach_m(self.ledger.bands_m, *of_robots, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
-        a, b = self._followed.nearing(told, slots, near_m, now_s, self._horizon_s).T
-        swapped = self._rank[a] > self._rank[b]
-        return np.where(swapped, codes(b, a), codes(a, b))
+        return codes(*self._followed.nearing(told, slots, self._rank, near_m, now_s, self._horizon_s).T)
 
     def _examine(self, rows: Ints, now_s: float, swept_rows: Ints, swept: Swept) -> None:
         """Look at pairs of `rows`; the exact sweep found those of `swept_rows`."""

@@ -20,7 +20,7 @@ STAYED = PARTS
 
 def part_of(after_s: Floats, horizon_s: float) -> Ints:
     """The part of the horizon in which each moment lies, `STAYED` from its end on; `after_s` is since its beginning."""
-    part: Ints = np.clip(np.asarray(after_s) * (PARTS / horizon_s), 0, STAYED).astype(np.int64)
+    part: Ints = np.minimum(np.maximum(after_s * (PARTS / horizon_s), 0), STAYED).astype(np.int64)
     return part
 
 
@@ -34,4 +34,6 @@ def weights(known: Floats, left: Floats) -> Floats:
     ended = known + left
     followed = np.cumsum(ended[::-1])[::-1]
     stays = 1 - left[:PARTS] / np.maximum(followed[:PARTS], 1e-12)
-    return np.append(np.cumprod(stays[::-1])[::-1], 1.0)
+    counted = np.ones(PARTS + 1)
+    counted[:PARTS] = np.cumprod(stays[::-1])[::-1]
+    return counted

@@ -193,4 +193,4 @@ class Outcomes:
 
 def _at(times_s: Floats, row: Ints) -> Floats:
     """The times of rows; -inf where there is no row."""
-    return np.append(times_s, -np.inf)[row]
+    return np.where(row >= 0, times_s[row], -np.inf) if len(times_s) else np.full(len(row), -np.inf)

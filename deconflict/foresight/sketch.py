@@ -8,6 +8,7 @@ from ingest.seam import Floats, Ints
 
 SMALLEST_M, STEP, BINS = 1e-3, 1.1, 128
 """The first bin holds all that is at most `SMALLEST_M`, the last all beyond 180 m."""
+LOG_STEP = np.log(STEP)
 EDGES_M: Floats = SMALLEST_M * np.power(STEP, np.arange(BINS, dtype=np.float64))
 """(BINS,) upper edge of each bin."""
 _EDGES, _ROWS = (numba.types.Array(numba.float64, dimensions, "A", readonly=True) for dimensions in (1, 2))
@@ -15,8 +16,8 @@ _EDGES, _ROWS = (numba.types.Array(numba.float64, dimensions, "A", readonly=True
 
 def bins(distances_m: Floats) -> Ints:
     """The bin of each distance."""
-    scaled = np.ceil(np.log(np.maximum(distances_m, SMALLEST_M) / SMALLEST_M) / np.log(STEP) - 1e-9)
-    found: Ints = np.clip(scaled, 0, BINS - 1).astype(np.int64)
+    scaled = np.ceil(np.log(np.maximum(distances_m, SMALLEST_M) / SMALLEST_M) / LOG_STEP - 1e-9)
+    found: Ints = np.minimum(scaled, BINS - 1).astype(np.int64)
     return found
 
 

@@ -364,12 +364,13 @@ def _cells(slots: Ints, around: Floats, side: float, across: int, after: Ints) -
 
 @kernel(
     numba.int64[:, ::1](
-        numba.boolean[::1], _INTS, _MATRIX, _FLOATS, _MATRIX, _CUBE, numba.float64, numba.int64, numba.float64
+        numba.boolean[::1], *[_INTS] * 2, _MATRIX, _FLOATS, _MATRIX, _CUBE, numba.float64, numba.int64, numba.float64
     )
 )
 def nearing(
     told: Bools,
     slots: Ints,
+    rank: Ints,
     around: Floats,
     reach: Floats,
     seen: Floats,
@@ -378,7 +379,8 @@ def nearing(
     seconds: int,
     rounding_m: float,
 ) -> Ints:
-    """(p, 2) pairs of `slots` (n,), one of each `told`, once each, that come near at any of so many whole seconds.
+    """(p, 2) pairs of `slots` (n,), one of each `told`, that come near at any of so many whole seconds; once each, the
+    lower in `rank` first.
 
     Near is within the `reach` of both and half of what each goes from one second to the next. Only robots whose boxes
     `around` meet, grown so, are followed: they are in cells that are neighbours.
@@ -411,6 +413,7 @@ def nearing(
                 if _meet(ways, slot, beside, near[slot] + near[beside]):
                     if pairs == len(found):
                         found = np.concatenate((found, np.empty_like(found)))
-                    found[pairs, 0], found[pairs, 1] = slot, beside
+                    second = int(rank[slot] < rank[beside])
+                    found[pairs, 1 - second], found[pairs, second] = slot, beside
                     pairs += 1
     return found[:pairs].copy()

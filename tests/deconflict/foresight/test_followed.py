@@ -105,7 +105,8 @@ def test_who_comes_near_at_a_whole_second_is_found_once() -> None:
         forecasts.append(robot([t - slot % 5 for t in t_s], x_m, y_m, 0.0, (1.0, 0.5)))
         take(followed, forecasts[-1], slot)
     slots, told, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
-    found = followed.nearing(told, slots, reach_m, NOW_S + 1.3, 10.0)
+    rank = rng.permutation(robots)
+    found = followed.nearing(told, slots, rank, reach_m, NOW_S + 1.3, 10.0)
     until_s = np.array([one.t_s[0] for one in forecasts])[:, None] + TRACK_S
     way = poses_at(Forecasts.joined(forecasts), np.minimum(NOW_S + 1.3 + np.arange(11.0), until_s))[..., :2]
     step_m = np.hypot(*np.diff(way, axis=1).transpose(2, 0, 1)).max(axis=1)
@@ -116,6 +117,7 @@ def test_who_comes_near_at_a_whole_second_is_found_once() -> None:
         and (np.hypot(*(way[a] - way[b]).T) <= reach_m[a] + reach_m[b] + (step_m[a] + step_m[b]) / 2).any()
     }
     assert sorted((min(pair), max(pair)) for pair in found.tolist()) == sorted(near)
+    assert np.all(rank[found[:, 0]] < rank[found[:, 1]])
     assert 20 < len(near) < robots * robots / 5
 
 
@@ -124,7 +126,7 @@ def test_who_is_on_another_floor_does_not_come_near() -> None:
     for slot, floor in enumerate((0, 1, -1, -1)):
         there = straight(NOW_S, 0.0, 0.0, 0.0)
         take(followed, replace(there, floor=np.full(2, floor)), slot)
-    args = (np.ones(4, bool), np.arange(4), np.ones(4), NOW_S, 10.0)
+    args = (np.ones(4, bool), np.arange(4), np.arange(4), np.ones(4), NOW_S, 10.0)
     assert followed.nearing(*args).tolist() == []
     take(followed, straight(NOW_S + 1, 0.0, 0.0, 0.0), 1)
     assert sorted(followed.nearing(*args)[0].tolist()) == [0, 1]
