@@ -26,12 +26,12 @@ CERTAIN = 0.01
 """Shares this near to 0 or 1 are not told apart from them."""
 
 
-def features(likely: Floats, soon: Floats, far: Floats, stands: Bools) -> Floats:
-    """(n, FEATURES) of the largest share of the error distribution that lies within the clearance at any moment of the
-    horizon and in its first fifth, how long the pair would need if it went straight for each other, in horizons, and
-    whether either stands: it is seen, and gone around."""
-    seen = np.ones((len(likely), FEATURES))
-    seen[:, 1], seen[:, 2], seen[:, 3], seen[:, 4] = _log_odds(likely), _log_odds(soon), far, stands
+def features(within: Floats, far: Floats, stands: Bools) -> Floats:
+    """(n, FEATURES) of the largest share of the error distribution that lies within the clearance, (2, n) at any moment
+    of the horizon and in its first fifth, how long the pair would need if it went straight for each other, in horizons,
+    and whether either stands: it is seen, and gone around."""
+    seen = np.ones((len(far), FEATURES))
+    (seen[:, 1], seen[:, 2]), seen[:, 3], seen[:, 4] = _log_odds(within), far, stands
     return seen
 
 

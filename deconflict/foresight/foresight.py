@@ -250,8 +250,8 @@ class Foresight:
         sds, far = judge(
             pairs, rows, a, b, *exact, past_s, apart_m, same, speed_mps, *of_robots, self._ahead_s, *limits
         )
-        likely, soon = ndtr(sds)
-        pairs["seen"][rows] = features(likely, soon, far, speed_mps.min(axis=0) < STANDING_MPS)
+        stands = (speed_mps[0] < STANDING_MPS) | (speed_mps[1] < STANDING_MPS)
+        pairs["seen"][rows] = features(ndtr(sds), far, stands)
 
     def _open(self, rows: Ints, now_s: float) -> Ints:
         """Those of `rows` that are not in an encounter, and of which both robots are heard."""

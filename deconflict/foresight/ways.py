@@ -405,9 +405,9 @@ def nearing(
             other = last[(x + cell // 3 - 1) & (across - 1), (y + cell % 3 - 1) & (across - 1)]
             while other >= 0:
                 beside, other = other, after[other]
-                far_in_x = abs(around[beside, 0] - around[slot, 0]) > box[slot, 0] + box[beside, 0]
-                far_in_y = abs(around[beside, 1] - around[slot, 1]) > box[slot, 1] + box[beside, 1]
-                if (told[beside] and beside <= slot) or far_in_x or far_in_y:
+                away_x, away_y = abs(around[beside, 0] - around[slot, 0]), abs(around[beside, 1] - around[slot, 1])
+                is_beyond = (away_x > box[slot, 0] + box[beside, 0]) | (away_y > box[slot, 1] + box[beside, 1])
+                if is_beyond | (told[beside] & (beside <= slot)):
                     continue
                 _set_way(ways, near, reach, seen, track, beside, now_s)
                 if _meet(ways, slot, beside, near[slot] + near[beside]):

@@ -14,7 +14,7 @@ NOW_S = 1_790_000_000.0
 def pairs_of(n: int, seed: int) -> tuple[Floats, Floats]:
     """Features of n pairs and the share of the errors within the clearance that they rest on."""
     likely = default_rng(seed).uniform(0, 1, n)
-    return features(likely, likely / 2, np.full(n, 0.5), np.zeros(n, bool)), likely
+    return features(np.stack([likely, likely / 2]), np.full(n, 0.5), np.zeros(n, bool)), likely
 
 
 def fates(met: Bools) -> Fates:
