@@ -25,14 +25,26 @@ def _nearest_corner_m2(
     return best
 
 
+@inner
+def _set_turns(c: Floats, s: Floats, yaw: Floats, row: int) -> None:
+    """Cosine and sine of a row of headings, most of them as the one before."""
+    for at in range(len(c)):
+        if at and yaw[row, at] == yaw[row, at - 1]:
+            c[at], s[at] = c[at - 1], s[at - 1]
+        else:
+            c[at], s[at] = cos(yaw[row, at]), sin(yaw[row, at])
+
+
 @kernel(numba.float64[:, ::1](*[_MATRIX] * 6))
 def _signed_gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Floats, half_b: Floats) -> Floats:
-    apart = np.empty(dx.shape)
+    apart, looks = np.empty(dx.shape), dx.shape[1]
+    cos_a, sin_a, cos_b, sin_b = np.empty(looks), np.empty(looks), np.empty(looks), np.empty(looks)
     for row in range(dx.shape[0]):
+        _set_turns(cos_a, sin_a, yaw_a, row)
+        _set_turns(cos_b, sin_b, yaw_b, row)
         length_a, width_a, length_b, width_b = half_a[0, row], half_a[1, row], half_b[0, row], half_b[1, row]
-        for at in range(dx.shape[1]):
-            x, y = dx[row, at], dy[row, at]
-            ca, sa, cb, sb = cos(yaw_a[row, at]), sin(yaw_a[row, at]), cos(yaw_b[row, at]), sin(yaw_b[row, at])
+        for at in range(looks):
+            x, y, ca, sa, cb, sb = dx[row, at], dy[row, at], cos_a[at], sin_a[at], cos_b[at], sin_b[at]
             c, s = ca * cb + sa * sb, ca * sb - sa * cb
             ax, ay, bx, by = ca * x + sa * y, ca * y - sa * x, -(cb * x + sb * y), -(cb * y - sb * x)
             along_a = abs(ax) - length_a - length_b * abs(c) - width_b * abs(s)
