@@ -63,7 +63,8 @@ class Calibration:
             return
         kept = float(np.exp(-max(now_s - (self.as_of_s or now_s), 0.0) / FADES_S))
         self.as_of_s = now_s
-        self.ended = kept * self.ended + np.stack([counts(fates.part, ~fates.left), counts(fates.part, fates.left)])
+        self.ended = kept * self.ended
+        self.ended += (counts(fates.part, ~fates.left), counts(fates.part, fates.left))
         weight = OUTCOME_WEIGHT * np.where(fates.left, 0.0, weights(*self.ended)[fates.part])
         expected = self.probability(seen)
         certain = weight * expected * (1 - expected)

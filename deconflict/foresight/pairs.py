@@ -38,6 +38,7 @@ Pairs = NDArray[Any]
 """(p,) of `PAIR`, ascending by `code`."""
 
 _PAIRS, _INTS, _BOOLS = numba.from_dtype(PAIR)[::1], numba.int64[::1], numba.boolean[::1]
+_CODES = numba.types.Array(numba.int64, 1, "A", readonly=True)
 
 
 def codes(a: Ints, b: Ints) -> Ints:
@@ -48,14 +49,6 @@ def codes(a: Ints, b: Ints) -> Ints:
 def slots_of(code: Ints) -> tuple[Ints, Ints]:
     """The two slots of each number."""
     return code >> SLOT_BITS, code & SLOTS
-
-
-def rows_of(pairs: Pairs, code: Ints) -> Ints:
-    """The row of each of `code`; -1 where it is not there."""
-    if not len(pairs):
-        return np.full(len(code), -1)
-    at = np.minimum(np.searchsorted(pairs["code"], code), len(pairs) - 1)
-    return np.where(pairs["code"][at] == code, at, -1)
 
 
 @kernel(
@@ -134,6 +127,7 @@ class Question:
 
     t_s: float
     code: Ints
+    """Ascending."""
     seen: Floats
 
 
@@ -147,6 +141,37 @@ class Fates:
     met: Bools
     left: Bools
     """One was last heard, or began to wait as advised, before they had met."""
+
+
+@kernel(
+    numba.types.Tuple((_INTS, numba.float64[::1], _BOOLS))(  # type: ignore[no-untyped-call]
+        _PAIRS, _CODES, numba.float64[::1], *[numba.float64] * 2
+    )
+)
+def _ended(pairs: Pairs, asked: Ints, until_s: Floats, asked_s: float, horizon_s: float) -> tuple[Ints, Floats, Bools]:
+    """What became of pairs `asked` (n,), ascending, within the horizon: the rows of those of which it is known, when
+    they met or one of them was last heard or went its own way (`until_s`, by slot), and whether they met."""
+    kept, ended_s, met, n, row = (
+        np.empty(len(asked), np.int64),
+        np.empty(len(asked)),
+        np.empty(len(asked), np.bool_),
+        0,
+        0,
+    )
+    for at, code in enumerate(asked):
+        while row < len(pairs) and pairs[row].code < code:
+            row += 1
+        started_s = below_s = -np.inf
+        if row < len(pairs) and pairs[row].code == code:
+            started_s, below_s = pairs[row].started_s, pairs[row].below_s
+        last_s = min(until_s[code >> SLOT_BITS], until_s[code & SLOTS])
+        was_inside = not (started_s > asked_s or below_s < asked_s)
+        if was_inside or last_s == -np.inf:
+            continue
+        kept[n], met[n] = at, asked_s < started_s <= min(asked_s + horizon_s, last_s)
+        ended_s[n] = started_s if met[n] else last_s
+        n += 1
+    return kept[:n].copy(), ended_s[:n].copy(), met[:n].copy()
 
 
 @dataclass(slots=True, eq=False)
@@ -172,25 +197,10 @@ class Outcomes:
         told = []
         while self.open and self.open[0].t_s + self.horizon_s + self.waits_s <= now_s:
             question = self.open.pop(0)
-            row = rows_of(pairs, question.code)
-            started_s, below_s = (_at(column, row) for column in (pairs["started_s"], pairs["below_s"]))
-            until_s, (a, b) = own_until_s(question.t_s), slots_of(question.code)
-            last_s = np.minimum(until_s[a], until_s[b])
-            apart = (started_s > question.t_s) | (below_s < question.t_s)
-            kept = np.flatnonzero(apart & (last_s > -np.inf))
-            question = Question(question.t_s, question.code[kept], question.seen[kept])
-            told.append((question, self._fates(question, started_s[kept], last_s[kept])))
+            asked_s, until_s = question.t_s, own_until_s(question.t_s)
+            kept, ended_s, met = _ended(pairs, question.code, until_s, asked_s, self.horizon_s)
+            ended = part_of(ended_s - asked_s, self.horizon_s)
+            part = np.where(met, np.minimum(ended, STAYED - 1), ended)
+            known = Question(asked_s, question.code[kept], question.seen[kept])
+            told.append((known, Fates(part, met, ~met & (part < STAYED))))
         return told
-
-    def _fates(self, question: Question, started_s: Floats, last_s: Floats) -> Fates:
-        """Of pairs whose last encounter began at `started_s`, and whose robots both went their own way to `last_s`."""
-        until_s = np.minimum(question.t_s + self.horizon_s, last_s)
-        met = (started_s > question.t_s) & (started_s <= until_s)
-        ended = part_of(np.where(met, started_s, last_s) - question.t_s, self.horizon_s)
-        part = np.where(met, np.minimum(ended, STAYED - 1), ended)
-        return Fates(part, met, ~met & (part < STAYED))
-
-
-def _at(times_s: Floats, row: Ints) -> Floats:
-    """The times of rows; -inf where there is no row."""
-    return np.where(row >= 0, times_s[row], -np.inf) if len(times_s) else np.full(len(row), -np.inf)

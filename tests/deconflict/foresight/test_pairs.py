@@ -10,7 +10,6 @@ from deconflict.foresight.pairs import (
     Question,
     again,
     codes,
-    rows_of,
     slots_of,
 )
 
@@ -27,10 +26,8 @@ def slots(every: Pairs) -> list[tuple[int, int]]:
     return list(zip(a.tolist(), b.tolist(), strict=True))
 
 
-def test_pairs_are_found_again_by_their_slots() -> None:
-    every = pairs((5, 2), (1, 9), (1, 3))
-    assert rows_of(every, codes(np.array([5, 1, 7]), np.array([2, 9, 7]))).tolist() == [2, 1, -1]
-    assert slots(every) == [(1, 3), (1, 9), (5, 2)]
+def test_pairs_are_in_the_order_of_their_slots() -> None:
+    assert slots(pairs((5, 2), (1, 9), (1, 3))) == [(1, 3), (1, 9), (5, 2)]
 
 
 def test_new_pairs_take_their_place_and_the_others_stay_as_they_were() -> None:
@@ -101,3 +98,30 @@ def test_an_encounter_after_the_horizon_is_none_in_it() -> None:
 def test_a_pair_that_was_together_when_asked_is_not_judged() -> None:
     question, _ = outcome(started_s=[-0.5, -5.0], below_s=[0.4, -3.0], heard_s=[12, 12, 12])
     assert question.code.tolist() == codes(np.array([0]), np.array([2])).tolist()
+
+
+def test_what_became_of_pairs_is_the_same_pair_by_pair() -> None:
+    """Those that are no longer under watch did not meet."""
+    rng, n = np.random.default_rng(6), 300
+    every = pairs(*((int(a), int(b)) for a, b in rng.integers(0, 10, (n, 2))))
+    every["started_s"], every["below_s"] = NOW_S + rng.uniform(-5, 15, (2, len(every)))
+    every["started_s"][::4] = every["below_s"][::4] = -np.inf
+    asked = np.unique(np.concatenate([every["code"][::2], codes(*rng.integers(0, 10, (2, 20)))]))
+    until_s = NOW_S + rng.uniform(-1, 15, 10)
+    until_s[3] = -np.inf
+    outcomes = Outcomes(horizon_s=10.0)
+    outcomes.ask(NOW_S, asked, np.zeros((len(asked), 5)))
+    ((question, fates),) = outcomes.known(NOW_S + 12, every, lambda _: until_s)
+    found = {int(one["code"]): (one["started_s"], one["below_s"]) for one in every}
+    expected = []
+    for code in asked.tolist():
+        started_s, below_s = found.get(code, (-np.inf, -np.inf))
+        a, b = slots_of(code)
+        last_s = min(until_s[a], until_s[b])
+        if last_s > -np.inf and (started_s > NOW_S or below_s < NOW_S):
+            met = NOW_S < started_s <= min(NOW_S + 10, last_s)
+            part = int(min(max((started_s if met else last_s) - NOW_S, 0), STAYED - met))
+            expected.append((code, met, part, not met and part < STAYED))
+    told = (question.code.tolist(), fates.met.tolist(), fates.part.tolist(), fates.left.tolist())
+    assert list(zip(*told, strict=True)) == expected
+    assert 5 < fates.met.sum() < len(expected) < len(asked)
