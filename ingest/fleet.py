@@ -160,9 +160,10 @@ class Fleet:
         return [uuid for uuid, robot in self.robots.items() if robot.identity is None]
 
     def introductions(self, after_s: float) -> list[Introduction]:
-        """What robots have said of themselves after `after_s`, the first first."""
+        """What robots have said of themselves here after `after_s`, the first first."""
         told = (one.introduction for one in self.robots.values() if one.introduction)
-        return sorted((one for one in told if one.arrival_s > after_s), key=attrgetter("arrival_s"))
+        here = (one for one in told if one.arrival_s > after_s and not one.elsewhere)
+        return sorted(here, key=attrgetter("arrival_s"))
 
     def introduce(self, one: Introduction, arrival_s: float, connection: Connection) -> str | None:
         """Take in what a robot said of itself elsewhere, and then; the answer is that of `receive`."""
@@ -259,9 +260,10 @@ class Fleet:
     ) -> tuple[str, ...]:
         before = robot.identity
         robot.identity = identity
-        robot.introduction = Introduction.over(connection, robot.uuid, raw, arrival_s)
-        vendor = self.vendors.of_robot(robot.uuid) or connection.vendor
-        self._settle(robot, vendor or self.vendors.of_manufacturer(identity.manufacturer))
+        assigned = self.vendors.of_robot(robot.uuid)
+        self._settle(robot, assigned or connection.vendor or self.vendors.of_manufacturer(identity.manufacturer))
+        said_for = connection.vendor, robot.vendor, assigned is not None
+        robot.introduction = Introduction(robot.uuid, raw, arrival_s, *said_for)
         if isnan(robot.arrival_s):
             robot.arrival_s = arrival_s
         self._place_again(robot, self._namer(connection))

@@ -20,7 +20,6 @@ import nats
 from nats.aio.msg import Msg
 from nats.js import JetStreamContext, api
 from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError
-from nats.js.kv import KeyValue
 
 from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.cluster.channels import MOST_BYTES
@@ -35,8 +34,10 @@ log = logging.getLogger(__name__)
 
 KEPT_S = 30.0
 """How long parcels are kept."""
-INTRODUCED_S = 30 * 86400.0
-"""How long what a robot says of itself is kept."""
+INTRODUCED_BYTES = 1 << 26
+"""For what robots say of themselves, of some hundred thousand of them."""
+OFF_S = 5.0
+"""A clock that differs by more is told of. What a member says is heard within `LEASE_S`."""
 LEASE_S = 4.0
 """A member not heard of for this long is gone."""
 SAME_S = 120.0
@@ -72,7 +73,8 @@ class Bus:
         self._reconnected = asyncio.Event()
         self._renewing: asyncio.Task[None] | None = None
         self._renewed_s = -inf
-        self._error, self._error_s = "", -inf
+        self._warned_s: dict[str, float] = {}
+        """When people were told something last."""
         self.renewals = 0
         """How often the connection was made again: what was on its way then may be lost."""
 
@@ -106,7 +108,7 @@ class Bus:
         await self._js.create_key_value(bucket=f"{name}-table", storage=disk, replicas=copies)
         self._learned = await self._js.create_key_value(bucket=f"{name}-learned", storage=disk, replicas=copies)
         self._introduced = await self._js.create_key_value(
-            bucket=f"{name}-introduced", ttl=INTRODUCED_S, storage=disk, replicas=copies
+            bucket=f"{name}-introduced", max_bytes=INTRODUCED_BYTES, storage=disk, replicas=copies
         )
         self._table = await self._quick.key_value(f"{name}-table")
 
@@ -140,10 +142,14 @@ class Bus:
 
     async def _told_of(self, error: Exception) -> None:
         """The client tries again five times a second, and people are told now and then."""
-        text, now_s = str(error) or type(error).__name__, time.monotonic()
-        if text != self._error or now_s - self._error_s > ERRORS_S:
-            self._error, self._error_s = text, now_s
-            log.warning("the NATS server: %s", text)
+        self._warn(f"the NATS server: {error or type(error).__name__}")
+
+    def _warn(self, text: str) -> None:
+        now_s = time.monotonic()
+        self._warned_s = {said: at_s for said, at_s in self._warned_s.items() if now_s - at_s <= ERRORS_S}
+        if text not in self._warned_s:
+            self._warned_s[text] = now_s
+            log.warning("%s", text)
 
     def knows_members(self) -> bool:
         """Whether every member that is alive has had the time to be heard of."""
@@ -311,7 +317,8 @@ class Bus:
 
     async def beat(self, member: str, says: dict[str, Any]) -> None:
         """Say that a member is there, and what it has to say."""
-        await self._quick.publish(f"$KV.{self.name}-members.{member}", json.dumps(says).encode())
+        said = says | {"at_s": time.time()}
+        await self._quick.publish(f"$KV.{self.name}-members.{member}", json.dumps(said).encode())
 
     def members(self) -> dict[str, dict[str, Any]]:
         """What every member said last that was heard of within `LEASE_S`."""
@@ -320,21 +327,39 @@ class Bus:
         return {name: said for name, (_, said) in self._said.items()}
 
     async def _met(self, message: Msg) -> None:
-        self._said[message.subject.rsplit(".", 1)[1]] = (time.monotonic(), json.loads(message.data or b"{}"))
+        member, said = message.subject.rsplit(".", 1)[1], json.loads(message.data or b"{}")
+        self._said[member] = time.monotonic(), said
+        off_s = said.get("at_s", now_s := time.time()) - now_s
+        if abs(off_s) > OFF_S:
+            self._warn(f"the clock of {member} differs by {off_s:.0f} s from this machine's; have both set by NTP")
 
     async def keep(self, name: str, data: bytes) -> None:
         """Keep some bytes for whoever begins later; what is too large for the server is not kept."""
-        await self._put(self._learned, name, data)
+        if self._fits(name, data):
+            await self._learned.put(name, data)
 
     async def kept(self, name: str) -> bytes | None:
         """What was kept last under a name."""
-        return await _value(self._learned, name)
+        try:
+            return (await self._learned.get(name)).value
+        except KeyNotFoundError:
+            return None
 
     async def introduce(self, one: Introduction) -> None:
-        """Keep what a robot has said of itself, unless that is known, or something newer."""
-        kept = await _value(self._introduced, one.uuid)
-        if one.is_news_to(Introduction.of_document(json.loads(kept)) if kept else None):
-            await self._put(self._introduced, one.uuid, json.dumps(one.document()).encode())
+        """Keep what a robot has said of itself, unless that is known, or something newer, or another vendor's word."""
+        data = json.dumps(one.document()).encode()
+        while self._fits(one.uuid, data):
+            try:
+                kept = await self._introduced.get(one.uuid)
+            except KeyNotFoundError:
+                known, last = None, 0
+            else:
+                known, last = Introduction.of_document(json.loads(kept.value or b"")), kept.revision or 0
+            if not one.is_news_to(known):
+                return
+            with suppress(KeyWrongLastSequenceError):
+                await self._introduced.update(one.uuid, data, last=last)
+                return
 
     async def hear_introductions(self, take: Callable[[Introduction], None]) -> None:
         """Take what each robot has said of itself, and what it will say."""
@@ -346,13 +371,11 @@ class Bus:
         bucket = f"{self.name}-introduced"
         await self._hear(f"$KV.{bucket}.*", f"KV_{bucket}", taken, latest)
 
-    async def _put(self, bucket: KeyValue, key: str, data: bytes) -> None:
+    def _fits(self, key: str, data: bytes) -> bool:
         if len(data) <= self._nats.max_payload:
-            await bucket.put(key, data)
-        else:
-            log.warning(
-                "%s takes %s bytes, and the NATS server no more than %s", key, len(data), self._nats.max_payload
-            )
+            return True
+        log.warning("%s takes %s bytes, and the NATS server no more than %s", key, len(data), self._nats.max_payload)
+        return False
 
     async def table(self) -> tuple[int, dict[str, Any] | None]:
         """The table as it was written last, and what number that has."""
@@ -369,10 +392,3 @@ class Bus:
         except KeyWrongLastSequenceError:
             return False
         return True
-
-
-async def _value(bucket: KeyValue, key: str) -> bytes | None:
-    try:
-        return (await bucket.get(key)).value
-    except KeyNotFoundError:
-        return None

@@ -46,6 +46,8 @@ class Doubts:
 
     def _owns(self, uuid: str, vendor: str, arrival_s: float, pose: tuple[float, int, float, float]) -> bool:
         now, before = Sighting(*pose, yaw_rad=float("nan")), self._seen.get(uuid)
+        if before and vendor == UNKNOWN:  # it has come to an ingest that does not know it yet
+            vendor = before[0]
         if before and before[0] not in (vendor, UNKNOWN):
             self._between.refused(uuid, before[0], vendor, arrival_s)
             return False

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import time
 from collections.abc import Iterator
 from math import inf
 
@@ -14,12 +15,14 @@ from ingest.introductions import Introduction
 log = logging.getLogger(__name__)
 
 LOOK_S = 1.0
-AT_ONCE = 500
-"""Are handed to a receiver, which has messages to read."""
+AGAIN_S = 20.0
+"""A robot that still goes without is handed what is known again: it may have been forgotten and have come back."""
+AT_ONCE = 200
+"""Are told, or handed to a receiver, which has messages to read."""
 
 
 class Introductions:
-    """Those of one ingest. Each is handed to its receiver once, and again only where the robot goes on without."""
+    """Those of one ingest."""
 
     def __init__(self, bus: Bus, receiver: AsyncCaller) -> None:
         self._bus, self._receiver = bus, receiver
@@ -28,7 +31,8 @@ class Introductions:
         self._known: dict[str, Introduction] = {}
         self._news: dict[str, Introduction] = {}
         """Heard of since the last look."""
-        self._handed: dict[str, Introduction] = {}
+        self._handed_s: dict[str, float] = {}
+        """When what is known of a robot that goes without was handed to it last."""
 
     async def run(self) -> None:
         """Hear and tell for ever; while the server or the receiver can't be had, go on trying."""
@@ -48,23 +52,26 @@ class Introductions:
         """Tell the others what is new, or everything where the server may have lost it."""
         if self._renewals != self._bus.renewals:
             self._told_s, self._renewals = -inf, self._bus.renewals
-        for document in json.loads(await self._receiver.call("introductions", str(self._told_s).encode())):
-            one = Introduction.of_document(document)
-            await self._bus.introduce(one)
-            self._told_s = one.arrival_s
+        said = await self._receiver.call("introductions", str(self._told_s).encode())
+        told = [Introduction.of_document(one) for one in json.loads(said)]
+        for part in parts(told):
+            await asyncio.gather(*map(self._bus.introduce, part))
+        self._told_s = max((one.arrival_s for one in told), default=self._told_s)
 
     async def _hand(self) -> None:
         """Hand the receiver what is new, and what is known of robots that go without."""
-        without = self._known.keys() & json.loads(await self._receiver.call("unidentified"))
-        lacking = {uuid: self._known[uuid] for uuid in without if self._handed.get(uuid) is not self._known[uuid]}
+        now_s = time.monotonic()
+        self._handed_s = {uuid: at_s for uuid, at_s in self._handed_s.items() if now_s - at_s < AGAIN_S}
+        unidentified = self._known.keys() & json.loads(await self._receiver.call("unidentified"))
+        lacking = {uuid: self._known[uuid] for uuid in unidentified - self._handed_s.keys()}
         handed = self._news | lacking
-        for uuids in batched(sorted(handed)):
-            documents = [handed[uuid].document() for uuid in uuids]
+        for part in parts([handed[uuid] for uuid in sorted(handed)]):
+            documents = [one.document() for one in part]
             await self._receiver.call("introduce", json.dumps(documents).encode())
         self._news = {uuid: one for uuid, one in self._news.items() if handed.get(uuid) is not one}
-        self._handed |= lacking
+        self._handed_s |= dict.fromkeys(lacking, now_s)
 
 
-def batched(uuids: list[str]) -> Iterator[list[str]]:
+def parts(introductions: list[Introduction]) -> Iterator[list[Introduction]]:
     """At most `AT_ONCE` at a time."""
-    return (uuids[at : at + AT_ONCE] for at in range(0, len(uuids), AT_ONCE))
+    return (introductions[at : at + AT_ONCE] for at in range(0, len(introductions), AT_ONCE))

@@ -27,6 +27,8 @@ class Cluster(Section):
     """PEM file of a certificate to show them, and its key, where they ask for one."""
     name: Name = "deconflict"
     """Whoever uses the same name on the same server is one cluster."""
+    share_port: bool = False
+    """Whether ingests of one machine share the robots' port. Else the second is refused it, as any other service is."""
     tile_m: Annotated[float, Field(ge=10, allow_inf_nan=False)] = 64.0
     """Side of the tiles that floors are shared out in. Small ones overlap more, large ones share less well."""
     fastest_mps: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 2.0

@@ -109,7 +109,7 @@ class ReceiverRole:
             measures=self.measures,
             clock=self._now_s,
             first_id=found.connection + 1,
-            shares_port=site.cluster is not None,
+            shares_port=bool(site.cluster and site.cluster.share_port),
         )
         self.ready = asyncio.Event()
         """Set once its ports are open."""

@@ -131,6 +131,11 @@ def test_a_robot_that_two_vendors_report_at_ingests_of_their_own_is_told_of() ->
     assert (raised.location.x, raised.location.y) == (3.0, 0.0)
 
 
+def test_a_robot_that_has_come_to_an_ingest_that_does_not_know_it_yet_is_nobodys_claim() -> None:
+    said = {0: [identity("A", NOW_S), status("A", NOW_S, 3.0)], 1: [status("A", NOW_S, 3.0)]}
+    assert claimed(said, 8) == []
+
+
 def test_a_robot_that_is_in_two_places_by_two_ingests_is_told_of() -> None:
     said = {number: [identity("A", NOW_S), status("A", NOW_S, 60.0 * number)] for number in range(2)}
     (raised,) = claimed(said, 8)

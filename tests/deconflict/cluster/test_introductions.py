@@ -10,8 +10,10 @@ from typing import Any
 from websockets.asyncio.client import connect
 
 from deconflict.roles.receiver import fleet_of, recover
+from deconflict.site import Site
 from ingest.measures import Measures
 from ingest.playback import segments
+from ingest.settings import Reading
 from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server
 from tests.deconflict.cluster.test_cluster import until
 from tests.deconflict.test_supervisor import free_ports
@@ -69,7 +71,7 @@ async def test_what_a_robot_says_of_itself_to_one_ingest_holds_where_its_statuse
 
 async def test_ingests_of_one_machine_share_a_port(tmp_path: Path) -> None:
     names = [f"A-{number}" for number in range(24)]
-    async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
+    async with cluster(tmp_path, share_port=True) as (machines, operator), AsyncExitStack() as stack:
         (port,) = free_ports(1)
         heard: list[set[str]] = []
         for one in ("first", "second"):
@@ -88,3 +90,39 @@ async def test_ingests_of_one_machine_share_a_port(tmp_path: Path) -> None:
     assert heard[0] | heard[1] == every
     assert not heard[0] & heard[1]
     assert all(heard)
+
+
+async def test_the_first_vendor_to_identify_a_robot_keeps_it(tmp_path: Path) -> None:
+    async with (
+        cluster(tmp_path) as (machines, operator),
+        ingest(machines, tmp_path / "west") as west,
+        ingest(machines, tmp_path / "east") as east,
+        ingest(machines, tmp_path / "south") as south,
+    ):
+        robots = f"http://127.0.0.1:{operator.port}", "/robots"
+        await say(west, identity("A", time.time()), identity("B", time.time()))
+        beside = asyncio.create_task(report(south, "B"))
+        await until(*robots, sized(B=1.0))  # so all have heard of A as well
+        await say(east, identity("A", time.time(), manufacturerName="Corvid"), identity("C", time.time()))
+        reporting = [asyncio.create_task(report(south, "C"))]
+        await until(*robots, sized(B=1.0, C=1.0))
+        reporting.append(asyncio.create_task(report(south, "A")))
+        await until(*robots, sized(A=1.0, B=1.0, C=1.0))
+        for one in (beside, *reporting):
+            one.cancel()
+
+
+async def test_a_robot_that_was_forgotten_and_comes_back_is_known_again(tmp_path: Path) -> None:
+    site = Site(reading=Reading(forget_after_s=2.0, silent_after_s=1.0, quiet_after_s=0.5))
+    async with (
+        cluster(tmp_path, site) as (machines, operator),
+        ingest(machines, tmp_path / "west") as west,
+        ingest(machines, tmp_path / "east") as east,
+    ):
+        robots = f"http://127.0.0.1:{operator.port}", "/robots"
+        await say(west, identity("A", time.time()))
+        for _ in range(2):
+            reporting = asyncio.create_task(report(east, "A"))
+            await until(*robots, sized(A=1.0))
+            reporting.cancel()
+            await until(*robots, sized())
