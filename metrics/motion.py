@@ -2,17 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from math import ceil, floor, inf, nan, pi
 
+import numba
 import numpy as np
 
+from ingest.compiled import kernel, ready
 from ingest.seam import Floats, Forecasts, Ints
 
 JOINED_S = 2.1
 
 _LEG = ("robot", "begin_s", "end_s", "x0", "y0", "yaw0", "x1", "y1", "yaw1", "length", "width", "floor", "since_s")
-_COLUMN = {name: column for column, name in enumerate(_LEG)}
 _LAST = ("t_s", "x", "y", "yaw", "length", "width", "floor", "since_s", "present_s")
+
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,31 +53,17 @@ class Motion:
         self.newest_s = -inf
         self._index: dict[str, int] = {}
         self._last = np.empty((0, len(_LAST)))
-        self._legs: list[Floats] = []
+        self._told: list[Floats] = []
+        """(n, 13) legs."""
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
         """Join each robot's first knot to the one before, if it is newer."""
         rows = np.array([self._row(robot) for robot in robots], np.int64)
-        first = forecasts.start[:-1]
-        here = np.empty((len(rows), 7))
-        told = (forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.yaw_rad, forecasts.floor)
-        for column, values in zip((0, 1, 2, 3, 6), told, strict=True):
-            here[:, column] = values[first]
-        here[:, 4], here[:, 5] = forecasts.length_m, forecasts.width_m
-        newer = here[:, 0] > self._last[rows, 0]
-        rows, here = rows[newer], here[newer]
-        if not len(rows):
-            return
-        self.newest_s = max(self.newest_s, float(here[:, 0].max()))
-        before = self._last[rows]
-        gap_s = here[:, 0] - before[:, 0]
-        since_s = np.where(gap_s > JOINED_S, here[:, 0], before[:, 7])
-        joined = (gap_s <= JOINED_S) & (here[:, 6] == before[:, 6])
-        present_s = before[:, 8] + np.where(joined, gap_s, 0.0)
-        begin = np.where(joined[:, None], before[:, :6], here[:, :6])
-        legs = (rows, begin[:, 0], here[:, 0], begin[:, 1:4], here[:, 1:4], begin[:, 4:6], here[:, 6], since_s)
-        self._legs.append(np.column_stack(legs))
-        self._last[rows] = np.column_stack([here, since_s, present_s])
+        told = (forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.yaw_rad, ready(forecasts.floor, np.int64))
+        legs = _legs(rows, forecasts.start, *told, forecasts.length_m, forecasts.width_m, self._last)
+        if len(legs):
+            self.newest_s = max(self.newest_s, float(legs[:, 2].max()))
+            self._told.append(legs)
 
     def last_seen_s(self, robot: str) -> float:
         return float(self._last[self._index[robot], 0]) if robot in self._index else -inf
@@ -85,38 +74,11 @@ class Motion:
 
     def stretch(self, first: int, samples: int, step_s: float) -> Stretch:
         """The motion at so many samples from `first` on; forgets what lies before their end."""
-        legs = np.concatenate([np.empty((0, len(_LEG))), *self._legs])
-        begin, end = legs[:, 1], legs[:, 2]
-        low = np.where(begin < end, np.floor(begin / step_s) + 1, np.ceil(end / step_s)).astype(np.int64)
-        high = np.floor(end / step_s).astype(np.int64)
-        self._legs = [legs[high >= first + samples]]
-        low, high = np.maximum(low, first), np.minimum(high, first + samples - 1)
-        kept = np.flatnonzero(low <= high)
-        legs, low, counts = legs[kept], low[kept], (high - low + 1)[kept]
-        leg = np.repeat(np.arange(len(legs)), counts)
-        sample = low[leg] + np.arange(len(leg)) - np.repeat(np.cumsum(counts) - counts, counts)
-        robot, row = np.unique(legs[:, 0].astype(np.int64), return_inverse=True)
-        at = (row[leg], sample - first)
-        legs = legs[leg]
-        share = _share(legs, sample * step_s)
-
-        def spread(values: Floats) -> Floats:
-            there = np.full((len(robot), samples), np.nan)
-            there[at] = values
-            return there
-
-        yaw0, yaw1 = legs[:, 5], legs[:, 8]
-        turn = (yaw1 - yaw0 + np.pi) % (2 * np.pi) - np.pi
-        return Stretch(
-            first,
-            robot,
-            spread(legs[:, 3] + share * (legs[:, 6] - legs[:, 3])),
-            spread(legs[:, 4] + share * (legs[:, 7] - legs[:, 4])),
-            spread(yaw0 + share * turn),
-            np.stack([spread(legs[:, 9] / 2), spread(legs[:, 10] / 2)]),
-            spread(np.where(legs[:, 11] < 0, np.nan, legs[:, 11])),
-            spread(legs[:, 12]),
-        )
+        legs = np.concatenate([np.empty((0, len(_LEG))), *self._told])
+        self._told = [legs[np.floor(legs[:, 2] / step_s) >= first + samples]]
+        robot, there = _joined(legs, len(self.names), first, samples, step_s)
+        x_m, y_m, yaw_rad, floor, since_s = there[:5]
+        return Stretch(first, robot, x_m, y_m, yaw_rad, there[5:], floor, since_s)
 
     def row(self, robot: str) -> int:
         """The index of a robot that has reported."""
@@ -139,7 +101,66 @@ class Motion:
         return row
 
 
-def _share(legs: Floats, t_s: Floats) -> Floats:
-    """How far along each leg `t_s` lies; 0 on one without length."""
-    lasts_s = legs[:, 2] - legs[:, 1]
-    return (t_s - legs[:, 1]) / np.where(lasts_s > 0, lasts_s, np.inf)
+@kernel(numba.float64[:, ::1](*[_INTS] * 2, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 2, numba.float64[:, ::1]))
+def _legs(
+    rows: Ints,
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    floor: Ints,
+    length_m: Floats,
+    width_m: Floats,
+    last: Floats,
+) -> Floats:
+    """(n, 13) what leads each robot that has news to its first knot, which then is the `last` of its row."""
+    legs, n = np.empty((len(rows), 13)), 0
+    for one in range(len(rows)):
+        knot, before, leg = start[one], last[rows[one]], legs[n]
+        gap_s = t_s[knot] - before[0]
+        if not gap_s > 0.0:
+            continue
+        since_s, present_s = before[7] if gap_s <= JOINED_S else t_s[knot], before[8]
+        joins = gap_s <= JOINED_S and before[6] == floor[knot]
+        if joins:
+            leg[1], leg[3:6], leg[9:11] = before[0], before[1:4], before[4:6]
+            present_s += gap_s
+        before[0], before[1], before[2], before[3] = t_s[knot], x_m[knot], y_m[knot], yaw_rad[knot]
+        before[4], before[5], before[6] = length_m[one], width_m[one], floor[knot]
+        before[7], before[8] = since_s, present_s
+        if not joins:
+            leg[1], leg[3:6], leg[9:11] = before[0], before[1:4], before[4:6]
+        leg[0], leg[2], leg[6:9], leg[11], leg[12] = rows[one], before[0], before[1:4], before[6], since_s
+        n += 1
+    return legs[:n].copy()
+
+
+@kernel(
+    numba.types.Tuple((numba.int64[::1], numba.float64[:, :, ::1]))(  # type: ignore[no-untyped-call]
+        numba.float64[:, ::1], numba.int64, numba.int64, numba.int64, numba.float64
+    )
+)
+def _joined(legs: Floats, robots: int, first: int, samples: int, step_s: float) -> tuple[Ints, Floats]:
+    """(r,) who is there at some time of a stretch, and (7, r, samples) x, y, yaw, floor, since when, half length and
+    half width; nan where it is not."""
+    begins, ends = np.empty(len(legs), np.int64), np.empty(len(legs), np.int64)
+    row_of = np.full(robots, -1)
+    for leg in range(len(legs)):
+        begin_s, end_s = legs[leg, 1], legs[leg, 2]
+        begin = floor(begin_s / step_s) + 1 if begin_s < end_s else ceil(end_s / step_s)
+        begins[leg], ends[leg] = max(begin, first), min(floor(end_s / step_s), first + samples - 1)
+        if begins[leg] <= ends[leg]:
+            row_of[int(legs[leg, 0])] = 0
+    robot = np.flatnonzero(row_of == 0)
+    row_of[robot] = np.arange(len(robot))
+    there = np.full((7, len(robot), samples), np.nan)
+    for leg in range(len(legs)):
+        who, begin_s, end_s, x0, y0, yaw0, x1, y1, yaw1, length_m, width_m, on, since_s = legs[leg]
+        row, turn = row_of[int(who)], (yaw1 - yaw0 + pi) % (2 * pi) - pi
+        for sample in range(begins[leg], ends[leg] + 1):
+            share = (sample * step_s - begin_s) / (end_s - begin_s) if end_s > begin_s else 0.0
+            at = there[:, row, sample - first]
+            at[0], at[1], at[2] = x0 + share * (x1 - x0), y0 + share * (y1 - y0), yaw0 + share * turn
+            at[3], at[4], at[5], at[6] = nan if on < 0 else on, since_s, length_m / 2, width_m / 2
+    return robot, there
