@@ -27,13 +27,14 @@ from deconflict.foresight.foresight import Foresight, Swept
 from deconflict.foresight.heeded import waits_until_s
 from deconflict.landmarks import Landmarks, Spot
 from deconflict.learned import Part
-from deconflict.life import HELD_SHARE, Lives
+from deconflict.life import Lives
 from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
 from deconflict.site import Site
 from deconflict.sweeper import ACCURACY_M, PairConflicts, Sweeper
 from deconflict.tally import NEAR_MISSES, by_severity, tally
 from deconflict.telling import Pair, Party, Predictions, Scene
+from deconflict.tracks import HELD_SHARE
 from ingest import changes
 from ingest.measures import Measures
 from ingest.seam import Basis, Batch, Floats, Forecasts

@@ -22,12 +22,10 @@ from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation,
 from deconflict.encounter import Encounter
 from deconflict.site import Conflict
 from deconflict.telling import SEVERITIES, SURE, Pair, Prediction, Predictions, Scene, Where
-from deconflict.tracks import UNWEIGHED, Track, Tracks, Weighed
+from deconflict.tracks import HELD_SHARE, Track, Tracks, Weighed
 
 UPDATE_GAP_S = 1.0
 """At most one revision in this time, unless the severity rises."""
-HELD_SHARE = 0.15
-"""An advisory stands until its probability is below this share of the one that raises."""
 TOUCHING_M = 0.1
 """A pair that begins nearer than this is touching already, for all that forecasts can tell."""
 
@@ -99,10 +97,7 @@ class Lives:
         It looked no further than `until_s`: an open advisory on what comes later stands as it is.
         """
         self.started_s = now_s if self.started_s is None else self.started_s
-        raises = self.settings.raise_probability
-        within_m = (self.settings.clearance_m, self.settings.clear_margin_m)
-        bounds = (*within_m, raises, raises * HELD_SHARE, self.settings.clear_after_s)
-        rows, found, missed, resting = self.tracks.stirring(predictions, now_s, *bounds)
+        rows, found, missed, resting = self.tracks.stirring(predictions, now_s, self.settings)
         revisions, due = [], []
         for one, known in zip(predictions.some(rows), found, strict=True):
             track = known or self.tracks.new(one.pair)
@@ -146,7 +141,8 @@ class Lives:
         before = self.told.pop(track.pair, None)
         if before:
             self.severities[before.severity] -= 1
-        track.advisory, track.weighed = None if revision.state is AdvisoryState.CLEARED else revision, UNWEIGHED
+        advisory = None if revision.state is AdvisoryState.CLEARED else revision
+        self.tracks.tell(track, advisory, _next_s(revision))
         if track.advisory:
             self.severities[revision.severity] += 1
             self.told[track.pair] = revision
@@ -156,7 +152,7 @@ class Lives:
     def _missed(self, track: Track, now_s: float, scene: Scene, news: bool) -> ConflictAdvisory | None:
         """The revision of a pair of which nothing is predicted."""
         if news:
-            track.look(alerting=False)
+            self.tracks.look(track, alerting=False)
         return self._kept(track, self._unpredicted(track, now_s, scene))
 
     def _advance(
@@ -166,7 +162,7 @@ class Lives:
         self._note_start(track, prediction.start_separation_m)
         alerting = prediction.fresh and self._alerting(track, prediction, now_s)
         if prediction.fresh:
-            track.look(alerting=alerting)
+            self.tracks.look(track, alerting=alerting)
         if track.advisory and not track.inside and not self._holds(prediction):
             return self._unpredicted(track, now_s, scene)
         if track.advisory:
@@ -203,7 +199,7 @@ class Lives:
 
     def _confirmed(self, track: Track, prediction: Prediction, now_s: float) -> bool:
         wanted = self.settings.confirm[0]
-        return sum(track.looks) >= wanted or prediction.contact_s - now_s <= self.settings.urgent_s
+        return self.tracks.alerting(track) >= wanted or prediction.contact_s - now_s <= self.settings.urgent_s
 
     def _raised(self, track: Track, prediction: Prediction, now_s: float, scene: Scene) -> Due | None:
         self.ordinals[track.pair] = self.ordinals.get(track.pair, 0) + 1
@@ -218,9 +214,9 @@ class Lives:
             return None
         severity = telling.severity_of(prediction, now_s, before.severity, self.settings)
         rises = SEVERITIES.index(severity) > SEVERITIES.index(before.severity)
-        next_s = before.updated_at.timestamp() + UPDATE_GAP_S
+        next_s = _next_s(before)
         if not rises and now_s < next_s:
-            track.weighed = self._weighed(prediction, before, now_s, next_s)
+            self.tracks.weigh(track, self._weighed(prediction, now_s, next_s))
             return None
         return Due(track, prediction, severity) if all(map(scene.here, track.pair)) else None
 
@@ -233,7 +229,7 @@ class Lives:
             if before is None or telling.is_news(before, prediction, severity, met, scene.datum(met)):
                 news.append((one, met))
             else:
-                track.weighed = self._weighed(prediction, before, now_s)
+                self.tracks.weigh(track, self._weighed(prediction, now_s))
                 self.tracks.keep(track)
         places = scene.places([met for _, met in news])
         return [self._said(*one, place, now_s, scene) for one, place in zip(news, places, strict=True)]
@@ -251,10 +247,9 @@ class Lives:
         self._tell(track, revision)
         return revision
 
-    def _weighed(self, one: Prediction, before: ConflictAdvisory, now_s: float, until_s: float = inf) -> Weighed:
+    def _weighed(self, one: Prediction, now_s: float, until_s: float = inf) -> Weighed:
         rises_s = telling.severity_until_s(one.contact_s, now_s, self.settings)
-        sure, told = one.probability >= SURE, before.probability or 0.0
-        return Weighed(one.contact_s, one.separation_m, sure, told, min(rises_s, until_s))
+        return Weighed(one.contact_s, one.separation_m, one.probability >= SURE, min(rises_s, until_s))
 
     def _standing(
         self, track: Track, advisory: ConflictAdvisory, now_s: float, scene: Scene
@@ -283,7 +278,7 @@ class Lives:
     def _absent(self, track: Track, absent: list[str], now_s: float) -> ConflictAdvisory | None:
         """A robot that left ends the advisory; one not yet heard of since a restart does so only in time."""
         track.inside = False
-        track.looks.clear()
+        self.tracks.overlook(track)
         advisory = track.advisory
         if advisory is None:
             return None
@@ -292,6 +287,11 @@ class Lives:
             return None
         names = dict(zip(track.pair, advisory.names, strict=True))
         return advisory.ended(now_s, f"{' and '.join(names[uuid] for uuid in absent)} left the floor")
+
+
+def _next_s(told: ConflictAdvisory) -> float:
+    """When the next revision may be told, unless the severity rises."""
+    return told.updated_at.timestamp() + UPDATE_GAP_S
 
 
 def _later(advisory: ConflictAdvisory | None, until_s: float) -> bool:

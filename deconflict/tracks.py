@@ -1,6 +1,5 @@
 """Pairs under watch, also in columns: a pass finds by them the few pairs of which anything may have changed."""
 
-from collections import deque
 from dataclasses import dataclass
 from math import inf
 from typing import Any, NamedTuple
@@ -11,22 +10,29 @@ from numpy.typing import NDArray
 
 from deconflict.advisory import ConflictAdvisory
 from deconflict.motion import Bools
-from deconflict.telling import LIKELIER, SURE, Pair, Predictions
-from ingest.compiled import kernel
+from deconflict.site import Conflict
+from deconflict.telling import LIKELIER, SEVERITIES, SLACK_S, SURE, Pair, Predictions
+from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 
+HELD_SHARE = 0.15
+"""An advisory stands until its probability is below this share of the one that raises."""
 ROUNDED = 1e-3
 """Probabilities are told to so much."""
 
 ROW = np.dtype(
     [(name, np.bool_) for name in ("there", "told", "begun", "inside", "met", "sure", "predicted")]
-    + [(name, np.float64) for name in ("contact", "separation", "probability", "until")],
+    + [(name, np.int64) for name in ("looks", "level")]
+    + [(name, np.float64) for name in ("next", "probability", "contact", "separation", "until")],
     align=True,
 )
-"""Whether a track has the row, has an open advisory, of what has begun, is inside and met; what it was `Weighed` to be;
-and whether it is predicted in this pass."""
+"""Whether a track has the row, has an open advisory, of what has begun, is inside and met; whether what was `Weighed`
+last was likely enough for its severity, and whether something is predicted in this pass. In which of the last looks it
+was alerting, the newest in the lowest bit; of its advisory the place among `SEVERITIES`, when the next revision may be
+told, and the probability; and the rest of what was weighed."""
 
 _ROW, _INTS, _FLOATS, _BOOLS = numba.from_dtype(ROW), numba.int64[::1], numba.float64[::1], numba.boolean[::1]
+_REAL = numba.float64
 
 
 class Weighed(NamedTuple):
@@ -36,13 +42,8 @@ class Weighed(NamedTuple):
     separation_m: float
     sure: bool
     """Whether it was likely enough for its severity."""
-    told: float
-    """The probability in the revision that it was held against."""
     until_s: float
     """When time alone may make it worth one."""
-
-
-UNWEIGHED = Weighed(0.0, 0.0, sure=False, told=0.0, until_s=-inf)
 
 
 @dataclass(slots=True, eq=False)
@@ -51,22 +52,11 @@ class Track:
 
     pair: Pair
     row: int
-    looks: deque[bool]
     inside: bool = False
     """Within the clearance, or not yet drawn apart from it."""
     met: bool = False
     """Came within the clearance while the advisory stood."""
-    weighed: Weighed = UNWEIGHED
-    """The newest prediction that was, if nothing new has been said since."""
     advisory: ConflictAdvisory | None = None
-    kept: tuple[bool, bool, bool, bool, Weighed] | None = None
-    """As it is in the columns: whether it has an advisory, of what has begun, is inside and met; and what was weighed.
-    """
-
-    def look(self, *, alerting: bool) -> None:
-        """Either robot had something new to say."""
-        self.looks.append(alerting)
-        self.weighed = UNWEIGHED
 
 
 class Stirring(NamedTuple):
@@ -82,9 +72,28 @@ class Stirring(NamedTuple):
     """Whether there is nothing to clear of each: no advisory, or one of which something was predicted lately."""
 
 
+@inner
+def _rises(row: Any, time_s: float, shallow: bool, warning_s: float, critical_s: float) -> bool:
+    """Whether an advisory's severity rises, by `telling.severity_of`."""
+    reached = (time_s <= warning_s) + (time_s <= critical_s)
+    return bool(reached - shallow > row.level)
+
+
+@inner
+def _until_s(contact_s: float, now_s: float, warning_s: float, critical_s: float, slack_s: float) -> float:
+    """As `telling.severity_until_s`."""
+    until_s = inf
+    for bound_s in (warning_s, critical_s):
+        for grown_s in (slack_s, 0.0):
+            at_s = contact_s - bound_s - grown_s
+            if at_s > now_s:
+                until_s = min(until_s, at_s)
+    return until_s
+
+
 @kernel(
     numba.types.Tuple((_INTS, _INTS, _BOOLS))(  # type: ignore[no-untyped-call]
-        _ROW[::1], _FLOATS, _INTS, *[_FLOATS] * 3, _BOOLS, _FLOATS, *[numba.float64] * 9
+        _ROW[::1], _FLOATS, _INTS, *[_FLOATS] * 3, _BOOLS, _FLOATS, numba.int64, *[_REAL] * 12
     )
 )
 def _stirring(
@@ -96,23 +105,28 @@ def _stirring(
     start_m: Floats,
     fresh: Bools,
     probability: Floats,
+    remembered: int,
     now_s: float,
     clearance_m: float,
     apart_m: float,
     raises: float,
     held: float,
+    lately_s: float,
+    warning_s: float,
+    critical_s: float,
+    slack_s: float,
     sure: float,
     likelier: float,
     rounded: float,
-    lately_s: float,
 ) -> tuple[Ints, Ints, Bools]:
     some, n = np.empty(len(at), np.int64), 0
     missed, rests, m = np.empty(len(rows), np.int64), np.empty(len(rows), np.bool_), 0
     for one in range(len(at)):
-        far = start_m[one] > clearance_m
+        far, is_sure, ahead = start_m[one] > clearance_m, probability[one] >= sure, contact_s[one] > now_s
+        wanted = max(raises, sure) if separation_m[one] > clearance_m else raises
+        likely = probability[one] >= wanted and ahead
         if at[one] < 0:
-            wanted = max(raises, sure) if separation_m[one] > clearance_m else raises
-            if fresh[one] and not (far and (probability[one] < wanted or contact_s[one] <= now_s)):
+            if fresh[one] and (likely or not far):
                 some[n] = one
                 n += 1
             continue
@@ -121,17 +135,26 @@ def _stirring(
         still = not fresh[one] and (start_m[one] <= apart_m and (far or row.met) if row.inside else far)
         if still and not row.told:
             continue
-        as_weighed = (
-            now_s < row.until
-            and contact_s[one] == row.contact
-            and separation_m[one] == row.separation
-            and (probability[one] >= sure) == row.sure
-            and abs(probability[one] - row.probability) <= likelier - rounded
-        )
-        begun = row.begun and contact_s[one] <= now_s
-        if still and not row.inside and probability[one] >= held and (begun or as_weighed):
-            predicted_s[at[one]] = now_s
-            continue
+        if row.told and far and not row.inside and probability[one] >= held:
+            begun = row.begun and not ahead
+            as_weighed = (
+                now_s < row.until
+                and contact_s[one] == row.contact
+                and separation_m[one] == row.separation
+                and is_sure == row.sure
+                and abs(probability[one] - row.probability) <= likelier - rounded
+            )
+            shallow = separation_m[one] > clearance_m / 2 or not is_sure
+            soon = now_s < row.next and not _rises(row, contact_s[one] - now_s, shallow, warning_s, critical_s)
+            if begun or soon or (as_weighed and not fresh[one]):
+                predicted_s[at[one]] = now_s
+                if fresh[one]:
+                    row.looks, row.until = (row.looks << 1 | likely) & remembered, -inf
+                if soon and not begun:
+                    until_s = _until_s(contact_s[one], now_s, warning_s, critical_s, slack_s)
+                    row.contact, row.separation, row.sure = contact_s[one], separation_m[one], is_sure
+                    row.until = min(until_s, row.next)
+                continue
         some[n] = one
         n += 1
     for place in range(len(rows)):
@@ -148,7 +171,7 @@ class Tracks:
 
     def __init__(self, looks: int) -> None:
         """Of each pair so many looks are remembered."""
-        self._looks = looks
+        self._remembered = (1 << looks) - 1
         self._of: dict[Pair, Track] = {}
         self._by_row: list[Track] = []
         self._free: list[int] = []
@@ -164,7 +187,7 @@ class Tracks:
     def new(self, pair: Pair) -> Track:
         """A pair that is not under watch yet; `keep` it, or it is as if it weren't."""
         row = self._free.pop() if self._free else len(self._by_row)
-        track = self._of[pair] = Track(pair, row, deque(maxlen=self._looks))
+        track = self._of[pair] = Track(pair, row)
         if row < len(self._by_row):
             self._by_row[row] = track
         else:
@@ -173,22 +196,45 @@ class Tracks:
                 more = max(row, 16)
                 self._rows = np.concatenate([self._rows, np.zeros(more, ROW)])
                 self._predicted_s = np.concatenate([self._predicted_s, np.zeros(more)])
-        self._predicted_s[row] = -inf
+        self._rows[row], self._predicted_s[row] = np.zeros((), ROW), -inf
         return track
 
     def keep(self, track: Track) -> None:
         """Remember a pair as it is now, or forget it where there is nothing left to remember."""
-        told, one = track.advisory, track.weighed
-        if told or track.inside or any(track.looks):
-            begun = told is not None and told.time_to_conflict_s == 0
-            state = (told is not None, begun, track.inside, track.met, one)
-            if state != track.kept:
-                weighed = (one.contact_s, one.separation_m, one.told, one.until_s)
-                self._rows[track.row], track.kept = (True, *state[:4], one.sure, False, *weighed), state
+        row = self._rows[track.row]
+        row["there"] = track.advisory is not None or track.inside or row["looks"]
+        if row["there"]:
+            row["inside"], row["met"] = track.inside, track.met
         else:
-            self._rows[track.row]["there"] = False
             self._free.append(track.row)
             del self._of[track.pair]
+
+    def tell(self, track: Track, advisory: ConflictAdvisory | None, next_s: float) -> None:
+        """This is the pair's advisory from now on, against which nothing was weighed yet, of which the next revision
+        may be told from `next_s` on."""
+        track.advisory, row = advisory, self._rows[track.row]
+        row["told"], row["until"], row["next"] = advisory is not None, -inf, next_s
+        if advisory:
+            row["begun"], row["level"] = advisory.time_to_conflict_s == 0, SEVERITIES.index(advisory.severity)
+            row["probability"] = advisory.probability or 0.0
+
+    def look(self, track: Track, *, alerting: bool) -> None:
+        """Either robot had something new to say."""
+        row = self._rows[track.row]
+        row["looks"], row["until"] = (int(row["looks"]) << 1 | alerting) & self._remembered, -inf
+
+    def alerting(self, track: Track) -> int:
+        """In how many of the looks that are remembered the pair was alerting."""
+        return int(self._rows[track.row]["looks"]).bit_count()
+
+    def overlook(self, track: Track) -> None:
+        """Remember no looks."""
+        self._rows[track.row]["looks"] = 0
+
+    def weigh(self, track: Track, one: Weighed) -> None:
+        """This is what was weighed last."""
+        row = self._rows[track.row]
+        row["contact"], row["separation"], row["sure"], row["until"] = one
 
     def predicted_s(self, track: Track) -> float:
         """When something was last predicted of an advisory's pair."""
@@ -198,27 +244,34 @@ class Tracks:
         """Something is predicted of an advisory's pair."""
         self._predicted_s[track.row] = now_s
 
-    def stirring(
-        self,
-        predictions: Predictions,
-        now_s: float,
-        clearance_m: float,
-        margin_m: float,
-        raises: float,
-        held: float,
-        lately_s: float,
-    ) -> Stirring:
+    def stirring(self, predictions: Predictions, now_s: float, settings: Conflict) -> Stirring:
         """Which predictions and pairs a pass has to look at.
 
-        What is not fresh changes nothing of a pair that draws near as it did when it was weighed, or is told to have
-        met already, is as likely, and no less than `held`; nor of one without an advisory, which stays inside until it
-        has drawn apart by `margin_m`. A new pair must be within the clearance or likely to come, which is from a
-        probability of `raises` on.
+        What is not fresh changes nothing of a pair that draws near as it did when it was weighed, is as likely, and
+        likely enough for its advisory to stand; nor of one without an advisory, which stays inside until it has drawn
+        apart. Nor does what is fresh while its advisory is not to be told again yet, or has begun, but that either
+        robot was heard. A new pair must be within the clearance or likely to come.
         """
         found = list(map(self._of.get, predictions.pairs))
         at = np.array([-1 if track is None else track.row for track in found], np.int64)
-        apart_m = clearance_m + margin_m
-        settings = (now_s, clearance_m, apart_m, raises, held, SURE, LIKELIER, ROUNDED, lately_s)
-        some, missed, rests = _stirring(self._rows, self._predicted_s, at, *predictions[1:], *settings)
+        some, missed, rests = _stirring(
+            self._rows,
+            self._predicted_s,
+            at,
+            *predictions[1:],
+            self._remembered,
+            now_s,
+            settings.clearance_m,
+            settings.clearance_m + settings.clear_margin_m,
+            settings.raise_probability,
+            settings.raise_probability * HELD_SHARE,
+            settings.clear_after_s,
+            settings.warning_s,
+            settings.critical_s,
+            SLACK_S,
+            SURE,
+            LIKELIER,
+            ROUNDED,
+        )
         known = [found[row] for row in some.tolist()]
         return Stirring(some, known, [self._by_row[row] for row in missed.tolist()], rests.tolist())

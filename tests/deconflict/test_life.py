@@ -5,9 +5,10 @@ import pytest
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from deconflict.encounter import Encounter
-from deconflict.life import HELD_SHARE, Lives
+from deconflict.life import Lives
 from deconflict.site import Conflict
 from deconflict.telling import Pair, Party, Prediction, Scene
+from deconflict.tracks import HELD_SHARE
 from tests.deconflict.made_predictions import in_columns
 
 PAIR: Pair = ("a", "b")
@@ -87,6 +88,33 @@ def test_what_had_begun_and_is_to_come_again_is_told_without_news_too() -> None:
     assert story.predicted(0, fresh=False) == []
     (later,) = story.predicted(3, fresh=False)
     assert later.time_to_conflict_s == 3.0
+
+
+def cleared(story: Story) -> None:
+    """Neither robot says anything until the advisory is cleared."""
+    while not any(one.state is AdvisoryState.CLEARED for one in story.quiet(told=False)):
+        pass
+
+
+def test_looks_at_what_has_begun_count_when_it_is_over() -> None:
+    story = Story()
+    story.raised(3)
+    assert story.predicted(0)
+    assert story.predicted(0) == []
+    assert story.predicted(0) == []
+    cleared(story)
+    assert story.predicted(9) == []
+    assert story.predicted(8)
+
+
+def test_looks_at_what_is_not_to_be_told_again_yet_count_when_it_is_over() -> None:
+    story = Story()
+    story.raised(8)
+    story.now_s -= 0.5
+    assert story.predicted(7) == []
+    cleared(story)
+    assert story.predicted(9, probability=0.0) == []
+    assert story.predicted(8)
 
 
 def test_two_looks_of_three_raise() -> None:

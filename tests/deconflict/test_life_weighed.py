@@ -21,12 +21,12 @@ PASSES = 150
 class Every(Tracks):
     """Leaves no pair under watch alone."""
 
-    def stirring(self, predictions: Predictions, now_s: float, *settings: float) -> Stirring:
-        known = [row for row, pair in enumerate(predictions.pairs) if self.get(pair)]
-        some, _, missed, _ = super().stirring(predictions, now_s, *settings)
-        some = np.union1d(some, known).astype(np.int64)
-        tracks = [self.get(predictions.pairs[row]) for row in some.tolist()]
-        return Stirring(some, tracks, missed, [track.advisory is None for track in missed])
+    def stirring(self, predictions: Predictions, *_: object) -> Stirring:
+        known = [self.get(pair) for pair in predictions.pairs]
+        some = [row for row, track in enumerate(known) if track or predictions.fresh[row]]
+        missed = [track for pair, track in self._of.items() if pair not in predictions.pairs]
+        resting = [track.advisory is None for track in missed]
+        return Stirring(np.array(some, np.int64), [known[row] for row in some], missed, resting)
 
 
 class Thorough(Lives):
