@@ -62,12 +62,12 @@ class Fleet:
             self.refuse(message.rule, message.reason, raw, arrival_s, connection, vendor=vendor)
             return message.rule
         robot = self.robots.get(message.uuid)
-        if isinstance(message, Status) and not self._has_place(message, connection):
+        if self._frames.in_degrees and isinstance(message, Status) and not self._has_place(message, connection):
             reason = f"location {message.x}, {message.y} is nowhere on datum {message.datum}; check units and order"
             self.refuse("position-absurd", reason, raw, arrival_s, connection)
             return "position-absurd"
         speaker = self._speaker(message, connection)
-        if owner := self._other_owner(message.uuid, robot, speaker):
+        if speaker is not None and (owner := self._other_owner(message.uuid, robot, speaker)):
             self._claims.refused(message.uuid, owner, speaker or UNKNOWN, arrival_s)
             reason = f"robot {message.uuid} is {owner}'s; that vendor may report it, or the site file name another"
             self.refuse("uuid-of-another-vendor", reason, raw, arrival_s, connection)
@@ -86,7 +86,8 @@ class Fleet:
             findings = self._report(robot, message, raw, arrival_s)
         if not connection.vendor:
             self._speaking[connection.id].add(robot.vendor)
-        self._count(robot.vendor, message.findings + findings, robot)
+        if found := message.findings + findings:
+            self._count(robot.vendor, found, robot)
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
         return None
 
@@ -230,10 +231,8 @@ class Fleet:
 
     def _other_owner(self, uuid: str, robot: Robot | None, speaker: str | None) -> str | None:
         """The vendor that the robot, if there is one of that UUID, is known to belong to where another speaks of it."""
-        if speaker is None:
-            return None
         owner = self.vendors.of_robot(uuid) or (robot.vendor if robot and robot.owned else None)
-        return owner if speaker != owner else None
+        return owner if speaker not in (None, owner) else None
 
     def _speaker(self, message: Identity | Status, connection: Connection) -> str | None:
         """The vendor that a message speaks for, where that is told."""
@@ -280,9 +279,9 @@ class Fleet:
             findings += ("clock-off",)
         frame, sight = self._sight(robot, status, event_s)
         if robot.seen:
-            findings += watch.frequency(arrival_s - robot.arrival_s, self.reading.quiet_after_s)
+            gap_s = arrival_s - robot.arrival_s
+            findings += watch.frequency(gap_s, self.reading.quiet_after_s)
             if NOWHERE not in (sight.floor, robot.seen.floor):
-                gap_s = arrival_s - robot.arrival_s
                 self._claims.seen(robot.uuid, robot.vendor, robot.seen, sight, gap_s, arrival_s)
             if event_s < robot.seen.t_s:
                 return (*findings, "stamp-not-increasing")
@@ -307,8 +306,14 @@ class Fleet:
             self._place(robot, status, *self._sight(robot, status, robot.seen.t_s), None)
 
     def _sight(self, robot: Robot, status: Status, event_s: float) -> tuple[Frame, Sighting]:
+        """Where the status puts the robot, in the floor's frame; a turn keeps its sense in a left-handed map."""
         frame, floor = self._floors.of(robot.vendor, status.datum)
-        return frame, _sight(status, frame, floor, event_s)
+        x_m, y_m, yaw_rad = frame.pose(status.x, status.y, status.yaw_rad)
+        turn_radps = status.turn_rad_per_s or 0.0
+        if turn_radps and frame.mirrored:
+            turn_radps = -turn_radps
+        offset_s = event_s - status.stamp_s
+        return frame, Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps, offset_s)
 
     def _place(
         self, robot: Robot, status: Status, frame: Frame, sight: Sighting, before: Sighting | None
@@ -396,13 +401,3 @@ class Fleet:
 
 def _who(identity: Identity) -> tuple[Any, ...]:
     return identity.manufacturer, identity.model, identity.serial, identity.envelope_m
-
-
-def _sight(status: Status, frame: Frame, floor: int, event_s: float) -> Sighting:
-    """Where the status puts the robot, in the floor's frame; a turn keeps its sense in a left-handed map."""
-    x_m, y_m, yaw_rad = frame.pose(status.x, status.y, status.yaw_rad)
-    turn_radps = status.turn_rad_per_s or 0.0
-    if turn_radps and frame.mirrored:
-        turn_radps = -turn_radps
-    offset_s = event_s - status.stamp_s
-    return Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps, offset_s)

@@ -42,9 +42,13 @@ def status(raw: bytes, names_as_uuid: str | None, findings: Findings) -> Status 
     )
     if found:
         findings.update(dict.fromkeys(found))
-    destinations = _path(raw, rows, at[OF_DESTINATIONS:], ends_s[2:], findings)
-    destinations = paths.checked_destinations(destinations, len(destinations.datums), stamp_s, findings)
-    path = _path(raw, rows, at[OF_PATH:OF_DESTINATIONS], ends_s[:2], findings)
+    path = destinations = NO_PATH
+    if at[OF_DESTINATIONS] < at[OF_DESTINATIONS + 1]:
+        told = _path(raw, rows, at[OF_DESTINATIONS:], ends_s[2:], findings)
+        destinations = paths.checked_destinations(told, len(told.datums), stamp_s, findings)
+    if at[OF_PATH] < at[OF_PATH + 1]:
+        told = _path(raw, rows, at[OF_PATH:OF_DESTINATIONS], ends_s[:2], findings)
+        path = paths.checked_path(told, len(told.datums), stamp_s, findings)
     return Status(
         uuid,
         stamp_s,
@@ -62,7 +66,7 @@ def status(raw: bytes, names_as_uuid: str | None, findings: Findings) -> Status 
         None if isnan(battery_pct) else battery_pct,
         (),
         destinations,
-        paths.checked_path(path, len(path.datums), stamp_s, findings),
+        path,
         tuple(findings),
     )
 
@@ -79,10 +83,8 @@ def points(text: bytes) -> Points | None:
 
 
 def _path(text: bytes, rows: Floats, at: Sequence[int], ends_s: Sequence[float], findings: Findings) -> Path:
-    """The points between two rows."""
+    """The points between two rows, at least one."""
     begin, end, right, right_end, other, other_end, departs = at
-    if begin == end:
-        return NO_PATH
     datum, found = _said_of_points(
         departs,
         text[right:right_end] if right >= 0 else None,

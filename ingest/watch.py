@@ -34,12 +34,9 @@ def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[s
     that was not sent is the observed one; a norm gets the sign of the motion. A turn rate that the headings do not
     bear out is set aside.
     """
+    findings: tuple[str, ...] = ()
     if abs(now.turn_radps) > MAX_TURN_RADPS:
-        return _by_motion(before, replace(now, turn_radps=0.0), ("turn-rate-contradicts-motion",))
-    return _by_motion(before, now, ())
-
-
-def _by_motion(before: Sighting | None, now: Sighting, findings: tuple[str, ...]) -> tuple[Sighting, tuple[str, ...]]:
+        now, findings = replace(now, turn_radps=0.0), ("turn-rate-contradicts-motion",)
     if before is None or before.floor != now.floor:
         return now, findings
     gap_s = now.t_s - before.t_s

@@ -43,12 +43,14 @@ _UUID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12
 _UUID_LETTERS, _REMEMBERED = 36, 1024
 """Datums that are known to be plain, or not: the same few come again and again."""
 _ROBOTS_REMEMBERED = 16_384
-"""UUIDs, as they are spelt, that are kept read: each comes once a second."""
+"""UUIDs in spellings of their own that are kept read: each comes once a second."""
 _HEX = re.compile(r"[0-9a-f]{32}")
 
 
 def robot_uuid(text: str, names_as_uuid: str | None, findings: Findings) -> str:
     """The UUID that `text` means, in lower case with dashes. A name becomes one of `names_as_uuid`, if given."""
+    if _RFC_4122.fullmatch(text):
+        return text
     uuid, found = (_known_robot if len(text) <= MAX_WORD else _robot)(text, names_as_uuid)
     if found:
         findings.update(dict.fromkeys(found))
