@@ -6,7 +6,7 @@ order give the same batches, whether they come from sockets or from a recording.
 
 from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Iterable
-from functools import partial
+from functools import lru_cache, partial
 from math import isfinite, isnan
 from operator import attrgetter
 from typing import Any
@@ -33,6 +33,8 @@ from ingest.vendors import UNKNOWN, Vendors
 
 STALE_S = 2.0
 """A status that takes this much longer than the sender's quickest is stale."""
+VIEWS_SHARED = 1024
+"""Ways to read messages that robots have in common, at most."""
 
 
 class Fleet:
@@ -52,6 +54,8 @@ class Fleet:
         """Vendors of the robots heard over a connection that speaks for none, by its number."""
         self._of_vendor: Counter[str] = Counter()
         self._claims = Claims()
+        self._shared_view = lru_cache(VIEWS_SHARED)(self._new_view)
+        """Robots of a kind are read in one way, which is then at hand from one to the next."""
 
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         """Take one message; the code of the rule that rejected it, or None where it was accepted."""
@@ -125,6 +129,7 @@ class Fleet:
         """
         before, self.vendors, self._frames, self.reading = self.vendors, vendors, frames, reading
         self._floors.renew(frames)
+        self._shared_view.cache_clear()
         for robot in self.robots.values():
             robot.view = None
             self._resettle(robot, before)
@@ -335,9 +340,11 @@ class Fleet:
         """How a message of the robot is read: mostly as the one before."""
         of = bool(status.load_used_pct), status.datum
         if robot.view is None or robot.view_of != of:
-            frame_of = partial(self._floors.named, robot.vendor, status.datum)
-            robot.view, robot.view_of = View(self._body(robot, of[0]), frame_of, self.reading), of
+            robot.view, robot.view_of = self._shared_view(robot.vendor, status.datum, self._body(robot, of[0])), of
         return robot.view
+
+    def _new_view(self, vendor: str, datum: str, body: Body) -> View:
+        return View(body, partial(self._floors.named, vendor, datum), self.reading)
 
     def _body(self, robot: Robot, loaded: bool) -> Body:
         if robot.identity is None:

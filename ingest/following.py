@@ -49,7 +49,7 @@ def follow(path: Path, here: Sighting, view: View) -> tuple[Floats, tuple[int, .
     if not count:
         return None
     floors = (floor,) * count if here.floor == floor else (here.floor, *(floor,) * (count - 1))
-    return knots[:count], floors
+    return knots if count == len(knots) else knots[:count], floors
 
 
 @inner

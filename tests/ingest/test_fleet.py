@@ -73,6 +73,19 @@ def test_a_vendor_that_stays_is_read_by_its_changed_settings() -> None:
     assert one.cut(NOW_S + 1).forecasts.length_m[0] == 2.0
 
 
+def test_robots_of_a_kind_are_read_in_one_way_until_settings_change() -> None:
+    one = fleet()
+    for name in ("A-1", "A-2", "B-1"):
+        one.receive(identity(name, NOW_S, robotModel=name[0], maxSpeed=1.0 + (name == "B-1")), NOW_S, LINE)
+        one.receive(status(name, NOW_S, 1.0, 2.0, path=points((NOW_S + 20, 9.0, 2.0, 0.0))), NOW_S, LINE)
+    first, second, other = (one.robots[robot(name)] for name in ("A-1", "A-2", "B-1"))
+    assert first.view is second.view is not other.view
+    one.renew(one.vendors, Frames((Datum(id=HALL, name="Hall"),), ()), Reading(horizon_s=5.0, quiet_after_s=3.0))
+    assert first.view is second.view
+    assert first.view
+    assert first.view.reading.horizon_s == 5.0
+
+
 def test_destinations_come_with_the_robot_by_time_and_each_on_its_floor() -> None:
     one = fleet(datums=(Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft")))
     far, near = points((NOW_S + 600, 1.0, 2.0, 0.0), (NOW_S + 60, 3.0, 4.0, 0.0))
