@@ -19,7 +19,7 @@ from uuid import uuid4
 import nats
 from nats.aio.msg import Msg
 from nats.js import JetStreamContext, api
-from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError
+from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError, NotFoundError
 
 from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.cluster.channels import MOST_BYTES
@@ -49,7 +49,7 @@ QUICK_S = 1.0
 """How long what a member says of itself may take: longer than that, and it is not heard of in time."""
 AGAIN_S = 0.2
 ERRORS_S = 10.0
-WRONG_LAST_SEQUENCE = 10071
+WRONG_LAST_SEQUENCE, NO_MESSAGE = 10071, 10037
 FEED = "feed-"
 """How the names of members that are ingests begin."""
 
@@ -163,7 +163,7 @@ class Bus:
             subjects=subjects,
             storage=storage,
             max_age=age_s,
-            duplicate_window=same_s,
+            duplicate_window=min(same_s, age_s),
             num_replicas=self._settings.copies,
         )
         try:
@@ -268,9 +268,14 @@ class Bus:
             raise
         return told.seq
 
-    async def last_told(self, key: str) -> Line:
-        """The newest revision under a key."""
-        found = await self._js.get_last_msg(f"{self.name}-told", f"{self.name}.told.{key}")
+    async def last_told(self, key: str) -> Line | None:
+        """The newest revision under a key; None where the stream has none, or none any more."""
+        try:
+            found = await self._js.get_last_msg(f"{self.name}-told", f"{self.name}.told.{key}")
+        except NotFoundError as error:
+            if error.err_code == NO_MESSAGE:
+                return None
+            raise
         return line(found.seq or 0, found.subject or "", found.data or b"")
 
     async def answer(self, advisory_id: str, answer: Acknowledgement) -> int:

@@ -3,7 +3,6 @@
 import asyncio
 import logging
 from collections import OrderedDict
-from contextlib import suppress
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.cluster.bus import Bus, OverruledError
@@ -48,16 +47,24 @@ class Teller:
             if last and last.advisory and not follows(advisory, last.advisory):
                 return last
             try:
-                seq = await self._bus.tell(home, advisory, last.seq if last else 0)
-            except OverruledError:
-                with suppress(*BUS_ERRORS):
-                    self.know(await self._bus.last_told(key))
+                if await self._told(key, home, advisory):
+                    return None
             except BUS_ERRORS as error:
                 log.warning("a revision is not told yet: %s", error or type(error).__name__)
-            else:
-                self.know(Line(seq, key, home, advisory))
-                return None
             await asyncio.sleep(RETRY_S)
+
+    async def _told(self, key: str, home: Place | None, advisory: AnyAdvisory) -> bool:
+        """Whether the stream took it; if not, what it has in its place is known now. Raises `BUS_ERRORS`."""
+        last = self._last.get(key)
+        try:
+            seq = await self._bus.tell(home, advisory, last.seq if last else 0)
+        except OverruledError:
+            self._last.pop(key, None)  # the stream may have lost it, or be another
+            if stands := await self._bus.last_told(key):
+                self.know(stands)
+            return False
+        self.know(Line(seq, key, home, advisory))
+        return True
 
 
 def follows(advisory: AnyAdvisory, last: AnyAdvisory) -> bool:

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from deconflict.cluster.bus import Bus
-from deconflict.cluster.feed import Feed
+from deconflict.cluster.feed import Feed, connected
 from deconflict.cluster.follower import Follower
 from deconflict.cluster.member import LISTEN_S
 from deconflict.cluster.ownership import Table
@@ -39,6 +39,7 @@ class Broker:
     def __init__(self, folder: Path, *options: str) -> None:
         (port,) = free_ports(1)
         self.address = f"nats://127.0.0.1:{port}"
+        self._folder = folder
         self._command = [str(SERVER), "-a", "127.0.0.1", "-p", str(port), "-js", "-sd", str(folder), *options]
         self.start()
 
@@ -49,6 +50,26 @@ class Broker:
         """As a machine that loses its power."""
         self._process.kill()
         self._process.wait(PATIENCE_S)
+
+    def empty(self) -> None:
+        """Put another machine in its place, which has nothing."""
+        self.kill()
+        shutil.rmtree(self._folder)
+        self.start()
+
+
+@asynccontextmanager
+async def buses(broker: Broker, count: int, keep_days: float = 1.0) -> AsyncIterator[list[Bus]]:
+    """So many connections to a server, which ends with them."""
+    opened = [Bus(Cluster(nats=(broker.address,)), keep_days) for _ in range(count)]
+    try:
+        for one in opened:
+            assert await connected(one, asyncio.Event())
+        yield opened
+    finally:
+        for one in opened:
+            await one.close()
+        broker.kill()
 
 
 REFUSALS = 5

@@ -1,8 +1,8 @@
 """What the durable stream takes and what it refuses, with a real NATS server."""
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager, suppress
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from pathlib import Path
 from unittest.mock import patch
 
@@ -22,7 +22,7 @@ from deconflict.cluster.teller import Teller
 from deconflict.cluster.tiles import Place, Tile
 from deconflict.site import Site
 from ingest.settings import Reading
-from tests.deconflict.cluster.made_cluster import Broker, needs_server, running
+from tests.deconflict.cluster.made_cluster import Broker, buses, needs_server, running
 from tests.deconflict.made_advisories import cleared, made
 from tests.deconflict.test_supervisor import free_ports
 from tests.patience import PATIENCE_S
@@ -32,19 +32,6 @@ pytestmark = needs_server
 HOME = Place(HALL, 1.0, 2.0)
 
 
-@asynccontextmanager
-async def buses(broker: Broker, count: int) -> AsyncIterator[list[Bus]]:
-    opened = [Bus(Cluster(nats=(broker.address,)), 1.0) for _ in range(count)]
-    try:
-        for one in opened:
-            assert await connected(one, asyncio.Event())
-        yield opened
-    finally:
-        for one in opened:
-            await one.close()
-        broker.kill()
-
-
 async def test_a_revision_sent_again_is_not_doubled_but_another_in_its_place_is_refused(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 2) as (one, other):
         first = await one.tell(HOME, made(1), 0)
@@ -52,8 +39,9 @@ async def test_a_revision_sent_again_is_not_doubled_but_another_in_its_place_is_
         assert await one.tell(HOME, made(1, revision=2), first) == second
         with pytest.raises(OverruledError):
             await other.tell(HOME, cleared(1, revision=2), first)
-        stands = (await other.last_told(key_of(made(1)))).advisory
-    assert stands == made(1, revision=2)
+        stands = await other.last_told(key_of(made(1)))
+    assert stands
+    assert stands.advisory == made(1, revision=2)
 
 
 async def test_an_engine_goes_on_with_what_another_tells_while_it_runs(tmp_path: Path) -> None:
@@ -77,7 +65,7 @@ async def ended(bus: Bus) -> tuple[int, str | None]:
     """Which revision clears the advisory, and why."""
     while True:
         line = await bus.last_told(key_of(made(1)))
-        if line.advisory and line.advisory.state is AdvisoryState.CLEARED:
+        if line and line.advisory and line.advisory.state is AdvisoryState.CLEARED:
             return line.advisory.revision, line.advisory.cleared_because
         await asyncio.sleep(0.2)
 
@@ -120,7 +108,9 @@ async def test_the_loss_of_one_server_of_three_costs_neither_rows_nor_advisories
             servers[str(leader.leader)].kill()
             assert await teller.tell(HOME, made(1, revision=2)) is None
             await sent(one, heard, 1000)
-            assert (await other.last_told(key_of(made(1)))).advisory == made(1, revision=2)
+            stands = await other.last_told(key_of(made(1)))
+            assert stands
+            assert stands.advisory == made(1, revision=2)
     finally:
         for each in (one, other):
             await each.close()

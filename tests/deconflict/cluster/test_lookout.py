@@ -18,8 +18,7 @@ from deconflict.cluster.member import Member
 from deconflict.cluster.teller import Teller
 from ingest.connection import Connection
 from ingest.measures import joined_values
-from tests.deconflict.cluster.made_cluster import Broker, cluster, ingest, needs_server, running, table
-from tests.deconflict.cluster.test_bus import buses
+from tests.deconflict.cluster.made_cluster import Broker, buses, cluster, ingest, needs_server, running, table
 from tests.deconflict.cluster.test_cluster import lives, until
 from tests.deconflict.cluster.test_commons import fleet
 from tests.deconflict.contention.scenes import Script

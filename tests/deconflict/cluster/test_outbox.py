@@ -9,8 +9,8 @@ import pytest
 from deconflict.cluster import outbox
 from deconflict.cluster.outbox import Outbox, UntoldError
 from deconflict.cluster.teller import Teller
-from tests.deconflict.cluster.made_cluster import Broker, needs_server
-from tests.deconflict.cluster.test_bus import HOME, buses
+from tests.deconflict.cluster.made_cluster import Broker, buses, needs_server
+from tests.deconflict.cluster.test_bus import HOME
 from tests.deconflict.made_advisories import made
 from tests.patience import PATIENCE_S
 

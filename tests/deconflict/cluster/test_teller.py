@@ -1,0 +1,38 @@
+"""What is told where the durable stream has lost what it had, with a real NATS server."""
+
+import asyncio
+from pathlib import Path
+
+from deconflict.cluster.lines import key_of
+from deconflict.cluster.teller import Teller
+from tests.deconflict.cluster.made_cluster import Broker, buses, needs_server
+from tests.deconflict.cluster.test_bus import HOME
+from tests.deconflict.made_advisories import cleared, made
+
+pytestmark = needs_server
+KEPT_S = 2.0
+
+
+async def test_a_pair_that_meets_again_after_its_last_advisory_is_no_longer_kept_is_told_of(tmp_path: Path) -> None:
+    async with buses(Broker(tmp_path), 1, KEPT_S / 86400) as (bus,), asyncio.timeout(300):
+        teller = Teller(bus)
+        assert await teller.tell(HOME, made(1)) is None
+        assert await teller.tell(HOME, cleared(1, revision=2)) is None
+        while await bus.last_told(key_of(made(1))):
+            await asyncio.sleep(0.1)
+        assert await teller.tell(HOME, made(2)) is None
+        stands = await bus.last_told(key_of(made(2)))
+    assert stands
+    assert stands.advisory == made(2)
+
+
+async def test_what_a_server_that_lost_its_store_has_not_is_told_anew(tmp_path: Path) -> None:
+    broker = Broker(tmp_path / "nats")
+    async with buses(broker, 1) as (bus,), asyncio.timeout(300):
+        teller = Teller(bus)
+        assert await teller.tell(HOME, made(1)) is None
+        broker.empty()
+        assert await teller.tell(HOME, made(1, revision=2)) is None
+        stands = await bus.last_told(key_of(made(1)))
+    assert stands
+    assert (stands.seq, stands.advisory) == (1, made(1, revision=2))
