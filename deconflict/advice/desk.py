@@ -79,12 +79,10 @@ class Desk:
         at_rest = self._at_rest()
         waiting = len(self._groups.all) - len(at_rest)
         if waiting and self._allowed > 0:
-            heapify(soonest := list(self._groups.all.values()))
-            while waiting and self._allowed > 0:
-                group = heappop(soonest)
-                if group.pairs not in at_rest:
-                    waiting -= 1
-                    self._ask(group, now_s, movers_around)
+            heapify(soonest := [group for pairs, group in self._groups.all.items() if pairs not in at_rest])
+            while soonest and self._allowed > 0:
+                self._ask(heappop(soonest), now_s, movers_around)
+            waiting = len(soonest)
         self._measures.level("deconflict_advice_waiting", {(): waiting})
         return told
 
@@ -119,7 +117,7 @@ class Desk:
         still in it, as one that is over changes no advice."""
         pending = {pairs for pairs, one in self._asked.items() if one.answer and pairs in self._groups.all}
         lately = {group.pairs for pair in self._asked_s if (group := self._groups.of(pair))}
-        return pending | {pairs for pairs in lately if self._asked_s.keys() >= set(pairs)}
+        return pending | {pairs for pairs in lately if all(map(self._asked_s.__contains__, pairs))}
 
     def _question(
         self, pairs: Pairs, standing: Recommendation | None, now_s: float, movers_around: MoversAround
