@@ -421,7 +421,7 @@ def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots
 
 
 @kernel(
-    numba.types.Tuple((numba.float64[::1],) * 3)(  # type: ignore[no-untyped-call]
+    numba.types.Tuple((*[numba.float64[::1]] * 3, numba.int64))(  # type: ignore[no-untyped-call]
         _OF_PAIRS[0],
         numba.int64[::1],
         *_OF_PAIRS[1:],
@@ -442,14 +442,14 @@ def first_of_chosen(
     target_m: float,
     tolerance_m: float,
     rounds: int,
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, int]:
     """(p,) when each pair first meets in [`now_s`, `until_s` (p,)], and how far apart it is at `now_s` if it may; (n,)
-    from when on boxes are left open. inf where it does not, and they are not.
+    from when on boxes are left open, and how many are. inf where it does not, and they are not.
 
     `pair_of` (n,) says of which pair the boxes `pairs` (n,) are; those after its first contact are not looked at.
     """
     contact_s, start_m, open_ = np.full(len(until_s), inf), np.full(len(until_s), inf), np.full(len(pairs), inf)
-    motions, places = np.empty(16, MOTION), np.empty(len(robots), PLACE)
+    motions, places, opened = np.empty(16, MOTION), np.empty(len(robots), PLACE), 0
     for slot in range(len(places)):
         places[slot].t = inf
     for at in range(len(pairs)):
@@ -459,7 +459,8 @@ def first_of_chosen(
         there, span = _both_there(boxes, robots, knots, pair), (now_s, until_s[of])
         motions, n, _ = _motions(boxes, robots, knots, pair, there, span, target_m + tolerance_m, motions)
         t, open_[at] = _first_of(motions[:n], target_m, tolerance_m, rounds)
+        opened += open_[at] < inf
         if t < inf or open_[at] < inf:
             contact_s[of] = max(boxes[pair.ring, pair.a].slab + t, now_s)
             start_m[of] = _start_distance(pair.a, pair.b, boxes, robots, knots, now_s, places)
-    return contact_s, start_m, open_
+    return contact_s, start_m, open_, opened

@@ -77,10 +77,10 @@ def first_meetings(
     """
     boxes, pairs, pair_of = of_chosen(robots, knots, a, b, now_s, until_s, clearance_m / 2 + TOLERANCE_M)
     where = (boxes, robots, knots)
-    contact_s, start_m, open_ = first_of_chosen(
+    contact_s, start_m, open_, opened = first_of_chosen(
         pairs, pair_of, *where, now_s, until_s, clearance_m, TOLERANCE_M, ROUNDS
     )
-    for row in np.flatnonzero(open_ < np.inf).tolist():
+    for row in np.flatnonzero(open_ < np.inf).tolist() if opened else ():
         pair, one, decider = pair_of[row], pairs[row : row + 1], Decider(clearance_m, TOLERANCE_M)
         met = decider.first_contact(motions_of(one, *where, (now_s, until_s[pair])), float(open_[row]))
         contact_s[pair] = min(contact_s[pair], max(boxes["slab"][one["ring"][0], one["a"][0]] + met, now_s))

@@ -102,7 +102,7 @@ class Delays:
             hold_s[self._place[robot]] = seconds
         late = self._delayed(self._rows, hold_s)
         met_s, begins_m = self._first_meetings(late, a, b, until_s, window.clearance_m)
-        met = np.flatnonzero((met_s < inf) & (begins_m > window.clearance_m))
+        (met,) = ((met_s < inf) & (begins_m > window.clearance_m)).nonzero()
         return {
             (movers[one].robot, movers[other].robot): at_s
             for one, other, at_s in zip(a[met].tolist(), b[met].tolist(), met_s[met].tolist(), strict=True)
