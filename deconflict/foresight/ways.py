@@ -18,27 +18,37 @@ _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.flo
 _ASKED_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 Pose = tuple[float, float, float, float]
 """x_m, y_m, yaw_rad and floor."""
+Line = tuple[float, float, float, float, float, float, float, float, float]
+"""When it begins and how long it lasts; x_m, y_m and yaw_rad, each where it begins and how it changes; and floor."""
 
 
 @inner
-def _turned(yaw: float, other: float, share: float) -> float:
+def _turn(yaw: float, other: float) -> float:
+    """From one heading to another, the shorter way."""
     turn = other - yaw + pi
     if not 0.0 <= turn < 2 * pi:
         turn %= 2 * pi
-    return yaw + share * (turn - pi)
+    return turn - pi
 
 
 @inner
-def _joined(before: Floats, seen: Floats, slot: int, t_s: float, long_ago_s: float, joined_s: float) -> Pose:
-    """Where a robot was, on the line of its last two reports; floor -1 where none is."""
+def _line(before: Floats, seen: Floats, slot: int, long_ago_s: float, joined_s: float) -> Line:
+    """The line of a robot's last two reports; floor -1 where they are not joined."""
     a_s, a_x, a_y, a_yaw = before[slot, 0], before[slot, 1], before[slot, 2], before[slot, 3]
     b_s, b_x, b_y, b_yaw = seen[slot, 0], seen[slot, 1], seen[slot, 2], seen[slot, 3]
     floor = seen[slot, 4]
     if not (a_s > long_ago_s and before[slot, 4] == floor and b_s - a_s <= joined_s):
         a_s, a_x, a_y, a_yaw, floor = b_s, b_x, b_y, b_yaw, -1.0
-    share = (t_s - a_s) / max(b_s - a_s, 1e-9)
+    return a_s, max(b_s - a_s, 1e-9), a_x, b_x - a_x, a_y, b_y - a_y, a_yaw, _turn(a_yaw, b_yaw), floor
+
+
+@inner
+def _on(line: Line, t_s: float) -> Pose:
+    """Where a robot was on its line."""
+    begin_s, lasts_s, x, goes_x, y, goes_y, yaw, turns, floor = line
+    share = (t_s - begin_s) / lasts_s
     share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
-    return a_x + share * (b_x - a_x), a_y + share * (b_y - a_y), _turned(a_yaw, b_yaw, share), floor
+    return x + share * goes_x, y + share * goes_y, yaw + share * turns, floor
 
 
 @kernel(_FLOATS(*[_MATRIX] * 2, _INTS, numba.float64))
@@ -70,7 +80,7 @@ def _ahead(track: Floats, slot: int, since_s: float) -> Pose:
     x, y, yaw = track[slot, whole, 0], track[slot, whole, 1], track[slot, whole, 2]
     x += share * (track[slot, whole + 1, 0] - x)
     y += share * (track[slot, whole + 1, 1] - y)
-    return x, y, _turned(yaw, track[slot, whole + 1, 2], share), track[slot, whole, 3]
+    return x, y, yaw + share * _turn(yaw, track[slot, whole + 1, 2]), track[slot, whole, 3]
 
 
 @kernel(
@@ -112,9 +122,10 @@ def beside(
             past_s[row, at] = begin_s + (end_s - begin_s) * past_looks[at]
         for side in (0, 1):
             slot = a[row] if side == 0 else b[row]
+            line = _line(before, seen, slot, long_ago_s, joined_s)
             for at in range(looks):
                 if at < past:
-                    pose = _joined(before, seen, slot, past_s[row, at], long_ago_s, joined_s)
+                    pose = _on(line, past_s[row, at])
                 else:
                     pose = _ahead(track, slot, now_s + ahead_s[at - past] - seen[slot, 0])
                 x[side, at], y[side, at], yaw[side, at], floor[side, at] = pose
@@ -286,6 +297,7 @@ def take(
         _set_around(around, track, slot)
         before_s, seen_s = before[slot, 0], seen[slot, 0]
         is_joined = before_s > long_ago_s and before_s >= seen_s - joined_s
+        line = _line(before, seen, slot, long_ago_s, joined_s)
         for made in range(kept if is_joined else 0):
             first = max(int(before_s - made_s[slot, made]) - 1, 0)
             for second in range(first, min(int(seen_s - made_s[slot, made]) + 1, horizons)):
@@ -294,7 +306,7 @@ def take(
                     continue
                 x, y = foretold[slot, made, second, 0], foretold[slot, made, second, 1]
                 yaw, floor = foretold[slot, made, second, 2], foretold[slot, made, second, 3]
-                was_x, was_y, _, was_floor = _joined(before, seen, slot, moment_s, long_ago_s, joined_s)
+                was_x, was_y, _, was_floor = _on(line, moment_s)
                 if floor != was_floor or floor < 0.0:
                     continue
                 dx, dy, c, s = was_x - x, was_y - y, cos(yaw), sin(yaw)
