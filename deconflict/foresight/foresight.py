@@ -218,8 +218,8 @@ class Foresight:
         return exact
 
     def _named(self, code: Ints) -> list[Pair]:
-        names, (a, b) = self._names, slots_of(code)
-        return [(names[one], names[other]) for one, other in zip(a.tolist(), b.tolist(), strict=True)]
+        named, (a, b) = self._names.__getitem__, slots_of(code)
+        return list(zip(map(named, a.tolist()), map(named, b.tolist()), strict=True))
 
     def _ask(self, now_s: float) -> None:
         if floor(now_s) > self._asked_s:
