@@ -1,15 +1,18 @@
 """What sharing a floor out costs: how many robots engines see besides their own, and what goes over the broker.
 
 Positions and forecasts are made up, tiles, channels and ownership are the product's own; nothing is sent. Run as
-`python -m benchmarks.sharding`.
+`python -m benchmarks.sharding`, or with `--sites 300 --robots 100000 1000000` for sites of many sizes together.
 """
 
 import argparse
+from dataclasses import astuple, dataclass, fields
+from functools import reduce
+from operator import add
 
 import numpy as np
 
 from benchmarks.floors import NOW_S, crowd
-from deconflict.cluster.channels import Extents, Sorter, reach_m
+from deconflict.cluster.channels import EVERY, Extents, Sorter, reach_m
 from deconflict.cluster.ownership import Table, revised
 from deconflict.cluster.tiles import Area, Grid, Tile
 from deconflict.site import Conflict
@@ -17,6 +20,8 @@ from ingest.seam import Basis, Batch, Destinations, Forecasts
 
 FASTEST_MPS = 2.0
 TICKS_PER_S = 10
+ROBOTS_AN_ENGINE = 5000
+"""Of a site with more than one engine."""
 ROUNDS = 400
 """After so many revisions of the table the load is shared out."""
 
@@ -88,10 +93,65 @@ def measured(robots: int, side_m: float, engines: int) -> str:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """What one site, or all of them together, asks of a broker and of engines in a second."""
+
+    robots: int
+    engines: int
+    judged: int
+    """Robots that engines judge, each as often as one does."""
+    busiest: int
+    """Of these, those of one engine, at the most."""
+    parcels: int
+    bytes_in: int
+    bytes_out: int
+
+    def __add__(self, other: "Shared") -> "Shared":
+        mine, others = astuple(self), astuple(other)
+        summed = dict(zip([one.name for one in fields(self)], map(sum, zip(mine, others, strict=True)), strict=True))
+        return Shared(**summed | {"busiest": max(self.busiest, other.busiest)})
+
+
+def site(robots: int, side_m: float, seed: int) -> Shared:
+    """A site of so many robots, with as many engines as it needs."""
+    grid, reach, engines = Grid(side_m), reach_m(FASTEST_MPS, Conflict()), -(-robots // ROBOTS_AN_ENGINE)
+    batch = batch_of(crowd(robots, 25.0, seed=seed).forecasts(0.0))
+    judged = seen(batch, grid, reach, shared(batch, grid, reach, engines))
+    parts = Sorter(grid, Conflict(), reach).sort(batch.take(np.arange(0, robots, TICKS_PER_S)))
+    sent = {name: len(part.to_bytes()) * TICKS_PER_S for name, part in parts.items()}
+    whole = sent[EVERY]
+    by_tile = sum(sent.values()) - whole
+    heard = round(by_tile * sum(judged) / robots) + whole
+    return Shared(robots, engines, sum(judged), max(judged), len(parts) * TICKS_PER_S, by_tile + whole, heard)
+
+
+def sizes(robots: int, sites: int, seed: int = 1) -> list[int]:
+    """How many robots each of so many sites has: a few have many, most have few."""
+    share = np.random.default_rng(seed).lognormal(sigma=1.0, size=sites)
+    return [max(round(robots * one), TICKS_PER_S) for one in (share / share.sum()).tolist()]
+
+
+def group(robots: int, sites: int, side_m: float) -> str:
+    of_sites = sizes(robots, sites)
+    one = reduce(add, (site(size, side_m, seed) for seed, size in enumerate(of_sites)))
+    return (
+        f"| {one.robots:,} | {max(of_sites):,} | {one.engines} | {one.judged / one.robots:.2f} | {one.busiest:,} "
+        f"| {one.parcels:,} | {one.bytes_in / 1e6:,.0f} | {one.bytes_out / 1e6:,.0f} |"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, nargs="*", default=[3000, 10_000])
+    parser.add_argument("--sites", type=int, help="robots are those of so many sites together")
     args = parser.parse_args()
+    if args.sites:
+        print("| robots | largest site | engines | judged | busiest engine | parcels/s | MB/s in | MB/s out |")
+        print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+        for robots in args.robots:
+            print(group(robots, args.sites, 64.0), flush=True)
+        return
     print("| robots | tile, m | engines | tiles | judged | in strips | parcels/s | MB/s | bytes a status |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for robots in args.robots:
