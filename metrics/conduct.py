@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
+from deconflict.contention.ahead import corners
 from deconflict.contention.boxes import grown, touching
 from deconflict.contention.resources import Place, Resource, Zone, outlines
 from ingest.seam import Batch, Floats, Ints
@@ -197,7 +198,9 @@ class Conduct:
         resources = self._resources.touched(floors, middles, lambda rows: shapely.points(middles[rows, :2]))
         poses = (x_m, y_m, told.yaw_rad[first], told.length_m, told.width_m)
         boxes_m = grown(middles, np.hypot(told.length_m, told.width_m) / 2)
-        zones = self._zones.touched(floors, boxes_m, lambda rows: _envelopes(*(one[rows] for one in poses)))
+        zones = self._zones.touched(
+            floors, boxes_m, lambda rows: shapely.polygons(corners(*(one[rows] for one in poses)))
+        )
         columns = (batch.event_s.tolist(), floors, x_m.tolist(), y_m.tolist(), self._goals(batch))
         for row, (t_s, floor, x, y, goals) in enumerate(zip(*columns, strict=True)):
             kept = resources.get(row, NOWHERE)
@@ -236,12 +239,3 @@ class _Outlines:
             for row, place in near[touches].tolist():
                 found[row] = found.get(row, frozenset()) | {self._places[place]}
         return found
-
-
-def _envelopes(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m: Floats) -> Any:
-    """(n,) polygons."""
-    ends, sides = np.array([1, -1, -1, 1]) / 2, np.array([1, 1, -1, -1]) / 2
-    along, across = length_m[:, None] * ends, width_m[:, None] * sides
-    c, s = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
-    corners = np.stack([x_m[:, None] + c * along - s * across, y_m[:, None] + s * along + c * across], axis=-1)
-    return shapely.polygons(corners)

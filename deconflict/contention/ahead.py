@@ -40,14 +40,25 @@ class Ways:
     """(n,) how far each gets, whether that is known or not."""
 
 
+@kernel(numba.float64[:, :, ::1](*[numba.types.Array(numba.float64, 1, "A", readonly=True)] * 5))
 def corners(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m: Floats) -> Floats:
     """(n, 4, 2) of envelopes at poses, each of (n,)."""
-    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    along = np.stack([c, s], axis=-1) * length_m[..., None] / 2
-    across = np.stack([-s, c], axis=-1) * width_m[..., None] / 2
-    centre = np.stack([x_m, y_m], axis=-1)
-    ends = [centre + along + across, centre - along + across, centre - along - across, centre + along - across]
-    return np.stack(ends, axis=-2)
+    found = np.empty((len(x_m), 4, 2))
+    for row in range(len(x_m)):
+        c, s, end = cos(yaw_rad[row]), sin(yaw_rad[row]), found[row]
+        along_x, along_y = c * length_m[row] / 2, s * length_m[row] / 2
+        across_x, across_y = -s * width_m[row] / 2, c * width_m[row] / 2
+        front_x, front_y, back_x, back_y = (
+            x_m[row] + along_x,
+            y_m[row] + along_y,
+            x_m[row] - along_x,
+            y_m[row] - along_y,
+        )
+        end[0, 0], end[0, 1] = front_x + across_x, front_y + across_y
+        end[1, 0], end[1, 1] = back_x + across_x, back_y + across_y
+        end[2, 0], end[2, 1] = back_x - across_x, back_y - across_y
+        end[3, 0], end[3, 1] = front_x - across_x, front_y - across_y
+    return found
 
 
 @kernel(

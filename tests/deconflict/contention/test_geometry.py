@@ -5,7 +5,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from deconflict.contention.ahead import STEPS, Ahead, ahead, ways_ahead
+from deconflict.contention.ahead import STEPS, Ahead, ahead, corners, ways_ahead
 from deconflict.contention.geometry import Geometry, Passage
 from ingest.seam import Forecasts
 from tests.deconflict.contention.scenes import aisle, box, resource
@@ -95,3 +95,11 @@ def test_ways_are_held_where_a_robot_leaves_its_floor_or_its_future_is_unknown()
     lines_m = np.stack([np.take_along_axis(one, there, 1) for one in (x_m, y_m)], axis=-1)
     assert np.array_equal(found.lines_m, lines_m)
     assert np.array_equal(found.boxes_m, np.concatenate([lines_m.min(axis=1), lines_m.max(axis=1)], axis=1))
+
+
+def test_corners_are_those_of_an_upright_envelope_turned_and_moved() -> None:
+    x_m, y_m, yaw_rad, length_m, width_m = poses = np.random.default_rng(1).normal(size=(50, 5)).T
+    upright = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2 * np.stack([length_m, width_m], axis=1)[:, None]
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    turned = np.einsum("nij,nkj->nki", np.array([[c, -s], [s, c]]).transpose(2, 0, 1), upright)
+    assert corners(*poses) == pytest.approx(turned + np.stack([x_m, y_m], axis=1)[:, None])
