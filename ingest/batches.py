@@ -75,9 +75,7 @@ def _destinations(stops_of: list[tuple[Stop, ...]]) -> Destinations:
 
 def _starts(parts: Sequence[Sequence[Any]]) -> Ints:
     """(n + 1,) where each of n parts begins, one after the other, and where the last one ends."""
-    start = np.zeros(len(parts) + 1, np.int64)
-    np.cumsum(np.fromiter(map(len, parts), np.int64, len(parts)), out=start[1:])
-    return start
+    return np.fromiter(chain((0,), map(len, parts)), np.int64, len(parts) + 1).cumsum()
 
 
 def _columns(rows: Floats) -> Iterable[Floats]:
