@@ -21,6 +21,7 @@ from deconflict.link import PortTakenError
 from deconflict.logs import FORMATS, VARIABLE
 from deconflict.logs import begin as begin_log
 from deconflict.notify import Notifier
+from deconflict.premises import DataTakenError, held
 from deconflict.service import cluster_problems, run_role, runtime_directory
 from deconflict.simulation.drills import DRILLS
 from deconflict.simulation.senders import simulate
@@ -160,8 +161,8 @@ def _serve(args: argparse.Namespace) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    with runtime_directory() as name:
-        parts, manager = args.part or PARTS, Notifier(os.environ)
+    parts, manager = args.part or tuple(PARTS), Notifier(os.environ)
+    with held(data, parts), runtime_directory() as name:
         supervisor = Supervisor(settings, data, Path(name), lambda: _sound(args), parts, manager)
         signal.signal(signal.SIGHUP, lambda *_: supervisor.reloader.ask())
         supervisor.run(stop)
@@ -247,7 +248,16 @@ def main() -> int:
     begin_log(args.log)
     try:
         return int(args.run(args))
-    except (site.SiteError, PlanError, PortTakenError, SecretError, CertificateError, logs.LogError, BoxError) as error:
+    except (
+        site.SiteError,
+        PlanError,
+        PortTakenError,
+        DataTakenError,
+        SecretError,
+        CertificateError,
+        logs.LogError,
+        BoxError,
+    ) as error:
         sys.stderr.write(f"deconflict: {error}\n")
         return MISUSED
 
