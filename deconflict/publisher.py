@@ -28,6 +28,10 @@ class Line(NamedTuple):
     text: str
 
 
+class StreamEndedError(Exception):
+    """The numbers that were given hold no more."""
+
+
 class Publisher:
     """Appends to the store off the event loop and keeps the newest lines, so that followers share one reading."""
 
@@ -43,6 +47,7 @@ class Publisher:
         self.failing: str | None = None
         """Why what is told is not stored just now."""
         self._storing: asyncio.Task[None] | None = None
+        self._ended = False
         measures.level("deconflict_store_unstored", {(): 0})
 
     async def publish(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
@@ -118,9 +123,16 @@ class Publisher:
         return answered
 
     async def reached(self, seq: int) -> None:
-        """Wait until the revision with a number is known."""
+        """Wait until the revision with a number is known. Raises `StreamEndedError`."""
         while self.last_seq < seq:
+            if self._ended:
+                raise StreamEndedError
             await self._news.wait()
+
+    def end(self) -> None:
+        """Nothing more is told under these numbers."""
+        self._ended = True
+        self._news.set()
 
     async def after(self, seq: int) -> list[Line]:
         """Up to `STEP` lines with numbers above `seq`, ascending; waits for the first. Raises `StoreError`."""

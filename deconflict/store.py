@@ -72,6 +72,15 @@ class Store:
             for db in (self._looker_back, self._reader, self._writer):
                 db.close()
 
+    def set_aside(self, at: datetime) -> Path:
+        """Give the file, once closed, a name by which no store is opened; that. Raises `StoreError`."""
+        aside = self.path.with_name(f"{self.path.stem}-{at:%Y%m%dT%H%M%S}{self.path.suffix}")
+        with self._explained():
+            for end in ("-wal", "-shm", ""):
+                if (part := self.path.with_name(self.path.name + end)).exists():
+                    part.replace(aside.with_name(aside.name + end))
+        return aside
+
     @property
     def unstored(self) -> int:
         """Revisions that wait for the disk."""

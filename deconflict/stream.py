@@ -7,7 +7,7 @@ from contextlib import suppress
 from fastapi import WebSocket, WebSocketDisconnect
 
 from deconflict.either import until_either
-from deconflict.publisher import Publisher
+from deconflict.publisher import Publisher, StreamEndedError
 from deconflict.store import Store, StoreError
 from ingest.measures import Measures
 
@@ -53,6 +53,8 @@ class Stream:
             await until_either(self._feed(websocket, seq), left(websocket))
         except RefusedError as refusal:
             await self._close(websocket, refusal.code, refusal.reason)
+        except StreamEndedError:
+            await self._close(websocket, AFTER_BEYOND_LAST, "the numbers begin anew; get /advisories afresh")
         except StoreError:
             await self._close(websocket, STORE_FAILED, "the stored advisories can't be read; see /healthz")
         except TimeoutError:

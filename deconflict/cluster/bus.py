@@ -25,7 +25,7 @@ from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.cluster.channels import MOST_BYTES
 from deconflict.cluster.credentials import credentials
 from deconflict.cluster.hearing import BUS_ERRORS, PENDING, Hearing, lately, latest
-from deconflict.cluster.lines import Line, key_of, line, told_as
+from deconflict.cluster.lines import Line, Seen, key_of, line, told_as
 from deconflict.cluster.settings import Cluster
 from deconflict.cluster.tiles import Place
 from ingest.introductions import Introduction
@@ -75,6 +75,10 @@ class Bus:
         self._renewed_s = -inf
         self._warned_s: dict[str, float] = {}
         """When people were told something last."""
+        self._seen: Seen | None = None
+        """The line of what is told that was heard last."""
+        self.streams = 0
+        """How often the stream of what is told proved to be another than before, or to have lost its end."""
         self.renewals = 0
         """How often the connection was made again: what was on its way then may be lost."""
 
@@ -129,6 +133,7 @@ class Bus:
             self._reconnected.clear()
             try:
                 await self._make()
+                await self._compare()
                 for one in list(self._hearings):
                     await one.begin(self._js)
             except BUS_ERRORS as error:
@@ -150,6 +155,22 @@ class Bus:
         if text not in self._warned_s:
             self._warned_s[text] = now_s
             log.warning("%s", text)
+
+    async def _compare(self) -> None:
+        if self._seen and not await self.goes_on_from(self._seen):
+            log.error("%s: the NATS servers no longer have what they told, or are others", self.name)
+            self._seen, self.streams = None, self.streams + 1
+
+    async def goes_on_from(self, seen: Seen) -> bool:
+        """Whether the stream is the one in which a line was seen, and has all that came after it."""
+        if not seen.seq:
+            return True
+        with suppress(NotFoundError):
+            if seen.id:
+                found = await self._js.get_msg(f"{self.name}-told", seen.seq)
+                return line(seen.seq, found.subject or "", found.data or b"").is_what_was(seen)
+        state = (await self._js.stream_info(f"{self.name}-told")).state
+        return state.first_seq <= seen.seq + 1 <= state.last_seq + 1
 
     def knows_members(self) -> bool:
         """Whether every member that is alive has had the time to be heard of."""
@@ -282,22 +303,25 @@ class Bus:
         told = await self._js.publish(f"{self.name}.answer.{advisory_id}", answer.model_dump_json().encode())
         return told.seq
 
-    async def hear_told(self, take: Callable[[Line], None], after: int | None = None) -> int:
-        """Take what is told after a number; without one, the newest of each key first. How many wait already."""
+    async def hear_told(self, take: Callable[[Line], None], after: Seen | None = None) -> int:
+        """Take what is told after a line; without one, the newest of each key first. How many wait already.
 
-        seen = 0 if after is None else after
+        It goes on by itself where the stream is another one, too, from its beginning; `streams` says so before.
+        """
+        self._seen = after
 
         async def taken(message: Msg) -> None:
-            nonlocal seen
             seq = message.metadata.sequence.stream
-            if seq > seen:
-                seen = seq
-                take(line(seq, message.subject, message.data))
+            if self._seen is None or seq > self._seen.seq:
+                told = line(seq, message.subject, message.data)
+                self._seen = told.seen()
+                take(told)
 
         def since() -> api.ConsumerConfig:
-            if after is None and not seen:
+            if after is None and self._seen is None:
                 return latest()
-            return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_SEQUENCE, opt_start_seq=seen + 1)
+            first = self._seen.seq + 1 if self._seen else 1
+            return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_SEQUENCE, opt_start_seq=first)
 
         subject = f"{self.name}.told.*" if after is None else f"{self.name}.>"
         _, waiting = await self._hear(subject, f"{self.name}-told", taken, since)

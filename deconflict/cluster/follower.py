@@ -14,7 +14,7 @@ from deconflict.cluster.bus import Bus
 from deconflict.cluster.feed import RETRY_S, beating, connected, until
 from deconflict.cluster.hearing import BUS_ERRORS
 from deconflict.cluster.ingests import Ingests
-from deconflict.cluster.lines import Line
+from deconflict.cluster.lines import Line, Seen
 from deconflict.cluster.settings import Cluster
 from deconflict.link import AsyncCaller, LinkDownError, listening, socket_path
 from deconflict.site import Site
@@ -22,6 +22,16 @@ from deconflict.site import Site
 log = logging.getLogger(__name__)
 
 MOST_AT_ONCE = 500
+
+
+class AnotherStreamError(Exception):
+    """What the operator face has stored is not of the stream that is to be followed."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the stored advisories are not of the stream that the NATS servers have now, or it has lost its end; "
+            "they are set aside, and the stream is followed from its beginning"
+        )
 
 
 class Follower:
@@ -40,18 +50,38 @@ class Follower:
         try:
             calls = {"answer": self._answer, **self._ingests.calls()}
             async with listening(socket_path(self._runtime, "follower"), calls):
-                await until(stop, self._follow(), beating(self._bus, self._measure), self._ingests.run())
+                await until(stop, self._follow(), self._stays(), beating(self._bus, self._measure), self._ingests.run())
+        except AnotherStreamError as error:
+            log.error("%s", error)
+            await until(stop, self._begin_anew())
         finally:
             await self._bus.close()
 
     async def _follow(self) -> None:
-        stored = json.loads(await self._asked("stored"))
-        await self._bus.hear_told(self._lines.put_nowait, after=stored["seq"])
+        stored = Seen(*json.loads(await self._asked("stored")))
+        if not await self._bus.goes_on_from(stored):
+            raise AnotherStreamError
+        await self._bus.hear_told(self._lines.put_nowait, after=stored)
         while True:
             lines = [await self._lines.get()]
+            self._check()
             while not self._lines.empty() and len(lines) < MOST_AT_ONCE:
                 lines.append(self._lines.get_nowait())
             await self._asked("told", json.dumps([_document(one) for one in lines]).encode())
+
+    async def _stays(self) -> None:
+        """Raises `AnotherStreamError` as soon as the stream is another, though nothing is told in it."""
+        while True:
+            self._check()
+            await asyncio.sleep(RETRY_S)
+
+    def _check(self) -> None:
+        if self._bus.streams:
+            raise AnotherStreamError
+
+    async def _begin_anew(self) -> None:
+        """Have the operator face set aside what it has stored and begin anew, as this does."""
+        await self._asked("begin_anew")
 
     async def _asked(self, name: str, payload: bytes = b"") -> bytes:
         """The operator face's answer, asked again until there is one."""

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from typing import NamedTuple
 from uuid import uuid5
 
 from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory, ConflictAdvisory
@@ -9,6 +10,17 @@ from deconflict.cluster.channels import token
 from deconflict.cluster.tiles import Place
 from deconflict.contention.telling import finding_key
 from deconflict.telling import ADVISORIES
+
+
+class Seen(NamedTuple):
+    """The line of the stream that somebody has come to."""
+
+    seq: int
+    """0 before the first."""
+    id: str
+    """Of its advisory; empty where that is known no more."""
+    revision: int
+    """0 in an answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +34,15 @@ class Line:
     """None where no tile decides."""
     advisory: AnyAdvisory | None = None
     answer: Acknowledgement | None = None
+
+    def seen(self) -> Seen:
+        return (
+            Seen(self.seq, self.advisory.id, self.advisory.revision) if self.advisory else Seen(self.seq, self.key, 0)
+        )
+
+    def is_what_was(self, seen: Seen) -> bool:
+        """Whether this may be the line that was seen; who has stored it with an answer knows that as a revision."""
+        return self.seen() == seen if self.advisory else (self.seq, self.key) == (seen.seq, seen.id)
 
 
 def key_of(advisory: AnyAdvisory) -> str:

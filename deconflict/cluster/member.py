@@ -85,7 +85,7 @@ class Member:
                     await asyncio.sleep(0.02)
         try:
             watching = self._lookout.run(lambda: self._table.watch == self.name)
-            telling = (self._outbox.run(), self._lookout.outbox.run())
+            telling = (self._outbox.run(), self._lookout.outbox.run(), self._teller.keep())
             chores = (*telling, self._judge(), self._listen(), self._keep(), watching)
             await until(stop, beating(self._bus, self._beat), *chores)
             with suppress(*BUS_ERRORS):

@@ -36,8 +36,7 @@ class Teller:
 
     def open(self) -> list[AnyAdvisory]:
         """Every advisory that is open, as it was told last."""
-        told = (line.advisory for line in self._last.values() if line.advisory)
-        return [one for one in told if one.state is not AdvisoryState.CLEARED]
+        return [line.advisory for line in self._last.values() if line.advisory and _is_open(line)]
 
     async def tell(self, home: Place | None, advisory: AnyAdvisory) -> Line | None:
         """Tell one, however long it takes: None, or where another has told something else, what stands there."""
@@ -65,6 +64,40 @@ class Teller:
             return False
         self.know(Line(seq, key, home, advisory))
         return True
+
+    async def keep(self) -> None:
+        """For ever have a stream that is another, or has lost its end, told what it has not of what was told."""
+        streams, lost = self._bus.streams, list[Line]()
+        while True:
+            if streams != self._bus.streams:
+                streams, lost = self._bus.streams, sorted(self._last.values(), key=_is_open)
+                self._last.clear()
+            try:
+                while lost:
+                    await self._tell_again(lost[-1])
+                    lost.pop()
+            except BUS_ERRORS as error:
+                log.warning("what is open is not told again yet: %s", error or type(error).__name__)
+            await asyncio.sleep(RETRY_S)
+
+    async def _tell_again(self, line: Line) -> None:
+        """Tell what is open and not there, and what is newer than what is there. Raises `BUS_ERRORS`."""
+        stands = await self._bus.last_told(line.key)
+        if stands:
+            self.know(stands)
+        if line.advisory and is_missing(line.advisory, stands.advisory if stands else None):
+            await self._told(line.key, line.home, line.advisory)
+
+
+def _is_open(line: Line) -> bool:
+    return line.advisory is not None and line.advisory.state is not AdvisoryState.CLEARED
+
+
+def is_missing(advisory: AnyAdvisory, last: AnyAdvisory | None) -> bool:
+    """Whether a stream lacks a revision that was told before, given the last one that it has of its key."""
+    if last is None:
+        return advisory.state is not AdvisoryState.CLEARED
+    return last.id == advisory.id and last.revision < advisory.revision
 
 
 def follows(advisory: AnyAdvisory, last: AnyAdvisory) -> bool:

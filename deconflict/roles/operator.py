@@ -16,11 +16,13 @@ from deconflict.asgi import face_server
 from deconflict.blackbox.keeper import Keeper
 from deconflict.blackbox.order import Near
 from deconflict.effort import Effort
+from deconflict.either import until_either
 from deconflict.learned_file import LearnedFile
 from deconflict.link import AsyncCaller, LinkDownError, PortTakenError, listening, socket_path
 from deconflict.operator import Exposition, SourceUnavailableError, create_app
 from deconflict.outlets.outlets import Outlets
 from deconflict.past import BusyError, Past
+from deconflict.publisher import StreamEndedError
 from deconflict.recent import opened
 from deconflict.reloading import ASKED_FILE, InForce, reloads
 from deconflict.site import Site
@@ -59,6 +61,8 @@ class OperatorRole:
         self.port = 0
         self._certificates = Certificates(site.operator.tls) if site.operator.tls else None
         self._store = Store(data)
+        self._anew = asyncio.Event()
+        """Set where what is stored is not of the stream that is followed; then the role ends and begins anew."""
         self._app = create_app(self._store, self, exposition, site)
         if site.cluster:
             self._app.state.publisher.carry = self._carry
@@ -77,6 +81,7 @@ class OperatorRole:
             "publish": self._publish,
             "stored": self._stored,
             "told": self._told,
+            "begin_anew": self._begin_anew,
             "measures": self._measures,
             "health": self._health,
         }
@@ -84,7 +89,7 @@ class OperatorRole:
         self.port = bound.getsockname()[1]
         async with listening(socket_path(self._runtime, "operator"), calls):
             serving = asyncio.create_task(server.serve([bound]))
-            waiting = asyncio.create_task(stop.wait())
+            waiting = asyncio.create_task(until_either(stop.wait(), self._anew.wait()))
             self._outlets.renew(self._site.webhooks, self._site.mqtt)
             ours = (self._prune(), self._refresh(), self._renew(), self._keeper.run())
             chores = [asyncio.create_task(one) for one in ours]
@@ -96,12 +101,16 @@ class OperatorRole:
                 for chore in chores:
                     chore.cancel()
                 await asyncio.gather(*chores, self._outlets.close(), return_exceptions=True)
+                if self._anew.is_set():
+                    self._app.state.publisher.end()
                 server.should_exit = True
                 await serving
                 bound.close()
         self._past.close()
         await self._app.state.publisher.close()
         self._store.close()
+        if self._anew.is_set():
+            log.error("what was stored is kept as %s", self._store.set_aside(datetime.now(UTC)).name)
 
     def _bound(self) -> socket.socket:
         host, port = self._site.operator.host, self._site.operator.port
@@ -281,8 +290,15 @@ class OperatorRole:
         return json.dumps(stored).encode()
 
     async def _stored(self, _: bytes) -> bytes:
-        """Up to where a stream that is followed is stored."""
-        return json.dumps({"seq": self._store.last_seq()}).encode()
+        """Up to where a stream that is followed is stored: a `Seen`."""
+        seq = self._store.last_seq()
+        last = next(iter(self._store.after(seq - 1, 1)), None) if seq else None
+        return json.dumps([seq, last.id, last.revision] if last else [seq, "", 0]).encode()
+
+    async def _begin_anew(self, _: bytes) -> bytes:
+        """Set aside what is stored, which is not of the stream that is followed, and end; the supervisor goes on."""
+        self._anew.set()
+        return b"set aside"
 
     async def _told(self, payload: bytes) -> bytes:
         """Store what a stream tells, in its order and under its numbers."""
@@ -304,7 +320,7 @@ class OperatorRole:
             seq = json.loads(await AsyncCaller(self._runtime, "follower").call("answer", payload))["seq"]
             async with asyncio.timeout(CARRIED_WITHIN_S):
                 await self._app.state.publisher.reached(seq)
-        except (LinkDownError, TimeoutError) as error:
+        except (LinkDownError, TimeoutError, StreamEndedError) as error:
             raise SourceUnavailableError("follower") from error
         if not seq:
             raise SourceUnavailableError("NATS server")

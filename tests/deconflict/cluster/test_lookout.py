@@ -12,7 +12,7 @@ from deconflict.advice.answers import at_once
 from deconflict.advisory import AdvisoryState
 from deconflict.cluster.bus import Bus
 from deconflict.cluster.channels import EVERY
-from deconflict.cluster.lines import Line
+from deconflict.cluster.lines import Line, Seen
 from deconflict.cluster.lookout import Lookout
 from deconflict.cluster.member import Member
 from deconflict.cluster.teller import Teller
@@ -93,7 +93,7 @@ async def bounded(bus: Bus, bytes_a_message: int) -> None:
 async def test_a_lookout_goes_on_looking_while_nothing_can_be_told_and_tells_it_all_later(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1) as (bus,), asyncio.timeout(300):
         told: list[Line] = []
-        await bus.hear_told(told.append, after=0)
+        await bus.hear_told(told.append, after=Seen(0, "", 0))
         await bounded(bus, 1)
         lookout, robots = Lookout(SITE, bus, Teller(bus), at_once), scripts()
         chores = (lookout.run(lambda: True), lookout.outbox.run(), feed(bus, robots))

@@ -11,6 +11,7 @@ from tests.deconflict.made_advisories import cleared, made
 
 pytestmark = needs_server
 KEPT_S = 2.0
+OTHERS = ("0c5b4a7e-0000-4000-8000-00000000000a", "0c5b4a7e-0000-4000-8000-00000000000b")
 
 
 async def test_a_pair_that_meets_again_after_its_last_advisory_is_no_longer_kept_is_told_of(tmp_path: Path) -> None:
@@ -36,3 +37,27 @@ async def test_what_a_server_that_lost_its_store_has_not_is_told_anew(tmp_path: 
         stands = await bus.last_told(key_of(made(1)))
     assert stands
     assert (stands.seq, stands.advisory) == (1, made(1, revision=2))
+
+
+async def test_what_is_open_is_told_again_to_a_server_that_lost_its_store_by_whoever_knows_it(tmp_path: Path) -> None:
+    broker = Broker(tmp_path / "nats")
+    async with buses(broker, 2) as both, asyncio.timeout(300):
+        tellers = [Teller(bus) for bus in both]
+        for bus, teller in zip(both, tellers, strict=True):
+            await bus.hear_told(teller.know)
+        async with asyncio.TaskGroup() as keeping:
+            kept = [keeping.create_task(one.keep()) for one in tellers]
+            assert await tellers[0].tell(HOME, made(1)) is None
+            assert await tellers[0].tell(HOME, made(1, revision=2)) is None
+            assert await tellers[0].tell(HOME, made(2, robots=OTHERS)) is None
+            assert await tellers[0].tell(HOME, cleared(2, robots=OTHERS)) is None
+            while tellers[1].open() != [made(1, revision=2)]:
+                await asyncio.sleep(0.05)
+            broker.empty()
+            while not all(bus.streams for bus in both) or not await both[1].last_told(key_of(made(1))):
+                await asyncio.sleep(0.05)
+            assert await tellers[0].tell(HOME, cleared(1, revision=3)) is None
+            for one in kept:
+                one.cancel()
+        told = [await both[0].last_told(key_of(one)) for one in (made(1), made(2, robots=OTHERS))]
+    assert [one and (one.seq, one.advisory) for one in told] == [(2, cleared(1, revision=3)), None]
