@@ -119,7 +119,7 @@ class Bus:
     async def close(self) -> None:
         if self._renewing:
             self._renewing.cancel()
-        with suppress(TimeoutError):
+        with suppress(*BUS_ERRORS):
             async with asyncio.timeout(CLOSE_S):
                 await self._nats.close()
 
@@ -171,6 +171,10 @@ class Bus:
                 return line(seen.seq, found.subject or "", found.data or b"").is_what_was(seen)
         state = (await self._js.stream_info(f"{self.name}-told")).state
         return state.first_seq <= seen.seq + 1 <= state.last_seq + 1
+
+    def in_touch(self) -> bool:
+        """Whether there is a connection to a server."""
+        return bool(self._nats.is_connected)
 
     def knows_members(self) -> bool:
         """Whether every member that is alive has had the time to be heard of."""

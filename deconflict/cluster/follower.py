@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.advisory import Acknowledgement
-from deconflict.cluster.bus import Bus
+from deconflict.cluster.bus import FEED, Bus
 from deconflict.cluster.feed import RETRY_S, beating, connected, until
 from deconflict.cluster.hearing import BUS_ERRORS
 from deconflict.cluster.ingests import Ingests
@@ -48,7 +48,7 @@ class Follower:
         if not await connected(self._bus, stop):
             return
         try:
-            calls = {"answer": self._answer, **self._ingests.calls()}
+            calls = {"answer": self._answer, "presence": self._presence, **self._ingests.calls()}
             async with listening(socket_path(self._runtime, "follower"), calls):
                 await until(stop, self._follow(), self._stays(), beating(self._bus, self._measure), self._ingests.run())
         except AnotherStreamError as error:
@@ -97,6 +97,11 @@ class Follower:
         if said:
             parcel: dict[str, Any] = {"measures": [one for each in said for one in each]}
             await self._asked("publish", json.dumps(parcel | {"advisories": [], "near_misses": []}).encode())
+
+    async def _presence(self, _: bytes) -> bytes:
+        """Whether the servers are in touch, and an ingest was heard of."""
+        ingest = any(name.startswith(FEED) for name in self._bus.members())
+        return json.dumps({"nats": self._bus.in_touch(), "ingest": ingest}).encode()
 
     async def _answer(self, payload: bytes) -> bytes:
         """Put an answer into the stream; it comes back to every operator face with its number."""

@@ -131,7 +131,7 @@ class OperatorRole:
     async def measures(self) -> list[dict[str, Any]]:
         """The measures of every role that answers; what the others said last is left out."""
         receiver = await self._receiver_measures()
-        up, own = self._up(receiver is not None), Measures()
+        up, own = await self._up(receiver is not None), Measures()
         own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
         for role, restarts in self._restarts().items():
             own.count("deconflict_role_restarts_total", role, by=restarts)
@@ -141,7 +141,8 @@ class OperatorRole:
         return [own.as_document(), *self._engine_measures, *(receiver or [])]
 
     async def health(self) -> dict[str, Any]:
-        up, told = self._up(await self._receiver_measures() is not None), reloads(self._runtime)
+        answers = not self._site.cluster and await self._receiver_measures() is not None
+        up, told = await self._up(answers), reloads(self._runtime)
         return {
             "status": "ok" if all(up.values()) else "degraded",
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
@@ -171,7 +172,7 @@ class OperatorRole:
     async def pulse(self) -> dict[str, Any]:
         """Roles, vendors, and the robots that are unidentified as far as the receiver answers."""
         receiver, documents, unidentified = await self._receiver_measures(), self._engine_measures, []
-        roles = self._up(receiver is not None)
+        roles = await self._up(receiver is not None)
         if receiver is not None:
             documents = [*documents, *receiver]
             with suppress(SourceUnavailableError):
@@ -206,12 +207,28 @@ class OperatorRole:
             return None
         return told
 
-    def _up(self, receiver: bool) -> dict[str, bool]:
-        """Which roles are up, given whether the receiver answers."""
+    async def _up(self, receiver: bool) -> dict[str, bool]:
+        """Which roles are up, given whether the receiver answers; of a cluster whether there is one of each."""
         engine = time.monotonic() - self._engine_heard_s < ENGINE_STALE_S
-        up = {"receiver": receiver, "engine": engine and self._engine_runs(), "operator": True}
-        supervised = self._supervised()
-        return {role: alive for role, alive in up.items() if role in supervised or role != "receiver" or not supervised}
+        before = await self._presence() if self._site.cluster else {"receiver": receiver}
+        return before | {"engine": engine and self._engine_runs(), "operator": True}
+
+    async def _presence(self) -> dict[str, bool]:
+        """Whether the NATS servers of a cluster are in touch, and an ingest is; as the follower beside this says."""
+        try:
+            told: dict[str, bool] = json.loads(await self._receiver.call("presence", within_s=HEALTH_WITHIN_S))
+        except LinkDownError:
+            return {"nats": False, "ingest": False}
+        return told
+
+    async def _silent(self) -> str:
+        """What to name where a question has no answer."""
+        if not self._site.cluster:
+            return "receiver"
+        there = await self._presence()
+        if not there["nats"]:
+            return "NATS server"
+        return "follower" if there["ingest"] else "ingest"
 
     def _effort(self) -> str:
         """What the engine works out, as far as it is known: an `Effort` in lower case."""
@@ -230,7 +247,7 @@ class OperatorRole:
         try:
             return json.loads(await self._receiver.call(name))
         except LinkDownError as error:
-            raise SourceUnavailableError("receiver") from error
+            raise SourceUnavailableError(await self._silent()) from error
 
     def _restarts(self) -> dict[str, int]:
         return {role: told["restarts"] for role, told in self._supervised().items()}

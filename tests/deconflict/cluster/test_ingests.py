@@ -3,8 +3,10 @@
 import asyncio
 import json
 import time
+from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
+from typing import Any
 
 import httpx
 from websockets.asyncio.client import connect
@@ -58,3 +60,26 @@ async def test_the_floor_is_heard_once_though_who_asks_asks_again_before_it_is(t
         await bus.close()
         broker.kill()
     assert bus.begun == {EVERY: 1}
+
+
+async def test_health_says_that_no_ingest_is_there_and_then_that_no_server_is(tmp_path: Path) -> None:
+    async with cluster(tmp_path) as (machines, operator):
+        base = f"http://127.0.0.1:{operator.port}"
+        async with ingest(machines, tmp_path / "ingest"):
+            await until(base, "/healthz", roles(nats="up", ingest="up"))
+        health = await until(base, "/healthz", roles(nats="up", ingest="down"))
+        assert health["status"] == "degraded"
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+            for path in ("/robots", "/quarantine"):
+                answer = await client.get(base + path)
+                told = {"detail": "the ingest does not answer; try again shortly, or see /healthz", "role": "ingest"}
+                assert (answer.status_code, answer.json()) == (503, told)
+            assert 'deconflict_role_up{role="ingest"} 0.0' in (await client.get(f"{base}/metrics")).text
+        machines.broker.kill()
+        await until(base, "/healthz", roles(nats="down", ingest="down"))
+        assert "NATS server" in (await until(base, "/robots", lambda told: told["role"] != "ingest"))["detail"]
+
+
+def roles(**wanted: str) -> Callable[[dict[str, Any]], bool]:
+    """Whether health says so of these."""
+    return lambda health: health["roles"].items() >= wanted.items()
