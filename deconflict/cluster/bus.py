@@ -63,7 +63,9 @@ class Bus:
 
     def __init__(self, settings: Cluster, keep_days: float) -> None:
         """Raises `SecretError` and `CertificateError`."""
-        self._settings, self._keep_days, self.name = settings, keep_days, settings.name
+        self._settings, self.name = settings, settings.name
+        self.kept_s = 86400 * keep_days
+        """How long what was told is kept."""
         self._voice = uuid4().hex
         """The server takes what it has heard of this name before for told, whatever it says now."""
         self._said: dict[str, tuple[float, dict[str, Any]]] = {}
@@ -107,7 +109,7 @@ class Bus:
         name, copies = self.name, self._settings.copies
         memory, disk = api.StorageType.MEMORY, api.StorageType.FILE
         await self._stream("rows", [f"{name}.rows.>"], memory, KEPT_S, SAME_S / 10)
-        await self._stream("told", [f"{name}.told.*", f"{name}.answer.*"], disk, 86400 * self._keep_days, SAME_S)
+        await self._stream("told", [f"{name}.told.*", f"{name}.answer.*"], disk, self.kept_s, SAME_S)
         await self._js.create_key_value(bucket=f"{name}-members", ttl=LEASE_S, storage=memory, replicas=copies)
         await self._js.create_key_value(bucket=f"{name}-table", storage=disk, replicas=copies)
         self._learned = await self._js.create_key_value(bucket=f"{name}-learned", storage=disk, replicas=copies)
@@ -277,12 +279,14 @@ class Bus:
 
         await self._nats.subscribe(f"{self.name}.ask", cb=taken)
 
-    async def tell(self, home: Place | None, advisory: AnyAdvisory, last_seq: int) -> int:
-        """Its number in the stream. Raises `OverruledError` where the last told of its key is not `last_seq`."""
-        headers = {
-            "Nats-Msg-Id": f"{self._voice}:{advisory.id}:{advisory.revision}",
-            "Nats-Expected-Last-Subject-Sequence": str(last_seq),
-        }
+    async def tell(self, home: Place | None, advisory: AnyAdvisory, last_seq: int, *, again: bool = False) -> int:
+        """Its number in the stream, another one `again` where it was told before.
+
+        Raises `OverruledError` where the last told of its key is not `last_seq`.
+        """
+        headers = {"Nats-Expected-Last-Subject-Sequence": str(last_seq)}
+        if not again:
+            headers["Nats-Msg-Id"] = f"{self._voice}:{advisory.id}:{advisory.revision}"
         try:
             told = await self._js.publish(
                 f"{self.name}.told.{key_of(advisory)}", told_as(home, advisory), headers=headers

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import time
 from collections import OrderedDict
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
@@ -13,6 +14,9 @@ from deconflict.cluster.shard import REMEMBERED
 from deconflict.cluster.tiles import Place
 
 log = logging.getLogger(__name__)
+
+
+DAY_S = 86400.0
 
 
 class Teller:
@@ -52,11 +56,11 @@ class Teller:
                 log.warning("a revision is not told yet: %s", error or type(error).__name__)
             await asyncio.sleep(RETRY_S)
 
-    async def _told(self, key: str, home: Place | None, advisory: AnyAdvisory) -> bool:
+    async def _told(self, key: str, home: Place | None, advisory: AnyAdvisory, *, again: bool = False) -> bool:
         """Whether the stream took it; if not, what it has in its place is known now. Raises `BUS_ERRORS`."""
         last = self._last.get(key)
         try:
-            seq = await self._bus.tell(home, advisory, last.seq if last else 0)
+            seq = await self._bus.tell(home, advisory, last.seq if last else 0, again=again)
         except OverruledError:
             self._last.pop(key, None)  # the stream may have lost it, or be another
             if stands := await self._bus.last_told(key):
@@ -66,8 +70,10 @@ class Teller:
         return True
 
     async def keep(self) -> None:
-        """For ever have a stream that is another, or has lost its end, told what it has not of what was told."""
+        """For ever have the stream told again what it lost, as one that is another has all, and what it will forget."""
         streams, lost = self._bus.streams, list[Line]()
+        every_s = min(self._bus.kept_s / 4, DAY_S)
+        due_s = time.monotonic() + every_s
         while True:
             if streams != self._bus.streams:
                 streams, lost = self._bus.streams, sorted(self._last.values(), key=_is_open)
@@ -76,9 +82,18 @@ class Teller:
                 while lost:
                     await self._tell_again(lost[-1])
                     lost.pop()
+                if time.monotonic() >= due_s:
+                    await self._tell_old(time.time() - self._bus.kept_s / 2)
+                    due_s = time.monotonic() + every_s
             except BUS_ERRORS as error:
                 log.warning("what is open is not told again yet: %s", error or type(error).__name__)
             await asyncio.sleep(RETRY_S)
+
+    async def _tell_old(self, before_s: float) -> None:
+        """Tell what is open and has had no revision since then once more, as it stands. Raises `BUS_ERRORS`."""
+        for line in list(self._last.values()):
+            if line.advisory and _is_open(line) and line.advisory.updated_at.timestamp() < before_s:
+                await self._told(line.key, line.home, line.advisory, again=True)
 
     async def _tell_again(self, line: Line) -> None:
         """Tell what is open and not there, and what is newer than what is there. Raises `BUS_ERRORS`."""

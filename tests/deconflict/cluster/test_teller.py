@@ -61,3 +61,19 @@ async def test_what_is_open_is_told_again_to_a_server_that_lost_its_store_by_who
                 one.cancel()
         told = [await both[0].last_told(key_of(one)) for one in (made(1), made(2, robots=OTHERS))]
     assert [one and (one.seq, one.advisory) for one in told] == [(2, cleared(1, revision=3)), None]
+
+
+async def test_what_is_open_for_longer_than_is_kept_is_told_once_more_before_it_is_forgotten(tmp_path: Path) -> None:
+    async with buses(Broker(tmp_path), 1, KEPT_S / 86400) as (bus,), asyncio.timeout(300):
+        teller = Teller(bus)
+        keeping = asyncio.create_task(teller.keep())
+        assert await teller.tell(HOME, made(1)) is None
+        assert await teller.tell(HOME, made(2, robots=OTHERS)) is None
+        assert await teller.tell(HOME, cleared(2, robots=OTHERS)) is None
+        while await bus.last_told(key_of(made(2, robots=OTHERS))):
+            await asyncio.sleep(0.05)
+        stands = await bus.last_told(key_of(made(1)))
+        assert await teller.tell(HOME, made(1, revision=2)) is None
+        keeping.cancel()
+    assert stands
+    assert (stands.seq > 3, stands.advisory) == (True, made(1))
