@@ -177,7 +177,6 @@ class Tracks:
         self._free: list[int] = []
         self._rows: NDArray[Any] = np.zeros(0, ROW)
         self._predicted_s = np.zeros(0)
-        self._view()
 
     def get(self, pair: Pair) -> Track | None:
         return self._of.get(pair)
@@ -197,21 +196,16 @@ class Tracks:
                 more = max(row, 16)
                 self._rows = np.concatenate([self._rows, np.zeros(more, ROW)])
                 self._predicted_s = np.concatenate([self._predicted_s, np.zeros(more)])
-                self._view()
         self._rows[row], self._predicted_s[row] = np.zeros((), ROW), -inf
         return track
 
-    def _view(self) -> None:
-        """Columns of the rows: a field of a row by itself takes five times as long."""
-        self._there, self._inside, self._met, self._looks, self._until_s = (
-            self._rows[name] for name in ("there", "inside", "met", "looks", "until")
-        )
-
     def keep(self, track: Track) -> None:
         """Remember a pair as it is now, or forget it where there is nothing left to remember."""
-        there = track.advisory is not None or track.inside or bool(self._looks[track.row])
-        self._there[track.row], self._inside[track.row], self._met[track.row] = there, track.inside, track.met
-        if not there:
+        row = self._rows[track.row]
+        row["there"] = track.advisory is not None or track.inside or row["looks"]
+        if row["there"]:
+            row["inside"], row["met"] = track.inside, track.met
+        else:
             self._free.append(track.row)
             del self._of[track.pair]
 
@@ -226,16 +220,16 @@ class Tracks:
 
     def look(self, track: Track, *, alerting: bool) -> None:
         """Either robot had something new to say."""
-        row, looks = track.row, self._looks
-        looks[row], self._until_s[row] = (int(looks[row]) << 1 | alerting) & self._remembered, -inf
+        row = self._rows[track.row]
+        row["looks"], row["until"] = (int(row["looks"]) << 1 | alerting) & self._remembered, -inf
 
     def alerting(self, track: Track) -> int:
         """In how many of the looks that are remembered the pair was alerting."""
-        return int(self._looks[track.row]).bit_count()
+        return int(self._rows[track.row]["looks"]).bit_count()
 
     def overlook(self, track: Track) -> None:
         """Remember no looks."""
-        self._looks[track.row] = 0
+        self._rows[track.row]["looks"] = 0
 
     def weigh(self, track: Track, one: Weighed) -> None:
         """This is what was weighed last."""
