@@ -50,17 +50,21 @@ class Teller:
             if last and last.advisory and not follows(advisory, last.advisory):
                 return last
             try:
-                if await self._told(key, home, advisory):
+                if await self._told(key, home, advisory, last.seq if last else 0):
                     return None
             except BUS_ERRORS as error:
                 log.warning("a revision is not told yet: %s", error or type(error).__name__)
             await asyncio.sleep(RETRY_S)
 
-    async def _told(self, key: str, home: Place | None, advisory: AnyAdvisory, *, again: bool = False) -> bool:
-        """Whether the stream took it; if not, what it has in its place is known now. Raises `BUS_ERRORS`."""
-        last = self._last.get(key)
+    async def _told(
+        self, key: str, home: Place | None, advisory: AnyAdvisory, after: int, *, again: bool = False
+    ) -> bool:
+        """Whether the stream took it after that number; if not, what it has in its place is known now.
+
+        Raises `BUS_ERRORS`.
+        """
         try:
-            seq = await self._bus.tell(home, advisory, last.seq if last else 0, again=again)
+            seq = await self._bus.tell(home, advisory, after, again=again)
         except OverruledError:
             self._last.pop(key, None)  # the stream may have lost it, or be another
             if stands := await self._bus.last_told(key):
@@ -93,7 +97,7 @@ class Teller:
         """Tell what is open and has had no revision since then once more, as it stands. Raises `BUS_ERRORS`."""
         for line in list(self._last.values()):
             if line.advisory and _is_open(line) and line.advisory.updated_at.timestamp() < before_s:
-                await self._told(line.key, line.home, line.advisory, again=True)
+                await self._told(line.key, line.home, line.advisory, line.seq, again=True)
 
     async def _tell_again(self, line: Line) -> None:
         """Tell what is open and not there, and what is newer than what is there. Raises `BUS_ERRORS`."""
@@ -101,7 +105,7 @@ class Teller:
         if stands:
             self.know(stands)
         if line.advisory and is_missing(line.advisory, stands.advisory if stands else None):
-            await self._told(line.key, line.home, line.advisory)
+            await self._told(line.key, line.home, line.advisory, stands.seq if stands else 0)
 
 
 def _is_open(line: Line) -> bool:
