@@ -72,7 +72,7 @@ class Fleet:
             return "position-absurd"
         speaker = self._speaker(message, connection)
         if speaker is not None and (owner := self._other_owner(message.uuid, robot, speaker)):
-            self._claims.refused(message.uuid, owner, speaker or UNKNOWN, arrival_s)
+            self._claims.refused(message.uuid, owner, speaker, arrival_s)
             reason = f"robot {message.uuid} is {owner}'s; that vendor may report it, or the site file name another"
             self.refuse("uuid-of-another-vendor", reason, raw, arrival_s, connection)
             return "uuid-of-another-vendor"

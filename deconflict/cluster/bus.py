@@ -20,6 +20,7 @@ import nats
 from nats.aio.msg import Msg
 from nats.js import JetStreamContext, api
 from nats.js.errors import APIError, BadRequestError, KeyNotFoundError, KeyWrongLastSequenceError, NotFoundError
+from nats.js.kv import KeyValue
 
 from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.cluster.channels import MOST_BYTES
@@ -242,7 +243,7 @@ class Bus:
 
     async def ask(self, question: str, within_s: float) -> list[bytes]:
         """What every ingest that is there answers, as far as it comes in time; by name."""
-        wanted = {name for name in self.members() if name.startswith(FEED)}
+        wanted = self.ingests()
         parts: dict[str, list[bytes]] = {name: [] for name in wanted}
         answered: dict[str, bytes] = {}
         whole = asyncio.Event()
@@ -363,6 +364,10 @@ class Bus:
         self._said = {name: one for name, one in self._said.items() if one[0] >= heard_s}
         return {name: said for name, (_, said) in self._said.items()}
 
+    def ingests(self) -> set[str]:
+        """The members that are ingests."""
+        return {name for name in self.members() if name.startswith(FEED)}
+
     async def _met(self, message: Msg) -> None:
         member, said = message.subject.rsplit(".", 1)[1], json.loads(message.data or b"{}")
         self._said[member] = time.monotonic(), said
@@ -377,22 +382,14 @@ class Bus:
 
     async def kept(self, name: str) -> bytes | None:
         """What was kept last under a name."""
-        try:
-            return (await self._learned.get(name)).value
-        except KeyNotFoundError:
-            return None
+        return (await _found(self._learned, name))[1]
 
     async def introduce(self, one: Introduction) -> None:
         """Keep what a robot has said of itself, unless that is known, or something newer, or another vendor's word."""
         data = json.dumps(one.document()).encode()
         while self._fits(one.uuid, data):
-            try:
-                kept = await self._introduced.get(one.uuid)
-            except KeyNotFoundError:
-                known, last = None, 0
-            else:
-                known, last = Introduction.of_document(json.loads(kept.value or b"")), kept.revision or 0
-            if not one.is_news_to(known):
+            last, kept = await _found(self._introduced, one.uuid)
+            if not one.is_news_to(Introduction.of_document(json.loads(kept)) if kept else None):
                 return
             with suppress(KeyWrongLastSequenceError):
                 await self._introduced.update(one.uuid, data, last=last)
@@ -416,11 +413,8 @@ class Bus:
 
     async def table(self) -> tuple[int, dict[str, Any] | None]:
         """The table as it was written last, and what number that has."""
-        try:
-            entry = await self._table.get("table")
-        except KeyNotFoundError:
-            return 0, None
-        return entry.revision or 0, json.loads(entry.value or b"null")
+        last, written = await _found(self._table, "table")
+        return last, json.loads(written or b"null")
 
     async def write_table(self, document: dict[str, Any], last: int) -> bool:
         """Whether it could be written in place of the one with that number."""
@@ -429,3 +423,12 @@ class Bus:
         except KeyWrongLastSequenceError:
             return False
         return True
+
+
+async def _found(bucket: KeyValue, key: str) -> tuple[int, bytes | None]:
+    """The number and the bytes of what was put last under a key; 0 and None where there is nothing."""
+    try:
+        entry = await bucket.get(key)
+    except KeyNotFoundError:
+        return 0, None
+    return entry.revision or 0, entry.value

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.advisory import Acknowledgement
-from deconflict.cluster.bus import FEED, Bus
+from deconflict.cluster.bus import Bus
 from deconflict.cluster.feed import RETRY_S, beating, connected, until
 from deconflict.cluster.hearing import BUS_ERRORS
 from deconflict.cluster.ingests import Ingests
@@ -100,8 +100,7 @@ class Follower:
 
     async def _presence(self, _: bytes) -> bytes:
         """Whether the servers are in touch, and an ingest was heard of."""
-        ingest = any(name.startswith(FEED) for name in self._bus.members())
-        return json.dumps({"nats": self._bus.in_touch(), "ingest": ingest}).encode()
+        return json.dumps({"nats": self._bus.in_touch(), "ingest": bool(self._bus.ingests())}).encode()
 
     async def _answer(self, payload: bytes) -> bytes:
         """Put an answer into the stream; it comes back to every operator face with its number."""
