@@ -32,7 +32,7 @@ from deconflict.live import Live, LiveRobot
 from deconflict.rests import Rests
 from deconflict.site import Site
 from deconflict.sweeper import ACCURACY_M, PairConflicts, Sweeper
-from deconflict.tally import NEAR_MISSES, by_severity, tally
+from deconflict.tally import NEAR_MISSES, by_severity, tally, tell_open
 from deconflict.telling import Pair, Party, Predictions, Scene
 from deconflict.tracks import HELD_SHARE
 from ingest import changes
@@ -97,6 +97,9 @@ class Engine:
         self._trigger = Trigger(conflict.clearance_m, conflict.clear_margin_m)
         self.near_misses: list[Pair] = []
         """Pairs of which one moves that came within the clearance by the last step."""
+        self._conflicts = 0
+        """Pairs in predicted conflict at the last step."""
+        self.measures.ask(self._tell_levels)
         self._contended_s = -inf
         self._told: set[str] = set()
         """Robots with a new forecast since the last step."""
@@ -225,11 +228,10 @@ class Engine:
         likely = self.site.conflict.raise_probability * HELD_SHARE
         swept = Swept(conflicts.pairs, conflicts.before, conflicts.separation_m, conflicts.separation_at_s)
         foreseen = self.foresight.look(now_s, swept, likely)
+        contact_s, separation_m, start_m, fresh = foreseen.near_s, foreseen.near_m, foreseen.now_m, foreseen.fresh
         n = len(conflicts.pairs)
-        contact_s = np.concatenate([conflicts.contact_s, foreseen.near_s[n:]])
-        separation_m = np.concatenate([conflicts.separation_m, foreseen.near_m[n:]])
-        start_m = np.concatenate([conflicts.start_separation_m, foreseen.now_m[n:]])
-        fresh = np.concatenate([conflicts.fresh, foreseen.fresh[n:]])
+        contact_s[:n], separation_m[:n] = conflicts.contact_s, conflicts.separation_m
+        start_m[:n], fresh[:n] = conflicts.start_separation_m, conflicts.fresh
         return Predictions(foreseen.pairs, contact_s, separation_m, start_m, fresh, foreseen.probability)
 
     def _sweep(self, keys: Sequence[str], forecasts: Forecasts) -> None:
@@ -294,14 +296,18 @@ class Engine:
         return self._landmarks.places([Spot(self._datum(one), one.x_m, one.y_m) for one in met])
 
     def _measure(self, conflicts: PairConflicts, revisions: list[AnyAdvisory]) -> None:
-        open_now = by_severity(self._shared_open())
-        open_now.update({("conflict", severity): count for severity, count in self._lives.severities.items() if count})
-        tally(self.measures, revisions, open_now)
-        self.measures.level("deconflict_datum_drift_metres", self._rests.drift_m())
-        changes.tell(self.measures, {"forecast": self.foresight.changes.changed(), "datum": self._rests.changed()})
-        self.measures.level("deconflict_conflicts", {(): len(conflicts.pairs)})
+        tally(self.measures, revisions)
+        self._conflicts = len(conflicts.pairs)
         self.measures.count("deconflict_sweep_segment_pairs_total", by=conflicts.segment_pairs)
         self.measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)
+
+    def _tell_levels(self) -> None:
+        open_now = by_severity(self._shared_open())
+        open_now.update({("conflict", severity): count for severity, count in self._lives.severities.items() if count})
+        tell_open(self.measures, open_now)
+        self.measures.level("deconflict_datum_drift_metres", self._rests.drift_m())
+        changes.tell(self.measures, {"forecast": self.foresight.changes.changed(), "datum": self._rests.changed()})
+        self.measures.level("deconflict_conflicts", {(): self._conflicts})
 
 
 def _widened(forecasts: Forecasts, by_m: Floats) -> Forecasts:

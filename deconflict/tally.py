@@ -19,14 +19,18 @@ def by_severity(advisories: Iterable[AnyAdvisory]) -> Counter[tuple[str, Severit
     return Counter(map(attrgetter("kind", "severity"), advisories))
 
 
-def tally(measures: Measures, revisions: Iterable[AnyAdvisory], open_now: Mapping[tuple[str, Severity], int]) -> None:
-    """Count these revisions, and what is open after them, by kind and severity."""
+def tally(measures: Measures, revisions: Iterable[AnyAdvisory]) -> None:
+    """Count these revisions, by kind, and how conflicts end."""
     for one in revisions:
         measures.count("deconflict_advisories_total", one.kind, AdvisoryState(one.state).value)
         if isinstance(one, ConflictAdvisory) and one.cleared_because:
             for vendor in sorted(set(one.vendors)):
                 outcome = OUTCOMES.get(one.cleared_because, "left")
                 measures.count("deconflict_conflicts_ended_total", vendor, outcome)
+
+
+def tell_open(measures: Measures, open_now: Mapping[tuple[str, Severity], int]) -> None:
+    """Bring up to date how many advisories are open, by kind and severity."""
     levels: dict[tuple[str, ...], float] = {
         (kind, severity.value): count for (kind, severity), count in open_now.items()
     }

@@ -19,7 +19,7 @@ from deconflict.contention.watch import Contention
 from deconflict.learned import Part
 from deconflict.live import Live
 from deconflict.site import Site
-from deconflict.tally import by_severity, tally
+from deconflict.tally import by_severity, tally, tell_open
 from ingest.measures import Measures
 from ingest.seam import Batch
 
@@ -99,7 +99,8 @@ class Commons:
         self._claims.receive(self._doubts.standing(now_s))
         revisions = [*self._contention.step(now_s), *self._claims.step(now_s)]
         self._account.settle(revisions)
-        tally(self.measures, revisions, by_severity(self.open()))
+        tally(self.measures, revisions)
+        tell_open(self.measures, by_severity(self.open()))
         for one in revisions:
             self._remember(one)
         return revisions

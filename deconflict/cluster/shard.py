@@ -20,7 +20,7 @@ from deconflict.cluster.tiles import Area, Grid, Place, Tile
 from deconflict.engine import Engine
 from deconflict.motion import Bools
 from deconflict.site import Site
-from deconflict.tally import NEAR_MISSES, TALLIED, by_severity, tally
+from deconflict.tally import NEAR_MISSES, TALLIED, by_severity, tally, tell_open
 from deconflict.telling import Pair
 from ingest.measures import Measures
 from ingest.seam import Batch, Ints
@@ -134,7 +134,8 @@ class Shard:
                 self._remember(due[-1])
         near = self._places(a for a, _ in self.engine.near_misses)
         self._told.count(NEAR_MISSES, by=sum(place in self.area for place in near))
-        tally(self._told, [told.advisory for told in due], by_severity(told.advisory for told in self._mine()))
+        tally(self._told, [told.advisory for told in due])
+        tell_open(self._told, by_severity(told.advisory for told in self._mine()))
         return due
 
     def measured(self) -> list[dict[str, Any]]:

@@ -54,7 +54,8 @@ class Swept:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Foreseen:
-    """What is thought of w pairs; arrays are (w,). Those of the exact sweep come first, in its order."""
+    """What is thought of w pairs; arrays are (w,) and the caller's own. Those of the exact sweep come first, in its
+    order."""
 
     pairs: Sequence[Pair]
     probability: Floats

@@ -76,6 +76,7 @@ def test_however_many_robots_are_claimed_it_is_one_advisory_with_few_revisions()
     assert len({one.id for one in told}) == 1
     assert len(told) <= NAMED_ROBOTS + 3
     assert (len(told[-1].robots), told[-1].claimed >= 20) == (NAMED_ROBOTS, True)
+    service.engine.measures.as_document()
     assert len(service.engine.measures.values["deconflict_advisories_open"]) == 1
 
 

@@ -194,8 +194,10 @@ def test_the_same_messages_and_ticks_give_the_same_advisories() -> None:
 def test_open_advisories_and_events_are_counted() -> None:
     floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)})
     floor.run(5)
+    floor.engine.measures.as_document()
     assert sum(floor.engine.measures.values["deconflict_advisories_open"].values()) == 1
     floor.run(30, from_s=5)
+    floor.engine.measures.as_document()
     assert floor.engine.measures.values["deconflict_advisories_open"] == {}
     totals = floor.engine.measures.values["deconflict_advisories_total"]
     assert totals["conflict", "raised"] == totals["conflict", "cleared"] == 1

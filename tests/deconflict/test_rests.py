@@ -86,6 +86,7 @@ def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
             engine.receive(fleet.cut(t_s))
             engine.step(t_s)
             t_s += 20
+    engine.measures.as_document()
     assert engine.measures.values["deconflict_datum_drift_metres"]["Alder",] == pytest.approx(0.4)
 
 
@@ -145,6 +146,7 @@ def test_the_engine_says_since_when_a_frame_has_moved() -> None:
             fleet.receive(said, at_s, line)
             engine.receive(fleet.cut(at_s))
             engine.step(at_s)
+    engine.measures.as_document()
     values = engine.measures.values
     assert values[changes.AMOUNTS["datum"]]["Alder",] == pytest.approx(0.4, abs=0.02)
     assert values[changes.SINCE]["Alder", "datum"] == pytest.approx(NOW_S + 40 * moved_at, abs=60)
