@@ -57,6 +57,7 @@ class Contention:
         self._gathering = Gathering()
         self._rings: list[tuple[Link, ...]] = []
         self._turns: dict[str, Turns] = {}
+        measures.ask(self._measure)
 
     def open(self) -> list[Told]:
         return self._telling.open()
@@ -110,7 +111,7 @@ class Contention:
         self._turns = first_come(self._wanted(sharing, passing, journeys, now_s), self.geometry, now_s)
         in_way = hindrances(every, standing, now_s)
         found = [*self._contended(now_s), *self._doubled(now_s), *self._locked(passing, journeys, in_way, now_s)]
-        self._measure()
+        self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
         return self._telling.step(now_s, found, self._party)
 
     def _party(self, uuid: str) -> tuple[str, str]:
@@ -199,6 +200,8 @@ class Contention:
         return [Refuge(place, *self.geometry.middle(place)) for place in free]
 
     def _measure(self) -> None:
+        if self._looked_s == -inf:
+            return
         places = [*self._dwells, *self._flows]
         turns = [self._turns.get(place, NOBODY) for place in places]
         levels: dict[str, Mapping[str, float]] = {
@@ -214,7 +217,6 @@ class Contention:
         self.robots.arrivals.lateness.measure(self._measures)
         for name, series in levels.items():
             self._measures.level(name, {(label,): value for label, value in series.items()})
-        self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
 
 
 def _between_s(stop: Stop, after: Stop) -> float:

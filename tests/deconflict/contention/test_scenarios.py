@@ -196,6 +196,7 @@ def test_a_robot_that_follows_the_advice_waits_no_longer_than_promised() -> None
     assert over.id == one.id
     assert over.updated_at.timestamp() - NOW_S < 12, "once it has told its new destination"
     assert slot.start_at.timestamp() - NOW_S == pytest.approx(30, abs=1)
+    scene.engine.measures.as_document()
     occupied = scene.engine.measures.values["deconflict_resource_occupancy"]
     assert (occupied["l1",], occupied["l2",]) == (1, 1)
     assert raised(told, "double_occupancy") == []
@@ -348,6 +349,7 @@ def test_arrivals_are_corrected_by_how_late_their_vendor_has_been() -> None:
     punctual = {f"C{y}": Script([(0, 0, y), (40, 40, y)], [(40, 40, y)], vendor="Corvid") for y in range(20, 32, 2)}
     scene = Scene(site(), late | punctual)
     scene.run(50)
+    scene.engine.measures.as_document()
     ratios = scene.engine.measures.values["deconflict_arrival_time_ratio"]
     assert ratios["Alder",] == pytest.approx(2.0, abs=0.1)
     assert ratios["Corvid",] == pytest.approx(1.0, abs=0.05)
