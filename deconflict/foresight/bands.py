@@ -7,9 +7,9 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from deconflict.foresight.pairs import PAIR, Pairs
+from deconflict.foresight.ways import ERROR, ROBOT, Errors, Robots
 from deconflict.motion import Bools
 from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
@@ -25,16 +25,7 @@ SOON = 0.2
 """The part of the horizon in which an overlap is looked for apart: forecasts are at their best there."""
 CREEPING_MPS = 0.01
 
-ROBOT = np.dtype(
-    [("kind", np.int64), ("doubt_m", np.float64), ("surprise", np.float64), ("rests", np.bool_)], align=True
-)
-"""What is known of a robot: the row of its kind in the ledger, its doubt, by how much its errors exceed the bands of
-its kind, and whether it stood, by its newest forecast, when that was made."""
-
-Robots = NDArray[Any]
-"""Of `ROBOT`."""
-
-_PAIRS, _ROBOTS = (numba.from_dtype(one)[::1] for one in (PAIR, ROBOT))
+_PAIRS, _ROBOTS, _ERRORS = (numba.from_dtype(one)[::1] for one in (PAIR, ROBOT, ERROR))
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 _LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 
@@ -53,40 +44,23 @@ def _trust(robot: Any) -> float:
     return float(max(robot.surprise, 1.0))
 
 
-@kernel(numba.void(_ROBOTS, _MATRIX, *[_INTS] * 2, *[_LOOKS] * 3, _INTS, _CUBE, numba.float64))
-def note(
-    robots: Robots,
-    half: Floats,
-    slots: Ints,
-    kinds: Ints,
-    doubt_m: Floats,
-    length_m: Floats,
-    width_m: Floats,
-    followed: Ints,
-    track: Floats,
-    standing_mps: float,
-) -> None:
-    """Keep what robots of `slots` (n,) told of themselves, and whether those of `followed` (f,) stand for the first
-    second of their tracks (f, k, 4)."""
+@kernel(_INTS(_ROBOTS, _ERRORS, _INTS, numba.float64))
+def wonder(robots: Robots, errors: Errors, slots: Ints, distrusted: float) -> Ints:
+    """Remember by how much errors a second ahead exceed the bands of their kind; of several of one robot the last
+    counts. The rows of those of `slots` (n,) whose errors exceed them by more than `distrusted` now."""
+    surprise = np.empty(len(errors))
+    for at, error in enumerate(errors):
+        ratio = min(error.radial_m / max(error.bands_m[2], FINEST_BAND_M), SURPRISE_MOST)
+        surprise[at] = SURPRISE_KEEPS * robots[error.robot].surprise + (1 - SURPRISE_KEEPS) * ratio
+    for at, error in enumerate(errors):
+        if error.horizon_s == 1:
+            robots[error.robot].surprise = surprise[at]
+    rows, n = np.empty(len(slots), np.int64), 0
     for row, slot in enumerate(slots):
-        robots[slot].kind, robots[slot].doubt_m = kinds[row], doubt_m[row]
-        half[0, slot], half[1, slot] = length_m[row] / 2, width_m[row] / 2
-    for row, slot in enumerate(followed):
-        went_m = np.hypot(track[row, 1, 0] - track[row, 0, 0], track[row, 1, 1] - track[row, 0, 1])
-        robots[slot].rests = went_m < standing_mps
-
-
-@kernel(numba.void(_ROBOTS, *[_INTS] * 2, _FLOATS, _MATRIX))
-def wonder(robots: Robots, slots: Ints, horizon_s: Ints, radial_m: Floats, bands_m: Floats) -> None:
-    """Remember by how much the errors a second ahead of robots of `slots` (e,) exceed the bands `bands_m` (e, 3) of
-    their kind; of several of one robot the last counts."""
-    surprise = np.empty(len(slots))
-    for at, slot in enumerate(slots):
-        ratio = min(radial_m[at] / max(bands_m[at, 2], FINEST_BAND_M), SURPRISE_MOST)
-        surprise[at] = SURPRISE_KEEPS * robots[slot].surprise + (1 - SURPRISE_KEEPS) * ratio
-    for at, slot in enumerate(slots):
-        if horizon_s[at] == 1:
-            robots[slot].surprise = surprise[at]
+        if robots[slot].surprise > distrusted:
+            rows[n] = row
+            n += 1
+    return rows[:n].copy()
 
 
 @kernel(_FLOATS(_CUBE, _INTS, _ROBOTS, _MATRIX, *[numba.float64] * 3))

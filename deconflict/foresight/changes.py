@@ -4,15 +4,16 @@ Errors of its moving robots three seconds ahead are gathered for two minutes; th
 lie is one value for the test of `ingest.levels`, as a logarithm, so that a vendor is held to its own usual errors.
 """
 
-from dataclasses import dataclass, field
-from math import exp, log
+from collections.abc import Iterable, Mapping
+from math import exp, inf, log
 
 import numba
 import numpy as np
 
 from deconflict.foresight.grades import GRADED_S
-from deconflict.foresight.ledger import RADIAL, Errors, Kind
+from deconflict.foresight.ledger import Kind
 from deconflict.foresight.sketch import BINS, quantiles
+from deconflict.foresight.ways import ERROR, Errors
 from deconflict.learned import Part, UnreadableError
 from ingest.compiled import kernel
 from ingest.levels import Change, Level, Limits
@@ -23,42 +24,73 @@ GATHERED_S, FEWEST = 120.0, 20
 SHARE: Floats = np.array([0.8])
 FINE_M = 0.2
 """Errors smaller than this hardly differ."""
-_INTS = numba.types.Array(numba.int64, 1, "C", readonly=True)
 LIMITS = Limits(least_spread=0.15, least_change=0.4, rises_only=True)
 """Of logarithms: a change by less than half as much again is none."""
 
 
-@kernel(numba.void(*[_INTS] * 3, numba.int64, numba.float64[:, ::1]))
-def _add(kind: Ints, horizon_s: Ints, size: Ints, graded_s: int, counts: Floats) -> None:
-    """Add the errors so far ahead to `counts` (kinds, BINS + 1), by their bins and in all."""
-    for at in range(len(kind)):
-        if horizon_s[at] == graded_s:
-            counts[kind[at], size[at]] += 1.0
-            counts[kind[at], -1] += 1.0
+@kernel(
+    numba.int64(
+        numba.float64[::1],
+        numba.float64[:, ::1],
+        numba.int64[::1],
+        numba.from_dtype(ERROR)[::1],
+        *[numba.int64] * 2,
+        *[numba.float64] * 3,
+    )
+)
+def _gather(
+    since_s: Floats,
+    counts: Floats,
+    vendor_of: Ints,
+    errors: Errors,
+    graded_s: int,
+    first: int,
+    now_s: float,
+    lasts_s: float,
+    fewest: float,
+) -> int:
+    """Add the errors so far ahead of kinds from `first` on to the `counts` (vendors, BINS) of their vendors, gathered
+    `since_s` (vendors,). The first kind after which those of its vendor are a value; -1 where none is.
 
-
-@dataclass(slots=True)
-class Gathered:
-    """Errors since a time, by size."""
-
-    since_s: float
-    counts: Floats = field(default_factory=lambda: np.zeros(BINS))
+    `vendor_of` (kinds,) is -1 for kinds that do not count.
+    """
+    last, before = np.full(len(vendor_of), -1), np.empty(len(errors), np.int64)
+    for at, error in enumerate(errors):
+        if error.horizon_s == graded_s:
+            before[at], last[error.kind] = last[error.kind], at
+    for kind in range(first, len(vendor_of)):
+        vendor, at = vendor_of[kind], last[kind]
+        if vendor < 0 or at < 0:
+            continue
+        while at >= 0:
+            counts[vendor, errors[at].radial_bin] += 1.0
+            at = before[at]
+        since_s[vendor] = min(since_s[vendor], now_s)
+        if now_s - since_s[vendor] >= lasts_s and counts[vendor].sum() >= fewest:
+            return kind
+    return -1
 
 
 class ForecastChanges:
     """By vendor."""
 
     def __init__(self) -> None:
-        self._gathered: dict[str, Gathered] = {}
+        self._vendors: dict[str, int] = {}
+        self._vendor_of: Ints = np.zeros(0, np.int64)
+        """Of kinds, by their rows in the ledger; -1 for robots that stand."""
+        self._since_s = np.zeros(0)
+        """Of errors gathered, by vendor; inf where there are none."""
+        self._counts = np.zeros((0, BINS))
         self._levels: dict[str, Level] = {}
 
-    def take(self, errors: Errors, kinds: list[Kind], now_s: float) -> None:
-        """Take in errors of robots; `kinds` are the rows of the ledger."""
-        counts = np.zeros((len(kinds), BINS + 1))
-        _add(errors.kind, errors.horizon_s, errors.size[RADIAL], GRADED_S, counts)
-        for row in np.flatnonzero(counts[:, -1]).tolist():
-            if kinds[row].basis is not Basis.STATIONARY:
-                self._gather(kinds[row].vendor, counts[row, :-1], now_s)
+    def take(self, errors: Errors, kinds: Mapping[Kind, int], now_s: float) -> None:
+        """Take in errors of robots; `kinds` are those of the ledger, in the order of their rows."""
+        if len(kinds) > len(self._vendor_of):
+            self._know(kinds)
+        kind = self._gather(errors, 0, now_s)
+        while kind >= 0:
+            self._value(int(self._vendor_of[kind]))
+            kind = self._gather(errors, kind + 1, now_s)
 
     def changed(self) -> dict[str, Change]:
         """By how many metres forecasts three seconds ahead are further off than they were, of vendors that changed."""
@@ -77,15 +109,23 @@ class ForecastChanges:
             self._levels = {vendor: Level.resumed(LIMITS, told) for vendor, told in part.items()}
         except ValueError as error:
             raise UnreadableError(str(error)) from error
+        self._vendor_of = np.zeros(0, np.int64)
 
-    def _gather(self, vendor: str, counts: Floats, now_s: float) -> None:
-        gathered = self._gathered.get(vendor)
-        if gathered is None:
-            gathered = self._gathered[vendor] = Gathered(now_s)
-        gathered.since_s = min(gathered.since_s, now_s)
-        gathered.counts += counts
-        if now_s - gathered.since_s >= GATHERED_S and gathered.counts.sum() >= FEWEST:
-            size_m = float(quantiles(gathered.counts, SHARE)[0])
-            level = self._levels.setdefault(vendor, Level(LIMITS))
-            level.take(log(size_m + FINE_M), gathered.since_s)
-            del self._gathered[vendor]
+    def _gather(self, errors: Errors, first: int, now_s: float) -> int:
+        gathered = (self._since_s, self._counts, self._vendor_of)
+        return _gather(*gathered, errors, GRADED_S, first, now_s, GATHERED_S, FEWEST)
+
+    def _value(self, row: int) -> None:
+        """Hold what was gathered of a vendor against what is usual, and gather anew."""
+        size_m = float(quantiles(self._counts[row], SHARE)[0])
+        level = self._levels.setdefault(list(self._vendors)[row], Level(LIMITS))
+        level.take(log(size_m + FINE_M), float(self._since_s[row]))
+        self._since_s[row], self._counts[row] = inf, 0.0
+
+    def _know(self, kinds: Iterable[Kind]) -> None:
+        moving = [kind.vendor if kind.basis is not Basis.STATIONARY else None for kind in kinds]
+        rows = [-1 if vendor is None else self._vendors.setdefault(vendor, len(self._vendors)) for vendor in moving]
+        more = len(self._vendors) - len(self._since_s)
+        self._vendor_of = np.array(rows)
+        self._since_s = np.concatenate([self._since_s, np.full(more, inf)])
+        self._counts = np.concatenate([self._counts, np.zeros((more, BINS))])

@@ -1,13 +1,15 @@
 """Forecasts kept until their moment has come, and what came of them by the robot's own next reports."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from deconflict.encounter import STANDING_MPS
 from deconflict.foresight import ways
-from deconflict.foresight.ledger import HORIZONS, Errors
+from deconflict.foresight.ledger import HORIZONS
 from deconflict.foresight.sampling import poses_at
+from deconflict.foresight.sketch import LIMITS_M
+from deconflict.foresight.ways import Errors, Robots
 from deconflict.motion import Bools
 from ingest.compiled import ready
 from ingest.seam import Batch, Floats, Ints
@@ -19,30 +21,31 @@ JOINED_S = 2.1
 """Reports further apart say nothing of where the robot was between them."""
 TRACK_S = HORIZONS + 2
 """How far ahead of a report its forecast is sampled: the horizon, and how old a report in use may be."""
+TRACK_LOOKS: Floats = np.arange(TRACK_S + 1.0)
 ROUNDING_M = 1e-6
 LONG_AGO_S = -1e12
 """Before any report."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reports:
-    """n robots of a batch whose forecasts can be followed: each of them once."""
+class Reports(NamedTuple):
+    """n robots of a batch, each of them once. Arrays are (n,)."""
 
     slot: Ints
     kind: Ints
     """Row of the ledger."""
     event_s: Floats
+    doubt_m: Floats
+    length_m: Floats
+    width_m: Floats
     track: Floats
-    """(n, TRACK_S + 1, 4) x_m, y_m, yaw_rad and floor as reported, and as forecast for each second from then on."""
+    """(n, TRACK_S + 1, 4) x_m, y_m, yaw_rad and floor as reported, and as forecast for each second from then on; nan
+    where that is not told."""
 
     @classmethod
     def of(cls, batch: Batch, slots: Ints, kinds: Ints) -> "Reports":
-        event_s = ready(batch.event_s)
-        track = poses_at(batch.forecasts, event_s[:, None] + np.arange(TRACK_S + 1.0))
-        if np.isfinite(track).all():
-            return cls(slots, kinds, event_s, track)
-        finite = np.isfinite(track).all(axis=(1, 2))
-        return cls(slots[finite], kinds[finite], event_s[finite], track[finite])
+        event_s, told = ready(batch.event_s), batch.forecasts
+        sizes_m = ready(batch.doubt_m), ready(told.length_m), ready(told.width_m)
+        return cls(slots, kinds, event_s, *sizes_m, poses_at(told, event_s, TRACK_LOOKS))
 
 
 class Beside(NamedTuple):
@@ -108,17 +111,20 @@ class Followed:
         seconds, reports = int(horizon_s) + 1, (self._around, reach_m, self.seen, self._track)
         return ways.nearing(told, slots, rank, *reports, now_s, seconds, ROUNDING_M)
 
-    def speed_mps(self, slots: Ints) -> Floats:
-        """(n,) at which robots went from their last report but one to the last; nan where that is not known."""
-        return ways.speed_mps(self._before, self.seen, slots, JOINED_S)
+    def speed_mps(self, slot: int) -> float:
+        """At which a robot went from its last report but one to the last; nan where that is not known."""
+        return ways.speed_mps(self._before, self.seen, slot, JOINED_S)
 
     def disown(self, slots: Ints) -> None:
         """Hold none of the forecasts made so far to account."""
         self._made_s[slots] = LONG_AGO_S
 
-    def take(self, reports: Reports, bands_m: Floats) -> Errors:
-        """The errors that the reports show, and the new forecasts kept; `bands_m` are (kinds, HORIZONS, 3)."""
-        shown = ways.take(
+    def take(self, robots: Robots, half: Floats, reports: Reports, bands_m: Floats) -> tuple[Errors, Bools]:
+        """Keep the reports and their forecasts, and what they say of `robots`, by slot, and their `half` sides (2,
+        slots); the errors that they show, and whether each of n stands. `bands_m` are (kinds, HORIZONS, 3)."""
+        return ways.take(
+            robots,
+            half,
             self._before,
             self.seen,
             self._track,
@@ -128,13 +134,11 @@ class Followed:
             self._kind,
             self._ahead,
             self._bands_m,
-            reports.slot,
-            reports.event_s,
-            reports.track,
-            reports.kind,
+            *reports,
             bands_m,
+            LIMITS_M,
             LONG_AGO_S,
             JOINED_S,
             SPACED_S,
+            STANDING_MPS,
         )
-        return Errors(*shown)

@@ -15,18 +15,18 @@ import numpy as np
 from scipy.special import ndtr
 
 from deconflict.encounter import STANDING_MPS
-from deconflict.foresight.bands import ROBOT, judge, note, reach_m, wonder
+from deconflict.foresight.bands import judge, reach_m, wonder
 from deconflict.foresight.calibration import Calibration, features
 from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.followed import JOINED_S, Followed, Reports
 from deconflict.foresight.heeded import Heeded
-from deconflict.foresight.ledger import Errors, Ledger
+from deconflict.foresight.ledger import Ledger
 from deconflict.foresight.measuring import measure
 from deconflict.foresight.pairs import PAIR, Outcomes, again, codes, slots_of
+from deconflict.foresight.ways import ROBOT, Errors
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
-from ingest.compiled import ready
 from ingest.measures import Labels, Measures
 from ingest.seam import Batch, Floats, Ints
 
@@ -127,36 +127,32 @@ class Foresight:
             self._rank_anew()
         kinds = np.array(self.ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s))
         self._told[slots] = True
-        reports, told = Reports.of(batch, slots, kinds), batch.forecasts
-        doubt_m, length_m, width_m = ready(batch.doubt_m), ready(told.length_m), ready(told.width_m)
-        of_robots = (slots, kinds, doubt_m, length_m, width_m)
-        note(self._robots, self._half, *of_robots, reports.slot, reports.track, STANDING_MPS)
-        errors = self._own(reports, self._followed.take(reports, self.ledger.bands_m))
+        reports = Reports.of(batch, slots, kinds)
+        errors = self._own(reports, *self._followed.take(self._robots, self._half, reports, self.ledger.bands_m))
         self.ledger.record(errors, batch.now_s)
-        self.changes.take(errors, list(self.ledger.kinds), batch.now_s)
-        wonder(self._robots, errors.robot, errors.horizon_s, errors.radial_m, errors.bands_m)
-        for row in np.flatnonzero(self._robots["surprise"][slots] > DISTRUSTED).tolist():
+        self.changes.take(errors, self.ledger.kinds, batch.now_s)
+        for row in wonder(self._robots, errors, slots, DISTRUSTED).tolist():
             self.measures.count("deconflict_forecasts_distrusted_total", batch.vendors[row])
 
     def advise(self, now_s: float, until_s: Mapping[str, float]) -> None:
         """Robots should wait until then, by advice that stands."""
         for uuid in until_s.keys() & self._slots.keys():
             slot = self._slots[uuid]
-            stands = self._robots["rests"][slot] or self._followed.speed_mps(np.array([slot]))[0] < STANDING_MPS
+            stands = self._robots["rests"][slot] or self._followed.speed_mps(slot) < STANDING_MPS
             self._heeded.advise(slot, now_s, until_s[uuid], bool(stands))
 
     def heeding(self, now_s: float) -> list[str]:
         """Robots that wait as advised, by what was last heard of them."""
         return sorted(self._names[slot] for slot in self._heeded.waiting(now_s - JOINED_S).tolist())
 
-    def _own(self, reports: Reports, errors: Errors) -> Errors:
+    def _own(self, reports: Reports, errors: Errors, stand: Bools) -> Errors:
         """The errors without those of robots that wait as advised, of which no earlier forecast is held to account."""
-        stand = self._robots["rests"][reports.slot] | (self._followed.speed_mps(reports.slot) < STANDING_MPS)
         waits = self._heeded.see(reports.slot, reports.event_s, stand)
         if not len(waits):
             return errors
         self._followed.disown(waits)
-        return errors.take(np.flatnonzero(~np.isin(errors.robot, waits)))
+        own: Errors = errors[~np.isin(errors["robot"], waits)]
+        return own
 
     def distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion."""

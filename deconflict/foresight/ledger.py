@@ -6,15 +6,17 @@ follows the coverage that bands truly had, so that coverage holds whatever the s
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, cast
 
 import numba
 import numpy as np
 
 from deconflict.foresight.sketch import BINS, bins, quantiles
+from deconflict.foresight.ways import ERROR, Errors
 from deconflict.learned import Part, UnreadableError, numbers
-from ingest.compiled import inner, kernel, ready
+from deconflict.motion import Bools
+from ingest.compiled import inner, kernel
 from ingest.seam import Basis, Floats, Ints
 
 HORIZONS = 10
@@ -36,68 +38,68 @@ FEWEST_KEPT = 1.0
 """A kind of which fewer cases are left is not remembered over a restart."""
 LEARNED = ("counts", "bias_m", "level", "covered", "cases", "as_of_s")
 REFRESH_S = 1.0
-RADIAL, ALONG, ACROSS = range(3)
+RADIAL = 0
+"""Of the counts; along the heading and across it are 1 and 2."""
 
 
-_COUNTS = tuple(numba.types.Array(numba.float64, dimensions, "C") for dimensions in (4, 3, 3, 2, 3))
-_INTS, _FLOATS, _MATRIX = (
-    numba.types.Array(kind, dimensions, "C", readonly=True)
-    for kind, dimensions in ((numba.int64, 1), (numba.float64, 1), (numba.float64, 2))
-)
-_ERRORS = (*[_INTS] * 2, *[_FLOATS] * 3, numba.int64[:, ::1], _MATRIX)
+_COUNTS = tuple(numba.types.Array(numba.float64, dimensions, "C") for dimensions in (4, 3, 3, 2, 3, 1))
+_SHARES = numba.types.Array(numba.float64, 1, "C", readonly=True)
 
 
 @inner
-def _fade(counts: Floats, bias_m: Floats, covered: Floats, cases: Floats, rows: Ints, kept: Floats) -> None:
-    for at, row in enumerate(rows):
-        for column in range(cases.shape[1]):
-            cases[row, column] *= kept[at]
-            for size in range(counts.shape[1]):
-                for one in range(counts.shape[3]):
-                    counts[row, size, column, one] *= kept[at]
-            for side in range(bias_m.shape[2]):
-                bias_m[row, column, side] *= kept[at]
-            for band in range(covered.shape[2]):
-                covered[row, column, band] *= kept[at]
+def _fade(counts: Floats, bias_m: Floats, covered: Floats, cases: Floats, row: int, kept: float) -> None:
+    for column in range(cases.shape[1]):
+        cases[row, column] *= kept
+        for size in range(counts.shape[1]):
+            for one in range(counts.shape[3]):
+                counts[row, size, column, one] *= kept
+        for side in range(bias_m.shape[2]):
+            bias_m[row, column, side] *= kept
+        for band in range(covered.shape[2]):
+            covered[row, column, band] *= kept
 
 
-@kernel(numba.void(*_COUNTS, _INTS, _FLOATS, *_ERRORS, *[_FLOATS] * 3, numba.float64))
+@kernel(
+    numba.void(
+        *_COUNTS, numba.boolean[::1], numba.from_dtype(ERROR)[::1], *[_SHARES] * 3, *[numba.float64] * 2, numba.float64
+    )
+)
 def _count(
     counts: Floats,
     bias_m: Floats,
     covered: Floats,
     cases: Floats,
     level: Floats,
-    rows: Ints,
-    kept: Floats,
-    kind: Ints,
-    horizon_s: Ints,
-    radial_m: Floats,
-    along_m: Floats,
-    across_m: Floats,
-    bin_of: Ints,
-    bands_m: Floats,
+    as_of_s: Floats,
+    stale: Bools,
+    errors: Errors,
     shares: Floats,
     lowest: Floats,
     highest: Floats,
     gain: float,
+    now_s: float,
+    half_life_s: float,
 ) -> None:
-    """Add e errors of kinds `rows` (r,) to the columns of a `Ledger`, of which so much is `kept` (r,) until then; the
-    bins of their sizes are (3, e)."""
-    _fade(counts, bias_m, covered, cases, rows, kept)
-    for at in range(len(kind)):
-        row, column = kind[at], horizon_s[at] - 1
+    """Add errors to the columns of a `Ledger`, after those of their kinds have faded, and mark these as stale."""
+    is_told = np.zeros(len(cases), np.bool_)
+    for error in errors:
+        row, column = error.kind, error.horizon_s - 1
+        if not is_told[row]:
+            is_told[row] = stale[row] = True
+            _fade(counts, bias_m, covered, cases, row, 0.5 ** (max(now_s - as_of_s[row], 0.0) / half_life_s))
+            as_of_s[row] = max(as_of_s[row], now_s)
         cases[row, column] += 1.0
-        for size in range(len(bin_of)):
-            counts[row, size, column, bin_of[size, at]] += 1.0
-        bias_m[row, column, 0] += along_m[at]
-        bias_m[row, column, 1] += across_m[at]
+        counts[row, 0, column, error.radial_bin] += 1.0
+        counts[row, 1, column, error.along_bin] += 1.0
+        counts[row, 2, column, error.across_bin] += 1.0
+        bias_m[row, column, 0] += error.along_m
+        bias_m[row, column, 1] += error.across_m
         for band in range(len(shares)):
-            inside = 1.0 if radial_m[at] <= bands_m[at, band] else 0.0
+            inside = 1.0 if error.radial_m <= error.bands_m[band] else 0.0
             covered[row, column, band] += inside
             level[row, column, band] += gain * (shares[band] - inside)
-    for row in rows:
-        for column in range(level.shape[1]):
+    for row in range(len(is_told)):
+        for column in range(level.shape[1] if is_told[row] else 0):
             for band in range(level.shape[2]):
                 level[row, column, band] = min(max(level[row, column, band], lowest[band]), highest[band])
 
@@ -108,41 +110,6 @@ class Kind(NamedTuple):
     vendor: str
     model: str
     basis: Basis
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Errors:
-    """e forecasts of one moment each, and how far off they were. Arrays are (e,) unless said otherwise."""
-
-    kind: Ints
-    """Row of the ledger."""
-    robot: Ints
-    """The caller's own number of the robot."""
-    horizon_s: Ints
-    """1 to `HORIZONS`."""
-    along_m: Floats
-    """Positive where the robot was further along its heading than forecast."""
-    across_m: Floats
-    """Positive to the left."""
-    bands_m: Floats
-    """(e, 3) radii of the bands when the forecast was made."""
-    radial_m: Floats = field(init=False)
-    size: Ints = field(init=False)
-    """(3, e) bins of the sizes: radial, along and across."""
-
-    def __post_init__(self) -> None:
-        sizes_m = np.empty((3, len(self)))
-        np.hypot(self.along_m, self.across_m, out=sizes_m[RADIAL])
-        np.abs(self.along_m, out=sizes_m[ALONG])
-        np.abs(self.across_m, out=sizes_m[ACROSS])
-        object.__setattr__(self, "radial_m", sizes_m[RADIAL])
-        object.__setattr__(self, "size", bins(sizes_m))
-
-    def __len__(self) -> int:
-        return len(self.kind)
-
-    def take(self, rows: Ints) -> "Errors":
-        return Errors(*(getattr(self, one.name)[rows] for one in fields(self) if one.init))
 
 
 @dataclass(slots=True, eq=False)
@@ -162,7 +129,8 @@ class Ledger:
     """(kinds,) when each was last faded."""
     bands_m: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 3)))
     """(kinds, HORIZONS, 3) radii in force; they grow with the horizon and with the share."""
-    _stale: set[int] = field(default_factory=set)
+    _stale: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
+    """(kinds,) of which errors came since the bands were read."""
     _refreshed_s: float = float("-inf")
 
     def row(self, vendor: str, model: str, basis: Basis, now_s: float) -> int:
@@ -180,38 +148,32 @@ class Ledger:
             np.add.at(prior[0, RADIAL, horizon], spread, PRIOR_CASES / len(spread))
         self.counts = np.concatenate([self.counts, prior])
         self.level = np.concatenate([self.level, np.broadcast_to(SHARES, (1, HORIZONS, 3))])
-        for name in ("bias_m", "covered", "cases", "as_of_s", "bands_m"):
+        for name in ("bias_m", "covered", "cases", "as_of_s", "bands_m", "_stale"):
             column = getattr(self, name)
-            setattr(self, name, np.concatenate([column, np.zeros((1, *column.shape[1:]))]))
+            setattr(self, name, np.concatenate([column, np.zeros((1, *column.shape[1:]), column.dtype)]))
         self.as_of_s[row] = now_s
-        self._read_bands([row])
+        self._read_bands(np.array([row]))
         return row
 
     def rows(self, vendors: Sequence[str], models: Sequence[str], bases: Sequence[int], now_s: float) -> list[int]:
         """(n,) as `row`, of n kinds, most of them alike."""
-        kinds = list(zip(vendors, models, bases, strict=True))
         known: Mapping[Any, int] = self.kinds
-        found = [known.get(kind) for kind in kinds]
-        return [
-            self.row(*kind[:2], Basis(kind[2]), now_s) if row is None else row
-            for row, kind in zip(found, kinds, strict=True)
-        ]
+        found = list(map(known.get, zip(vendors, models, bases, strict=True)))
+        if None not in found:
+            return cast(list[int], found)
+        told = zip(vendors, models, map(Basis, bases), strict=True)
+        return [self.row(*kind, now_s) for kind in told]
 
     def record(self, errors: Errors, now_s: float) -> None:
         """Take in errors; the bands follow at most once in `REFRESH_S`."""
         if len(errors):
-            rows = np.flatnonzero(np.bincount(errors.kind))
-            kept = 0.5 ** (np.maximum(now_s - self.as_of_s[rows], 0.0) / HALF_LIFE_S)
-            self.as_of_s[rows] = np.maximum(self.as_of_s[rows], now_s)
-            columns = (self.counts, self.bias_m, self.covered, self.cases, self.level)
-            off_m, bands_m = (errors.radial_m, errors.along_m, errors.across_m), ready(errors.bands_m)
-            of, shares = (errors.kind, errors.horizon_s), (SHARES, LOWEST_LEVEL, HIGHEST_LEVEL)
-            _count(*columns, rows, kept, *of, *off_m, errors.size, bands_m, *shares, LEVEL_GAIN)
-            self._stale.update(rows.tolist())
-        if self._stale and not 0 <= now_s - self._refreshed_s < REFRESH_S:
+            columns = (self.counts, self.bias_m, self.covered, self.cases, self.level, self.as_of_s, self._stale)
+            shares = (SHARES, LOWEST_LEVEL, HIGHEST_LEVEL)
+            _count(*columns, errors, *shares, LEVEL_GAIN, now_s, HALF_LIFE_S)
+        if not 0 <= now_s - self._refreshed_s < REFRESH_S and self._stale.any():
             self._refreshed_s = now_s
-            self._read_bands(sorted(self._stale))
-            self._stale.clear()
+            self._read_bands(np.flatnonzero(self._stale))
+            self._stale[:] = False
 
     def learned(self) -> Part:
         """All of it, without kinds of which nothing is left by the time of the newest."""
@@ -232,9 +194,10 @@ class Ledger:
         for name, column in columns.items():
             setattr(self, name, column)
         self.bands_m = np.zeros((len(kinds), HORIZONS, len(SHARES)))
-        self._read_bands(list(range(len(kinds))))
+        self._stale = np.zeros(len(kinds), np.bool_)
+        self._read_bands(np.arange(len(kinds)))
 
-    def _read_bands(self, rows: list[int]) -> None:
+    def _read_bands(self, rows: Ints) -> None:
         radii = quantiles(self.counts[rows, RADIAL], self.level[rows])
         radii = np.maximum.accumulate(np.maximum.accumulate(radii, axis=2), axis=1)
         self.bands_m[rows] = radii

@@ -9,21 +9,20 @@ from ingest.compiled import kernel, ready
 from ingest.seam import Floats, Forecasts, Ints
 
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
-_MATRIX = numba.types.Array(numba.float64, 2, "C", readonly=True)
 _POSES = numba.float64[:, :, ::1]
 
 
-@kernel(_POSES(_INTS, *[_FLOATS] * 4, _INTS, _MATRIX))
+@kernel(_POSES(_INTS, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 2))
 def _poses_at(
-    start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, floor: Ints, asked: Floats
+    start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, floor: Ints, since_s: Floats, after_s: Floats
 ) -> Floats:
-    poses = np.full((*asked.shape, 4), np.nan)
+    poses = np.full((len(since_s), len(after_s), 4), np.nan)
     for row in range(len(start) - 1):
         first, last = start[row], start[row + 1] - 1
         if last < first:
             continue
-        for at in range(asked.shape[1]):
-            moment = asked[row, at]
+        for at in range(len(after_s)):
+            moment = since_s[row] + after_s[at]
             knot = max(first + np.searchsorted(t_s[first : last + 1], moment, "right") - 1, first)
             after = min(knot + 1, last)
             if floor[after] != floor[knot]:
@@ -38,9 +37,9 @@ def _poses_at(
     return poses
 
 
-def poses_at(forecasts: Forecasts, t_s: Floats) -> Floats:
-    """(n, m, 4) x_m, y_m, yaw_rad and floor of robot i at the times `t_s[i]`, (n, m), as `Forecasts` reads between
-    knots; before the first, at the first. nan where it has none."""
+def poses_at(forecasts: Forecasts, since_s: Floats, after_s: Floats) -> Floats:
+    """(n, m, 4) x_m, y_m, yaw_rad and floor of each of n robots so long, (m,), after its own time `since_s` (n,), as
+    `Forecasts` reads between knots; before the first, at the first. nan where it has none."""
     f = forecasts
     t, x, y, yaw = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
-    return _poses_at(ready(f.start, np.int64), t, x, y, yaw, ready(f.floor, np.int64), ready(t_s))
+    return _poses_at(ready(f.start, np.int64), t, x, y, yaw, ready(f.floor, np.int64), since_s, after_s)

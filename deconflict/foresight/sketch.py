@@ -8,17 +8,16 @@ from ingest.seam import Floats, Ints
 
 SMALLEST_M, STEP, BINS = 1e-3, 1.1, 128
 """The first bin holds all that is at most `SMALLEST_M`, the last all beyond 180 m."""
-LOG_STEP = np.log(STEP)
 EDGES_M: Floats = SMALLEST_M * np.power(STEP, np.arange(BINS, dtype=np.float64))
 """(BINS,) upper edge of each bin."""
+LIMITS_M: Floats = EDGES_M[:-1] * STEP**1e-9
+"""(BINS - 1,) what each bin but the last holds at the most: what is beyond its edge by rounding alone belongs below."""
 _EDGES, _ROWS = (numba.types.Array(numba.float64, dimensions, "A", readonly=True) for dimensions in (1, 2))
 
 
 def bins(distances_m: Floats) -> Ints:
     """The bin of each distance."""
-    scaled = np.ceil(np.log(np.maximum(distances_m, SMALLEST_M) / SMALLEST_M) / LOG_STEP - 1e-9)
-    found: Ints = np.minimum(scaled, BINS - 1).astype(np.int64)
-    return found
+    return np.searchsorted(LIMITS_M, distances_m)
 
 
 @kernel(numba.float64[:, ::1](_ROWS, _ROWS, _EDGES))

@@ -6,14 +6,40 @@ of a few numbers than for what is done with them.
 """
 
 from math import cos, pi, sin
+from typing import Any
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from deconflict.motion import Bools
 from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 
+ROBOT = np.dtype(
+    [("kind", np.int64), ("doubt_m", np.float64), ("surprise", np.float64), ("rests", np.bool_)], align=True
+)
+"""What is known of a robot: the row of its kind in the ledger, its doubt, by how much its errors exceed the bands of
+its kind, and whether it stood, by its newest forecast, when that was made."""
+
+Robots = NDArray[Any]
+"""Of `ROBOT`."""
+
+ERROR = np.dtype(
+    [(name, np.int64) for name in ("kind", "robot", "horizon_s", "radial_bin", "along_bin", "across_bin")]
+    + [(name, np.float64) for name in ("radial_m", "along_m", "across_m")]
+    + [("bands_m", np.float64, (3,))],
+    align=True,
+)
+"""A forecast of one moment, and how far off it was: the row of its kind in the ledger, the caller's own number of the
+robot, and whole seconds ahead from 1 on; the size of the error and of its parts, in bins of `sketch` and in metres,
+positive where the robot was further along its heading than forecast, and to the left; and the radii of the bands when
+the forecast was made."""
+
+Errors = NDArray[Any]
+"""Of `ERROR`."""
+
+_ROBOTS, _ERRORS = (numba.from_dtype(one)[::1] for one in (ROBOT, ERROR))
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 _ASKED_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 Pose = tuple[float, float, float, float]
@@ -51,16 +77,19 @@ def _on(line: Line, t_s: float) -> Pose:
     return x + share * goes_x, y + share * goes_y, yaw + share * turns, floor
 
 
-@kernel(_FLOATS(*[_MATRIX] * 2, _INTS, numba.float64))
-def speed_mps(before: Floats, seen: Floats, slots: Ints, joined_s: float) -> Floats:
-    """(n,) at which robots of `slots` went from their last report but one to the last; nan where that is not known."""
-    speed = np.full(len(slots), np.nan)
-    for at, slot in enumerate(slots):
-        lasted_s = seen[slot, 0] - before[slot, 0]
-        if 0.0 < lasted_s <= joined_s and before[slot, 4] == seen[slot, 4]:
-            went_m = np.hypot(seen[slot, 1] - before[slot, 1], seen[slot, 2] - before[slot, 2])
-            speed[at] = went_m / lasted_s
-    return speed
+@inner
+def _speed_mps(before: Floats, seen: Floats, slot: int, joined_s: float) -> float:
+    """At which a robot went from its last report but one to the last; nan where that is not known."""
+    lasted_s = seen[slot, 0] - before[slot, 0]
+    if not (0.0 < lasted_s <= joined_s and before[slot, 4] == seen[slot, 4]):
+        return float(np.nan)
+    return float(np.hypot(seen[slot, 1] - before[slot, 1], seen[slot, 2] - before[slot, 2]) / lasted_s)
+
+
+@kernel(numba.float64(*[_MATRIX] * 2, numba.int64, numba.float64))
+def speed_mps(before: Floats, seen: Floats, slot: int, joined_s: float) -> float:
+    """See `_speed_mps`."""
+    return _speed_mps(before, seen, slot, joined_s)
 
 
 @inner
@@ -176,23 +205,59 @@ def _keep(made_s: Floats, following: Ints, slot: int, event_s: float, spaced_s: 
     return place
 
 
+@inner
+def _is_known(told: Floats, row: int) -> bool:
+    """Whether a track says where its robot will be throughout."""
+    for at in range(told.shape[1]):
+        for part in range(4):
+            if not np.isfinite(told[row, at, part]):
+                return False
+    return True
+
+
+@inner
+def _rests(told: Floats, row: int, standing_mps: float) -> bool:
+    """Whether a robot stands for the first second of its track."""
+    return bool(np.hypot(told[row, 1, 0] - told[row, 0, 0], told[row, 1, 1] - told[row, 0, 1]) < standing_mps)
+
+
+@inner
+def _bin(limits_m: Floats, size_m: float) -> int:
+    """The bin of an error, as `sketch.bins` has it; halved without a branch, as nothing is known of the next size."""
+    found = 0
+    for step in (64, 32, 16, 8, 4, 2, 1):
+        found += step if limits_m[found + step - 1] < size_m else 0
+    return found
+
+
+@inner
+def _set_off(error: Any, along_m: float, across_m: float, limits_m: Floats) -> None:
+    """How far off a forecast was, and the bins of that."""
+    radial_m = np.hypot(along_m, across_m)
+    error.along_m, error.across_m, error.radial_m = along_m, across_m, radial_m
+    error.radial_bin = _bin(limits_m, radial_m)
+    error.along_bin, error.across_bin = _bin(limits_m, abs(along_m)), _bin(limits_m, abs(across_m))
+
+
 @kernel(
-    numba.types.Tuple((*[_INTS] * 3, *[_FLOATS] * 2, _MATRIX))(  # type: ignore[no-untyped-call]
-        *[_MATRIX] * 2,
+    numba.types.Tuple((_ERRORS, numba.boolean[::1]))(  # type: ignore[no-untyped-call]
+        _ROBOTS,
+        *[_MATRIX] * 3,
         _CUBE,
         *[_MATRIX] * 2,
         _INTS,
         numba.int64[:, ::1],
         *[numba.float64[:, :, :, ::1]] * 2,
-        _INTS,
+        *[_INTS] * 2,
+        *[_ASKED_LOOKS] * 4,
+        *[_CUBE] * 2,
         _ASKED_LOOKS,
-        _CUBE,
-        _INTS,
-        _CUBE,
-        *[numba.float64] * 3,
+        *[numba.float64] * 4,
     )
 )
 def take(
+    robots: Robots,
+    half: Floats,
     before: Floats,
     seen: Floats,
     track: Floats,
@@ -203,30 +268,42 @@ def take(
     foretold: Floats,
     bands_m: Floats,
     slots: Ints,
-    event_s: Floats,
-    told: Floats,
     kinds: Ints,
+    event_s: Floats,
+    doubt_m: Floats,
+    length_m: Floats,
+    width_m: Floats,
+    told: Floats,
     of_kinds_m: Floats,
+    limits_m: Floats,
     long_ago_s: float,
     joined_s: float,
     spaced_s: float,
-) -> tuple[Ints, Ints, Ints, Floats, Floats, Floats]:
-    """Take in reports of `slots` (n,), all different, at `event_s` (n,), with their tracks `told` (n, k, 4): forecasts
-    of `kinds` (n,), whose bands are `of_kinds_m` (kinds, horizons, 3). What is no newer than was `seen` is left out.
+    standing_mps: float,
+) -> tuple[Errors, Bools]:
+    """Take in what robots of `slots` (n,), all different, said of themselves at `event_s` (n,), with their tracks
+    `told` (n, k, 4): forecasts of `kinds` (n,), whose bands are `of_kinds_m` (kinds, horizons, 3). A track that does
+    not say where its robot will be is left out, and one that is no newer than what was `seen`.
 
-    Of the moments since the report before for which there are forecasts: the forecast's kind, the slot and the whole
-    seconds ahead; how far along and across the heading foretold the robot was then, (d,) each; and the bands (d, 3).
+    The errors of what was foretold of the moments since the report before; their bins hold at the most
+    `limits_m`. And whether each robot stands, (n,): by its forecast, or by its last two reports.
     Forecasts are kept to be held to account so, made at `made_s` (slots, kept), if the last was `spaced_s` before.
     """
     kept, horizons = made_s.shape[1], foretold.shape[2]
-    most = len(slots) * kept * (int(joined_s) + 1)
-    its_kind, its_slot, ahead = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
-    along, across, bands, found = np.empty(most), np.empty(most), np.empty((most, 3)), 0
+    errors, found = np.empty(len(slots) * kept * (int(joined_s) + 1), ERROR), 0
+    stands = np.zeros(len(slots), np.bool_)
     for row, slot in enumerate(slots):
+        robots[slot].kind, robots[slot].doubt_m = kinds[row], doubt_m[row]
+        half[0, slot], half[1, slot] = length_m[row] / 2, width_m[row] / 2
+        if not _is_known(told, row):
+            continue
+        rests = robots[slot].rests = _rests(told, row, standing_mps)
+        stands[row] = rests or _speed_mps(before, seen, slot, joined_s) < standing_mps
         if not event_s[row] > seen[slot, 0]:
             continue
         _hear(before, seen, track, slot, event_s[row], told, row)
         _set_around(around, track, slot)
+        stands[row] = rests or _speed_mps(before, seen, slot, joined_s) < standing_mps
         before_s, seen_s = before[slot, 0], seen[slot, 0]
         is_joined = before_s > long_ago_s and before_s >= seen_s - joined_s
         line = _line(before, seen, slot, long_ago_s, joined_s)
@@ -242,10 +319,11 @@ def take(
                 if floor != was_floor or floor < 0.0:
                     continue
                 dx, dy, c, s = was_x - x, was_y - y, cos(yaw), sin(yaw)
-                its_kind[found], its_slot[found], ahead[found] = kind[slot, made], slot, second + 1
-                along[found], across[found] = c * dx + s * dy, c * dy - s * dx
+                error = errors[found]
+                error.kind, error.robot, error.horizon_s = kind[slot, made], slot, second + 1
+                _set_off(error, c * dx + s * dy, c * dy - s * dx, limits_m)
                 for band in range(3):
-                    bands[found, band] = bands_m[slot, made, second, band]
+                    error.bands_m[band] = bands_m[slot, made, second, band]
                 found += 1
         place = _keep(made_s, following, slot, event_s[row], spaced_s)
         if place >= 0:
@@ -255,8 +333,7 @@ def take(
                     foretold[slot, place, second, part] = told[row, second + 1, part]
                 for band in range(3):
                     bands_m[slot, place, second, band] = of_kinds_m[kinds[row], second, band]
-    its_kind, its_slot, ahead = its_kind[:found].copy(), its_slot[:found].copy(), ahead[:found].copy()
-    return its_kind, its_slot, ahead, along[:found].copy(), across[:found].copy(), bands[:found].copy()
+    return errors[:found].copy(), stands
 
 
 @inner

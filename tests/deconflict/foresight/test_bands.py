@@ -9,15 +9,14 @@ from deconflict.foresight.bands import (
     EIGHTY,
     EXACT_M,
     FINEST_BAND_M,
-    ROBOT,
     SOON,
     SURPRISE_KEEPS,
     SURPRISE_MOST,
-    Robots,
     judge,
     wonder,
 )
 from deconflict.foresight.pairs import PAIR
+from deconflict.foresight.ways import ERROR, ROBOT, Robots
 from ingest.seam import Floats
 
 NOW_S, HORIZON_S, WITHIN_M, MARGIN_M = 1000.0, 10.0, 0.3, 0.1
@@ -97,10 +96,11 @@ def test_what_separations_say_is_the_same_pair_by_pair() -> None:
 def test_surprise_follows_errors_a_second_ahead_and_the_last_of_a_robot_counts() -> None:
     robots = np.zeros(4, ROBOT)
     robots["surprise"] = 1.0
-    slots, horizon_s = np.array([0, 1, 1, 2, 3, 1]), np.array([1, 1, 1, 1, 2, 3])
-    radial_m, bands_m = np.array([0.4, 9.0, 0.6, 50.0, 9.0, 9.0]), np.full((6, 3), 0.2)
-    bands_m[0] = 0.0
-    wonder(robots, slots, horizon_s, radial_m, bands_m)
+    errors = np.zeros(6, ERROR)
+    errors["robot"], errors["horizon_s"] = [0, 1, 1, 2, 3, 1], [1, 1, 1, 1, 2, 3]
+    errors["radial_m"], errors["bands_m"] = [0.4, 9.0, 0.6, 50.0, 9.0, 9.0], 0.2
+    errors["bands_m"][0] = 0.0
+    assert wonder(robots, errors, np.array([1, 0, 3, 2]), 1.6).tolist() == [1, 3]
     ratios = np.array([0.4 / FINEST_BAND_M, 3.0, SURPRISE_MOST])
     assert robots["surprise"][:3] == pytest.approx(SURPRISE_KEEPS + (1 - SURPRISE_KEEPS) * ratios)
     assert robots["surprise"][3] == 1.0

@@ -5,20 +5,25 @@ import pytest
 from numpy.random import Generator, default_rng
 
 from deconflict.foresight.changes import ForecastChanges
-from deconflict.foresight.ledger import Errors, Kind
+from deconflict.foresight.ledger import Kind
+from deconflict.foresight.ways import Errors
 from deconflict.learned import UnreadableError, packed, unpacked
 from ingest.levels import Change
 from ingest.seam import Basis
+from tests.deconflict.foresight.made_errors import off
 
 NOW_S = 1_790_000_000.0
-KINDS = [Kind("Alder", "A-7", Basis.PATH), Kind("Alder", "A-7", Basis.STATIONARY), Kind("Corvid", "C", Basis.PATH)]
+KINDS = {
+    Kind("Alder", "A-7", Basis.PATH): 0,
+    Kind("Alder", "A-7", Basis.STATIONARY): 1,
+    Kind("Corvid", "C", Basis.PATH): 2,
+}
 
 
 def errors(rng: Generator, kind: int, robots: int, size_m: float) -> Errors:
     """Of a few robots three seconds ahead, heavy in the tails as real ones are."""
     along_m, across_m = size_m * rng.standard_t(3, (2, robots))
-    rows = np.arange(robots)
-    return Errors(np.full(robots, kind), rows, np.full(robots, 3), along_m, across_m, np.zeros((robots, 3)))
+    return off(kind, 3, along_m, across_m, np.zeros(3))
 
 
 def run(

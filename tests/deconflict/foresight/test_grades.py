@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.grades import FEWEST_CASES, grade
-from deconflict.foresight.ledger import Errors, Ledger
+from deconflict.foresight.ledger import Ledger
 from deconflict.foresight.measuring import measure
 from ingest.measures import Measures
 from ingest.seam import Basis
+from tests.deconflict.foresight.made_errors import off
 
 NOW_S = 1_790_000_000.0
 
@@ -14,10 +15,7 @@ def told(error_m: float, cases: int) -> Measures:
     """The measures of a vendor that was off by `error_m` three seconds ahead so often."""
     ledger, measures = Ledger(), Measures()
     row, alike = ledger.row("Alder", "A-7", Basis.PATH, NOW_S), np.zeros(cases)
-    bands_m = np.repeat(ledger.bands_m[row, 2][None], cases, axis=0)
-    ledger.record(
-        Errors(np.full(cases, row), alike.astype(int), alike.astype(int) + 3, alike, alike + error_m, bands_m), NOW_S
-    )
+    ledger.record(off(row, 3, alike, alike + error_m, ledger.bands_m[row, 2]), NOW_S)
     measure(ledger, measures)
     return measures
 

@@ -2,18 +2,18 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.foresight.bands import ROBOT, reach_m
-from deconflict.foresight.ledger import HALF_LIFE_S, HORIZONS, MOST_CLASSES, PRIOR_MPS, Errors, Ledger
+from deconflict.foresight.bands import reach_m
+from deconflict.foresight.ledger import HALF_LIFE_S, HORIZONS, MOST_CLASSES, PRIOR_MPS, Ledger
+from deconflict.foresight.ways import ROBOT, Errors
 from deconflict.learned import UnreadableError
 from ingest.seam import Basis, Floats
+from tests.deconflict.foresight.made_errors import off
 
 NOW_S = 1_790_000_000.0
 
 
 def errors(ledger: Ledger, row: int, horizon_s: int, along_m: Floats) -> Errors:
-    n = len(along_m)
-    bands_m = np.repeat(ledger.bands_m[row, horizon_s - 1][None], n, axis=0)
-    return Errors(np.full(n, row), np.zeros(n, np.int64), np.full(n, horizon_s), along_m, np.zeros(n), bands_m)
+    return off(row, horizon_s, along_m, np.zeros(len(along_m)), ledger.bands_m[row, horizon_s - 1])
 
 
 def reach(ledger: Ledger, row: int, ahead_s: float) -> float:
@@ -32,7 +32,7 @@ def test_bands_cover_what_they_say_even_as_errors_drift(scale_m: float) -> None:
         grown_m = scale_m * (1 + second / 1500)
         now = errors(ledger, row, 1, grown_m * rng.standard_t(3, 4))
         if second > 300:
-            inside.append(np.abs(now.along_m)[:, None] <= now.bands_m)
+            inside.append(np.abs(now["along_m"])[:, None] <= now["bands_m"])
         ledger.record(now, NOW_S + second)
     assert np.concatenate(inside).mean(axis=0) == pytest.approx([0.5, 0.8, 0.9], abs=0.025)
 
