@@ -2,10 +2,14 @@
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, inf, isnan, nan, pi, sin
+from typing import Any
 
 import numba
+import numpy as np
+from numpy.typing import NDArray
 
 from deconflict.advisory import EncounterClass
+from deconflict.motion import KNOT, ROBOT, Knots, Robots
 from deconflict.pose import envelope, pose_at
 from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Forecasts, Ints
@@ -24,16 +28,26 @@ Moving = tuple[float, float, float, float, float, int]
 """Where a robot is: x, y and yaw; its velocity along x and y; its floor."""
 
 _STANDING, _FOLLOWING, _CROSSING, _HEAD_ON = range(4)
-_CLASSES = (
+CLASSES = (
     EncounterClass.STATIONARY_OBSTACLE,
     EncounterClass.FOLLOWING,
     EncounterClass.CROSSING,
     EncounterClass.HEAD_ON,
 )
+ENCOUNTER = np.dtype([(name, np.float64) for name in ("x", "y")] + [(name, np.int64) for name in ("kind", "floor")])
+"""Where two meet, nan where it is not known; the class by its place among `CLASSES`; and the floor of the first."""
+
+Encounters = NDArray[Any]
+"""Of `ENCOUNTER`."""
+
 _REAL = numba.types.Array(numba.float64, 1, "A", readonly=True)
 _WHOLE = numba.types.Array(numba.int64, 1, "A", readonly=True)
 _ROBOT = (_WHOLE, *[_REAL] * 4, _WHOLE, *[_REAL] * 2, numba.int64)
 """Of `Forecasts` what tells where a robot is, and its row."""
+
+
+_KNOWN = (*(numba.from_dtype(one)[::1] for one in (ROBOT, KNOT)), numba.float64[::1])
+"""Robots and knots by slot, and how much longer and wider each robot is there than reported."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +71,7 @@ def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
     _, x_m, y_m, closing_mps, kind, floor, _ = _met(*_columns(a), *_columns(b), contact_s)
     if isnan(x_m):
         x_m, y_m = _shared(a, b, contact_s)
-    return Encounter(_CLASSES[kind], closing_mps, x_m, y_m, floor)
+    return Encounter(CLASSES[kind], closing_mps, x_m, y_m, floor)
 
 
 def separation_m(a: Row, b: Row, t_s: float) -> float | None:
@@ -196,3 +210,39 @@ def _met(
     box_a = a[0], a[1], cos(a[2]), sin(a[2]), length_a[row_a] / 2, width_a[row_a] / 2
     box_b = b[0], b[1], cos(b[2]), sin(b[2]), length_b[row_b] / 2, width_b[row_b] / 2
     return *_nearest(box_a, box_b), _closing_mps(a, b), _class_of(a, b), a[5], b[5]
+
+
+@inner
+def _moving_there(robot: Any, knots: Knots, at_s: float) -> Moving:
+    """As `_moving`, of a robot in slots."""
+    knot, last = robot.first, robot.first + robot.count - 1
+    while knot < last and knots[knot + 1].t <= at_s:
+        knot += 1
+    one, since_s = knots[knot], at_s - knots[knot].t
+    if since_s < 0:
+        return one.x, one.y, one.yaw, 0.0, 0.0, one.floor
+    return one.x + since_s * one.vx, one.y + since_s * one.vy, one.yaw + since_s * one.turn, one.vx, one.vy, one.floor
+
+
+@inner
+def _box_of(at: Moving, robot: Any, widened_m: float) -> Box:
+    half_m = widened_m / 2
+    return at[0], at[1], cos(at[2]), sin(at[2]), robot.half_length - half_m, robot.half_width - half_m
+
+
+@kernel(numba.from_dtype(ENCOUNTER)[::1](*_KNOWN, numba.int64[::1], numba.float64[::1]))
+def encounters(robots: Robots, knots: Knots, widened_m: Floats, slots: Ints, at_s: Floats) -> Encounters:
+    """(n,) of `ENCOUNTER`: how two robots meet at each of the times `at_s` (n,), to within a rounding error of
+    `encounter`. `slots` (2 n,) are theirs, one after the other, -1 for none; where the two overlap without a corner in
+    the other, or one has no slot, the place is not known."""
+    met = np.empty(len(at_s), ENCOUNTER)
+    for row in range(len(at_s)):
+        slot_a, slot_b, one = slots[2 * row], slots[2 * row + 1], met[row]
+        one.x, one.y, one.kind, one.floor = nan, nan, -1, -1
+        if slot_a >= 0 and slot_b >= 0:
+            robot_a, robot_b = robots[slot_a], robots[slot_b]
+            a, b = _moving_there(robot_a, knots, at_s[row]), _moving_there(robot_b, knots, at_s[row])
+            box_a, box_b = _box_of(a, robot_a, widened_m[slot_a]), _box_of(b, robot_b, widened_m[slot_b])
+            _, one.x, one.y = _nearest(box_a, box_b)
+            one.kind, one.floor = _class_of(a, b), a[5]
+    return met

@@ -74,7 +74,8 @@ class Engine:
         self.foresight = Foresight(conflict.clearance_m, conflict.clear_margin_m, conflict.horizon_s, self.measures)
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
         there = self.live.robots.__contains__
-        self._scene = Scene(there, self._party, self._stands, self._meet, self._separation_m, self._datum, self._places)
+        meets = self._meet, self._sweeper.encounters
+        self._scene = Scene(there, self._party, self._stands, *meets, self._separation_m, self._datum, self._places)
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
         self._submit, self._aside = submit, Aside(submit)
@@ -139,7 +140,7 @@ class Engine:
         for uuid in self.live.put(batch):
             heappush(self._quiet, (self.live.robots[uuid].event_s + self.site.reading.quiet_after_s, uuid))
         self._told.update(batch.robots)
-        self._sweep(batch.robots, _widened(batch.forecasts, 2 * batch.doubt_m))
+        self._sweep(batch.robots, batch.forecasts, 2 * batch.doubt_m)
         self._rests.see(batch)
         self.live.drop(batch.gone)
         self._told.difference_update(batch.gone)
@@ -164,7 +165,7 @@ class Engine:
         """
         self._aside.settle(self.pending() if pending is None else pending)
         if grown := self._grown(now_s):
-            self._sweep(*self._swept(sorted(grown)))
+            self._sweep(*self._known(sorted(grown)))
         told, self._told = self._told, set()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
         accuracy_m = COARSE_M if effort >= Effort.COARSE else ACCURACY_M
@@ -234,14 +235,19 @@ class Engine:
         start_m[:n], fresh[:n] = conflicts.start_separation_m, conflicts.fresh
         return Predictions(foreseen.pairs, contact_s, separation_m, start_m, fresh, foreseen.probability)
 
-    def _sweep(self, keys: Sequence[str], forecasts: Forecasts) -> None:
-        for _, reason in self._sweeper.update(keys, forecasts):
+    def _sweep(self, keys: Sequence[str], told: Forecasts, widened_m: Floats) -> None:
+        for _, reason in self._sweeper.update(keys, _widened(told, widened_m), widened_m):
             self.measures.count("deconflict_invalid_forecasts_total", reason)
 
     def _swept(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts]:
         """The robots of `uuids` that are on the floor, and their forecasts with envelopes as they are swept."""
-        keys, bare = self.live.forecasts(uuids)
-        return keys, _widened(bare, np.array([self.live.robots[uuid].widened_m for uuid in keys]))
+        keys, told, widened_m = self._known(uuids)
+        return keys, _widened(told, widened_m)
+
+    def _known(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts, Floats]:
+        """The robots of `uuids` that are on the floor, their forecasts, and how much wider each is swept."""
+        keys, told = self.live.forecasts(uuids)
+        return keys, told, np.array([self.live.robots[uuid].widened_m for uuid in keys])
 
     def _grown(self, now_s: float) -> set[str]:
         """Robots not heard from for so long that their uncertainty grows a step."""

@@ -77,7 +77,7 @@ class Lives:
 
     def _adopt(self, track: Track, told: ConflictAdvisory) -> None:
         self.tracks.predict(track, max(self.tracks.predicted_s(track), told.updated_at.timestamp()))
-        self._tell(track, told)
+        self._tell(track, told, floor=-1)
 
     def changed(self) -> set[Pair]:
         """The pairs of which something was told since this was asked last."""
@@ -97,11 +97,11 @@ class Lives:
         It looked no further than `until_s`: an open advisory on what comes later stands as it is.
         """
         self.started_s = now_s if self.started_s is None else self.started_s
-        rows, found, missed, resting = self.tracks.stirring(predictions, now_s, self.settings)
+        rows, found, told, missed, resting = self.tracks.stirring(predictions, now_s, self.settings, scene.encounters)
         revisions, due = [], []
-        for one, known in zip(predictions.some(rows), found, strict=True):
+        for one, known, is_told in zip(predictions.some(rows), found, told, strict=True):
             track = known or self.tracks.new(one.pair)
-            said = self._advance(track, one, now_s, scene)
+            said = (self._updated if is_told else self._advance)(track, one, now_s, scene)
             if isinstance(said, Due):
                 due.append(said)
             else:
@@ -136,13 +136,13 @@ class Lives:
             return None
         return self._kept(track, telling.with_advice(before, advice, now_s))
 
-    def _tell(self, track: Track, revision: ConflictAdvisory) -> None:
-        """From now on this revision is the pair's newest, against which nothing was weighed yet."""
+    def _tell(self, track: Track, revision: ConflictAdvisory, floor: int | None = None) -> None:
+        """From now on this revision is the pair's newest, against which nothing was weighed yet; see `Tracks.tell`."""
         before = self.told.pop(track.pair, None)
         if before:
             self.severities[before.severity] -= 1
         advisory = None if revision.state is AdvisoryState.CLEARED else revision
-        self.tracks.tell(track, advisory, _next_s(revision))
+        self.tracks.tell(track, advisory, _next_s(revision), floor)
         if track.advisory:
             self.severities[revision.severity] += 1
             self.told[track.pair] = revision
@@ -168,7 +168,7 @@ class Lives:
         if track.advisory:
             self.tracks.predict(track, now_s)
             standing = self._standing(track, track.advisory, now_s, scene)
-            return standing or self._updated(track, track.advisory, prediction, now_s, scene)
+            return standing or self._updated(track, prediction, now_s, scene)
         if alerting and self._confirmed(track, prediction, now_s):
             self.tracks.predict(track, now_s)
             track.met = False
@@ -207,10 +207,9 @@ class Lives:
             return None
         return Due(track, prediction, telling.severity_of(prediction, now_s, None, self.settings))
 
-    def _updated(
-        self, track: Track, before: ConflictAdvisory, prediction: Prediction, now_s: float, scene: Scene
-    ) -> Due | None:
-        if before.time_to_conflict_s == 0 and prediction.contact_s <= now_s:
+    def _updated(self, track: Track, prediction: Prediction, now_s: float, scene: Scene) -> Due | None:
+        before = track.advisory
+        if before is None or (before.time_to_conflict_s == 0 and prediction.contact_s <= now_s):
             return None
         severity = telling.severity_of(prediction, now_s, before.severity, self.settings)
         rises = SEVERITIES.index(severity) > SEVERITIES.index(before.severity)
@@ -244,7 +243,7 @@ class Lives:
             revision = telling.updated(track.advisory, told)
         else:
             revision = telling.raised(pair, self.ordinals[pair], parties, told, now_s)
-        self._tell(track, revision)
+        self._tell(track, revision, met.floor)
         return revision
 
     def _weighed(self, one: Prediction, now_s: float, until_s: float = inf) -> Weighed:

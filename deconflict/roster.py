@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.motion import KNOT, ROBOT, Knots, Robots, replace
-from ingest.seam import Forecasts, Ints
+from ingest.seam import Floats, Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
 
@@ -22,6 +22,8 @@ class Roster:
         self.robots: Robots = np.zeros(0, ROBOT)
         """By slot, and some to spare; a free one has no knots."""
         self.knots: Knots = np.zeros(0, KNOT)
+        self.widened_m: Floats = np.zeros(0)
+        """By slot, and some to spare: how much longer and wider than reported the envelope is."""
         self._used = 0
         self._free: list[int] = []
         self._ranks: Ints | None = None
@@ -30,8 +32,9 @@ class Roster:
         """Slots, free ones included."""
         return len(self.slots) + len(self._free)
 
-    def put(self, keys: Sequence[str], forecasts: Forecasts) -> Ints:
-        """Replace the forecasts of `keys`, which are all different; their slots."""
+    def put(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | float = 0.0) -> Ints:
+        """Replace the forecasts of `keys`, which are all different, and whose envelopes are so much longer and wider
+        than reported; their slots."""
         slots = np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys))
         unknown = np.flatnonzero(slots < 0)
         if len(unknown):
@@ -41,7 +44,7 @@ class Roster:
             self.robots["count"][slots] = 0
             self._pack(len(forecasts.t_s))
             used = replace(self.robots, self.knots, slots, self._used, forecasts)
-        self._used = used
+        self._used, self.widened_m[slots] = used, widened_m
         return slots
 
     def discard(self, keys: Iterable[str]) -> list[int]:
@@ -75,7 +78,8 @@ class Roster:
         self.slots.update(zip(keys, slots, strict=True))
         if len(self.robots) < len(self):
             spare = len(self) + len(self) // 8 - len(self.robots)
-            self.robots, self.keys = np.pad(self.robots, (0, spare)), np.pad(self.keys, (0, spare))
+            columns = self.robots, self.keys, self.widened_m
+            self.robots, self.keys, self.widened_m = (np.pad(column, (0, spare)) for column in columns)
         self.keys[slots] = keys
         return slots
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain, repeat
 from math import ceil, floor, inf
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.broadphase import PAIR, Boxes, Pairs, in_order
+from deconflict.encounter import Encounters, encounters
 from deconflict.exact import Decider
 from deconflict.meetings import MEETING, Meetings, Names, by_pair, in_span, joined, kept, mended, met
 from deconflict.motion import Bools, Knots, Robots, faults
@@ -85,8 +87,12 @@ class Sweeper:
         self._names = Names()
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
 
-    def update(self, keys: Sequence[str], forecasts: Forecasts) -> tuple[tuple[str, str], ...]:
+    def update(
+        self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | None = None
+    ) -> tuple[tuple[str, str], ...]:
         """Replace the forecasts of `keys`, one row each; key and reason of those that can't be swept.
+
+        The envelopes are `widened_m` (n,) longer and wider than the robots are; as they are where that is not given.
 
         A robot whose new forecast is invalid is off the floor until its next one: its old forecast is no longer what
         it says. Of a key that is there twice the later row counts.
@@ -96,9 +102,10 @@ class Sweeper:
         if wrong or len(newest) < len(keys):
             self.discard(key for key, row in newest.items() if row in wrong)
             newest = {key: row for key, row in newest.items() if row not in wrong}
-            forecasts = forecasts.take(list(newest.values()))
+            rows = list(newest.values())
+            forecasts, widened_m = forecasts.take(rows), None if widened_m is None else widened_m[rows]
         if newest:
-            slots = self._roster.put(list(newest), forecasts)
+            slots = self._roster.put(list(newest), forecasts, 0.0 if widened_m is None else widened_m)
             for flags in (self._touched, self._told):
                 flags.resize(len(self._roster), refcheck=False)
                 flags[slots] = True
@@ -108,6 +115,13 @@ class Sweeper:
         """Take robots off the floor."""
         left = self._roster.discard(keys)
         self._touched[left] = True
+
+    def encounters(self, pairs: Sequence[tuple[str, str]], at_s: Floats) -> Encounters:
+        """(n,) of `ENCOUNTER`: how the robots of n pairs, as long and wide as they are, meet at each of the times."""
+        slots = np.fromiter(
+            map(self._roster.slots.get, chain.from_iterable(pairs), repeat(-1)), np.int64, 2 * len(pairs)
+        )
+        return encounters(self._roster.robots, self._roster.knots, self._roster.widened_m, slots, at_s)
 
     def step(self, now_s: float, reach_s: float = inf, accuracy_m: float = 0.0) -> PairConflicts:
         """The conflicts in [`now_s`, `now_s` + horizon], or in the shorter `reach_s`.

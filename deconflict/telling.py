@@ -19,10 +19,10 @@ from deconflict.advisory import (
     Severity,
     moment,
 )
-from deconflict.encounter import Encounter
+from deconflict.encounter import Encounter, Encounters
 from deconflict.motion import Bools
 from deconflict.site import Conflict
-from ingest.seam import Floats, Ints
+from ingest.seam import Floats
 
 Pair = tuple[str, str]
 
@@ -71,9 +71,9 @@ class Predictions(NamedTuple):
         contact_s, separation_m, start_m = self.contact_s[rows], self.separation_m[rows], self.start_separation_m[rows]
         return Predictions(pairs, contact_s, separation_m, start_m, fresh, self.probability[rows])
 
-    def some(self, rows: Ints) -> list[Prediction]:
-        pairs = map(self.pairs.__getitem__, rows.tolist())
-        return list(map(Prediction._make, zip(pairs, *(column[rows].tolist() for column in self[1:]), strict=True)))
+    def some(self, rows: Sequence[int]) -> list[Prediction]:
+        columns = (map(column.item, rows) for column in self[1:])
+        return list(map(Prediction._make, zip(map(self.pairs.__getitem__, rows), *columns, strict=True)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +97,8 @@ class Scene:
     stands: Callable[[str], bool]
     """Whether a robot is on the floor and stands there."""
     meet: Callable[[Pair, float], Encounter]
+    encounters: Callable[[Sequence[Pair], Floats], Encounters]
+    """How each of some pairs meets at its time, but for rounding errors; the place is nan where it is not known."""
     separation_m: Callable[[Pair, float], float | None]
     """None where the two cannot be compared."""
     datum: Callable[[Encounter], str]

@@ -1,4 +1,5 @@
-from math import pi
+from dataclasses import replace
+from math import isnan, pi
 
 import numpy as np
 import pytest
@@ -7,9 +8,11 @@ from hypothesis import strategies as st
 from shapely import Point
 
 from deconflict.advisory import EncounterClass
-from deconflict.encounter import Row, encounter, separation_m
+from deconflict.encounter import CLASSES, Row, encounter, separation_m
 from deconflict.pose import envelope, pose_at
+from deconflict.sweeper import Sweeper
 from ingest.seam import Forecasts
+from tests.deconflict.made_encounters import NOW_S, wanderer
 
 Knot = tuple[float, float, float, float]
 Size = tuple[float, float]
@@ -140,3 +143,24 @@ def test_robots_meet_where_their_poses_are(t_s: float) -> None:
     one, other = (envelope(told.one(row), pose) for row, pose in enumerate(poses))
     assert separation_m(*robots, t_s) == pytest.approx(one.distance(other), abs=1e-9)
     assert met.closing_speed_mps == pytest.approx(-(dx * dvx + dy * dvy) / np.hypot(dx, dy))
+
+
+def test_robots_meet_by_what_is_swept_as_by_what_they_said() -> None:
+    """Wider than they are, as they are swept, and with headings in one turn."""
+    rng, sweeper = np.random.default_rng(81), Sweeper(clearance_m=0.3)
+    said = Forecasts.joined(wanderer(rng, knots=int(rng.integers(1, 6))) for _ in range(40))
+    said = replace(said, yaw_rad=said.yaw_rad + 2 * pi, floor=rng.integers(-1, 3, len(said.t_s)))
+    widened_m, keys = rng.uniform(0, 2, len(said)), [str(row) for row in range(len(said))]
+    wide = replace(said, length_m=said.length_m + widened_m, width_m=said.width_m + widened_m)
+    assert sweeper.update(keys, wide, widened_m) == ()
+    some, at_s = rng.integers(0, len(said), (500, 2)), NOW_S + rng.uniform(-3, 13, 500)
+    met, known = sweeper.encounters([(keys[a], keys[b]) for a, b in some.tolist()], at_s), 0
+    for one, (a, b), when_s in zip(met, some.tolist(), at_s.tolist(), strict=True):
+        expected = encounter((said, a), (said, b), when_s)
+        assert (CLASSES[one["kind"]], one["floor"]) == (expected.encounter_class, expected.floor)
+        if not isnan(one["x"]):
+            known += 1
+            assert (one["x"], one["y"]) == pytest.approx((expected.x_m, expected.y_m), abs=1e-6)
+    assert known > 400
+    (nobody,) = sweeper.encounters([("0", "who?")], at_s[:1])
+    assert isnan(nobody["x"])

@@ -9,7 +9,7 @@ from deconflict.life import Lives
 from deconflict.site import Conflict
 from deconflict.telling import Pair, Party, Prediction, Scene
 from deconflict.tracks import HELD_SHARE
-from tests.deconflict.made_predictions import in_columns
+from tests.deconflict.made_predictions import each, in_columns
 
 PAIR: Pair = ("a", "b")
 SETTINGS = Conflict(
@@ -40,11 +40,15 @@ class Story:
     x_m: float = 3.0
 
     def scene(self) -> Scene:
+        def meet(*_: object) -> Encounter:
+            return Encounter(EncounterClass.CROSSING, 1.2, self.x_m, 4.0, 0)
+
         return Scene(
             here=self.floor.__contains__,
             party=self.floor.__getitem__,
             stands=lambda uuid: uuid in self.floor and self.floor[uuid].standing,
-            meet=lambda _, __: Encounter(EncounterClass.CROSSING, 1.2, self.x_m, 4.0, 0),
+            meet=meet,
+            encounters=each(meet),
             separation_m=lambda _, __: self.apart_m,
             datum=lambda _: "datum-1",
             places=lambda met: ["in Aisle 4 on Hall"] * len(met),

@@ -23,7 +23,7 @@ from deconflict.life import Lives
 from deconflict.site import Conflict
 from deconflict.store import Store
 from deconflict.telling import Pair, Party, Prediction, Scene
-from tests.deconflict.made_predictions import in_columns
+from tests.deconflict.made_predictions import each, in_columns
 
 SETTINGS = Conflict()
 ABSENT_AFTER_S = 20.0
@@ -46,11 +46,15 @@ class Histories(RuleBasedStateMachine):
         self.answers: dict[str, str] = {}
 
     def scene(self) -> Scene:
+        def meet(*_: object) -> Encounter:
+            return Encounter(EncounterClass.CROSSING, 1.2, 3.0, 4.0, 0)
+
         return Scene(
             here=self.here.__contains__,
             party=lambda uuid: Party(f"Alder {uuid}", "Alder", "path", standing=False),
             stands=lambda _: False,
-            meet=lambda *_: Encounter(EncounterClass.CROSSING, 1.2, 3.0, 4.0, 0),
+            meet=meet,
+            encounters=each(meet),
             separation_m=lambda pair, _: self.apart_m.get(pair, 9.0),
             datum=lambda _: "datum-1",
             places=lambda met: ["in Aisle 4"] * len(met),

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from deconflict.advisory import ConflictAdvisory, EncounterClass
-from deconflict.encounter import Encounter
+from deconflict.encounter import CLASSES, Encounter
 from deconflict.life import Lives
 from deconflict.site import Conflict
 from deconflict.telling import Pair, Party, Prediction, Predictions, Scene
 from deconflict.tracks import Stirring, Tracks
-from tests.deconflict.made_predictions import in_columns
+from tests.deconflict.made_predictions import each, in_columns
 
 SETTINGS = Conflict(clearance_m=0.3, clear_after_s=1.0, clear_margin_m=0.1, warning_s=5.0, critical_s=2.0)
 PAIRS: tuple[Pair, ...] = tuple(("a", f"b{n}") for n in range(20))
@@ -26,7 +26,7 @@ class Every(Tracks):
         some = [row for row, track in enumerate(known) if track or predictions.fresh[row]]
         missed = [track for pair, track in self._of.items() if pair not in predictions.pairs]
         resting = [track.advisory is None for track in missed]
-        return Stirring(np.array(some, np.int64), [known[row] for row in some], missed, resting)
+        return Stirring(some, [known[row] for row in some], [False] * len(some), missed, resting)
 
 
 class Thorough(Lives):
@@ -44,6 +44,8 @@ class Meeting:
     separation_m: float
     x_m: float
     probability: float
+    encounter_class: EncounterClass = EncounterClass.CROSSING
+    floor: int = 0
 
 
 @dataclass
@@ -59,13 +61,18 @@ class Floor:
         self.rng = np.random.default_rng(self.seed)
 
     def scene(self) -> Scene:
+        def meet(pair: Pair, _: float) -> Encounter:
+            one = self.meetings[pair]
+            return Encounter(one.encounter_class, 1.2, one.x_m, 4.0, one.floor)
+
         return Scene(
             here=lambda _: True,
             party=lambda uuid: Party(uuid, "Alder", "path", standing=False),
             stands=self.standing.__contains__,
-            meet=lambda pair, _: Encounter(EncounterClass.CROSSING, 1.2, self.meetings[pair].x_m, 4.0, 0),
+            meet=meet,
+            encounters=each(meet),
             separation_m=lambda *_: 5.0,
-            datum=lambda _: "datum-1",
+            datum=lambda met: f"datum-{met.floor}",
             places=lambda met: ["in Aisle 4"] * len(met),
         )
 
@@ -95,7 +102,11 @@ class Floor:
             return Meeting(self.now_s + in_s, separation_m, x_m, self._share())
         moved_m, later_s = self.rng.normal(0, 0.8), float(self.rng.choice([0.0, self.rng.normal(0, 0.4)]))
         probability = self._share() if self.rng.random() < 0.2 else before.probability
-        return Meeting(before.contact_s + later_s, before.separation_m, before.x_m + moved_m, probability)
+        encounter_class, floor = before.encounter_class, before.floor
+        if self.rng.random() < 0.05:
+            encounter_class, floor = CLASSES[self.rng.integers(len(CLASSES))], int(self.rng.integers(2))
+        x_m, contact_s = before.x_m + moved_m, before.contact_s + later_s
+        return Meeting(contact_s, before.separation_m, x_m, probability, encounter_class, floor)
 
     def _share(self) -> float:
         return float(self.rng.choice([0.07, 0.3, 0.5, 0.7, 0.95]))
