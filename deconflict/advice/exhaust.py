@@ -12,6 +12,8 @@ from ingest.seam import Ints
 MOST_TRIED = 200_000
 """Holds of one robot that are tried before a question is left to the solver: milliseconds, as it takes itself."""
 NONE, UNKNOWN = -1, -2
+ROOMY = 1 << 62
+"""More than any plan counts."""
 
 _INTS, _PAIRS, _BOOLS = numba.int64[::1], numba.int64[:, ::1], numba.boolean[:, ::1]
 
@@ -34,14 +36,42 @@ class Choice(NamedTuple):
 
 
 @inner
-def _fits(robot: int, first: int, hold: int, plan: Ints, pairs: Ints, allowed: Bools) -> bool:
-    """Whether a robot that is held so long keeps apart from those before it, from `first` on."""
-    middle = allowed.shape[1] // 2
-    for row in range(len(pairs)):
+def _below(allowed: Bools) -> Ints:
+    """(p, 2 m + 1) the nearest column at or before each that is allowed, -1 where there is none."""
+    below = np.empty(allowed.shape, np.int64)
+    for row in range(len(allowed)):
+        last = -1
+        for column in range(allowed.shape[1]):
+            if allowed[row, column]:
+                last = column
+            below[row, column] = last
+    return below
+
+
+@inner
+def _fitting(robot: int, first: int, hold: int, longest: int, plan: Ints, pairs: Ints, below: Ints) -> int:
+    """The shortest hold from `hold` on at which a robot keeps apart from those before it, from `first` on; more than
+    `longest` where there is none."""
+    middle, row = below.shape[1] // 2, 0
+    while row < len(pairs) and hold <= longest:
         a, b = pairs[row]
-        if b == robot and a >= first and not allowed[row, plan[a] - hold + middle]:
-            return False
-    return True
+        row += 1
+        if b == robot and a >= first:
+            column = plan[a] - hold + middle
+            nearest = below[row - 1, column]
+            if nearest < 0:
+                return longest + 1
+            if nearest < column:
+                hold, row = hold + column - nearest, 0
+    return hold
+
+
+@inner
+def _worthwhile(longest: int, left: int, weight: int, room: int, step: int, held: int) -> int:
+    """The longest hold that costs no more than is `left` and counts no more than there is `room` for; -1 for none."""
+    if room < 0:
+        return -1
+    return max(min(longest, left // weight, (room - held) // step), 0)
 
 
 @kernel(numba.int64(*[_INTS] * 4, _PAIRS, _BOOLS, numba.int64, numba.int64, _INTS))
@@ -59,31 +89,36 @@ def _least(
     """Depth first, the shortest holds first, for the last robot alone, then for the last two, and so on: what those
     that follow count at least is known then, and nothing is tried that can't count less than what was found.
 
-    (Verfaillie, Lemaitre and Schiex 1996, Russian doll search.)
+    (Verfaillie, Lemaitre and Schiex 1996, Russian doll search.) Holds that do not fit are passed over at once, and
+    count as tried.
     """
-    robots, tried, least = len(longest), 0, 0
+    robots, tried, least, below = len(longest), 0, 0, _below(allowed)
     rest, plan = np.zeros(robots + 1, np.int64), np.full(robots, -1)
     cost, count = np.zeros(robots + 1, np.int64), np.zeros(robots + 1, np.int64)
     for first in range(robots - 1, -1, -1):
         least, robot = NONE, first
         cost[first] = count[first] = 0
         while robot >= first:
-            plan[robot], tried = plan[robot] + 1, tried + 1
+            begin = plan[robot] + 1
+            room = ROOMY if least == NONE else least - 1 - count[robot] - rest[robot + 1]
+            last = _worthwhile(longest[robot], budget - cost[robot], weight[robot], room, step[robot], held[robot])
+            hold = _fitting(robot, first, begin, last, plan, pairs, below) if begin <= last else begin
+            tried += 1 + max(min(hold, last + 1) - begin, 0)
             if tried > most:
                 return UNKNOWN
-            hold = plan[robot]
-            costs = cost[robot] + weight[robot] * hold
-            counts = count[robot] + step[robot] * hold + held[robot] * (hold > 0)
-            if hold > longest[robot] or costs > budget or (least != NONE and counts + rest[robot + 1] >= least):
+            if hold > last:
                 plan[robot] = -1
                 robot -= 1
-            elif _fits(robot, first, hold, plan, pairs, allowed):
-                if robot + 1 == robots:
-                    least = counts
-                    best[:] = plan
-                else:
-                    robot += 1
-                    cost[robot], count[robot] = costs, counts
+                continue
+            plan[robot] = hold
+            costs = cost[robot] + weight[robot] * hold
+            counts = count[robot] + step[robot] * hold + held[robot] * (hold > 0)
+            if robot + 1 == robots:
+                least = counts
+                best[:] = plan
+            else:
+                robot += 1
+                cost[robot], count[robot] = costs, counts
         if least == NONE:
             return NONE
         rest[first] = least

@@ -1,0 +1,99 @@
+"""The cheapest plan by trying: held against every plan there is, and each hold tried by itself."""
+
+from itertools import product
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from deconflict.advice.exhaust import NONE, UNKNOWN, Choice, least
+
+BUDGET = 1 << 60
+STEPS = 3
+
+
+@st.composite
+def choices(draw: st.DrawFn) -> Choice:
+    robots = draw(st.integers(1, 5))
+
+    def each(low: int, high: int) -> np.ndarray:
+        return np.array(draw(st.lists(st.integers(low, high), min_size=robots, max_size=robots)), np.int64)
+
+    every = [(a, b) for a in range(robots) for b in range(a + 1, robots)]
+    pairs = draw(st.permutations(every).map(lambda some: some[: draw(st.integers(0, len(every)))]))
+    rows = st.lists(st.booleans(), min_size=2 * STEPS + 1, max_size=2 * STEPS + 1)
+    allowed = np.array([draw(rows) for _ in pairs], bool).reshape(-1, 2 * STEPS + 1)
+    return Choice(each(0, STEPS), each(1, 3), each(1, 3), each(0, 2), np.array(pairs, np.int64).reshape(-1, 2), allowed)
+
+
+def fits(choice: Choice, plan: tuple[int, ...]) -> bool:
+    """Whether those that have a hold in `plan`, the last of all robots, keep apart."""
+    first = len(choice.longest) - len(plan)
+    return all(
+        choice.allowed[row, plan[a - first] - plan[b - first] + STEPS]
+        for row, (a, b) in enumerate(choice.pairs.tolist())
+        if a >= first and b < first + len(plan)
+    )
+
+
+def counted(choice: Choice, plan: tuple[int, ...]) -> int:
+    return sum(step * one + held * (one > 0) for step, held, one in zip(choice.step, choice.held, plan, strict=True))
+
+
+def plans(choice: Choice, budget: int) -> list[tuple[int, tuple[int, ...]]]:
+    """What each plan counts, the cheapest and then the first in order before others."""
+    every = product(*(range(longest + 1) for longest in choice.longest.tolist()))
+    within = (one for one in every if fits(choice, one) and sum(np.multiply(choice.weight, one)) <= budget)
+    return sorted((counted(choice, one), one) for one in within)
+
+
+def tries(choice: Choice, budget: int) -> int:
+    """How many holds are tried where each is, one after the other."""
+    robots, tried, rest = len(choice.longest), 0, [0] * (len(choice.longest) + 1)
+    middle, best = choice.allowed.shape[1] // 2, None
+
+    def goes_on(first: int, before: list[int], cost: int, count: int) -> None:
+        nonlocal tried, best
+        robot = first + len(before)
+        for hold in range(choice.longest[robot] + 2):
+            tried += 1
+            costs = cost + choice.weight[robot] * hold
+            counts = count + choice.step[robot] * hold + choice.held[robot] * (hold > 0)
+            if (
+                hold > choice.longest[robot]
+                or costs > budget
+                or (best is not None and counts + rest[robot + 1] >= best)
+            ):
+                return
+            held = dict(enumerate([*before, hold], first))
+            if all(
+                choice.allowed[row, held[a] - held[b] + middle]
+                for row, (a, b) in enumerate(choice.pairs.tolist())
+                if a in held and b == robot
+            ):
+                if robot + 1 == robots:
+                    best = counts
+                else:
+                    goes_on(first, [*before, hold], costs, counts)
+
+    for first in reversed(range(robots)):
+        best = None
+        goes_on(first, [], 0, 0)
+        if best is None:
+            break
+        rest[first] = best
+    return tried
+
+
+@given(choices(), st.sampled_from([0, 3, BUDGET]))
+def test_trying_finds_the_first_of_the_cheapest_plans(choice: Choice, budget: int) -> None:
+    every = plans(choice, budget)
+    count, holds = least(choice, budget)
+    assert (count, tuple(holds)) == every[0] if every else count == NONE
+
+
+@given(choices(), st.sampled_from([0, 3, BUDGET]))
+def test_holds_that_are_passed_over_count_as_tried(choice: Choice, budget: int) -> None:
+    most = tries(choice, budget)
+    assert least(choice, budget, most)[0] != UNKNOWN
+    assert least(choice, budget, most - 1)[0] == UNKNOWN
