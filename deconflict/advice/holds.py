@@ -9,7 +9,10 @@ from ortools.sat.python import cp_model
 from deconflict.advice.delays import STEP_S, Delays, Mover, Pair, Window
 from deconflict.advice.effort import Model, solve
 from deconflict.advice.exhaust import NONE, UNKNOWN, Choice, least
+from deconflict.advice.folding import folded
 from deconflict.advisory import Hold, Recommendation
+from deconflict.motion import Bools
+from ingest.seam import Ints
 
 EFFORT = 0.1
 SWITCH_S = 2.0
@@ -124,7 +127,7 @@ class Planner:
         choice, budget = self._choice(robots), _DEAREST if hint is None else self.problem.cost(hint)
         count, holds = least(choice, budget)
         if count == UNKNOWN:
-            return self._solved(hint)
+            return self._folded(choice, robots, hint)
         if count == NONE:
             return None
         plan = dict(zip(robots, holds, strict=True))
@@ -134,20 +137,27 @@ class Planner:
             bound = 0 if bound == UNKNOWN else bound
         return plan, bound, bound == cost
 
+    def _folded(self, choice: Choice, robots: list[str], hint: Plan | None) -> tuple[Plan, int, bool] | None:
+        """What trying takes too long for: folded up where that leaves one plan, else what CP-SAT finds."""
+        count, holds = folded(choice)
+        if count == NONE:
+            return None
+        plan = dict(zip(robots, holds, strict=True)) if holds else None
+        if plan is None or (hint is not None and self.problem.cost(plan) > self.problem.cost(hint)):
+            return self._solved(hint)
+        return plan, self.problem.cost(plan), not self.standing
+
     def _choice(self, robots: list[str]) -> Choice:
         """Costs count before the number of those held, and that before what the burdened wait."""
-        steps, movers = self.problem.window.steps, [self.problem.movers[robot] for robot in robots]
-        longest = np.array([steps * one.holdable for one in movers], np.int64)
+        movers, (longest, pairs, allowed) = (
+            [self.problem.movers[robot] for robot in robots],
+            _bounds(self.problem, robots),
+        )
         weight = np.array([_weight(one) for one in movers], np.int64)
         rank = np.array([self.ranks[one.vendor] for one in movers], np.int64)
         change = np.array([self._change(robot) for robot in robots], np.int64)
-        most = 1 + sum(rank.tolist()) * steps
+        most = 1 + sum(rank.tolist()) * self.problem.window.steps
         after = most * (1 + len(robots))
-        allowed = np.zeros((len(self.problem.allowed), 2 * steps + 1), bool)
-        for at, differences in enumerate(self.problem.allowed.values()):
-            allowed[at, np.array(differences) + steps] = True
-        row = {robot: row for row, robot in enumerate(robots)}
-        pairs = np.array([(row[a], row[b]) for a, b in self.problem.allowed], np.int64).reshape(-1, 2)
         return Choice(longest, weight, after * weight + rank, after * change + most, pairs, allowed)
 
     def _change(self, robot: str) -> int:
@@ -184,6 +194,17 @@ class Planner:
             best = {robot: fairer.solver.value(hold) for robot, hold in holds.items()}
         bound = self.problem.cost(best) if proven else max(int(solved.bound), 0)
         return best, min(bound, self.problem.cost(best)), proven
+
+
+def _bounds(problem: Problem, robots: Sequence[str]) -> tuple[Ints, Ints, Bools]:
+    """The longest holds of `robots`, their pairs, and which differences those allow, as `Choice` has them."""
+    steps, row = problem.window.steps, {robot: row for row, robot in enumerate(robots)}
+    pairs = [(row[a], row[b], differences) for (a, b), differences in problem.allowed.items() if a in row and b in row]
+    allowed = np.zeros((len(pairs), 2 * steps + 1), bool)
+    for at, (_, _, differences) in enumerate(pairs):
+        allowed[at, np.array(differences) + steps] = True
+    longest = np.array([steps * problem.movers[robot].holdable for robot in robots], np.int64)
+    return longest, np.array([(a, b) for a, b, _ in pairs], np.int64).reshape(-1, 2), allowed
 
 
 def _model(problem: Problem, robots: Sequence[str]) -> tuple[cp_model.CpModel, dict[str, cp_model.IntVar]]:
@@ -236,11 +257,20 @@ def _core(problem: Problem) -> list[str]:
     core = problem.robots()
     for robot in list(core):
         rest = [one for one in core if one != robot]
-        model, _ = _model(problem, rest)
-        solved = solve(model, EFFORT, presolve=False)
-        if solved.proven and not solved.found:
+        if not _has_plan(problem, rest):
             core = rest
     return core
+
+
+def _has_plan(problem: Problem, robots: Sequence[str]) -> bool:
+    """Whether there is a plan for some robots alone, or may be one."""
+    longest, pairs, allowed = _bounds(problem, robots)
+    nothing = np.zeros(len(robots), np.int64)
+    count, _ = folded(Choice(longest, nothing, nothing, nothing, pairs, allowed))
+    if count != UNKNOWN:
+        return count != NONE
+    solved = solve(_model(problem, robots)[0], EFFORT, presolve=False)
+    return solved.found or not solved.proven
 
 
 def _needs_another_route(problem: Problem) -> str:

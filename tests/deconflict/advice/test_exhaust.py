@@ -1,12 +1,14 @@
-"""The cheapest plan by trying: held against every plan there is, and each hold tried by itself."""
+"""The cheapest plan by trying, and by folding up: held against every plan there is, and each hold tried by itself."""
 
 from itertools import product
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from deconflict.advice.exhaust import NONE, UNKNOWN, Choice, least
+from deconflict.advice.folding import folded
 
 BUDGET = 1 << 60
 STEPS = 3
@@ -97,3 +99,26 @@ def test_holds_that_are_passed_over_count_as_tried(choice: Choice, budget: int) 
     most = tries(choice, budget)
     assert least(choice, budget, most)[0] != UNKNOWN
     assert least(choice, budget, most - 1)[0] == UNKNOWN
+
+
+@given(choices())
+def test_folding_up_finds_the_cheapest_plan_and_whether_it_is_alone(choice: Choice) -> None:
+    every = plans(choice, BUDGET)
+    count, holds = folded(choice)
+    if count == UNKNOWN:
+        assert len(choice.pairs) >= 6, "four robots that all meet, at least"
+    elif not every:
+        assert count == NONE
+    else:
+        alone = len(every) == 1 or every[1][0] > every[0][0]
+        assert (count, holds) == (every[0][0], list(every[0][1]) if alone else None)
+
+
+@pytest.mark.parametrize(("robots", "known"), [(3, True), (4, False)])
+def test_robots_that_all_meet_are_folded_up_where_they_are_three(robots: int, known: bool) -> None:
+    pairs = np.array([(a, b) for a in range(robots) for b in range(a + 1, robots)], np.int64)
+    allowed = np.ones((len(pairs), 2 * STEPS + 1), bool)
+    ones, longest = np.ones(robots, np.int64), np.full(robots, STEPS)
+    choice = Choice(longest, ones, ones, ones, pairs, allowed)
+    assert (folded(choice)[0] != UNKNOWN) == known
+    assert folded(choice, most=10)[0] == UNKNOWN

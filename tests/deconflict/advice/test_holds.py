@@ -95,7 +95,9 @@ def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, f
 
 
 @pytest.mark.parametrize("robots", [2, 3, 4])
-def test_few_robots_are_planned_as_the_solver_would(monkeypatch: pytest.MonkeyPatch, robots: int) -> None:
+def test_few_robots_are_planned_as_by_folding_them_up_or_the_solver(
+    monkeypatch: pytest.MonkeyPatch, robots: int
+) -> None:
     rng, told = Random(3), []
     for _ in range(24 // robots):
         movers = [
@@ -114,8 +116,9 @@ def test_few_robots_are_planned_as_the_solver_would(monkeypatch: pytest.MonkeyPa
         again = partial(question, standing=alone.model_copy(update={"holds": (Hold(robot="a", hold_s=2.0),)}))
         tried = [counted(alone, movers), counted(again(), movers)]
         with monkeypatch.context() as patched:
-            patched.setattr(holds, "least", lambda *_: (UNKNOWN, []))
-            assert tried == [counted(question(), movers), counted(again(), movers)]
+            for leaves_it in ("least", "folded"):
+                patched.setattr(holds, leaves_it, lambda *_: (UNKNOWN, None))
+                assert tried == [counted(question(), movers), counted(again(), movers)]
         told.append(bool(alone.holds))
     assert sum(told) > 3
 
