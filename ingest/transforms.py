@@ -124,16 +124,12 @@ class Adjusted(_Map):
         self._middle = float(middle[0]), float(middle[1])
         self._triangles = Delaunay(readings - middle)
         self._kept, rim = _without_flat_rim(self._triangles)
-        corners = residuals[self._triangles.simplices]
-        barycentric = self._triangles.transform
-        self._slopes = np.einsum("tij,tik->tjk", corners[:, :2] - corners[:, 2:], barycentric[:, :2])
-        kept = np.flatnonzero(self._kept)
-        self._inner = [
-            _Triangle(
-                *barycentric[row].ravel().tolist(), *corners[row, 2].tolist(), *self._slopes[row].ravel().tolist()
-            )
-            for row in kept
-        ]
+        kept = self._triangles.simplices[self._kept]
+        points, missed = self._triangles.points[kept], residuals[kept]
+        shares = _shares(points)
+        self._slopes = np.einsum("tij,tik->tjk", missed[:, :2] - missed[:, 2:], shares)
+        flat = (part.reshape(-1, part[0].size) for part in (shares, points[:, 2], missed[:, 2], self._slopes))
+        self._inner = [_Triangle(*row) for row in np.hstack(list(flat)).tolist()]
         starts, ends = self._triangles.points[rim[:, 0]], self._triangles.points[rim[:, 1]]
         changes = residuals[rim[:, 1]] - residuals[rim[:, 0]]
         along = ends - starts
@@ -187,10 +183,9 @@ class Adjusted(_Map):
 
         With it the rows of that triangle's points. Reaches 1 where the correction folds the map.
         """
-        kept = np.flatnonzero(self._kept)
-        bends = np.linalg.norm(np.linalg.inv(self._base.matrix) @ self._slopes[kept], ord=2, axis=(1, 2))
+        bends = np.linalg.norm(np.linalg.inv(self._base.matrix) @ self._slopes, ord=2, axis=(1, 2))
         worst = int(np.argmax(bends))
-        return float(bends[worst]), tuple(int(row) for row in self._triangles.simplices[kept[worst]])
+        return float(bends[worst]), tuple(self._triangles.simplices[self._kept][worst].tolist())
 
 
 class _Triangle(NamedTuple):
@@ -226,6 +221,24 @@ class _Edge(NamedTuple):
 
 
 Transform = Affine | Adjusted
+
+
+def _shares(corners: Floats) -> Floats:
+    """What takes a point, about the last of a triangle's `corners` (t, 3, 2), to its shares in the other two (t, 2, 2).
+
+    `Delaunay` knows it too, but to be asked for it wakes threads of LAPACK that then spin for a tenth of a second.
+    """
+    first, second = corners[:, 0] - corners[:, 2], corners[:, 1] - corners[:, 2]
+    # elimination by the side that is longer along x, as LAPACK does it
+    swapped = np.abs(second[:, :1]) > np.abs(first[:, :1])
+    (x, y), (other_x, other_y) = np.where(swapped, second, first).T, np.where(swapped, first, second).T
+    per_x = 1 / x
+    slant = other_x * per_x
+    per_y = 1 / (other_y - slant * y)
+    drop = slant * per_y
+    own = np.stack([(1 + y * drop) * per_x, -drop], axis=1)
+    others = np.stack([-y * per_y * per_x, per_y], axis=1)
+    return np.stack([np.where(swapped, others, own), np.where(swapped, own, others)], axis=1)
 
 
 def _without_flat_rim(triangles: Delaunay) -> tuple[NDArray[np.bool_], Ints]:
