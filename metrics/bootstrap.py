@@ -9,18 +9,25 @@ from ingest.seam import Floats
 DRAWS = 400
 LEVEL = 0.95
 SEED = 20_090_724
+DRAWN = 1_000_000
+"""Cases drawn at once, which bounds the memory."""
 
 Interval = tuple[float, float] | None
 """The middle 95 % of the figure; None where it could not be told of most draws."""
 
 
-def interval(cases: Floats, figure: Callable[[Floats], float | None]) -> Interval:
-    """Of a figure over `cases` (n, ...). The draws are the same on every run."""
+def interval(cases: Floats, figures: Callable[[Floats], Floats]) -> Interval:
+    """Of a figure over `cases` (n, ...). The draws are the same on every run.
+
+    `figures` tells it of samples (d, n, ...), each by itself: (d,), nan where it can't be told.
+    """
     if not len(cases):
         return None
-    rng = np.random.default_rng(SEED)
-    drawn = [figure(cases[rng.integers(0, len(cases), len(cases))]) for _ in range(DRAWS)]
-    return middle([value for value in drawn if value is not None])
+    rng, at_once, found = np.random.default_rng(SEED), max(DRAWN // len(cases), 1), np.empty(0)
+    while len(found) < DRAWS:
+        rows = rng.integers(0, len(cases), (min(at_once, DRAWS - len(found)), len(cases)))
+        found = np.append(found, figures(cases[rows]))
+    return middle(found[~np.isnan(found)].tolist())
 
 
 def middle(values: list[float]) -> Interval:

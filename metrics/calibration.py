@@ -18,7 +18,7 @@ import numpy as np
 from deconflict.foresight.leaving import PARTS, STAYED, part_of, weights
 from ingest.seam import Floats, Ints
 from metrics.bootstrap import Interval, interval
-from metrics.summaries import brier, brier_skill
+from metrics.summaries import brier, brier_skill, brier_skills, briers
 from metrics.truth import Encounter, Pair, Truth
 from metrics.waits import Waits
 
@@ -119,7 +119,7 @@ class Tally:
     def intervals(self) -> dict[str, Interval]:
         """Of the Brier score and its skill, by drawing groups of pairs."""
         groups = self.by_group()
-        return {"brier": interval(groups, brier), "brier_skill": interval(groups, brier_skill)}
+        return {"brier": interval(groups, briers), "brier_skill": interval(groups, brier_skills)}
 
 
 class Calibration:

@@ -28,7 +28,7 @@ from deconflict.site import Site
 from ingest.seam import Batch
 from metrics.bootstrap import interval
 from metrics.conduct import Conduct, Span
-from metrics.summaries import mean, median, spread
+from metrics.summaries import mean, means, median, spread
 
 AFTER_S = 5.0
 TOLD_S = 30.0
@@ -128,8 +128,8 @@ class Contention:
             "recall": None if foretold is None else mean(foretold[:, 0]),
             "recall_any": None if foretold is None else mean(foretold[:, 1]),
             "intervals": {
-                "precision": interval(came, mean),
-                "recall": None if foretold is None else interval(foretold[:, 0], mean),
+                "precision": interval(came, means),
+                "recall": None if foretold is None else interval(foretold[:, 0], means),
             },
         }
 

@@ -5,7 +5,7 @@ already in an encounter are left out, and those after a robot left, which no enc
 other second is not scored.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
 from math import ceil, isnan, nan
@@ -16,7 +16,7 @@ import numpy as np
 from ingest.seam import Floats
 from metrics.bootstrap import interval
 from metrics.calibration import Tally, Vendors
-from metrics.summaries import mean, median, spread
+from metrics.summaries import mean, means, median, medians, spread
 from metrics.truth import Encounter, Pair
 
 HORIZON_S = 10.0
@@ -80,12 +80,8 @@ class Cases:
     """Alerts that can't be told since a robot waited as advised."""
 
 
-_MEASURED: dict[str, Callable[[Floats], float | None]] = {
-    "recall": lambda met: mean(met[:, 0]),
-    "recall_any": lambda met: mean(met[:, 1]),
-    "lead_time_s": lambda met: median(met[:, 2]),
-    "start_error_s": lambda met: median(met[:, 3]),
-}
+_MEASURED = {"recall": means, "recall_any": means, "lead_time_s": medians, "start_error_s": medians}
+"""What each column of `Cases.met` comes to."""
 
 
 def score(
@@ -178,8 +174,8 @@ def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
     return {
         "encounters": cases.encounters,
         "foreseeable": len(cases.met),
-        "recall": _MEASURED["recall"](cases.met),
-        "recall_any": _MEASURED["recall_any"](cases.met),
+        "recall": mean(cases.met[:, 0]),
+        "recall_any": mean(cases.met[:, 1]),
         "alerts": len(told),
         "censored": len(cases.alerts) - len(told) - cases.heeded,
         "heeded": cases.heeded,
@@ -188,7 +184,7 @@ def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
         "robot_hours": robot_hours,
         "alerts_per_robot_hour": len(cases.alerts) / robot_hours if robot_hours else None,
         "lead_time_s": spread(cases.met[:, 2]),
-        "start_error_s": _MEASURED["start_error_s"](cases.met),
+        "start_error_s": median(cases.met[:, 3]),
         **cases.tally.figures(),
     }
 
@@ -197,8 +193,8 @@ def _intervals(cases: Cases) -> dict[str, Any]:
     """The middle 95 % of each figure over encounters, alerts or groups of pairs drawn again."""
     told = cases.alerts[~np.isnan(cases.alerts)]
     return {
-        **{name: interval(cases.met, figure) for name, figure in _MEASURED.items()},
-        "precision": interval(told, mean),
+        **{name: interval(cases.met[:, n], figures) for n, (name, figures) in enumerate(_MEASURED.items())},
+        "precision": interval(told, means),
         **cases.tally.intervals(),
     }
 

@@ -4,6 +4,7 @@ import pytest
 from deconflict.foresight.leaving import STAYED
 from metrics.bootstrap import interval
 from metrics.calibration import Calibration, Tally
+from metrics.summaries import means
 from tests.metrics.made_motion import driven, reported
 
 PAIR = ("a", "b")
@@ -137,8 +138,8 @@ def test_nothing_is_counted_before_it_is_known() -> None:
 
 def test_an_interval_holds_the_figure_narrows_with_cases_and_is_the_same_each_time() -> None:
     few, many = np.tile([0.0, 1.0], 20), np.tile([0.0, 1.0], 2000)
-    one, other = interval(few, lambda drawn: float(drawn.mean())), interval(many, lambda drawn: float(drawn.mean()))
+    one, other = interval(few, means), interval(many, means)
     assert one is not None
     assert other is not None
     assert one[0] < other[0] < 0.5 < other[1] < one[1]
-    assert one == interval(few, lambda drawn: float(drawn.mean()))
+    assert one == interval(few, means)
