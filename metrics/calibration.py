@@ -6,16 +6,19 @@ anything happened: nobody knows what would have. Those that are known stand for 
 Those of which a robot waited as advised are counted apart.
 """
 
-from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict, deque
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from math import floor, inf, pi
-from typing import Any
+from typing import Any, NamedTuple
 from zlib import crc32
 
+import numba
 import numpy as np
 
 from deconflict.foresight.leaving import PARTS, STAYED, part_of, weights
+from deconflict.motion import Bools
+from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
 from metrics.bootstrap import Interval, interval
 from metrics.summaries import brier, brier_skill, brier_skills, briers
@@ -41,6 +44,26 @@ EACH_ONCE = np.ones(PARTS + 1)
 Vendors = tuple[str, str]
 
 
+class Samples(NamedTuple):
+    """What was said of pairs, and what came of it. Arrays are (n,)."""
+
+    group: Ints
+    step: Ints
+    """Of the probability."""
+    probability: Floats
+    squared: Floats
+    """Errors."""
+    part: Ints
+    """Of the horizon in which it came true or a robot left; `STAYED` where neither did."""
+    known: Bools
+    """Whether no robot left before."""
+
+    @classmethod
+    def of(cls, group: Ints, probability: Floats, part: Ints, known: Bools) -> "Samples":
+        squared = [off**2 for off in (probability - (part < STAYED)).tolist()]
+        return cls(group, np.searchsorted(_STEPS, probability), probability, np.array(squared), part, known)
+
+
 class Tally:
     """Samples counted by what became of them, by probability and by group of pairs: bounded however long a log is."""
 
@@ -52,14 +75,9 @@ class Tally:
         self.left = np.zeros(PARTS + 1)
         """Samples of which a robot left before anything happened, by when it did."""
 
-    def add(self, group: Ints, probability: Floats, part: Ints) -> None:
-        """Samples (n,) that each came true in a part of the horizon, or not (`STAYED`)."""
-        step = np.searchsorted(_STEPS, probability)
-        squared = [off**2 for off in (probability - (part < STAYED)).tolist()]
-        for (samples, sums), column, by in ((self.fine, step, probability), (self.groups, group, squared)):
-            at = part * samples.shape[1] + column
-            np.add.at(samples.reshape(-1), at, 1.0)
-            np.add.at(sums.reshape(-1), at, by)
+    def add(self, samples: Samples, rows: Ints) -> None:
+        """Count the samples of `rows` (m,)."""
+        _count(rows, *samples, self.fine, self.groups, self.left)
 
     @classmethod
     def joined(cls, parts: Iterable["Tally"]) -> "Tally":
@@ -130,7 +148,7 @@ class Calibration:
         self._waiting: deque[tuple[float, Sequence[tuple[Pair, float]]]] = deque()
         self._second = -1
         self._settled_from_s = inf
-        self.by_vendors: dict[Vendors, Tally] = {}
+        self.by_vendors: defaultdict[Vendors, Tally] = defaultdict(Tally)
         self.settled = Tally()
         """What was said after the first minutes."""
         self.waits = Waits()
@@ -148,13 +166,13 @@ class Calibration:
 
     def resolve(self, truth: Truth, vendor_of: Mapping[str, str]) -> None:
         """Count every sample of which it is known what followed."""
-        due: list[tuple[float, Pair, float]] = []
+        due: list[tuple[float, Sequence[tuple[Pair, float]]]] = []
         while self._waiting and self._waiting[0][0] + HORIZON_S <= truth.until_s:
-            at_s, probabilities = self._waiting.popleft()
-            due += [(at_s, pair, probability) for pair, probability in probabilities]
+            due.append(self._waiting.popleft())
         if due:
-            at, pairs, said = zip(*due, strict=True)
-            self._judge(np.array(at), pairs, np.array(said), truth, vendor_of)
+            at_s = np.repeat([at_s for at_s, _ in due], [len(told) for _, told in due])
+            pairs, said = zip(*chain.from_iterable(told for _, told in due), strict=True)
+            self._judge(at_s, pairs, np.array(said), truth, vendor_of)
 
     def whole(self) -> Tally:
         return Tally.joined(self.by_vendors.values())
@@ -163,37 +181,63 @@ class Calibration:
         self, at_s: Floats, pairs: Sequence[Pair], said: Floats, truth: Truth, vendor_of: Mapping[str, str]
     ) -> None:
         """Count samples (n,), but for those that were said within an encounter."""
-        met = truth.by_pair(self._clearance_m)
-        each = list(zip(at_s.tolist(), pairs, strict=True))
-        began_s = np.array([_began_s(met[pair], one_s) if pair in met else inf for one_s, pair in each])
-        waited_s = np.array([self.waits.began_s(pair, one_s, one_s + HORIZON_S) for one_s, pair in each])
-        last_s = {robot: truth.motion.last_seen_s(robot) for robot in set(chain.from_iterable(pairs))}
-        last = np.array([min(last_s[a], last_s[b]) for a, b in pairs])
-        part = part_of(np.minimum(began_s, last) - at_s, HORIZON_S)
+        index: dict[Pair, int] = {}
+        which = np.array([index.setdefault(pair, len(index)) for pair in pairs])
+        every, met = list(index), truth.by_pair(self._clearance_m)
+        of_met, of_waits = (np.array([pair in one for pair in every])[which] for one in (met, self.waits))
+        began_s, waited_s = np.full((2, len(pairs)), inf)
+        for row in np.flatnonzero(of_met).tolist():
+            began_s[row] = _began_s(met[pairs[row]], at_s[row])
+        for row in np.flatnonzero(of_waits).tolist():
+            waited_s[row] = self.waits.began_s(pairs[row], at_s[row], at_s[row] + HORIZON_S)
         outside, heeded = began_s != at_s, waited_s < began_s
         self.heeded += int((outside & heeded).sum())
-        rows = np.flatnonzero(outside & ~heeded)
-        groups = {pair: crc32("".join(pair).encode()) % GROUPS for pair in set(pairs)}
-        group = np.array([groups[pair] for pair in pairs])
-        came = began_s < inf
+        seen_s = {robot: truth.motion.last_seen_s(robot) for robot in set(chain.from_iterable(every))}
+        last_s = np.array([min(seen_s[a], seen_s[b]) for a, b in every])[which]
+        part, came = part_of(np.minimum(began_s, last_s) - at_s, HORIZON_S), began_s < inf
         part = np.where(came, np.minimum(part, STAYED - 1), part)
-        is_known = came | (part == STAYED)
-        settled = (self.settled, rows[at_s[rows] >= self._settled_from_s])
-        for tally, of in (*self._by_vendors(rows, pairs, vendor_of), settled):
-            known, left = of[is_known[of]], of[~is_known[of]]
-            tally.add(group[known], said[known], part[known])
-            np.add.at(tally.left, part[left], 1.0)
+        group = np.array([crc32("".join(pair).encode()) % GROUPS for pair in every])[which]
+        samples = Samples.of(group, said, part, came | (part == STAYED))
+        rows = np.flatnonzero(outside & ~heeded)
+        vendors = [_sorted(vendor_of[a], vendor_of[b]) for a, b in every]
+        self._add(samples, rows, [vendors[one] for one in which[rows].tolist()])
+        self.settled.add(samples, rows[at_s[rows] >= self._settled_from_s])
 
-    def _by_vendors(
-        self, rows: Ints, pairs: Sequence[Pair], vendor_of: Mapping[str, str]
-    ) -> Iterator[tuple[Tally, Ints]]:
-        """The chosen samples of each two vendors, and where they are counted."""
-        vendors = {pair: _sorted(vendor_of[pair[0]], vendor_of[pair[1]]) for pair in set(pairs)}
+    def _add(self, samples: Samples, rows: Ints, vendors: Sequence[Vendors]) -> None:
+        """Count the samples of `rows` (m,), each of two vendors."""
         chosen: dict[Vendors, list[int]] = {}
-        for row in rows.tolist():
-            chosen.setdefault(vendors[pairs[row]], []).append(row)
+        for row, both in zip(rows.tolist(), vendors, strict=True):
+            chosen.setdefault(both, []).append(row)
         for both, some in chosen.items():
-            yield self.by_vendors.setdefault(both, Tally()), np.array(some)
+            self.by_vendors[both].add(samples, np.array(some))
+
+
+_FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
+
+
+@kernel(numba.void(*[_INTS] * 3, *[_FLOATS] * 2, _INTS, numba.boolean[::1], *[numba.float64[:, :, ::1]] * 2, _FLOATS))
+def _count(
+    rows: Ints,
+    group: Ints,
+    step: Ints,
+    probability: Floats,
+    squared: Floats,
+    part: Ints,
+    known: Bools,
+    fine: Floats,
+    groups: Floats,
+    left: Floats,
+) -> None:
+    """Add the chosen samples to what is counted."""
+    for row in rows:
+        at = part[row]
+        if not known[row]:
+            left[at] += 1.0
+            continue
+        fine[0, at, step[row]] += 1.0
+        fine[1, at, step[row]] += probability[row]
+        groups[0, at, group[row]] += 1.0
+        groups[1, at, group[row]] += squared[row]
 
 
 def _sorted(a: str, b: str) -> Vendors:

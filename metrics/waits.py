@@ -15,6 +15,10 @@ class Waits:
     def __init__(self) -> None:
         self._of: dict[str, list[tuple[float, float]]] = {}
 
+    def __contains__(self, pair: Pair) -> bool:
+        """Whether one of a pair has ever waited."""
+        return not self._of.keys().isdisjoint(pair)
+
     def see(self, now_s: float, waiting: Iterable[str]) -> None:
         """These robots wait now."""
         for robot in waiting:

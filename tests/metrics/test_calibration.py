@@ -3,7 +3,7 @@ import pytest
 
 from deconflict.foresight.leaving import STAYED
 from metrics.bootstrap import interval
-from metrics.calibration import Calibration, Tally
+from metrics.calibration import Calibration, Samples, Tally
 from metrics.summaries import means
 from tests.metrics.made_motion import driven, reported
 
@@ -16,12 +16,13 @@ def tally(*said: tuple[float, int, int]) -> Tally:
     made = Tally()
     for probability, samples, came_true in said:
         n = np.arange(samples)
-        made.add(n % 7, np.full(samples, probability), np.where(n < came_true, 0, STAYED))
+        part = np.where(n < came_true, 0, STAYED)
+        made.add(Samples.of(n % 7, np.full(samples, probability), part, np.ones(samples, bool)), n)
     return made
 
 
 def add(tally: Tally, group: int, probability: float, part: int) -> None:
-    tally.add(np.array([group]), np.array([probability]), np.array([part]))
+    tally.add(Samples.of(np.array([group]), np.array([probability]), np.array([part]), np.array([True])), np.array([0]))
 
 
 def test_probabilities_that_mean_what_they_say_have_no_calibration_error() -> None:
@@ -51,7 +52,8 @@ def test_where_nothing_was_published_or_nothing_ever_happened_there_is_no_figure
 
 def test_bins_hold_the_same_number_of_samples() -> None:
     made = Tally()
-    made.add(np.zeros(5000, np.int64), np.linspace(0.0, 1.0, 5000) ** 4, np.full(5000, STAYED))
+    said, nothing = np.linspace(0.0, 1.0, 5000) ** 4, np.zeros(5000, np.int64)
+    made.add(Samples.of(nothing, said, np.full(5000, STAYED), np.ones(5000, bool)), np.arange(5000))
     assert made.bins()[:, 0].tolist() == pytest.approx([500] * 10, abs=60)
 
 
