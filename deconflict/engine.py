@@ -13,7 +13,7 @@ import numpy as np
 
 from deconflict.advice.account import Account
 from deconflict.advice.answers import Aside, Submit, at_once
-from deconflict.advice.delays import Mover
+from deconflict.advice.delays import Mover, Near
 from deconflict.advice.desk import MOST_NEAR, NEAR_M, Desk
 from deconflict.advice.priorities import Priorities
 from deconflict.advisory import AnyAdvisory, ClaimAdvisory, ConflictAdvisory
@@ -201,20 +201,19 @@ class Engine:
 
     def _advise(self, now_s: float) -> list[AnyAdvisory]:
         """The revisions that give conflicts the advice that is due."""
-        due = self._desk.step(now_s, self._lives.told, self._lives.changed(), self._movers_around)
+        due = self._desk.step(now_s, self._lives.told, self._lives.changed(), self._around)
         return [told for pair, advice in due if (told := self._lives.advise(pair, advice, now_s))]
 
-    def _movers_around(self, group: set[str]) -> list[Mover]:
-        """The robots of a group that are on the floor, and those near to them, as swept."""
+    def _around(self, group: set[str]) -> Near:
+        """The robots of a group that are on the floor, and those near to them, as they are now."""
         uuids = self.live.around(group & self.live.robots.keys(), NEAR_M, MOST_NEAR)
-        _, forecasts = self._swept(uuids)
-        return [self._mover(uuid, self.live.robots[uuid], forecasts, row) for row, uuid in enumerate(uuids)]
+        told = [(one.batch, one.row) for one in map(self.live.robots.__getitem__, uuids)]
+        vendors = [batch.vendors[row] for batch, row in told]
+        return Near(uuids, vendors, *self._sweeper.swept(uuids), lambda row: self._mover(*told[row]))
 
-    def _mover(self, uuid: str, one: LiveRobot, forecasts: Forecasts, row: int) -> Mover:
-        batch, own = one.batch, one.row
-        vendor, moves = batch.vendors[own], int(batch.basis[own]) != Basis.STATIONARY
-        priority = self._priorities.of(vendor, batch.models[own])
-        return Mover(uuid, batch.names[own], vendor, forecasts, row, moves, priority)
+    def _mover(self, batch: Batch, row: int) -> Mover:
+        vendor, holdable = batch.vendors[row], int(batch.basis[row]) != Basis.STATIONARY
+        return Mover(batch.names[row], vendor, holdable, self._priorities.of(vendor, batch.models[row]))
 
     def _priority(self, uuid: str) -> float:
         one = self.live.robots[uuid]

@@ -19,9 +19,11 @@ Knots = NDArray[Any]
 """Of `KNOT`."""
 
 KNOT = np.dtype(
-    [(name, np.float64) for name in ("t", "x", "y", "yaw", "vx", "vy", "turn")] + [("floor", np.int64)], align=True
+    [(name, np.float64) for name in ("t", "x", "y", "yaw", "vx", "vy", "turn", "told_yaw")] + [("floor", np.int64)],
+    align=True,
 )
-"""Time, envelope centre and heading, rates a second until the next knot, and floor. Rates are 0 after the last."""
+"""Time, envelope centre and heading, rates a second until the next knot, the heading as it was told, and floor. Rates
+are 0 after the last."""
 
 Robots = NDArray[Any]
 """Of `ROBOT`."""
@@ -123,7 +125,7 @@ def _write_knots(
         for k in range(start[row], start[row + 1]):
             knot = knots[first[row] + k - start[row]]
             knot.t, knot.x, knot.y, knot.yaw, knot.floor = t_s[k], x_m[k], y_m[k], _wrapped(yaw_rad[k]), on_floor[k]
-            knot.vx = knot.vy = knot.turn = 0.0
+            knot.vx, knot.vy, knot.turn, knot.told_yaw = 0.0, 0.0, 0.0, yaw_rad[k]
             if k + 1 < start[row + 1] and on_floor[k + 1] == on_floor[k]:
                 span = t_s[k + 1] - t_s[k]
                 knot.vx, knot.vy = (x_m[k + 1] - x_m[k]) / span, (y_m[k + 1] - y_m[k]) / span
@@ -138,32 +140,6 @@ def _set_robot(
     robot.half_length, robot.half_width = half_length, half_width
     robot.radius = sqrt(half_length * half_length + half_width * half_width)
     robot.bottom, robot.top, robot.appears, robot.first, robot.count = bottom_m, top_m, appears, first, count
-
-
-@kernel(_ROBOT[::1](*[_INTS] * 3, *[_FLOATS] * 5))
-def _robots_of(
-    first: Ints,
-    counts: Ints,
-    start: Ints,
-    t_s: Floats,
-    length_m: Floats,
-    width_m: Floats,
-    bottom_m: Floats,
-    top_m: Floats,
-) -> Robots:
-    robots = np.empty(len(first), ROBOT)
-    for row in range(len(first)):
-        appears = t_s[start[row]] if counts[row] else 0.0
-        sizes_m = length_m[row], width_m[row], bottom_m[row], top_m[row]
-        _set_robot(robots[row], first[row], counts[row], appears, *sizes_m)
-    return robots
-
-
-def robots_of(forecasts: Forecasts, first: Ints, counts: Ints) -> Robots:
-    """(n,) of `ROBOT`: n forecasts of so many knots each, which begin at `first`."""
-    f = forecasts
-    sizes_m = (ready(column) for column in (f.length_m, f.width_m, f.bottom_m, f.top_m))
-    return _robots_of(first, counts, ready(f.start, np.int64), ready(f.t_s), *sizes_m)
 
 
 @kernel(
@@ -212,18 +188,29 @@ def replace(robots: Robots, knots: Knots, slots: Ints, used: int, forecasts: For
     return _replace(*where, ready(f.start, np.int64), t_s, x_m, y_m, yaw_rad, ready(f.floor, np.int64), *sizes_m)
 
 
-@kernel(
-    numba.types.Tuple((_ROBOT[::1], _KNOT[::1]))(  # type: ignore[no-untyped-call]
-        _ROBOT[::1], *[_FLOATS] * 4, _INTS, numba.int64[::1], numba.float64[::1], *[numba.float64] * 4
-    )
-)
+_SWEPT = numba.types.Tuple((_ROBOT[::1], _KNOT[::1]))  # type: ignore[no-untyped-call]
+
+
+@kernel(_SWEPT(_ROBOT[::1], _KNOT[::1], numba.int64[::1]))
+def taken(robots: Robots, knots: Knots, slots: Ints) -> tuple[Robots, Knots]:
+    """A copy of the robots of `slots` (n,), in that order, and of their knots; for slot -1 one without knots."""
+    some, n = np.zeros(len(slots), ROBOT), 0
+    for row in range(len(slots)):
+        if slots[row] >= 0:
+            some[row] = robots[slots[row]]
+            n += some[row].count
+    own, n = np.empty(n, KNOT), 0
+    for row in range(len(some)):
+        first, count = some[row].first, some[row].count
+        own[n : n + count] = knots[first : first + count]
+        some[row].first, n = n, n + count
+    return some, own
+
+
+@kernel(_SWEPT(_ROBOT[::1], _KNOT[::1], numba.int64[::1], numba.float64[::1], *[numba.float64] * 4))
 def delayed(
     robots: Robots,
-    t_s: Floats,
-    x_m: Floats,
-    y_m: Floats,
-    yaw_rad: Floats,
-    floor: Ints,
+    knots: Knots,
     rows: Ints,
     hold_s: Floats,
     leaves_s: float,
@@ -244,22 +231,23 @@ def delayed(
         first, end, hold = held[at].first, held[at].first + held[at].count, hold_s[at]
         if first == end:
             continue
-        passed = np.searchsorted(t_s[first:end], leaves_s, "right")
-        knot, share, turn = first + max(passed - 1, 0), 0.0, 0.0
-        after = knot + 1
-        if passed and after < end and floor[after] == floor[knot]:
-            share = (leaves_s - t_s[knot]) / (t_s[after] - t_s[knot])
-            turn = _wrapped(yaw_rad[after] - yaw_rad[knot])
+        ahead = first
+        while ahead < end and knots[ahead].t <= leaves_s:
+            ahead += 1
+        one, other, share, turn = knots[max(ahead - 1, first)], knots[min(ahead, end - 1)], 0.0, 0.0
+        if first < ahead < end and other.floor == one.floor:
+            share, turn = (leaves_s - one.t) / (other.t - one.t), _wrapped(other.told_yaw - one.told_yaw)
         else:
-            after = knot
+            other = one
         for _ in range(1 if hold == 0.0 else 2):
-            t[n], on_floor[n] = leaves_s + hold * (n - begin), floor[knot]
-            x[n], y[n] = x_m[knot] + share * (x_m[after] - x_m[knot]), y_m[knot] + share * (y_m[after] - y_m[knot])
-            yaw[n] = yaw_rad[knot] + share * turn
+            t[n], on_floor[n] = leaves_s + hold * (n - begin), one.floor
+            x[n], y[n] = one.x + share * (other.x - one.x), one.y + share * (other.y - one.y)
+            yaw[n] = one.told_yaw + share * turn
             n += 1
-        for k in range(first, end):
-            if t_s[k] > leaves_s + SAME_S:
-                t[n], x[n], y[n], yaw[n], on_floor[n] = t_s[k] + hold, x_m[k], y_m[k], yaw_rad[k], floor[k]
+        for k in range(ahead, end):
+            if knots[k].t > leaves_s + SAME_S:
+                t[n], x[n], y[n] = knots[k].t + hold, knots[k].x, knots[k].y
+                yaw[n], on_floor[n] = knots[k].told_yaw, knots[k].floor
                 n += 1
         a, b, ends = n - 2, n - 1, leaves_s + horizon_s + hold
         if a >= begin and ends - short_s <= t[b] < ends + beyond_s and on_floor[a] == on_floor[b]:
@@ -269,6 +257,6 @@ def delayed(
             n += 1
         begins[at + 1] = n
         held[at].first, held[at].count, held[at].appears = begin, n - begin, t[begin]
-    knots = np.empty(n, KNOT)
-    _write_knots(knots, begins[:-1], begins, t, x, y, yaw, on_floor)
-    return held, knots
+    late = np.empty(n, KNOT)
+    _write_knots(late, begins[:-1], begins, t, x, y, yaw, on_floor)
+    return held, late

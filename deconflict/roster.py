@@ -6,7 +6,7 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.motion import KNOT, ROBOT, Knots, Robots, replace
+from deconflict.motion import KNOT, ROBOT, Knots, Robots, replace, taken
 from ingest.seam import Floats, Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
@@ -57,6 +57,10 @@ class Roster:
         if left:
             self._ranks = None
         return left
+
+    def swept(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
+        """A copy of the robots of `keys`, in that order, and of their knots; one that has no slot has no knots."""
+        return taken(self.robots, self.knots, np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys)))
 
     def present(self, slots: Ints) -> Ints:
         """Those of `slots` that a robot has."""

@@ -123,6 +123,10 @@ class Sweeper:
         )
         return encounters(self._roster.robots, self._roster.knots, self._roster.widened_m, slots, at_s)
 
+    def swept(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
+        """The robots of `keys` as they are on the floor, and their knots; those that are not have none."""
+        return self._roster.swept(keys)
+
     def step(self, now_s: float, reach_s: float = inf, accuracy_m: float = 0.0) -> PairConflicts:
         """The conflicts in [`now_s`, `now_s` + horizon], or in the shorter `reach_s`.
 

@@ -14,7 +14,7 @@ from operator import itemgetter
 
 from deconflict.advice.account import Account
 from deconflict.advice.answers import ANSWER_AFTER_S, Answer, Submit, at_once
-from deconflict.advice.delays import Mover, Pair, Window
+from deconflict.advice.delays import Near, Pair, Window
 from deconflict.advice.groups import Group, Groups, Pairs
 from deconflict.advice.holds import advise_holds
 from deconflict.advisory import ConflictAdvisory, Recommendation
@@ -33,8 +33,8 @@ People can follow no more, and a crowded floor would have the thread that works 
 CHANGED_S = 1.0
 """A hold that differs by less is the same advice."""
 
-MoversAround = Callable[[set[str]], list[Mover]]
-"""The robots of a group and those near to one of them, as swept, in ascending order."""
+Around = Callable[[set[str]], Near]
+"""The robots of a group that are on the floor, and those near to one of them."""
 
 
 @dataclass(slots=True)
@@ -66,7 +66,7 @@ class Desk:
         now_s: float,
         conflicts: Mapping[Pair, ConflictAdvisory],
         changed: Iterable[Pair],
-        movers_around: MoversAround,
+        around: Around,
     ) -> list[tuple[Pair, Recommendation]]:
         """The advice that is due, by pair; asks for what is ahead of the open `conflicts`, of which none but those
         `changed` are others than in the last step."""
@@ -81,15 +81,15 @@ class Desk:
         if waiting and self._allowed > 0:
             heapify(soonest := [group for pairs, group in self._groups.all.items() if pairs not in at_rest])
             while soonest and self._allowed > 0:
-                self._ask(heappop(soonest), now_s, movers_around)
+                self._ask(heappop(soonest), now_s, around)
             waiting = len(soonest)
         self._measures.level("deconflict_advice_waiting", {(): waiting})
         return told
 
-    def _ask(self, group: Group, now_s: float, movers_around: MoversAround) -> None:
+    def _ask(self, group: Group, now_s: float, around: Around) -> None:
         self._allowed -= len(group.pairs)
         goes_on = [one.since_s for other, one in self._asked.items() if _goes_on(other, one, group.pairs)]
-        answer = self._submit(self._question(group.pairs, group.standing, now_s, movers_around))
+        answer = self._submit(self._question(group.pairs, group.standing, now_s, around))
         self._asked[group.pairs] = Asked(now_s, answer, min([now_s, *goes_on]))
         self._asked_s |= dict.fromkeys(group.pairs, now_s)
 
@@ -120,10 +120,10 @@ class Desk:
         return pending | {pairs for pairs in lately if all(map(self._asked_s.__contains__, pairs))}
 
     def _question(
-        self, pairs: Pairs, standing: Recommendation | None, now_s: float, movers_around: MoversAround
+        self, pairs: Pairs, standing: Recommendation | None, now_s: float, around: Around
     ) -> Callable[[], Recommendation]:
-        movers = movers_around({robot for pair in pairs for robot in pair})
-        there = {one.robot for one in movers}
+        near = around({robot for pair in pairs for robot in pair})
+        there = set(near.uuids)
         window = Window(
             now_s + ANSWER_AFTER_S,
             self._conflict.horizon_s,
@@ -132,7 +132,7 @@ class Desk:
         )
         return partial(
             advise_holds,
-            movers,
+            near,
             [pair for pair in pairs if there.issuperset(pair)],
             window,
             burdens_s=dict(self._account.burdens_s),

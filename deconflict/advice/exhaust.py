@@ -1,5 +1,6 @@
 """The cheapest plan of a few robots, by trying: exact, and found before a solver has read the question."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numba
@@ -123,6 +124,32 @@ def _least(
             return NONE
         rest[first] = least
     return least
+
+
+@kernel(numba.boolean(*[_INTS] * 2, _PAIRS, _BOOLS, _INTS))
+def _in_turn(order: Ints, longest: Ints, pairs: Ints, allowed: Bools, plan: Ints) -> bool:
+    """Set the shortest hold of each robot, in order, that keeps it apart from those before it; whether all have one."""
+    middle = allowed.shape[1] // 2
+    plan[:] = -1
+    for robot in order:
+        for hold in range(longest[robot] + 1):
+            plan[robot], apart = hold, True
+            for row in range(len(pairs)):
+                a, b = pairs[row]
+                if (a == robot and plan[b] >= 0) or (b == robot and plan[a] >= 0):
+                    apart &= allowed[row, plan[a] - plan[b] + middle]
+            if apart:
+                break
+        else:
+            return False
+    return True
+
+
+def in_turn(choice: Choice, order: Sequence[int]) -> list[int] | None:
+    """The holds where each robot, by row and in this order, waits for those before it; None where one then can't."""
+    plan = np.empty(len(choice.longest), np.int64)
+    found = _in_turn(np.array(order, np.int64), choice.longest, choice.pairs, choice.allowed, plan)
+    return plan.tolist() if found else None
 
 
 def least(choice: Choice, budget: int, most: int = MOST_TRIED) -> tuple[int, list[int]]:

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 from ortools.sat.python import cp_model
 
-from deconflict.advice.delays import STEP_S, Delays, Mover, Pair, Window
+from deconflict.advice.delays import STEP_S, Delays, Mover, Near, Pair, Window
 from deconflict.advice.effort import Model, solve
-from deconflict.advice.exhaust import NONE, UNKNOWN, Choice, least
+from deconflict.advice.exhaust import NONE, UNKNOWN, Choice, in_turn, least
 from deconflict.advice.folding import folded
 from deconflict.advisory import Hold, Recommendation
 from deconflict.motion import Bools
@@ -26,28 +27,52 @@ Plan = dict[str, int]
 """Robot to its hold, in `STEP_S`."""
 
 
+class Movers(dict[str, Mover]):
+    """Those of the robots near each other that were asked for, by UUID: most never are."""
+
+    def __init__(self, near: Near) -> None:
+        self._near = near
+
+    def __missing__(self, robot: str) -> Mover:
+        mover = self[robot] = self._near.mover(self._near.uuids.index(robot))
+        return mover
+
+
 @dataclass(slots=True)
 class Problem:
     """A connected group of conflicts, and the differences of hold at which each pair keeps apart."""
 
-    movers: dict[str, Mover]
+    movers: Movers
     window: Window
     delays: Delays
-    allowed: dict[Pair, list[int]] = field(default_factory=dict)
+    allowed: dict[Pair, Bools] = field(default_factory=dict)
+    """(2 steps + 1,) by pair and difference, from the least on."""
     hopeless: list[Pair] = field(default_factory=list)
     """Pairs that no hold keeps apart."""
+    without: dict[Pair, float] = field(default_factory=dict)
+    """When those first meet of which one is in `allowed`, where nobody is held."""
+    _looked_at: set[str] = field(default_factory=set)
 
     def constrain(self, pairs: Sequence[Pair]) -> None:
-        for pair, steps in zip(pairs, self.delays.allowed(pairs) if pairs else (), strict=True):
+        steps = self.window.steps
+        for pair, allowed in zip(pairs, self.delays.allowed(pairs) if pairs else (), strict=True):
             first, second = (self.movers[robot].holdable for robot in pair)
-            self._allow(pair, [step for step in steps if step == 0 or (first if step > 0 else second)])
+            if not first:
+                allowed[steps + 1 :] = False
+            if not second:
+                allowed[:steps] = False
+            self._allow(pair, allowed)
+        if new := set(self.robots()) - self._looked_at:
+            self.without |= self.delays.meetings({}, new)
+            self._looked_at |= new
 
     def forbid(self, pair: Pair, step: int) -> None:
-        self._allow(pair, [one for one in self.allowed[pair] if one != step])
+        self.allowed[pair][step + self.window.steps] = False
+        self._allow(pair, self.allowed[pair])
 
-    def _allow(self, pair: Pair, steps: list[int]) -> None:
-        self.allowed[pair] = steps
-        if not steps:
+    def _allow(self, pair: Pair, allowed: Bools) -> None:
+        self.allowed[pair] = allowed
+        if not allowed.any():
             del self.allowed[pair]
             self.hopeless.append(pair)
 
@@ -59,7 +84,7 @@ class Problem:
 
 
 def advise_holds(
-    movers: Sequence[Mover],
+    near: Near,
     conflicts: Sequence[Pair],
     window: Window,
     *,
@@ -70,25 +95,22 @@ def advise_holds(
 ) -> Recommendation:
     """The holds that clear `conflicts` at the least waiting in all, weighted by priority.
 
-    `movers` are the robots of the conflicts and everyone near: no hold may bring anyone together who keeps apart
+    `near` are the robots of the conflicts and everyone near: no hold may bring anyone together who keeps apart
     without. Of plans that cost the same, the one that holds fewest, then the one that holds the vendors least burdened
     before. To hold a robot that `standing` does not hold must save `switch_s`. Where no hold works, `note` says who
     needs another route.
     """
-    problem = Problem({one.robot: one for one in movers}, window, Delays(movers, window))
-    without = problem.delays.meetings({})
+    problem = Problem(Movers(near), window, Delays(near, window))
     pairs = sorted({(min(pair), max(pair)) for pair in conflicts})
     problem.constrain(pairs)
-    planner = Planner(
-        problem, _ranks(burdens_s or {}, movers), _held(standing), effort, round(switch_s / STEP_S * WEIGHT)
-    )
+    ranks, switch = _ranks(burdens_s or {}, near.vendors), round(switch_s / STEP_S * WEIGHT)
+    planner = Planner(problem, ranks, _held(standing), effort, switch)
     for _ in range(ROUNDS):
-        first = _first_come(problem, without)
-        found = planner.plan(first)
+        found = planner.plan()
         if found is None:
             return _no_hold(problem)
-        plan, bound, proven = found
-        made = _made(problem, plan, without)
+        plan, bound, proven, first = found
+        made = _made(problem, plan)
         if not made:
             return _recommended(problem, plan, bound, proven, first)
         known = [pair for pair in made if pair in problem.allowed]
@@ -98,14 +120,16 @@ def advise_holds(
     return _no_hold(problem)
 
 
-def _made(problem: Problem, plan: Plan, without: Mapping[Pair, float]) -> list[Pair]:
+def _made(problem: Problem, plan: Plan) -> list[Pair]:
     """The plan swept again: pairs that it was to clear and did not, and pairs that it brings together."""
+    if not problem.allowed:
+        return []
     held = {robot: hold * STEP_S for robot, hold in plan.items() if hold}
-    found = problem.delays.meetings(held) if held else without
-    ordered = {(min(pair), max(pair)) for pair in found}
-    before = {(min(pair), max(pair)) for pair in without} | set(problem.hopeless)
+    of = held.keys() | {pair[0] for pair in problem.allowed if held.keys().isdisjoint(pair)}
+    found = problem.delays.meetings(held, of) if held else problem.without
+    before = problem.without.keys() | set(problem.hopeless)
     return sorted(
-        pair for pair in ordered if pair in problem.allowed or (pair not in before and not held.keys().isdisjoint(pair))
+        pair for pair in found if pair in problem.allowed or (pair not in before and not held.keys().isdisjoint(pair))
     )
 
 
@@ -121,13 +145,19 @@ class Planner:
         self.problem, self.ranks, self.effort = problem, ranks, effort
         self.standing, self.switch = standing, switch
 
-    def plan(self, hint: Plan | None) -> tuple[Plan, int, bool] | None:
-        """Holds, the bound of their cost and whether that is proven; None where there are none."""
+    def plan(self) -> tuple[Plan, int, bool, Plan | None] | None:
+        """Holds, the bound of their cost, whether that is proven, and what would be first come, first served; None
+        where there are none."""
         robots = self.problem.robots()
-        choice, budget = self._choice(robots), _DEAREST if hint is None else self.problem.cost(hint)
-        count, holds = least(choice, budget)
+        choice = self._choice(robots)
+        first = self._first_come(choice, robots)
+        found = self._cheapest(choice, robots, first)
+        return found and (*found, first)
+
+    def _cheapest(self, choice: Choice, robots: list[str], first: Plan | None) -> tuple[Plan, int, bool] | None:
+        count, holds = least(choice, _DEAREST if first is None else self.problem.cost(first))
         if count == UNKNOWN:
-            return self._folded(choice, robots, hint)
+            return self._folded(choice, robots, first)
         if count == NONE:
             return None
         plan = dict(zip(robots, holds, strict=True))
@@ -136,6 +166,16 @@ class Planner:
             bound, _ = least(choice._replace(step=choice.weight, held=np.zeros_like(choice.held)), cost)
             bound = 0 if bound == UNKNOWN else bound
         return plan, bound, bound == cost
+
+    def _first_come(self, choice: Choice, robots: list[str]) -> Plan | None:
+        """In the order of their first meetings each waits for those before it; None where one then has no hold."""
+        met_s: dict[str, float] = {}
+        for pair, at_s in self.problem.without.items():
+            met_s |= {robot: min(at_s, met_s.get(robot, inf)) for robot in pair}
+        movers = self.problem.movers
+        order = sorted(range(len(robots)), key=lambda row: (movers[robots[row]].holdable, met_s.get(robots[row], 0.0)))
+        holds = in_turn(choice, order)
+        return None if holds is None else dict(zip(robots, holds, strict=True))
 
     def _folded(self, choice: Choice, robots: list[str], hint: Plan | None) -> tuple[Plan, int, bool] | None:
         """What trying takes too long for: folded up where that leaves one plan, else what CP-SAT finds."""
@@ -149,16 +189,15 @@ class Planner:
 
     def _choice(self, robots: list[str]) -> Choice:
         """Costs count before the number of those held, and that before what the burdened wait."""
-        movers, (longest, pairs, allowed) = (
-            [self.problem.movers[robot] for robot in robots],
-            _bounds(self.problem, robots),
-        )
-        weight = np.array([_weight(one) for one in movers], np.int64)
-        rank = np.array([self.ranks[one.vendor] for one in movers], np.int64)
-        change = np.array([self._change(robot) for robot in robots], np.int64)
-        most = 1 + sum(rank.tolist()) * self.problem.window.steps
+        weights = [_weight(self.problem.movers[robot]) for robot in robots]
+        ranks = [self.ranks[self.problem.movers[robot].vendor] for robot in robots]
+        most = 1 + sum(ranks) * self.problem.window.steps
         after = most * (1 + len(robots))
-        return Choice(longest, weight, after * weight + rank, after * change + most, pairs, allowed)
+        steps = [after * weight + rank for weight, rank in zip(weights, ranks, strict=True)]
+        changes = [after * self._change(robot) + most for robot in robots]
+        longest, pairs, allowed = _bounds(self.problem, robots)
+        weight, step, held = np.array([weights, steps, changes], np.int64)
+        return Choice(longest, weight, step, held, pairs, allowed)
 
     def _change(self, robot: str) -> int:
         """What it counts besides its cost to hold a robot that was not held."""
@@ -199,12 +238,10 @@ class Planner:
 def _bounds(problem: Problem, robots: Sequence[str]) -> tuple[Ints, Ints, Bools]:
     """The longest holds of `robots`, their pairs, and which differences those allow, as `Choice` has them."""
     steps, row = problem.window.steps, {robot: row for row, robot in enumerate(robots)}
-    pairs = [(row[a], row[b], differences) for (a, b), differences in problem.allowed.items() if a in row and b in row]
-    allowed = np.zeros((len(pairs), 2 * steps + 1), bool)
-    for at, (_, _, differences) in enumerate(pairs):
-        allowed[at, np.array(differences) + steps] = True
+    pairs = [pair for pair in problem.allowed if pair[0] in row and pair[1] in row]
+    allowed = np.array([problem.allowed[pair] for pair in pairs], bool).reshape(-1, 2 * steps + 1)
     longest = np.array([steps * problem.movers[robot].holdable for robot in robots], np.int64)
-    return longest, np.array([(a, b) for a, b, _ in pairs], np.int64).reshape(-1, 2), allowed
+    return longest, np.array([(row[a], row[b]) for a, b in pairs], np.int64).reshape(-1, 2), allowed
 
 
 def _model(problem: Problem, robots: Sequence[str]) -> tuple[cp_model.CpModel, dict[str, cp_model.IntVar]]:
@@ -214,32 +251,11 @@ def _model(problem: Problem, robots: Sequence[str]) -> tuple[cp_model.CpModel, d
         robot: model.new_int_var(0, problem.window.steps if problem.movers[robot].holdable else 0, robot)
         for robot in robots
     }
-    for (a, b), steps in problem.allowed.items():
+    for (a, b), allowed in problem.allowed.items():
         if a in holds and b in holds:
-            model.add_linear_expression_in_domain(holds[a] - holds[b], cp_model.Domain.from_values(steps))
+            differences = (np.flatnonzero(allowed) - problem.window.steps).tolist()
+            model.add_linear_expression_in_domain(holds[a] - holds[b], cp_model.Domain.from_values(differences))
     return model, holds
-
-
-def _first_come(problem: Problem, without: Mapping[Pair, float]) -> Plan | None:
-    """First come, first served: in the order of their first meetings, each waits for those before it.
-
-    None where one of them then has no hold that works.
-    """
-    met_s = {
-        robot: min((at for pair, at in without.items() if robot in pair), default=0.0) for robot in problem.robots()
-    }
-    plan: Plan = {}
-    for robot in sorted(met_s, key=lambda one: (problem.movers[one].holdable, met_s[one], one)):
-        before = [(plan[b], 1, steps) for (a, b), steps in problem.allowed.items() if a == robot and b in plan]
-        before += [(plan[a], -1, steps) for (a, b), steps in problem.allowed.items() if b == robot and a in plan]
-        most = problem.window.steps if problem.movers[robot].holdable else 0
-        for hold in range(most + 1):
-            if all(sign * (hold - other) in steps for other, sign, steps in before):
-                plan[robot] = hold
-                break
-        else:
-            return None
-    return plan
 
 
 def _no_hold(problem: Problem) -> Recommendation:
@@ -291,9 +307,9 @@ def _recommended(problem: Problem, plan: Plan, bound: int, proven: bool, first: 
     )
 
 
-def _ranks(burdens_s: Mapping[str, float], movers: Sequence[Mover]) -> dict[str, int]:
+def _ranks(burdens_s: Mapping[str, float], vendors: Sequence[str]) -> dict[str, int]:
     """By vendor, how little its robots should yield: its place among the burdened."""
-    burden_s = {vendor: burdens_s.get(vendor, 0.0) for vendor in {one.vendor for one in movers}}
+    burden_s = {vendor: burdens_s.get(vendor, 0.0) for vendor in set(vendors)}
     place = {level: rank for rank, level in enumerate(sorted(set(burden_s.values())))}
     return {vendor: place[level] for vendor, level in burden_s.items()}
 

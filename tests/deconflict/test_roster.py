@@ -20,6 +20,13 @@ def assert_holds(roster: Roster, newest: dict[str, Forecasts]) -> None:
         assert 2 * robot["half_length"] == forecast.length_m[0]
         assert robot["appears"] == forecast.t_s[0]
         assert roster.keys[roster.slots[key]] == key
+    keys = ["nobody", *reversed(newest)]
+    robots, knots = roster.swept(keys)
+    for key, one in zip(keys, robots, strict=True):
+        own = roster.robots[roster.slots[key]] if key in newest else np.zeros(1, ROBOT)[0]
+        assert one[["half_length", "top", "count"]] == own[["half_length", "top", "count"]]
+        of = roster.knots[own["first"] : own["first"] + own["count"]]
+        np.testing.assert_array_equal(knots[one["first"] : one["first"] + one["count"]], of)
 
 
 def test_robots_come_go_and_say_more_or_less_than_before(monkeypatch: pytest.MonkeyPatch) -> None:

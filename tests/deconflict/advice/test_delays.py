@@ -6,9 +6,11 @@ from math import pi
 import numpy as np
 import pytest
 
-from deconflict.advice.delays import SHORT_S, Delays, Mover, Window
-from deconflict.motion import Knots, Robots, delayed, robots_of
+from deconflict.advice.delays import SHORT_S, Delays, Window
+from deconflict.motion import Knots, Robots, delayed
+from deconflict.roster import Roster
 from ingest.seam import Forecasts
+from tests.deconflict.advice.made_near import Seen, near
 from tests.deconflict.made_encounters import NOW_S, robot
 
 LEAVES_S, HORIZON_S, BEYOND_S = NOW_S + 1.3, 10.0, 20.0
@@ -25,10 +27,10 @@ def wandering(ends_s: float) -> Forecasts:
 
 
 def late(forecasts: Forecasts, hold_s: list[float]) -> tuple[Robots, Knots]:
-    f = forecasts
-    free = robots_of(f, f.start[:-1], np.diff(f.start))
-    rows, until = np.arange(len(hold_s)), (LEAVES_S, HORIZON_S, SHORT_S, BEYOND_S)
-    return delayed(free, f.t_s, f.x_m, f.y_m, f.yaw_rad, f.floor, rows, np.array(hold_s), *until)
+    roster, keys = Roster(), [str(row) for row in range(len(forecasts))]
+    roster.put(keys, forecasts)
+    until = (LEAVES_S, HORIZON_S, SHORT_S, BEYOND_S)
+    return delayed(*roster.swept(keys), np.arange(len(hold_s)), np.array(hold_s), *until)
 
 
 def pose(one: np.void, knots: Knots, t: float) -> tuple[float, float, float]:
@@ -71,9 +73,17 @@ def test_a_forecast_that_ends_shortly_before_the_horizon_goes_on_as_it_ended(sho
 def test_a_robot_that_cannot_be_swept_meets_nobody() -> None:
     crossing = [robot([0, 8], [-4, 4], [0, 0], 0.0, (1.0, 0.6)), robot([0, 8], [0, 0], [-4, 4], 1.6, (1.0, 0.6))]
     told = [*crossing, replace(crossing[1], width_m=np.array([np.nan]))]
-    delays = Delays(
-        [Mover(name, name, "", one) for name, one in zip("abc", told, strict=True)], Window(NOW_S, 10, 0.3, 2)
-    )
-    assert delays.meetings({}).keys() == {("a", "b")}
+    delays = Delays(near([Seen(name, one) for name, one in zip("abc", told, strict=True)]), Window(NOW_S, 10, 0.3, 2))
+    assert delays.meetings({}, "abc").keys() == {("a", "b")}
     none, every = delays.allowed([("a", "b"), ("a", "c")])
-    assert len(none) < len(every) == 9
+    assert sum(none) < sum(every) == 9
+
+
+def test_those_whom_some_meet_are_those_of_all_meetings_that_are_theirs() -> None:
+    names, window = "abcdef", Window(NOW_S + 0.5, HORIZON_S, 0.5, 4.0)
+    delays = Delays(near([Seen(name, wandering(HORIZON_S)) for name in names]), window)
+    for held_s in ({}, {"b": 1.5, "e": 4.0}):
+        every = delays.meetings(held_s, names)
+        some = delays.meetings(held_s, "bd")
+        assert some == {pair: at_s for pair, at_s in every.items() if not {"b", "d"}.isdisjoint(pair)}
+        assert 0 < len(some) < len(every)

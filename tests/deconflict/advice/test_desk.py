@@ -10,12 +10,13 @@ from shapely.affinity import rotate, translate
 
 from deconflict.advice.account import Account, yielded_s
 from deconflict.advice.answers import ANSWER_AFTER_S, Answer
-from deconflict.advice.delays import Mover, Pair
+from deconflict.advice.delays import Near, Pair
 from deconflict.advice.desk import MOST_PAIRS, PAIRS_PER_S, Desk
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, moment
 from deconflict.engine import Engine
 from deconflict.life import PASSED, UNPREDICTED
 from ingest.measures import Measures
+from tests.deconflict.advice.made_near import near
 from tests.deconflict.made_advisories import made
 from tests.deconflict.test_engine import NOW_S, SITE, Course, Floor, eastward, northward
 from tests.patience import PATIENCE_S
@@ -118,7 +119,7 @@ class Asking:
                 for pair in pairs
             }
             changed, self.open = wanted.keys() ^ self.open.keys(), wanted
-            due = self.desk.step(self.now_s, self.open, changed, lambda _: [])
+            due = self.desk.step(self.now_s, self.open, changed, lambda _: near([]))
             told += [(self.now_s - NOW_S, "".join(pair)) for pair, _ in due]
             self.now_s += 0.25
         return told
@@ -196,9 +197,9 @@ def test_a_crowded_floor_is_advised_bit_by_bit_the_soonest_first() -> None:
     }
     asked: list[set[str]] = []
 
-    def nobody(group: set[str]) -> list[Mover]:
+    def nobody(group: set[str]) -> Near:
         asked.append(group)
-        return []
+        return near([])
 
     measures = Measures()
     desk = Desk(SITE, Account(), measures)

@@ -1,13 +1,14 @@
 """The cheapest plan by trying, and by folding up: held against every plan there is, and each hold tried by itself."""
 
 from itertools import product
+from random import Random
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deconflict.advice.exhaust import NONE, UNKNOWN, Choice, least
+from deconflict.advice.exhaust import NONE, UNKNOWN, Choice, in_turn, least
 from deconflict.advice.folding import folded
 
 BUDGET = 1 << 60
@@ -99,6 +100,22 @@ def test_holds_that_are_passed_over_count_as_tried(choice: Choice, budget: int) 
     most = tries(choice, budget)
     assert least(choice, budget, most)[0] != UNKNOWN
     assert least(choice, budget, most - 1)[0] == UNKNOWN
+
+
+@given(choices(), st.randoms())
+def test_each_waits_for_those_before_it(choice: Choice, random: Random) -> None:
+    order = random.sample(range(len(choice.longest)), len(choice.longest))
+    plan: dict[int, int] = {}
+    for robot in order:
+        for hold in range(choice.longest[robot] + 1):
+            held = plan | {robot: hold}
+            met = [choice.pairs[row].tolist() for row in range(len(choice.pairs))]
+            rows = [row for row, pair in enumerate(met) if held.keys() >= set(pair)]
+            if all(choice.allowed[row, held[met[row][0]] - held[met[row][1]] + STEPS] for row in rows):
+                plan = held
+                break
+    waits = len(plan) == len(order)
+    assert in_turn(choice, order) == ([plan[robot] for robot in sorted(plan)] if waits else None)
 
 
 @given(choices())

@@ -6,15 +6,17 @@ from itertools import combinations, product
 from math import cos, pi, sin
 from random import Random
 
+import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from deconflict.advice import exhaust, holds
-from deconflict.advice.delays import STEP_S, Delays, Mover, Pair, Window
+from deconflict.advice.delays import STEP_S, Delays, Pair, Window
 from deconflict.advice.exhaust import UNKNOWN
 from deconflict.advice.holds import advise_holds
 from deconflict.advisory import Hold, Recommendation
+from tests.deconflict.advice.made_near import Seen, near
 from tests.deconflict.made_encounters import NOW_S, robot
 
 WINDOW = Window(NOW_S, 10.0, 0.3, 6.0)
@@ -29,19 +31,19 @@ def through(
     speed_mps: float = 1.0,
     vendor: str = "acme",
     priority: float = 1.0,
-) -> Mover:
+) -> Seen:
     """Goes straight through the origin."""
     reach_m = 10 * speed_mps - before_m
     along = [-before_m, reach_m]
     x, y = [m * cos(yaw_rad) for m in along], [m * sin(yaw_rad) for m in along]
-    return Mover(name, name, vendor, robot([0, 10], x, y, yaw_rad, (1.0, 0.6)), priority=priority)
+    return Seen(name, robot([0, 10], x, y, yaw_rad, (1.0, 0.6)), vendor, priority=priority)
 
 
-def standing(name: str, x_m: float, y_m: float = 0.0) -> Mover:
-    return Mover(name, name, "acme", robot([0], [x_m], [y_m], 0.0, (1.0, 0.6)), holdable=False)
+def standing(name: str, x_m: float, y_m: float = 0.0) -> Seen:
+    return Seen(name, robot([0], [x_m], [y_m], 0.0, (1.0, 0.6)), holdable=False)
 
 
-def pairs_of(movers: list[Mover]) -> list[Pair]:
+def pairs_of(movers: list[Seen]) -> list[Pair]:
     return [(a.robot, b.robot) for a, b in combinations(movers, 2)]
 
 
@@ -49,7 +51,11 @@ def held_s(advice: Recommendation) -> dict[str, float]:
     return {one.robot: one.hold_s for one in advice.holds}
 
 
-def cheapest_s(movers: list[Mover], window: Window) -> float | None:
+def met(robots: list[Seen], window: Window, held_s: dict[str, float]) -> dict[Pair, float]:
+    return Delays(near(robots), window).meetings(held_s, [one.robot for one in robots])
+
+
+def cheapest_s(movers: list[Seen], window: Window) -> float | None:
     """The least weighted waiting over every choice of holds, each swept as it is; None where none is clear."""
 
     def cost(holds: tuple[float, ...]) -> float:
@@ -57,8 +63,10 @@ def cheapest_s(movers: list[Mover], window: Window) -> float | None:
 
     grid = [k * STEP_S for k in range(window.steps + 1)]
     choices = sorted(product(*(grid if one.holdable else [0.0] for one in movers)), key=cost)
-    delays, names = Delays(movers, window), [one.robot for one in movers]
-    return next((cost(holds) for holds in choices if not delays.meetings(dict(zip(names, holds, strict=True)))), None)
+    delays, names = Delays(near(movers), window), [one.robot for one in movers]
+    return next(
+        (cost(holds) for holds in choices if not delays.meetings(dict(zip(names, holds, strict=True)), names)), None
+    )
 
 
 @settings(max_examples=12, deadline=None)
@@ -75,22 +83,22 @@ def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, f
         through(str(row), yaw, before_m=m, speed_mps=v, priority=weight)
         for row, (yaw, m, v, weight) in enumerate(courses)
     ]
-    found = Delays(movers, window).meetings({})
+    found = met(movers, window, {})
     assume(found)
     apart = all(
         min(abs(a.forecast.x_m[0] - b.forecast.x_m[0]), 9.0) + abs(a.forecast.y_m[0] - b.forecast.y_m[0]) > 2.0
         for a, b in combinations(movers, 2)
     )
     assume(apart)
-    advice = advise_holds(movers, pairs_of(movers), window)
-    assert advice == advise_holds(movers, pairs_of(movers), window)
+    advice = advise_holds(near(movers), pairs_of(movers), window)
+    assert advice == advise_holds(near(movers), pairs_of(movers), window)
     cheapest = cheapest_s(movers, window)
     if cheapest is None:
         assert "needs another route" in advice.note
         return
     assert advice.cost_s == cheapest
     assert advice.proven_optimal
-    assert Delays(movers, window).meetings(held_s(advice)) == {}
+    assert met(movers, window, held_s(advice)) == {}
     assert advice.first_come_cost_s is None or advice.cost_s <= advice.first_come_cost_s
 
 
@@ -111,7 +119,7 @@ def test_few_robots_are_planned_as_by_folding_them_up_or_the_solver(
             )
             for name in "abcd"[:robots]
         ]
-        question = partial(advise_holds, movers, pairs_of(movers), WINDOW, burdens_s={"bolt": 5.0})
+        question = partial(advise_holds, near(movers), pairs_of(movers), WINDOW, burdens_s={"bolt": 5.0})
         alone = question()
         again = partial(question, standing=alone.model_copy(update={"holds": (Hold(robot="a", hold_s=2.0),)}))
         tried = [counted(alone, movers), counted(again(), movers)]
@@ -123,7 +131,7 @@ def test_few_robots_are_planned_as_by_folding_them_up_or_the_solver(
     assert sum(told) > 3
 
 
-def counted(advice: Recommendation, movers: list[Mover]) -> tuple[float, int, float, str]:
+def counted(advice: Recommendation, movers: list[Seen]) -> tuple[float, int, float, str]:
     """What a plan is chosen by: its cost, how many it holds, and how long the burdened wait."""
     vendor_of = {one.robot: one.vendor for one in movers}
     burdened_s = sum(one.hold_s for one in advice.holds if vendor_of[one.robot] == "bolt")
@@ -132,11 +140,11 @@ def counted(advice: Recommendation, movers: list[Mover]) -> tuple[float, int, fl
 
 def test_advice_that_stands_tells_whether_another_would_be_cheaper() -> None:
     pair = [through("a", 0.0, before_m=5.3), through("b", pi / 2)]
-    fresh = advise_holds(pair, [("a", "b")], WINDOW)
-    kept = advise_holds(pair, [("a", "b")], WINDOW, standing=fresh.model_copy(update={"holds": (B_WAITS,)}))
+    fresh = advise_holds(near(pair), [("a", "b")], WINDOW)
+    kept = advise_holds(near(pair), [("a", "b")], WINDOW, standing=fresh.model_copy(update={"holds": (B_WAITS,)}))
     assert kept.holds == (Hold(robot="b", hold_s=2.5),)
     assert (kept.bound_s, kept.proven_optimal) == (fresh.cost_s, False)
-    same = advise_holds(pair, [("a", "b")], WINDOW, standing=fresh)
+    same = advise_holds(near(pair), [("a", "b")], WINDOW, standing=fresh)
     assert (same.holds, same.bound_s, same.proven_optimal) == (fresh.holds, fresh.cost_s, True)
 
 
@@ -144,39 +152,39 @@ def test_where_the_cheapest_takes_too_long_to_find_advice_that_stands_claims_no_
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pair, most = [through("a", 0.0, before_m=5.3), through("b", pi / 2)], iter((exhaust.MOST_TRIED, 1))
-    before = advise_holds(pair, [("a", "b")], WINDOW)
+    before = advise_holds(near(pair), [("a", "b")], WINDOW)
     monkeypatch.setattr(holds, "least", lambda choice, budget: exhaust.least(choice, budget, next(most)))
-    again = advise_holds(pair, [("a", "b")], WINDOW, standing=before)
+    again = advise_holds(near(pair), [("a", "b")], WINDOW, standing=before)
     assert again.holds == before.holds
     assert (again.bound_s, again.proven_optimal) == (0.0, False)
 
 
 def test_differences_are_those_at_which_the_sweep_finds_nothing() -> None:
     a, b = through("a", 0.0), through("b", 1.2, before_m=4.0)
-    (allowed,) = Delays([a, b], WINDOW).allowed([("a", "b")])
+    (allowed,) = Delays(near([a, b]), WINDOW).allowed([("a", "b")])
     swept = [
         step
         for step in range(-WINDOW.steps, WINDOW.steps + 1)
-        if not Delays([a, b], WINDOW).meetings({"a": max(step, 0) * STEP_S, "b": max(-step, 0) * STEP_S})
+        if not met([a, b], WINDOW, {"a": max(step, 0) * STEP_S, "b": max(-step, 0) * STEP_S})
     ]
-    assert allowed == swept
-    assert 0 < len(allowed) < 2 * WINDOW.steps + 1
+    assert (np.flatnonzero(allowed) - WINDOW.steps).tolist() == swept
+    assert 0 < len(swept) < 2 * WINDOW.steps + 1
 
 
 def test_a_held_robot_that_stands_in_the_way_is_no_help() -> None:
     ahead, behind = through("ahead", 0.0, before_m=2.0, speed_mps=0.5), through("behind", 0.0, before_m=5.5)
-    advice = advise_holds([ahead, behind], [("ahead", "behind")], WINDOW)
+    advice = advise_holds(near([ahead, behind]), [("ahead", "behind")], WINDOW)
     assert {one.robot for one in advice.holds} == {"behind"}
 
 
 def test_head_on_in_one_lane_needs_another_route() -> None:
-    advice = advise_holds([through("east", 0.0), through("west", pi)], [("east", "west")], WINDOW)
+    advice = advise_holds(near([through("east", 0.0), through("west", pi)]), [("east", "west")], WINDOW)
     assert advice.holds == ()
     assert advice.note == "no hold keeps east and west apart: one of them needs another route"
 
 
 def test_a_robot_that_stands_is_not_told_to_wait() -> None:
-    advice = advise_holds([standing("parked", 0.0), through("a", 0.0)], [("a", "parked")], WINDOW)
+    advice = advise_holds(near([standing("parked", 0.0), through("a", 0.0)]), [("a", "parked")], WINDOW)
     assert advice.holds == ()
     assert "needs another route" in advice.note
 
@@ -184,27 +192,27 @@ def test_a_robot_that_stands_is_not_told_to_wait() -> None:
 def test_no_hold_brings_another_pair_together() -> None:
     """C comes up close behind A and would meet it if A waited: of two equal holds B's is the one that works."""
     a, b = through("a", 0.0, vendor="bolt"), through("b", pi / 2)
-    tail = Mover("c", "c", "acme", robot([0, 10], [-7.0, 3.0], [0.0, 0.0], 0.0, (1.0, 0.6)), holdable=False)
+    tail = Seen("c", robot([0, 10], [-7.0, 3.0], [0.0, 0.0], 0.0, (1.0, 0.6)), holdable=False)
     burdens_s = {"acme": 60.0}
-    alone = advise_holds([a, b], [("a", "b")], WINDOW, burdens_s=burdens_s)
+    alone = advise_holds(near([a, b]), [("a", "b")], WINDOW, burdens_s=burdens_s)
     assert [one.robot for one in alone.holds] == ["a"]
     movers = [a, b, tail]
-    advice = advise_holds(movers, [("a", "b")], WINDOW, burdens_s=burdens_s)
+    advice = advise_holds(near(movers), [("a", "b")], WINDOW, burdens_s=burdens_s)
     assert [one.robot for one in advice.holds] == ["b"]
-    before = Delays(movers, WINDOW).meetings({})
-    assert set(Delays(movers, WINDOW).meetings(held_s(advice))) <= set(before) - {("a", "b")}
+    before = met(movers, WINDOW, {})
+    assert set(met(movers, WINDOW, held_s(advice))) <= set(before) - {("a", "b")}
 
 
 @pytest.mark.parametrize(("burdened", "yields"), [("acme", "b"), ("bolt", "a")])
 def test_a_tie_goes_against_the_least_burdened(burdened: str, yields: str) -> None:
     pair = [through("a", 0.0, vendor="acme"), through("b", pi / 2, vendor="bolt")]
-    advice = advise_holds(pair, [("a", "b")], WINDOW, burdens_s={burdened: 60.0})
+    advice = advise_holds(near(pair), [("a", "b")], WINDOW, burdens_s={burdened: 60.0})
     assert [one.robot for one in advice.holds] == [yields]
 
 
 def test_who_holds_changes_only_for_what_the_change_is_worth() -> None:
     pair = [through("a", 0.0, before_m=5.3, vendor="bolt"), through("b", pi / 2)]
-    question = partial(advise_holds, pair, [("a", "b")], WINDOW, burdens_s={"bolt": 60.0})
+    question = partial(advise_holds, near(pair), [("a", "b")], WINDOW, burdens_s={"bolt": 60.0})
     fresh = question()
     assert fresh.holds == (Hold(robot="a", hold_s=2.0),)
     before = fresh.model_copy(update={"holds": (B_WAITS,)})
@@ -220,21 +228,21 @@ def test_where_each_pair_can_be_cleared_but_not_all_the_ring_is_named() -> None:
     window = replace(WINDOW, longest_hold_s=3.0)
     ring = [through(name, row * 2 * pi / 3) for row, name in enumerate("abc")]
     for two in combinations(ring, 2):
-        alone = advise_holds(list(two), pairs_of(list(two)), window)
-        assert alone.holds, f"{two[0].name} and {two[1].name} alone"
-    other = Mover("d", "d", "acme", robot([0, 10], [-4.0, -4.0], [-6.0, 4.0], pi / 2, (1.0, 0.6)))
+        alone = advise_holds(near(list(two)), pairs_of(list(two)), window)
+        assert alone.holds, f"{two[0].robot} and {two[1].robot} alone"
+    other = Seen("d", robot([0, 10], [-4.0, -4.0], [-6.0, 4.0], pi / 2, (1.0, 0.6)))
     movers = [*ring, other]
     assert cheapest_s(movers, window) is None
     met = [pair for pair in pairs_of(movers) if set(pair) <= set("abc") or pair == ("a", "d")]
-    advice = advise_holds(movers, met, window)
+    advice = advise_holds(near(movers), met, window)
     assert advice.holds == ()
     assert advice.note == "no hold works for a, b and c: one of them needs another route"
 
 
 def test_four_ways_at_one_crossing() -> None:
     movers = [through(name, row * pi / 4, before_m=5.0) for row, name in enumerate("abcd")]
-    advice = advise_holds(movers, pairs_of(movers), WINDOW)
+    advice = advise_holds(near(movers), pairs_of(movers), WINDOW)
     assert advice.proven_optimal
-    assert Delays(movers, WINDOW).meetings(held_s(advice)) == {}
+    assert met(movers, WINDOW, held_s(advice)) == {}
     assert advice.first_come_cost_s is not None
     assert advice.cost_s <= advice.first_come_cost_s

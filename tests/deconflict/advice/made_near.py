@@ -1,0 +1,27 @@
+"""Robots that are near each other, by what they say."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from deconflict.advice.delays import Mover, Near
+from deconflict.sweeper import Sweeper
+from ingest.seam import Forecasts
+
+
+class Seen(NamedTuple):
+    """One robot and its forecast."""
+
+    robot: str
+    forecast: Forecasts
+    vendor: str = "acme"
+    holdable: bool = True
+    priority: float = 1.0
+
+
+def near(robots: Sequence[Seen]) -> Near:
+    """Of robots in any order."""
+    robots = sorted(robots, key=lambda one: one.robot)
+    uuids, sweeper = [one.robot for one in robots], Sweeper(clearance_m=0.3)
+    sweeper.update(uuids, Forecasts.joined(one.forecast for one in robots))
+    movers = [Mover(one.robot, one.vendor, one.holdable, one.priority) for one in robots]
+    return Near(uuids, [one.vendor for one in robots], *sweeper.swept(uuids), movers.__getitem__)
