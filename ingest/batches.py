@@ -1,6 +1,6 @@
 """Rows of a batch out of what is known of each robot."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Sized
 from itertools import chain
 from operator import attrgetter
 from typing import Any
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ingest.forecast import Forecast, Stop
+from ingest.forecast import NO_STOPS, Forecast
 from ingest.robots import Robot
 from ingest.seam import Batch, Claim, Destinations, Floats, Forecasts, Ints
 
@@ -66,14 +66,12 @@ def _layout(forecasts: list[Forecast]) -> Forecasts:
     )
 
 
-def _destinations(stops_of: list[tuple[Stop, ...]]) -> Destinations:
-    start = _starts(stops_of)
-    numbers = chain.from_iterable(chain.from_iterable(stops_of))
-    t_s, x_m, y_m, floor = _columns(np.fromiter(numbers, np.float64, 4 * int(start[-1])).reshape(-1, 4))
-    return Destinations(start, t_s, x_m, y_m, floor.astype(np.int64))
+def _destinations(stops_of: list[Floats]) -> Destinations:
+    t_s, x_m, y_m, floor = _columns(np.concatenate([NO_STOPS, *stops_of]))
+    return Destinations(_starts(stops_of), t_s, x_m, y_m, floor.astype(np.int64))
 
 
-def _starts(parts: Sequence[Sequence[Any]]) -> Ints:
+def _starts(parts: Sequence[Sized]) -> Ints:
     """(n + 1,) where each of n parts begins, one after the other, and where the last one ends."""
     return np.fromiter(chain((0,), map(len, parts)), np.int64, len(parts) + 1).cumsum()
 

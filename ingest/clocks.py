@@ -55,21 +55,20 @@ class SenderClock:
         self.delay_s = 0.0
         """Of the newest message."""
 
-    def update(self, stamp_s: float, arrival_s: float, resolution_s: float) -> None:
-        """Learn from one message; `resolution_s` is what the last digit of its stamp is worth."""
+    def take(self, stamp_s: float, arrival_s: float, resolution_s: float) -> float:
+        """Learn from one message; when what it says was true, by the service's clock, never after its arrival.
+
+        `resolution_s` is what the last digit of its stamp is worth. Where that is much coarser than the delays it is
+        the latest time that the stamp may mean.
+        """
         gap_s = arrival_s - stamp_s
         self._resolution_s = resolution_s
         if not abs(gap_s - self._newest_s) > STEP_S + resolution_s or self._confirms(gap_s, stamp_s):
             self._believe(gap_s)
-        self.delay_s = max(gap_s - self.offset_s, 0.0)
-
-    def event_s(self, stamp_s: float, arrival_s: float) -> float:
-        """When what the newest message says was true, by the service's clock; never after its arrival.
-
-        Where stamps are much coarser than the delays it is the latest time they may mean.
-        """
-        coarse_s = self._resolution_s if self._resolution_s > 2 * self._tolerance_s else 0.0
-        return min(stamp_s + self.offset_s + coarse_s, arrival_s)
+        offset_s = self.offset_s
+        self.delay_s = max(gap_s - offset_s, 0.0)
+        coarse_s = resolution_s if resolution_s > 2 * self._tolerance_s else 0.0
+        return min(stamp_s + offset_s + coarse_s, arrival_s)
 
     def _believe(self, gap_s: float) -> None:
         self._newest_s, self._step_s = gap_s, nan

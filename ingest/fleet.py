@@ -6,20 +6,19 @@ order give the same batches, whether they come from sockets or from a recording.
 
 from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Iterable
-from functools import lru_cache, partial
 from math import isfinite, isnan
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ingest import changes, messages, watch
+from ingest import changes, messages, quick, watch
 from ingest.batches import batch
 from ingest.claims import Claims
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.connection import Connection
 from ingest.floors import NOWHERE, Floors
-from ingest.forecast import Body, Sighting, View, body_of, forecast, matches, stops
+from ingest.forecast import Sighting, forecast, matches, stops
 from ingest.frames import Frame, Frames
 from ingest.introductions import Introduction
 from ingest.measures import Labels, Measures
@@ -30,11 +29,14 @@ from ingest.robots import Robot, placed, told
 from ingest.seam import Batch
 from ingest.settings import Reading
 from ingest.vendors import UNKNOWN, Vendors
+from ingest.views import Views
+
+if TYPE_CHECKING:
+    from ingest.onward import Manner
+    from ingest.plain import Letters
 
 STALE_S = 2.0
 """A status that takes this much longer than the sender's quickest is stale."""
-VIEWS_SHARED = 1024
-"""Ways to read messages that robots have in common, at most."""
 
 
 class Fleet:
@@ -54,12 +56,19 @@ class Fleet:
         """Vendors of the robots heard over a connection that speaks for none, by its number."""
         self._of_vendor: Counter[str] = Counter()
         self._claims = Claims()
-        self._shared_view = lru_cache(VIEWS_SHARED)(self._new_view)
-        """Robots of a kind are read in one way, which is then at hand from one to the next."""
+        self._manners: dict[bytes, Manner] = {}
+        """How robots go on, by their UUID as sent."""
+        self._views = Views(vendors, self._floors, reading)
 
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         """Take one message; the code of the rule that rejected it, or None where it was accepted."""
-        message = messages.read(raw, names_as_uuid=self._namer(connection))
+        letters = quick.letters(raw) if quick.letters else None
+        if letters:
+            manner = self._manners.get(letters.uuid)
+            if manner and manner.is_of(letters, connection):
+                self._go_on(manner, letters, arrival_s)
+                return None
+        message = messages.understood(raw, letters, self._namer(connection))
         if isinstance(message, Rejection):
             vendor = self._vendor_of(message.uuid or "", connection)
             self._count(vendor, message.findings, None)
@@ -87,13 +96,42 @@ class Fleet:
         if isinstance(message, Identity):
             findings = self._identify(robot, message, raw, arrival_s, connection)
         else:
-            findings = self._report(robot, message, raw, arrival_s)
+            event_s, findings = self._timed(robot, message.stamp_s, message.stamp_resolution_s, arrival_s)
+            findings += self._report(robot, message, raw, arrival_s, event_s)
+            if letters and quick.manner:
+                self._keep(quick.manner(robot, letters, connection, self._namer(connection)), robot, letters.uuid)
+        self._accept(robot, connection, message.findings + findings)
+        return None
+
+    def _go_on(self, manner: "Manner", letters: "Letters", arrival_s: float) -> None:
+        """Take in a status of a robot in that manner, or closely where it does not go on so after all."""
+        robot = manner.robot
+        event_s, findings = self._timed(robot, letters.stamp_s, letters.stamp_resolution_s, arrival_s)
+        gap_s = arrival_s - robot.arrival_s
+        found = manner.onward(letters, event_s)
+        if found is None:
+            status = letters.status(self._namer(manner.connection))
+            found = status.findings + self._report(robot, status, letters.raw, arrival_s, event_s)
+        else:
+            findings += watch.frequency(gap_s, self.reading.quiet_after_s)
+            self._note(robot, letters.raw, arrival_s)
+            self._changed[robot.uuid] = robot
+        self._accept(robot, manner.connection, found + findings)
+
+    def _accept(self, robot: Robot, connection: Connection, findings: tuple[str, ...]) -> None:
         if not connection.vendor:
             self._speaking[connection.id].add(robot.vendor)
-        if found := message.findings + findings:
-            self._count(robot.vendor, found, robot)
+        if findings:
+            self._count(robot.vendor, findings, robot)
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
-        return None
+
+    def _keep(self, manner: "Manner | None", robot: Robot, spelt: bytes) -> None:
+        """How a robot goes on from now on."""
+        if robot.spelt:
+            self._manners.pop(robot.spelt, None)
+        robot.spelt = spelt if manner else b""
+        if manner:
+            self._manners[spelt] = manner
 
     def refuse(
         self,
@@ -129,7 +167,7 @@ class Fleet:
         """
         before, self.vendors, self._frames, self.reading = self.vendors, vendors, frames, reading
         self._floors.renew(frames)
-        self._shared_view.cache_clear()
+        self._views.renew(vendors, reading)
         for robot in self.robots.values():
             robot.view = None
             self._resettle(robot, before)
@@ -274,14 +312,20 @@ class Fleet:
         changed = before is not None and _who(before) != _who(identity)
         return ("identity-changed",) if changed else ()
 
-    def _report(self, robot: Robot, status: Status, raw: bytes, arrival_s: float) -> tuple[str, ...]:
-        robot.clock.update(status.stamp_s, arrival_s, status.stamp_resolution_s)
-        event_s = robot.clock.event_s(status.stamp_s, arrival_s)
+    def _timed(
+        self, robot: Robot, stamp_s: float, resolution_s: float, arrival_s: float
+    ) -> tuple[float, tuple[str, ...]]:
+        """When what a status says was true, by what it shows of the sender's clock; and the findings."""
+        event_s = robot.clock.take(stamp_s, arrival_s, resolution_s)
         findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
-        if robot.clock.delay_s > STALE_S + status.stamp_resolution_s:
+        if robot.clock.delay_s > STALE_S + resolution_s:
             findings += ("stamp-stale",)
-        if abs(robot.clock.offset_s) > self.reading.clock_tolerance_s + status.stamp_resolution_s:
+        if abs(robot.clock.offset_s) > self.reading.clock_tolerance_s + resolution_s:
             findings += ("clock-off",)
+        return event_s, findings
+
+    def _report(self, robot: Robot, status: Status, raw: bytes, arrival_s: float, event_s: float) -> tuple[str, ...]:
+        findings: tuple[str, ...] = ()
         frame, sight = self._sight(robot, status, event_s)
         if robot.seen:
             gap_s = arrival_s - robot.arrival_s
@@ -290,12 +334,15 @@ class Fleet:
                 self._claims.seen(robot.uuid, robot.vendor, robot.seen, sight, gap_s, arrival_s)
             if event_s < robot.seen.t_s:
                 return (*findings, "stamp-not-increasing")
-        robot.status_raw, robot.arrival_s = raw, arrival_s
         robot.state, robot.known_state = status.state, status.known_state
+        self._note(robot, raw, arrival_s)
+        return findings + self._place(robot, status, frame, sight, robot.seen)
+
+    def _note(self, robot: Robot, raw: bytes, arrival_s: float) -> None:
+        """That a status came that is the robot's newest."""
+        robot.status_raw, robot.arrival_s = raw, arrival_s
         self._said(robot, arrival_s)
-        findings += self._place(robot, status, frame, sight, robot.seen)
         self.robots.move_to_end(robot.uuid)
-        return findings
 
     def _said(self, robot: Robot, arrival_s: float) -> None:
         if robot.statuses:
@@ -324,7 +371,7 @@ class Fleet:
         self, robot: Robot, status: Status, frame: Frame, sight: Sighting, before: Sighting | None
     ) -> tuple[str, ...]:
         """Put the robot on its floor and forecast it from there."""
-        view = self._view(robot, status)
+        view = self._views.of(robot, bool(status.load_used_pct), status.datum)
         robot.frame = frame
         robot.seen, findings = watch.reconcile(before, sight)
         robot.forecast = forecast(status, robot.seen, view)
@@ -335,23 +382,6 @@ class Fleet:
         unknown = () if frame.known else ("datum-unknown",)
         too_many = ("datum-too-many",) if frame.comparable and sight.floor == NOWHERE else ()
         return (*findings, *robot.forecast.findings, *unknown, *too_many)
-
-    def _view(self, robot: Robot, status: Status) -> View:
-        """How a message of the robot is read: mostly as the one before."""
-        of = bool(status.load_used_pct), status.datum
-        if robot.view is None or robot.view_of != of:
-            robot.view, robot.view_of = self._shared_view(robot.vendor, status.datum, self._body(robot, of[0])), of
-        return robot.view
-
-    def _new_view(self, vendor: str, datum: str, body: Body) -> View:
-        return View(body, partial(self._floors.named, vendor, datum), self.reading)
-
-    def _body(self, robot: Robot, loaded: bool) -> Body:
-        if robot.identity is None:
-            vendor = self.vendors.settings(robot.vendor)
-            return Body(vendor.default_envelope_m or self.reading.default_envelope_m)
-        model = self.vendors.model(robot.vendor, robot.identity.model)
-        return body_of(model, robot.identity.envelope_m, loaded, robot.identity.max_speed_mps)
 
     def _has_place(self, status: Status, connection: Connection) -> bool:
         """Whether the location lies anywhere: degrees may be such as no place has."""
@@ -370,7 +400,9 @@ class Fleet:
                 break
             gone.append(uuid)
         for uuid in gone:
-            vendor = self.robots.pop(uuid).vendor
+            robot = self.robots.pop(uuid)
+            self._keep(None, robot, b"")
+            vendor = robot.vendor
             self._of_vendor[vendor] -= 1
             self.measures.count("deconflict_robots_forgotten_total", vendor)
             self._changed.pop(uuid, None)

@@ -15,6 +15,7 @@ from operator import itemgetter, lt
 from typing import Protocol
 
 import msgspec
+import numpy as np
 
 from ingest import quick
 from ingest.frames import Frame
@@ -38,8 +39,7 @@ Knot = tuple[float, float, float, float]
 """t_s, x_m, y_m, yaw_rad"""
 Along = tuple[Sequence[Knot], tuple[int, ...]]
 """Knots of the location (k,), and the floor of each."""
-Stop = tuple[float, float, float, int]
-"""A destination: t_s, x_m, y_m, floor."""
+NO_STOPS: Floats = np.empty((0, 4))
 
 
 class FrameOf(Protocol):
@@ -111,18 +111,17 @@ def forecast(status: Status, here: Sighting, view: View) -> Forecast:
     return _enveloped(basis, knots, floors, view.body, status.z, tuple(findings))
 
 
-def stops(status: Status, here: Sighting, view: View) -> tuple[Stop, ...]:
-    """The destinations ahead, by time.
+def stops(status: Status, here: Sighting, view: View) -> Floats:
+    """The destinations ahead, by time: (m, 4) t_s, x_m, y_m and floor.
 
     None in manual mode. One whose time is past stays: the robot is late for it.
     """
     if not status.destinations.datums or status.state == "manualOverride":
-        return ()
+        return NO_STOPS
     latest_s = here.t_s + view.reading.destination_horizon_s
     on_floors = _on_floors(status.destinations, here, view)
-    return tuple(
-        [(t_s, x_m, y_m, floor) for floor, points in on_floors for t_s, x_m, y_m, _ in points if t_s <= latest_s]
-    )
+    told = [(t_s, x_m, y_m, floor) for floor, points in on_floors for t_s, x_m, y_m, _ in points if t_s <= latest_s]
+    return np.array(told, np.float64) if told else NO_STOPS
 
 
 def matches(codes: tuple[str, ...], words: tuple[str, ...]) -> bool:
@@ -144,7 +143,7 @@ def _followed(status: Status, here: Sighting, view: View) -> Forecast | None:
     if status.error_codes and matches(status.error_codes, view.reading.blocking_errors):
         return None
     followed = quick.follow(status.path, here, view)
-    return Forecast(Basis.PATH, *followed, *_size(view.body, status.z)) if followed else None
+    return Forecast(Basis.PATH, *followed, *size(view.body, status.z)) if followed else None
 
 
 def _motion(status: Status, here: Sighting, view: View, findings: list[str]) -> tuple[Basis, Along]:
@@ -343,7 +342,7 @@ def _enveloped(
 
     The centre, not the location, then moves in a straight line between knots.
     """
-    length_m, width_m, bottom_m, top_m = _size(body, z_m)
+    length_m, width_m, bottom_m, top_m = size(body, z_m)
     dx, dy = body.offset_m
     if _unheaded(knots):
         length_m = width_m = hypot(length_m, width_m) + 2 * hypot(dx, dy)
@@ -353,7 +352,7 @@ def _enveloped(
     return Forecast(basis, tuple(knots), floors, length_m, width_m, bottom_m, top_m, findings)
 
 
-def _size(body: Body, z_m: float) -> tuple[float, float, float, float]:
+def size(body: Body, z_m: float) -> tuple[float, float, float, float]:
     """Length and width of an envelope, and the heights from which and to which it reaches."""
     length_m, width_m, height_m = body.envelope_m
     return (length_m, width_m, z_m, z_m + height_m) if height_m else (length_m, width_m, -inf, inf)

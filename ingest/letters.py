@@ -18,8 +18,8 @@ from numba import types
 from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 
-MOST = 200
-"""Points; of more none are read here."""
+MOST, LEAST_LETTERS = 200, 64
+"""Points, of more none are read here; and letters of one."""
 MOST_POSITION = 1e7
 """Metres, or degrees: beyond it a location is absurd."""
 LATEST_US = 4102444800_000_000
@@ -53,7 +53,8 @@ HEAD_ROWS = 4
 the first and last times of its path and of its destinations."""
 OF_LOCATION, OF_PATH, OF_DESTINATIONS, MARKS = 6, 10, 17, 24
 """Marks of a status: where its UUID and state begin and end, how many digits its stamp has and how it departs; what its
-location tells; and of path and destinations where their rows begin and end, and what they tell."""
+location tells; and of path and destinations where their rows begin and end, and what they tell, -1 where there are
+none."""
 _BEFORE_MONTH = np.cumsum([0, 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30])
 _LETTERS_OF = types.CPointer(types.uint8)  # type: ignore[no-untyped-call]
 _TEXT = types.Bytes(types.uint8, 1, "C", readonly=True)
@@ -383,14 +384,13 @@ def _part(text: Letters, end: int, at: int, key: int, rows: Floats, marks: Ints)
         begin, mark = max(HEAD_ROWS, marks[OF_PATH + 1], marks[OF_DESTINATIONS + 1]), OF_PATH
         if key != _PATH:
             mark = OF_DESTINATIONS
-        marks[mark] = begin
         at, behind, told = _array(text, end, at, rows, begin)
         if behind > begin:
             ends = 0 if key == _PATH else 2
             rows[3, ends], rows[3, ends + 1] = rows[begin, 0], rows[behind - 1, 0]
-        marks[mark + 1] = behind
-        for i in range(5):
-            marks[mark + 2 + i] = told[i]
+            marks[mark], marks[mark + 1] = begin, behind
+            for i in range(5):
+                marks[mark + 2 + i] = told[i]
     return at
 
 
@@ -399,7 +399,7 @@ def _whole_status(text: Letters, end: int, rows: Floats, marks: Ints) -> bool:
     """Whether a status is not left to others; into `rows` and `marks`."""
     at, seen = _after(text, end, 0, 123), 0
     rows[1:HEAD_ROWS] = nan
-    marks[:] = 0
+    marks[:] = -1
     while at >= 0:
         key, at = _key(text, end, at, _BATTERY, len(_WORDS) - 1)
         if at < 0 or at >= end or seen & 1 << key:

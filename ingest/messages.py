@@ -9,7 +9,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan, nan
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 from pydantic import ValidationError
@@ -29,7 +29,10 @@ from ingest.reports import (
     Velocity,
 )
 
-__all__ = ["Identity", "Path", "Rejection", "Status", "document", "read"]
+if TYPE_CHECKING:
+    from ingest.plain import Letters
+
+__all__ = ["Identity", "Path", "Rejection", "Status", "document", "read", "understood"]
 
 MAX_ENVELOPE_M = 100.0
 MAX_SPEED_MPS = 100.0
@@ -107,11 +110,16 @@ class Rejection:
 
 def read(raw: bytes, *, names_as_uuid: str | None = None) -> Identity | Status | Rejection:
     """What one message says. `names_as_uuid` is the vendor whose robots may go by name instead of a UUID."""
+    return understood(raw, quick.letters(raw) if quick.letters else None, names_as_uuid)
+
+
+def understood(raw: bytes, letters: "Letters | None", names_as_uuid: str | None) -> Identity | Status | Rejection:
+    """As `read`, with its letters where it is a plain status and they were read."""
     findings: Findings = {}
     said_uuid: object = None
     try:
-        if quick.status and (status := quick.status(raw, names_as_uuid, findings)):
-            return status
+        if letters:
+            return letters.status(names_as_uuid)
         report = conforming.decoded(raw) or _report(raw, findings)
         said_uuid = report.uuid
         uuid = words.robot_uuid(report.uuid, names_as_uuid, findings)

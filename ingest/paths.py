@@ -99,18 +99,24 @@ def checked_path(read: Path, sent: int, stamp_s: float, findings: Findings) -> P
     """A path that was read, of so many points sent, once it is noted what is wrong with their number and times."""
     if read is NO_PATH:
         return read
-    if sent > MOST_POINTS:
-        findings["path-too-many"] = None
-    first_s, last_s = read.ends_s
+    ends_s = read.ends_s
     if not read.in_order:
         times = read.times
         _note_disorder(times, findings)
-        first_s, last_s = min(times), max(times)
+        ends_s = min(times), max(times)
+    judge_path(sent, ends_s, stamp_s, findings)
+    return read
+
+
+def judge_path(sent: int, ends_s: tuple[float, float], stamp_s: float, findings: Findings) -> None:
+    """Note what is wrong with the number of a path's points and their first and last times."""
+    first_s, last_s = ends_s
+    if sent > MOST_POINTS:
+        findings["path-too-many"] = None
     if last_s > stamp_s + PATH_S + SLACK_S:
         findings["path-too-far"] = None
     if first_s < stamp_s - SLACK_S:
         findings[_past(last_s, stamp_s)] = None
-    return read
 
 
 def _in_order(times: list[float]) -> bool:
@@ -140,13 +146,7 @@ def checked_destinations(read: Path, sent: int, stamp_s: float, findings: Findin
     """Destinations that were read, as `checked_path`, in the order of their times."""
     if read is NO_PATH:
         return read
-    if sent > MOST_POINTS:
-        findings["destinations-too-many"] = None
-    latest_s = read.ends_s[1] if read.in_order else max(read.times)
-    if latest_s > stamp_s + DESTINATIONS_S + SLACK_S:
-        findings["destinations-too-far"] = None
-    if latest_s < stamp_s - SLACK_S:
-        findings["destinations-past"] = None
+    judge_destinations(sent, read.ends_s[1] if read.in_order else max(read.times), stamp_s, findings)
     if read.in_order:
         return read
     times = read.times
@@ -157,6 +157,16 @@ def checked_destinations(read: Path, sent: int, stamp_s: float, findings: Findin
     rows = read.rows
     poses, datums = tuple(rows[row] for row in order), tuple(read.datums[row] for row in order)
     return Path(poses, datums, len(set(times)) == len(times), (times[order[0]], times[order[-1]]))
+
+
+def judge_destinations(sent: int, latest_s: float, stamp_s: float, findings: Findings) -> None:
+    """Note what is wrong with the number of destinations and the latest of their times."""
+    if sent > MOST_POINTS:
+        findings["destinations-too-many"] = None
+    if latest_s > stamp_s + DESTINATIONS_S + SLACK_S:
+        findings["destinations-too-far"] = None
+    if latest_s < stamp_s - SLACK_S:
+        findings["destinations-past"] = None
 
 
 def _read(points: Sequence[PredictedLocation] | Points | None, findings: Findings) -> Path:

@@ -7,11 +7,21 @@ from collections.abc import Sequence
 from functools import lru_cache
 from math import isnan
 
+import msgspec
 import numpy as np
 
 from ingest import paths, words
 from ingest.conformance import Findings
-from ingest.letters import HEAD_ROWS, MARKS, MOST, OF_DESTINATIONS, OF_PATH, read_points, read_status
+from ingest.letters import (
+    HEAD_ROWS,
+    LEAST_LETTERS,
+    MARKS,
+    MOST,
+    OF_DESTINATIONS,
+    OF_PATH,
+    read_points,
+    read_status,
+)
 from ingest.messages import Status
 from ingest.paths import NO_PATH, Path, Points
 from ingest.seam import Floats
@@ -24,86 +34,149 @@ _REMEMBERED = 1024
 """Words and how they go together: the same few come again and again."""
 
 
-def status(raw: bytes, names_as_uuid: str | None, findings: Findings) -> Status | None:
-    """What a status says; None where it is left to others. Raises `RejectedError`."""
-    rows, marks = np.empty((HEAD_ROWS + min(len(raw) // 16, MOST), 4)), np.empty(MARKS, np.int64)
+class Words(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """What the words of a status say, but for its UUID: one and the same object for all that say the same."""
+
+    state: str
+    known_state: bool
+    datum: str
+    found: tuple[str, ...]
+    """Findings on its stamp and on these."""
+    path: tuple[str, tuple[str, ...]] | None
+    """The datum, and the findings on stamps and datum; None where there are no points."""
+    destinations: tuple[str, tuple[str, ...]] | None
+
+
+class Letters(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """A plain status as its letters were read."""
+
+    raw: bytes
+    rows: Floats
+    """(r, 4) numbers, as `ingest/letters.py` has them."""
+    at: list[int]
+    """Where things are, as it marks them."""
+    words: Words
+
+    @property
+    def uuid(self) -> bytes:
+        """As it was sent."""
+        return self.raw[self.at[0] : self.at[1]]
+
+    @property
+    def stamp_s(self) -> float:
+        return self.rows.item(0)
+
+    @property
+    def stamp_resolution_s(self) -> float:
+        return _RESOLUTIONS_S[self.at[4]]
+
+    def status(self, names_as_uuid: str | None) -> Status:
+        """What it says. Raises `RejectedError` where its UUID is none."""
+        rows, at, said = self.rows, self.at, self.words
+        findings: Findings = {}
+        pose, (z, linear_mps, turn_rad, _), (battery_pct, _, available_pct, _), ends_s = rows[:HEAD_ROWS].tolist()
+        stamp_s, x, y, yaw_rad = pose
+        uuid = words.robot_uuid(self.uuid.decode(), names_as_uuid, findings)
+        if said.found:
+            findings.update(dict.fromkeys(said.found))
+        path = destinations = NO_PATH
+        if said.destinations:
+            read = _path(said.destinations, rows, at[OF_DESTINATIONS:], ends_s[2:], findings)
+            destinations = paths.checked_destinations(read, len(read.datums), stamp_s, findings)
+        if said.path:
+            read = _path(said.path, rows, at[OF_PATH:], ends_s[:2], findings)
+            path = paths.checked_path(read, len(read.datums), stamp_s, findings)
+        return Status(
+            uuid,
+            stamp_s,
+            self.stamp_resolution_s,
+            said.state,
+            said.known_state,
+            x,
+            y,
+            z,
+            yaw_rad,
+            said.datum,
+            None if isnan(linear_mps) else linear_mps,
+            None if isnan(turn_rad) else turn_rad,
+            None if isnan(available_pct) else 100.0 - available_pct,
+            None if isnan(battery_pct) else battery_pct,
+            (),
+            destinations,
+            path,
+            tuple(findings),
+        )
+
+
+def letters(raw: bytes) -> Letters | None:
+    """What the letters of a status say; None where they are left to others."""
+    rows, marks = np.empty((HEAD_ROWS + min(len(raw) // LEAST_LETTERS, MOST), 4)), np.empty(MARKS, np.int64)
     if not read_status(raw, rows, marks):
         return None
-    pose, (z, linear_mps, turn_rad, _), (battery_pct, _, available_pct, _), ends_s = rows[:HEAD_ROWS].tolist()
-    stamp_s, x, y, yaw_rad = pose
     at = marks.tolist()
-    uuid_at, uuid_end, state_at, state_end, digits, departs, right, right_end, other, other_end = at[:OF_PATH]
-    uuid = words.robot_uuid(raw[uuid_at:uuid_end].decode(), names_as_uuid, findings)
-    state, known_state, datum, found = _said_of_it(
-        departs,
-        raw[state_at:state_end],
-        raw[other:other_end] if other >= 0 else None,
-        raw[right:right_end] if right >= 0 else None,
+    words_of = _words(
+        raw[at[2] : at[3]],
+        at[5],
+        raw[at[8] : at[9]] if at[8] >= 0 else None,
+        raw[at[6] : at[7]] if at[6] >= 0 else None,
+        at[16],
+        raw[at[12] : at[13]] if at[12] >= 0 else None,
+        raw[at[14] : at[15]] if at[14] >= 0 else None,
+        at[23],
+        raw[at[19] : at[20]] if at[19] >= 0 else None,
+        raw[at[21] : at[22]] if at[21] >= 0 else None,
     )
-    if found:
-        findings.update(dict.fromkeys(found))
-    path = destinations = NO_PATH
-    if at[OF_DESTINATIONS] < at[OF_DESTINATIONS + 1]:
-        told = _path(raw, rows, at[OF_DESTINATIONS:], ends_s[2:], findings)
-        destinations = paths.checked_destinations(told, len(told.datums), stamp_s, findings)
-    if at[OF_PATH] < at[OF_PATH + 1]:
-        told = _path(raw, rows, at[OF_PATH:OF_DESTINATIONS], ends_s[:2], findings)
-        path = paths.checked_path(told, len(told.datums), stamp_s, findings)
-    return Status(
-        uuid,
-        stamp_s,
-        _RESOLUTIONS_S[digits],
-        state,
-        known_state,
-        x,
-        y,
-        z,
-        yaw_rad,
-        datum,
-        None if isnan(linear_mps) else linear_mps,
-        None if isnan(turn_rad) else turn_rad,
-        None if isnan(available_pct) else 100.0 - available_pct,
-        None if isnan(battery_pct) else battery_pct,
-        (),
-        destinations,
-        path,
-        tuple(findings),
-    )
+    return Letters(raw, rows, at, words_of)
 
 
 def points(text: bytes) -> Points | None:
     """The points of a JSON array of predicted locations, at least one; None where they are left to others."""
-    rows = np.empty((min(len(text) // 16, MOST), 4))
-    count, told = read_points(text, rows)
+    rows = np.empty((min(len(text) // LEAST_LETTERS, MOST), 4))
+    count, (right, right_end, other, other_end, departs) = read_points(text, rows)
     if not count:
         return None
     findings: Findings = {}
-    path = _path(text, rows, (0, count, *told), (float(rows[0, 0]), float(rows[count - 1, 0])), findings)
+    said = _said_of_points(
+        departs, text[right:right_end] if right >= 0 else None, text[other:other_end] if other >= 0 else None
+    )
+    path = _path(said, rows, (0, count), (float(rows[0, 0]), float(rows[count - 1, 0])), findings)
     return Points(path, tuple(findings))
 
 
-def _path(text: bytes, rows: Floats, at: Sequence[int], ends_s: Sequence[float], findings: Findings) -> Path:
-    """The points between two rows, at least one."""
-    begin, end, right, right_end, other, other_end, departs = at
-    datum, found = _said_of_points(
-        departs,
-        text[right:right_end] if right >= 0 else None,
-        text[other:other_end] if other >= 0 else None,
-    )
+def _path(
+    said: tuple[str, tuple[str, ...]], rows: Floats, at: Sequence[int], ends_s: Sequence[float], findings: Findings
+) -> Path:
+    """The points from the first row of `at` to the second, at least one, with what their words say."""
+    datum, found = said
+    begin, end = at[:2]
     if found:
         findings.update(dict.fromkeys(found))
     return Path(rows[begin:end], (datum,) * (end - begin), True, (ends_s[0], ends_s[1]))
 
 
 @lru_cache(_REMEMBERED)
-def _said_of_it(
-    departs: int, state: bytes, right: bytes | None, other: bytes | None
-) -> tuple[str, bool, str, tuple[str, ...]]:
-    """A status's state, whether it is known, and datum, with the findings on its stamp and on these."""
+def _words(
+    state: bytes,
+    departs: int,
+    right: bytes | None,
+    other: bytes | None,
+    path_departs: int,
+    path_right: bytes | None,
+    path_other: bytes | None,
+    destinations_depart: int,
+    destinations_right: bytes | None,
+    destinations_other: bytes | None,
+) -> Words:
+    """Of times that depart so, negative where there are no points, and such a state and datums."""
     findings: Findings = dict.fromkeys(_OF_STAMPS[departs])
     name, known = words.state(state.decode(), findings)
     datum = words.datum(_decoded(right), _decoded(other), findings, empty="datum-missing")
-    return name, known, datum, tuple(findings)
+    path = destinations = None
+    if path_departs >= 0:
+        path = _said_of_points(path_departs, path_right, path_other)
+    if destinations_depart >= 0:
+        destinations = _said_of_points(destinations_depart, destinations_right, destinations_other)
+    return Words(name, known, datum, tuple(findings), path, destinations)
 
 
 @lru_cache(_REMEMBERED)

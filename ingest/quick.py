@@ -7,27 +7,32 @@ to read has no use for it.
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ingest.conformance import Findings
+from ingest.connection import Connection
 from ingest.paths import Path, Points
 
 if TYPE_CHECKING:
     from ingest.forecast import Sighting, View
-    from ingest.messages import Status
+    from ingest.onward import Manner
+    from ingest.plain import Letters
+    from ingest.robots import Robot
     from ingest.seam import Floats
 
-status: "Callable[[bytes, str | None, Findings], Status | None] | None" = None
-"""`ingest.plain.status`"""
+letters: "Callable[[bytes], Letters | None] | None" = None
+"""`ingest.plain.letters`"""
 points: Callable[[bytes], Points | None] | None = None
 """`ingest.plain.points`"""
 follow: "Callable[[Path, Sighting, View], tuple[Floats, tuple[int, ...]] | None] | None" = None
 """`ingest.following.follow`"""
+manner: "Callable[[Robot, Letters, Connection, str | None], Manner | None] | None" = None
+"""`ingest.onward.manner`"""
 placed: "Callable[[float, float, float, Floats], tuple[float, float, float]] | None" = None
 """`ingest.following.placed`"""
 
 
 def load() -> None:
     """Read by compiled code from now on. What is not on disk yet is compiled, which takes some seconds."""
-    global status, points, follow, placed
-    from ingest import following, plain  # noqa: PLC0415 - brings numba
+    global letters, points, follow, manner, placed
+    from ingest import following, onward, plain  # noqa: PLC0415 - brings numba
 
-    status, points, follow, placed = plain.status, plain.points, following.follow, following.placed
+    letters, points, manner = plain.letters, plain.points, onward.manner
+    follow, placed = following.follow, following.placed

@@ -6,11 +6,11 @@ from typing import Any
 
 from ingest import messages
 from ingest.clocks import SenderClock
-from ingest.forecast import Forecast, Sighting, Stop, View
+from ingest.forecast import NO_STOPS, Forecast, Sighting, View
 from ingest.frames import Frame
 from ingest.introductions import Introduction
 from ingest.messages import Identity
-from ingest.seam import Basis
+from ingest.seam import Basis, Floats
 
 
 @dataclass(slots=True, eq=False)
@@ -39,7 +39,8 @@ class Robot:
     """The newest sighting, headings and speeds reconciled with the one before it."""
     frame: Frame | None = None
     forecast: Forecast | None = None
-    stops: tuple[Stop, ...] = ()
+    stops: Floats = field(default_factory=lambda: NO_STOPS)
+    """As `ingest/forecast.py` has them."""
     doubt_m: float = 0.0
     owned: bool = False
     """Whether its vendor is settled: it identified itself, or spoke over a connection of that vendor."""
@@ -47,6 +48,8 @@ class Robot:
     """How its messages are read; None where something of that may have changed."""
     view_of: tuple[bool, str] = (False, "")
     """What the view is of: whether the robot is loaded, and its datum."""
+    spelt: bytes = b""
+    """Its UUID as sent, where it is known how the robot goes on."""
     deviations: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -11,7 +11,7 @@ from ingest import conforming, messages, paths, quick
 from ingest.conformance import Findings, RejectedError
 from ingest.messages import Status
 from ingest.paths import Path, Points
-from ingest.plain import points, status
+from ingest.plain import letters, points
 from ingest.reports import PredictedLocation
 from tests.saying import HALL, robot, stamp
 from tests.vectors import VECTORS, T, Vector, at, said
@@ -84,7 +84,7 @@ def agrees(raw: bytes) -> bool:
 @pytest.fixture(autouse=True)
 def _not_quickened(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(quick, "points", None)
-    monkeypatch.setattr(quick, "status", None)
+    monkeypatch.setattr(quick, "letters", None)
     monkeypatch.setattr(quick, "placed", None)
 
 
@@ -122,18 +122,21 @@ def made_status(random: Random) -> bytes:
     return f"{{{', '.join(parts)}}}".encode()
 
 
+def status(raw: bytes, names_as_uuid: str | None = None) -> Status | None:
+    told = letters(raw)
+    return told.status(names_as_uuid) if told else None
+
+
 def status_agrees(raw: bytes) -> bool:
     """Whether the status is taken; then it is what is made of it otherwise."""
-    findings: Findings = {}
     try:
-        told = status(raw, "Alder", findings)
+        told = status(raw, "Alder")
     except RejectedError:
         told = None
     expected = messages.read(raw, names_as_uuid="Alder")
     if told is None:
         return False
     assert isinstance(expected, Status)
-    assert told.findings == tuple(findings)
     assert repr(rowwise_status(told)) == repr(rowwise_status(expected))
     return True
 
@@ -158,12 +161,12 @@ def test_a_damaged_status_is_read_as_it_would_be_or_left_alone() -> None:
 @pytest.mark.parametrize("key", ["uuid", "timestamp", "operationalState", "location", "velocity", "mood"])
 def test_a_status_that_lacks_what_it_needs_or_says_something_twice_is_left_alone(key: str) -> None:
     sound = said(velocity={"linear": 1.0})
-    assert status(sound, None, {})
+    assert status(sound)
     told = json.loads(sound)
     again = json.dumps({key: told.get(key, "good")})[1:-1]
-    assert status(sound.replace(b"{", b"{" + again.encode() + b",", 1), None, {}) is None
+    assert status(sound.replace(b"{", b"{" + again.encode() + b",", 1)) is None
     if key not in ("velocity", "mood"):
-        assert status(json.dumps({name: told[name] for name in told if name != key}).encode(), None, {}) is None
+        assert status(json.dumps({name: told[name] for name in told if name != key}).encode()) is None
 
 
 def test_points_are_read_as_msgspec_and_python_read_them() -> None:

@@ -1,0 +1,146 @@
+"""A robot that goes on as it did: one kernel makes of a plain status what `ingest/fleet.py` makes of any in many steps.
+
+As it did is over the same connection, in the same words, under the same load, and by a motion since it was seen last in
+which nothing is to be mended. What can't have changed then is worked out once, as its `Manner`; whatever is not so is
+left to others.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ingest import claims, paths, watch, words
+from ingest.conformance import Findings
+from ingest.connection import Connection
+from ingest.floors import NOWHERE
+from ingest.following import AS_IT_IS, go_on
+from ingest.forecast import JUMP_SLACK_M, NO_STOPS, Forecast, Sighting, View, jump_mps, size
+from ingest.frames import Frame
+from ingest.letters import OF_DESTINATIONS, OF_PATH
+from ingest.plain import Letters, Words
+from ingest.robots import Robot
+from ingest.seam import Basis, Floats
+
+
+@dataclass(slots=True, eq=False)
+class Manner:
+    """How a robot goes on."""
+
+    robot: Robot
+    connection: Connection
+    words: Words
+    view: View
+    moves: bool
+    """By its path; else it stands."""
+    floor: int
+    table: Floats
+    """Of the transformation to its floor."""
+    limits: Floats
+    """As `go_on` has them."""
+    found: tuple[str, ...]
+    """In each of its messages, whatever their times and the number of their points."""
+
+    def is_of(self, told: Letters, connection: Connection) -> bool:
+        """Whether the robot may go on so with a status."""
+        return self.words is told.words and self.connection is connection and self.robot.view is self.view
+
+    def onward(self, told: Letters, event_s: float) -> tuple[str, ...] | None:
+        """Put the robot where it is and forecast it from there; the findings, or None where it does not go on so."""
+        robot, before, at = self.robot, self.robot.seen, told.at
+        if before is None or before.floor != self.floor:
+            return None
+        first_point, end_of_path = at[OF_PATH : OF_PATH + 2]
+        first_stop, end_of_stops = at[OF_DESTINATIONS : OF_DESTINATIONS + 2]
+        room = end_of_path - first_point + 1
+        rows = np.empty((room + end_of_stops - first_stop, 4))
+        knots, ahead, odd, x_m, y_m, yaw_rad, linear_mps, turn_radps, z_m, stamp_s = go_on(
+            told.rows,
+            rows,
+            self.table,
+            self.limits,
+            first_point,
+            end_of_path,
+            first_stop,
+            end_of_stops,
+            before.t_s,
+            before.x_m,
+            before.y_m,
+            before.yaw_rad,
+            event_s,
+        )
+        if not knots:
+            return None
+        robot.state, robot.known_state, robot.doubt_m = self.words.state, self.words.known_state, 0.0
+        robot.seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
+        basis = Basis.PATH if self.moves else Basis.STATIONARY
+        robot.forecast = Forecast(basis, rows[:knots], (self.floor,) * knots, *size(self.view.body, z_m))
+        robot.stops = rows[room : room + ahead] if ahead else NO_STOPS
+        return self._found_in(told, stamp_s) if odd else self.found
+
+    def _found_in(self, told: Letters, stamp_s: float) -> tuple[str, ...]:
+        findings: Findings = dict.fromkeys(self.found)
+        at, (first_s, last_s, _, latest_s) = told.at, told.rows[3].tolist()
+        if self.words.path:
+            paths.judge_path(at[OF_PATH + 1] - at[OF_PATH], (first_s, last_s), stamp_s, findings)
+        if self.words.destinations:
+            stops = at[OF_DESTINATIONS + 1] - at[OF_DESTINATIONS]
+            paths.judge_destinations(stops, latest_s, stamp_s, findings)
+        return tuple(findings)
+
+
+def manner(robot: Robot, told: Letters, connection: Connection, names_as_uuid: str | None) -> Manner | None:
+    """How a robot goes on that was just placed by such a status; None where each has to be looked at closely."""
+    said, view = told.words, robot.view
+    moves = said.state == "navigating"
+    if view is None or robot.view_of[1] != said.datum or said.state == "manualOverride":
+        return None
+    if said.path is None if moves else said.path is not None and said.state == "idle":
+        return None
+    frame, floor = view.frame_of("")
+    path_frame, path_floor = view.frame_of(said.path[0]) if moves and said.path else (frame, floor)
+    stops_frame, stops_floor = view.frame_of(said.destinations[0]) if said.destinations else (frame, floor)
+    if floor == NOWHERE or path_floor != floor or not _alike(frame, path_frame, stops_frame):
+        return None
+    limits = np.array([moves, robot.view_of[0], frame.mirrored, stops_floor, *_limits(view)], np.float64)
+    table = frame.transform.table if frame.transform else AS_IT_IS
+    found = _found(told, frame, names_as_uuid)
+    return Manner(robot, connection, said, view, moves, floor, table, limits, found)
+
+
+def _alike(frame: Frame, *others: Frame) -> bool:
+    return frame.projection is None and all(
+        one.projection is None and one.transform is frame.transform for one in others
+    )
+
+
+def _limits(view: View) -> tuple[float, ...]:
+    """Those of `go_on` that the view and the rules give."""
+    body, reading = view.body, view.reading
+    return (
+        *body.offset_m,
+        jump_mps(body),
+        JUMP_SLACK_M,
+        reading.horizon_s,
+        reading.quiet_after_s,
+        reading.destination_horizon_s,
+        paths.MOST_POINTS,
+        paths.PATH_S,
+        paths.DESTINATIONS_S,
+        paths.SLACK_S,
+        watch.COMPARABLE_S,
+        watch.MOVED_M,
+        claims.JUMP_M,
+        watch.MAX_TURN_RADPS,
+        watch.SLOW_TURN_RAD,
+    )
+
+
+def _found(told: Letters, frame: Frame, names_as_uuid: str | None) -> tuple[str, ...]:
+    findings: Findings = {}
+    words.robot_uuid(told.uuid.decode(), names_as_uuid, findings)
+    said = told.words
+    for found in (said.found, *(part[1] for part in (said.destinations, said.path) if part)):
+        findings.update(dict.fromkeys(found))
+    if not frame.known:
+        findings["datum-unknown"] = None
+    return tuple(findings)
