@@ -104,7 +104,7 @@ def _square(bands_m: Floats, robot: Any, ahead_s: float) -> float:
 
 
 @kernel(
-    numba.types.Tuple((_MATRIX, _FLOATS))(  # type: ignore[no-untyped-call]
+    _MATRIX(
         _PAIRS,
         *[_INTS] * 4,
         *[_FLOATS] * 2,
@@ -115,7 +115,7 @@ def _square(bands_m: Floats, robot: Any, ahead_s: float) -> float:
         _ROBOTS,
         _MATRIX,
         _LOOKS,
-        *[numba.float64] * 4,
+        *[numba.float64] * 5,
     )
 )
 def judge(
@@ -138,18 +138,19 @@ def judge(
     horizon_s: float,
     within_m: float,
     margin_m: float,
-) -> tuple[Floats, Floats]:
-    """Set how near the pairs of `rows` (n,) came and come, of robots `a` and `b` (n,): their separations at the times
-    `past_s` (n, k) and `ahead_s` (m,) from now are `apart_m` (n, k + m), where both are known to be on the `same` floor
-    (n, k + m). Those of `swept_rows` (c,) come within `swept_m` at the times `swept_s` (c,) besides.
+    standing_mps: float,
+) -> Floats:
+    """Set how near the pairs of `rows` (n,) came and come, and the features of that but for odds, of robots `a` and `b`
+    (n,): their separations at the times `past_s` (n, k) and `ahead_s` (m,) from now are `apart_m` (n, k + m), where
+    both are known to be on the `same` floor (n, k + m), and they go at `speed_mps` (2, n). Those of `swept_rows` (c,)
+    come within `swept_m` at the times `swept_s` (c,) besides.
 
     (2, n) by how many standard deviations of their distance they are within `within_m`, where that is most: in the
-    horizon, and soon. (n,) how long each would need if it went straight for each other at `speed_mps` (2, n), in
-    horizons; at most 1. The place of a robot that was last `seen` some time ago grows uncertain, unless it stood: it is
+    horizon, and soon. The place of a robot that was last `seen` some time ago grows uncertain, unless it stood: it is
     still there, for all that is known.
     """
     n, past = len(rows), past_s.shape[1]
-    most, far, swept_at = np.full((2, n), -np.inf), np.empty(n), np.full(len(pairs), -1)
+    most, swept_at = np.full((2, n), -np.inf), np.full(len(pairs), -1)
     for at in range(len(swept_rows)):
         swept_at[swept_rows[at]] = at
     for row in range(n):
@@ -179,5 +180,6 @@ def judge(
                 most[1, row] = max(most[1, row], sds)
         pair.near_s, pair.near_m, pair.now_m = nearest_s, max(nearest_m, 0.0), max(apart_m[row, past], 0.0)
         needed_s = max(apart_m[row, past] - within_m, 0.0) / max(speed_mps[0, row] + speed_mps[1, row], CREEPING_MPS)
-        far[row] = min(needed_s / horizon_s, 1.0)
-    return most, far
+        stands = speed_mps[0, row] < standing_mps or speed_mps[1, row] < standing_mps
+        pair.seen[0], pair.seen[3], pair.seen[4] = 1.0, min(needed_s / horizon_s, 1.0), 1.0 if stands else 0.0
+    return most

@@ -10,13 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from deconflict.foresight.leaving import PARTS, counts, weights
-from deconflict.foresight.pairs import FEATURES, Fates
+from deconflict.foresight.pairs import Fates
 from deconflict.learned import Part, numbers
-from deconflict.motion import Bools
 from ingest.seam import Floats
 
 PRIOR: Floats = np.array([0.07, 1.07, 0.2, -0.27, -0.74])
-"""Weights of what `features` gives."""
+"""Weights of what is seen of a pair, see `pairs.FEATURES`."""
 PRIOR_SD: Floats = np.array([0.7, 0.3, 0.3, 0.7, 0.7])
 PRIOR_INFORMATION: Floats = np.diag(PRIOR_SD**-2.0)
 OUTCOME_WEIGHT = 0.25
@@ -26,16 +25,8 @@ CERTAIN = 0.01
 """Shares this near to 0 or 1 are not told apart from them."""
 
 
-def features(within: Floats, far: Floats, stands: Bools) -> Floats:
-    """(n, FEATURES) of the largest share of the error distribution that lies within the clearance, (2, n) at any moment
-    of the horizon and in its first fifth, how long the pair would need if it went straight for each other, in horizons,
-    and whether either stands: it is seen, and gone around."""
-    seen = np.ones((len(far), FEATURES))
-    (seen[:, 1], seen[:, 2]), seen[:, 3], seen[:, 4] = _log_odds(within), far, stands
-    return seen
-
-
-def _log_odds(share: Floats) -> Floats:
+def log_odds(share: Floats) -> Floats:
+    """As features of pairs have them, of shares of an error distribution."""
     odds: Floats = np.log((share + CERTAIN) / (1 + CERTAIN - share))
     return odds
 
@@ -63,8 +54,7 @@ class Calibration:
             return
         kept = float(np.exp(-max(now_s - (self.as_of_s or now_s), 0.0) / FADES_S))
         self.as_of_s = now_s
-        self.ended = kept * self.ended
-        self.ended += (counts(fates.part, ~fates.left), counts(fates.part, fates.left))
+        self.ended = kept * self.ended + counts(fates.part, fates.left)
         weight = OUTCOME_WEIGHT * np.where(fates.left, 0.0, weights(*self.ended)[fates.part])
         expected = self.probability(seen)
         certain = weight * expected * (1 - expected)

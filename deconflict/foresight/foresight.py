@@ -16,13 +16,13 @@ from scipy.special import ndtr
 
 from deconflict.encounter import STANDING_MPS
 from deconflict.foresight.bands import judge, reach_m, wonder
-from deconflict.foresight.calibration import Calibration, features
+from deconflict.foresight.calibration import Calibration, log_odds
 from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.followed import JOINED_S, Followed, Reports
 from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Ledger
 from deconflict.foresight.measuring import measure
-from deconflict.foresight.pairs import PAIR, Outcomes, again, codes, slots_of
+from deconflict.foresight.pairs import PAIR, Outcomes, again, codes, open_rows, shown, slots_of
 from deconflict.foresight.ways import ROBOT, Errors
 from deconflict.learned import Part
 from deconflict.motion import Bools
@@ -93,8 +93,9 @@ class Foresight:
         """Whether it has a new forecast since the last look."""
         self._half = np.zeros((2, 0))
         self._pairs = np.zeros(0, PAIR)
-        self._swept: Ints = np.zeros(0, np.int64)
-        """Codes of the pairs that were swept in the last look; -1 where a robot left since."""
+        self._swept: Ints = np.full(1, -1)
+        """Codes of the pairs that were swept in the last look, -1 where a robot left since; and -1 at the end, for one
+        that was not swept."""
         self._asked_s = self._looked_s = float("-inf")
 
     def learned(self) -> dict[str, Part]:
@@ -173,16 +174,17 @@ class Foresight:
 
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The standing probability of every pair under watch that is not in an encounter, both robots being heard."""
-        pairs = self._pairs
-        shown = self._open(np.flatnonzero(pairs["watched"]), self._looked_s)
-        return sorted(zip(self._named(pairs["code"][shown]), pairs["probability"][shown].tolist(), strict=True))
+        pairs, since_s = self._pairs, self._looked_s - JOINED_S
+        shown = pairs[open_rows(pairs, self._followed.seen, since_s)]
+        return sorted(zip(self._named(shown["code"]), shown["probability"].tolist(), strict=True))
 
     def look(self, now_s: float, swept: Swept, likely: float) -> Foreseen:
         """Look again at what changed, and learn from what has become known.
 
         Tells of the swept pairs, and of others whose probability is at least `likely`.
         """
-        exact = self._swept = self._exact(swept)
+        exact = self._exact(swept)
+        self._swept = np.append(exact, -1)
         told, self._told = self._told, np.zeros(len(self._told), np.bool_)
         near = self._near(told, now_s) if told.any() else np.empty(0, np.int64)
         self._pairs, fresh, rows, due = again(self._pairs, np.concatenate([exact, near]), told, now_s)
@@ -191,23 +193,12 @@ class Foresight:
         self._learn(now_s)
         pairs["probability"] = self.calibration.probability(pairs["seen"])
         self._ask(now_s)
-        others = pairs["watched"] & (pairs["probability"] >= likely)
-        others[swept_rows] = False
-        rows = np.concatenate([swept_rows, np.flatnonzero(others)])
-        return Foreseen(
-            [*swept.pairs, *self._named(pairs["code"][others])],
-            pairs["probability"][rows],
-            pairs["near_s"][rows],
-            pairs["near_m"][rows],
-            pairs["now_m"][rows],
-            fresh[rows],
-        )
+        others, probability, near_s, near_m, now_m, are_fresh = shown(pairs, fresh, swept_rows, likely)
+        return Foreseen([*swept.pairs, *self._named(others)], probability, near_s, near_m, now_m, are_fresh)
 
     def _exact(self, swept: Swept) -> Ints:
         """Codes of the pairs that were swept, most of them in the last look too."""
-        exact = np.full(len(swept.pairs), -1)
-        if len(self._swept):
-            exact = np.where(swept.before >= 0, self._swept[swept.before], -1)
+        exact = self._swept[swept.before]
         new = np.flatnonzero(exact < 0)
         if len(new):
             flat = np.array([self._slots[uuid] for row in new.tolist() for uuid in swept.pairs[row]])
@@ -221,7 +212,7 @@ class Foresight:
     def _ask(self, now_s: float) -> None:
         if floor(now_s) > self._asked_s:
             self._asked_s = floor(now_s)
-            asked = self._pairs[self._open(np.flatnonzero(self._pairs["watched"]), now_s)]
+            asked = self._pairs[open_rows(self._pairs, self._followed.seen, now_s - JOINED_S)]
             self._outcomes.ask(now_s, asked["code"], asked["seen"])
 
     def _near(self, told: Bools, now_s: float) -> Ints:
@@ -243,18 +234,9 @@ class Foresight:
         apart_m = signed_gap(dx_m, dy_m, yaw_a_rad, yaw_b_rad, self._half[:, a], self._half[:, b])
         exact = (swept_rows, swept.separation_m, swept.separation_at_s)
         of_robots = (self.ledger.bands_m, self._robots, self._followed.seen)
-        limits = (now_s, self._horizon_s, self._clearance_m, self._margin_m)
-        sds, far = judge(
-            pairs, rows, a, b, *exact, past_s, apart_m, same, speed_mps, *of_robots, self._ahead_s, *limits
-        )
-        stands = (speed_mps[0] < STANDING_MPS) | (speed_mps[1] < STANDING_MPS)
-        pairs["seen"][rows] = features(ndtr(sds), far, stands)
-
-    def _open(self, rows: Ints, now_s: float) -> Ints:
-        """Those of `rows` that are not in an encounter, and of which both robots are heard."""
-        pairs = self._pairs
-        heard_s = np.minimum(*(self._followed.heard_s[slots] for slots in slots_of(pairs["code"][rows])))
-        return rows[~pairs["inside"][rows] & (heard_s > now_s - JOINED_S)]
+        limits = (now_s, self._horizon_s, self._clearance_m, self._margin_m, STANDING_MPS)
+        sds = judge(pairs, rows, a, b, *exact, past_s, apart_m, same, speed_mps, *of_robots, self._ahead_s, *limits)
+        pairs["seen"][rows, 1:3] = log_odds(ndtr(sds)).T
 
     def _learn(self, now_s: float) -> None:
         for question, fates in self._outcomes.known(now_s, self._pairs, self._own_until_s):

@@ -24,9 +24,9 @@ def part_of(after_s: Floats, horizon_s: float) -> Ints:
     return part
 
 
-def counts(part: Ints, which: Bools) -> Floats:
-    """(PARTS + 1,) how many of those chosen ended in each part."""
-    return np.bincount(part[which], minlength=PARTS + 1).astype(np.float64)
+def counts(part: Ints, left: Bools) -> Ints:
+    """(2, PARTS + 1) how many pairs are known and were left in each part."""
+    return np.bincount(part + left * (PARTS + 1), minlength=2 * (PARTS + 1)).reshape(2, -1)
 
 
 def weights(known: Floats, left: Floats) -> Floats:

@@ -20,7 +20,9 @@ from ingest.seam import Floats, Ints
 SLOT_BITS = 24
 SLOTS = (1 << SLOT_BITS) - 1
 FEATURES = 5
-"""Of `calibration.features`."""
+"""1; the log odds of the largest share of the error distribution that lies within the clearance, at any moment of the
+horizon and in its first fifth; how long the pair would need if it went straight for each other, in horizons and at most
+1; and 1 where either stands: it is seen, and gone around."""
 REMEMBERED_S = 15.0
 
 PAIR = np.dtype(
@@ -119,6 +121,44 @@ def again(before: Pairs, code: Ints, told: Bools, now_s: float) -> Again:
     rows = np.empty(len(code), np.int64)
     n, dues = _look_again(before, code, np.argsort(code), told, now_s, now_s - REMEMBERED_S, pairs, fresh, rows, due)
     return Again(pairs[:n], fresh[:n], rows, due[:dues])
+
+
+@kernel(_INTS(_PAIRS, numba.float64[:, ::1], numba.float64))
+def open_rows(pairs: Pairs, seen: Floats, since_s: float) -> Ints:
+    """The rows of the pairs under watch that are not in an encounter, and of which both robots were `seen` (slots, 5)
+    since then."""
+    rows, n = np.empty(len(pairs), np.int64), 0
+    for row, pair in enumerate(pairs):
+        heard_s = min(seen[pair.code >> SLOT_BITS, 0], seen[pair.code & SLOTS, 0])
+        if pair.watched and not pair.inside and heard_s > since_s:
+            rows[n] = row
+            n += 1
+    return rows[:n].copy()
+
+
+@kernel(
+    numba.types.Tuple((_INTS, *[numba.float64[::1]] * 4, _BOOLS))(  # type: ignore[no-untyped-call]
+        _PAIRS, _BOOLS, _INTS, numba.float64
+    )
+)
+def shown(pairs: Pairs, fresh: Bools, first: Ints, likely: float) -> tuple[Ints, Floats, Floats, Floats, Floats, Bools]:
+    """The codes of the pairs under watch that are at least so `likely`, without those of the rows `first`. Of these and
+    then of them: the probability, when they are nearest and how near then and now, and which are `fresh`, (n,) each."""
+    is_first, code, n = np.zeros(len(pairs), np.bool_), np.empty(len(pairs), np.int64), len(first)
+    rows = np.empty(n + len(pairs), np.int64)
+    for at, row in enumerate(first):
+        rows[at], is_first[row] = row, True
+    for row, pair in enumerate(pairs):
+        if pair.watched and pair.probability >= likely and not is_first[row]:
+            code[n - len(first)], rows[n] = pair.code, row
+            n += 1
+    probability, near_s, near_m, now_m = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    is_fresh = np.empty(n, np.bool_)
+    for at in range(n):
+        pair = pairs[rows[at]]
+        probability[at], near_s[at], near_m[at], now_m[at] = pair.probability, pair.near_s, pair.near_m, pair.now_m
+        is_fresh[at] = fresh[rows[at]]
+    return code[: n - len(first)].copy(), probability, near_s, near_m, now_m, is_fresh
 
 
 @dataclass(slots=True, eq=False)

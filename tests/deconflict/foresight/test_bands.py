@@ -19,7 +19,7 @@ from deconflict.foresight.pairs import PAIR
 from deconflict.foresight.ways import ERROR, ROBOT, Robots
 from ingest.seam import Floats
 
-NOW_S, HORIZON_S, WITHIN_M, MARGIN_M = 1000.0, 10.0, 0.3, 0.1
+NOW_S, HORIZON_S, WITHIN_M, MARGIN_M, STANDING_MPS = 1000.0, 10.0, 0.3, 0.1, 0.2
 AHEAD_S = np.arange(11.0)
 ROBOTS, PAIRS, PAST = 8, 40, 5
 
@@ -61,9 +61,8 @@ def test_what_separations_say_is_the_same_pair_by_pair() -> None:
     apart_m = rng.uniform(-0.2, 1.5, (PAIRS, PAST + len(AHEAD_S)))
     same, speed_mps = rng.uniform(size=apart_m.shape) < 0.9, rng.uniform(0, 1, (2, PAIRS))
     known_m, where = np.where(same, apart_m, inf), (past_s, apart_m, same, speed_mps, bands_m, robots, seen)
-    sds, far = judge(
-        pairs, rows, a, b, swept_rows, swept_m, swept_s, *where, AHEAD_S, NOW_S, HORIZON_S, WITHIN_M, MARGIN_M
-    )
+    limits = (NOW_S, HORIZON_S, WITHIN_M, MARGIN_M, STANDING_MPS)
+    sds = judge(pairs, rows, a, b, swept_rows, swept_m, swept_s, *where, AHEAD_S, *limits)
     for n, row in enumerate(rows.tolist()):
         at_s, apart = (NOW_S + AHEAD_S).tolist(), known_m[n, PAST:].tolist()
         if row in swept_rows.tolist():
@@ -73,15 +72,14 @@ def test_what_separations_say_is_the_same_pair_by_pair() -> None:
         within = [
             (WITHIN_M - m) / sd_m(robots, bands_m, seen, slots, s - NOW_S) for m, s in zip(apart, at_s, strict=True)
         ]
-        assert sds[0, n] == pytest.approx(max(within))
-        assert sds[1, n] == pytest.approx(
-            max(one for one, s in zip(within, at_s, strict=True) if s - NOW_S <= SOON * HORIZON_S)
-        )
+        soonest = max(one for one, s in zip(within, at_s, strict=True) if s - NOW_S <= SOON * HORIZON_S)
         assert pairs["near_s"][row] == at_s[int(np.argmin(apart))]
         assert pairs["near_m"][row] == max(min(apart), 0.0)
         assert pairs["now_m"][row] == max(known_m[n, PAST], 0.0)
         needed_s = max(known_m[n, PAST] - WITHIN_M, 0.0) / speed_mps[:, n].sum()
-        assert far[n] == pytest.approx(min(needed_s / HORIZON_S, 1.0))
+        assert sds[:, n] == pytest.approx([max(within), soonest])
+        assert pairs["seen"][row, 3] == pytest.approx(min(needed_s / HORIZON_S, 1.0))
+        assert pairs["seen"][row, [0, 4]].tolist() == [1.0, (speed_mps[:, n] < STANDING_MPS).any()]
         below = np.flatnonzero(known_m[n, :PAST] <= WITHIN_M)
         began = bool(len(below)) and not before["inside"][row]
         assert pairs["started_s"][row] == (past_s[n, below[0]] if began else -inf)

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.foresight.calibration import PRIOR, Calibration, features
-from deconflict.foresight.leaving import STAYED
+from deconflict.foresight.calibration import OUTCOME_WEIGHT, PRIOR, PRIOR_INFORMATION, Calibration, log_odds
+from deconflict.foresight.leaving import STAYED, weights
 from deconflict.foresight.pairs import FEATURES, Fates
 from deconflict.motion import Bools
 from ingest.seam import Floats
@@ -14,7 +14,7 @@ NOW_S = 1_790_000_000.0
 def pairs_of(n: int, seed: int) -> tuple[Floats, Floats]:
     """Features of n pairs and the share of the errors within the clearance that they rest on."""
     likely = default_rng(seed).uniform(0, 1, n)
-    return features(np.stack([likely, likely / 2]), np.full(n, 0.5), np.zeros(n, bool)), likely
+    return np.column_stack([np.ones(n), log_odds(likely), log_odds(likely / 2), np.full(n, 0.5), np.zeros(n)]), likely
 
 
 def fates(met: Bools) -> Fates:
@@ -40,6 +40,26 @@ def test_it_comes_to_say_how_often_what_looks_so_does_happen(share: float) -> No
     for low in (0.0, 0.25, 0.5, 0.75):
         those = (likely >= low) & (likely < low + 0.25)
         assert told[those].mean() == pytest.approx(share * likely[those].mean(), abs=0.06)
+
+
+def test_outcomes_are_learned_as_one_step_of_newton_takes_them() -> None:
+    rng, seen = default_rng(7), pairs_of(60, 8)[0]
+    part, met = rng.integers(0, STAYED, 60), rng.uniform(size=60) < 0.4
+    left = ~met & (rng.uniform(size=60) < 0.4)
+    told = Fates(np.where(met | left, part, STAYED), met, left)
+    calibration, before = Calibration(), Calibration()
+    calibration.learn(seen, told, NOW_S)
+    known_of, left_of = (
+        np.bincount(told.part[which], minlength=STAYED + 1).astype(np.float64) for which in (~left, left)
+    )
+    assert calibration.ended.tolist() == [known_of.tolist(), left_of.tolist()]
+    weight = OUTCOME_WEIGHT * np.where(left, 0.0, weights(known_of, left_of)[told.part])
+    expected = 1 / (1 + np.exp(-seen @ PRIOR))
+    assert before.probability(seen) == pytest.approx(expected)
+    information = PRIOR_INFORMATION + (seen * (weight * expected * (1 - expected))[:, None]).T @ seen
+    assert calibration.information == pytest.approx(information)
+    step = np.linalg.solve(information, seen.T @ (weight * (met - expected)))
+    assert calibration.weights == pytest.approx(PRIOR + step)
 
 
 def test_what_was_learned_fades_to_the_prior() -> None:

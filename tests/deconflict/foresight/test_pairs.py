@@ -10,6 +10,8 @@ from deconflict.foresight.pairs import (
     Question,
     again,
     codes,
+    open_rows,
+    shown,
     slots_of,
 )
 
@@ -49,6 +51,40 @@ def test_pairs_of_robots_that_report_are_watched_only_where_they_are_asked_for_a
     assert fresh.tolist() == [False, True, True, True]
     assert after["watched"].tolist() == [True, False, False, True]
     assert due.tolist() == [3]
+
+
+def some(n: int = 60) -> Pairs:
+    """Of robots 0 to 9, alike in nothing."""
+    rng = np.random.default_rng(9)
+    found = np.zeros(n, PAIR)
+    found["code"] = np.sort(codes(rng.integers(0, 10, n), rng.integers(0, 10, n)))
+    for name in ("probability", "near_s", "near_m", "now_m"):
+        found[name] = rng.uniform(size=n)
+    found["watched"], found["inside"] = rng.uniform(size=(2, n)) < 0.5
+    return found
+
+
+def test_pairs_are_open_while_both_robots_are_heard_and_not_in_an_encounter() -> None:
+    every, seen = some(), np.zeros((10, 5))
+    seen[:, 0] = NOW_S - np.arange(10)
+    a, b = slots_of(every["code"])
+    heard = (seen[a, 0] > NOW_S - 6) & (seen[b, 0] > NOW_S - 6)
+    expected = np.flatnonzero(every["watched"] & ~every["inside"] & heard)
+    assert 0 < len(expected) < len(every)
+    assert open_rows(every, seen, NOW_S - 6).tolist() == expected.tolist()
+
+
+def test_pairs_are_shown_that_were_asked_for_and_then_others_that_are_likely() -> None:
+    every, first, fresh = some(), np.array([7, 3, 30]), np.arange(60) % 3 == 0
+    others = np.flatnonzero(every["watched"] & (every["probability"] >= 0.4))
+    others = others[~np.isin(others, first)]
+    assert np.isin(first, np.flatnonzero(every["probability"] >= 0.4)).any()
+    code, *columns, is_fresh = shown(every, fresh, first, 0.4)
+    assert code.tolist() == every["code"][others].tolist()
+    rows = np.concatenate([first, others])
+    assert is_fresh.tolist() == fresh[rows].tolist()
+    for name, column in zip(("probability", "near_s", "near_m", "now_m"), columns, strict=True):
+        assert column.tolist() == every[name][rows].tolist()
 
 
 def test_new_pairs_are_due_whether_or_not_their_robots_report() -> None:
