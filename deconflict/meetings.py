@@ -1,7 +1,7 @@
 """Who comes within the clearance of whom, slab by slab."""
 
 from math import inf
-from typing import Any
+from typing import Any, cast
 
 import numba
 import numpy as np
@@ -11,7 +11,7 @@ from deconflict.broadphase import BOX, PAIR, Pairs
 from deconflict.motion import Bools
 from deconflict.narrowphase import FOUND, Found
 from ingest.compiled import inner, kernel
-from ingest.seam import Ints
+from ingest.seam import Floats, Ints
 
 MEETING = np.dtype(
     [(name, np.int64) for name in ("a", "b", "slab")]
@@ -111,25 +111,35 @@ def mended(meetings: Meetings, cut: Ints, found: Found, begin_s: float, end_s: f
     return meetings[meetings["contact"] < inf]
 
 
-@kernel(_MEETINGS(_MEETINGS))
-def by_pair(meetings: Meetings) -> Meetings:
-    """One for each pair, in the same order: its first contact and the first of its smallest separations."""
-    pairs, n = np.empty_like(meetings), 0
+@kernel(
+    numba.types.Tuple((*[_INTS] * 2, *[_REAL[::1]] * 3, numba.boolean[::1]))(  # type: ignore[no-untyped-call]
+        _MEETINGS, numba.boolean[::1], _REAL
+    )
+)
+def by_pair(meetings: Meetings, told: Bools, now_s: float) -> tuple[Ints, Ints, Floats, Floats, Floats, Bools]:
+    """Of each of p pairs, in the same order: its slots `a` and `b`; its first contact, at the soonest `now_s`; the
+    first of its smallest separations, and when; and whether either robot was `told` of, by slot. Arrays are (p,)."""
+    most, n = len(meetings), 0
+    a, b, contact_s = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most)
+    separation_m, separation_at_s, fresh = np.empty(most), np.empty(most), np.empty(most, np.bool_)
     for one in meetings:
-        if n == 0 or one.a != pairs[n - 1].a or one.b != pairs[n - 1].b:
-            pairs[n] = one
+        if n == 0 or one.a != a[n - 1] or one.b != b[n - 1]:
+            a[n], b[n], contact_s[n] = one.a, one.b, max(one.contact, now_s)
+            separation_m[n], separation_at_s[n] = one.separation, one.separation_at
+            fresh[n] = told[one.a] or told[one.b]
             n += 1
-        elif one.separation < pairs[n - 1].separation:
-            pairs[n - 1].separation, pairs[n - 1].separation_at = one.separation, one.separation_at
-    return pairs[:n].copy()
+        elif one.separation < separation_m[n - 1]:
+            separation_m[n - 1], separation_at_s[n - 1] = one.separation, one.separation_at
+    slots = (a[:n].copy(), b[:n].copy())
+    return *slots, contact_s[:n].copy(), separation_m[:n].copy(), separation_at_s[:n].copy(), fresh[:n].copy()
 
 
-@kernel(numba.types.UniTuple(_INTS, 2)(_INTS, _MEETINGS, _INTS))  # type: ignore[no-untyped-call]
-def _placed(before: Ints, pairs: Meetings, ranks: Ints) -> tuple[Ints, Ints]:
+@kernel(numba.types.UniTuple(_INTS, 2)(*[_INTS] * 4))  # type: ignore[no-untyped-call]
+def _placed(before: Ints, a: Ints, b: Ints, ranks: Ints) -> tuple[Ints, Ints]:
     """Numbers (p,) of pairs in order, which ascend, and the place of each among those of `before`; -1 for none."""
-    codes, places, at = np.empty(len(pairs), np.int64), np.full(len(pairs), -1), 0
-    for row in range(len(pairs)):
-        code = codes[row] = ranks[pairs[row].a] * len(ranks) + ranks[pairs[row].b]
+    codes, places, at = np.empty(len(a), np.int64), np.full(len(a), -1), 0
+    for row in range(len(a)):
+        code = codes[row] = ranks[a[row]] * len(ranks) + ranks[b[row]]
         while at < len(before) and before[at] < code:
             at += 1
         if at < len(before) and before[at] == code:
@@ -143,19 +153,20 @@ class Names:
     def __init__(self) -> None:
         self._ranks: Ints = np.zeros(0, np.int64)
         self._codes: Ints = np.zeros(0, np.int64)
-        self._names: NDArray[np.object_] = np.zeros(0, object)
+        self._names: list[tuple[str, str] | None] = [None]
+        """None at the end, for one that was not listed before."""
 
-    def of(self, pairs: Meetings, keys: NDArray[np.object_], ranks: Ints) -> tuple[tuple[tuple[str, str], ...], Ints]:
-        """The two keys of each of p pairs, and (p,) its place among those listed before, -1 for one that was not.
+    def of(self, a: Ints, b: Ints, keys: NDArray[np.object_], ranks: Ints) -> tuple[tuple[tuple[str, str], ...], Ints]:
+        """The two keys of each of p pairs of slots `a` and `b`, in order, and (p,) its place among those listed before,
+        -1 for one that was not.
 
         `keys` and `ranks` are by slot; what is kept holds for as long as `ranks` is the same array.
         """
         if self._ranks is not ranks:
-            self._ranks, self._codes = ranks, self._codes[:0]
-        self._codes, before = _placed(self._codes, pairs, ranks)
-        names, known = np.empty(len(before), object), before >= 0
-        names[known] = self._names[before[known]]
-        for row in np.flatnonzero(~known).tolist():
-            names[row] = (keys[pairs["a"][row]], keys[pairs["b"][row]])
-        self._names = names
-        return tuple(names.tolist()), before
+            self._ranks, self._codes, self._names = ranks, self._codes[:0], [None]
+        self._codes, before = _placed(self._codes, a, b, ranks)
+        names = list(map(self._names.__getitem__, before.tolist()))
+        for row in np.flatnonzero(before < 0).tolist():
+            names[row] = (keys[a[row]], keys[b[row]])
+        self._names = [*names, None]
+        return cast(tuple[tuple[str, str], ...], tuple(names)), before

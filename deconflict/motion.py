@@ -41,12 +41,13 @@ _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (nu
 
 FARTHEST_M, LATEST_S, MOST_TURNED_RAD = 1e8, 1e11, 1e6
 """Numbers beyond these are no places, times or headings, and their differences would lose their digits."""
+UNSOUND = -1
 SAME_S = 1e-6
 """A knot so soon after a forecast is cut is left out for it."""
 
 
-@kernel(numba.boolean(_INTS, *[_FLOATS] * 8))
-def _sound(
+@inner
+def _is_sound(
     start: Ints,
     t_s: Floats,
     x_m: Floats,
@@ -71,6 +72,21 @@ def _sound(
             if k > start[row] and not t_s[k] > t_s[k - 1]:
                 return False
     return True
+
+
+@kernel(numba.boolean(_INTS, *[_FLOATS] * 8))
+def _sound(
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    length_m: Floats,
+    width_m: Floats,
+    bottom_m: Floats,
+    top_m: Floats,
+) -> bool:
+    return _is_sound(start, t_s, x_m, y_m, yaw_rad, length_m, width_m, bottom_m, top_m)
 
 
 def faults(forecasts: Forecasts) -> dict[int, str]:
@@ -161,6 +177,8 @@ def _replace(
     bottom_m: Floats,
     top_m: Floats,
 ) -> int:
+    if not _is_sound(start, t_s, x_m, y_m, yaw_rad, length_m, width_m, bottom_m, top_m):
+        return UNSOUND
     first, end = np.empty(len(slots), np.int64), used
     for row in range(len(slots)):
         robot, count = robots[slots[row]], start[row + 1] - start[row]
@@ -179,9 +197,9 @@ def _replace(
 
 
 def replace(robots: Robots, knots: Knots, slots: Ints, used: int, forecasts: Forecasts) -> int:
-    """Write valid forecasts into the `robots` of `slots` (n,) and their knots into `knots`: in place of the old ones
-    where they are as many, else from `used` on. Where those in use end then; nothing is written where that is beyond
-    `knots`."""
+    """Write forecasts into the `robots` of `slots` (n,) and their knots into `knots`: in place of the old ones where
+    they are as many, else from `used` on. Where those in use end then; nothing is written where that is beyond `knots`,
+    or where `faults` finds any: `UNSOUND`."""
     f, where = forecasts, (robots, knots, slots, used)
     t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
     sizes_m = (ready(column) for column in (f.length_m, f.width_m, f.bottom_m, f.top_m))

@@ -6,7 +6,7 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.motion import KNOT, ROBOT, Knots, Robots, replace, taken
+from deconflict.motion import KNOT, ROBOT, UNSOUND, Knots, Robots, replace, taken
 from ingest.seam import Floats, Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
@@ -32,9 +32,10 @@ class Roster:
         """Slots, free ones included."""
         return len(self.slots) + len(self._free)
 
-    def put(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | float = 0.0) -> Ints:
+    def put(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | float = 0.0) -> Ints | None:
         """Replace the forecasts of `keys`, which are all different, and whose envelopes are so much longer and wider
-        than reported; their slots."""
+        than reported; their slots. None, and the forecasts are as they were, where any of the new ones can't be swept.
+        """
         slots = np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys))
         unknown = np.flatnonzero(slots < 0)
         if len(unknown):
@@ -44,6 +45,8 @@ class Roster:
             self.robots["count"][slots] = 0
             self._pack(len(forecasts.t_s))
             used = replace(self.robots, self.knots, slots, self._used, forecasts)
+        if used == UNSOUND:
+            return None
         self._used, self.widened_m[slots] = used, widened_m
         return slots
 

@@ -1,10 +1,9 @@
 """A floor that is swept again and again: only robots that changed are, against all others."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import chain, repeat
 from math import ceil, floor, inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +27,7 @@ AHEAD = 1
 """Slabs covered beyond the horizon, so that a robot that reports every second is covered once for each report."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PairConflicts:
+class PairConflicts(NamedTuple):
     """c pairs that come within the clearance, ascending by keys, and what the pass cost."""
 
     pairs: tuple[tuple[str, str], ...]
@@ -97,24 +95,28 @@ class Sweeper:
         A robot whose new forecast is invalid is off the floor until its next one: its old forecast is no longer what
         it says. Of a key that is there twice the later row counts.
         """
-        wrong = faults(forecasts)
-        newest = {key: row for row, key in enumerate(keys)}
-        if wrong or len(newest) < len(keys):
-            self.discard(key for key, row in newest.items() if row in wrong)
-            newest = {key: row for key, row in newest.items() if row not in wrong}
-            rows = list(newest.values())
-            forecasts, widened_m = forecasts.take(rows), None if widened_m is None else widened_m[rows]
-        if newest:
-            slots = self._roster.put(list(newest), forecasts, 0.0 if widened_m is None else widened_m)
-            for flags in (self._touched, self._told):
-                flags.resize(len(self._roster), refcheck=False)
-                flags[slots] = True
+        if len(set(keys)) == len(keys) and self._put(keys, forecasts, widened_m):
+            return ()
+        wrong, newest = faults(forecasts), {key: row for row, key in enumerate(keys)}
+        self.discard(key for key, row in newest.items() if row in wrong)
+        newest = {key: row for key, row in newest.items() if row not in wrong}
+        rows = list(newest.values())
+        self._put(list(newest), forecasts.take(rows), None if widened_m is None else widened_m[rows])
         return tuple((keys[row], reason) for row, reason in sorted(wrong.items()))
+
+    def _put(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | None) -> bool:
+        """Whether the forecasts of `keys`, which are all different, could be replaced: not where any is invalid."""
+        slots = self._roster.put(keys, forecasts, 0.0 if widened_m is None else widened_m)
+        for flags in (self._touched, self._told):
+            flags.resize(len(self._roster), refcheck=False)
+            if slots is not None:
+                flags[slots] = True
+        return slots is not None
 
     def discard(self, keys: Iterable[str]) -> None:
         """Take robots off the floor."""
-        left = self._roster.discard(keys)
-        self._touched[left] = True
+        if left := self._roster.discard(keys):
+            self._touched[left] = True
 
     def encounters(self, pairs: Sequence[tuple[str, str]], at_s: Floats) -> Encounters:
         """(n,) of `ENCOUNTER`: how the robots of n pairs, as long and wide as they are, meet at each of the times."""
@@ -143,8 +145,7 @@ class Sweeper:
         pairs = [self._covered_anew(changed, first_slab, slabs), *self._covered_further(first_slab, last_slab, slabs)]
         for some in pairs:
             self._meetings = joined(self._meetings, self._meet(some, decider), self._roster.ranks())
-        found = by_pair(self._within(now_s, now_s + reach_s, decider))
-        return self._listed(found, now_s, told, decider)
+        return self._listed(self._within(now_s, now_s + reach_s, decider), now_s, told, decider)
 
     def _taken_in(self, first_slab: int) -> tuple[Bools, Bools]:
         """Which slots to cover anew, and which have a new forecast."""
@@ -219,16 +220,16 @@ class Sweeper:
         return mended(some, cut, self._looked_at(pairs[: len(cut)], (begin_s, end_s), decider), begin_s, end_s)
 
     def _listed(self, m: Meetings, now_s: float, told: Bools, decider: Decider) -> PairConflicts:
-        a, b, separation_m, separation_at_s = (m[name].copy() for name in ("a", "b", "separation", "separation_at"))
-        pairs, before = self._names.of(m, self._roster.keys, self._roster.ranks())
+        a, b, contact_s, separation_m, separation_at_s, fresh = by_pair(m, told, now_s)
+        pairs, before = self._names.of(a, b, self._roster.keys, self._roster.ranks())
         return PairConflicts(
             pairs=pairs,
             before=before,
-            contact_s=np.maximum(m["contact"], now_s),
+            contact_s=contact_s,
             separation_m=separation_m,
             separation_at_s=separation_at_s,
             start_separation_m=start_distances(a, b, *self._where(), now_s),
-            fresh=told[a] | told[b],
+            fresh=fresh,
             box_pairs=self._box_pairs,
             segment_pairs=self._segment_pairs,
             advanced_pairs=self._advanced_pairs,

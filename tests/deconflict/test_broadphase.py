@@ -202,6 +202,7 @@ def covered(robots: int, seed: int, grow_m: float) -> tuple[Forecasts, Roster, B
     forecasts = Forecasts.joined(wanderer(rng, knots=12) for _ in range(robots))
     roster, boxes = Roster(), Boxes(SLABS)
     slots = roster.put([str(row) for row in range(robots)], forecasts)
+    assert slots is not None
     boxes.grow(robots)
     boxes.cover(slots, roster.robots, roster.knots, int(NOW_S), SLABS, grow_m)
     return forecasts, roster, boxes

@@ -25,12 +25,14 @@ def made(count: int, ranks: Ints) -> Meetings:
 
 def test_a_pair_has_its_first_contact_and_the_first_of_its_smallest_separations() -> None:
     meetings = made(2000, RANKS)
-    expected = []
-    for pair, some in groupby(meetings.tolist(), key=lambda row: row[:2]):
+    told, now_s, expected = np.arange(ROBOTS) % 4 == 0, 100.5, []
+    for (a, b), some in groupby(meetings.tolist(), key=lambda row: row[:2]):
         every = list(some)
         *_, separation, at = min(every, key=lambda row: row[4])
-        expected.append((*pair, every[0][2], min(row[3] for row in every), separation, at))
-    assert by_pair(meetings).tolist() == expected
+        contact = max(min(row[3] for row in every), now_s)
+        expected.append((a, b, contact, separation, at, bool(told[a] or told[b])))
+    columns = by_pair(meetings, told, now_s)
+    assert list(zip(*(column.tolist() for column in columns), strict=True)) == expected
     assert 100 < len(expected) < 1000
 
 
@@ -50,9 +52,10 @@ def test_names_are_those_of_the_pairs_whatever_was_listed_before() -> None:
         if turn % 10 == 9:
             keys, ranks = np.roll(keys, 1), RNG.permutation(ROBOTS)
             kept.clear()
-        pairs = by_pair(made(int(RNG.choice([0, 1, 800])), ranks))
-        listed, before = names.of(pairs, keys, ranks)
-        assert listed == tuple((keys[a], keys[b]) for a, b in zip(pairs["a"], pairs["b"], strict=True))
+        meetings = made(int(RNG.choice([0, 1, 800])), ranks)
+        a, b, *_ = by_pair(meetings, np.zeros(ROBOTS, bool), 0.0)
+        listed, before = names.of(a, b, keys, ranks)
+        assert listed == tuple(zip(keys[a], keys[b], strict=True))
         assert all(kept.get(pair, pair) is pair for pair in listed)
         places = {pair: place for place, pair in enumerate(kept)}
         assert before.tolist() == [places.get(pair, -1) for pair in listed]

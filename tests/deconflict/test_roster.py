@@ -1,5 +1,7 @@
 """A roster holds the newest forecast of each robot, whoever came, left or said more than before."""
 
+from dataclasses import replace as replaced
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,17 @@ def test_as_many_knots_as_before_take_the_place_of_the_old_ones() -> None:
         roster.put(["a"], said)
         assert_holds(roster, {"a": said})
         assert roster.robots["first"][roster.slots["a"]] == 0
+
+
+def test_nothing_is_replaced_where_a_forecast_cannot_be_swept() -> None:
+    rng, roster = np.random.default_rng(75), Roster()
+    newest = {"a": wanderer(rng), "b": wanderer(rng)}
+    roster.put(list(newest), Forecasts.joined(newest.values()))
+    wrong = replaced(wanderer(rng), width_m=np.zeros(1))
+    assert roster.put(["a", "b"], Forecasts.joined([wanderer(rng), wrong])) is None
+    assert_holds(roster, newest)
+    assert roster.put(["c"], wrong) is None
+    assert not len(roster.present(np.arange(3))[2:])
 
 
 def test_ranks_follow_the_keys_not_the_slots() -> None:
