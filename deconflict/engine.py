@@ -43,6 +43,7 @@ GROWTH_STEP_M = 0.1
 """The uncertainty of a quiet robot grows in steps, so that it is swept again only when it matters."""
 COARSE_M = 0.25
 """Of the smallest separation, where there is no time for more."""
+_IN_WORDS = {basis: basis.name.lower() for basis in Basis}
 FAR_LOOK_S = 10.0
 """How often queues are looked at where there is no time for more."""
 
@@ -281,10 +282,9 @@ class Engine:
 
     def _party(self, uuid: str) -> Party:
         robot = self.live.robots[uuid]
-        basis = robot.basis.name.lower()
-        if self.foresight.distrusted(uuid):
-            basis += " (distrusted)"
-        return Party(robot.name, robot.vendor, basis, self._stands(uuid))
+        basis = robot.basis
+        words = _IN_WORDS[basis] + (" (distrusted)" if self.foresight.distrusted(uuid) else "")
+        return Party(robot.name, robot.vendor, words, basis is Basis.STATIONARY)
 
     def _meet(self, pair: Pair, contact_s: float) -> Encounter:
         a, b = (self.live.robots[uuid] for uuid in pair)

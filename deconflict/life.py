@@ -21,13 +21,9 @@ from deconflict.advice.desk import differs
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
 from deconflict.encounter import Encounter
 from deconflict.site import Conflict
-from deconflict.telling import SEVERITIES, SURE, Pair, Prediction, Predictions, Scene, Where
-from deconflict.tracks import HELD_SHARE, Track, Tracks, Weighed
-
-UPDATE_GAP_S = 1.0
-"""At most one revision in this time, unless the severity rises."""
-TOUCHING_M = 0.1
-"""A pair that begins nearer than this is touching already, for all that forecasts can tell."""
+from deconflict.stirring import RAISES, STANDING, UNLIKELY
+from deconflict.telling import SEVERITIES, SURE, UPDATE_GAP_S, Pair, Prediction, Predictions, Scene, Where
+from deconflict.tracks import Stirred, Track, Tracks, Weighed
 
 PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
 """Why a conflict is cleared while both robots are on the floor."""
@@ -59,7 +55,7 @@ class Lives:
     started_s: float | None = None
 
     def __post_init__(self) -> None:
-        self.tracks = Tracks(self.settings.confirm[1])
+        self.tracks = Tracks(self.settings)
 
     def restore(self, open_advisories: Iterable[ConflictAdvisory]) -> None:
         """Go on with advisories that were open before a restart."""
@@ -97,22 +93,25 @@ class Lives:
         It looked no further than `until_s`: an open advisory on what comes later stands as it is.
         """
         self.started_s = now_s if self.started_s is None else self.started_s
-        rows, found, told, missed, resting = self.tracks.stirring(predictions, now_s, self.settings, scene.encounters)
+        found, missed, resting = self.tracks.stirring(predictions, now_s, scene.encounters)
         revisions, due = [], []
-        for one, known, is_told in zip(predictions.some(rows), found, told, strict=True):
-            track = known or self.tracks.new(one.pair)
-            said = (self._updated if is_told else self._advance)(track, one, now_s, scene)
+        for one in found:
+            said = self._stirred(one, now_s, scene)
             if isinstance(said, Due):
                 due.append(said)
             else:
-                revisions.append(self._kept(track, said))
+                revisions.append(self._kept(one.track, said))
         revisions += self._decided(due, now_s, scene)
         for track, rests in zip(missed, resting, strict=True):
             a, b = track.pair
             news = a in updated or b in updated
             left = track.advisory and not (scene.here(a) and scene.here(b))
-            if (news or left or not rests) and not _later(track.advisory, until_s):
-                revisions.append(self._missed(track, now_s, scene, news))
+            if _later(track.advisory, until_s):
+                continue
+            if news:
+                self.tracks.missed(track)
+            if left or not rests or (news and track.advisory is None):
+                revisions.append(self._kept(track, self._unpredicted(track, now_s, scene)))
         return sorted(filter(None, revisions), key=attrgetter("robots"))
 
     def _kept(self, track: Track, revision: ConflictAdvisory | None) -> ConflictAdvisory | None:
@@ -142,64 +141,23 @@ class Lives:
         if before:
             self.severities[before.severity] -= 1
         advisory = None if revision.state is AdvisoryState.CLEARED else revision
-        self.tracks.tell(track, advisory, _next_s(revision), floor)
+        self.tracks.tell(track, advisory, floor)
         if track.advisory:
             self.severities[revision.severity] += 1
             self.told[track.pair] = revision
         self._changed.add(track.pair)
         self.tracks.keep(track)
 
-    def _missed(self, track: Track, now_s: float, scene: Scene, news: bool) -> ConflictAdvisory | None:
-        """The revision of a pair of which nothing is predicted."""
-        if news:
-            self.tracks.look(track, alerting=False)
-        return self._kept(track, self._unpredicted(track, now_s, scene))
-
-    def _advance(
-        self, track: Track, prediction: Prediction, now_s: float, scene: Scene
-    ) -> ConflictAdvisory | Due | None:
+    def _stirred(self, one: Stirred, now_s: float, scene: Scene) -> ConflictAdvisory | Due | None:
         """The revision that a prediction makes, or may make."""
-        self._note_start(track, prediction.start_separation_m)
-        alerting = prediction.fresh and self._alerting(track, prediction, now_s)
-        if prediction.fresh:
-            self.tracks.look(track, alerting=alerting)
-        if track.advisory and not track.inside and not self._holds(prediction):
-            return self._unpredicted(track, now_s, scene)
-        if track.advisory:
-            self.tracks.predict(track, now_s)
-            standing = self._standing(track, track.advisory, now_s, scene)
-            return standing or self._updated(track, prediction, now_s, scene)
-        if alerting and self._confirmed(track, prediction, now_s):
-            self.tracks.predict(track, now_s)
-            track.met = False
+        track, prediction, why = one
+        if why == RAISES:
             return self._raised(track, prediction, now_s, scene)
-        return None
-
-    def _note_start(self, track: Track, start_m: float) -> None:
-        """Note whether the pair, so far apart now, is within the clearance, or has drawn apart from it."""
-        if start_m <= self.settings.clearance_m:
-            track.inside = track.met = True
-        elif start_m > self.settings.clearance_m + self.settings.clear_margin_m:
-            track.inside = False
-
-    def _alerting(self, track: Track, prediction: Prediction, now_s: float) -> bool:
-        """Whether the pair is coming together, rather than beginning together."""
-        about_to_touch = prediction.separation_m == 0 and prediction.start_separation_m > TOUCHING_M
-        return about_to_touch if track.inside else self._likely(prediction, now_s)
-
-    def _likely(self, prediction: Prediction, now_s: float) -> bool:
-        """Whether an encounter is yet to come that is worth an advisory."""
-        wanted = self.settings.raise_probability
-        if prediction.separation_m > self.settings.clearance_m:
-            wanted = max(wanted, SURE)
-        return prediction.probability >= wanted and prediction.contact_s > now_s
-
-    def _holds(self, prediction: Prediction) -> bool:
-        return prediction.probability >= self.settings.raise_probability * HELD_SHARE
-
-    def _confirmed(self, track: Track, prediction: Prediction, now_s: float) -> bool:
-        wanted = self.settings.confirm[0]
-        return self.tracks.alerting(track) >= wanted or prediction.contact_s - now_s <= self.settings.urgent_s
+        if why == UNLIKELY:
+            return self._unpredicted(track, now_s, scene)
+        if why == STANDING and all(map(scene.stands, track.pair)) and track.advisory:
+            return track.advisory.ended(now_s, STAND)
+        return self._updated(track, prediction, now_s, scene)
 
     def _raised(self, track: Track, prediction: Prediction, now_s: float, scene: Scene) -> Due | None:
         self.ordinals[track.pair] = self.ordinals.get(track.pair, 0) + 1
@@ -250,33 +208,22 @@ class Lives:
         rises_s = telling.severity_until_s(one.contact_s, now_s, self.settings)
         return Weighed(one.contact_s, one.separation_m, one.probability >= SURE, min(rises_s, until_s))
 
-    def _standing(
-        self, track: Track, advisory: ConflictAdvisory, now_s: float, scene: Scene
-    ) -> ConflictAdvisory | None:
-        """Clear a pair that met and now both stand: nothing more is predicted of it."""
-        if not track.inside or not all(map(scene.stands, advisory.robots)):
-            return None
-        since_s = now_s - advisory.updated_at.timestamp()
-        return advisory.ended(now_s, STAND) if since_s > self.settings.clear_after_s else None
-
     def _unpredicted(self, track: Track, now_s: float, scene: Scene) -> ConflictAdvisory | None:
         absent = [uuid for uuid in track.pair if not scene.here(uuid)]
         if absent:
             return self._absent(track, absent, now_s)
-        if track.advisory and now_s - self.tracks.predicted_s(track) < self.settings.clear_after_s:
-            return None
         apart_m = scene.separation_m(track.pair, now_s)
         if apart_m is not None and apart_m <= self.settings.clearance_m + self.settings.clear_margin_m:
             return None
-        track.inside = False
+        self.tracks.part(track)
         advisory = track.advisory
         if advisory is None:
             return None
-        return advisory.ended(now_s, PASSED if track.met else UNPREDICTED)
+        return advisory.ended(now_s, PASSED if self.tracks.met(track) else UNPREDICTED)
 
     def _absent(self, track: Track, absent: list[str], now_s: float) -> ConflictAdvisory | None:
         """A robot that left ends the advisory; one not yet heard of since a restart does so only in time."""
-        track.inside = False
+        self.tracks.part(track)
         self.tracks.overlook(track)
         advisory = track.advisory
         if advisory is None:

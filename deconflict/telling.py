@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from math import hypot, inf
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 from uuid import UUID, uuid5
 
 import numpy as np
@@ -30,6 +30,8 @@ ADVISORIES = UUID("5f3d2f5e-6d0b-5a53-9f0a-3f0f3a0a7c11")
 """Namespace of advisory ids."""
 MOVED_S, MOVED_M, DEEPER_M = 0.75, 1.0, 0.15
 """Changes of predicted time, place and separation that are worth a revision."""
+UPDATE_GAP_S = 1.0
+"""At most one revision in this time, unless the severity rises."""
 LIKELIER = 0.15
 """A change of probability that is worth a revision."""
 SURE = 0.8
@@ -116,8 +118,7 @@ class Where(NamedTuple):
     """In words."""
 
 
-@dataclass(frozen=True)
-class Telling:
+class Telling(TypedDict):
     """The fields of an advisory that follow from its newest prediction."""
 
     severity: Severity
@@ -213,15 +214,15 @@ def raised(pair: Pair, ordinal: int, parties: tuple[Party, Party], told: Telling
         robots=pair,
         names=(a.name, b.name),
         vendors=(a.vendor, b.vendor),
-        raised_at=told.updated_at,
-        **vars(told),
+        raised_at=told["updated_at"],
+        **told,
     )
 
 
 def updated(before: ConflictAdvisory, told: Telling) -> ConflictAdvisory:
     """The next revision, of a newer prediction; the advice stands."""
-    summary = advised(told.summary, before.recommendation, before.robots, before.names)
-    return before.followed(**vars(told) | {"summary": summary})
+    summary = advised(told["summary"], before.recommendation, before.robots, before.names)
+    return before.followed(**told | {"summary": summary})
 
 
 def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) -> ConflictAdvisory:

@@ -231,6 +231,28 @@ def test_it_stays_until_they_have_drawn_apart() -> None:
     assert cleared.cleared_because == "they have passed each other"
 
 
+def test_what_becomes_unlikely_stands_for_a_while() -> None:
+    story = Story()
+    story.raised(12)
+    told = [story.predicted(10, probability=0.0) for _ in range(3)]
+    assert [[one.cleared_because for one in each] for each in told] == [[], [], ["no longer predicted"]]
+
+
+def test_a_pair_that_touches_as_it_begins_does_not_alert() -> None:
+    story = Story()
+    assert [story.predicted(0.5, start_m=0.05) for _ in range(4)] == [[]] * 4
+    assert story.predicted(0.5, start_m=0.2)
+
+
+def test_having_met_before_the_advisory_is_not_having_passed_each_other() -> None:
+    story = Story()
+    story.predicted(0, separation_m=0.2, start_m=0.2)
+    story.raised()
+    story.apart_m = 5.0
+    told = [one for _ in range(4) for one in story.quiet()]
+    assert [one.cleared_because for one in told] == ["no longer predicted"]
+
+
 def test_a_second_encounter_is_a_new_advisory_with_the_next_ordinal() -> None:
     story = Story()
     first = story.raised()
@@ -247,8 +269,8 @@ def test_two_that_met_and_both_stand_are_cleared_and_not_raised_again_when_they_
     story.predicted(0, start_m=0.1)
     for uuid, party in story.floor.items():
         story.floor[uuid] = Party(party.name, party.vendor, "stationary", standing=True)
-    told = [one for _ in range(6) for one in story.predicted(0, separation_m=0.1, start_m=0.1)]
-    assert [one.cleared_because for one in told] == ["both stand still"]
+    told = [story.predicted(0, separation_m=0.1, start_m=0.1) for _ in range(6)]
+    assert [[one.cleared_because for one in each] for each in told] == [[], [], [], ["both stand still"], [], []]
     assert [one for _ in range(4) for one in story.predicted(0, separation_m=0.1, start_m=0.1)] == []
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deconflict.advisory import ConflictAdvisory, EncounterClass
-from deconflict.encounter import CLASSES, Encounter
+from deconflict.encounter import CLASSES, ENCOUNTER, Encounter
 from deconflict.life import Lives
 from deconflict.site import Conflict
 from deconflict.telling import Pair, Party, Prediction, Predictions, Scene
@@ -18,22 +18,27 @@ PAIRS: tuple[Pair, ...] = tuple(("a", f"b{n}") for n in range(20))
 PASSES = 150
 
 
-class Every(Tracks):
-    """Leaves no pair under watch alone."""
+NOWHERE = np.array((np.nan, np.nan, -1, -1), ENCOUNTER)
 
-    def stirring(self, predictions: Predictions, *_: object) -> Stirring:
-        known = [self.get(pair) for pair in predictions.pairs]
-        some = [row for row, track in enumerate(known) if track or predictions.fresh[row]]
-        missed = [track for pair, track in self._of.items() if pair not in predictions.pairs]
-        resting = [track.advisory is None for track in missed]
-        return Stirring(some, [known[row] for row in some], [False] * len(some), missed, resting)
+
+class Every(Tracks):
+    """Leaves no advisory alone that stands: not for what was weighed or asked, nor for the time since it was told, nor
+    for how the two meet."""
+
+    def __init__(self, settings: Conflict) -> None:
+        super().__init__(settings)
+        self._bounds["gap_s"] = -np.inf
+
+    def stirring(self, predictions: Predictions, now_s: float, _: object) -> Stirring:
+        self._rows["until_s"], self._rows["asked"] = -np.inf, False
+        return super().stirring(predictions, now_s, lambda pairs, _: np.full(len(pairs), NOWHERE))
 
 
 class Thorough(Lives):
     """Weighs everything anew."""
 
     def __post_init__(self) -> None:
-        self.tracks = Every(self.settings.confirm[1])
+        self.tracks = Every(self.settings)
 
 
 @dataclass
@@ -81,10 +86,12 @@ class Floor:
         self.now_s += 0.1
         shift = self.rng.normal(0, 0.2 if self.rng.random() < 0.1 else 0.01)
         found, heard = [], set[str]()
+        before = self.standing
         if self.rng.random() < 0.1:
             self.standing = {uuid for pair in PAIRS for uuid in pair if self.rng.random() < 0.7}
         for pair in PAIRS:
             fresh = pair not in self.meetings or bool(self.rng.random() < 0.1)
+            fresh |= not (before ^ self.standing).isdisjoint(pair)
             if fresh:
                 self.meetings[pair] = self._heard(self.meetings.get(pair))
                 heard.update(pair)
