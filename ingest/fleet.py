@@ -409,10 +409,11 @@ class Fleet:
         return tuple(gone)
 
     def _count(self, vendor: str, findings: Iterable[str], robot: Robot | None) -> None:
-        for rule in findings:
-            self.measures.count("deconflict_deviations_total", vendor, rule)
-            if robot:
-                robot.deviations[rule] = robot.deviations.get(rule, 0) + 1
+        self.measures.count_each("deconflict_deviations_total", vendor, findings)
+        if robot:
+            deviations = robot.deviations
+            for rule in findings:
+                deviations[rule] = deviations.get(rule, 0) + 1
 
     def _shown_state(self, robot: Robot, now_s: float) -> str:
         if self.presence(robot, now_s) == "silent":

@@ -110,6 +110,13 @@ class Measures:
         series = self.values[name]
         series[labels] = series.get(labels, 0) + by
 
+    def count_each(self, name: str, label: str, others: Iterable[str]) -> None:
+        """Count by one label and each of some others."""
+        series = self.values[name]
+        for other in others:
+            labels = label, other
+            series[labels] = series.get(labels, 0) + 1
+
     def begin(self, *names: str) -> None:
         """Count from 0: a counter that first appears with its first event can't be seen to rise."""
         for name in names:

@@ -21,6 +21,8 @@ from ingest.plain import Letters, Words
 from ingest.robots import Robot
 from ingest.seam import Basis, Floats
 
+_PATH_END, _STOPS_END = OF_PATH + 1, OF_DESTINATIONS + 1
+
 
 @dataclass(slots=True, eq=False)
 class Manner:
@@ -49,8 +51,12 @@ class Manner:
         robot, before, at = self.robot, self.robot.seen, told.at
         if before is None or before.floor != self.floor:
             return None
-        first_point, end_of_path = at[OF_PATH : OF_PATH + 2]
-        first_stop, end_of_stops = at[OF_DESTINATIONS : OF_DESTINATIONS + 2]
+        first_point, end_of_path, first_stop, end_of_stops = (
+            at[OF_PATH],
+            at[_PATH_END],
+            at[OF_DESTINATIONS],
+            at[_STOPS_END],
+        )
         room = end_of_path - first_point + 1
         rows = np.empty((room + end_of_stops - first_stop, 4))
         knots, ahead, odd, x_m, y_m, yaw_rad, linear_mps, turn_radps, z_m, stamp_s = go_on(
@@ -81,9 +87,9 @@ class Manner:
         findings: Findings = dict.fromkeys(self.found)
         at, (first_s, last_s, _, latest_s) = told.at, told.rows[3].tolist()
         if self.words.path:
-            paths.judge_path(at[OF_PATH + 1] - at[OF_PATH], (first_s, last_s), stamp_s, findings)
+            paths.judge_path(at[_PATH_END] - at[OF_PATH], (first_s, last_s), stamp_s, findings)
         if self.words.destinations:
-            stops = at[OF_DESTINATIONS + 1] - at[OF_DESTINATIONS]
+            stops = at[_STOPS_END] - at[OF_DESTINATIONS]
             paths.judge_destinations(stops, latest_s, stamp_s, findings)
         return tuple(findings)
 

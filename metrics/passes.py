@@ -59,7 +59,12 @@ class Reading:
         """The passes that the next events of the log bring about."""
         for event in events:
             if isinstance(event, Received):
-                yield from self._heard(self._ready(event))
+                if self._holds:
+                    yield from self._heard(self._ready(event))
+                    continue
+                if not self._own_ticks and floor(event.arrival_s / TICK_S) != self._ticked:
+                    yield from self._passes_until(event.arrival_s)
+                self._hear(event)
             elif isinstance(event, Tick | Noted | EngineStarted):
                 self._own_ticks = True
                 yield from self._heard(self._let_go())
@@ -75,8 +80,6 @@ class Reading:
 
     def _ready(self, event: Received) -> Sequence[Received]:
         """The messages to be heard now: what came to a log of ours before its engine began is of no pass until then."""
-        if not self._holds:
-            return (event,)
         self._held.append(event)
         long = len(self._held) >= MOST_HELD or event.arrival_s - self._held[0].arrival_s > HELD_S
         return self._let_go() if long or event.connection.id <= 0 else ()
@@ -88,12 +91,19 @@ class Reading:
     def _heard(self, events: Iterable[Received]) -> Iterator[Pass]:
         """Take in messages, with passes at whole multiples of `TICK_S` for a log that has no ticks of its own."""
         for event in events:
-            if not self._own_ticks and (now := floor(event.arrival_s / TICK_S)) != self._ticked:
-                for tick in self._ticks(now):
-                    yield self._pass(tick * TICK_S)
-            self.messages += 1
+            if not self._own_ticks:
+                yield from self._passes_until(event.arrival_s)
+            self._hear(event)
+
+    def _hear(self, event: Received) -> None:
+        self.messages += 1
+        if not self.first_s <= event.arrival_s <= self.last_s:
             self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
-            conform.take(self.fleet, event)
+        conform.take(self.fleet, event)
+
+    def _passes_until(self, now_s: float) -> Iterator[Pass]:
+        for tick in self._ticks(floor(now_s / TICK_S)):
+            yield self._pass(tick * TICK_S)
 
     def _ticks(self, now: int) -> range:
         """Those that have come since the last message, up to `now`."""
