@@ -176,7 +176,9 @@ class Foresight:
         """The standing probability of every pair under watch that is not in an encounter, both robots being heard."""
         pairs, since_s = self._pairs, self._looked_s - JOINED_S
         shown = pairs[open_rows(pairs, self._followed.seen, since_s)]
-        return sorted(zip(self._named(shown["code"]), shown["probability"].tolist(), strict=True))
+        a, b = slots_of(shown["code"])
+        shown = shown[np.argsort(self._rank[a] * len(self._rank) + self._rank[b])]
+        return list(zip(self._named(shown["code"]), shown["probability"].tolist(), strict=True))
 
     def look(self, now_s: float, swept: Swept, likely: float) -> Foreseen:
         """Look again at what changed, and learn from what has become known.
@@ -243,11 +245,11 @@ class Foresight:
             self.calibration.learn(question.seen, fates, now_s)
             passed = ~fates.met & ~fates.left
             for name, count in (("met", fates.met), ("passed", passed), ("left", fates.left)):
-                self.measures.count("deconflict_probability_outcomes_total", name, by=int(count.sum()))
+                self.measures.count("deconflict_probability_outcomes_total", name, by=int(np.count_nonzero(count)))
 
     def _own_until_s(self, asked_s: float) -> Floats:
         """(slots,) until when each robot was heard and went its own way, after a moment."""
-        return np.minimum(self._followed.heard_s, self._heeded.own_until_s(asked_s, self._horizon_s))
+        return self._heeded.own_until_s(self._followed.seen, asked_s, self._horizon_s)
 
     def _slot(self, uuid: str) -> int:
         """A new robot's own, unless it has one already."""

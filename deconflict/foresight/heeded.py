@@ -57,6 +57,15 @@ def _see(
     return waits[:n].copy()
 
 
+@kernel(_FLOATS(numba.float64[:, ::1], *[_FLOATS] * 2, *[numba.float64] * 2))
+def _own_until_s(seen: Floats, since_s: Floats, last_s: Floats, asked_s: float, horizon_s: float) -> Floats:
+    until_s = seen[:, 0].copy()
+    for slot in range(len(until_s)):
+        if since_s[slot] <= asked_s + horizon_s and last_s[slot] >= asked_s:
+            until_s[slot] = min(until_s[slot], since_s[slot]) if since_s[slot] > asked_s else -np.inf
+    return until_s
+
+
 class Heeded:
     """By slot: until when a robot is advised to wait, and since and until when it was seen to."""
 
@@ -93,8 +102,7 @@ class Heeded:
         """Slots of the robots that were seen to wait at that moment or later."""
         return np.flatnonzero(self._last_s >= since_s)
 
-    def own_until_s(self, asked_s: float, horizon_s: float) -> Floats:
-        """(slots,) when each robot began to wait as advised, within the horizon of a question asked at `asked_s`: -inf
-        where it waited already, inf where it went its own way."""
-        waited = (self._since_s <= asked_s + horizon_s) & (self._last_s >= asked_s)
-        return np.where(waited, np.where(self._since_s > asked_s, self._since_s, -np.inf), np.inf)
+    def own_until_s(self, seen: Floats, asked_s: float, horizon_s: float) -> Floats:
+        """(slots,) until when each robot was `seen` (slots, 5) and went its own way, within the horizon of a question
+        asked at `asked_s`: -inf where it waited as advised already."""
+        return _own_until_s(seen, self._since_s, self._last_s, asked_s, horizon_s)

@@ -7,13 +7,16 @@ not met is left out of those that had (inverse probability of censoring, Graf et
 above 1). The shares are those of Kaplan and Meier 1958. Where nobody leaves, every outcome counts 1.
 """
 
+import numba
 import numpy as np
 
 from deconflict.motion import Bools
+from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
 
 PARTS = 10
 """Of the horizon."""
+_FLOATS, _ANY = numba.float64[::1], numba.types.Array(numba.float64, 1, "A", readonly=True)
 STAYED = PARTS
 """In place of a part, for a pair of which both robots were there throughout and did not meet."""
 
@@ -29,11 +32,16 @@ def counts(part: Ints, left: Bools) -> Ints:
     return np.bincount(part + left * (PARTS + 1), minlength=2 * (PARTS + 1)).reshape(2, -1)
 
 
+@kernel(_FLOATS(*[_ANY] * 2, numba.int64))
+def _weights(known: Floats, left: Floats, parts: int) -> Floats:
+    stays, counted, followed = np.empty(parts), np.ones(parts + 1), known[parts] + left[parts]
+    for part in range(parts - 1, -1, -1):
+        followed += known[part] + left[part]
+        stays[part] = 1 - left[part] / max(followed, 1e-12)
+        counted[part] = counted[part + 1] * stays[part]
+    return counted
+
+
 def weights(known: Floats, left: Floats) -> Floats:
     """(PARTS + 1,) what an outcome in each part counts, of so many (PARTS + 1,) known and so many left in each."""
-    ended = known + left
-    followed = np.cumsum(ended[::-1])[::-1]
-    stays = 1 - left[:PARTS] / np.maximum(followed[:PARTS], 1e-12)
-    counted = np.ones(PARTS + 1)
-    counted[:PARTS] = np.cumprod(stays[::-1])[::-1]
-    return counted
+    return _weights(known, left, PARTS)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, cast
 import numba
 import numpy as np
 
-from deconflict.foresight.sketch import BINS, bins, quantiles
+from deconflict.foresight.sketch import BINS, bins, set_quantiles
 from deconflict.foresight.ways import ERROR, Errors
 from deconflict.learned import Part, UnreadableError, numbers
 from deconflict.motion import Bools
@@ -102,6 +102,18 @@ def _count(
         for column in range(level.shape[1] if is_told[row] else 0):
             for band in range(level.shape[2]):
                 level[row, column, band] = min(max(level[row, column, band], lowest[band]), highest[band])
+
+
+@kernel(numba.void(_COUNTS[1], numba.int64[::1]))
+def _widen(bands_m: Floats, rows: Ints) -> None:
+    """Have the bands of `rows` grow with the share and with the horizon."""
+    for row in rows:
+        for column in range(bands_m.shape[1]):
+            for band in range(bands_m.shape[2]):
+                if band:
+                    bands_m[row, column, band] = max(bands_m[row, column, band], bands_m[row, column, band - 1])
+                if column:
+                    bands_m[row, column, band] = max(bands_m[row, column, band], bands_m[row, column - 1, band])
 
 
 class Kind(NamedTuple):
@@ -198,6 +210,5 @@ class Ledger:
         self._read_bands(np.arange(len(kinds)))
 
     def _read_bands(self, rows: Ints) -> None:
-        radii = quantiles(self.counts[rows, RADIAL], self.level[rows])
-        radii = np.maximum.accumulate(np.maximum.accumulate(radii, axis=2), axis=1)
-        self.bands_m[rows] = radii
+        set_quantiles(self.counts[:, RADIAL], self.level, rows, self.bands_m)
+        _widen(self.bands_m, rows)

@@ -87,8 +87,10 @@ def test_until_when_a_robot_went_its_own_way() -> None:
     one.advise(0, 10.0, 20.0, stands=False)
     for at_s in (12.0, 13.0, 14.0):
         seen(one, at_s, True)
-    assert [one.own_until_s(asked_s, 10.0)[0] for asked_s in (1.0, 5.0, 13.0, 15.0)] == [np.inf, 12.0, -np.inf, np.inf]
-    assert one.own_until_s(5.0, 10.0)[1] == np.inf
+    heard = np.zeros((3, 5))
+    heard[:, 0] = (100.0, 100.0, 3.0)
+    until_s = [one.own_until_s(heard, asked_s, 10.0).tolist() for asked_s in (1.0, 5.0, 13.0, 15.0)]
+    assert until_s == [[first_s, 100.0, 3.0] for first_s in (100.0, 12.0, -np.inf, 100.0)]
 
 
 def test_advice_that_stands_says_until_when_to_wait() -> None:

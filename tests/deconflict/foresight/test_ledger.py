@@ -3,7 +3,19 @@ import pytest
 from numpy.random import default_rng
 
 from deconflict.foresight.bands import reach_m
-from deconflict.foresight.ledger import HALF_LIFE_S, HORIZONS, MOST_CLASSES, PRIOR_MPS, Ledger
+from deconflict.foresight.ledger import (
+    HALF_LIFE_S,
+    HIGHEST_LEVEL,
+    HORIZONS,
+    LEARNED,
+    LEVEL_GAIN,
+    LOWEST_LEVEL,
+    MOST_CLASSES,
+    PRIOR_MPS,
+    SHARES,
+    Ledger,
+)
+from deconflict.foresight.sketch import bins, quantiles
 from deconflict.foresight.ways import ROBOT, Errors
 from deconflict.learned import UnreadableError
 from ingest.seam import Basis, Floats
@@ -35,6 +47,37 @@ def test_bands_cover_what_they_say_even_as_errors_drift(scale_m: float) -> None:
             inside.append(np.abs(now["along_m"])[:, None] <= now["bands_m"])
         ledger.record(now, NOW_S + second)
     assert np.concatenate(inside).mean(axis=0) == pytest.approx([0.5, 0.8, 0.9], abs=0.025)
+
+
+def test_errors_are_counted_as_one_by_one() -> None:
+    ledger, rng, n = Ledger(), default_rng(8), 400
+    for model in ("A-7", "A-8", "A-9"):
+        ledger.row("Alder", model, Basis.PATH, NOW_S)
+    now_s = NOW_S + HALF_LIFE_S
+    before = {name: getattr(ledger, name).copy() for name in LEARNED}
+    along_m, across_m = rng.normal(0, 0.2, (2, n))
+    now = off(0, 1, along_m, across_m, np.sort(rng.uniform(0, 0.5, (n, 3)), axis=1))
+    now["kind"], now["horizon_s"] = rng.integers(0, 2, n), rng.integers(1, HORIZONS + 1, n)
+    ledger.record(now, now_s)
+    kind, column = now["kind"], now["horizon_s"] - 1
+    counts, bias_m, covered = before["counts"].copy(), before["bias_m"].copy(), before["covered"].copy()
+    for faded in (counts, bias_m, covered):
+        faded[:2] *= 0.5
+    for size, distance_m in enumerate((np.hypot(along_m, across_m), np.abs(along_m), np.abs(across_m))):
+        np.add.at(counts, (kind, np.full(n, size), column, bins(distance_m)), 1.0)
+    np.add.at(bias_m, (kind, column), np.stack([along_m, across_m], axis=-1))
+    inside = now["radial_m"][:, None] <= now["bands_m"]
+    np.add.at(covered, (kind, column), inside)
+    level = before["level"].copy()
+    np.add.at(level, (kind, column), LEVEL_GAIN * (SHARES - inside))
+    assert ledger.counts == pytest.approx(counts)
+    assert ledger.bias_m == pytest.approx(bias_m)
+    assert ledger.covered == pytest.approx(covered)
+    assert ledger.level == pytest.approx(np.clip(level, LOWEST_LEVEL, HIGHEST_LEVEL))
+    assert ledger.cases.sum() == n
+    assert ledger.as_of_s.tolist() == [now_s, now_s, NOW_S]
+    radii_m = quantiles(ledger.counts[:, 0], ledger.level)
+    assert ledger.bands_m == pytest.approx(np.maximum.accumulate(np.maximum.accumulate(radii_m, axis=2), axis=1))
 
 
 def test_bands_widen_with_the_horizon_whatever_was_seen() -> None:
