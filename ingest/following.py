@@ -4,7 +4,7 @@ What it takes, `ingest/forecast.py` makes the same of, knot by knot. It leaves a
 that are past or out of order, a path that contradicts the robot's motion, and degrees.
 """
 
-from math import atan2, cos, inf, isnan, pi, sin
+from math import atan2, ceil, cos, inf, isnan, pi, sin
 
 import numpy as np
 from numba import types
@@ -24,11 +24,14 @@ AS_IT_IS = np.empty((0, 12))
 Placed = tuple[float, float, float, float, float, float]
 _GONE = types.Tuple((*[types.int64] * 2, types.boolean, *[_NUMBER] * 7))  # type: ignore[no-untyped-call]
 Gone = tuple[int, int, bool, float, float, float, float, float, float, float]
-(MOVES, LOADED, MIRRORED, STOPS_FLOOR, CENTRE_X, CENTRE_Y, MOST_MPS, LEEWAY_M, HORIZON_S, QUIET_S, STOPS_AHEAD_S) = (
+(BASIS, LOADED, MIRRORED, STOPS_FLOOR, CENTRE_X, CENTRE_Y, MOST_MPS, LEEWAY_M, HORIZON_S, QUIET_S, STOPS_AHEAD_S) = (
     range(11)
 )
 (MOST_POINTS, PATH_S, STOPS_S, SLACK_S, COMPARABLE_S, SHOWING_M, JUMP_M, MOST_TURN, SLOW_TURN) = range(11, 20)
 """What `go_on` is told of the robot and of the rules, by place in `limits`."""
+BY_PATH, BY_VELOCITY = 1, 2
+"""Of `Basis`; other robots stand."""
+STRAIGHT_RADPS = 1e-3
 
 
 def follow(path: Path, here: Sighting, view: View) -> tuple[Floats, tuple[int, ...]] | None:
@@ -157,6 +160,33 @@ def _along(
     return count if count > 1 else 0
 
 
+@inner
+def _by_velocity(
+    here: tuple[float, float, float, float],
+    speed_mps: float,
+    turn_radps: float,
+    horizon_s: float,
+    dx: float,
+    dy: float,
+    knots: Floats,
+) -> int:
+    """As `forecast._by_velocity`; how many knots there are."""
+    at_s, x, y, heading = here
+    _put(knots, 0, at_s, x, y, heading, dx, dy)
+    if abs(turn_radps) <= STRAIGHT_RADPS:
+        reach_m = speed_mps * horizon_s
+        _put(knots, 1, at_s + horizon_s, x + reach_m * cos(heading), y + reach_m * sin(heading), heading, dx, dy)
+        return 2
+    steps, radius_m = ceil(horizon_s), speed_mps / turn_radps
+    for step in range(steps + 1):
+        t_s = horizon_s * step / steps
+        yaw_rad = heading + turn_radps * t_s
+        to_x = x + radius_m * (sin(yaw_rad) - sin(heading))
+        to_y = y - radius_m * (cos(yaw_rad) - cos(heading))
+        _put(knots, step, at_s + t_s, to_x, to_y, yaw_rad, dx, dy)
+    return steps + 1
+
+
 @kernel(types.int64(_ROWS, *[_NUMBER] * 11, _ROWS, _ROWS))
 def _follow(
     points: Floats,
@@ -279,7 +309,9 @@ def go_on(
         (before_s, before_x, before_y, before_rad), here, speed, turn, limits
     ):
         dx, dy = limits[CENTRE_X], limits[CENTRE_Y]
-        if limits[MOVES] != 0.0:
+        if limits[BASIS] == BY_VELOCITY:
+            knots = _by_velocity(here, speed, turn, limits[HORIZON_S], dx, dy, rows)
+        elif limits[BASIS] == BY_PATH:
             until_s = event_s + limits[HORIZON_S] + limits[QUIET_S]
             knots = _along(
                 points,

@@ -6,6 +6,7 @@ left to others.
 """
 
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
@@ -32,8 +33,10 @@ class Manner:
     connection: Connection
     words: Words
     view: View
-    moves: bool
-    """By its path; else it stands."""
+    basis: Basis
+    """Of its forecasts: stationary, or by path or velocity."""
+    most_knots: int
+    """Of a forecast that is not by path."""
     floor: int
     table: Floats
     """Of the transformation to its floor."""
@@ -51,13 +54,9 @@ class Manner:
         robot, before, at = self.robot, self.robot.seen, told.at
         if before is None or before.floor != self.floor:
             return None
-        first_point, end_of_path, first_stop, end_of_stops = (
-            at[OF_PATH],
-            at[_PATH_END],
-            at[OF_DESTINATIONS],
-            at[_STOPS_END],
-        )
-        room = end_of_path - first_point + 1
+        first_point, end_of_path = at[OF_PATH], at[_PATH_END]
+        first_stop, end_of_stops = at[OF_DESTINATIONS], at[_STOPS_END]
+        room = max(end_of_path - first_point + 1, self.most_knots)
         rows = np.empty((room + end_of_stops - first_stop, 4))
         knots, ahead, odd, x_m, y_m, yaw_rad, linear_mps, turn_radps, z_m, stamp_s = go_on(
             told.rows,
@@ -78,8 +77,7 @@ class Manner:
             return None
         robot.state, robot.known_state, robot.doubt_m = self.words.state, self.words.known_state, 0.0
         robot.seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
-        basis = Basis.PATH if self.moves else Basis.STATIONARY
-        robot.forecast = Forecast(basis, rows[:knots], (self.floor,) * knots, *size(self.view.body, z_m))
+        robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.view.body, z_m))
         robot.stops = rows[room : room + ahead] if ahead else NO_STOPS
         return self._found_in(told, stamp_s) if odd else self.found
 
@@ -97,20 +95,28 @@ class Manner:
 def manner(robot: Robot, told: Letters, connection: Connection, names_as_uuid: str | None) -> Manner | None:
     """How a robot goes on that was just placed by such a status; None where each has to be looked at closely."""
     said, view = told.words, robot.view
-    moves = said.state == "navigating"
-    if view is None or robot.view_of[1] != said.datum or said.state == "manualOverride":
-        return None
-    if said.path is None if moves else said.path is not None and said.state == "idle":
+    basis = _basis(said)
+    if view is None or robot.view_of[1] != said.datum or basis is None:
         return None
     frame, floor = view.frame_of("")
-    path_frame, path_floor = view.frame_of(said.path[0]) if moves and said.path else (frame, floor)
+    path_frame, path_floor = view.frame_of(said.path[0]) if basis is Basis.PATH and said.path else (frame, floor)
     stops_frame, stops_floor = view.frame_of(said.destinations[0]) if said.destinations else (frame, floor)
     if floor == NOWHERE or path_floor != floor or not _alike(frame, path_frame, stops_frame):
         return None
-    limits = np.array([moves, robot.view_of[0], frame.mirrored, stops_floor, *_limits(view)], np.float64)
+    limits = np.array([basis, robot.view_of[0], frame.mirrored, stops_floor, *_limits(view)], np.float64)
     table = frame.transform.table if frame.transform else AS_IT_IS
+    most_knots = ceil(view.reading.horizon_s) + 1 if basis is Basis.VELOCITY else 1
     found = _found(told, frame, names_as_uuid)
-    return Manner(robot, connection, said, view, moves, floor, table, limits, found)
+    return Manner(robot, connection, said, view, basis, most_knots, floor, table, limits, found)
+
+
+def _basis(said: Words) -> Basis | None:
+    """Of the forecasts of a robot that says so, where it says its speed too; None where that takes a closer look."""
+    if said.state == "navigating" and not said.path:
+        return None if said.destinations else Basis.VELOCITY
+    if said.state == "manualOverride" or (said.state == "idle" and said.path):
+        return None
+    return Basis.PATH if said.state == "navigating" else Basis.STATIONARY
 
 
 def _alike(frame: Frame, *others: Frame) -> bool:

@@ -54,6 +54,7 @@ class Driver:
     ahead_s: float = 0.0
     line: Connection = LINES[0]
     stops: int = 2
+    tells_path: bool = True
     more: dict[str, Any] = field(default_factory=dict)
 
     def seldom(self, share: float = 0.02) -> bool:
@@ -76,7 +77,7 @@ class Driver:
         if self.seldom():
             self.line = random.choice(LINES)
         if self.seldom(0.05):
-            self.stops = random.randint(0, 3)
+            self.stops, self.tells_path = random.choice((0, 0, 1, 2, 3)), random.random() < 0.6
         if self.seldom(0.05):
             self.more = {"loadPercentageStillAvailable": random.choice((None, 30.0, 100.0))}
         return self.said(t_s + self.ahead_s, speed_mps, turn_rad / after_s)
@@ -92,7 +93,7 @@ class Driver:
         here = {"x": self.x, "y": self.y, "z": random.choice((0.0, 0.2)), "planarDatum": self.datum}
         if not self.seldom():
             here["angle"] = angle(self.yaw_rad)
-        if self.state == "navigating" or self.seldom():
+        if (self.state == "navigating" and self.tells_path) or self.seldom():
             told["path"] = self.points_ahead(stamp_s, random.choice((5, 10, 10, 12)), random.choice((1.0, 1.0, 3.0)))
         if self.stops:
             told["destinations"] = self.points_ahead(stamp_s, self.stops, random.choice((20.0, 20.0, 700.0, -2.0)))
