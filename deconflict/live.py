@@ -133,9 +133,11 @@ class Live:
     def around(self, group: set[str], within_m: float, most: int) -> list[str]:
         """The robots of a group and the nearest to any of them on their floors, in ascending order."""
         slots, away_m = _near(self._at, np.array([self.robots[uuid].slot for uuid in group], np.int64), within_m)
-        named = zip(away_m.tolist(), [self._uuids[slot] for slot in slots.tolist()], strict=True)
-        others = sorted(one for one in named if one[1] not in group)
-        return sorted([*group, *(uuid for _, uuid in others[:most])])
+        named = [self._uuids[slot] for slot in slots.tolist()]
+        others = [one for one in zip(away_m.tolist(), named, strict=True) if one[1] not in group]
+        if len(others) > most:
+            named = [uuid for _, uuid in sorted(others)[:most]]
+        return sorted(group.union(named))
 
     def _slot(self, uuid: str) -> int:
         if self._free:

@@ -72,11 +72,11 @@ class Fan(NamedTuple):
     hold_s: Floats
     """(robots * (steps + 1),) every hold of every robot."""
     a: Ints
-    """(pairs, d) which of those the first of each pair is at each difference."""
+    """(pairs * d,) which of those the first of each pair is at each difference."""
     b: Ints
-    """(pairs, d) which the second is."""
+    """(pairs * d,) which the second is."""
     late_s: Floats
-    """(pairs, d) how late the one that is held is."""
+    """(pairs * d,) how late the one that is held is."""
 
 
 class Delays:
@@ -112,19 +112,18 @@ class Delays:
         difference.
         """
         row = {robot: row for row, robot in enumerate(dict.fromkeys(robot for pair in pairs for robot in pair))}
-        fan = _fan(self._window.steps, tuple((row[one], row[other]) for one, other in pairs))
-        rows = np.array([self._row[robot] for robot in row], np.int64).repeat(self._window.steps + 1)
-        until_s = fan.late_s + (self._window.start_s + self._window.horizon_s)
-        allowed, open_ = np.ones(fan.a.shape, bool), np.arange(len(pairs))
-        for clearance_m in (self._window.clearance_m, 0.0):
-            a, b = fan.a[open_].ravel(), fan.b[open_].ravel()
-            told = self._first_meetings(rows, fan.hold_s, a, b, until_s[open_].ravel(), clearance_m)
-            met_s, begins_m = (one.reshape(-1, fan.a.shape[1]) for one in told)
-            near = begins_m[:, 0] <= clearance_m
-            allowed[open_[~near]] = met_s[~near] == inf
-            open_ = open_[near]
-            if not len(open_):
-                break
+        window, steps = self._window, self._window.steps
+        fan = _fan(steps, tuple((row[one], row[other]) for one, other in pairs))
+        rows = np.array([self._row[robot] for robot in row], np.int64).repeat(steps + 1)
+        until_s = fan.late_s + (window.start_s + window.horizon_s)
+        met_s, begins_m = self._first_meetings(rows, fan.hold_s, fan.a, fan.b, until_s, window.clearance_m)
+        allowed: Bools = (met_s == inf).reshape(len(pairs), -1)
+        is_near = begins_m[:: 2 * steps + 1] <= window.clearance_m
+        if is_near.any():
+            each = is_near.repeat(2 * steps + 1)
+            met_s, begins_m = self._first_meetings(rows, fan.hold_s, fan.a[each], fan.b[each], until_s[each], 0.0)
+            touch = begins_m[:: 2 * steps + 1, None] <= 0.0
+            allowed[is_near] = (met_s == inf).reshape(-1, 2 * steps + 1) | touch
         return allowed
 
     def _first_meetings(
@@ -143,8 +142,8 @@ def _fan(steps: int, pairs: tuple[tuple[int, int], ...]) -> Fan:
     holds, differences = np.arange(steps + 1, dtype=np.float64), np.arange(-steps, steps + 1)
     first, second = np.maximum(differences, 0), np.maximum(-differences, 0)
     a, b = np.array(pairs, np.int64).T[:, :, None] * (steps + 1)
-    late_s = np.tile((first + second) * STEP_S, (len(pairs), 1))
-    return Fan(np.tile(holds * STEP_S, 1 + int(np.max(pairs))), a + first, b + second, late_s)
+    late_s = np.tile((first + second) * STEP_S, len(pairs))
+    return Fan(np.tile(holds * STEP_S, 1 + int(np.max(pairs))), (a + first).ravel(), (b + second).ravel(), late_s)
 
 
 def _pairs_with(robots: int, chosen: Sequence[int]) -> tuple[Ints, Ints]:
