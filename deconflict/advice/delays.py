@@ -84,7 +84,7 @@ class Delays:
 
     def __init__(self, near: Near, window: Window) -> None:
         self._near, self._window = near, window
-        self._row = {uuid: row for row, uuid in enumerate(near.uuids)}
+        self._row, self._rows = {uuid: row for row, uuid in enumerate(near.uuids)}, np.arange(len(near.uuids))
 
     def meetings(self, held_s: Mapping[str, float], of: Collection[str]) -> dict[Pair, float]:
         """Who comes within the clearance of one `of` these, and when first, where some robots are held for so long.
@@ -97,7 +97,7 @@ class Delays:
         hold_s = np.zeros(len(uuids))
         for uuid, seconds in held_s.items():
             hold_s[self._row[uuid]] = seconds
-        met_s, begins_m = self._first_meetings(np.arange(len(uuids)), hold_s, a, b, until_s, window.clearance_m)
+        met_s, begins_m = self._first_meetings(self._rows, hold_s, a, b, until_s, window.clearance_m)
         (met,) = ((met_s < inf) & (begins_m > window.clearance_m)).nonzero()
         return {
             (uuids[one], uuids[other]): at_s

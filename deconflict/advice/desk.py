@@ -88,7 +88,10 @@ class Desk:
 
     def _ask(self, group: Group, now_s: float, around: Around) -> None:
         self._allowed -= len(group.pairs)
-        goes_on = [one.since_s for other, one in self._asked.items() if _goes_on(other, one, group.pairs)]
+        robots = _robots(group.pairs)
+        goes_on = [
+            one.since_s for other, one in self._asked.items() if one.answer and not robots.isdisjoint(_robots(other))
+        ]
         answer = self._submit(self._question(group.pairs, group.standing, now_s, around))
         self._asked[group.pairs] = Asked(now_s, answer, min([now_s, *goes_on]))
         self._asked_s |= dict.fromkeys(group.pairs, now_s)
@@ -110,7 +113,9 @@ class Desk:
         return told
 
     def _has_grown(self, pairs: Pairs, one: Asked) -> bool:
-        return any(_goes_on(pairs, one, other) for other, new in self._asked.items() if new.at_s > one.at_s)
+        robots = _robots(pairs)
+        newer = (other for other, new in self._asked.items() if new.at_s > one.at_s)
+        return any(not robots.isdisjoint(_robots(other)) for other in newer)
 
     def _at_rest(self) -> set[Pairs]:
         """The groups that are not asked of now: one is pending, or was asked of lately with every conflict that is
@@ -122,7 +127,7 @@ class Desk:
     def _question(
         self, pairs: Pairs, standing: Recommendation | None, now_s: float, around: Around
     ) -> Callable[[], Recommendation]:
-        near = around({robot for pair in pairs for robot in pair})
+        near = around(_robots(pairs))
         there = set(near.uuids)
         window = Window(
             now_s + ANSWER_AFTER_S,
@@ -161,8 +166,5 @@ def advised(summary: str, advice: Recommendation | None, robots: Sequence[str], 
     return "; ".join([summary, *(told or ([advice.note] if advice.note else []))])
 
 
-def _goes_on(before: Pairs, asked: Asked, after: Pairs) -> bool:
-    """Whether a question that is not answered yet is of a group that shares robots with another one."""
-    return asked.answer is not None and not {robot for pair in before for robot in pair}.isdisjoint(
-        robot for pair in after for robot in pair
-    )
+def _robots(pairs: Pairs) -> set[str]:
+    return {robot for pair in pairs for robot in pair}

@@ -100,7 +100,14 @@ def _joined(
 
 
 def _group(members: list[ConflictAdvisory]) -> Group:
-    if len(members) > 1:
-        members.sort(key=attrgetter("robots"))
-    standing = next((one.recommendation for one in members if one.recommendation and one.recommendation.holds), None)
+    if len(members) == 1:
+        (one,) = members
+        return Group(one.predicted_at, (one.robots,), _standing(one))
+    members.sort(key=attrgetter("robots"))
+    standing = next(filter(None, map(_standing, members)), None)
     return Group(min(one.predicted_at for one in members), tuple(one.robots for one in members), standing)
+
+
+def _standing(one: ConflictAdvisory) -> Recommendation | None:
+    advice = one.recommendation
+    return advice if advice and advice.holds else None

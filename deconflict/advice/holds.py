@@ -149,6 +149,8 @@ class Planner:
         """Holds, the bound of their cost, whether that is proven, and what would be first come, first served; None
         where there are none."""
         robots = self.problem.robots()
+        if not robots:
+            return {}, 0, True, {}
         choice = self._choice(robots)
         first = self._first_come(choice, robots)
         found = self._cheapest(choice, robots, first)
@@ -171,7 +173,8 @@ class Planner:
         """In the order of their first meetings each waits for those before it; None where one then has no hold."""
         met_s: dict[str, float] = {}
         for pair, at_s in self.problem.without.items():
-            met_s |= {robot: min(at_s, met_s.get(robot, inf)) for robot in pair}
+            for robot in pair:
+                met_s[robot] = min(at_s, met_s.get(robot, inf))
         movers = self.problem.movers
         order = sorted(range(len(robots)), key=lambda row: (movers[robots[row]].holdable, met_s.get(robots[row], 0.0)))
         holds = in_turn(choice, order)
@@ -189,8 +192,8 @@ class Planner:
 
     def _choice(self, robots: list[str]) -> Choice:
         """Costs count before the number of those held, and that before what the burdened wait."""
-        weights = [_weight(self.problem.movers[robot]) for robot in robots]
-        ranks = [self.ranks[self.problem.movers[robot].vendor] for robot in robots]
+        movers = [self.problem.movers[robot] for robot in robots]
+        weights, ranks = [_weight(one) for one in movers], [self.ranks[one.vendor] for one in movers]
         most = 1 + sum(ranks) * self.problem.window.steps
         after = most * (1 + len(robots))
         steps = [after * weight + rank for weight, rank in zip(weights, ranks, strict=True)]
