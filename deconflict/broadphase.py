@@ -33,6 +33,7 @@ BOX = np.dtype([("slab", np.int64), ("floor", np.int64), ("knot", np.int64), *_S
 
 REACH = np.dtype(_SIDES, align=True)
 """All that a robot covers, or a little more; inside out where it is nowhere."""
+NOWHERE = (np.inf, -np.inf, np.inf, -np.inf)
 
 PAIR = np.dtype([(name, np.int32) for name in ("ring", "a", "b")], align=True)
 
@@ -299,8 +300,23 @@ def _cover_robot(
             reach.south, reach.north = min(reach.south, box.south), max(reach.north, box.north)
 
 
+@inner
+def _reach_nothing(reaches: Reaches, slot: int) -> None:
+    reaches[slot].west = reaches[slot].south = np.inf
+    reaches[slot].east = reaches[slot].north = -np.inf
+
+
 @kernel(
-    numba.void(_BOX[:, ::1], _REACHES, numba.int64[::1], _ROBOT[::1], _KNOT[::1], *[numba.int64] * 2, numba.float64)
+    numba.void(
+        _BOX[:, ::1],
+        _REACHES,
+        numba.int64[::1],
+        _ROBOT[::1],
+        _KNOT[::1],
+        *[numba.int64] * 2,
+        numba.float64,
+        numba.boolean,
+    )
 )
 def _cover(
     boxes: NDArray[Any],
@@ -311,23 +327,14 @@ def _cover(
     first_slab: int,
     slabs: int,
     grow_m: float,
+    anew: bool,
 ) -> None:
     for slot in slots:
+        if anew:
+            _reach_nothing(reaches, slot)
+            for ring in range(len(boxes)):
+                boxes[ring, slot].floor = ABSENT
         _cover_robot(boxes, reaches, slot, robots[slot], knots, first_slab, slabs, grow_m)
-
-
-@inner
-def _reach_nothing(reaches: Reaches, slot: int) -> None:
-    reaches[slot].west = reaches[slot].south = np.inf
-    reaches[slot].east = reaches[slot].north = -np.inf
-
-
-@kernel(numba.void(_BOX[:, ::1], _REACHES, numba.int64[::1]))
-def _clear(boxes: NDArray[Any], reaches: Reaches, slots: Ints) -> None:
-    for slot in slots:
-        _reach_nothing(reaches, slot)
-        for ring in range(len(boxes)):
-            boxes[ring, slot].floor = ABSENT
 
 
 @inner
@@ -406,11 +413,23 @@ class Boxes:
 
     def clear(self, slots: Ints) -> None:
         """Forget the boxes of `slots`."""
-        _clear(self.all, self.reaches, slots)
+        self.all["floor"][:, slots] = ABSENT
+        self.reaches[slots] = NOWHERE
 
-    def cover(self, slots: Ints, robots: Robots, knots: Knots, first_slab: int, slabs: int, grow_m: float) -> None:
-        """Set the boxes of `slots` for `slabs` slabs from `first_slab` on, grown by `grow_m` to each side."""
-        _cover(self.all, self.reaches, slots, robots, knots, first_slab, slabs, grow_m)
+    def cover(
+        self,
+        slots: Ints,
+        robots: Robots,
+        knots: Knots,
+        first_slab: int,
+        slabs: int,
+        grow_m: float,
+        *,
+        anew: bool = False,
+    ) -> None:
+        """Set the boxes of `slots` for `slabs` slabs from `first_slab` on, grown by `grow_m` to each side; where it is
+        done `anew`, those of other slabs are forgotten."""
+        _cover(self.all, self.reaches, slots, robots, knots, first_slab, slabs, grow_m, anew)
 
     def pairs(self, changed: Ints, rings: Ints) -> Pairs:
         """Each pair of boxes of one slab that overlap, in ring rows `rings`, at least one of them `changed`'s; once."""

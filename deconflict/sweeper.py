@@ -81,6 +81,8 @@ class Sweeper:
         self._first_slab = 0
         """Of the last pass: only where time goes back from it do boxes lack that were covered."""
         self._boxes = Boxes(self._slabs)
+        self._rings: Ints = np.arange(2 * self._slabs) % self._slabs
+        """Of slabs in a row, from any on."""
         self._meetings: Meetings = np.empty(0, MEETING)
         self._names = Names()
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
@@ -161,11 +163,9 @@ class Sweeper:
 
     def _covered_anew(self, changed: Ints, first_slab: int, slabs: int) -> Pairs:
         """Cover the robots of `changed` in so many slabs from `first_slab` on; the pairs of boxes to look at."""
-        self._boxes.clear(changed)
-        present = self._roster.present(changed)
-        self._since[present] = first_slab
-        self._cover(present, first_slab, slabs)
-        return self._boxes.pairs(present, np.arange(first_slab, first_slab + slabs) % self._slabs)
+        self._since[changed] = first_slab
+        self._cover(changed, first_slab, slabs, anew=True)
+        return self._boxes.pairs(changed, self._rings_of(first_slab, slabs))
 
     def _covered_further(self, first_slab: int, last_slab: int, slabs: int) -> list[Pairs]:
         """Cover robots without news in the slabs that have come into view; the pairs of boxes to look at."""
@@ -179,13 +179,18 @@ class Sweeper:
             if begin > covered + 1:
                 self._since[slots] = begin
             self._cover(slots, begin, end - begin)
-            found.append(self._boxes.pairs(slots, np.arange(begin, end) % self._slabs))
+            found.append(self._boxes.pairs(slots, self._rings_of(begin, end - begin)))
         return found
 
-    def _cover(self, slots: Ints, first_slab: int, slabs: int) -> None:
+    def _rings_of(self, first_slab: int, slabs: int) -> Ints:
+        """The ring rows of so many slabs."""
+        first = first_slab % self._slabs
+        return self._rings[first : first + slabs]
+
+    def _cover(self, slots: Ints, first_slab: int, slabs: int, *, anew: bool = False) -> None:
         self._covered[slots] = first_slab + slabs - 1
         grow_m = self._clearance_m / 2 + TOLERANCE_M
-        self._boxes.cover(slots, self._roster.robots, self._roster.knots, first_slab, slabs, grow_m)
+        self._boxes.cover(slots, self._roster.robots, self._roster.knots, first_slab, slabs, grow_m, anew=anew)
 
     def _meet(self, pairs: Pairs, decider: Decider) -> Meetings:
         """The meetings of pairs in their slabs."""
