@@ -17,6 +17,7 @@ from ingest.seam import Floats, Ints
 
 _INTS, _FLOATS, _BOOLS = numba.int64[::1], numba.float64[::1], numba.boolean[::1]
 _STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
+NOBODY: Ints = np.empty(0, np.int64)
 ONE_WAIT_S = 15.0
 """Times at which a robot was seen to wait that are less apart are one wait."""
 
@@ -75,11 +76,13 @@ class Heeded:
         """Whether it was on its way when it was first told."""
         self._since_s = np.zeros(0)
         self._last_s = np.zeros(0)
+        self._is_any_advised = False
 
     def grow(self, slots: int) -> None:
         more = slots - len(self._went)
         if more > 0:
-            for name, column in vars(self).items():
+            for name in ("_advised_until_s", "_went", "_since_s", "_last_s"):
+                column = getattr(self, name)
                 setattr(self, name, np.concatenate([column, np.zeros(more, column.dtype)]))
             self.forget(np.arange(slots - more, slots))
 
@@ -91,16 +94,18 @@ class Heeded:
         """A robot should wait until then; `stands` is whether it does already."""
         if now_s > self._advised_until_s[slot]:
             self._went[slot] = not stands
-        self._advised_until_s[slot] = until_s
+        self._advised_until_s[slot], self._is_any_advised = until_s, True
 
     def see(self, slots: Ints, event_s: Floats, stand: Bools) -> Ints:
         """Those of `slots` (n,) that, as their reports show, wait as advised; `stand` (n,) is which of them stand."""
+        if not self._is_any_advised:
+            return NOBODY
         columns = (self._advised_until_s, self._went, self._since_s, self._last_s)
         return _see(*columns, slots, event_s, stand, ONE_WAIT_S)
 
     def waiting(self, since_s: float) -> Ints:
         """Slots of the robots that were seen to wait at that moment or later."""
-        return np.flatnonzero(self._last_s >= since_s)
+        return np.flatnonzero(self._last_s >= since_s) if self._is_any_advised else NOBODY
 
     def own_until_s(self, seen: Floats, asked_s: float, horizon_s: float) -> Floats:
         """(slots,) until when each robot was `seen` (slots, 5) and went its own way, within the horizon of a question

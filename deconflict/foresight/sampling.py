@@ -21,9 +21,11 @@ def _poses_at(
         first, last = start[row], start[row + 1] - 1
         if last < first:
             continue
+        knot = first
         for at in range(len(after_s)):
             moment = since_s[row] + after_s[at]
-            knot = max(first + np.searchsorted(t_s[first : last + 1], moment, "right") - 1, first)
+            while knot < last and t_s[knot + 1] <= moment:
+                knot += 1
             after = min(knot + 1, last)
             if floor[after] != floor[knot]:
                 after = knot
@@ -38,8 +40,8 @@ def _poses_at(
 
 
 def poses_at(forecasts: Forecasts, since_s: Floats, after_s: Floats) -> Floats:
-    """(n, m, 4) x_m, y_m, yaw_rad and floor of each of n robots so long, (m,), after its own time `since_s` (n,), as
-    `Forecasts` reads between knots; before the first, at the first. nan where it has none."""
+    """(n, m, 4) x_m, y_m, yaw_rad and floor of each of n robots so long, (m,) ascending, after its own time `since_s`
+    (n,), as `Forecasts` reads between knots; before the first, at the first. nan where it has none."""
     f = forecasts
     t, x, y, yaw = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
     return _poses_at(ready(f.start, np.int64), t, x, y, yaw, ready(f.floor, np.int64), since_s, after_s)
