@@ -63,11 +63,9 @@ class Fleet:
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         """Take one message; the code of the rule that rejected it, or None where it was accepted."""
         letters = quick.letters(raw) if quick.letters else None
-        if letters:
-            manner = self._manners.get(letters.uuid)
-            if manner and manner.is_of(letters, connection):
-                self._go_on(manner, letters, arrival_s)
-                return None
+        if letters and (manner := self._manner(letters, connection)):
+            self._go_on(manner, letters, arrival_s)
+            return None
         message = messages.understood(raw, letters, self._namer(connection))
         if isinstance(message, Rejection):
             vendor = self._vendor_of(message.uuid or "", connection)
@@ -98,8 +96,8 @@ class Fleet:
         else:
             event_s, findings = self._timed(robot, message.stamp_s, message.stamp_resolution_s, arrival_s)
             findings += self._report(robot, message, raw, arrival_s, event_s)
-            if letters and quick.manner:
-                self._keep(quick.manner(robot, letters, connection, self._namer(connection)), robot, letters.uuid)
+            if letters:
+                self._keep(robot, letters, connection)
         self._accept(robot, connection, message.findings + findings)
         return None
 
@@ -125,13 +123,26 @@ class Fleet:
             self._count(robot.vendor, findings, robot)
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
 
-    def _keep(self, manner: "Manner | None", robot: Robot, spelt: bytes) -> None:
+    def _manner(self, letters: "Letters", connection: Connection) -> "Manner | None":
+        """How a robot goes on that has such a status, where that is known or all but its words are as before."""
+        manner = self._manners.get(letters.uuid)
+        if manner is None or not manner.is_over(connection):
+            return None
+        return manner if manner.words is letters.words else self._keep(manner.robot, letters, connection)
+
+    def _keep(self, robot: Robot, letters: "Letters", connection: Connection) -> "Manner | None":
         """How a robot goes on from now on."""
+        self._drop(robot)
+        manner = quick.manner(robot, letters, connection, self._namer(connection)) if quick.manner else None
+        if manner:
+            robot.spelt = letters.uuid
+            self._manners[robot.spelt] = manner
+        return manner
+
+    def _drop(self, robot: Robot) -> None:
         if robot.spelt:
             self._manners.pop(robot.spelt, None)
-        robot.spelt = spelt if manner else b""
-        if manner:
-            self._manners[spelt] = manner
+            robot.spelt = b""
 
     def refuse(
         self,
@@ -401,7 +412,7 @@ class Fleet:
             gone.append(uuid)
         for uuid in gone:
             robot = self.robots.pop(uuid)
-            self._keep(None, robot, b"")
+            self._drop(robot)
             vendor = robot.vendor
             self._of_vendor[vendor] -= 1
             self.measures.count("deconflict_robots_forgotten_total", vendor)

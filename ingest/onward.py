@@ -33,6 +33,8 @@ class Manner:
     connection: Connection
     words: Words
     view: View
+    view_of: tuple[bool, str]
+    """As the robot's: another load may be read in the same view."""
     basis: Basis
     """Of its forecasts: stationary, or by path or velocity."""
     most_knots: int
@@ -45,9 +47,10 @@ class Manner:
     found: tuple[str, ...]
     """In each of its messages, whatever their times and the number of their points."""
 
-    def is_of(self, told: Letters, connection: Connection) -> bool:
-        """Whether the robot may go on so with a status."""
-        return self.words is told.words and self.connection is connection and self.robot.view is self.view
+    def is_over(self, connection: Connection) -> bool:
+        """Whether it goes on over that connection, and is read as before."""
+        robot = self.robot
+        return self.connection is connection and robot.view is self.view and robot.view_of is self.view_of
 
     def onward(self, told: Letters, event_s: float) -> tuple[str, ...] | None:
         """Put the robot where it is and forecast it from there; the findings, or None where it does not go on so."""
@@ -93,7 +96,7 @@ class Manner:
 
 
 def manner(robot: Robot, told: Letters, connection: Connection, names_as_uuid: str | None) -> Manner | None:
-    """How a robot goes on that was just placed by such a status; None where each has to be looked at closely."""
+    """How a robot goes on whose view is of such a status; None where each has to be looked at closely."""
     said, view = told.words, robot.view
     basis = _basis(said)
     if view is None or robot.view_of[1] != said.datum or basis is None:
@@ -107,7 +110,7 @@ def manner(robot: Robot, told: Letters, connection: Connection, names_as_uuid: s
     table = frame.transform.table if frame.transform else AS_IT_IS
     most_knots = ceil(view.reading.horizon_s) + 1 if basis is Basis.VELOCITY else 1
     found = _found(told, frame, names_as_uuid)
-    return Manner(robot, connection, said, view, basis, most_knots, floor, table, limits, found)
+    return Manner(robot, connection, said, view, robot.view_of, basis, most_knots, floor, table, limits, found)
 
 
 def _basis(said: Words) -> Basis | None:
