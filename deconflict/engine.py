@@ -307,9 +307,7 @@ class Engine:
         self.measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)
 
     def _tell_levels(self) -> None:
-        open_now = by_severity(self._shared_open())
-        open_now.update({("conflict", severity): count for severity, count in self._lives.severities.items() if count})
-        tell_open(self.measures, open_now)
+        tell_open(self.measures, by_severity(self.open()))
         self.measures.level("deconflict_datum_drift_metres", self._rests.drift_m())
         changes.tell(self.measures, {"forecast": self.foresight.changes.changed(), "datum": self._rests.changed()})
         self.measures.level("deconflict_conflicts", {(): self._conflicts})

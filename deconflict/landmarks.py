@@ -10,7 +10,6 @@ import shapely
 from numpy.typing import NDArray
 
 from deconflict.contention.resources import Place, Resource, outlines
-from ingest.seam import Floats
 from ingest.settings import Datum
 
 FARTHEST_M = 15.0
@@ -69,16 +68,18 @@ class Landmarks:
         told = [""] * len(spots)
         for datum in {spot.datum for spot in spots}:
             rows = [row for row, spot in enumerate(spots) if spot.datum == datum]
-            at_m = np.array([spots[row][1:] for row in rows])
-            for row, words in zip(rows, self._words(datum, at_m), strict=True):
+            for row, words in zip(rows, self._words(datum, [spots[row][1:] for row in rows]), strict=True):
                 told[row] = f"{words} on {self._floors.get(datum, datum)}"
         return told
 
-    def _words(self, datum: str, at_m: Floats) -> list[str]:
-        """Of points (n, 2) on one floor."""
+    def _words(self, datum: str, at_m: Sequence[tuple[float, float]]) -> list[str]:
+        """Of points on one floor."""
+        words = [f"near ({x_m:.1f}, {y_m:.1f})" for x_m, y_m in at_m]
+        marks = self._marks.get(datum)
+        if marks is None:
+            return words
         points = shapely.points(at_m)
-        words = [f"near ({x_m:.1f}, {y_m:.1f})" for x_m, y_m in at_m.tolist()]
-        for row, (away_m, name) in self._nearest(datum, points).items():
+        for row, (away_m, name) in _nearest(marks, points).items():
             words[row] = f"at {name}" if away_m < AT_M else f"{away_m:.0f} m from {name}"
         if inside := self._inside.get(datum):
             found = zip(*inside.shapes.query(points, predicate="covered_by").tolist(), strict=True)
@@ -86,17 +87,15 @@ class Landmarks:
                 words[row] = inside.names[place]
         return words
 
-    def _nearest(self, datum: str, points: NDArray[np.object_]) -> dict[int, tuple[float, str]]:
-        """How far the nearest mark or place is of those points that are near any, and its name; of several as near the
-        first by name."""
-        marks = self._marks.get(datum)
-        if marks is None:
-            return {}
-        found, away_m = marks.shapes.query_nearest(points, max_distance=FARTHEST_M, return_distance=True)
-        nearest: dict[int, tuple[float, str]] = {}
-        for row, mark, metres in zip(*found.tolist(), away_m.tolist(), strict=True):
-            nearest[row] = min((metres, marks.names[mark]), nearest.get(row, (inf, "")))
-        return nearest
+
+def _nearest(marks: Named, points: NDArray[np.object_]) -> dict[int, tuple[float, str]]:
+    """How far the nearest mark or place is of those points that are near any, and its name; of several as near the
+    first by name."""
+    found, away_m = marks.shapes.query_nearest(points, max_distance=FARTHEST_M, return_distance=True)
+    nearest: dict[int, tuple[float, str]] = {}
+    for row, mark, metres in zip(*found.tolist(), away_m.tolist(), strict=True):
+        nearest[row] = min((metres, marks.names[mark]), nearest.get(row, (inf, "")))
+    return nearest
 
 
 def _marks(datum: Datum) -> list[tuple[str, shapely.Geometry]]:

@@ -9,7 +9,6 @@ encounter lasts until the pair has drawn apart by the clearance and a margin: wh
 not alert unless the envelopes are about to touch.
 """
 
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
@@ -49,8 +48,6 @@ class Lives:
     tracks: Tracks = field(init=False)
     told: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
     """The newest revision of each open advisory."""
-    severities: Counter[Severity] = field(default_factory=Counter)
-    """How many of them there are of each."""
     _changed: set[Pair] = field(default_factory=set)
     started_s: float | None = None
 
@@ -137,14 +134,11 @@ class Lives:
 
     def _tell(self, track: Track, revision: ConflictAdvisory, floor: int | None = None) -> None:
         """From now on this revision is the pair's newest, against which nothing was weighed yet; see `Tracks.tell`."""
-        before = self.told.pop(track.pair, None)
-        if before:
-            self.severities[before.severity] -= 1
+        self.told.pop(track.pair, None)
         advisory = None if revision.state is AdvisoryState.CLEARED else revision
         self.tracks.tell(track, advisory, floor)
-        if track.advisory:
-            self.severities[revision.severity] += 1
-            self.told[track.pair] = revision
+        if advisory:
+            self.told[track.pair] = advisory
         self._changed.add(track.pair)
         self.tracks.keep(track)
 

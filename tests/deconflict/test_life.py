@@ -1,5 +1,6 @@
 from dataclasses import dataclass, field
 from math import hypot
+from uuid import uuid5
 
 import pytest
 
@@ -7,7 +8,7 @@ from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass,
 from deconflict.encounter import Encounter
 from deconflict.life import Lives
 from deconflict.site import Conflict
-from deconflict.telling import Pair, Party, Prediction, Scene
+from deconflict.telling import ADVISORIES, Pair, Party, Prediction, Scene
 from deconflict.tracks import HELD_SHARE
 from tests.deconflict.made_predictions import each, in_columns
 
@@ -119,6 +120,13 @@ def test_looks_at_what_is_not_to_be_told_again_yet_count_when_it_is_over() -> No
     cleared(story)
     assert story.predicted(9, probability=0.0) == []
     assert story.predicted(8)
+
+
+def test_an_id_is_the_uuid_of_the_pair_and_the_moment() -> None:
+    for n in range(40):
+        story = Story(now_s=1_790_000_000.0 + n / 7)
+        advisory = story.raised()
+        assert advisory.id == str(uuid5(ADVISORIES, f"a b {round(story.now_s * 1e6)}"))
 
 
 def test_two_looks_of_three_raise() -> None:
