@@ -139,3 +139,20 @@ def test_robots_that_all_meet_are_folded_up_where_they_are_three(robots: int, kn
     choice = Choice(longest, ones, ones, ones, pairs, allowed)
     assert (folded(choice)[0] != UNKNOWN) == known
     assert folded(choice, most=10)[0] == UNKNOWN
+
+
+@pytest.mark.parametrize("robots", [4, 5])
+def test_a_ring_is_folded_up(robots: int) -> None:
+    """Here two robots that share no pair come to do so when the one between them is left out."""
+    rng, known = np.random.default_rng(robots), 0
+    pairs = np.array([(a, a + 1) for a in range(robots - 1)] + [(0, robots - 1)], np.int64)
+    for _ in range(40):
+        longest, weight = np.full(robots, STEPS), rng.integers(1, 90, robots)
+        allowed = rng.random((robots, 2 * STEPS + 1)) < 0.4
+        choice = Choice(longest, weight, weight, np.zeros(robots, np.int64), pairs, allowed)
+        count, holds = folded(choice)
+        assert count == least(choice, BUDGET)[0]
+        if holds is not None:
+            assert holds == least(choice, BUDGET)[1]
+            known += 1
+    assert 5 < known < 40
