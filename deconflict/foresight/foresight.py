@@ -7,9 +7,9 @@ are told by the robots' own reports, as in offline scoring.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import repeat
 from math import floor
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -41,8 +41,7 @@ DISTRUSTED = 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Swept:
+class Swept(NamedTuple):
     """What the exact sweep found: c pairs whose forecasts come within the clearance. Arrays are (c,)."""
 
     pairs: Sequence[Pair]
@@ -52,8 +51,7 @@ class Swept:
     separation_at_s: Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Foreseen:
+class Foreseen(NamedTuple):
     """What is thought of w pairs; arrays are (w,) and the caller's own. Those of the exact sweep come first, in its
     order."""
 
@@ -233,7 +231,7 @@ class Foresight:
         a, b = slots_of(pairs["code"][rows])
         beside = self._followed.beside(a, b, PAST_LOOKS, self._ahead_s, now_s)
         past_s, dx_m, dy_m, yaw_a_rad, yaw_b_rad, same, speed_mps = beside
-        apart_m = signed_gap(dx_m, dy_m, yaw_a_rad, yaw_b_rad, self._half[:, a], self._half[:, b])
+        apart_m = signed_gap(dx_m, dy_m, yaw_a_rad, yaw_b_rad, self._half.take(a, axis=1), self._half.take(b, axis=1))
         exact = (swept_rows, swept.separation_m, swept.separation_at_s)
         of_robots = (self.ledger.bands_m, self._robots, self._followed.seen)
         limits = (now_s, self._horizon_s, self._clearance_m, self._margin_m, STANDING_MPS)

@@ -192,7 +192,7 @@ def _hear(before: Floats, seen: Floats, track: Floats, slot: int, event_s: float
 
 
 @inner
-def _keep(made_s: Floats, following: Ints, slot: int, event_s: float, spaced_s: float) -> int:
+def _place(made_s: Floats, following: Ints, slot: int, event_s: float, spaced_s: float) -> int:
     """The place of a robot's oldest forecast, where its new one goes; -1 where the last was made less than `spaced_s`
     before."""
     last_s = -np.inf
@@ -203,6 +203,17 @@ def _keep(made_s: Floats, following: Ints, slot: int, event_s: float, spaced_s: 
     place = int(following[slot])
     made_s[slot, place], following[slot] = event_s, (place + 1) % made_s.shape[1]
     return place
+
+
+@inner
+def _keep(
+    foretold: Floats, bands_m: Floats, slot: int, place: int, told: Floats, row: int, of_kinds_m: Floats, kind: int
+) -> None:
+    for second in range(foretold.shape[2]):
+        for part in range(4):
+            foretold[slot, place, second, part] = told[row, second + 1, part]
+        for band in range(3):
+            bands_m[slot, place, second, band] = of_kinds_m[kind, second, band]
 
 
 @inner
@@ -307,6 +318,7 @@ def take(
         before_s, seen_s = before[slot, 0], seen[slot, 0]
         is_joined = before_s > long_ago_s and before_s >= seen_s - joined_s
         line = _line(before, seen, slot, long_ago_s, joined_s)
+        yaw, c, s = 0.0, 1.0, 0.0
         for made in range(kept if is_joined else 0):
             first = max(int(before_s - made_s[slot, made]) - 1, 0)
             for second in range(first, min(int(seen_s - made_s[slot, made]) + 1, horizons)):
@@ -314,25 +326,23 @@ def take(
                 if not before_s < moment_s <= seen_s:
                     continue
                 x, y = foretold[slot, made, second, 0], foretold[slot, made, second, 1]
-                yaw, floor = foretold[slot, made, second, 2], foretold[slot, made, second, 3]
+                turned, floor = foretold[slot, made, second, 2], foretold[slot, made, second, 3]
                 was_x, was_y, _, was_floor = _on(line, moment_s)
                 if floor != was_floor or floor < 0.0:
                     continue
-                dx, dy, c, s = was_x - x, was_y - y, cos(yaw), sin(yaw)
+                if turned != yaw:
+                    yaw, c, s = turned, cos(turned), sin(turned)
+                dx, dy = was_x - x, was_y - y
                 error = errors[found]
                 error.kind, error.robot, error.horizon_s = kind[slot, made], slot, second + 1
                 _set_off(error, c * dx + s * dy, c * dy - s * dx, limits_m)
                 for band in range(3):
                     error.bands_m[band] = bands_m[slot, made, second, band]
                 found += 1
-        place = _keep(made_s, following, slot, event_s[row], spaced_s)
+        place = _place(made_s, following, slot, event_s[row], spaced_s)
         if place >= 0:
             kind[slot, place] = kinds[row]
-            for second in range(horizons):
-                for part in range(4):
-                    foretold[slot, place, second, part] = told[row, second + 1, part]
-                for band in range(3):
-                    bands_m[slot, place, second, band] = of_kinds_m[kinds[row], second, band]
+            _keep(foretold, bands_m, slot, place, told, row, of_kinds_m, kinds[row])
     return errors[:found].copy(), stands
 
 

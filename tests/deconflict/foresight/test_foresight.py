@@ -149,5 +149,5 @@ def test_robots_that_left_and_came_back_in_other_places_are_not_taken_for_each_o
     stage.foresight.look(NOW_S, swept, 0.5)
     stage.foresight.receive(replace(stage.batch(0.5).take(np.arange(0)), gone=tuple(stage.walks)))
     stage.foresight.receive(stage.batch(1.0))
-    stage.foresight.look(NOW_S + 1, replace(swept, before=np.array([0])), 0.5)
+    stage.foresight.look(NOW_S + 1, swept._replace(before=np.array([0])), 0.5)
     assert [pair for pair, _ in stage.foresight.probabilities()] == [("a", "b")]
