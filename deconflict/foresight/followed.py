@@ -7,6 +7,7 @@ import numpy as np
 from deconflict.encounter import STANDING_MPS
 from deconflict.foresight import ways
 from deconflict.foresight.ledger import HORIZONS
+from deconflict.foresight.nearing import nearing
 from deconflict.foresight.sampling import poses_at
 from deconflict.foresight.sketch import LIMITS_M
 from deconflict.foresight.ways import Errors, Robots
@@ -109,7 +110,7 @@ class Followed:
         """(p, 2) pairs of `slots`, one of each `told`, that come within the `reach_m` of both in the horizon, looked at
         every whole second; the lower in `rank` first. `told`, `rank` and `reach_m` are by slot."""
         seconds, reports = int(horizon_s) + 1, (self._around, reach_m, self.seen, self._track)
-        return ways.nearing(told, slots, rank, *reports, now_s, seconds, ROUNDING_M)
+        return nearing(told, slots, rank, *reports, now_s, seconds, ROUNDING_M)
 
     def speed_mps(self, slot: int) -> float:
         """At which a robot went from its last report but one to the last; nan where that is not known."""
