@@ -5,14 +5,13 @@ centre is within 0.75 m. The error of each word is told by how long ahead it was
 """
 
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from deconflict.contention.promises import Promise, Promises, Spot
+from deconflict.contention.promises import Promise, Promises
 from deconflict.foresight.lateness import AHEAD_S
-from ingest.seam import Batch, Floats, Ints
+from ingest.seam import Batch, Destinations, Ints
 from metrics.sketch import BINS, bins_of, quantile
 
 
@@ -26,16 +25,11 @@ class Arrivals:
 
     def take(self, batch: Batch) -> None:
         """Robots that have reported, and where they say that they go."""
-        first, told = batch.forecasts.start[:-1], batch.destinations
-        here = _spots(batch, *(getattr(batch.forecasts, name)[first] for name in ("floor", "x_m", "y_m")))
-        known = np.flatnonzero(told.floor >= 0)
-        spots = _spots(batch, told.floor[known], told.x_m[known], told.y_m[known])
-        told_s = told.t_s[known].tolist()
-        spans = pairwise(np.searchsorted(known, told.start).tolist())
-        each = zip(batch.robots, batch.vendors, batch.event_s.tolist(), here, spans, strict=True)
-        for robot, vendor, now_s, at, (begin, end) in each:
-            for said in self._promises.heard(robot, now_s, at, spots[begin:end], told_s[begin:end]):
-                self._come(vendor, now_s, said)
+        first, told = batch.forecasts.start[:-1], _known(batch.destinations)
+        floor, x_m, y_m = (getattr(batch.forecasts, name)[first] for name in ("floor", "x_m", "y_m"))
+        for row, kept in self._promises.hear(batch, batch.event_s, (floor, x_m, y_m), told):
+            for said in kept:
+                self._come(batch.vendors[row], float(batch.event_s[row]), said)
         for robot in batch.gone:
             self._promises.forget(robot)
 
@@ -57,9 +51,13 @@ class Arrivals:
                 counts[int(late_s > 0), column, bins_of(np.array([abs(late_s)]))] += 1
 
 
-def _spots(batch: Batch, floor: Ints, x_m: Floats, y_m: Floats) -> list[Spot]:
-    """Places; on "" where they are compared with nothing."""
-    return list(zip(batch.datums(floor), x_m.tolist(), y_m.tolist(), strict=True))
+def _known(told: Destinations) -> Destinations:
+    """Those that are compared with something."""
+    known = told.floor >= 0
+    if known.all():
+        return told
+    start = np.concatenate([[0], np.cumsum(known)])[told.start]
+    return Destinations(start, *(getattr(told, name)[known] for name in ("t_s", "x_m", "y_m", "floor")))
 
 
 def _row(counts: Ints) -> Mapping[str, Any]:

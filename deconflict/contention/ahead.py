@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, isfinite, sin
+from typing import Self
 
 import numba
 import numpy as np
@@ -27,6 +28,10 @@ class Ahead:
     yaw_rad: Floats
     floor: Ints
 
+    def take(self, rows: Ints) -> Self:
+        columns = (self.t_s[rows], self.x_m[rows], self.y_m[rows], self.yaw_rad[rows])
+        return type(self)(*columns, self.floor[rows])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ways:
@@ -38,6 +43,9 @@ class Ways:
     """(n, 4) west, south, east and north of that."""
     way_m: Floats
     """(n,) how far each gets, whether that is known or not."""
+
+    def take(self, rows: Ints) -> Self:
+        return type(self)(self.lines_m[rows], self.boxes_m[rows], self.way_m[rows])
 
 
 @kernel(numba.float64[:, :, ::1](*[numba.types.Array(numba.float64, 1, "A", readonly=True)] * 5))

@@ -4,16 +4,18 @@ What a robot says of a destination is held against when it came. The error is a 
 time told: what is late is late in proportion to how far it goes.
 """
 
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 import numpy as np
 
-from deconflict.contention.promises import Promise, Promises, Spot
+from deconflict.contention.promises import Promise, Promises, Spot, Spots
 from deconflict.foresight.lateness import Lateness
 from deconflict.learned import Part, numbers
-from ingest.seam import Floats
+from ingest.seam import Batch, Floats
 
 SHORTEST_S = 5.0
 """Nearer arrivals than this teach nothing: their ratios are noise."""
@@ -27,7 +29,9 @@ PRIOR_RATIOS = (0.9, 1.0, 1.0, 1.0, 1.3)
 RATIO_BOUNDS = (0.2, 10.0)
 
 Quantiles = tuple[float, float, float]
-"""Of ratios: 10, 50 and 90 %."""
+"""Of ratios, at `SHARES`."""
+SHARES = (0.1, 0.5, 0.9)
+"""A quantile is the smallest value at which the weight so far reaches its share of all."""
 
 
 @dataclass(slots=True)
@@ -54,9 +58,14 @@ class Arrivals:
         for said in self._promises.heard(robot, now_s, here, spots, told_s):
             self._arrived(vendor, now_s, said)
 
-    def awaits(self, robot: str) -> bool:
-        """Whether it has said that it comes somewhere, and not since then that it goes nowhere."""
-        return robot in self._promises
+    def hear(self, batch: Batch, now_s: Floats, here: Spots) -> Floats:
+        """Robots are `here` by `now_s`, each (n,), and say where they go; (n, 3) quantiles to correct that by."""
+        rates = self._rates(batch.vendors)
+        for row, kept in self._promises.hear(batch, now_s, here, batch.destinations):
+            for said in kept:
+                self._arrived(batch.vendors[row], float(now_s[row]), said)
+            rates[row:] = self._rates(batch.vendors[row:])
+        return rates
 
     def forget(self, robot: str) -> None:
         self._promises.forget(robot)
@@ -67,9 +76,17 @@ class Arrivals:
         if ratios.quantiles is None:
             newest_s = ratios.seen[-1][0] if ratios.seen else 0.0
             weighed = [(ratio, 0.5 ** ((newest_s - at_s) / HALF_LIFE_S)) for at_s, ratio in ratios.seen]
-            weighed = sorted([*weighed, *((ratio, 1.0) for ratio in PRIOR_RATIOS)])
-            ratios.quantiles = (_quantile(weighed, 0.1), _quantile(weighed, 0.5), _quantile(weighed, 0.9))
+            values, weights = zip(*sorted([*weighed, *((ratio, 1.0) for ratio in PRIOR_RATIOS)]), strict=True)
+            so_far = list(accumulate(weights))
+            low, middle, high = (values[bisect_left(so_far, share * so_far[-1])] for share in SHARES)
+            ratios.quantiles = low, middle, high
         return ratios.quantiles
+
+    def _rates(self, vendors: Sequence[str]) -> Floats:
+        """(n, 3) of the quantiles."""
+        every = {vendor: number for number, vendor in enumerate(dict.fromkeys(vendors))}
+        rates: Floats = np.array([self.quantiles(vendor) for vendor in every])[[every[vendor] for vendor in vendors]]
+        return rates
 
     def seen(self) -> dict[str, int]:
         """How many arrivals are known, by vendor."""
@@ -95,23 +112,3 @@ class Arrivals:
                 ratio = (now_s - one.said_s) / (one.told_s - one.said_s)
                 ratios.seen.append((now_s, min(max(ratio, low), high)))
                 ratios.quantiles = None
-
-
-def expected(rates: Floats, now_s: Floats, told_s: Floats) -> tuple[Floats, Floats]:
-    """When robots that tell `told_s` (m,) will come, and half the width of the middle 80 % of it, never past.
-
-    `rates` (m, 3) are the quantiles of their vendors.
-    """
-    low, middle, high = rates.T
-    ahead_s = np.maximum(told_s - now_s, 0.0)
-    return now_s + middle * ahead_s, (high - low) / 2 * ahead_s
-
-
-def _quantile(weighed: list[tuple[float, float]], share: float) -> float:
-    """The smallest value at which the weight so far reaches `share` of all."""
-    wanted, so_far = share * sum(weight for _, weight in weighed), 0.0
-    for value, weight in weighed:
-        so_far += weight
-        if so_far >= wanted:
-            return value
-    return weighed[-1][0]

@@ -1,20 +1,24 @@
 """Where robots go, as they say it in a batch: all destinations at once."""
 
-from collections.abc import Sequence
-from itertools import pairwise
+from math import hypot
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
 from deconflict.contention.ahead import Ahead
-from deconflict.contention.arrivals import Quantiles, expected
-from deconflict.contention.geometry import Geometry
-from deconflict.contention.promises import ARRIVED_M, Spot
-from ingest.seam import Batch, Floats
+from deconflict.contention.promises import ARRIVED_M
+from deconflict.contention.records import STOP, Drawn, Stops
+from deconflict.motion import Bools
+from ingest.compiled import kernel, ready
+from ingest.seam import Destinations, Floats, Ints
 
 QUICKEST_MPS = 2.0
 """Nobody is expected to be anywhere sooner than at this speed in a straight line."""
-UNTOLD: Quantiles = (0.0, 0.0, 0.0)
+
+_STOPS = numba.types.Array(numba.from_dtype(STOP), 2, "C")
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
+_TABLE, _INT_TABLE = (numba.types.Array(kind, 2, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 
 class Stop(NamedTuple):
@@ -29,40 +33,76 @@ class Stop(NamedTuple):
     resource: str | None
 
 
-class Destinations:
-    """What the n robots of a batch say, m destinations in all, by robot."""
+def set_out(
+    stops: Stops,
+    slots: Ints,
+    numbers: Ints,
+    told: Destinations,
+    now_s: Floats,
+    view: Ahead,
+    rates: Floats,
+    drawn: Drawn,
+) -> tuple[Ints, Bools]:
+    """Write where n robots go into `stops`: (n,) how many there are of each, and whether one may be in a resource.
 
-    def __init__(
-        self, batch: Batch, view: Ahead, now_s: Floats, here: Sequence[str | None], geometry: Geometry
-    ) -> None:
-        """`view`, `now_s` (n,) and the resource that each robot has, `here` (n), are of when it says so."""
-        told, n = batch.destinations, len(batch)
-        self._robot = np.repeat(np.arange(n), np.diff(told.start))
-        self._t_s, self._now_s = told.t_s, now_s[self._robot]
-        from_x_m, from_y_m = view.x_m[self._robot, 0], view.y_m[self._robot, 0]
-        on_floor = np.maximum(told.floor, -1) == np.maximum(view.floor[self._robot, 0], -1)
-        self._away_m = np.where(on_floor, np.hypot(told.x_m - from_x_m, told.y_m - from_y_m), 0.0)
-        datums = batch.datums(told.floor)
-        self.spots: list[Spot] = list(zip(datums, told.x_m.tolist(), told.y_m.tolist(), strict=True))
-        self.told_s: list[float] = told.t_s.tolist()
-        self._resources = geometry.resources_at(datums, told.x_m, told.y_m)
-        there = on_floor & (self._away_m <= ARRIVED_M)
-        robots = zip(self._robot.tolist(), self._resources, strict=True)
-        there |= np.fromiter((place is not None and place == here[row] for row, place in robots), bool, len(there))
-        start = told.start.tolist()
-        self.spans = list(pairwise(start))
-        """(n) of the robots' rows of `spots` and `told_s`."""
-        self.first = start[:-1]
-        """(n) the first that each robot is not at already."""
-        for row, robot in zip(np.flatnonzero(there).tolist(), self._robot[there].tolist(), strict=True):
-            self.first[robot] += self.first[robot] == row
+    Those at the head that a robot is at already are left out; resources are not told yet. `view` is of `now_s` (n,) on;
+    `rates` (n, 3) are the quantiles of their vendors, `drawn` the
+    resources, and `numbers` those of the floors of `told`.
+    """
+    return _set_out(
+        stops,
+        slots,
+        numbers,
+        ready(told.start, np.int64),
+        ready(told.floor, np.int64),
+        *(ready(told.t_s), ready(told.x_m), ready(told.y_m), now_s),
+        *(view.floor, view.x_m, view.y_m),
+        rates,
+        *drawn,
+        ARRIVED_M,
+    )
 
-    def stops(self, rates: Sequence[Quantiles]) -> list[Stop]:
-        """All of them, each no sooner than its robot can be there; `rates` (n) are of the robots' vendors."""
-        if not self.spots:
-            return []
-        expected_s, spread_s = expected(np.array(rates)[self._robot], self._now_s, self._t_s)
-        soonest_s = self._now_s + self._away_m / QUICKEST_MPS
-        times = (np.maximum(expected_s, soonest_s).tolist(), spread_s.tolist())
-        each = zip(*times, self.spots, self._resources, strict=True)
-        return [Stop(t_s, spread_s, *spot, resource) for t_s, spread_s, spot, resource in each]
+
+@kernel(
+    numba.types.Tuple((numba.int64[::1], numba.boolean[::1]))(  # type: ignore[no-untyped-call]
+        _STOPS, *[_INTS] * 4, *[_FLOATS] * 4, _INT_TABLE, *[_TABLE] * 3, _INTS, _TABLE, numba.float64
+    )
+)
+def _set_out(
+    stops: Stops,
+    slots: Ints,
+    numbers: Ints,
+    start: Ints,
+    floor: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    now_s: Floats,
+    at_floor: Ints,
+    at_x_m: Floats,
+    at_y_m: Floats,
+    rates: Floats,
+    resource_floors: Ints,
+    resources_m: Floats,
+    arrived_m: float,
+) -> tuple[Ints, Bools]:
+    counts, bound = np.zeros(len(slots), np.int64), np.zeros(len(slots), np.bool_)
+    for row in range(len(slots)):
+        at = numbers[at_floor[row, 0]] if at_floor[row, 0] >= 0 else -1
+        low, middle, high = rates[row]
+        for k in range(start[row], start[row + 1]):
+            on = numbers[floor[k]] if floor[k] >= 0 else -1
+            away_m = hypot(x_m[k] - at_x_m[row, 0], y_m[k] - at_y_m[row, 0]) if on == at else 0.0
+            if counts[row] == 0 and on == at and away_m <= arrived_m:
+                continue
+            ahead_s = max(t_s[k] - now_s[row], 0.0)
+            stop = stops[slots[row], counts[row]]
+            stop.t_s = max(now_s[row] + middle * ahead_s, now_s[row] + away_m / QUICKEST_MPS)
+            stop.spread_s = (high - low) / 2 * ahead_s
+            stop.x_m, stop.y_m, stop.floor, stop.resource = x_m[k], y_m[k], on, -1
+            counts[row] += 1
+            for place in range(len(resource_floors)):
+                if resource_floors[place] == on:
+                    west, south, east, north = resources_m[place]
+                    bound[row] |= west <= x_m[k] <= east and south <= y_m[k] <= north
+    return counts, bound

@@ -72,11 +72,11 @@ class _Floor:
         self.outlines = np.array([shapely.Polygon(outline) for _, outline in drawn])
         shapely.prepare(self.outlines)
         self.tree = shapely.STRtree(self.outlines)
-        self._bounds_m = shapely.bounds(self.outlines)
+        self.bounds_m: Floats = shapely.bounds(self.outlines)
 
     def near(self, datums: Sequence[str], boxes_m: Floats) -> Ints:
         """(k,) rows of what is on this floor, in boxes (n, 4) of which some touch those around outlines."""
-        touched = dict.fromkeys(touching(boxes_m, self._bounds_m)[:, 0].tolist())
+        touched = dict.fromkeys(touching(boxes_m, self.bounds_m)[:, 0].tolist())
         return np.array([row for row in touched if datums[row] == self.datum], np.int64)
 
     def touched(self, index: Ints, view: Ahead, who: Ints, length_m: Floats, width_m: Floats) -> Bools:
@@ -85,7 +85,7 @@ class _Floor:
         Only where the middle is near enough for that is it asked of the shapes.
         """
         x_m, y_m, yaw_rad = view.x_m[who], view.y_m[who], view.yaw_rad[who]
-        west, south, east, north = self._bounds_m[index].T[:, :, None]
+        west, south, east, north = self.bounds_m[index].T[:, :, None]
         beside_m = np.hypot(np.maximum(west - x_m, x_m - east).clip(0), np.maximum(south - y_m, y_m - north).clip(0))
         touched: Bools = beside_m <= np.hypot(length_m, width_m)[:, None] / 2 + ROUNDING_M
         pair, step = np.nonzero(touched)
@@ -153,6 +153,13 @@ class Geometry:
                 for row, index in sorted(inside.T.tolist(), reverse=True):
                     found[rows[row]] = floor.ids[index]
         return found
+
+    def resource_boxes(self) -> list[tuple[str, Floats]]:
+        """By datum, boxes (n, 4) around the resources there."""
+        return [(floor.datum, floor.bounds_m) for floor in self._resources]
+
+    def zone_boxes(self) -> list[tuple[str, Floats]]:
+        return [(floor.datum, floor.bounds_m) for floor in self._zones]
 
     def passages(
         self, datums: Sequence[str], view: Ahead, ways: Ways, length_m: Floats, width_m: Floats

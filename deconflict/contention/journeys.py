@@ -4,26 +4,58 @@ A robot keeps its place until it sets out for the next, and what it wants must b
 the other's place would otherwise need somewhere to pass each other, of which the service knows nothing.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import hypot, inf
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import shapely
 
-from deconflict.contention.boxes import grown, touching
+from deconflict.contention import records
+from deconflict.contention.boxes import ROUNDING_M, touching
 from deconflict.contention.deadlocks import Node, Want
-from deconflict.contention.robots import Seen, outlines, ways
-from ingest.seam import Floats
+from deconflict.contention.records import LEAST_M
+from deconflict.contention.robots import Robots, Seen
+from ingest.seam import Floats, Ints
 
 WAY_M = 1.0
 """A robot that stands with less than this left to what is in its way waits for it."""
 AT = "at "
 """Prefix of the name of a place that nobody drew: where a robot stands."""
 PATH = "path"
-LEAST_M = 0.05
-"""What touches another one's way by less than this is not in it; nor is a way narrower than that on either side."""
+
+
+class Around(NamedTuple):
+    """Boxes (n, 4), and whose they are, of what may be where a robot stands."""
+
+    ends_m: Floats
+    standing_m: Floats
+    going_m: Floats
+    ends: Ints
+    """(n, 2) slot of a robot, and which of its stops."""
+    standing: Ints
+    """Slots."""
+    going: Ints
+    """Slots."""
+
+    @classmethod
+    def of(cls, robots: Robots) -> Self:
+        return cls(*records.around(robots.records, robots.stops, ROUNDING_M))
+
+    def stood_on(self, robots: Robots) -> list[tuple[tuple[int, int], int]]:
+        """Ends of legs, by slot and stop, that are near a robot which stands outside of every resource; its slot."""
+        row, at = touching(self.ends_m, self.standing_m).T
+        ends, standing, one = self.ends[row], self.standing[at], robots.records
+        near = (ends[:, 0] != standing) & ~one["here"][standing]
+        return list(zip(map(tuple, ends[near].tolist()), standing[near].tolist(), strict=True))
+
+    def in_way(self, robots: Robots) -> list[tuple[int, int]]:
+        """Slots of robots with one that stands near their way, and its slot."""
+        row, at = touching(self.going_m, self.standing_m).T
+        going, standing, floor = self.going[row], self.standing[at], robots.records["floor"]
+        near = (going != standing) & (floor[going] == floor[standing])
+        return list(zip(going[near].tolist(), standing[near].tolist(), strict=True))
 
 
 class Leg(NamedTuple):
@@ -37,22 +69,23 @@ class Leg(NamedTuple):
     arrives_s: float = inf
 
 
-def legs(sharing: Sequence[Seen], standing: Sequence[Seen], now_s: float) -> list[Leg]:
-    """The legs, as far as they reach, of robots that have something or go somewhere, and of those that stand there.
+def legs(robots: Robots, around: Around, now_s: float) -> list[Leg]:
+    """The legs, as far as they reach, of robots that have or want something that another may have or want.
 
-    Whoever else stands is where nobody goes. A robot that has nothing and goes to one place only has a leg where
-    another wants that place.
+    That is a resource, or the place where a robot stands that another goes to: whoever else stands is where nobody
+    goes. A robot that has nothing and goes to one place only has a leg where another wants that place.
     """
-    stood_on = _stood_on(sharing, standing)
-    having = {one.uuid: one for one in (*sharing, *stood_on.values()) if one.here or one.stands or len(one.stops) > 1}
+    stood_on = _stood_on(robots, around)
+    met = {one.uuid: one for one in (*robots.placed(), *robots.bound(), *stood_on.values())}
+    met |= {uuid: robots[uuid] for uuid, _ in stood_on}
+    having = {uuid: one for uuid, one in met.items() if one.here or one.stands or len(one.stops) > 1}
     found = [leg for one in having.values() for leg in _legs(one, stood_on, now_s)]
-    wanted = {leg.wants for leg in found}
-    met = [
-        one
-        for one in sharing
-        if one.stops and one.uuid not in having and (one.stops[0].resource in wanted or (one.uuid, 0) in stood_on)
-    ]
-    return found + [leg for one in met for leg in _legs(one, stood_on, now_s)]
+    wanted = {leg.wants for leg in found if leg.wants}
+    for uuid in met.keys() - having.keys():
+        one = met[uuid]
+        if one.stops and (one.stops[0].resource in wanted or (uuid, 0) in stood_on):
+            found += _legs(one, stood_on, now_s)
+    return found
 
 
 def _legs(one: Seen, stood_on: Mapping[Node, Seen], now_s: float) -> Iterable[Leg]:
@@ -69,31 +102,21 @@ def _legs(one: Seen, stood_on: Mapping[Node, Seen], now_s: float) -> Iterable[Le
         yield Leg((one.uuid, len(one.stops)), place, since_s, inf)
 
 
-def _stood_on(robots: Sequence[Seen], standing: Sequence[Seen]) -> dict[Node, Seen]:
+def _stood_on(robots: Robots, around: Around) -> dict[Node, Seen]:
     """By leg, the robot that now stands where the leg ends, outside of every resource."""
-    standing = sorted((one for one in standing if one.here is None), key=lambda one: one.uuid)
-    ends = [(one, number, stop) for one in robots for number, stop in enumerate(one.stops) if not stop.resource]
-    if not standing or not ends:
+    pairs = around.stood_on(robots)
+    if not pairs:
         return {}
-    near = touching(np.array([(stop.x_m, stop.y_m) * 2 for _, _, stop in ends]), _around(standing)).tolist()
-    near = [(row, index) for row, index in near if ends[row][0] is not standing[index]]
-    if not near:
-        return {}
-    standing = [standing[index] for index in sorted({index for _, index in near})]
-    ends = [ends[row] for row in dict(near)]
-    points = shapely.points([stop.x_m for _, _, stop in ends], [stop.y_m for _, _, stop in ends])
+    ends = list(dict.fromkeys(end for end, _ in pairs))
+    standing = sorted({slot for _, slot in pairs}, key=lambda slot: robots.uuids[slot])
+    stops = robots.stops[[slot for slot, _ in ends], [number for _, number in ends]]
+    points = shapely.points(stops["x_m"], stops["y_m"])
     found: dict[Node, Seen] = {}
-    for row, index in sorted(shapely.STRtree(outlines(standing)).query(points, "intersects").T.tolist()):
-        (one, number, stop), other = ends[row], standing[index]
-        if one is not other and stop.datum == other.datum:
-            found.setdefault((one.uuid, number), other)
+    for row, index in sorted(shapely.STRtree(robots.outlines(standing)).query(points, "intersects").T.tolist()):
+        (slot, number), other = ends[row], standing[index]
+        if slot != other and stops["floor"][row] == robots.records["floor"][other]:
+            found.setdefault((robots.uuids[slot], number), robots[robots.uuids[other]])
     return found
-
-
-def _around(robots: Sequence[Seen]) -> Floats:
-    """(n, 4) boxes around the envelopes of one or more robots, however they are turned."""
-    x_m, y_m, length_m, width_m = np.array([(one.x_m, one.y_m, one.length_m, one.width_m) for one in robots]).T
-    return grown(np.stack([x_m, y_m, x_m, y_m], axis=1), np.hypot(length_m, width_m) / 2)
 
 
 def place_wants(every: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]:
@@ -136,31 +159,24 @@ class Hindrance:
     """When the waiter gets there."""
 
 
-def hindrances(robots: Iterable[Seen], standing: Sequence[Seen], now_s: float) -> list[Hindrance]:
+def hindrances(robots: Robots, around: Around, now_s: float) -> list[Hindrance]:
     """Which of those that stand are in others' way, by waiter and time."""
-    if not standing:
-        return []
-    floors = {one.datum for one in standing}
-    going = [one for one in robots if one.datum in floors and (one.goes or one.way_left is not None)]
-    if not going:
-        return []
-    boxes_m = grown(np.array([one.box_m for one in going]), np.array([one.width_m for one in going]) / 2 + LEAST_M)
-    near = touching(boxes_m, _around(standing)).tolist()
-    near = [(row, at) for row, at in near if going[row] is not standing[at] and going[row].datum == standing[at].datum]
+    near = around.in_way(robots)
     if not near:
         return []
-    going = [going[row] for row in dict(near)]
-    standing = [standing[index] for index in {index for _, index in near}]
-    all_ways = ways(going)
-    reach = [max(one.width_m / 2 - LEAST_M, LEAST_M) for one in going]
-    pairs = shapely.STRtree(outlines(standing)).query(all_ways, predicate="dwithin", distance=reach).T.tolist()
+    going, standing = (list(dict.fromkeys(slots)) for slots in zip(*near, strict=True))
+    all_ways, outlines = robots.ways(going), robots.outlines(standing)
+    reach = np.maximum(robots.records["width_m"][going] / 2 - LEAST_M, LEAST_M)
+    pairs = shapely.STRtree(outlines).query(all_ways, predicate="dwithin", distance=reach).T.tolist()
     met = [(all_ways[row], going[row], standing[column]) for row, column in pairs]
-    met = [(way, one, other) for way, one, other in met if one is not other and one.datum == other.datum]
+    floor = robots.records["floor"]
+    met = [(way, slot, other) for way, slot, other in met if slot != other and floor[slot] == floor[other]]
     if not met:
         return []
-    middles = shapely.points([(other.x_m, other.y_m) for _, _, other in met])
+    ones = [(robots[robots.uuids[slot]], robots[robots.uuids[other]]) for _, slot, other in met]
+    middles = shapely.points([(other.x_m, other.y_m) for _, other in ones])
     along_m = shapely.line_locate_point([way for way, _, _ in met], middles).tolist()
-    found = [_hindrance(one, other, to_m, now_s) for (_, one, other), to_m in zip(met, along_m, strict=True)]
+    found = [_hindrance(one, other, to_m, now_s) for (one, other), to_m in zip(ones, along_m, strict=True)]
     return sorted(found, key=lambda each: (each.waiter, each.from_s, each.blocker))
 
 

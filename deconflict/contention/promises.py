@@ -1,9 +1,15 @@
 """What robots say of when they will be where, kept until they come, and given up where they plan otherwise."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from math import dist, hypot, inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.compiled import inner, kernel, ready
+from ingest.seam import Batch, Destinations, Floats, Ints
 
 ARRIVED_M = 0.75
 """A robot this near its destination has arrived."""
@@ -18,6 +24,23 @@ ROUNDING_M = 1e-6
 
 Spot = tuple[str, float, float]
 """Datum, x, y."""
+Spots = tuple[Ints, Floats, Floats]
+"""Floor, x, y of many."""
+
+MOST_SPOTS = 10
+"""Destinations that a robot may tell by the standard; of one that tells more, everything counts."""
+UNKNOWN = -1
+WORD = np.dtype(
+    [("told", np.int64), ("said_s", np.float64), ("free_m", np.float64), ("floor", np.int64, 1 + MOST_SPOTS)]
+    + [(name, np.float64, 1 + MOST_SPOTS) for name in ("x_m", "y_m")],
+    align=True,
+)
+"""What one robot has said: how many destinations, or `UNKNOWN` where it always counts what it says; the least of when
+each was promised last; how far it can go from where it was and come to none of them, and leave none; and where it was
+then, and its destinations."""
+
+_WORDS = numba.types.Array(numba.from_dtype(WORD), 1, "C")
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 
 class Promise(NamedTuple):
@@ -27,31 +50,85 @@ class Promise(NamedTuple):
     told_s: float
 
 
-@dataclass(slots=True, eq=False)
-class _Word:
-    """What one robot has said."""
+@inner
+def _note(word: Any, numbers: Ints, floor: Ints, x_m: Floats, y_m: Floats, to: int, first: int, count: int) -> None:
+    """Write so many spots of some into a word."""
+    for k in range(count):
+        word.floor[to + k] = numbers[floor[first + k]] if floor[first + k] >= 0 else -1
+        word.x_m[to + k], word.y_m[to + k] = x_m[first + k], y_m[first + k]
 
-    promised: dict[Spot, list[Promise]]
-    """By destination, to the decimetre."""
-    spots: Sequence[Spot] | None
-    """Its destinations as it said them last; None where others are promised too."""
-    here: Spot
-    """Where it was then."""
-    free_m: float
-    """So far it can go from there and come to none of them, and leave none."""
-    said_s: float
-    """The least of when each was promised last."""
 
-    def stands(self, now_s: float, here: Spot, spots: Sequence[Spot]) -> bool:
-        """Whether a robot that says the same destinations again says nothing that counts."""
-        return spots == self.spots and now_s - self.said_s < SAY_AGAIN_S and near(here, self.here, self.free_m)
+@kernel(numba.int64(numba.int64, _WORDS, *[_INTS] * 2, _FLOATS, _INTS, *[_FLOATS] * 2, _INTS, _INTS, *[_FLOATS] * 2))
+def _first_that_counts(
+    row: int,
+    words: NDArray[Any],
+    slots: Ints,
+    numbers: Ints,
+    now_s: Floats,
+    floor: Ints,
+    x_m: Floats,
+    y_m: Floats,
+    start: Ints,
+    to_floor: Ints,
+    to_x_m: Floats,
+    to_y_m: Floats,
+) -> int:
+    """The first from `row` on of a robot that says something else than before, or says it anew, comes or sets out."""
+    while row < len(slots):
+        first, count, word = start[row], start[row + 1] - start[row], words[slots[row]]
+        stands = count == word.told
+        if stands and count:
+            on = numbers[floor[row]] if floor[row] >= 0 else -1
+            away_m = hypot(x_m[row] - word.x_m[0], y_m[row] - word.y_m[0])
+            stands = now_s[row] - word.said_s < SAY_AGAIN_S and on == word.floor[0] and away_m <= word.free_m
+            for k in range(count if stands else 0):
+                on = numbers[to_floor[first + k]] if to_floor[first + k] >= 0 else -1
+                stands = stands and on == word.floor[1 + k]
+                stands = stands and to_x_m[first + k] == word.x_m[1 + k] and to_y_m[first + k] == word.y_m[1 + k]
+        if not stands:
+            _note(words[slots[row]], numbers, floor, x_m, y_m, 0, row, 1)
+            _note(words[slots[row]], numbers, to_floor, to_x_m, to_y_m, 1, first, min(count, MOST_SPOTS))
+            words[slots[row]].told = count if count <= MOST_SPOTS else UNKNOWN
+            break
+        row += 1
+    return row
 
 
 class Promises:
     """By robot."""
 
     def __init__(self) -> None:
-        self._open: dict[str, _Word] = {}
+        self._open: dict[str, dict[Spot, list[Promise]]] = {}
+        """Of robots that named destinations when they were heard last, or of which some of before are still promised;
+        by destination, to the decimetre."""
+        self._floors = {"": -1}
+        """Numbers of floors in `_words`."""
+        self._slots: dict[str, int] = {}
+        self._words = np.zeros(0, WORD)
+        """By slot, and some to spare."""
+        self._free: list[int] = []
+
+    def hear(
+        self, batch: Batch, now_s: Floats, here: Spots, told: Destinations
+    ) -> Iterator[tuple[int, list[list[Promise]]]]:
+        """Robots say where they go, as `told`, and are `here` (n,) by `now_s` (n,): rows of those that have come
+        somewhere, and what they had said of that."""
+        if not len(told.t_s) and not self._open:
+            return
+        numbers = np.array([self._number(floor) for floor in batch.floors], np.int64)
+        floor, x_m, y_m = ready(here[0], np.int64), ready(here[1]), ready(here[2])
+        start, to_floor, to_x_m, to_y_m = told.start, told.floor, told.x_m, told.y_m
+        columns = (floor, x_m, y_m, ready(start, np.int64), ready(to_floor, np.int64), ready(to_x_m), ready(to_y_m))
+        slots = np.array([self._slots.get(robot, UNKNOWN) for robot in batch.robots], np.int64)
+        if len(slots) and slots.min() == UNKNOWN:
+            slots = np.array([self._slot(robot) for robot in batch.robots])
+        row, now_s = -1, ready(now_s)
+        while (row := _first_that_counts(row + 1, self._words, slots, numbers, now_s, *columns)) < len(slots):
+            stops = slice(start[row], start[row + 1])
+            spots = zip(batch.datums(to_floor[stops]), to_x_m[stops].tolist(), to_y_m[stops].tolist(), strict=True)
+            at = batch.floors[floor[row]] if floor[row] >= 0 else "", float(x_m[row]), float(y_m[row])
+            if kept := self.heard(batch.robots[row], float(now_s[row]), at, list(spots), told.t_s[stops].tolist()):
+                yield row, kept
 
     def heard(
         self, robot: str, now_s: float, here: Spot, spots: Sequence[Spot], told_s: Sequence[float]
@@ -60,11 +137,8 @@ class Promises:
 
         What it had said of each destination it has come to.
         """
-        word = self._open.get(robot)
-        if word.stands(now_s, here, spots) if word else not spots:
-            return []
         ahead = {(datum, round(x, 1), round(y, 1)): t_s for (datum, x, y), t_s in zip(spots, told_s, strict=True)}
-        promised = word.promised if word else {}
+        promised = self._open.get(robot, {})
         kept = []
         for spot, said in list(promised.items()):
             if near(spot, here):
@@ -78,19 +152,33 @@ class Promises:
             if len(said) < MOST_PROMISES and (not said or now_s - said[-1].said_s >= SAY_AGAIN_S):
                 said.append(Promise(now_s, t_s))
         if promised or ahead:
-            said_s = min((said[-1].said_s for said in promised.values()), default=inf)
-            again = spots if promised.keys() <= ahead.keys() else None
-            self._open[robot] = _Word(promised, again, here, _free_m(here, ahead), said_s)
+            self._open[robot] = promised
         else:
             self._open.pop(robot, None)
+        if robot in self._slots:
+            word = self._words[self._slots[robot]]
+            word["said_s"] = min((said[-1].said_s for said in promised.values()), default=inf)
+            word["free_m"] = _free_m(here, ahead)
+            if not promised.keys() <= ahead.keys():
+                word["told"] = UNKNOWN
         return kept
-
-    def __contains__(self, robot: str) -> bool:
-        """Whether it named destinations when it was heard last, or some of before are still promised."""
-        return robot in self._open
 
     def forget(self, robot: str) -> None:
         self._open.pop(robot, None)
+        if robot in self._slots:
+            self._free.append(self._slots.pop(robot))
+            self._words["told"][self._free[-1]] = 0
+
+    def _slot(self, robot: str) -> int:
+        slot = self._slots.get(robot)
+        if slot is None:
+            slot = self._slots[robot] = self._free.pop() if self._free else len(self._slots)
+            if slot >= len(self._words):
+                self._words = np.pad(self._words, (0, slot + 1))
+        return slot
+
+    def _number(self, floor: str) -> int:
+        return self._floors.setdefault(floor, len(self._floors))
 
 
 def near(a: Spot, b: Spot, within_m: float = ARRIVED_M) -> bool:

@@ -1,232 +1,339 @@
 """What contention knows of each robot: where it stands, what it has, where it goes next and by which way."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.ops import substring
 
-from deconflict.contention.ahead import STEP_S, STEPS, Ahead, ahead, corners, ways_ahead
-from deconflict.contention.arrivals import Arrivals, Quantiles
-from deconflict.contention.destinations import UNTOLD, Destinations, Stop
+from deconflict.contention import records
+from deconflict.contention.ahead import STEP_S, STEPS, Ahead, Ways, ahead, corners, ways_ahead
+from deconflict.contention.arrivals import Arrivals
+from deconflict.contention.boxes import ROUNDING_M
+from deconflict.contention.destinations import Stop, set_out
 from deconflict.contention.geometry import Geometry, Passage
-from deconflict.contention.promises import Spot, near
+from deconflict.contention.promises import ARRIVED_M
+from deconflict.contention.records import ROBOT, STANDS_M, STOP, STRAIGHT, WAY_M, Drawn, take_in
 from deconflict.gathering import Gathered
-from ingest.seam import Basis, Floats
+from deconflict.motion import Bools
+from ingest.compiled import ready
+from ingest.seam import Basis, Batch, Floats, Ints
 
-STANDS_M = 0.1
-"""A robot that has moved no further than this stands."""
-STANDS_S = 3.0
-"""For so long, if it is forecast to move."""
-WAY_M = 0.5
-"""A way with less than this left is gone."""
-STRAIGHT = int(3.0 / STEP_S)
-"""A robot that tells no path is taken to go straight on for so many steps; nobody knows its way beyond."""
 RESTING = frozenset(("idle", "charging", "disabled", "offline"))
 """States of robots that want to go nowhere now."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shapes:
-    """Where the n robots of a batch are and will be, as numbers: few are ever asked for as shapes."""
-
-    yaw_rad: Floats
-    """(n,) now."""
-    ways: Floats
-    """(n, STEPS + 1, 2) of their envelopes' centres, as far as they are known and stay on their floor."""
-
-
-Said = tuple[str, str, str, float, Spot, float, float, float, bool, list[float]]
-"""What `Seen` tells of a robot from its vendor on to the box around its way, in that order."""
-
-
-@dataclass(slots=True, eq=False)
 class Seen:
     """One robot, as last heard of."""
 
     uuid: str
-    shapes: Shapes
-    row: int
-    """Of `shapes`."""
-    vendor: str = ""
-    name: str = ""
-    state: str = ""
-    event_s: float = 0.0
-    spot: Spot = ("", 0.0, 0.0)
-    """Where it is; on "" where it is compared with nothing."""
-    length_m: float = 0.0
-    width_m: float = 0.0
-    way_m: float = 0.0
+    vendor: str
+    name: str
+    state: str
+    event_s: float
+    x_m: float
+    y_m: float
+    length_m: float
+    width_m: float
+    way_m: float
     """How far it gets in the next ten seconds."""
-    goes: bool = False
-    """Whether it is forecast to move."""
-    box_m: Sequence[float] = ()
-    """West, south, east and north of its way, or of the last one that it was on."""
-    stands: bool = True
-    """Whether it is at rest, whatever it says: it has not moved for a while, or is not to."""
-    stood_s: float = 0.0
+    stood_s: float
     """Since when it stands where it is."""
-    stood_at: Spot = ("", 0.0, 0.0)
+    goes: bool
+    """Whether it is forecast to move."""
+    stands: bool
+    """Whether it is at rest, whatever it says: it has not moved for a while, or is not to."""
+    datum: str
+    """Of where it is; "" where it is compared with nothing."""
     here: str | None = None
     """The resource it has."""
     came_s: float = 0.0
     """Since when it has that."""
     stops: tuple[Stop, ...] = ()
     """By time, without any that it is at already."""
-    way_left: shapely.LineString | None = None
-    """Of one that waits on its way, until it is through or rests."""
-    passages: dict[str, Passage] = field(default_factory=dict)
+    passages: Mapping[str, Passage] = field(default_factory=dict)
     """By zone."""
-
-    @property
-    def datum(self) -> str:
-        return self.spot[0]
-
-    @property
-    def x_m(self) -> float:
-        return self.spot[1]
-
-    @property
-    def y_m(self) -> float:
-        return self.spot[2]
 
     @property
     def speed_mps(self) -> float:
         """Along its way; walking pace where it is not forecast to move."""
         return max(self.way_m / (STEPS * STEP_S), 0.2) if self.goes else 1.0
 
-    def hear(self, said: Said, shapes: Shapes, row: int) -> None:
-        """Take in what it says now."""
-        went, ways, at, was_at = self.goes, self.shapes.ways, self.row, self.spot
-        self.shapes, self.row = shapes, row
-        (
-            self.vendor,
-            self.name,
-            self.state,
-            self.event_s,
-            self.spot,
-            self.length_m,
-            self.width_m,
-            self.way_m,
-            self.goes,
-            box_m,
-        ) = said
-        if self.goes:
-            self.box_m = box_m
-        if self.goes or self.state in RESTING:
-            self.way_left = None
-        elif went or (self.way_left is not None and was_at != self.spot):
-            self.way_left = _rest_of(shapely.linestrings(ways[at]) if went else self.way_left, self)
 
-
-class Robots:
-    """Every robot; takes in those that changed."""
+class Robots(Mapping[str, Seen]):
+    """Every robot, by UUID; takes in those that changed."""
 
     def __init__(self, geometry: Geometry) -> None:
-        self.seen: dict[str, Seen] = {}
         self.arrivals = Arrivals()
         self._geometry = geometry
+        self._slots: dict[str, int] = {}
+        self._free: list[int] = []
+        self.uuids: list[str] = []
+        """By slot."""
+        self.records = np.zeros(0, ROBOT)
+        """By slot, and some to spare."""
+        self.stops = np.zeros((0, 1), STOP)
+        """By slot, as many of each robot as its record says."""
+        self._ways = np.zeros((0, STEPS + 1, 2))
+        """By slot, the way of a robot that goes, or that it was on last."""
+        self.datums: list[str] = []
+        """Floors by their numbers in records, stops and outlines; -1 is of what is compared with nothing."""
+        self._resources = self._drawn(geometry.resource_boxes())
+        self._zones = self._drawn(geometry.zone_boxes())
+        self._places = list(geometry.resources)
+        self._numbered = {place: number for number, place in enumerate(self._places)}
+        self._words: dict[str, tuple[str, str, str]] = {}
+        """Vendor, name and state."""
+        self._here: dict[int, tuple[str, float]] = {}
+        """By slot, the resource that a robot has, and since when."""
+        self._passages: dict[int, dict[str, Passage]] = {}
+        """By slot."""
+        self._ways_left: dict[int, shapely.LineString] = {}
+        """By slot, of those that wait on their way, until they are through or rest."""
+        self._seen: dict[str, Seen] = {}
+        """As they were asked for since robots were taken in."""
 
-    def forget(self, uuids: Iterable[str]) -> list[Seen]:
-        """Those that were known."""
+    def __getitem__(self, uuid: str) -> Seen:
+        return self._seen.get(uuid) or self._seen.setdefault(uuid, self._told(uuid))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._slots)
+
+    def __len__(self) -> int:
+        return len(self._slots)
+
+    def forget(self, uuids: Iterable[str]) -> None:
         for uuid in uuids:
             self.arrivals.forget(uuid)
-        return [one for uuid in uuids if (one := self.seen.pop(uuid, None))]
+            slot = self._slots.pop(uuid, None)
+            if slot is not None:
+                self.records[slot] = np.zeros((), ROBOT)
+                for kept in (self._here, self._passages, self._ways_left):
+                    kept.pop(slot, None)
+                del self._words[uuid]
+                self._free.append(slot)
+        self._seen.clear()
 
     def look(self, gathered: Gathered) -> list[tuple[str, float]]:
         """Take in the robots of a batch; the resources that robots have left, and for how long they had them."""
         batch, now_s = gathered
         if not len(batch):
             return []
-        view, sizes = ahead(batch.forecasts, now_s), batch.forecasts
+        self._seen.clear()
+        view, told = ahead(batch.forecasts, now_s), batch.forecasts
         ways = ways_ahead(view, np.where(batch.basis == Basis.VELOCITY, STRAIGHT, STEPS))
-        shapes = Shapes(view.yaw_rad[:, 0].copy(), ways.lines_m)
-        goes = (batch.basis != Basis.STATIONARY) & (ways.way_m > WAY_M)
-        datums = batch.datums(view.floor[:, 0])
-        here = self._geometry.resources_at(datums, view.x_m[:, 0], view.y_m[:, 0])
-        passages = self._geometry.passages(datums, view, ways, sizes.length_m, sizes.width_m)
-        destinations = Destinations(batch, view, now_s, here, self._geometry)
-        spots = zip(datums, view.x_m[:, 0].tolist(), view.y_m[:, 0].tolist(), strict=True)
-        numbers = (sizes.length_m, sizes.width_m, ways.way_m, goes, ways.boxes_m)
-        words = (batch.vendors, batch.names, batch.states, batch.event_s.tolist(), spots)
-        said = zip(*words, *(column.tolist() for column in numbers), strict=True)
-        robots, rates = list[Seen](), list[Quantiles]()
-        left = list[tuple[str, float]]()
-        for row, (uuid, told, place, at_s) in enumerate(zip(batch.robots, said, here, now_s.tolist(), strict=True)):
-            one, new = self.seen.get(uuid), False
-            if one is None:
-                one, new = self.seen.setdefault(uuid, Seen(uuid, shapes, row)), True
-            one.hear(told, shapes, row)
-            left += _placed(one, place, new)
-            one.passages = passages.get(row, {})
-            robots.append(one)
-            rates.append(self._rate(one, at_s, destinations, row))
-        stops = destinations.stops(rates)
-        for one, first, (_, last) in zip(robots, destinations.first, destinations.spans, strict=True):
-            one.stops = tuple(stops[first:last])
-        if self._geometry.resources:
-            going = np.flatnonzero(goes & (batch.basis != Basis.VELOCITY))
-            self._follow([row for row in going.tolist() if not robots[row].stops], robots, datums, view)
+        slots = self._slotted(batch.robots)
+        numbers = np.array([self._number(floor) for floor in batch.floors], np.int64)
+        self._words.update(zip(batch.robots, zip(batch.vendors, batch.names, batch.states, strict=True), strict=True))
+        counts, bound = self._set_out(batch, now_s, view, slots, numbers)
+        asked = take_in(
+            self.records,
+            self._ways,
+            slots,
+            numbers,
+            ready(batch.event_s),
+            np.array([state in RESTING for state in batch.states], np.bool_),
+            ready(batch.basis, np.int64),
+            *(view.x_m, view.y_m, view.yaw_rad),
+            view.floor,
+            *(ways.lines_m, ways.boxes_m, ways.way_m, ready(told.length_m), ready(told.width_m)),
+            counts,
+            bound,
+            *self._resources,
+            *self._zones,
+            ROUNDING_M,
+        )
+        return self._ask(batch, view, ways, slots, asked) if asked.any() else []
+
+    def _ask(self, batch: Batch, view: Ahead, ways: Ways, slots: Ints, asked: Ints) -> list[tuple[str, float]]:
+        """Ask shapes what is to be asked of them; the resources that robots have left, and for how long they had them.
+
+        Of a robot that is there twice, where it goes is asked at the last.
+        """
+        newest = self.records["row"][slots] == np.arange(len(slots))
+        passes = np.flatnonzero(asked & records.PASSES)
+        for slot in slots[passes].tolist():
+            self._passages.pop(slot, None)
+        self._pass(batch, view, ways, slots, passes[newest[passes]])
+        self._wait(batch, view, slots, asked)
+        left = self._come(batch, view, slots, np.flatnonzero(asked & records.BESIDE))
+        self._name_stops(slots[newest & (asked & records.BOUND > 0)])
+        ends = np.flatnonzero(newest & (asked & records.ENDS > 0))
+        self._follow(batch, view, slots, ends[self.records["stops"][slots[ends]] == 0])
         return left
 
-    def _follow(self, rows: list[int], robots: Sequence[Seen], datums: Sequence[str], view: Ahead) -> None:
-        """Where those go that tell no destination: to the resource that their way ends in."""
-        ends = self._geometry.resources_at([datums[row] for row in rows], view.x_m[rows, -1], view.y_m[rows, -1])
-        for row, end in zip(rows, ends, strict=True):
-            if end:
-                robots[row].stops = _end_of_way(robots[row], view, row, end)
+    def _come(self, batch: Batch, view: Ahead, slots: Ints, rows: Ints) -> list[tuple[str, float]]:
+        """Who has which resource."""
+        if not len(rows):
+            return []
+        left = []
+        here = self._geometry.resources_at(batch.datums(view.floor[rows, 0]), view.x_m[rows, 0], view.y_m[rows, 0])
+        for slot, event_s, place in zip(slots[rows].tolist(), batch.event_s[rows].tolist(), here, strict=True):
+            had, came_s = self._here.get(slot, (None, 0.0))
+            if place != had:
+                if had:
+                    left.append((had, event_s - came_s))
+                    del self._here[slot]
+                if place:
+                    self._here[slot] = place, event_s
+                self.records["here"][slot] = place is not None
+        return left
 
-    def _rate(self, one: Seen, now_s: float, destinations: Destinations, row: int) -> Quantiles:
-        """Take in what a robot says of where it goes; what to make of that."""
-        first, last = destinations.spans[row]
-        if first < last or self.arrivals.awaits(one.uuid):
-            told = destinations.spots[first:last], destinations.told_s[first:last]
-            self.arrivals.heard(one.uuid, one.vendor, now_s, one.spot, *told)
-        return self.arrivals.quantiles(one.vendor) if destinations.first[row] < last else UNTOLD
+    def _pass(self, batch: Batch, view: Ahead, ways: Ways, slots: Ints, rows: Ints) -> None:
+        """Which zones are on whose way."""
+        if not len(rows):
+            return
+        datums, sizes = batch.datums(view.floor[rows, 0]), batch.forecasts
+        found = self._geometry.passages(
+            datums, view.take(rows), ways.take(rows), sizes.length_m[rows], sizes.width_m[rows]
+        )
+        self._passages |= {int(slots[rows[row]]): passages for row, passages in found.items()}
+
+    def _wait(self, batch: Batch, view: Ahead, slots: Ints, asked: Ints) -> None:
+        """What is left of whose way."""
+        for row in np.flatnonzero(asked & (records.HALTS | records.MOVES | records.GOES_ON)).tolist():
+            slot = int(slots[row])
+            way = self._ways_left.pop(slot, None)
+            if asked[row] & records.HALTS:
+                way = shapely.linestrings(self._ways[slot])
+            if way is not None and not asked[row] & records.GOES_ON:
+                way = _rest_of(way, shapely.Point(view.x_m[row, 0], view.y_m[row, 0]), batch.forecasts.length_m[row])
+            if way is not None and not asked[row] & records.GOES_ON:
+                self._ways_left[slot] = way
+            self.records["waits"][slot] = slot in self._ways_left
+
+    def _name_stops(self, slots: Ints) -> None:
+        """Which resources stops are at, and who is at one already."""
+        if not len(slots):
+            return
+        which, number = np.nonzero(np.arange(self.stops.shape[1]) < self.records["stops"][slots][:, None])
+        stops = self.stops[slots[which], number]
+        datums = [self.datum(floor) for floor in stops["floor"].tolist()]
+        found = self._geometry.resources_at(datums, stops["x_m"].copy(), stops["y_m"].copy())
+        self.stops["resource"][slots[which], number] = [
+            -1 if place is None else self._numbered[place] for place in found
+        ]
+        for slot in slots.tolist():
+            if slot in self._here:
+                self._leave_out(slot, self._numbered[self._here[slot][0]])
+
+    def _leave_out(self, slot: int, here: int) -> None:
+        """The stops at the head that a robot which has the resource `here` is at already."""
+        one, stops = self.records[slot], self.stops[slot]
+        done, count = 0, int(one["stops"])
+        while done < count and (stops["resource"][done] == here or _is_at(one, stops[done])):
+            done += 1
+        stops[: count - done] = stops[done:count].copy()
+        one["stops"] = count - done
+
+    def _follow(self, batch: Batch, view: Ahead, slots: Ints, rows: Ints) -> None:
+        """Where those go that tell no destination: to the resource that their way ends in, unless they have it."""
+        if not len(rows):
+            return
+        ends = self._geometry.resources_at(batch.datums(view.floor[rows, 0]), view.x_m[rows, -1], view.y_m[rows, -1])
+        for row, slot, end in zip(rows.tolist(), slots[rows].tolist(), ends, strict=True):
+            if end and end != self._here.get(slot, ("", 0.0))[0]:
+                x_m, y_m = view.x_m[row, -1], view.y_m[row, -1]
+                short_m = np.hypot(view.x_m[row] - x_m, view.y_m[row] - y_m)
+                arrives_s, floor = view.t_s[row, int(np.argmax(short_m < STANDS_M))], self.records["floor"][slot]
+                self.stops[slot, 0] = arrives_s, STEP_S, x_m, y_m, floor, self._numbered[end]
+                self.records["stops"][slot], self.records["bound"][slot] = 1, True
+
+    def _set_out(self, batch: Batch, now_s: Floats, view: Ahead, slots: Ints, numbers: Ints) -> tuple[Ints, Bools]:
+        """Take in what robots say of where they go: (n,) how many stops each has, and whether any may be a resource."""
+        rates = self.arrivals.hear(batch, now_s, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
+        told = batch.destinations
+        if not len(told.t_s):
+            return np.zeros(len(batch), np.int64), np.zeros(len(batch), np.bool_)
+        spare = int((told.start[1:] - told.start[:-1]).max()) - self.stops.shape[1]
+        if spare > 0:
+            self.stops = np.pad(self.stops, ((0, 0), (0, spare)))
+        return set_out(self.stops, slots, numbers, told, now_s, view, rates, self._resources)
+
+    def _slotted(self, uuids: Sequence[str]) -> Ints:
+        slots = [self._slots.get(uuid, -1) for uuid in uuids]
+        if -1 in slots:
+            slots = [self._slot(uuid) for uuid in uuids]
+        return np.array(slots, np.int64)
+
+    def _slot(self, uuid: str) -> int:
+        slot = self._slots.get(uuid)
+        if slot is None:
+            slot = self._slots[uuid] = self._free.pop() if self._free else len(self.uuids)
+            if slot == len(self.uuids):
+                self.uuids.append(uuid)
+            self.uuids[slot] = uuid
+            if slot >= len(self.records):
+                more = (0, slot + 1)
+                self.records, self.stops = np.pad(self.records, more), np.pad(self.stops, (more, (0, 0)))
+                self._ways = np.pad(self._ways, (more, (0, 0), (0, 0)))
+        return slot
+
+    def datum(self, floor: int) -> str:
+        return self.datums[floor] if floor >= 0 else ""
+
+    def _number(self, datum: str) -> int:
+        if datum not in self.datums:
+            self.datums.append(datum)
+        return self.datums.index(datum)
+
+    def _drawn(self, boxes_m: Sequence[tuple[str, Floats]]) -> Drawn:
+        floors = [self._number(datum) for datum, around_m in boxes_m for _ in around_m]
+        return np.array(floors, np.int64), np.concatenate([np.empty((0, 4)), *(around_m for _, around_m in boxes_m)])
+
+    def _told(self, uuid: str) -> Seen:
+        slot = self._slots[uuid]
+        numbers: tuple[Any, ...] = self.records[slot].item()
+        *told, floor, count = numbers[:11]
+        stops = tuple(map(self._stop, self.stops[slot, :count].tolist())) if count else ()
+        here, came_s = self._here.get(slot, (None, 0.0))
+        passages = self._passages.get(slot, {})
+        fields: tuple[Any, ...] = (*told, self.datum(floor), here, came_s, stops, passages)
+        return Seen(uuid, *self._words[uuid], *fields)
+
+    def _stop(self, told: tuple[float, float, float, float, int, int]) -> Stop:
+        t_s, spread_s, x_m, y_m, floor, resource = told
+        return Stop(t_s, spread_s, self.datum(floor), x_m, y_m, self._places[resource] if resource >= 0 else None)
+
+    def passing(self) -> list[Seen]:
+        """Those with a zone on their way."""
+        return [self[self.uuids[slot]] for slot in self._passages]
+
+    def placed(self) -> list[Seen]:
+        """Those that have a resource."""
+        return [self[self.uuids[slot]] for slot in self._here]
+
+    def bound(self) -> list[Seen]:
+        """Those that may go to a resource, and all that do."""
+        return [self[self.uuids[slot]] for slot in np.flatnonzero(self.records["bound"]).tolist()]
+
+    def outlines(self, slots: Sequence[int]) -> NDArray[np.object_]:
+        """Envelopes of robots."""
+        one = self.records[slots]
+        found: NDArray[np.object_] = shapely.polygons(
+            corners(one["x_m"], one["y_m"], one["yaw_rad"], one["length_m"], one["width_m"])
+        )
+        return found
+
+    def ways(self, slots: Sequence[int]) -> list[shapely.LineString]:
+        """Ways of robots, as far as they are forecast; of those that go nowhere, what is left of theirs."""
+        left = [self._ways_left.get(slot) for slot in slots]
+        lines = iter(shapely.linestrings(self._ways[[s for s, way in zip(slots, left, strict=True) if way is None]]))
+        return [next(lines) if way is None else way for way in left]
 
 
-def _placed(one: Seen, here: str | None, new: bool) -> list[tuple[str, float]]:
-    """Set since when a robot stands where it is, and what it has; the resource that it has left, if any."""
-    spot = one.spot
-    if new or not near(spot, one.stood_at, STANDS_M):
-        one.stood_at, one.stood_s = spot, one.event_s
-    one.stands = not one.goes or one.event_s - one.stood_s >= STANDS_S
-    if not new and here == one.here:
-        return []
-    left = [(one.here, one.event_s - one.came_s)] if one.here else []
-    one.here, one.came_s = here, one.event_s
-    return left
+def _is_at(one: np.void, stop: np.void) -> bool:
+    away_m = np.hypot(stop["x_m"] - one["x_m"], stop["y_m"] - one["y_m"])
+    return bool(stop["floor"] == one["floor"] and away_m <= ARRIVED_M)
 
 
-def outlines(robots: Sequence[Seen]) -> list[shapely.Polygon]:
-    """Envelopes of one or more robots."""
-    poses = [(one.x_m, one.y_m, one.shapes.yaw_rad[one.row], one.length_m, one.width_m) for one in robots]
-    found: list[shapely.Polygon] = shapely.polygons(corners(*np.array(poses).T)).tolist()
-    return found
-
-
-def ways(robots: Sequence[Seen]) -> list[shapely.LineString]:
-    """Ways of robots, as far as they are forecast; of those that go nowhere, what is left of theirs."""
-    going = [one.shapes.ways[one.row] for one in robots if one.goes]
-    lines = iter(shapely.linestrings(going).tolist() if going else ())
-    return [next(lines) if one.goes else one.way_left for one in robots]
-
-
-def _end_of_way(one: Seen, view: Ahead, row: int, resource: str) -> tuple[Stop, ...]:
-    """As if that were its destination, unless it has it, or is on another floor by then."""
-    if resource == one.here or view.floor[row, -1] != view.floor[row, 0]:
-        return ()
-    x_m, y_m = float(view.x_m[row, -1]), float(view.y_m[row, -1])
-    short_m = np.hypot(view.x_m[row] - x_m, view.y_m[row] - y_m)
-    arrives_s = float(view.t_s[row, int(np.argmax(short_m < STANDS_M))])
-    return (Stop(arrives_s, STEP_S, one.datum, x_m, y_m, resource),)
-
-
-def _rest_of(way: shapely.LineString, one: Seen) -> shapely.LineString | None:
+def _rest_of(way: shapely.LineString, here: shapely.Point, length_m: float) -> shapely.LineString | None:
     """What is left of its way to a robot that has come to stand on it; None once it is through, or off it."""
-    here = shapely.Point(one.x_m, one.y_m)
     done_m = float(shapely.line_locate_point(way, here))
-    if way.length - done_m < WAY_M or shapely.distance(way, here) > one.length_m:
+    if way.length - done_m < WAY_M or shapely.distance(way, here) > length_m:
         return None
     return way if done_m == 0 else substring(way, done_m, way.length)

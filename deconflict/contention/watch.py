@@ -17,7 +17,7 @@ from deconflict.contention.demand import Row, Turns, first_come
 from deconflict.contention.destinations import Stop
 from deconflict.contention.detours import Refuge
 from deconflict.contention.geometry import Geometry
-from deconflict.contention.journeys import Hindrance, Leg, aisle_wants, hindrances, legs, place_wants, way_wants
+from deconflict.contention.journeys import Around, Hindrance, Leg, aisle_wants, hindrances, legs, place_wants, way_wants
 from deconflict.contention.occupancy import Dwells
 from deconflict.contention.resources import ContentionSettings, Resource, Zone
 from deconflict.contention.robots import Robots, Seen
@@ -102,20 +102,17 @@ class Contention:
         dt_s = min(now_s - self._looked_s, 10 * LOOK_S)
         self._looked_s = now_s
         self._catch_up()
-        every = list(self.robots.seen.values())
-        sharing = [one for one in every if one.stops or one.here or one.passages]
-        standing = [one for one in every if one.stands and one.datum]
-        passing = [one for one in sharing if one.passages]
+        passing, around = self.robots.passing(), Around.of(self.robots)
         self._flow(passing, now_s, dt_s)
-        journeys = legs(sharing, standing, now_s)
-        self._turns = first_come(self._wanted(sharing, passing, journeys, now_s), self.geometry, now_s)
-        in_way = hindrances(every, standing, now_s)
+        journeys = legs(self.robots, around, now_s)
+        self._turns = first_come(self._wanted(passing, journeys, now_s), self.geometry, now_s)
+        in_way = hindrances(self.robots, around, now_s)
         found = [*self._contended(now_s), *self._doubled(now_s), *self._locked(passing, journeys, in_way, now_s)]
         self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
         return self._telling.step(now_s, found, self._party)
 
     def _party(self, uuid: str) -> tuple[str, str]:
-        one = self.robots.seen[uuid]
+        one = self.robots[uuid]
         return one.name, one.vendor
 
     def _flow(self, passing: list[Seen], now_s: float, dt_s: float) -> None:
@@ -128,9 +125,7 @@ class Contention:
             flow.step(dt_s, len(inside[zone]), len(self._inside[zone] - inside[zone]))
         self._inside = inside
 
-    def _wanted(
-        self, sharing: list[Seen], passing: list[Seen], journeys: list[Leg], now_s: float
-    ) -> dict[str, list[Row]]:
+    def _wanted(self, passing: list[Seen], journeys: list[Leg], now_s: float) -> dict[str, list[Row]]:
         """Who has or will want what, by place."""
         wanted = defaultdict[str, list[Row]](list)
         for one in passing:
@@ -142,7 +137,7 @@ class Contention:
             if leg.node[1] == 0 and leg.place in self._dwells:
                 wanted[leg.place].append(self._kept(leg, now_s))
         usual_s = {place: one.service_s for place, one in self._dwells.items()}
-        for one in sharing:
+        for one in self.robots.bound():
             met, last = {one.here}, len(one.stops) - 1
             for number, stop in enumerate(one.stops):
                 t_s, spread_s, _, _, _, place = stop
@@ -154,7 +149,7 @@ class Contention:
 
     def _kept(self, leg: Leg, now_s: float) -> Row:
         """What a robot has now, for as long as it says, or else as long as robots usually stay."""
-        one = self.robots.seen[leg.node[0]]
+        one = self.robots[leg.node[0]]
         left_s = self._dwells[leg.place].remaining_s(now_s - one.came_s)
         if leg.until_s < inf:
             left_s = leg.until_s - now_s
@@ -166,8 +161,8 @@ class Contention:
         self._advising.begin(now_s)
         for place, turns in self._turns.items():
             if turns.longest_s >= long:
-                advice = self._advising.slots(place, self._turns, self.robots.seen, now_s)
-                yield findings.contention(self.geometry, place, turns, advice, self.robots.seen, now_s)
+                advice = self._advising.slots(place, self._turns, self.robots, now_s)
+                yield findings.contention(self.geometry, place, turns, advice, self.robots, now_s)
 
     def _doubled(self, now_s: float) -> Iterable[Finding]:
         """Places with more robots inside than they take."""
@@ -185,10 +180,10 @@ class Contention:
         self._rings = rings([*wants, *aisle_wants(passing, aisles), *way_wants(in_way)])
         refuges = self._refuges() if self._rings else []
         for ring in self._rings:
-            advice = self._advising.way_out(ring, self.robots.seen, refuges, now_s)
-            yield findings.deadlock(self.geometry, ring, advice, self.robots.seen, now_s)
-        for one in blockages(in_way, self.robots.seen, now_s, self._settings.stand_s):
-            yield findings.blockage(one, self.robots.seen, now_s)
+            advice = self._advising.way_out(ring, self.robots, refuges, now_s)
+            yield findings.deadlock(self.geometry, ring, advice, self.robots, now_s)
+        for one in blockages(in_way, self.robots, now_s, self._settings.stand_s):
+            yield findings.blockage(one, self.robots, now_s)
 
     def _refuges(self) -> list[Refuge]:
         """Places with room left where a robot is in nobody's way."""
