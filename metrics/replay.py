@@ -153,8 +153,8 @@ class Outcome:
         self.vendor_of: dict[str, str] = {}
         """By robot that has said where it is."""
 
-    def take(self, one: Pass, said: Sequence[Said]) -> list[Line]:
-        """One pass and what each engine said at it; what the live stream would have told."""
+    def take(self, one: Pass, said: Sequence[Said]) -> None:
+        """One pass and what each engine said at it."""
         now_s, batch = one.now_s, one.batch
         self.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
         self.truth.report(batch.robots, batch.forecasts)
@@ -170,8 +170,6 @@ class Outcome:
         self.truth.advance(now_s)
         if self.truth.until_s > looked_until_s:
             self._resolve()
-        revisions = [revision for each in said for revision in each.revisions]
-        return [advisory_line(revision) for revision in sorted(revisions, key=lambda each: (each.clearance_m, each.id))]
 
     def _follow(self, batch: Batch) -> None:
         """What is asked of in the end alone."""
@@ -250,8 +248,10 @@ def replay(
     for one in chain(reading.take(events), reading.finish()):
         if watch:
             watch(one.now_s, one.batch)
-        for line in outcome.take(one, [run.step(one) for run in runs]):
-            if tell:
+        said = [run.step(one) for run in runs]
+        outcome.take(one, said)
+        if tell:
+            for line in streamed(said):
                 tell(line)
     return document(outcome.result(reading), reader, time.perf_counter() - began)
 
@@ -266,6 +266,12 @@ def document(result: dict[str, Any], reader: Reader, took_s: float) -> dict[str,
         "unreadable_lines": reader.unreadable,
         **result,
     }
+
+
+def streamed(said: Sequence[Said]) -> list[Line]:
+    """What the live stream would have told at one pass, of what each engine said at it."""
+    revisions = [revision for each in said for revision in each.revisions]
+    return [advisory_line(revision) for revision in sorted(revisions, key=lambda each: (each.clearance_m, each.id))]
 
 
 def advisory_line(one: ConflictAdvisory) -> Line:

@@ -24,7 +24,7 @@ from deconflict.blackbox.start import Start
 from deconflict.site import Site
 from ingest.playback import Event, Reader, Received, Tick
 from metrics.passes import Pass, Reading
-from metrics.replay import Line, Outcome, Run, Said, Tell, Watch, document
+from metrics.replay import Line, Outcome, Run, Said, Tell, Watch, document, streamed
 
 WINDOW_S = 60.0
 """Of the log's time in a window: some seconds of work, so that handing states on is a few hundredths of it."""
@@ -130,8 +130,9 @@ def _judge(
 ) -> tuple[State, list[Line]]:
     outcome: Outcome = _thawed(before[0])
     lines: list[Line] = []
-    for row, one in enumerate(passes):
-        lines += outcome.take(one, [each[1][row] for each in said])
+    for one, *of_each in zip(passes, *(each for _, each in said), strict=True):
+        outcome.take(one, of_each)
+        lines += streamed(of_each)
     return pickle.dumps(outcome), lines
 
 
