@@ -37,12 +37,6 @@ class Stretch:
     since_s: Floats
     """(r, s) since when it has been there without a break."""
 
-    @property
-    def radius_m(self) -> Floats:
-        """(r, s) of the circle around the envelope."""
-        radius: Floats = np.hypot(self.half_m[0], self.half_m[1])
-        return radius
-
 
 class Motion:
     """Every robot's newest report, and the legs between reports that have not been looked at yet."""
@@ -50,7 +44,6 @@ class Motion:
     def __init__(self) -> None:
         self.names: list[str] = []
         """By index."""
-        self.newest_s = -inf
         self._index: dict[str, int] = {}
         self._last = np.empty((0, len(_LAST)))
         self._told: list[Floats] = []
@@ -58,12 +51,18 @@ class Motion:
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
         """Join each robot's first knot to the one before, if it is newer."""
-        rows = np.array([self._row(robot) for robot in robots], np.int64)
+        for robot in robots:
+            if robot not in self._index:
+                self._add(robot)
+        rows = np.array([self._index[robot] for robot in robots], np.int64)
         told = (forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.yaw_rad, ready(forecasts.floor, np.int64))
         legs = _legs(rows, forecasts.start, *told, forecasts.length_m, forecasts.width_m, self._last)
         if len(legs):
-            self.newest_s = max(self.newest_s, float(legs[:, 2].max()))
             self._told.append(legs)
+
+    @property
+    def newest_s(self) -> float:
+        return float(self._last[:, 0].max(initial=-inf))
 
     def last_seen_s(self, robot: str) -> float:
         return float(self._last[self._index[robot], 0]) if robot in self._index else -inf
@@ -89,16 +88,13 @@ class Motion:
         first, second = sorted((self.names[a], self.names[b]))
         return first, second
 
-    def _row(self, robot: str) -> int:
-        row = self._index.get(robot)
-        if row is None:
-            row = self._index[robot] = len(self.names)
-            self.names.append(robot)
-            if row == len(self._last):
-                more = np.full((max(row, 64), len(_LAST)), -np.inf)
-                more[:, 8] = 0.0
-                self._last = np.concatenate([self._last, more])
-        return row
+    def _add(self, robot: str) -> None:
+        row = self._index[robot] = len(self.names)
+        self.names.append(robot)
+        if row == len(self._last):
+            more = np.full((max(row, 64), len(_LAST)), -np.inf)
+            more[:, 8] = 0.0
+            self._last = np.concatenate([self._last, more])
 
 
 @kernel(numba.float64[:, ::1](*[_INTS] * 2, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 2, numba.float64[:, ::1]))

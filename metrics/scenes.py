@@ -60,6 +60,8 @@ class Scenes:
     def look(self, stretch: Stretch, near: Separations, motion: Motion) -> None:
         """Go on with a stretch of motion and those that were near in it."""
         self._held.append(stretch)
+        if len(self._kept) == KEPT:
+            near = near.take(np.flatnonzero(near.separation_m <= self._kept[-1].separation_m))
         for row in _nearest_rows(near).tolist():
             pair = motion.pair(int(near.a[row]), int(near.b[row]))
             at_s = int(near.sample[row]) * self._step_s

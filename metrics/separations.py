@@ -1,15 +1,15 @@
 """How far robots were apart, of all that came near: oriented envelopes, at every sample of a stretch of motion."""
 
+from math import hypot, inf, isnan
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
 from deconflict.rectangles import gap
+from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 from metrics.motion import Stretch
-
-BLOCK = 256
-"""Robots that are compared with all others at once."""
 
 
 class Separations(NamedTuple):
@@ -39,38 +39,65 @@ class Separations(NamedTuple):
 
 def separations(stretch: Stretch, within_m: float) -> Separations:
     """Every two robots at every sample at which they are no further apart than `within_m`."""
-    a, b = _neighbours(stretch, within_m)
-    apart = np.hypot(stretch.x_m[a] - stretch.x_m[b], stretch.y_m[a] - stretch.y_m[b])
-    # a sum with an absent robot is nan, and nan is within nothing
-    reach = stretch.radius_m[a] + stretch.radius_m[b] + within_m
-    row, column = np.nonzero((apart <= reach) & (stretch.floor[a] == stretch.floor[b]))
-    of_a, of_b = (a[row], column), (b[row], column)
+    (a, b, column), (apart_m, reach_m) = _near(stretch.x_m, stretch.y_m, stretch.half_m, stretch.floor, within_m)
+    of_a, of_b = (a, column), (b, column)
     distance = gap(
         stretch.x_m[of_b] - stretch.x_m[of_a],
         stretch.y_m[of_b] - stretch.y_m[of_a],
         stretch.yaw_rad[of_a],
         stretch.yaw_rad[of_b],
-        stretch.half_m[:, of_a[0], of_a[1]],
-        stretch.half_m[:, of_b[0], of_b[1]],
+        stretch.half_m[:, a, column],
+        stretch.half_m[:, b, column],
     )
     since = np.maximum(stretch.since_s[of_a], stretch.since_s[of_b])
-    closeness = apart[row, column] / (reach[row, column] - within_m)
-    return Separations(stretch.robot[a[row]], stretch.robot[b[row]], stretch.first + column, distance, since, closeness)
+    closeness = apart_m / (reach_m - within_m)
+    return Separations(stretch.robot[a], stretch.robot[b], stretch.first + column, distance, since, closeness)
 
 
-def _neighbours(stretch: Stretch, within_m: float) -> tuple[Ints, Ints]:
-    """Rows of robots, a < b, whose boxes over the whole stretch come as near."""
-    grown = np.nanmax(stretch.radius_m, axis=1, initial=0.0) + within_m / 2
-    west, east = np.nanmin(stretch.x_m, axis=1) - grown, np.nanmax(stretch.x_m, axis=1) + grown
-    south, north = np.nanmin(stretch.y_m, axis=1) - grown, np.nanmax(stretch.y_m, axis=1) + grown
-    found: list[tuple[Ints, Ints]] = []
-    for start in range(0, len(west), BLOCK):
-        rows = slice(start, start + BLOCK)
-        near = (west[rows, None] <= east) & (west <= east[rows, None])
-        near &= (south[rows, None] <= north) & (south <= north[rows, None])
-        a, b = np.nonzero(near)
-        found.append((a[a + start < b] + start, b[a + start < b]))
-    return np.concatenate([a for a, _ in found] or [_NONE]), np.concatenate([b for _, b in found] or [_NONE])
+_MATRIX, _STACK = numba.float64[:, ::1], numba.float64[:, :, ::1]
 
 
-_NONE = np.empty(0, np.int64)
+@inner
+def _boxes(x_m: Floats, y_m: Floats, radius_m: Floats, within_m: float) -> Floats:
+    """(r, 4) west, east, south and north of each robot over a stretch, half of `within_m` beyond its reach."""
+    boxes = np.empty((len(x_m), 4))
+    for row in range(len(x_m)):
+        west, east, south, north, grown = inf, -inf, inf, -inf, 0.0
+        for x, y, radius in zip(x_m[row], y_m[row], radius_m[row]):  # noqa: B905 - of one length
+            if not isnan(x):
+                west, east, south, north = min(west, x), max(east, x), min(south, y), max(north, y)
+                grown = max(grown, radius)
+        grown += within_m / 2
+        boxes[row] = west - grown, east + grown, south - grown, north + grown
+    return boxes
+
+
+@kernel(
+    numba.types.Tuple((numba.int64[:, ::1], _MATRIX))(  # type: ignore[no-untyped-call]
+        _MATRIX, _MATRIX, _STACK, _MATRIX, numba.float64
+    )
+)
+def _near(x_m: Floats, y_m: Floats, half_m: Floats, floor: Floats, within_m: float) -> tuple[Ints, Floats]:
+    """(3, m) two robots' rows and the sample, ascending, where their circles are no further apart than `within_m`, and
+    (2, m) how far their centres are apart and how far they may be for that; all else is (r, s), half sides (2, r, s).
+    """
+    radius_m = np.hypot(half_m[0], half_m[1])
+    boxes = _boxes(x_m, y_m, radius_m, within_m)
+    which, how_far, n = np.empty((3, 1024), np.int64), np.empty((2, 1024)), 0
+    for a in range(len(x_m)):
+        west, east, south, north = boxes[a]
+        for b in range(a + 1, len(x_m)):
+            if west > boxes[b, 1] or boxes[b, 0] > east or south > boxes[b, 3] or boxes[b, 2] > north:
+                continue
+            for column in range(x_m.shape[1]):
+                # a sum with an absent robot is nan, and nan is within nothing
+                apart_m = hypot(x_m[a, column] - x_m[b, column], y_m[a, column] - y_m[b, column])
+                reach_m = radius_m[a, column] + radius_m[b, column] + within_m
+                if not (apart_m <= reach_m and floor[a, column] == floor[b, column]):
+                    continue
+                if n == which.shape[1]:
+                    which = np.concatenate((which, np.empty_like(which)), axis=1)
+                    how_far = np.concatenate((how_far, np.empty_like(how_far)), axis=1)
+                which[0, n], which[1, n], which[2, n] = a, b, column
+                how_far[0, n], how_far[1, n], n = apart_m, reach_m, n + 1
+    return which[:, :n].copy(), how_far[:, :n].copy()
