@@ -7,7 +7,7 @@ of its floor. Nothing else passes from the vendors' sockets to the engine.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
-from itertools import chain
+from operator import attrgetter
 from typing import Any, NamedTuple, Self
 
 import msgspec
@@ -84,14 +84,11 @@ class Forecasts:
     @classmethod
     def joined(cls, parts: Iterable[Self]) -> Self:
         """All the robots of `parts`, in order."""
-        all_parts = [cls.empty(), *parts]
-        if len(all_parts) == 2:
-            return all_parts[1]
-        counts = np.concatenate([part.start[1:] - part.start[:-1] for part in all_parts])
-        columns = {
-            name: np.concatenate([getattr(part, name) for part in all_parts]) for name in (*_BY_KNOT, *_BY_ROBOT)
-        }
-        return cls(start=np.concatenate([[0], np.cumsum(counts)]), **columns)
+        all_parts = list(parts)
+        if len(all_parts) < 2:
+            return all_parts[0] if all_parts else cls.empty()
+        start, *columns = zip(*map(_FORECASTS, all_parts), strict=True)
+        return cls(_one_after_another(start), *map(np.concatenate, columns))
 
 
 def _taken(start: Ints, rows: Ints) -> tuple[Ints, Ints]:
@@ -101,9 +98,19 @@ def _taken(start: Ints, rows: Ints) -> tuple[Ints, Ints]:
     return begins, np.repeat(start[rows] - begins[:-1], counts) + np.arange(begins[-1])
 
 
-_BY_STOP = ("t_s", "x_m", "y_m", "floor")
+def _one_after_another(starts: Sequence[Ints]) -> Ints:
+    """Where each begins of what begins at `starts` in its own part, and where the last ends."""
+    moved, n = [starts[0]], starts[0][-1]
+    for start in starts[1:]:
+        moved.append(start[1:] + n)
+        n += start[-1]
+    return np.concatenate(moved)
+
+
 _BY_KNOT = ("t_s", "x_m", "y_m", "yaw_rad", "floor")
 _BY_ROBOT = ("length_m", "width_m", "bottom_m", "top_m")
+_FORECASTS = attrgetter("start", *_BY_KNOT, *_BY_ROBOT)
+_DESTINATIONS = attrgetter("start", "t_s", "x_m", "y_m", "floor")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,9 +131,8 @@ class Destinations:
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """The stops of all the robots of `parts`, in order."""
-        counts = np.concatenate([np.diff(part.start) for part in parts])
-        columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _BY_STOP}
-        return cls(start=np.concatenate([[0], np.cumsum(counts)]), **columns)
+        start, *columns = zip(*map(_DESTINATIONS, parts), strict=True)
+        return cls(_one_after_another(start), *map(np.concatenate, columns))
 
     def take(self, rows: Sequence[int] | Ints) -> Self:
         """The stops of `rows`, in that order."""
@@ -205,15 +211,12 @@ class Batch:
         """All the robots of one or more batches with the same floors, in order, as of the last one's tick."""
         if len(parts) == 1:
             return parts[0]
-        words: dict[str, Any] = {
-            name: tuple(chain.from_iterable(getattr(one, name) for one in parts)) for name in _ROBOT_WORDS
-        }
-        arrays: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in parts]) for name in _ARRAYS}
+        words: dict[str, Any] = {name: _strung(map(attrgetter(name), parts)) for name in _ROBOT_WORDS}
+        arrays: dict[str, Any] = {name: np.concatenate([*map(attrgetter(name), parts)]) for name in _ARRAYS}
         joint: dict[str, Any] = {
             part: kind.joined([getattr(one, part) for one in parts]) for part, kind in _PARTS.items()
         }
-        gone = tuple(chain.from_iterable(one.gone for one in parts))
-        return replace(parts[-1], gone=gone, **words, **arrays, **joint)
+        return replace(parts[-1], gone=_strung(one.gone for one in parts), **words, **arrays, **joint)
 
     def to_bytes(self) -> bytes:
         """A line of JSON with the words and the layout of the arrays, then the arrays' bytes in that order."""
@@ -245,6 +248,14 @@ class Batch:
         )
         told: dict[str, Any] = {name: tuple(value) for name, value in words.items()}
         return cls(now_s=now_s, claims=claims, **parts, **arrays, **told)
+
+
+def _strung(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
+    """All the words of `parts`; a chain of them would hand over each by itself."""
+    every: list[str] = []
+    for part in parts:
+        every += part
+    return tuple(every)
 
 
 _ROBOT_WORDS = ("robots", "vendors", "models", "names", "states")

@@ -31,6 +31,8 @@ def assert_same(a: Forecasts, b: Forecasts) -> None:
 def test_taking_every_robot_and_joining_gives_the_same_forecasts() -> None:
     whole = forecasts(3, 1, 4)
     assert_same(Forecasts.joined(whole.take([row]) for row in range(3)), whole)
+    nobody = Forecasts.empty()
+    assert_same(Forecasts.joined([nobody, whole.take([0]), nobody, nobody, whole.take([1, 2]), nobody]), whole)
 
 
 def test_take_reorders_knots_with_their_robots() -> None:
