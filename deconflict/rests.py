@@ -7,9 +7,11 @@ all its resources, is the drift. A dock that was moved shifts only its own rests
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import compress
 from math import hypot
 from statistics import median
 
+import numpy as np
 import shapely
 from shapely import Polygon
 
@@ -59,16 +61,15 @@ class Rests:
         if not self._places:
             return
         first, told = batch.forecasts.start[:-1], batch.forecasts
-        stand = (batch.basis == Basis.STATIONARY) & (told.floor[first] >= 0)
-        resting = self._resting
-        resting.difference_update(batch.gone)
-        for row, (uuid, stands) in enumerate(zip(batch.robots, stand.tolist(), strict=True)):
-            if not stands:
-                resting.discard(uuid)
-            elif uuid not in resting:
-                knot = first[row]
-                at, datum = (float(told.x_m[knot]), float(told.y_m[knot])), batch.floors[told.floor[knot]]
-                self.stands(uuid, batch.vendors[row], datum, at, float(batch.event_s[row]))
+        stand = (batch.basis == Basis.STATIONARY.value) & (told.floor[first] >= 0)
+        standing = set(compress(batch.robots, stand.tolist()))
+        self._resting.difference_update(batch.gone, set(batch.robots) - standing)
+        if standing <= self._resting:
+            return
+        for row in np.flatnonzero(stand).tolist():
+            knot = first[row]
+            at, datum = (float(told.x_m[knot]), float(told.y_m[knot])), batch.floors[told.floor[knot]]
+            self.stands(batch.robots[row], batch.vendors[row], datum, at, float(batch.event_s[row]))
 
     def moves(self, uuid: str) -> None:
         """The robot drives, or has left."""
