@@ -138,6 +138,7 @@ class Engine:
 
     def receive(self, batch: Batch) -> None:
         """Take in the robots that changed; a batch may be the whole floor."""
+        batch = self.foresight.receive(batch)
         for uuid in self.live.put(batch):
             heappush(self._quiet, (self.live.robots[uuid].event_s + self.site.reading.quiet_after_s, uuid))
         self._told.update(batch.robots)
@@ -149,7 +150,6 @@ class Engine:
         if not self._conflicts_only:
             self._contention.receive(batch)
             self._claims.receive(batch.claims)
-        self.foresight.receive(batch)
 
     def pending(self) -> int:
         """How many answers, the newest of those asked for, are still worked out."""

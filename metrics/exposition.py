@@ -145,10 +145,10 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_robots_distrusted": Entry(
         "gauge",
         ("vendor",),
-        "Robots that do other than they say: their forecasts are given wider errors.",
+        "Robots that do other than they say: their forecasts are given wider errors, or set aside.",
     ),
     "deconflict_forecasts_distrusted_total": Entry(
-        "counter", ("vendor",), "Forecasts of robots that did other than they had said, taken with wider errors."
+        "counter", ("vendor",), "Forecasts of robots that did other than they had said, not taken as they were."
     ),
     "deconflict_probability_outcomes_total": Entry(
         "counter",

@@ -44,10 +44,10 @@ def _trust(robot: Any) -> float:
     return float(max(robot.surprise, 1.0))
 
 
-@kernel(_INTS(_ROBOTS, _ERRORS, _INTS, numba.float64))
-def wonder(robots: Robots, errors: Errors, slots: Ints, distrusted: float) -> Ints:
+@kernel(numba.void(_ROBOTS, _ERRORS))
+def wonder(robots: Robots, errors: Errors) -> None:
     """Remember by how much errors a second ahead exceed the bands of their kind; of several of one robot the last
-    counts. The rows of those of `slots` (n,) whose errors exceed them by more than `distrusted` now."""
+    counts."""
     surprise = np.empty(len(errors))
     for at, error in enumerate(errors):
         ratio = min(error.radial_m / max(error.bands_m[2], FINEST_BAND_M), SURPRISE_MOST)
@@ -55,12 +55,6 @@ def wonder(robots: Robots, errors: Errors, slots: Ints, distrusted: float) -> In
     for at, error in enumerate(errors):
         if error.horizon_s == 1:
             robots[error.robot].surprise = surprise[at]
-    rows, n = np.empty(len(slots), np.int64), 0
-    for row, slot in enumerate(slots):
-        if robots[slot].surprise > distrusted:
-            rows[n] = row
-            n += 1
-    return rows[:n].copy()
 
 
 @kernel(_FLOATS(_CUBE, _INTS, _ROBOTS, _MATRIX, *[numba.float64] * 3))

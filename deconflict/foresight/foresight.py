@@ -18,6 +18,7 @@ from deconflict.encounter import STANDING_MPS
 from deconflict.foresight.bands import judge, reach_m, wonder
 from deconflict.foresight.calibration import Calibration, log_odds
 from deconflict.foresight.changes import ForecastChanges
+from deconflict.foresight.contradictions import hold_to_word, straight_on, unheard
 from deconflict.foresight.followed import JOINED_S, Followed, Reports
 from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Ledger
@@ -27,6 +28,7 @@ from deconflict.foresight.ways import ROBOT, Errors
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
+from ingest.compiled import ready
 from ingest.measures import Labels, Measures
 from ingest.seam import Batch, Floats, Ints
 
@@ -82,6 +84,7 @@ class Foresight:
         self._names: list[str] = []
         self._spare: list[int] = []
         self._robots = np.zeros(0, ROBOT)
+        self._words = unheard(0)
         self._rank = np.zeros(0, np.int64)
         """By UUID; pairs are named in its order."""
         self._ranks_stale = False
@@ -113,25 +116,42 @@ class Foresight:
         if (known.get("clearance_m"), known.get("horizon_s")) == (self._clearance_m, self._horizon_s):
             self.calibration.resume(known)
 
-    def receive(self, batch: Batch) -> None:
-        """Hold earlier forecasts against the new reports, and keep the new forecasts."""
+    def receive(self, batch: Batch) -> Batch:
+        """Hold earlier forecasts against the new reports, and keep the new forecasts.
+
+        The batch as it is believed: a robot that goes elsewhere than it says is taken to go straight on.
+        """
         if batch.gone:
             self._forget(batch.gone)
         if not len(batch):
-            return
+            return batch
         slots = np.fromiter(map(self._slots.get, batch.robots, repeat(-1)), np.int64, len(batch))
         for row in np.flatnonzero(slots < 0).tolist():
             slots[row] = self._slot(batch.robots[row])
         if self._ranks_stale:
             self._rank_anew()
+        batch = self._believed(batch, slots)
         kinds = np.array(self.ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s))
         self._told[slots] = True
         reports = Reports.of(batch, slots, kinds)
         errors = self._own(reports, *self._followed.take(self._robots, self._half, reports, self.ledger.bands_m))
         self.ledger.record(errors, batch.now_s)
         self.changes.take(errors, self.ledger.kinds, batch.now_s)
-        for row in wonder(self._robots, errors, slots, DISTRUSTED).tolist():
+        wonder(self._robots, errors)
+        for row in self._contradict(slots).nonzero()[0].tolist():
             self.measures.count("deconflict_forecasts_distrusted_total", batch.vendors[row])
+        return batch
+
+    def _believed(self, batch: Batch, slots: Ints) -> Batch:
+        f = batch.forecasts
+        t_s, x_m, y_m = ready(f.t_s), ready(f.x_m), ready(f.y_m)
+        rows = hold_to_word(self._words, slots, ready(f.start, np.int64), t_s, x_m, y_m, ready(f.floor, np.int64))
+        return straight_on(batch, rows, slots[rows], self._words, self._horizon_s) if len(rows) else batch
+
+    def _contradict(self, slots: Ints | slice) -> Bools:
+        """Which robots of `slots` contradict their forecasts by their motion."""
+        told: Bools = (self._robots["surprise"][slots] > DISTRUSTED) | (self._words["contradicts"][slots] > 1.0)
+        return told
 
     def advise(self, now_s: float, until_s: Mapping[str, float]) -> None:
         """Robots should wait until then, by advice that stands."""
@@ -156,7 +176,7 @@ class Foresight:
     def distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion."""
         slot = self._slots.get(uuid)
-        return slot is not None and bool(self._robots["surprise"][slot] > DISTRUSTED)
+        return slot is not None and bool(self._contradict(slice(slot, slot + 1))[0])
 
     def _measure(self) -> None:
         measure(self.ledger, self.measures)
@@ -166,7 +186,7 @@ class Foresight:
         """By vendor, robots whose forecasts contradict their own motion."""
         kinds = list(self.ledger.kinds)
         told: dict[Labels, float] = {(kind.vendor,): 0.0 for kind in kinds}
-        for slot in np.flatnonzero(self._robots["surprise"] > DISTRUSTED).tolist():
+        for slot in np.flatnonzero(self._contradict(slice(None))).tolist():
             told[kinds[self._robots["kind"][slot]].vendor,] += 1
         return told
 
@@ -274,6 +294,7 @@ class Foresight:
         for name in ("_held", "_told", "_robots", "_rank", "_half"):
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
+        self._words = np.concatenate([self._words, unheard(more)])
         self._followed.grow(slots)
         self._heeded.grow(slots)
 
@@ -285,6 +306,7 @@ class Foresight:
         self._swept[:] = -1
         self._held[slots] = self._told[slots] = False
         self._robots["surprise"][slots] = 0.0
+        self._words[slots] = unheard(len(slots))
         self._followed.forget(slots)
         self._heeded.forget(slots)
         a, b = slots_of(self._pairs["code"])

@@ -43,6 +43,20 @@ def log_of_a_crossing(path: Path, *, told: bool = True, apart_m: float = 0.0) ->
     return path
 
 
+def log_of_a_jump(path: Path) -> Path:
+    """Two that stand 20 m apart, and nearly in one place from the twelfth second on."""
+    lines = []
+    for second in range(25):
+        t_s = NOW_S + second
+        for name, x in (("A-1", 0.0), ("B-1", 20.0 if second < 12 else 0.2)):
+            raw = status(name, t_s, x, 0.0, 0.0, operationalState="idle")
+            if second == 0:
+                lines.append(f'{{"received":"{stamps.write(t_s)}","message":{identity(name, t_s).decode()}}}\n')
+            lines.append(f'{{"received":"{stamps.write(t_s + 0.05)}","message":{raw.decode()}}}\n')
+    path.write_text("".join(lines))
+    return path
+
+
 def scored(log: Path, clearances_m: list[float]) -> dict[str, Any]:
     reader = Reader()
     return replay(reader, reader.read([log]), DEFAULT, clearances_m)
@@ -56,8 +70,14 @@ def test_a_perfect_vendor_is_scored_perfect(tmp_path: Path) -> None:
     assert figures["lead_time_s"]["median"] > 6
 
 
-def test_robots_that_say_they_stand_and_do_not_are_not_foreseen(tmp_path: Path) -> None:
+def test_robots_that_say_they_stand_and_do_not_are_foreseen_by_their_motion(tmp_path: Path) -> None:
     (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl", told=False), [0.3])["scores"]
+    assert (figures["encounters"], figures["recall"], figures["precision"]) == (1, 1.0, 1.0)
+    assert figures["lead_time_s"]["median"] > 3
+
+
+def test_robots_that_are_suddenly_elsewhere_are_not_foreseen(tmp_path: Path) -> None:
+    (figures,) = scored(log_of_a_jump(tmp_path / "log.jsonl"), [0.3])["scores"]
     assert (figures["encounters"], figures["foreseeable"], figures["recall"]) == (1, 1, 0.0)
     assert figures["lead_time_s"] is None
     assert figures["cases"]["recalled"] == "n"
