@@ -4,6 +4,8 @@
     raised, updated --(severity, probability, time, place or depth changed enough)--> updated
     raised, updated --(unlikely for a while and drawn apart; both stand; a robot left)--> cleared
 
+Until then an advisory that is no longer predicted, or has begun, tells of its probability alone.
+
 A look is a pass in which either robot had something new to say, so repeating an old forecast confirms nothing. An
 encounter lasts until the pair has drawn apart by the clearance and a margin: what begins within the clearance does
 not alert unless the envelopes are about to touch.
@@ -20,8 +22,19 @@ from deconflict.advice.desk import differs
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
 from deconflict.encounter import Encounter
 from deconflict.site import Conflict
-from deconflict.stirring import RAISES, STANDING, UNLIKELY
-from deconflict.telling import SEVERITIES, SURE, UPDATE_GAP_S, Pair, Prediction, Predictions, Scene, Where
+from deconflict.stirring import LIKELIHOOD, RAISES, STANDING, UNLIKELY
+from deconflict.telling import (
+    FADES_S,
+    LIKELIER,
+    SEVERITIES,
+    SURE,
+    UPDATE_GAP_S,
+    Pair,
+    Prediction,
+    Predictions,
+    Scene,
+    Where,
+)
 from deconflict.tracks import Stirred, Track, Tracks, Weighed
 
 PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
@@ -109,6 +122,8 @@ class Lives:
                 self.tracks.missed(track)
             if left or not rests or (news and track.advisory is None):
                 revisions.append(self._kept(track, self._unpredicted(track, now_s, scene)))
+            if not left and self._may_fade(track, now_s):
+                revisions.append(self._kept(track, self._as_likely(track, scene.probability(track.pair), now_s)))
         return sorted(filter(None, revisions), key=attrgetter("robots"))
 
     def _kept(self, track: Track, revision: ConflictAdvisory | None) -> ConflictAdvisory | None:
@@ -148,7 +163,9 @@ class Lives:
         if why == RAISES:
             return self._raised(track, prediction, now_s, scene)
         if why == UNLIKELY:
-            return self._unpredicted(track, now_s, scene)
+            return self._unpredicted(track, now_s, scene) or self._as_likely(track, prediction.probability, now_s)
+        if why == LIKELIHOOD:
+            return self._as_likely(track, prediction.probability, now_s)
         if why == STANDING and all(map(scene.stands, track.pair)) and track.advisory:
             return track.advisory.ended(now_s, STAND)
         return self._updated(track, prediction, now_s, scene)
@@ -159,10 +176,14 @@ class Lives:
             return None
         return Due(track, prediction, telling.severity_of(prediction, now_s, None, self.settings))
 
-    def _updated(self, track: Track, prediction: Prediction, now_s: float, scene: Scene) -> Due | None:
+    def _updated(
+        self, track: Track, prediction: Prediction, now_s: float, scene: Scene
+    ) -> ConflictAdvisory | Due | None:
         before = track.advisory
-        if before is None or (before.time_to_conflict_s == 0 and prediction.contact_s <= now_s):
+        if before is None:
             return None
+        if before.time_to_conflict_s == 0 and prediction.contact_s <= now_s:
+            return self._as_likely(track, prediction.probability, now_s)
         severity = telling.severity_of(prediction, now_s, before.severity, self.settings)
         rises = SEVERITIES.index(severity) > SEVERITIES.index(before.severity)
         next_s = _next_s(before)
@@ -170,6 +191,21 @@ class Lives:
             self.tracks.weigh(track, self._weighed(prediction, now_s, next_s))
             return None
         return Due(track, prediction, severity) if all(map(scene.here, track.pair)) else None
+
+    def _may_fade(self, track: Track, now_s: float) -> bool:
+        """Whether an advisory may have to tell that its conflict, of which nothing was predicted for a while, has
+        become unlikely."""
+        told = track.advisory
+        if told is None or (told.probability or 0.0) <= LIKELIER:
+            return False
+        return now_s - self.tracks.predicted_s(track) >= FADES_S
+
+    def _as_likely(self, track: Track, probability: float, now_s: float) -> ConflictAdvisory | None:
+        """The revision that tells nothing else than how likely its conflict is now, where that has changed."""
+        told = track.advisory
+        if told is None or now_s < _next_s(told) or not telling.is_likelier(told, probability):
+            return None
+        return telling.with_probability(told, probability, now_s)
 
     def _decided(self, due: Iterable[Due], now_s: float, scene: Scene) -> list[ConflictAdvisory]:
         """The revisions of those that are new, or say something else than was told."""

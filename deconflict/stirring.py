@@ -38,21 +38,21 @@ may make it worth a revision."""
 
 BOUNDS = np.dtype(
     [(name, np.float64) for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure")]
-    + [(name, np.float64) for name in ("urgent_s", "clear_after_s", "warning_s", "critical_s", "slack_s", "gap_s")]
-    + [(name, np.float64) for name in ("likelier", "moved_s", "deeper_m")],
+    + [(name, np.float64) for name in ("urgent_s", "clear_after_s", "fades_s", "warning_s", "critical_s", "slack_s")]
+    + [(name, np.float64) for name in ("gap_s", "likelier", "moved_s", "deeper_m")],
     align=True,
 )
 """What decides. Robots further apart than `apart_m` have drawn apart; a pair that begins nearer than `touching_m` is
 touching already. A prediction less likely than `raises` raises no advisory; one less likely than `sure` only where
-envelopes come within the clearance, and less severe a one; one less likely than `held` lets none stand. Of one advisory
-there is a revision in `gap_s`, unless the severity rises. Changes of the probability, the time and the separation by no
-more than the last three are surely worth none."""
+envelopes come within the clearance, and less severe a one; one less likely than `held` lets none stand, and is told of
+after `fades_s`. Of one advisory there is a revision in `gap_s`, unless the severity rises. Changes of the probability,
+the time and the separation by no more than the last three are surely worth none."""
 
 
-NOTED, NEW, OVER, RAISES, UNLIKELY, STANDING, NEWS, AS_TOLD = range(-1, 7)
+NOTED, NEW, OVER, RAISES, UNLIKELY, STANDING, NEWS, AS_TOLD, LIKELIHOOD = range(-1, 8)
 """Why a pass looks at a prediction: not at all; the pair is under watch from now on, or no more; its advisory is to be
 raised; was long too unlikely to stand; may end, as both may stand by now, and is as with news if they do not; may tell
-something else; tells the same, unless the two meet otherwise."""
+something else; tells the same, unless the two meet otherwise; tells nothing new but how likely it is."""
 _TOLD, _ROW, _BOUNDS = (numba.from_dtype(one) for one in (TOLD, ROW, BOUNDS))
 _INTS, _FLOATS, _BOOLS, _REAL = numba.int64[::1], numba.float64[::1], numba.boolean[::1], numba.float64
 
@@ -136,6 +136,22 @@ def _of_untold(
 
 
 @inner
+def _likelihood(before: Any, probability: float, now_s: float, bounds: Any) -> int:
+    """What there is to do where nothing but the probability may be told of."""
+    changed = abs(probability - before.probability) > bounds.likelier
+    return LIKELIHOOD if changed and now_s >= before.updated_s + bounds.gap_s else NOTED
+
+
+@inner
+def _of_unlikely(row: Any, before: Any, probability: float, now_s: float, bounds: Any) -> int:
+    """What there is to do for a pair with an advisory that is not likely enough to stand."""
+    unlikely_s = now_s - row.predicted_s
+    if unlikely_s >= bounds.clear_after_s:
+        return UNLIKELY
+    return _likelihood(before, probability, now_s, bounds) if unlikely_s >= bounds.fades_s else NOTED
+
+
+@inner
 def _of_told(
     row: Any,
     before: Any,
@@ -156,7 +172,7 @@ def _of_told(
     if not fresh and is_weighed and as_likely and now_s < row.until_s:
         return NOTED
     if before.begun and contact_s <= now_s:
-        return NOTED
+        return _likelihood(before, probability, now_s, bounds)
     time_s, next_s = contact_s - now_s, before.updated_s + bounds.gap_s
     shallow = separation_m > bounds.clearance_m / 2 or not is_sure
     least = _level(time_s, shallow, bounds.warning_s, bounds.critical_s)
@@ -224,7 +240,7 @@ def stirring(
         if not before.stands:
             reason = _of_untold(row, is_new, alerting, contact_s[one], now_s, wanted_looks, bound.urgent_s)
         elif not row.inside and probability[one] < bound.held:
-            reason = NOTED if now_s - row.predicted_s < bound.clear_after_s else UNLIKELY
+            reason = _of_unlikely(row, before, probability[one], now_s, bound)
         else:
             reason = _of_told(
                 row, before, fresh[one], contact_s[one], separation_m[one], probability[one], now_s, bound

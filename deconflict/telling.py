@@ -34,6 +34,8 @@ MOVED_S, MOVED_M, DEEPER_M = 0.75, 1.0, 0.15
 """Changes of predicted time, place and separation that are worth a revision."""
 UPDATE_GAP_S = 1.0
 """At most one revision in this time, unless the severity rises."""
+FADES_S = 1.0
+"""A conflict has been unlikely for so long when its advisory tells so."""
 LIKELIER = 0.15
 """A change of probability that is worth a revision."""
 SURE = 0.8
@@ -114,6 +116,8 @@ class Scene:
     """How each of some pairs meets at its time, but for rounding errors; the place is nan where it is not known."""
     separation_m: Callable[[Pair, float], float | None]
     """None where the two cannot be compared."""
+    probability: Callable[[Pair], float]
+    """Of a pair of which nothing is predicted."""
     datum: Callable[[Encounter], str]
     """The datum's id."""
     places: Callable[[Sequence[Encounter]], list[str]]
@@ -152,16 +156,16 @@ def is_news(before: ConflictAdvisory, prediction: Prediction, severity: Severity
         severity != before.severity
         or met.encounter_class != before.encounter_class
         or abs((moment(prediction.contact_s) - before.predicted_at).total_seconds()) > MOVED_S
-        or is_likelier(before, prediction)
+        or is_likelier(before, prediction.probability)
         or abs(round(prediction.separation_m, 3) - before.min_separation_m) > DEEPER_M
         or datum != before.location.datum
         or hypot(round(met.x_m, 3) - before.location.x, round(met.y_m, 3) - before.location.y) > MOVED_M
     )
 
 
-def is_likelier(before: ConflictAdvisory, prediction: Prediction) -> bool:
+def is_likelier(before: ConflictAdvisory, probability: float) -> bool:
     """Whether a person would act otherwise on the probability, grown or fallen."""
-    return abs(round(prediction.probability, 3) - (before.probability or 0.0)) > LIKELIER
+    return abs(round(probability, 3) - (before.probability or 0.0)) > LIKELIER
 
 
 def severity_of(prediction: Prediction, now_s: float, before: Severity | None, settings: Conflict) -> Severity:
@@ -243,6 +247,15 @@ def updated(before: ConflictAdvisory, told: Telling) -> ConflictAdvisory:
     """The next revision, of a newer prediction; the advice stands."""
     summary = advised(told["summary"], before.recommendation, before.robots, before.names)
     return before.followed(**told | {"summary": summary})
+
+
+def with_probability(before: ConflictAdvisory, probability: float, now_s: float) -> ConflictAdvisory:
+    """The next revision, of the same prediction where nothing has changed but how likely it is."""
+    return before.followed(
+        updated_at=moment(now_s),
+        time_to_conflict_s=round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
+        probability=round(probability, 3),
+    )
 
 
 def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) -> ConflictAdvisory:

@@ -12,9 +12,23 @@ from numpy.typing import NDArray
 from deconflict.advisory import ConflictAdvisory
 from deconflict.encounter import CLASSES, Encounters
 from deconflict.site import Conflict
-from deconflict.stirring import AS_TOLD, BOUNDS, NEWS, OVER, RAISES, ROW, STANDING, TOLD, UNLIKELY, elsewhere, stirring
+from deconflict.stirring import (
+    AS_TOLD,
+    BOUNDS,
+    LIKELIHOOD,
+    NEWS,
+    OVER,
+    RAISES,
+    ROW,
+    STANDING,
+    TOLD,
+    UNLIKELY,
+    elsewhere,
+    stirring,
+)
 from deconflict.telling import (
     DEEPER_M,
+    FADES_S,
     LIKELIER,
     MOVED_M,
     MOVED_S,
@@ -235,6 +249,7 @@ def _bounds(settings: Conflict) -> NDArray[Any]:
         "sure": SURE,
         "urgent_s": settings.urgent_s,
         "clear_after_s": settings.clear_after_s,
+        "fades_s": FADES_S,
         "warning_s": settings.warning_s,
         "critical_s": settings.critical_s,
         "slack_s": SLACK_S,
@@ -247,4 +262,4 @@ def _bounds(settings: Conflict) -> NDArray[Any]:
     return bounds
 
 
-_TO_TELL = (RAISES, UNLIKELY, STANDING, NEWS)
+_TO_TELL = (RAISES, UNLIKELY, STANDING, NEWS, LIKELIHOOD)

@@ -32,6 +32,8 @@ class Story:
     lives: Lives = field(default_factory=lambda: Lives(SETTINGS, ABSENT_AFTER_S))
     now_s: float = 1000.0
     apart_m: float | None = 5.0
+    odds: float = 1.0
+    """Of the pair while nothing is predicted of it."""
     floor: dict[str, Party] = field(
         default_factory=lambda: {
             "a": Party("Alder 1", "Alder", "path", standing=False),
@@ -51,6 +53,7 @@ class Story:
             meet=meet,
             encounters=each(meet),
             separation_m=lambda _, __: self.apart_m,
+            probability=lambda _: self.odds,
             datum=lambda _: "datum-1",
             places=lambda met: ["in Aisle 4 on Hall"] * len(met),
         )
@@ -75,6 +78,31 @@ class Story:
         (advisory,) = self.predicted(in_s - 1)
         assert advisory.state is AdvisoryState.RAISED
         return advisory
+
+
+def test_what_is_no_longer_predicted_tells_how_likely_it_is_until_it_is_cleared() -> None:
+    story = Story(odds=0.04)
+    raised = story.raised(12)
+    told = [story.quiet() for _ in range(2)]
+    assert [[(one.state, one.probability, one.severity) for one in each] for each in told] == [
+        [(AdvisoryState.UPDATED, 0.04, raised.severity)],
+        [],
+    ]
+    (back,) = story.predicted(9, probability=0.9)
+    assert (back.state, back.probability) == (AdvisoryState.UPDATED, 0.9)
+
+
+def test_what_has_begun_tells_how_likely_it_is() -> None:
+    story = Story()
+    story.raised(3)
+    story.predicted(0)
+    told = [story.predicted(-1, start_m=0.35, probability=probability) for probability in (0.95, 0.3, 0.3, 0.05)]
+    assert [[(one.time_to_conflict_s, one.probability) for one in each] for each in told] == [
+        [],
+        [(0.0, 0.3)],
+        [],
+        [(0.0, 0.05)],
+    ]
 
 
 def test_two_that_draw_apart_without_news_may_come_together_again() -> None:
@@ -243,7 +271,8 @@ def test_what_becomes_unlikely_stands_for_a_while() -> None:
     story = Story()
     story.raised(12)
     told = [story.predicted(10, probability=0.0) for _ in range(3)]
-    assert [[one.cleared_because for one in each] for each in told] == [[], [], ["no longer predicted"]]
+    assert [[one.cleared_because for one in each] for each in told] == [[None], [], ["no longer predicted"]]
+    assert told[0][0].probability == 0.0
 
 
 def test_a_pair_that_touches_as_it_begins_does_not_alert() -> None:
