@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import IO, Any, BinaryIO
+from typing import IO, Any
 
 import msgspec
 import zstandard
@@ -35,6 +35,8 @@ _DECODER = json.JSONDecoder()
 UNREADABLE = (ValueError, KeyError, TypeError, RecursionError)
 """What `parsed` raises."""
 _BROKEN = (OSError, EOFError, zstandard.ZstdError)
+_GZIP, _ZSTD, _SKIPPED = b"\x1f\x8b", zstandard.FRAME_HEADER, re.compile(rb"[\x50-\x5f]\x2a\x4d\x18")
+"""How packed logs begin; zstd's may begin with a frame that is to be skipped."""
 
 
 class Received(msgspec.Struct, frozen=True, gc=False):
@@ -106,9 +108,9 @@ class Reader:
         """
         for path in paths:
             for file in segments(path):
-                with file.open("rb", BUFFER_BYTES) as stored:
+                with io.BufferedReader(io.FileIO(file), BUFFER_BYTES) as stored:
                     self._file = stored
-                    yield from self._events(file, unpacked(file, stored))
+                    yield from self._events(file, unpacked(stored))
                     self._finished_bytes, self._file = self.bytes_read, None
 
     def _events(self, file: Path, lines: IO[bytes]) -> Iterator[Event]:
@@ -167,16 +169,17 @@ def segments(path: Path) -> list[Path]:
 def lines_of(file: Path) -> Iterator[bytes]:
     """The lines of one log as they stand. Raises `OSError`, and `EOFError` or `ZstdError` where it breaks off."""
     with file.open("rb") as stored:
-        lines = unpacked(file, stored)
+        lines = unpacked(stored)
         while line := lines.readline(LONGEST_LINE):
             yield line
 
 
-def unpacked(path: Path, stored: BinaryIO) -> IO[bytes]:
-    """The bytes of a log that is stored plain or packed."""
-    if path.suffix == ".gz":
+def unpacked(stored: "io.BufferedReader[Any]") -> IO[bytes]:
+    """The bytes of a log that is stored plain or packed, by how it begins and whatever it is called."""
+    first = stored.peek(4)
+    if first.startswith(_GZIP):
         return io.BufferedReader(gzip.open(stored))
-    if path.suffix == ".zst":
+    if first.startswith(_ZSTD) or _SKIPPED.match(first):
         return io.BufferedReader(zstandard.open(stored, "rb"))
     return stored
 

@@ -1,5 +1,6 @@
 import gzip
 import json
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
@@ -89,6 +90,23 @@ def test_a_line_that_is_none_is_counted_and_named(
     events, unreadable = read(log)
     assert (len(events), unreadable) == (2, 1)
     assert f"{log}, line 2 is left out" in caplog.text
+
+
+@pytest.mark.parametrize("pack", [bytes, gzip.compress, zstandard.compress])
+@pytest.mark.parametrize("name", ["a.jsonl", "a.jsonl.gz", "a.jsonl.zst"])
+def test_a_log_is_read_by_how_it_begins_whatever_it_is_called(
+    tmp_path: Path, name: str, pack: Callable[[bytes], bytes]
+) -> None:
+    log = tmp_path / name
+    log.write_bytes(pack(b'{"tick":"2009-11-17T10:00:21Z"}\n' * 3))
+    events, unreadable = read(log)
+    assert (len(events), unreadable) == (3, 0)
+
+
+def test_a_log_that_pzstd_packed_begins_with_a_frame_to_skip(tmp_path: Path) -> None:
+    log = tmp_path / "a.jsonl"
+    log.write_bytes(b"\x50\x2a\x4d\x18\x04\0\0\0size" + zstandard.compress(b'{"tick":"2009-11-17T10:00:21Z"}\n'))
+    assert [len(read(log)[0]), read(log)[1]] == [1, 0]
 
 
 def test_of_many_lines_left_out_only_the_first_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
