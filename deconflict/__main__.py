@@ -210,6 +210,7 @@ def _site_import(args: argparse.Namespace) -> int:
 def _site_suggest(args: argparse.Namespace) -> int:
     from deconflict.contention.suggest import suggested  # noqa: PLC0415 - brings numba
 
+    logs.files_of(args.logs)
     sys.stdout.write(suggested(args.logs, site.load(args.site) if args.site else site.DEFAULT))
     return 0
 

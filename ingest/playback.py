@@ -163,7 +163,7 @@ def segments(path: Path) -> list[Path]:
     """The file itself, or the logs of a directory by name, which is by time for our own."""
     if not path.is_dir():
         return [path]
-    return sorted(one for one in path.iterdir() if ".jsonl" in one.suffixes)
+    return sorted(one for one in path.iterdir() if ".jsonl" in one.suffixes and not one.is_dir())
 
 
 def lines_of(file: Path) -> Iterator[bytes]:

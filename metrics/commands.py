@@ -4,18 +4,19 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from deconflict import site, whatif
 from deconflict.blackbox.start import Start, head_of, site_of, start_of
-from ingest.playback import Event, Reader, segments
+from ingest.playback import UNREADABLE, Event, Reader, segments
 from metrics import blackbox, compare, conform
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     """Add them to the command line."""
     again = commands.add_parser("replay", help="run recorded logs through the engine and score its advisories")
     _add_logs(again, "*")
-    again.add_argument("--clearance", nargs="+", type=float, metavar="M", help="metres; the site's if not given")
+    again.add_argument("--clearance", nargs="+", type=_clearance_m, metavar="M", help="metres; the site's if not given")
     again.add_argument("--json", type=Path, metavar="OUT.json", help="write the scores here, not to standard output")
     again.add_argument("--html", type=Path, metavar="OUT.html", help="a report for people, in one file")
     again.add_argument("--advisories", type=Path, metavar="OUT.jsonl", help="what the live stream would have said")
@@ -63,28 +64,41 @@ def _add_logs(command: argparse.ArgumentParser, count: str) -> None:
     )
 
 
-def _replay(args: argparse.Namespace) -> int:
-    from metrics import report  # noqa: PLC0415 - brings numba, which no other command needs
-    from metrics.replay import replay  # noqa: PLC0415 - the same
+def _clearance_m(text: str) -> float:
+    try:
+        clearance_m = float(text)
+    except ValueError:
+        clearance_m = inf
+    if not 0 <= clearance_m < inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is no distance: give metres, 0 or more, such as 0.3")
+    return clearance_m
 
+
+def _replay(args: argparse.Namespace) -> int:
     if args.compare:
-        sys.stdout.write(compare.page(*map(_result, args.compare)))
+        sys.stdout.write(_compared(*args.compare))
         return 0
     if not args.logs:
         raise LogError("replay: give a LOG, or --compare A.json B.json")
-    settings = _settings(args)
+    settings, logs = _settings(args), files_of(args.logs)
+    _spared(logs, args.json, args.html, args.advisories, args.mcap)
+
+    from metrics import report  # noqa: PLC0415 - brings numba, which no other command needs
+    from metrics.replay import replay  # noqa: PLC0415 - the same
+
     reader, clearances_m = Reader(), args.clearance or [settings.conflict.clearance_m]
     with ExitStack() as files:
         tell, watch = _outputs(args, files)
-        events = files.enter_context(_shown(reader, args.logs))
+        events = files.enter_context(_shown(reader, logs))
         start = start_of(head) if (head := _head(args)) else Start()
         again = replay if args.scheduler is None else _spread(args.scheduler, files)
         result = again(reader, events, settings, clearances_m, tell=tell, watch=watch, start=start)
+    _look_back(reader, args.logs, result)
     if args.html:
-        title = f"Replay of {', '.join(log.name for log in args.logs)}"
-        args.html.write_text(report.page(result, title), encoding="utf-8")
+        title = f"Replay of {', '.join(one.name for one in args.logs)}"
+        _write(args.html, report.page(result, title))
     if args.json:
-        args.json.write_text(_text(result))
+        _write(args.json, _text(result))
     elif not args.html:
         sys.stdout.write(_text(result))
     return 0
@@ -103,20 +117,31 @@ def _spread(address: str, files: ExitStack) -> Callable[..., dict[str, Any]]:
 
 
 def _conform(args: argparse.Namespace) -> int:
-    reader = Reader()
-    with _shown(reader, args.logs) as events:
-        result = conform.conform(reader, events, _settings(args))
+    reader, settings, logs = Reader(), _settings(args), files_of(args.logs)
+    _spared(logs, args.json)
+    with _shown(reader, logs) as events:
+        result = conform.conform(reader, events, settings)
+    _look_back(reader, args.logs, result)
     sys.stdout.write(conform.page(result))
     if args.json:
-        args.json.write_text(_text(result))
+        _write(args.json, _text(result))
     return 0
+
+
+def _compared(a: Path, b: Path) -> str:
+    results = _result(a), _result(b)
+    try:
+        return compare.page(*results)
+    except UNREADABLE as error:
+        told = f"{a} or {b} lacks what this release writes ({error!r})"
+        raise LogError(f"{told}; write both anew with replay --json") from error
 
 
 def _result(path: Path) -> dict[str, Any]:
     """What an earlier replay wrote."""
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, *UNREADABLE) as error:
         raise LogError(f"{path} can't be read: {error}") from error
     if not isinstance(told, dict) or "scores" not in told:
         raise LogError(f"{path} is no result of a replay; write one with --json")
@@ -143,12 +168,12 @@ def _outputs(args: argparse.Namespace, files: ExitStack) -> "tuple[Tell | None, 
     tellers: list[Tell] = []
     watch: Watch | None = None
     if args.advisories:
-        lines = files.enter_context(args.advisories.open("w"))
+        lines = files.enter_context(_opened(args.advisories, "w"))
         tellers.append(lambda line: lines.writelines((json.dumps(line), "\n")))
     if args.mcap:
         from metrics.mcap_export import Export  # noqa: PLC0415 - only where it is asked for
 
-        export = Export(files.enter_context(args.mcap.open("wb")))
+        export = Export(files.enter_context(_opened(args.mcap, "wb")))
         files.callback(export.finish)
         tellers.append(export.tell)
         watch = export.watch
@@ -160,23 +185,73 @@ def _outputs(args: argparse.Namespace, files: ExitStack) -> "tuple[Tell | None, 
     return tell if tellers else None, watch
 
 
+def files_of(logs: Iterable[Path]) -> list[Path]:
+    """The files of the logs. Raises `LogError` where there are none, or one can't be read."""
+    for one in logs:
+        if not os.access(one, os.R_OK):
+            raise LogError(f"{one} can't be read: give a log that is there, or a directory of logs")
+    try:
+        files = [file for log in logs for file in segments(log)]
+        if unreadable := [file for file in files if not os.access(file, os.R_OK)]:
+            raise LogError(f"{unreadable[0]} can't be read: you must have the right to")
+    except OSError as error:
+        raise LogError(f"{error.filename} can't be read: {error.strerror}") from error
+    if not files:
+        raise LogError(f"no log is in {_named(logs)}: their names have .jsonl in them")
+    return files
+
+
+def _spared(logs: Sequence[Path], *outputs: Path | None) -> None:
+    """Raises `LogError` where what is to be written has no place, or that of a log."""
+    for out in outputs:
+        if out is None:
+            continue
+        there = os.access(out, os.F_OK)
+        if not (os.access(out, os.W_OK) and not out.is_dir() if there else os.access(out.parent, os.W_OK | os.X_OK)):
+            raise LogError(f"{out} can't be written: give a file in a directory that is there and yours to write to")
+        if there and any(out.samefile(one) for one in logs):
+            raise LogError(f"{out} is the log that is to be read: give what is written another name")
+
+
+def _opened(out: Path, mode: str) -> IO[Any]:
+    try:
+        return out.open(mode)
+    except OSError as error:
+        raise LogError(f"{out} can't be written: {error.strerror}") from error
+
+
+def _write(out: Path, text: str) -> None:
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise LogError(f"{out} can't be written: {error.strerror}") from error
+
+
+def _look_back(reader: Reader, logs: Iterable[Path], result: dict[str, Any]) -> None:
+    """Raises `LogError` where there was no message at all."""
+    if not result["messages"]:
+        torn = f" and {reader.unreadable} lines that are none" if reader.unreadable else ""
+        told = f"no message is in {_named(logs)}{torn}"
+        raise LogError(f'{told}: give lines {{"received": ..., "message": {{...}}}} or a recording of the service')
+
+
+def _named(logs: Iterable[Path]) -> str:
+    return ", ".join(map(str, logs))
+
+
 @contextmanager
-def _shown(reader: Reader, logs: Sequence[Path]) -> Iterator[Iterator[Event]]:
-    """The events of the logs, with a progress bar on standard error where that is a terminal."""
+def _shown(reader: Reader, files: Sequence[Path]) -> Iterator[Iterator[Event]]:
+    """The events of the files, with a progress bar on standard error where that is a terminal."""
     console = Console(stderr=True)
-    files = [file for log in logs for file in segments(log)]
-    for file in files:
-        if not os.access(file, os.R_OK):
-            raise LogError(f"{file} can't be read: give a log that is there, or a directory of logs")
     if not console.is_terminal:
-        yield reader.read(logs)
+        yield reader.read(files)
         return
     columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("", total=sum(file.stat().st_size for file in files))
 
         def events() -> Iterator[Event]:
-            for number, event in enumerate(reader.read(logs), 1):
+            for number, event in enumerate(reader.read(files), 1):
                 if number % TOLD_EVERY == 0:
                     progress.update(task, completed=reader.bytes_read, description=f"{number:,} lines")
                 yield event

@@ -1,0 +1,83 @@
+"""What the commands on logs refuse, before they read any, and what they say of what they have read."""
+
+from pathlib import Path
+
+import pytest
+
+from deconflict.__main__ import parser
+from metrics.commands import LogError
+from tests.metrics.test_replay import log_of_a_crossing
+
+
+def run(*words: str | Path) -> None:
+    args = parser().parse_args([str(word) for word in words])
+    assert args.run(args) == 0
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return log_of_a_crossing(tmp_path / "log.jsonl")
+
+
+@pytest.mark.parametrize("clearance", ["-1", "nan", "inf", "-0.1", "wide"])
+def test_a_clearance_that_is_no_distance_is_refused(
+    log: Path, clearance: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        run("replay", log, f"--clearance={clearance}")
+    assert f"{clearance!r} is no distance: give metres, 0 or more" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [
+        ("replay", "--json"),
+        ("replay", "--html"),
+        ("replay", "--advisories"),
+        ("replay", "--mcap"),
+        ("conform", "--json"),
+    ],
+)
+def test_what_has_no_place_to_be_written_to_is_refused_before_anything_is_read(
+    tmp_path: Path, log: Path, command: str, option: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("metrics.commands.Reader.read", lambda *_: pytest.fail("it was read"))
+    for out in (tmp_path / "none" / "out", tmp_path, log / "out"):
+        with pytest.raises(LogError, match="can't be written: give a file in a directory that is there"):
+            run(command, log, option, out)
+    kept = log.read_bytes()
+    with pytest.raises(LogError, match="is the log that is to be read"):
+        run(command, log.parent, option, log)
+    assert log.read_bytes() == kept
+
+
+@pytest.mark.parametrize("command", ["replay", "conform"])
+def test_a_log_without_any_message_is_told(tmp_path: Path, command: str) -> None:
+    with pytest.raises(LogError, match=f"no log is in {tmp_path}"):
+        run(command, tmp_path)
+    log, out = tmp_path / "empty.jsonl", tmp_path / "out.json"
+    for text, torn in (
+        ("", ""),
+        ("torn\n" * 3, " and 3 lines that are none"),
+        ('{"tick":"2009-11-17T10:00:21Z"}\n', ""),
+    ):
+        log.write_text(text)
+        for given in (log, tmp_path):
+            with pytest.raises(LogError, match=f"no message is in {given}{torn}: give lines"):
+                run(command, given, "--json", out)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("command", ["replay", "conform", "site suggest"])
+def test_a_log_that_is_not_there_is_refused(tmp_path: Path, command: str) -> None:
+    with pytest.raises(LogError, match=r"none.jsonl can't be read"):
+        run(*command.split(), tmp_path / "none.jsonl")
+
+
+@pytest.mark.parametrize("told", ['{"scores": 3}', '{"scores": [{"clearance_m": 0.3}]}', "[]", "{", "\xff", None])
+def test_what_is_no_result_is_not_compared(tmp_path: Path, told: str | None) -> None:
+    one = tmp_path / "one.json"
+    if told is not None:
+        one.write_bytes(told.encode("latin-1"))
+    with pytest.raises(LogError, match=r"one.json (can't be read|is no result|or .* lacks)"):
+        run("replay", "--compare", one, one)
