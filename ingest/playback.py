@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from math import inf
 from pathlib import Path
 from typing import IO, Any
 
@@ -93,6 +94,11 @@ class Reader:
     def __init__(self) -> None:
         self.unreadable = 0
         """Torn or foreign lines met so far, and compressed files that break off."""
+        self.late, self.late_by_s = 0, 0.0
+        """Messages that stand behind one that came later, and by how much at most."""
+        self.own = False
+        """Whether anything but messages was in a log: the service wrote it, in the order in which it took them."""
+        self._newest_s = -inf
         self._finished_bytes = 0
         self._file: IO[bytes] | None = None
 
@@ -106,6 +112,7 @@ class Reader:
 
         Raises `OSError` where a file can't be opened.
         """
+        self._newest_s = -inf
         for path in paths:
             for file in segments(path):
                 with io.BufferedReader(io.FileIO(file), BUFFER_BYTES) as stored:
@@ -124,14 +131,54 @@ class Reader:
                     except UNREADABLE as error:
                         self._leave_out(file, number, error)
                     else:
+                        self._note(event)
                         yield event
         except _BROKEN as error:
             self._leave_out(file, number + 1, error)
+
+    def _note(self, event: Event) -> None:
+        if not isinstance(event, Received):
+            self.own |= isinstance(event, Tick | Noted | EngineStarted)
+        elif event.arrival_s >= self._newest_s:
+            self._newest_s = event.arrival_s
+        else:
+            self.late += 1
+            self.late_by_s = max(self.late_by_s, self._newest_s - event.arrival_s)
 
     def _leave_out(self, file: Path, number: int, error: Exception) -> None:
         self.unreadable += 1
         if self.unreadable <= TOLD_LINES:
             log.warning("%s, line %d is left out: %s: %.100s", file, number, type(error).__name__, error)
+
+
+def by_time(paths: Iterable[Path]) -> list[Path]:
+    """The files, and the logs of the directories, in the order of the first time that each tells.
+
+    One that tells none stays behind the one before it. Where one can be read only once, as a pipe, all stay as given.
+    """
+    files = [file for path in paths for file in segments(path)]
+    if len(files) < 2 or not all(file.is_file() for file in files):
+        return files
+    begins_s, last_s = {}, -inf
+    for file in files:
+        begins_s[file] = last_s = _begins_s(file, last_s)
+    return sorted(files, key=begins_s.__getitem__)
+
+
+def _begins_s(file: Path, otherwise_s: float) -> float:
+    with suppress(*_BROKEN):
+        for line in lines_of(file):
+            with suppress(*UNREADABLE):
+                if (t_s := _time_of(parsed(line))) is not None:
+                    return t_s
+    return otherwise_s
+
+
+def _time_of(event: Event) -> float | None:
+    """When a message came, or a tick or a start of the engine was."""
+    if isinstance(event, Received):
+        return event.arrival_s
+    return event.now_s if isinstance(event, Tick | EngineStarted) else None
 
 
 def segments_until(directory: Path, t_s: float) -> list[Path]:
@@ -147,9 +194,8 @@ def ends_s(directory: Path) -> float:
             lines = file.read().splitlines()
         for line in reversed(lines):
             with suppress(*UNREADABLE):
-                event = parsed(line)
-                if isinstance(event, Received | Tick | EngineStarted):
-                    return event.arrival_s if isinstance(event, Received) else event.now_s
+                if (t_s := _time_of(parsed(line))) is not None:
+                    return t_s
     return 0.0
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -16,7 +17,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from deconflict import site, whatif
 from deconflict.blackbox.start import Start, head_of, site_of, start_of
-from ingest.playback import UNREADABLE, Event, Reader, segments
+from ingest.playback import UNREADABLE, Event, Reader, by_time
 from metrics import blackbox, compare, conform
 
 if TYPE_CHECKING:
@@ -24,6 +25,10 @@ if TYPE_CHECKING:
 
 TOLD_EVERY = 500
 """Lines between two looks at how far the progress bar has come."""
+SLIGHT_S = 1.0
+"""Messages that stand no further from their place than this, as where several sockets are read, mislead nobody."""
+
+log = logging.getLogger(__name__)
 
 
 class LogError(ValueError):
@@ -186,12 +191,12 @@ def _outputs(args: argparse.Namespace, files: ExitStack) -> "tuple[Tell | None, 
 
 
 def files_of(logs: Iterable[Path]) -> list[Path]:
-    """The files of the logs. Raises `LogError` where there are none, or one can't be read."""
+    """The files of the logs, by time. Raises `LogError` where there are none, or one can't be read."""
     for one in logs:
         if not os.access(one, os.R_OK):
             raise LogError(f"{one} can't be read: give a log that is there, or a directory of logs")
     try:
-        files = [file for log in logs for file in segments(log)]
+        files = by_time(logs)
         if unreadable := [file for file in files if not os.access(file, os.R_OK)]:
             raise LogError(f"{unreadable[0]} can't be read: you must have the right to")
     except OSError as error:
@@ -228,11 +233,17 @@ def _write(out: Path, text: str) -> None:
 
 
 def _look_back(reader: Reader, logs: Iterable[Path], result: dict[str, Any]) -> None:
-    """Raises `LogError` where there was no message at all."""
+    """Say what became of messages out of their order. Raises `LogError` where there was no message at all."""
     if not result["messages"]:
         torn = f" and {reader.unreadable} lines that are none" if reader.unreadable else ""
         told = f"no message is in {_named(logs)}{torn}"
         raise LogError(f'{told}: give lines {{"received": ..., "message": {{...}}}} or a recording of the service')
+    if reader.late:
+        told = f"{reader.late} messages stand behind others that came up to {reader.late_by_s:.3g} s later"
+        if reader.own or reader.late_by_s <= SLIGHT_S:
+            log.info("%s; each was taken where it stands", told)
+        else:
+            log.warning("%s, too late for most of what they say to be scored: sort the lines by `received`", told)
 
 
 def _named(logs: Iterable[Path]) -> str:

@@ -49,7 +49,13 @@ def conform(reader: Reader, events: Iterable[Event], site: Site) -> dict[str, An
         if isinstance(event, Received):
             messages += 1
             take(fleet, event)
-    return {"messages": messages, "unreadable_lines": reader.unreadable, "conformance": findings(measures)}
+    return {"messages": messages, **lines(reader), "conformance": findings(measures)}
+
+
+def lines(reader: Reader) -> dict[str, Any]:
+    """How many lines of the log could not be read, and, where any stood out of order, how many messages and how far."""
+    late = {"late_messages": reader.late, "late_by_s": round(reader.late_by_s, 6)} if reader.late else {}
+    return {"unreadable_lines": reader.unreadable, **late}
 
 
 def page(result: dict[str, Any]) -> str:

@@ -106,9 +106,10 @@ class Reading:
             yield self._pass(tick * TICK_S)
 
     def _ticks(self, now: int) -> range:
-        """Those that have come since the last message, up to `now`."""
-        before, self._ticked = self._ticked, now
-        return range(now + 1 if before is None else max(before, now - LONGEST_GAP) + 1, now + 1)
+        """Those that have come since the newest message, up to `now`; none where it was before that."""
+        before = now if self._ticked is None else self._ticked
+        self._ticked = max(before, now)
+        return range(max(before, now - LONGEST_GAP) + 1, now + 1)
 
     def _pass(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> Pass:
         batch = self.fleet.cut(now_s, self._everything)

@@ -263,7 +263,7 @@ def document(result: dict[str, Any], reader: Reader, took_s: float) -> dict[str,
         "robots": result["robots"],
         "span_s": result["span_s"],
         "speed_x_real_time": result["span_s"] / took_s,
-        "unreadable_lines": reader.unreadable,
+        **conform.lines(reader),
         **result,
     }
 

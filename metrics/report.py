@@ -27,6 +27,11 @@ def _sections(result: Part) -> Iterator[str]:
         f"<p>{result['messages']:,} messages of {result['robots']:,} robots in {_span(result['span_s'])}, through the"
         " engine that the live service uses. Advisory, not safety rated.</p>"
     )
+    if "late_messages" in result:
+        yield (
+            f"<p>{result['late_messages']:,} messages stood behind others that came up to {result['late_by_s']:g} s"
+            " later, and were taken where they stood.</p>"
+        )
     yield "<h2>Figures</h2>" + _figures(result["scores"])
     for score in result["scores"]:
         yield f"<h2>Clearance {score['clearance_m']:g} m</h2>" + "".join(_score(score))

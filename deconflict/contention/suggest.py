@@ -19,7 +19,7 @@ from deconflict.importers.reading import section_lines
 from deconflict.roles.receiver import fleet_of
 from deconflict.site import Site
 from ingest.measures import Measures
-from ingest.playback import Reader, Received
+from ingest.playback import Reader, Received, by_time
 from ingest.seam import Batch
 
 DWELL_S = 10.0
@@ -84,7 +84,7 @@ def suggested(logs: Iterable[Path], site: Site) -> str:
 def dwells(logs: Iterable[Path], site: Site) -> Iterator[Dwell]:
     """Every stop in the logs; one that the log's end cuts off too."""
     fleet, standing, cut_s = fleet_of(site, Measures()), dict[str, _Stand](), 0.0
-    for event in Reader().read(logs):
+    for event in Reader().read(by_time(logs)):
         if not isinstance(event, Received) or event.refused:
             continue
         fleet.receive(event.raw, event.arrival_s, event.connection)

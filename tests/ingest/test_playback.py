@@ -1,5 +1,6 @@
 import gzip
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
@@ -7,7 +8,8 @@ from random import Random
 import pytest
 import zstandard
 
-from ingest.playback import TOLD_LINES, Received, Tick
+from ingest import stamps
+from ingest.playback import TOLD_LINES, Reader, Received, Tick, by_time
 from tests.ingest.made_logs import LINE, NOW_S, read, recorder
 from tests.saying import status
 
@@ -107,6 +109,41 @@ def test_a_log_that_pzstd_packed_begins_with_a_frame_to_skip(tmp_path: Path) -> 
     log = tmp_path / "a.jsonl"
     log.write_bytes(b"\x50\x2a\x4d\x18\x04\0\0\0size" + zstandard.compress(b'{"tick":"2009-11-17T10:00:21Z"}\n'))
     assert [len(read(log)[0]), read(log)[1]] == [1, 0]
+
+
+def heard(log: Path, *times_s: float) -> Path:
+    log.write_text("".join(f'{{"received":"{stamps.write(t_s)}","message":{{}}}}\n' for t_s in times_s))
+    return log
+
+
+def test_files_are_put_in_the_order_of_their_first_times(tmp_path: Path) -> None:
+    (tmp_path / "many").mkdir()
+    late, early = heard(tmp_path / "many" / "1.jsonl", NOW_S + 9), heard(tmp_path / "many" / "2.jsonl", NOW_S)
+    between = tmp_path / "between.jsonl.gz"
+    between.write_bytes(gzip.compress(heard(tmp_path / "plain", NOW_S + 5).read_bytes()))
+    assert by_time([late, early]) == by_time([tmp_path / "many"]) == [early, late]
+    assert by_time([tmp_path / "many", between]) == [early, between, late]
+
+
+def test_a_file_that_tells_no_time_stays_behind_the_one_before(tmp_path: Path) -> None:
+    late, early = heard(tmp_path / "late", NOW_S + 9), heard(tmp_path / "early", NOW_S)
+    empty, torn = heard(tmp_path / "empty"), tmp_path / "torn"
+    torn.write_text("{")
+    assert by_time([empty, late, torn, early]) == [empty, early, late, torn]
+
+
+def test_what_can_be_read_once_is_not_looked_into_for_its_order(tmp_path: Path) -> None:
+    pipe, log = tmp_path / "pipe", heard(tmp_path / "log", NOW_S)
+    os.mkfifo(pipe)
+    assert by_time([pipe, log]) == [pipe, log]
+
+
+def test_messages_that_stand_behind_later_ones_are_counted(tmp_path: Path) -> None:
+    reader = Reader()
+    log = heard(tmp_path / "log", NOW_S, NOW_S + 2, NOW_S + 1.5, NOW_S + 1, NOW_S + 2, NOW_S + 3)
+    assert len(list(reader.read([log]))) == 6
+    assert (reader.late, reader.own) == (2, False)
+    assert reader.late_by_s == pytest.approx(1.0)
 
 
 def test_of_many_lines_left_out_only_the_first_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

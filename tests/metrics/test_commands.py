@@ -1,6 +1,11 @@
 """What the commands on logs refuse, before they read any, and what they say of what they have read."""
 
+import gzip
+import json
+import logging
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,6 +17,11 @@ from tests.metrics.test_replay import log_of_a_crossing
 def run(*words: str | Path) -> None:
     args = parser().parse_args([str(word) for word in words])
     assert args.run(args) == 0
+
+
+def scores(out: Path) -> dict[str, Any]:
+    told: dict[str, Any] = json.loads(out.read_text())
+    return {name: value for name, value in told.items() if name != "speed_x_real_time"}
 
 
 @pytest.fixture
@@ -81,3 +91,59 @@ def test_what_is_no_result_is_not_compared(tmp_path: Path, told: str | None) -> 
         one.write_bytes(told.encode("latin-1"))
     with pytest.raises(LogError, match=r"one.json (can't be read|is no result|or .* lacks)"):
         run("replay", "--compare", one, one)
+
+
+def in_two(log: Path) -> tuple[Path, Path]:
+    """The first half of a log in the file that comes last by name, and packed."""
+    lines = log.read_bytes().splitlines(keepends=True)
+    first, second = log.with_name("b.jsonl"), log.with_name("a.jsonl")
+    first.write_bytes(gzip.compress(b"".join(lines[: len(lines) // 2])))
+    second.write_bytes(b"".join(lines[len(lines) // 2 :]))
+    log.unlink()
+    return first, second
+
+
+def test_files_in_the_wrong_order_give_the_scores_of_the_whole(tmp_path: Path, log: Path) -> None:
+    out = tmp_path / "out.json"
+    run("replay", log, "--json", out)
+    wanted = scores(out)
+    first, second = in_two(log)
+    for given in ([second, first], [first, second], [tmp_path]):
+        run("replay", *given, "--json", out)
+        assert scores(out) == wanted
+    assert "late_messages" not in wanted
+
+
+def swap(lines: list[str]) -> list[str]:
+    """Each two neighbours, which stand 50 ms apart at most or a second, the other way round."""
+    return [one for pair in zip(lines[1::2], lines[::2], strict=True) for one in pair]
+
+
+def of_each_robot(lines: list[str]) -> list[str]:
+    return sorted(lines, key=lambda line: json.loads(line)["message"]["uuid"])
+
+
+@pytest.mark.parametrize(("disorder", "level"), [(swap, logging.INFO), (of_each_robot, logging.WARNING)])
+@pytest.mark.parametrize("command", ["replay", "conform"])
+def test_messages_out_of_order_are_counted_and_told_as_loudly_as_they_deserve(
+    tmp_path: Path,
+    log: Path,
+    command: str,
+    disorder: Callable[[list[str]], list[str]],
+    level: int,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(disorder(spread_out(lines))))
+    caplog.set_level(logging.INFO)
+    run(command, log, "--json", tmp_path / "out.json")
+    told = scores(tmp_path / "out.json")
+    assert (told["messages"], told["late_messages"] > 10, told["late_by_s"] > 1) == (52, True, level == logging.WARNING)
+    (said,) = (one for one in caplog.records if one.name == "metrics.commands")
+    assert (said.levelno, "sort the lines" in said.message) == (level, level == logging.WARNING)
+    assert f"{told['late_messages']} messages stand behind others" in said.message
+
+
+def spread_out(lines: list[str]) -> list[str]:
+    """The second of each two a few milliseconds later."""
+    return [line.replace(".05", ".056", 1) if n % 2 else line for n, line in enumerate(lines)]

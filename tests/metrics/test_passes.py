@@ -1,5 +1,7 @@
 """When passes are made over a log, and whose advice its robots may have heard."""
 
+from random import Random
+
 import pytest
 
 from deconflict.site import DEFAULT
@@ -43,6 +45,20 @@ def test_what_came_before_the_engine_began_is_in_its_first_pass_and_makes_none_b
 @pytest.mark.parametrize("connection", [OURS, ANOTHERS])
 def test_a_log_without_ticks_is_stepped_through_whoever_recorded_it(connection: Connection) -> None:
     assert times_s(said(0.0, connection), said(1.0, connection)) == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.25])
+
+
+def test_where_time_goes_back_no_pass_is_made_twice_and_every_message_is_heard() -> None:
+    reading, times_s = Reading(DEFAULT), [0.0, 1.0, 0.4, 0.6, 1.1, 0.2, 1.3]
+    made = [*reading.take(said(t_s, ANOTHERS) for t_s in times_s), *reading.finish()]
+    assert [one.now_s - NOW_S for one in made] == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.25, 1.5])
+    assert reading.messages == 7
+    assert reading.span_s == pytest.approx(1.3)
+
+
+def test_a_shuffled_log_makes_no_more_passes_than_one_in_order() -> None:
+    times_s = [0.5 * n for n in range(200)]
+    events = [said(t_s, ANOTHERS) for t_s in times_s]
+    assert len(passes(*Random(1).sample(events, len(events)))) <= len(passes(*events)) == 399
 
 
 def test_a_long_log_of_ours_without_ticks_is_not_kept_in_memory_until_its_end() -> None:

@@ -47,6 +47,12 @@ def test_a_log_in_which_nothing_happened_has_a_page() -> None:
     assert "Nothing departs from the standard" in told
 
 
+def test_messages_out_of_order_are_told_where_there_are_any(result: dict[str, Any]) -> None:
+    told = "3 messages stood behind others that came up to 0.5 s later"
+    assert told in page({**result, "late_messages": 3, "late_by_s": 0.5}, "Replay")
+    assert "stood behind" not in page(result, "Replay")
+
+
 def test_the_nearest_moment_is_where_the_two_crossed(result: dict[str, Any]) -> None:
     one = result["nearest"][0]
     assert one["separation_m"] == 0.0
