@@ -1,8 +1,8 @@
 """How well advisories foresaw what happened. Terms: encounters are those of `metrics/truth.py`.
 
-An alert is one advisory of one pair, from raised to cleared, looked at in whole seconds; seconds at which the pair is
-already in an encounter are left out, and those after a robot left, which no encounter can follow. An alert without any
-other second is not scored.
+An alert is one advisory of one pair, from raised to cleared, looked at in whole seconds, which recall, lead time and
+precision all rest on. Seconds at which the pair is already in an encounter are left out, and those after a robot left,
+which no encounter can follow. An alert without any other second is not scored and recalls nothing.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,7 +21,7 @@ from metrics.truth import Encounter, Pair
 
 HORIZON_S = 10.0
 STANDING_S = 2.0
-"""An encounter is recalled where an alert stood during this long before its start."""
+"""An encounter is recalled where an alert stood at a whole second of so long before its start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,13 +143,16 @@ def _cases(encounters: Sequence[Encounter], alerts: Sequence[Alert]) -> Cases:
     by_pair: dict[Pair, list[Encounter]] = {}
     for one in encounters:
         by_pair.setdefault(one.pair, []).append(one)
-    alerts_of: dict[Pair, list[Alert]] = {}
-    for alert in alerts:
-        alerts_of.setdefault(alert.pair, []).append(alert)
-    met = [_met(one, alerts_of.get(one.pair, [])) for one in encounters if one.foreseeable]
-    ordered = sorted(alerts, key=lambda alert: (alert.raised_s, alert.pair))
-    outcomes = [_outcome(alert, by_pair.get(alert.pair, [])) for alert in ordered]
-    scored = [(one, outcome) for one, outcome in zip(ordered, outcomes, strict=True) if outcome is not None]
+    ordered = [
+        (alert, _seconds(alert, by_pair.get(alert.pair, [])))
+        for alert in sorted(alerts, key=lambda alert: (alert.raised_s, alert.pair))
+    ]
+    stood = [(alert, seconds) for alert, seconds in ordered if len(seconds)]
+    stood_of: dict[Pair, list[tuple[Alert, Floats]]] = {}
+    for alert, seconds in stood:
+        stood_of.setdefault(alert.pair, []).append((alert, seconds[seconds < alert.cleared_s]))
+    met = [_met(one, stood_of.get(one.pair, [])) for one in encounters if one.foreseeable]
+    scored = [(alert, _outcome(alert, seconds, by_pair.get(alert.pair, []))) for alert, seconds in stood]
     return Cases(
         len(encounters),
         np.array(met, np.float64).reshape(-1, 4),
@@ -159,13 +162,14 @@ def _cases(encounters: Sequence[Encounter], alerts: Sequence[Alert]) -> Cases:
     )
 
 
-def _met(encounter: Encounter, alerts: Sequence[Alert]) -> tuple[float, float, float, float]:
-    stood = _standing(encounter, alerts, STANDING_S)
-    at_any_time = _standing(encounter, alerts, HORIZON_S) is not None
-    if stood is None:
-        return 0.0, float(at_any_time), nan, nan
+def _met(encounter: Encounter, stood: Sequence[tuple[Alert, Floats]]) -> tuple[float, float, float, float]:
+    """A row of `Cases.met`, of the pair's alerts as they were raised, each with the whole seconds at which it stood."""
     start_s = encounter.start_s
-    return 1.0, float(at_any_time), start_s - ceil(stood.raised_s), abs(stood.predicted_s - start_s)
+    at_any_time = float(any(_standing(seconds, start_s, HORIZON_S) for _, seconds in stood))
+    for alert, seconds in stood:
+        if _standing(seconds, start_s, STANDING_S):
+            return 1.0, at_any_time, start_s - float(seconds[0]), abs(alert.predicted_s - start_s)
+    return 0.0, at_any_time, nan, nan
 
 
 def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
@@ -217,22 +221,23 @@ def _placed(places: Sequence[tuple[str, float, float] | None]) -> list[str]:
     return ["" if one is None else f"{one[1]:.1f} {one[2]:.1f} {one[0]}" for one in places]
 
 
-def _standing(encounter: Encounter, alerts: Sequence[Alert], before_s: float) -> Alert | None:
-    """The earliest alert that stood in the last `before_s` before the encounter's start."""
-    start_s = encounter.start_s
-    standing = [one for one in alerts if one.raised_s < start_s and one.cleared_s > start_s - before_s]
-    return min(standing, key=lambda one: one.raised_s, default=None)
-
-
-def _outcome(alert: Alert, encounters: Sequence[Encounter]) -> float | None:
-    """1 for a true alert, 0 for a nuisance, nan for one that can't be told; None for one within encounters alone."""
-    end_s = min(alert.cleared_s, alert.left_s)
-    seconds = np.arange(ceil(alert.raised_s), max(ceil(end_s), ceil(alert.raised_s) + 1), dtype=np.float64)
+def _seconds(alert: Alert, encounters: Sequence[Encounter]) -> Floats:
+    """(s,) the whole seconds at which an alert stood outside of its pair's encounters; one that was cleared before a
+    whole second came is judged at that."""
+    first, end_s = ceil(alert.raised_s), min(alert.cleared_s, alert.left_s)
+    seconds = np.arange(first, max(ceil(end_s), first + 1), dtype=np.float64)
     for one in encounters:
         seconds = seconds[(seconds < one.start_s) | (seconds > one.end_s)]
-    if not len(seconds):
-        return None
-    followed = any(bool(np.any((one.start_s >= seconds) & (one.start_s <= seconds + HORIZON_S))) for one in encounters)
-    if followed:
+    return seconds
+
+
+def _standing(seconds: Floats, start_s: float, before_s: float) -> bool:
+    """Whether any of the seconds lies in the last `before_s` before a start."""
+    return bool(np.any((seconds < start_s) & (seconds >= start_s - before_s)))
+
+
+def _outcome(alert: Alert, seconds: Floats, encounters: Sequence[Encounter]) -> float:
+    """1 for a true alert, 0 for a nuisance, nan for one that can't be told; it stood at whole seconds (s,)."""
+    if any(_standing(seconds, one.start_s, HORIZON_S) for one in encounters):
         return 1.0
     return nan if alert.heeded or alert.left_s < alert.predicted_s else 0.0

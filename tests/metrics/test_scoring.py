@@ -42,6 +42,40 @@ def test_an_alert_that_was_given_up_too_early_counts_for_recall_any_alone() -> N
     assert (figures["recall"], figures["recall_any"], figures["precision"]) == (0.0, 1.0, 1.0)
 
 
+@pytest.mark.parametrize(
+    ("raised_s", "cleared_s", "recall", "recall_any", "precision", "lead_s"),
+    [
+        (19.1, 22.0, 0.0, 0.0, None, None),  # its first whole second is in the encounter
+        (18.2, 18.9, 0.0, 0.0, 1.0, None),  # stood at no whole second
+        (16.2, 17.3, 0.0, 1.0, 1.0, None),  # at 17 s, more than two before
+        (17.2, 18.3, 1.0, 1.0, 1.0, 1.9),
+        (18.9, 24.0, 1.0, 1.0, 1.0, 0.9),
+    ],
+)
+def test_recall_is_by_the_same_whole_seconds_as_precision(
+    raised_s: float, cleared_s: float, recall: float, recall_any: float, precision: float | None, lead_s: float | None
+) -> None:
+    figures = score([encounter(19.9, 22)], [alert(raised_s, cleared_s)], 0.3)
+    assert (figures["recall"], figures["recall_any"], figures["precision"]) == (recall, recall_any, precision)
+    lead = figures["lead_time_s"]
+    assert (lead and lead["median"]) == (lead_s and pytest.approx(lead_s))
+
+
+def test_no_lead_time_is_negative() -> None:
+    tenths = [start / 10 for start in range(200, 220)]
+    for start_s in tenths:
+        for raised_s in (one / 10 + 0.05 for one in range(170, 220)):
+            lead = score([encounter(start_s, 24)], [alert(raised_s, 23)], 0.3)["lead_time_s"]
+            assert lead is None or lead["median"] > 0
+
+
+def test_between_two_encounters_an_alert_counts_from_where_the_first_ended() -> None:
+    figures = score([encounter(10, 14.5, foreseeable=False), encounter(20, 22)], [alert(12.5, 24)], 0.3)
+    assert (figures["recall"], figures["precision"], figures["lead_time_s"]["median"]) == (1.0, 1.0, 5.0)
+    within = score([encounter(10, 18.6, foreseeable=False), encounter(20, 22)], [alert(17.2, 18.4)], 0.3)
+    assert (within["recall"], within["alerts"]) == (0.0, 0)
+
+
 def test_an_alert_that_nothing_follows_is_a_nuisance() -> None:
     figures = score([encounter(40, 42)], [alert(10, 14), alert(35, 43)], 0.3)
     assert figures["precision"] == 0.5
