@@ -9,6 +9,8 @@ from ingest.seam import Floats
 DRAWS = 400
 LEVEL = 0.95
 SEED = 20_090_724
+GROUPS = 32
+"""Pairs fall into so many groups, which are drawn whole: seconds of one pair are no independent cases."""
 DRAWN = 1_000_000
 """Cases drawn at once, which bounds the memory."""
 

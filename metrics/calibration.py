@@ -20,7 +20,7 @@ from deconflict.foresight.leaving import PARTS, STAYED, part_of, weights
 from deconflict.motion import Bools
 from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
-from metrics.bootstrap import Interval, interval
+from metrics.bootstrap import GROUPS, Interval, interval
 from metrics.summaries import brier, brier_skill, brier_skills, briers
 from metrics.truth import Encounter, Pair, Truth
 from metrics.waits import Waits
@@ -32,14 +32,16 @@ BINS = 10
 """Of the reliability diagram, as many samples in each as can be."""
 FINE = 1000
 """Steps of the arcsine of the root of a probability, so that small ones and those near 1 are told apart too."""
-GROUPS = 32
-"""Pairs fall into so many groups, which the bootstrap draws whole: seconds of one pair are no independent cases."""
 
 _STEPS = np.sin((np.arange(FINE) + 0.5) / FINE * (pi / 2)) ** 2
 """Where one step of probability ends and the next begins."""
 
-EACH_ONCE = np.ones(PARTS + 1)
+LEFT = PARTS + 1
+"""In place of a part, for a sample of which a robot left before anything happened."""
+EACH_ONCE = np.append(np.ones(PARTS + 1), 0.0)
 """Weights that leave out what is left out, without making up for it."""
+EVERY = np.ones(PARTS + 2)
+"""Weights that take all who left to have not met."""
 
 Vendors = tuple[str, str]
 
@@ -68,10 +70,10 @@ class Tally:
     """Samples counted by what became of them, by probability and by group of pairs: bounded however long a log is."""
 
     def __init__(self) -> None:
-        self.fine = np.zeros((2, PARTS + 1, FINE + 1))
-        """Samples and sum of probabilities, by when it became known (`leaving`) and step of the probability."""
-        self.groups = np.zeros((2, PARTS + 1, GROUPS))
-        """Samples and sum of squared errors, by when it became known and group."""
+        self.fine = np.zeros((2, PARTS + 2, FINE + 1))
+        """Samples and sum of probabilities, by when they became known (`leaving`), or `LEFT`, and its step."""
+        self.groups = np.zeros((2, PARTS + 2, GROUPS))
+        """Samples and sum of squared errors, by when it became known, or `LEFT`, and group."""
         self.left = np.zeros(PARTS + 1)
         """Samples of which a robot left before anything happened, by when it did."""
 
@@ -89,8 +91,12 @@ class Tally:
         return whole
 
     def weights(self) -> Floats:
-        """(PARTS + 1,) what a sample counts, by when it became known."""
-        return weights(self.fine[0].sum(axis=1), self.left)
+        """(PARTS + 2,) what a sample counts, by when it became known; those of `LEFT` nothing."""
+        return np.append(weights(self.known().sum(axis=1), self.left), 0.0)
+
+    def known(self) -> Floats:
+        """(PARTS + 1, FINE + 1) samples of which it is known what followed."""
+        return self.fine[0, :LEFT]
 
     def bins(self, weights: Floats | None = None) -> Floats:
         """(b, 3) samples, mean probability and share that came true; at most `BINS`, of equal mass as far as equal
@@ -102,18 +108,23 @@ class Tally:
             return np.empty((0, 3))
         middle = np.cumsum(counts) - counts / 2
         bin_of = np.minimum((middle * BINS / total).astype(np.int64), BINS - 1)
-        true = counts - weights[STAYED] * self.fine[0, STAYED]
+        true = weights[:STAYED] @ self.fine[0, :STAYED]
         sums = np.stack([np.bincount(bin_of, row, BINS) for row in (counts, probabilities, true)], axis=1)
         sums = sums[sums[:, 0] > 0]
         return np.column_stack([sums[:, 0], sums[:, 1:] / sums[:, :1]])
 
     def by_group(self, weights: Floats | None = None) -> Floats:
         """(g, 3) samples, those that came true and squared errors of each group of pairs that has any."""
+        every = self.every_group(weights)
+        return every[every[:, 0] > 0]
+
+    def every_group(self, weights: Floats | None = None) -> Floats:
+        """(GROUPS, 3) as `by_group`, of all: the same pairs are in the same row of any tally."""
         samples, squared = self.groups
         weights = self.weights() if weights is None else weights
-        every = weights @ np.stack([samples, samples * (np.arange(PARTS + 1) < STAYED)[:, None], squared])
-        held: Floats = every.T[every[0] > 0]
-        return held
+        came_true = samples * (np.arange(PARTS + 2) < STAYED)[:, None]
+        every: Floats = (weights @ np.stack([samples, came_true, squared])).T
+        return every
 
     def ece(self, weights: Floats | None = None) -> float | None:
         """Expected calibration error: mean distance of probability and share over the bins, by samples."""
@@ -122,12 +133,14 @@ class Tally:
 
     def figures(self) -> dict[str, Any]:
         return {
-            "samples": int(self.fine[0].sum()),
+            "samples": int(self.known().sum()),
             "ece": self.ece(),
             "brier": brier(self.by_group()),
             "brier_skill": brier_skill(self.by_group()),
             "ece_unweighted": self.ece(EACH_ONCE),
             "brier_skill_unweighted": brier_skill(self.by_group(EACH_ONCE)),
+            "ece_all": self.ece(EVERY),
+            "brier_skill_all": brier_skill(self.by_group(EVERY)),
             "reliability": [
                 {"samples": round(count), "probability": probability, "came_true": share}
                 for count, probability, share in self.bins().tolist()
@@ -231,13 +244,14 @@ def _count(
     """Add the chosen samples to what is counted."""
     for row in rows:
         at = part[row]
+        error = squared[row]
         if not known[row]:
             left[at] += 1.0
-            continue
+            at, error = LEFT, probability[row] ** 2
         fine[0, at, step[row]] += 1.0
         fine[1, at, step[row]] += probability[row]
         groups[0, at, group[row]] += 1.0
-        groups[1, at, group[row]] += squared[row]
+        groups[1, at, group[row]] += error
 
 
 def _sorted(a: str, b: str) -> Vendors:

@@ -1,7 +1,7 @@
 """What a change of version or of a setting did: two results of `metrics/replay.py`, figure by figure, with intervals.
 
-Over the same log both hold the same encounters, so each is compared with itself (a paired bootstrap); alerts differ,
-and are drawn on either side.
+Over the same log both hold the same encounters and the same groups of pairs, so each is compared with itself (a paired
+bootstrap); alerts differ, and are drawn on either side.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ingest.seam import Floats
-from metrics.bootstrap import DRAWS, SEED, Interval, middle
+from metrics.bootstrap import DRAWS, GROUPS, SEED, Interval, middle
 from metrics.summaries import brier, brier_skill, mean, median
 
 Score = Mapping[str, Any]
@@ -58,8 +58,11 @@ def changes(a: Score, b: Score, same_log: bool) -> Iterator[Change]:
         paired = same_log and name in BY_ENCOUNTER and len(before) == len(after)
         yield Change(name, figure(before), figure(after), _difference(before, after, figure, paired))
     before, after = (np.array(one["cases"]["probabilities"], np.float64).reshape(-1, 3) for one in (a, b))
-    yield Change("brier", a["brier"], b["brier"], _difference(before, after, brier, False))
-    yield Change("brier_skill", a["brier_skill"], b["brier_skill"], _difference(before, after, brier_skill, False))
+    paired = same_log and len(before) == len(after) == GROUPS
+    held = (before[:, 0] > 0) | (after[:, 0] > 0) if paired else None
+    groups = [one[one[:, 0] > 0 if held is None else held] for one in (before, after)]
+    for name, figure in (("brier", brier), ("brier_skill", brier_skill)):
+        yield Change(name, a[name], b[name], _difference(*groups, figure, paired))
     for name in ("ece", "alerts_per_robot_hour"):
         yield Change(name, a[name], b[name], None)
 

@@ -212,7 +212,7 @@ def _listed(cases: Cases) -> dict[str, Any]:
         "start_error_s": " ".join("-" if np.isnan(value) else f"{value:.1f}" for value in cases.met[:, 3]),
         "came_true": "".join("-" if np.isnan(value) else "ny"[int(value)] for value in cases.alerts),
         "places": _placed(cases.places),
-        "probabilities": [[round(value, 6) for value in row] for row in cases.tally.by_group().tolist()],
+        "probabilities": [[round(value, 6) for value in row] for row in cases.tally.every_group().tolist()],
     }
 
 

@@ -80,6 +80,19 @@ def test_pairs_that_are_known_stand_for_those_of_which_a_robot_left() -> None:
     assert made.figures()["ece_unweighted"] == pytest.approx(30 / 65 - 0.3)
 
 
+def test_all_who_left_may_be_taken_to_have_not_met() -> None:
+    made = tally((0.2, 100, 40), (0.8, 100, 100))
+    n = np.arange(100)
+    # whichever part of the horizon they left in
+    made.add(Samples.of(n % 7, np.full(100, 0.2), n % STAYED, np.zeros(100, bool)), n)
+    figures = made.figures()
+    assert figures["samples"] == 200
+    assert figures["ece_all"] == pytest.approx(100 / 300 * 0.2)
+    brier = (40 * 0.8**2 + 160 * 0.2**2 + 100 * 0.2**2) / 300
+    assert figures["brier_skill_all"] == pytest.approx(1 - brier / (140 / 300 * 160 / 300))
+    assert figures["ece_unweighted"] == pytest.approx(0.2)
+
+
 def followed(calibration: Calibration, *probabilities: float) -> Calibration:
     """b comes to a at 2 m/s from 40 m, below 0.3 m from 19.35 s on, and is gone at 30 s; a probability each second."""
     truth = driven((0, 40.0, -2.0), until_s=30)
@@ -95,14 +108,14 @@ def test_a_sample_a_second_comes_true_where_an_encounter_begins_within_ten_secon
     (whole,) = made.by_vendors.values()
     assert made.by_vendors.keys() == {("Alder", "Corvid")}
     # of 0.05 ... 14.05 s, those after 9.35 s
-    assert (whole.fine[0].sum(), whole.fine[0, :STAYED].sum()) == (15, 5)
+    assert (whole.known().sum(), whole.fine[0, :STAYED].sum()) == (15, 5)
 
 
 def test_seconds_within_an_encounter_and_those_before_a_robot_leaves_are_left_out() -> None:
     made = followed(Calibration(0.3), *[0.25] * 30)
     (whole,) = made.by_vendors.values()
     # in the encounter from 19.35 to 20.65 s; after 20 s nobody knows what would have been in ten seconds
-    assert (whole.fine[0].sum(), whole.fine[0, :STAYED].sum(), whole.left.sum()) == (20, 10, 9)
+    assert (whole.known().sum(), whole.fine[0, :STAYED].sum(), whole.left.sum()) == (20, 10, 9)
 
 
 def test_seconds_before_a_robot_waits_as_advised_are_counted_apart() -> None:
@@ -113,7 +126,7 @@ def test_seconds_before_a_robot_waits_as_advised_are_counted_apart() -> None:
     (whole,) = made.by_vendors.values()
     # of those of 4.05 to 15.05 s nobody knows; those of 16.05 to 19.05 s came true
     assert made.heeded == 12
-    assert (whole.fine[0].sum(), whole.fine[0, :STAYED].sum()) == (4 + 4, 4)
+    assert (whole.known().sum(), whole.fine[0, :STAYED].sum()) == (4 + 4, 4)
 
 
 def test_the_first_minutes_are_counted_apart() -> None:
@@ -122,7 +135,7 @@ def test_the_first_minutes_are_counted_apart() -> None:
     for second in range(180):
         made.sample(float(second), [(PAIR, 0.1)])
     made.resolve(truth, VENDORS)
-    assert (made.whole().fine[0].sum(), made.settled.fine[0].sum()) == (180, 60)
+    assert (made.whole().known().sum(), made.settled.known().sum()) == (180, 60)
 
 
 def test_nothing_is_counted_before_it_is_known() -> None:

@@ -1,5 +1,9 @@
 from typing import Any
 
+import numpy as np
+
+from deconflict.foresight.leaving import STAYED
+from metrics.calibration import Samples, Tally
 from metrics.compare import Change, changes, page
 from metrics.scoring import Alert, score
 from metrics.truth import Encounter
@@ -46,3 +50,35 @@ def test_the_page_says_when_the_logs_differ() -> None:
     assert "The logs differ" in page(result(30), result(30, of=50))
     assert "The logs differ" not in page(result(30), result(20))
     assert "60 and 60 foreseeable encounters" in page(result(30), result(20))
+
+
+def published(seed: int, off: float = 0.0) -> dict[str, Any]:
+    """A result with probabilities of ten of the groups of pairs, `off` further from what came of them."""
+    rng, told, n = np.random.default_rng(seed), Tally(), np.arange(500)
+    came_true = rng.random(500) < 0.3
+    said = np.where(came_true, 0.6, 0.2 + rng.random(500) / 2) + np.where(came_true, -off, off)
+    told.add(Samples.of(n % 10, said, np.where(came_true, 0, STAYED), np.ones(500, bool)), n)
+    return result(30) | {"scores": [score([], [], 0.3, tallies={("A", "B"): told})]}
+
+
+def test_the_same_probabilities_are_no_different() -> None:
+    for name in ("brier", "brier_skill"):
+        one = change(name, published(1), published(1))
+        assert (one.before, one.interval) == (one.after, (0.0, 0.0))
+
+
+def test_probabilities_that_are_a_little_worse_show() -> None:
+    one = change("brier", published(1), published(1, off=0.01))
+    assert one.interval is not None
+    assert one.before is not None
+    assert one.after is not None
+    assert 0 < one.interval[0] < one.after - one.before < one.interval[1]
+    assert one.told == "higher"
+
+
+def test_results_that_do_not_list_every_group_are_drawn_on_either_side() -> None:
+    a, b = published(1), published(1)
+    for one in (a, b):
+        cases = one["scores"][0]["cases"]
+        cases["probabilities"] = [row for row in cases["probabilities"] if row[0]]
+    assert change("brier", a, b).told == "no change that shows"
