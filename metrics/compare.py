@@ -59,10 +59,10 @@ def changes(a: Score, b: Score, same_log: bool) -> Iterator[Change]:
         yield Change(name, figure(before), figure(after), _difference(before, after, figure, paired))
     before, after = (np.array(one["cases"]["probabilities"], np.float64).reshape(-1, 3) for one in (a, b))
     paired = same_log and len(before) == len(after) == GROUPS
-    held = (before[:, 0] > 0) | (after[:, 0] > 0) if paired else None
-    groups = [one[one[:, 0] > 0 if held is None else held] for one in (before, after)]
-    for name, figure in (("brier", brier), ("brier_skill", brier_skill)):
-        yield Change(name, a[name], b[name], _difference(*groups, figure, paired))
+    of_a, of_b = before[:, 0] > 0, after[:, 0] > 0
+    before, after = (before[of_a | of_b], after[of_a | of_b]) if paired else (before[of_a], after[of_b])
+    for name, told in (("brier", brier), ("brier_skill", brier_skill)):
+        yield Change(name, a[name], b[name], _difference(before, after, told, paired))
     for name in ("ece", "alerts_per_robot_hour"):
         yield Change(name, a[name], b[name], None)
 

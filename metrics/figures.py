@@ -10,6 +10,8 @@ from metrics.svg import Chart, Point, fitted
 Part = Mapping[str, Any]
 COLOURS = 6
 """Lines that can be told apart."""
+SCALES_M = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2)
+"""Lengths of a scale bar."""
 LEADS_S = 12
 """Whole seconds of lead time that have a bar; the last holds what is longer."""
 
@@ -84,14 +86,25 @@ def scene(one: Part) -> str:
         for x, y, _ in track
         for sign in (-1, 1)
     ]
-    chart = fitted(room, 200, 180)
+    chart = fitted(room, 200, 200, 16)
     for number, (track, size) in enumerate(zip(tracks, sizes, strict=True)):
         chart.line([(x, y) for x, y, _ in track], f"line c{number}")
         for pose in track[one["nearest"] % 5 :: 5]:
             chart.polygon(_corners(pose, size), f"outline c{number}")
     for number, (track, size) in enumerate(zip(tracks, sizes, strict=True)):
         chart.polygon(_corners(track[one["nearest"]], size), f"envelope c{number}", one["robots"][number])
+    _scale(chart)
     return chart.drawn("Two envelopes where they were nearest")
+
+
+def _scale(chart: Chart) -> None:
+    """A bar of a round length in the lower left corner, and how long it is."""
+    metre = chart.at(1.0, 0.0)[0] - chart.at(0.0, 0.0)[0]
+    length_m = next((one for one in SCALES_M if one * metre <= 0.35 * chart.width), SCALES_M[-1])
+    end = 8 + length_m * metre
+    y = chart.height - 6
+    chart.marks.append(f'<path class="scale" d="M8 {y - 4}V{y}H{end:.1f}V{y - 4}"/>')
+    chart.text(end + 4, y, f"{length_m:g} m", "tick", "start")
 
 
 def _track(text: str) -> list[tuple[float, float, float]]:

@@ -68,9 +68,19 @@ class ForecastErrors:
             self._count(np.inf)
 
     def figures(self) -> dict[str, Any]:
-        """Median and p90 by horizon, of all and by vendor and model."""
+        """Median and p90 by horizon, of all, by vendor, and by vendor and model."""
+        rows_of: dict[str, list[int]] = {}
+        for (vendor, _), row in sorted(self._makers.items()):
+            rows_of.setdefault(vendor, []).append(row)
         return {
             "all": _by_horizon(self._counts.sum(axis=1), self._inside.sum(axis=0)),
+            "by_vendor": [
+                {
+                    "vendor": vendor,
+                    "horizons": _by_horizon(self._counts[:, rows].sum(axis=1), self._inside[rows].sum(axis=0)),
+                }
+                for vendor, rows in rows_of.items()
+            ],
             "by_model": [
                 {"vendor": vendor, "model": model, "horizons": _by_horizon(self._counts[:, row], self._inside[row])}
                 for (vendor, model), row in sorted(self._makers.items())

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import floor, inf
+from typing import Any
 
 from deconflict.effort import Effort
 from deconflict.roles.receiver import fleet_of
@@ -12,6 +13,7 @@ from ingest.measures import Measures
 from ingest.playback import EngineStarted, Event, Noted, Received, Tick
 from ingest.seam import Batch
 from metrics import conform
+from metrics.vendors import LOOK_S
 
 TICK_S = 0.25
 """Between passes over a log that has no ticks of its own."""
@@ -33,6 +35,8 @@ class Pass:
     """Answers that were still worked out then."""
     heard: bool = False
     """Whether robots may have acted on what was advised: the log is this service's own, with its ticks."""
+    measured: dict[str, Any] | None = None
+    """What the receiver would tell of itself, once a minute: how vendors do is looked at then."""
 
 
 class Reading:
@@ -43,8 +47,12 @@ class Reading:
         self.fleet = fleet_of(site, Measures())
         self.messages = 0
         self.first_s, self.last_s = inf, -inf
+        self.now_s = 0.0
+        """Of the newest pass."""
         self._everything = False
         self._own_ticks = False
+        self._looked: float | None = None
+        """The last minute, in `LOOK_S`, of which a pass has come."""
         self._ticked: int | None = None
         """The last tick that was made up for a log without any."""
         self._held: list[Received] = []
@@ -113,5 +121,12 @@ class Reading:
 
     def _pass(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> Pass:
         batch = self.fleet.cut(now_s, self._everything)
-        self._everything = False
-        return Pass(now_s, batch, effort, pending, self._own_ticks)
+        self.now_s, self._everything = now_s, False
+        before, self._looked = self._looked, now_s // LOOK_S
+        measured = self.measured() if before not in (None, self._looked) else None
+        return Pass(now_s, batch, effort, pending, self._own_ticks, measured)
+
+    def measured(self) -> dict[str, Any]:
+        """What the receiver would tell of itself now."""
+        self.fleet.measure(self.now_s)
+        return self.fleet.measures.as_document()

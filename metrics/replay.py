@@ -17,6 +17,7 @@ from deconflict.blackbox.start import Start
 from deconflict.engine import Engine
 from deconflict.gathering import Gathering
 from deconflict.site import Site
+from ingest import stamps
 from ingest.playback import Event, Reader
 from ingest.seam import Batch, Floats
 from metrics import conform
@@ -28,6 +29,7 @@ from metrics.passes import Pass, Reading
 from metrics.scenes import Scene
 from metrics.scoring import Alert, Presence, score
 from metrics.truth import Pair, Truth
+from metrics.vendors import VendorRecords
 
 FORESEEN_S = 10.0
 """An advisory that was cleared longer before a near moment than this had nothing to do with it."""
@@ -65,6 +67,8 @@ class Said:
     """(n, horizons, bands) radii that its ledger held for the forecasts of the batch."""
     waiting: Sequence[str] = ()
     """Robots that wait as advised."""
+    measured: dict[str, Any] | None = None
+    """What the engine would tell of itself, where the pass has that of the receiver."""
 
 
 class Run:
@@ -90,7 +94,12 @@ class Run:
         revisions = [each for each in told if isinstance(each, ConflictAdvisory)]
         others = [each for each in told if not isinstance(each, ConflictAdvisory)]
         waiting = self.engine.foresight.heeding(one.now_s)
-        return Said(revisions, others, raised, self._published(one.now_s), bands_m, waiting)
+        measured = self.measured() if one.measured else None
+        return Said(revisions, others, raised, self._published(one.now_s), bands_m, waiting, measured)
+
+    def measured(self) -> dict[str, Any]:
+        """What the engine would tell of itself now."""
+        return self.engine.measures.as_document()
 
     def _published(self, now_s: float) -> list[tuple[Pair, float]]:
         """The probabilities at the first pass of each second, which are judged; none at others."""
@@ -152,11 +161,19 @@ class Outcome:
         self._gathering = Gathering(FOLLOWED)
         self.vendor_of: dict[str, str] = {}
         """By robot that has said where it is."""
+        self._name_of: dict[str, str] = {}
+        """What a person calls each of them."""
+        self._floors: Sequence[str] = ()
+        """By index, as batches have them."""
+        self._floor_names = {one.id: one.name for one in site.datums}
+        self._vendors = VendorRecords()
 
     def take(self, one: Pass, said: Sequence[Said]) -> None:
         """One pass and what each engine said at it."""
         now_s, batch = one.now_s, one.batch
         self.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
+        self._name_of.update(zip(batch.robots, batch.names, strict=True))
+        self._floors = batch.floors
         self.truth.report(batch.robots, batch.forecasts)
         makers = list(zip(batch.vendors, batch.models, strict=True))
         self.forecasts.take(batch.robots, makers, batch.forecasts, said[0].bands_m if said else None)
@@ -166,6 +183,8 @@ class Outcome:
         self.contention.hear(now_s, said[0].others if said else ())
         for verdict, each in zip(self.verdicts, said, strict=True):
             verdict.take(now_s, each)
+        if one.measured and said and said[0].measured:
+            self._vendors.look(now_s, (one.measured, said[0].measured))
         looked_until_s = self.truth.until_s
         self.truth.advance(now_s)
         if self.truth.until_s > looked_until_s:
@@ -176,36 +195,60 @@ class Outcome:
         self.arrivals.take(batch)
         self.contention.take(batch)
 
-    def result(self, reading: Reading) -> dict[str, Any]:
-        """What the log held, and the scores of every clearance, once nothing more comes."""
+    def result(self, reading: Reading, measured: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        """What the log held, and the scores of every clearance, once nothing more comes.
+
+        `measured` is what the first clearance's engine would tell of itself in the end; empty where there is none.
+        """
         for due in self._gathering.rest():
             self._follow(due.batch)
         self.truth.finish()
         self.forecasts.finish()
         self._resolve()
         presence = Presence(self.vendor_of, self.truth.motion.present_s())
+        scores = [self._score(verdict, presence) for verdict in self.verdicts]
+        ece = {one["vendor"]: one["ece"] for one in scores[0]["by_vendor"]} if scores else {}
+        scenes = self.truth.scenes.finish(self.truth.motion) if self.verdicts else []
+        nearest = [self._scene(scene, reading.first_s) for scene in scenes]
+        self._vendors.look(reading.now_s, (reading.measured(), *measured))
         return {
             "messages": reading.messages,
             "robots": len(self.vendor_of),
             "span_s": reading.span_s,
-            "scores": [self._score(verdict, presence) for verdict in self.verdicts],
+            "scores": scores,
+            "vendors": self._vendors.figures(ece),
             "forecast_error": self.forecasts.figures(),
             "arrivals": self.arrivals.figures(),
             "contention": self.contention.figures(),
             "advisories_raised": dict(sorted(self.verdicts[0].raised.items())) if self.verdicts else {},
-            "nearest": [self._scene(scene) for scene in self.truth.scenes.finish(self.truth.motion)],
+            "nearest": nearest,
             "conformance": conform.findings(reading.fleet.measures),
         }
 
-    def _scene(self, scene: Scene) -> dict[str, Any]:
-        """One of the nearest moments, and how long before it the first clearance's advisory stood."""
-        before = (
-            scene.at_s - told.raised_s
+    def _scene(self, scene: Scene, first_s: float) -> dict[str, Any]:
+        """One of the nearest moments, and when the first clearance's advisory was raised before it.
+
+        One that stands is told of before one that has been cleared, and the earliest of them.
+        """
+        at_s = scene.at_s
+        before = [
+            (told.cleared_s < at_s, told.raised_s, told.cleared_s)
             for told in self.verdicts[0].told.values()
-            if told.pair == scene.pair and told.raised_s < scene.at_s and told.cleared_s > scene.at_s - FORESEEN_S
-        )
-        vendors = [self.vendor_of[robot] for robot in scene.pair]
-        return {"vendors": vendors, "warned_s": max(before, default=None), **scene.document()}
+            if told.pair == scene.pair and told.raised_s < at_s and told.cleared_s > at_s - FORESEEN_S
+        ]
+        over, raised_s, cleared_s = min(before, default=(False, None, inf))
+        floor = self._floors[scene.floor] if scene.floor >= 0 else ""
+        return {
+            "vendors": [self.vendor_of[robot] for robot in scene.pair],
+            "names": [self._name_of[robot] for robot in scene.pair],
+            "at": stamps.write(round(at_s, 1)),
+            "into_s": round(at_s - first_s, 1),
+            "floor": floor,
+            "floor_name": self._floor_names.get(floor, ""),
+            "warned_s": None if raised_s is None else at_s - raised_s,
+            "warned_until_s": at_s - cleared_s if over else None,
+            **scene.document(),
+        }
 
     def _resolve(self) -> None:
         for verdict in self.verdicts:
@@ -253,7 +296,8 @@ def replay(
         if tell:
             for line in streamed(said):
                 tell(line)
-    return document(outcome.result(reading), reader, time.perf_counter() - began)
+    result = outcome.result(reading, [run.measured() for run in runs[:1]])
+    return document(result, reader, time.perf_counter() - began)
 
 
 def document(result: dict[str, Any], reader: Reader, took_s: float) -> dict[str, Any]:

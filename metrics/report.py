@@ -35,7 +35,7 @@ def _sections(result: Part) -> Iterator[str]:
     yield "<h2>Figures</h2>" + _figures(result["scores"])
     for score in result["scores"]:
         yield f"<h2>Clearance {score['clearance_m']:g} m</h2>" + "".join(_score(score))
-    yield "<h2>Vendors</h2>" + _scorecard(result)
+    yield "<h2>Vendors</h2>" + _scorecard(result) + _trust(result["vendors"])
     yield "<h2>How far forecasts were off</h2>" + _errors(result["forecast_error"]["by_model"])
     if result["arrivals"]:
         yield "<h2>How far arrivals were off</h2>" + _arrivals(result["arrivals"])
@@ -65,7 +65,7 @@ def _figures(scores: Sequence[Part]) -> str:
     head = ("clearance", "encounters foreseeable", "recall", "at any time", "alerts", "can't be told", "precision")
     more = ("lead time, s (p10 to p90)", "start error, s", "calibration error", "Brier skill")
     return _table((*head, *more), rows) + (
-        '<p class="note">Recall: share of foreseeable encounters with an alert standing in the last 2 s before.'
+        '<p class="note">Recall: share of foreseeable encounters with an alert standing at a second of the last 2 s.'
         " Precision: share of alerts that an encounter followed within 10 s. In brackets: 95 % interval.</p>"
     )
 
@@ -97,7 +97,8 @@ def _scorecard(result: Part) -> str:
     """A line for each vendor, at the first clearance."""
     score = result["scores"][0]
     conduct = {one["vendor"]: one for one in result["conformance"]}
-    ahead = {one["vendor"]: one["horizons"][2] for one in reversed(result["forecast_error"]["by_model"])}
+    ahead = {one["vendor"]: one["horizons"][2] for one in result["forecast_error"]["by_vendor"]}
+    grades = {one["vendor"]: one["grade"] for one in result["vendors"]}
     rows = []
     for one in score["by_vendor"]:
         off, said = ahead.get(one["vendor"]), conduct.get(one["vendor"])
@@ -106,6 +107,7 @@ def _scorecard(result: Part) -> str:
         rows.append(
             [
                 one["vendor"],
+                grades.get(one["vendor"]) or "-",
                 f"{one['robot_hours']:.2f}",
                 f"{one['foreseeable']}",
                 _share(one["recall"]),
@@ -118,9 +120,35 @@ def _scorecard(result: Part) -> str:
                 f"{100 * departures / messages:.1f}" if messages else "-",
             ]
         )
-    head = ("vendor", "robot-hours", "encounters", "recall", "precision", "alerts a robot-hour", "lead time, s")
-    more = ("off after 3 s, m: median / p90", "messages", "rejected", "departures in 100 messages")
+    head = ("vendor", "grade", "robot-hours", "encounters", "recall", "precision", "alerts a robot-hour")
+    more = ("lead time, s", "off after 3 s, m: median / p90", "messages", "rejected", "departures in 100 messages")
     return f"<p>At a clearance of {score['clearance_m']:g} m.</p>" + _table((*head, *more), rows)
+
+
+def _trust(vendors: Sequence[Part]) -> str:
+    """How far each vendor's word can be trusted, and what changed of it."""
+    rows = [
+        [
+            one["vendor"],
+            one["grade"] or "-",
+            one["grade_words"],
+            " / ".join(_share(band["covered"]) for band in one["coverage"]) or "-",
+            _number(one["ece"], 3),
+            f"{one['distrusted']:,}",
+            f"{one['forecasts_distrusted']:,}",
+        ]
+        for one in vendors
+    ]
+    head = ("vendor", "grade", "why", "in the 50 / 80 / 90 % bands", "calibration error")
+    more = ("robots at once that did other than they said", "forecasts distrusted")
+    flags = [
+        [one["vendor"], flag["words"], _moment(flag["since"]), _moment(flag["until"]) if flag["until"] else "the end"]
+        for one in vendors
+        for flag in one["flags"]
+    ]
+    changed = _table(("vendor", "what changed", "since", "until"), flags, words=4) if flags else ""
+    none = "" if flags else '<p class="note">No vendor\'s forecasts, positions or clocks changed.</p>'
+    return "<h3>What their word is worth</h3>" + _table((*head, *more), rows, words=3) + changed + none
 
 
 def _errors(models: Sequence[Part]) -> str:
@@ -203,18 +231,27 @@ def _scenes(scenes: Sequence[Part]) -> str:
         return "<p>No two robots came near each other.</p>"
     cells = []
     for one in drawn:
-        warned = one["warned_s"]
-        told = "no advisory stood" if warned is None else f"advisory {warned:.1f} s before"
         names = " and ".join(
-            f'<span class="key c{number}"></span>{escape(vendor)} {escape(robot[:8])}'
-            for number, (vendor, robot) in enumerate(zip(one["vendors"], one["robots"], strict=True))
+            f'<span class="key c{number}"></span>{escape(name)}' for number, name in enumerate(one["names"])
         )
         depth = "touching" if one["separation_m"] == 0 else f"{one['separation_m']:.2f} m apart"
-        cells.append(f"<figure>{figures.scene(one)}<figcaption>{names}<br>{depth}, {told}</figcaption></figure>")
+        floor = one["floor_name"] or one["floor"][:8] or "no floor"
+        when = f"{_moment(one['at'])}, {one['into_s']:.1f} s into the log"
+        where = f"{floor}, x {one['x_m']:.1f}, y {one['y_m']:.1f}"
+        lines = (names, escape(f"{depth}; {_warned(one)}"), escape(when), escape(where))
+        cells.append(f"<figure>{figures.scene(one)}<figcaption>{'<br>'.join(lines)}</figcaption></figure>")
     return (
         f'<div class="row small">{"".join(cells)}</div>'
         '<p class="note">Six seconds before to three after, an outline every second; filled where nearest.</p>'
     )
+
+
+def _warned(scene: Part) -> str:
+    warned, until = scene["warned_s"], scene["warned_until_s"]
+    if warned is None:
+        return "no advisory in the 10 s before"
+    over = ", still open" if until is None else f", cleared {until:.1f} s before"
+    return f"advisory {warned:.1f} s before{over}"
 
 
 def _conformance(vendors: Sequence[Part]) -> str:
@@ -265,6 +302,11 @@ def _spread(value: Part | None) -> str:
     return "-" if value is None else f"{value['median']:.1f} ({value['p10']:.1f} to {value['p90']:.1f})"
 
 
+def _moment(stamp: str) -> str:
+    """A time of the log for a person, UTC."""
+    return f"{stamp[:10]} {stamp[11:19]} UTC"
+
+
 def _span(seconds: float) -> str:
     return f"{seconds / 3600:.1f} hours" if seconds >= 7200 else f"{seconds / 60:.1f} minutes"
 
@@ -278,14 +320,16 @@ body{margin:2rem auto;padding:0 1.25rem;max-width:76rem;background:var(--back);c
 font:15px/1.5 system-ui,sans-serif}
 h1{font-size:1.6rem;margin:0 0 .5rem}h2{font-size:1.15rem;margin:2.2rem 0 .6rem;padding-top:.8rem;
 border-top:1px solid var(--rule)}
+h3{font-size:1rem;font-weight:600;margin:1.4rem 0 .3rem}
 .wide{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:14px}
 th,td{padding:.3rem .8rem .3rem 0;text-align:left;vertical-align:top;border-bottom:1px solid var(--rule)}
 th{color:var(--dim);font-weight:500;vertical-align:bottom}td.n{white-space:nowrap}
 .note,figcaption{color:var(--dim);font-size:13px}.row{display:flex;flex-wrap:wrap;gap:1.5rem;align-items:flex-start}
-figure{margin:.5rem 0}.small figure{width:200px}.small svg{border:1px solid var(--rule);border-radius:4px}
+figure{margin:.5rem 0}.small figure{width:210px}
+.small svg{border:1px solid var(--rule);border-radius:4px}
 svg{max-width:100%;height:auto;display:block}.legend{list-style:none;padding:0;margin:1rem 0}
 .key{display:inline-block;width:.7em;height:.7em;border-radius:2px;margin-right:.4em;background:currentColor}
-.grid{stroke:var(--rule)}.tick{fill:var(--dim);font-size:11px}.axis{fill:var(--dim);font-size:12px}
+.scale{fill:none;stroke:var(--dim);stroke-width:1.5}.grid{stroke:var(--rule)}.tick{fill:var(--dim);font-size:11px}.axis{fill:var(--dim);font-size:12px}
 .ideal{stroke:var(--dim);stroke-dasharray:3 4;fill:none}.bar{fill:var(--bar)}.heat{fill:var(--heat)}
 .c0{color:var(--c0)}.c1{color:var(--c1)}.c2{color:var(--c2)}.c3{color:var(--c3)}.c4{color:var(--c4)}.c5{color:var(--c5)}
 .line,.dashes{fill:none;stroke:currentColor;stroke-width:2}.dashes{stroke-dasharray:6 4}.dot{fill:currentColor}

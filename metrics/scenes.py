@@ -33,6 +33,11 @@ class Scene:
     """Length and width of each envelope."""
     nearest: int = 0
     """The step at which they were nearest."""
+    floor: int = -1
+    """Index of the floor on which they were."""
+    x_m: float = 0.0
+    y_m: float = 0.0
+    """Between their middles, then."""
 
     @property
     def rank(self) -> tuple[float, float, float, tuple[str, str]]:
@@ -43,6 +48,8 @@ class Scene:
             "robots": list(self.pair),
             "at_s": round(self.at_s, 1),
             "separation_m": round(self.separation_m, 3),
+            "x_m": round(self.x_m, 2),
+            "y_m": round(self.y_m, 2),
             "nearest": self.nearest,
             "sizes_m": [list(size) for size in self.sizes],
             "tracks": [";".join(f"{x:.2f} {y:.2f} {yaw:.3f}" for x, y, yaw in track.tolist()) for track in self.tracks],
@@ -99,8 +106,10 @@ class Scenes:
             return
         scene.nearest = int(np.argmin(np.abs(sample[there] - middle)))
         scene.tracks = [poses[row, there, :3] for row in (0, 1)]
-        half = poses[:, there[scene.nearest], 3:]
-        scene.sizes = [(float(2 * length), float(2 * width)) for length, width in half]
+        then = poses[:, there[scene.nearest]]
+        scene.sizes = [(float(2 * length), float(2 * width)) for length, width in then[:, 3:5]]
+        scene.x_m, scene.y_m = then[:, :2].mean(axis=0).tolist()
+        scene.floor = int(then[0, 5])
 
 
 def _nearest_rows(near: Separations) -> Ints:
@@ -113,9 +122,9 @@ def _nearest_rows(near: Separations) -> Ints:
 
 
 def _part(stretch: Stretch, robots: list[int], first: int, last: int) -> tuple[Ints, Floats]:
-    """The samples of a stretch from `first` to `last`, and (2, k, 5) pose and half sizes of both robots there."""
+    """The samples of a stretch from `first` to `last`, and (2, k, 6) pose, half sizes and floor of both robots."""
     samples = np.arange(max(first, stretch.first), min(last + 1, stretch.first + stretch.x_m.shape[1]))
-    poses = np.full((2, len(samples), 5), np.nan)
+    poses = np.full((2, len(samples), 6), np.nan)
     for which, robot in enumerate(robots):
         row = int(np.searchsorted(stretch.robot, robot))
         if row < len(stretch.robot) and stretch.robot[row] == robot:
@@ -126,6 +135,7 @@ def _part(stretch: Stretch, robots: list[int], first: int, last: int) -> tuple[I
                     stretch.y_m[row, columns],
                     stretch.yaw_rad[row, columns],
                     *stretch.half_m[:, row, columns],
+                    stretch.floor[row, columns],
                 ],
                 axis=1,
             )

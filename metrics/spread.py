@@ -93,7 +93,8 @@ def replay(
     for window in under_way:
         _tell(client, window, tell)
     outcome: Outcome = _thawed(client.submit(itemgetter(0), judged, pure=False).result())
-    return document(outcome.result(reading), reader, time.perf_counter() - began)
+    measured = [client.submit(_measured, run, pure=False).result() for run in said[:1]]
+    return document(outcome.result(reading, measured), reader, time.perf_counter() - began)
 
 
 def _windows(events: Iterable[Event], window_s: float) -> Iterator[tuple[list[Event], bool]]:
@@ -123,6 +124,11 @@ def _say(before: tuple[State, list[Said]], passes: list[Pass]) -> tuple[State, l
     run: Run = _thawed(before[0])
     said = [run.step(one) for one in passes]
     return pickle.dumps(run), said
+
+
+def _measured(last: tuple[State, list[Said]]) -> dict[str, Any]:
+    run: Run = _thawed(last[0])
+    return run.measured()
 
 
 def _judge(

@@ -55,6 +55,18 @@ def test_a_slower_robot_is_off_along_its_track_and_a_stray_one_across() -> None:
     assert slower["distance_median_m"] == slower["along_median_m"]
 
 
+def test_a_vendor_is_told_of_with_all_its_models() -> None:
+    errors = ForecastErrors()
+    for second in range(40):
+        for name, model, ahead_m in (("a", "Fast", 12.0), ("b", "Slow", 8.0), ("c", "Slow", 10.0)):
+            errors.take([name], [("Alder", model)], said(float(second), (second, 0.0), (second + ahead_m, 0.0)))
+    errors.finish()
+    (alder,) = errors.figures()["by_vendor"]
+    told = alder["horizons"][9]
+    assert (alder["vendor"], told["cases"]) == ("Alder", 3 * 30)
+    assert [told["distance_median_m"], told["distance_p90_m"]] == pytest.approx([2.0, 2.0], rel=0.02)
+
+
 def test_it_makes_no_difference_how_long_a_log_is_held() -> None:
     at_once = ForecastErrors()
     for second in range(40):

@@ -1,5 +1,8 @@
 import copy
+import re
 import xml.etree.ElementTree as ET
+from datetime import datetime
+from math import dist
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +14,7 @@ from metrics import figures
 from metrics.replay import replay
 from metrics.report import page
 from metrics.svg import Chart, ticks
-from tests.metrics.test_replay import log_of_a_crossing, scored
+from tests.metrics.test_replay import NOW_S, log_of_a_crossing, scored
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +38,10 @@ def test_what_vendors_say_is_shown_as_text(result: dict[str, Any]) -> None:
     for one in (*hostile["scores"][0]["by_vendor"], *hostile["conformance"], *hostile["forecast_error"]["by_model"]):
         one["vendor"] = name
     for one in hostile["nearest"]:
-        one["vendors"] = [name, name]
+        one["vendors"] = one["names"] = [name, name]
+        one["floor_name"] = name
+    for one in hostile["vendors"]:
+        one["vendor"] = name
     told = page(hostile, name)
     assert "<script" not in told
     assert "&lt;script&gt;" in told
@@ -59,6 +65,62 @@ def test_the_nearest_moment_is_where_the_two_crossed(result: dict[str, Any]) -> 
     at = [tuple(map(float, track.split(";")[one["nearest"]].split()[:2])) for track in one["tracks"]]
     assert [abs(value) < 0.2 for place in at for value in place] == [True] * 4
     assert one["warned_s"] > 7
+    assert one["warned_until_s"] is None
+    assert (abs(one["x_m"]) < 0.5, abs(one["y_m"]) < 0.5) == (True, True)
+
+
+def test_the_nearest_moment_is_told_with_its_time_place_names_and_a_scale(result: dict[str, Any]) -> None:
+    one = result["nearest"][0]
+    assert datetime.fromisoformat(one["at"]).timestamp() == pytest.approx(one["at_s"], abs=1e-3)
+    assert one["into_s"] == pytest.approx(one["at_s"] - NOW_S, abs=0.11)
+    assert sorted(one["names"]) == ["Alder A-1", "Alder B-1"]
+    told = page(result, "Replay")
+    where = f"x {one['x_m']:.1f}, y {one['y_m']:.1f}"
+    for part in ("Alder A-1", "Alder B-1", f"{one['at'][:10]} {one['at'][11:19]} UTC", "s into the log", where):
+        assert part in told
+    root = ET.fromstring(figures.scene(one))  # noqa: S314 - our own text
+    (words,), (bar,) = ([mark for mark in root.iter() if mark.tag == tag] for tag in ("text", "path"))
+    begin, end = re.fullmatch(r"M(\S+) \S+V\S+H(\S+)V\S+", bar.attrib["d"]).groups()  # type: ignore[union-attr]
+    envelope = next(mark for mark in root.iter("polygon") if mark.attrib["class"].startswith("envelope"))
+    corners = [tuple(map(float, corner.split(","))) for corner in envelope.attrib["points"].split()]
+    metre = dist(corners[0], corners[1]) / one["sizes_m"][0][0]
+    assert words.text == f"{(float(end) - float(begin)) / metre:.0f} m"
+
+
+@pytest.mark.parametrize(
+    ("warned_s", "until_s", "told"),
+    [
+        (None, None, "no advisory in the 10 s before"),
+        (8.1, None, "advisory 8.1 s before, still open"),
+        (8.1, 2.0, "advisory 8.1 s before, cleared 2.0 s before"),
+    ],
+)
+def test_a_moment_says_whether_its_advisory_had_been_cleared(
+    result: dict[str, Any], warned_s: float | None, until_s: float | None, told: str
+) -> None:
+    changed = copy.deepcopy(result)
+    for one in changed["nearest"]:
+        one.update(warned_s=warned_s, warned_until_s=until_s)
+    assert told in page(changed, "Replay")
+
+
+def test_the_scorecard_says_what_a_vendors_word_is_worth(result: dict[str, Any]) -> None:
+    changed = copy.deepcopy(result)
+    (vendor,) = changed["vendors"]
+    assert "No vendor's forecasts, positions or clocks changed" in page(changed, "Replay")
+    flag = {"what": "clock", "since": "2026-11-22T08:00:00Z", "by": -3.0, "words": "clocks 3.0 s faster than usual"}
+    vendor.update(grade="C", grade_words="so and so", flags=[flag | {"until": None}], forecasts_distrusted=4321)
+    vendor["coverage"] = [{"share": share, "covered": share + 0.01} for share in (0.5, 0.8, 0.9)]
+    told = page(changed, "Replay")
+    for part in (
+        "so and so",
+        "clocks 3.0 s faster",
+        "2026-11-22 08:00:00 UTC",
+        "the end",
+        "4,321",
+        "0.51 / 0.81 / 0.91",
+    ):
+        assert part in told
 
 
 def test_drawings_are_well_formed_and_lie_within_their_bounds() -> None:
