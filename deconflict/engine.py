@@ -76,8 +76,7 @@ class Engine:
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
         there = self.live.robots.__contains__
         meets = self._meet, self._sweeper.encounters
-        odds = self._separation_m, self.foresight.probability
-        self._scene = Scene(there, self._party, self._stands, *meets, *odds, self._datum, self._places)
+        self._scene = Scene(there, self._party, self._stands, *meets, self._separation_m, self._datum, self._places)
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
         self._submit, self._aside = submit, Aside(submit)

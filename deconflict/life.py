@@ -35,7 +35,7 @@ from deconflict.telling import (
     Scene,
     Where,
 )
-from deconflict.tracks import Stirred, Track, Tracks, Weighed
+from deconflict.tracks import HELD_SHARE, Stirred, Track, Tracks, Weighed
 
 PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
 """Why a conflict is cleared while both robots are on the floor."""
@@ -123,7 +123,7 @@ class Lives:
             if left or not rests or (news and track.advisory is None):
                 revisions.append(self._kept(track, self._unpredicted(track, now_s, scene)))
             if not left and self._may_fade(track, now_s):
-                revisions.append(self._kept(track, self._as_likely(track, scene.probability(track.pair), now_s)))
+                revisions.append(self._kept(track, self._as_likely(track, 0.0, now_s)))
         return sorted(filter(None, revisions), key=attrgetter("robots"))
 
     def _kept(self, track: Track, revision: ConflictAdvisory | None) -> ConflictAdvisory | None:
@@ -201,11 +201,15 @@ class Lives:
         return now_s - self.tracks.predicted_s(track) >= FADES_S
 
     def _as_likely(self, track: Track, probability: float, now_s: float) -> ConflictAdvisory | None:
-        """The revision that tells nothing else than how likely its conflict is now, where that has changed."""
-        told = track.advisory
-        if told is None or now_s < _next_s(told) or not telling.is_likelier(told, probability):
+        """The revision that tells nothing else than how likely its conflict is now, where that has changed.
+
+        What is not likely enough to stand is told to be half as likely as that, however little it is.
+        """
+        held = self.settings.raise_probability * HELD_SHARE
+        told, likely = track.advisory, probability if probability >= held else held / 2
+        if told is None or now_s < _next_s(told) or not telling.is_likelier(told, likely):
             return None
-        return telling.with_probability(told, probability, now_s)
+        return telling.with_probability(told, likely, now_s)
 
     def _decided(self, due: Iterable[Due], now_s: float, scene: Scene) -> list[ConflictAdvisory]:
         """The revisions of those that are new, or say something else than was told."""

@@ -116,8 +116,6 @@ class Scene:
     """How each of some pairs meets at its time, but for rounding errors; the place is nan where it is not known."""
     separation_m: Callable[[Pair, float], float | None]
     """None where the two cannot be compared."""
-    probability: Callable[[Pair], float]
-    """Of a pair of which nothing is predicted."""
     datum: Callable[[Encounter], str]
     """The datum's id."""
     places: Callable[[Sequence[Encounter]], list[str]]

@@ -198,12 +198,6 @@ class Foresight:
         shown = shown[np.argsort(self._rank[a] * len(self._rank) + self._rank[b])]
         return list(zip(self._named(shown["code"]), shown["probability"].tolist(), strict=True))
 
-    def probability(self, pair: Pair) -> float:
-        """What is thought of a pair; 0 where it is too far apart to be under watch."""
-        a, b = np.array([[self._slots.get(uuid, -1)] for uuid in pair])
-        (rows,) = (self._pairs["code"] == codes(a, b)).nonzero()
-        return float(self._pairs["probability"][rows[0]]) if len(rows) else 0.0
-
     def look(self, now_s: float, swept: Swept, likely: float) -> Foreseen:
         """Look again at what changed, and learn from what has become known.
 

@@ -23,6 +23,8 @@ SETTINGS = Conflict(
     critical_s=2.0,
 )
 ABSENT_AFTER_S = 60.0
+UNLIKELY = SETTINGS.raise_probability * HELD_SHARE / 2
+"""What an advisory tells of a conflict that is not likely enough to stand."""
 
 
 @dataclass
@@ -32,8 +34,6 @@ class Story:
     lives: Lives = field(default_factory=lambda: Lives(SETTINGS, ABSENT_AFTER_S))
     now_s: float = 1000.0
     apart_m: float | None = 5.0
-    odds: float = 1.0
-    """Of the pair while nothing is predicted of it."""
     floor: dict[str, Party] = field(
         default_factory=lambda: {
             "a": Party("Alder 1", "Alder", "path", standing=False),
@@ -53,7 +53,6 @@ class Story:
             meet=meet,
             encounters=each(meet),
             separation_m=lambda _, __: self.apart_m,
-            probability=lambda _: self.odds,
             datum=lambda _: "datum-1",
             places=lambda met: ["in Aisle 4 on Hall"] * len(met),
         )
@@ -81,11 +80,11 @@ class Story:
 
 
 def test_what_is_no_longer_predicted_tells_how_likely_it_is_until_it_is_cleared() -> None:
-    story = Story(odds=0.04)
+    story = Story()
     raised = story.raised(12)
     told = [story.quiet() for _ in range(2)]
     assert [[(one.state, one.probability, one.severity) for one in each] for each in told] == [
-        [(AdvisoryState.UPDATED, 0.04, raised.severity)],
+        [(AdvisoryState.UPDATED, UNLIKELY, raised.severity)],
         [],
     ]
     (back,) = story.predicted(9, probability=0.9)
@@ -96,12 +95,12 @@ def test_what_has_begun_tells_how_likely_it_is() -> None:
     story = Story()
     story.raised(3)
     story.predicted(0)
-    told = [story.predicted(-1, start_m=0.35, probability=probability) for probability in (0.95, 0.3, 0.3, 0.05)]
+    told = [story.predicted(-1, start_m=0.35, probability=probability) for probability in (0.95, 0.3, 0.3, 0.1)]
     assert [[(one.time_to_conflict_s, one.probability) for one in each] for each in told] == [
         [],
         [(0.0, 0.3)],
         [],
-        [(0.0, 0.05)],
+        [(0.0, 0.1)],
     ]
 
 
@@ -238,7 +237,7 @@ def test_it_clears_when_not_predicted_for_long_enough() -> None:
     story = Story()
     first = story.raised()
     told = [story.quiet() for _ in range(3)]
-    assert told[:2] == [[], []]
+    assert [[one.state for one in each] for each in told[:2]] == [[AdvisoryState.UPDATED], []]
     (cleared,) = told[2]
     assert (cleared.id, cleared.state, cleared.cleared_because) == (
         first.id,
@@ -252,7 +251,11 @@ def test_it_clears_when_not_predicted_for_long_enough() -> None:
 def test_a_prediction_that_comes_back_keeps_the_advisory() -> None:
     story = Story()
     story.raised(12)
-    assert [*story.quiet(), *story.quiet(), *story.predicted(8.2, fresh=False)] == []
+    faded, *back = [*story.quiet(), *story.quiet(), *story.predicted(8.2, fresh=False)]
+    assert [(one.id, one.state, one.probability) for one in (faded, *back)] == [
+        (faded.id, AdvisoryState.UPDATED, UNLIKELY),
+        (faded.id, AdvisoryState.UPDATED, 1.0),
+    ]
     assert len(story.lives.told) == 1
 
 
@@ -261,7 +264,8 @@ def test_it_stays_until_they_have_drawn_apart() -> None:
     story.raised()
     story.predicted(0, start_m=0.1)
     story.apart_m = 0.35
-    assert [story.quiet() for _ in range(6)] == [[]] * 6
+    (faded,) = [one for _ in range(6) for one in story.quiet()]
+    assert (faded.state, faded.probability) == (AdvisoryState.UPDATED, UNLIKELY)
     story.apart_m = 0.45
     (cleared,) = story.quiet()
     assert cleared.cleared_because == "they have passed each other"
@@ -272,7 +276,7 @@ def test_what_becomes_unlikely_stands_for_a_while() -> None:
     story.raised(12)
     told = [story.predicted(10, probability=0.0) for _ in range(3)]
     assert [[one.cleared_because for one in each] for each in told] == [[None], [], ["no longer predicted"]]
-    assert told[0][0].probability == 0.0
+    assert told[0][0].probability == UNLIKELY
 
 
 def test_a_pair_that_touches_as_it_begins_does_not_alert() -> None:
@@ -287,7 +291,7 @@ def test_having_met_before_the_advisory_is_not_having_passed_each_other() -> Non
     story.raised()
     story.apart_m = 5.0
     told = [one for _ in range(4) for one in story.quiet()]
-    assert [one.cleared_because for one in told] == ["no longer predicted"]
+    assert [one.cleared_because for one in told] == [None, "no longer predicted"]
 
 
 def test_a_second_encounter_is_a_new_advisory_with_the_next_ordinal() -> None:

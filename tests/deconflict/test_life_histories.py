@@ -56,7 +56,6 @@ class Histories(RuleBasedStateMachine):
             meet=meet,
             encounters=each(meet),
             separation_m=lambda pair, _: self.apart_m.get(pair, 9.0),
-            probability=lambda _: 0.02,
             datum=lambda _: "datum-1",
             places=lambda met: ["in Aisle 4"] * len(met),
         )

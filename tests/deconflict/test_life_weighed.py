@@ -77,7 +77,6 @@ class Floor:
             meet=meet,
             encounters=each(meet),
             separation_m=lambda *_: 5.0,
-            probability=lambda _: 0.02,
             datum=lambda met: f"datum-{met.floor}",
             places=lambda met: ["in Aisle 4"] * len(met),
         )

@@ -132,9 +132,9 @@ def test_the_comparison_sees_what_is_broken_on_purpose(
     assert kinds <= set(said)
 
 
-def _put_with_small_circles(roster: Roster, keys: Sequence[str], forecasts: Forecasts) -> Ints | None:
+def _put_with_small_circles(roster: Roster, keys: Sequence[str], forecasts: Forecasts, *rest: Any) -> Ints | None:
     """So that turning counts for less than it does."""
-    slots = PUT(roster, keys, forecasts)
+    slots = PUT(roster, keys, forecasts, *rest)
     if slots is not None:
         roster.robots["radius"][slots] *= 0.5
     return slots
