@@ -3,7 +3,8 @@
 A robot is held to its word whenever it has moved for about a second: it contradicts itself by how far it then is from
 the way that it had told, whatever the time it had told for it. One that is late, waits or hurries along its way does
 not; the bands of the ledger have that. One that says that it stands, or goes another way, does. From a few such reports
-on its forecast is set aside while it moves, for straight on at the speed of its last second.
+on its forecast is set aside while it moves, for straight on at the speed of its last second. Points that are far apart
+in time say little of the way between them, so that nobody is held to that.
 """
 
 from dataclasses import replace
@@ -24,16 +25,18 @@ MOVES_MPS = 0.3
 """One that goes more slowly is taken at its word: it may wait, or set out."""
 SLACK_M, SLACK_SHARE = 0.15, 0.5
 """So far off its way is still on it: in metres, and of the way that it went."""
+LONGEST_LEG_S, AWAY_M = 3.0, 0.3
+"""A leg that takes longer, and leads further away, does not tell the way."""
 KEEPS = 0.7
 """How much of a contradiction is left at the next."""
 
 WORD = np.dtype(
     [(name, np.float64) for name in ("at_s", "x_m", "y_m", "floor", "x_mps", "y_mps", "contradicts")]
-    + [("way_m", np.float64, (len(AHEAD_S), 2))],
+    + [("way_m", np.float64, (len(AHEAD_S), 2)), ("vague", np.bool_)],
     align=True,
 )
 """Where a robot was when it gave its word, and the way that it told (looks, 2); how fast it went by its reports since;
-and by how many times what is still on its way it is off it, faded over a few reports."""
+and by how many times what is still on its way it is off it, faded over a few reports; and whether it told no way."""
 
 Words = NDArray[np.void]
 """Of `WORD`, by slot."""
@@ -59,6 +62,18 @@ def _place(t_s: Floats, at_m: Floats, first: int, end: int, at_s: float) -> floa
             share = (at_s - t_s[knot - 1]) / (t_s[knot] - t_s[knot - 1])
             return float(at_m[knot - 1] + share * (at_m[knot] - at_m[knot - 1]))
     return float(at_m[end - 1])
+
+
+@inner
+def _is_vague(t_s: Floats, x_m: Floats, y_m: Floats, first: int, end: int) -> bool:
+    """Whether a leg by which a robot may go before it is held to its word does not tell the way."""
+    for knot in range(first + 1, end):
+        if t_s[knot - 1] > t_s[first] + MOST_S:
+            break
+        leads_m = hypot(x_m[knot] - x_m[knot - 1], y_m[knot] - y_m[knot - 1])
+        if t_s[knot] - t_s[knot - 1] > LONGEST_LEG_S and leads_m > AWAY_M:
+            return True
+    return False
 
 
 @inner
@@ -89,12 +104,15 @@ def hold_to_word(words: Words, slots: Ints, start: Ints, t_s: Floats, x_m: Float
             if LEAST_S <= gap_s <= MOST_S and word.floor == floor[first]:
                 word.x_mps, word.y_mps = (x - word.x_m) / gap_s, (y - word.y_m) / gap_s
                 went_m = hypot(x - word.x_m, y - word.y_m)
-                if went_m >= MOVES_MPS * gap_s:
+                if word.vague:
+                    word.contradicts *= KEEPS
+                elif went_m >= MOVES_MPS * gap_s:
                     off_m = _beside_m(word.way_m, word.x_m, word.y_m, x, y)
                     word.contradicts = KEEPS * word.contradicts + (1 - KEEPS) * off_m / (SLACK_M + SLACK_SHARE * went_m)
             else:
                 word.x_mps = word.y_mps = 0.0
             word.at_s, word.x_m, word.y_m, word.floor = at_s, x, y, floor[first]
+            word.vague = _is_vague(t_s, x_m, y_m, first, end)
             for look in range(len(AHEAD_S)):
                 word.way_m[look, 0] = _place(t_s, x_m, first, end, at_s + AHEAD_S[look])
                 word.way_m[look, 1] = _place(t_s, y_m, first, end, at_s + AHEAD_S[look])

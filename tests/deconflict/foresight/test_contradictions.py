@@ -25,8 +25,15 @@ def held(words: np.ndarray, told: Forecasts) -> Ints:
     return hold_to_word(words, SLOT, f.start, f.t_s, f.x_m, f.y_m, f.floor)
 
 
-def forecast(t_s: float, x_m: float, y_m: float, says: tuple[float, float]) -> Forecasts:
-    return robot([t_s, t_s + 10], [x_m, x_m + 10 * says[0]], [y_m, y_m + 10 * says[1]], 0.0, (1.0, 0.5))
+def forecast(t_s: float, x_m: float, y_m: float, says: tuple[float, float], every_s: float = 1.0) -> Forecasts:
+    ahead_s = np.arange(0.0, 11.0, every_s)
+    return robot(
+        (t_s + ahead_s).tolist(),
+        (x_m + ahead_s * says[0]).tolist(),
+        (y_m + ahead_s * says[1]).tolist(),
+        0.0,
+        (1.0, 0.5),
+    )
 
 
 def walked(does: tuple[float, float], says: tuple[float, float], seconds: int, every_s: float = 1.0) -> list[bool]:
@@ -53,6 +60,16 @@ def test_one_that_goes_elsewhere_is_set_aside_after_a_few_reports_however_often_
 )
 def test_one_on_its_way_is_believed_whatever_its_time(does: tuple[float, float], says: tuple[float, float]) -> None:
     assert not any(walked(does, says, 30))
+
+
+def test_nobody_is_held_to_the_way_between_points_that_are_far_apart() -> None:
+    words = unheard(2)
+    aside = [len(held(words, forecast(float(t), float(t), 0.0, (-1.0, 0.0)))) for t in range(8)]
+    assert aside[-1] == 1
+    aside = [len(held(words, forecast(float(t), float(t), 0.0, (-1.0, 0.0), every_s=5.0))) for t in range(8, 16)]
+    assert aside == [1, 1, 0, 0, 0, 0, 0, 0]
+    standing = [len(held(words, forecast(float(t), float(t), 0.0, (0.0, 0.0), every_s=5.0))) for t in range(16, 24)]
+    assert standing[-1] == 1
 
 
 def test_one_that_waits_where_it_says_that_it_goes_is_believed() -> None:
@@ -95,8 +112,8 @@ def test_what_is_set_aside_goes_straight_on_and_the_others_as_they_say() -> None
     assert (b.length_m.tolist(), b.yaw_rad.tolist()) == (told.one(1).length_m.tolist(), [told.one(1).yaw_rad[0]] * 2)
 
 
-def test_two_that_say_they_part_and_do_not_are_foreseen_and_called_distrusted() -> None:
-    stage = Stage({"a": Walk((-12.0, 0.0), (1.0, 0.0), (-1.0, 0.0)), "b": Walk((12.0, 0.0), (-1.0, 0.0), (1.0, 0.0))})
+def test_two_that_say_they_stand_and_do_not_are_foreseen_and_called_distrusted() -> None:
+    stage = Stage({"a": Walk((-12.0, 0.0), (1.0, 0.0), (0.0, 0.0)), "b": Walk((12.0, 0.0), (-1.0, 0.0), (0.0, 0.0))})
     told = stage.run(9)
     assert told[2].get(("a", "b"), 0.0) < 0.1
     assert told[8]["a", "b"] > 0.5
