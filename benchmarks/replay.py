@@ -1,8 +1,9 @@
 """How fast a recorded log is replayed and scored, and where the time goes: `python -m benchmarks.replay`.
 
-The log is made by the demo's simulated vendors, each in its own dialect, a status a second from most; or give a log of
-your own. One clearance, one core; garbage is searched for as by the command. Processor time, so that a busy machine
-changes it little. The log is replayed twice: how fast is told of the run without timers, shares of the one with them.
+The log is made by the demo's simulated vendors, each in its own dialect, a status a second from most; with `--circles`
+by the robots of `benchmarks.endtoend`, a status a second from each; or give a log of your own. One clearance, one core;
+garbage is searched for as by the command. Processor time, so that a busy machine changes it little. The log is replayed
+twice: how fast is told of the run without timers, shares of the one with them.
 """
 
 import argparse
@@ -15,10 +16,11 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
+from benchmarks.offer import Circling
 from deconflict import demo
 from deconflict.__main__ import COLLECTED_EVERY
 from deconflict.advice.desk import Desk
@@ -79,9 +81,26 @@ def write_log(path: Path, robots: int, seconds: float) -> int:
                 said = DIALECTS[robot.member.make.vendor].messages(robot, now_s, introduce=row not in introduced)
                 introduced.add(row)
                 for raw in said:
-                    out.write(f'{{"received":"{stamps.write(now_s + 0.05)}","message":{raw.decode()}}}\n')
+                    _write(out, now_s + 0.05, raw.decode())
                     messages += 1
     return messages
+
+
+def write_circles(path: Path, robots: int, seconds: float) -> None:
+    """What robots on circles send in so many seconds."""
+    circling = Circling(robots)
+    with path.open("w") as out:
+        for robot in range(robots):
+            _write(out, START_S, circling.identity(robot))
+        for step in range(round(seconds / STEP_S)):
+            before_s, now_s = step * STEP_S, (step + 1) * STEP_S
+            due = np.flatnonzero(np.floor(now_s - circling.due_s) > np.floor(before_s - circling.due_s))
+            for raw in circling.statuses(due, START_S, START_S + now_s):
+                _write(out, START_S + now_s + 0.01, raw.decode())
+
+
+def _write(out: TextIO, received_s: float, message: str) -> None:
+    out.write(f'{{"received":"{stamps.write(received_s)}","message":{message}}}\n')
 
 
 @contextmanager
@@ -143,17 +162,18 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("log", nargs="?", type=Path)
     options.add_argument("--site", type=Path)
+    options.add_argument("--circles", action="store_true", help="robots on circles instead of the demo's vendors")
     options.add_argument("--robots", type=int, default=100)
     options.add_argument("--seconds", type=float, default=300.0)
     args = options.parse_args()
     gc.set_threshold(*COLLECTED_EVERY)
-    site = load(args.site or demo.demo_site()) if args.site or not args.log else Site()
+    site = load(args.site or demo.demo_site()) if args.site or not (args.log or args.circles) else Site()
     with TemporaryDirectory() as folder:
         log, short = args.log or Path(folder) / "log.jsonl", Path(folder) / "short.jsonl"
         write_log(short, 40, 12.0)
         _, loading_s = replayed(short, site)
         if not args.log:
-            write_log(log, args.robots, args.seconds)
+            (write_circles if args.circles else write_log)(log, args.robots, args.seconds)
         (result, took_s), most_mb = replayed(log, site), peak_mb()
         spent, watched_s = stages(log, site)
     span_s, messages = result["span_s"], result["messages"]
