@@ -34,7 +34,7 @@ from deconflict.site import Site
 from deconflict.sweeper import ACCURACY_M, PairConflicts, Sweeper
 from deconflict.tally import NEAR_MISSES, by_severity, tally, tell_open
 from deconflict.telling import Pair, Party, Predictions, Scene
-from deconflict.tracks import HELD_SHARE
+from deconflict.tracks import held_probability
 from ingest import changes
 from ingest.measures import Measures
 from ingest.seam import Basis, Batch, Floats, Forecasts
@@ -226,7 +226,7 @@ class Engine:
 
     def _foreseen(self, now_s: float, conflicts: PairConflicts) -> Predictions:
         """The pairs that the exact sweep found, and those that may well turn out otherwise."""
-        likely = self.site.conflict.raise_probability * HELD_SHARE
+        likely = held_probability(self.site.conflict)
         swept = Swept(conflicts.pairs, conflicts.before, conflicts.separation_m, conflicts.separation_at_s)
         foreseen = self.foresight.look(now_s, swept, likely)
         contact_s, separation_m, start_m, fresh = foreseen.near_s, foreseen.near_m, foreseen.now_m, foreseen.fresh

@@ -35,7 +35,7 @@ from deconflict.telling import (
     Scene,
     Where,
 )
-from deconflict.tracks import HELD_SHARE, Stirred, Track, Tracks, Weighed
+from deconflict.tracks import Stirred, Track, Tracks, Weighed, held_probability
 
 PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
 """Why a conflict is cleared while both robots are on the floor."""
@@ -205,7 +205,7 @@ class Lives:
 
         What is not likely enough to stand is told to be half as likely as that, however little it is.
         """
-        held = self.settings.raise_probability * HELD_SHARE
+        held = held_probability(self.settings)
         told, likely = track.advisory, probability if probability >= held else held / 2
         if told is None or now_s < _next_s(told) or not telling.is_likelier(told, likely):
             return None

@@ -237,6 +237,11 @@ class Tracks:
             self._by_row += [_NOBODY] * more
 
 
+def held_probability(settings: Conflict) -> float:
+    """A conflict less likely than this lets no advisory stand."""
+    return settings.raise_probability * HELD_SHARE
+
+
 def _bounds(settings: Conflict) -> NDArray[Any]:
     """(1,) of `BOUNDS`."""
     bounds = np.zeros(1, BOUNDS)
@@ -245,7 +250,7 @@ def _bounds(settings: Conflict) -> NDArray[Any]:
         "apart_m": settings.clearance_m + settings.clear_margin_m,
         "touching_m": TOUCHING_M,
         "raises": settings.raise_probability,
-        "held": settings.raise_probability * HELD_SHARE,
+        "held": held_probability(settings),
         "sure": SURE,
         "urgent_s": settings.urgent_s,
         "clear_after_s": settings.clear_after_s,
