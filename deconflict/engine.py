@@ -227,13 +227,15 @@ class Engine:
     def _foreseen(self, now_s: float, conflicts: PairConflicts) -> Predictions:
         """The pairs that the exact sweep found, and those that may well turn out otherwise."""
         likely = held_probability(self.site.conflict)
-        swept = Swept(conflicts.pairs, conflicts.before, conflicts.separation_m, conflicts.separation_at_s)
+        swept = Swept(
+            conflicts.pairs, conflicts.before, conflicts.separation_m, conflicts.separation_at_s, conflicts.contact_s
+        )
         foreseen = self.foresight.look(now_s, swept, likely)
         contact_s, separation_m, start_m, fresh = foreseen.near_s, foreseen.near_m, foreseen.now_m, foreseen.fresh
         n = len(conflicts.pairs)
         contact_s[:n], separation_m[:n] = conflicts.contact_s, conflicts.separation_m
         start_m[:n], fresh[:n] = conflicts.start_separation_m, conflicts.fresh
-        return Predictions(foreseen.pairs, contact_s, separation_m, start_m, fresh, foreseen.probability)
+        return Predictions(foreseen.pairs, contact_s, separation_m, start_m, fresh, foreseen.probability, *foreseen[6:])
 
     def _sweep(self, keys: Sequence[str], told: Forecasts, widened_m: Floats) -> None:
         for _, reason in self._sweeper.update(keys, _widened(told, widened_m), widened_m):
@@ -278,7 +280,7 @@ class Engine:
 
     def _stands(self, uuid: str) -> bool:
         robot = self.live.robots.get(uuid)
-        return robot is not None and robot.basis is Basis.STATIONARY
+        return robot is not None and (robot.basis is Basis.STATIONARY or self.foresight.stands(uuid))
 
     def _party(self, uuid: str) -> Party:
         robot = self.live.robots[uuid]

@@ -22,7 +22,7 @@ from deconflict.advice.desk import differs
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
 from deconflict.encounter import Encounter
 from deconflict.site import Conflict
-from deconflict.stirring import LIKELIHOOD, RAISES, STANDING, UNLIKELY
+from deconflict.stirring import LIKELIHOOD, RAISES, STILL, UNLIKELY
 from deconflict.telling import (
     FADES_S,
     LIKELIER,
@@ -38,6 +38,7 @@ from deconflict.telling import (
 from deconflict.tracks import Stirred, Track, Tracks, Weighed, held_probability
 
 PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
+GAVE_WAY = "one gave way to the other"
 """Why a conflict is cleared while both robots are on the floor."""
 
 
@@ -166,8 +167,9 @@ class Lives:
             return self._unpredicted(track, now_s, scene) or self._as_likely(track, prediction.probability, now_s)
         if why == LIKELIHOOD:
             return self._as_likely(track, prediction.probability, now_s)
-        if why == STANDING and all(map(scene.stands, track.pair)) and track.advisory:
-            return track.advisory.ended(now_s, STAND)
+        if why == STILL and track.advisory:
+            both_stand = all(map(scene.stands, track.pair))
+            return track.advisory.ended(now_s, STAND if both_stand else GAVE_WAY)
         return self._updated(track, prediction, now_s, scene)
 
     def _raised(self, track: Track, prediction: Prediction, now_s: float, scene: Scene) -> Due | None:

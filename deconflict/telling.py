@@ -62,7 +62,16 @@ class Prediction(NamedTuple):
     fresh: bool
     """Whether either robot's forecast is new in this pass."""
     probability: float = 1.0
+    """That the two get in each other's way in the horizon."""
+    contact_probability: float = 1.0
     """That their envelopes come within the clearance in the horizon."""
+    lower: float = 1.0
+    """Ends of the interval that holds the probability with 90 %."""
+    upper: float = 1.0
+    deciding: float = 1.0
+    """What alerts are decided by: above the probability where evidence is thin."""
+    still: bool = False
+    """Both stand, or one gives way to the other."""
 
 
 class Predictions(NamedTuple):
@@ -74,6 +83,11 @@ class Predictions(NamedTuple):
     start_separation_m: Floats
     fresh: Bools
     probability: Floats
+    contact_probability: Floats
+    lower: Floats
+    upper: Floats
+    deciding: Floats
+    still: Bools
 
     def until(self, end_s: float) -> "Predictions":
         """Those of what begins by then."""
@@ -82,9 +96,7 @@ class Predictions(NamedTuple):
         rows = np.flatnonzero(self.contact_s <= end_s)
         if len(rows) == len(self.pairs):
             return self
-        pairs, fresh = [self.pairs[row] for row in rows.tolist()], self.fresh[rows]
-        contact_s, separation_m, start_m = self.contact_s[rows], self.separation_m[rows], self.start_separation_m[rows]
-        return Predictions(pairs, contact_s, separation_m, start_m, fresh, self.probability[rows])
+        return Predictions([self.pairs[row] for row in rows.tolist()], *(column[rows] for column in self[1:]))
 
     def some(self, rows: Sequence[int]) -> list[Prediction]:
         columns = (map(column.item, rows) for column in self[1:])
