@@ -24,15 +24,22 @@ floor, -1 where it is not known; when it was told; and how likely it says that t
 where."""
 
 ROW = np.dtype(
-    [(name, np.bool_) for name in ("there", "inside", "met", "sure", "predicted")]
-    + [("looks", np.int64)]
-    + [(name, np.float64) for name in ("predicted_s", "contact_s", "separation_m", "until_s", "still_since_s")],
+    [
+        ("there", np.bool_),  # a pair has the row
+        ("inside", np.bool_),  # within the clearance, or not yet drawn apart from it
+        ("met", np.bool_),  # it came within the clearance while the advisory stood
+        ("sure", np.bool_),  # what was weighed last was likely enough for its severity
+        ("predicted", np.bool_),  # something is predicted in this pass
+        ("looks", np.int64),  # in which of the last looks it was alerting, the newest in the lowest bit
+        ("predicted_s", np.float64),  # when something was last predicted of an advisory's pair
+        ("contact_s", np.float64),  # time of the prediction that was weighed last
+        ("separation_m", np.float64),  # its separation
+        ("until_s", np.float64),  # when time alone may make it worth a revision
+        ("still_since_s", np.float64),  # since when both stand, or one gives way to the other; inf where neither
+    ],
     align=True,
 )
-"""Whether a pair has the row; is within the clearance, or not yet drawn apart from it; and came within it while the
-advisory stood. Whether what was weighed last was likely enough for its severity; and something is predicted in this pass. In which of the last looks it was alerting, the newest in
-the lowest bit; when something was last predicted of an advisory's pair; and what was weighed last, with when time alone
-may make it worth a revision."""
+"""A pair under watch."""
 
 
 BOUNDS = np.dtype(
@@ -50,7 +57,8 @@ the time and the separation by no more than the last three are surely worth none
 
 NOTED, NEW, OVER, RAISES, UNLIKELY, STILL, NEWS, AS_TOLD, LIKELIHOOD = range(-1, 8)
 """Why a pass looks at a prediction: not at all; the pair is under watch from now on, or no more; its advisory is to be
-raised; was long too unlikely to stand; ends, as both have stood or one has given way for a while; may tell something else; tells the same, unless the two meet otherwise; tells nothing new but how likely it is."""
+raised; was long too unlikely to stand; ends, as both have stood or one has given way for a while; may tell something
+else; tells the same, unless the two meet otherwise; tells nothing new but how likely it is."""
 _TOLD, _ROW, _BOUNDS = (numba.from_dtype(one) for one in (TOLD, ROW, BOUNDS))
 _INTS, _FLOATS, _BOOLS, _REAL = numba.int64[::1], numba.float64[::1], numba.boolean[::1], numba.float64
 
@@ -101,7 +109,15 @@ def _is_likely(contact_s: float, separation_m: float, deciding: float, now_s: fl
 
 @inner
 def _look(
-    row: Any, fresh: bool, start_m: float, separation_m: float, likely: bool, still: bool, remembered: int, bounds: Any
+    row: Any,
+    fresh: bool,
+    start_m: float,
+    separation_m: float,
+    likely: bool,
+    deciding: float,
+    still: bool,
+    remembered: int,
+    bounds: Any,
 ) -> bool:
     """Note that something is predicted of a pair that is so far apart now; whether it is coming together, rather than
     beginning together, by something new."""
@@ -110,8 +126,8 @@ def _look(
         row.inside = row.met = True
     elif start_m > bounds.apart_m:
         row.inside = False
-    about_to_touch = separation_m == 0 and start_m > bounds.touching_m
-    alerting = fresh and likely and not still and (about_to_touch or not row.inside)
+    about_to_touch = separation_m == 0 and start_m > bounds.touching_m and deciding >= bounds.raises
+    alerting = fresh and not still and (about_to_touch if row.inside else likely)
     if fresh:
         row.looks, row.until_s = (row.looks << 1 | alerting) & remembered, -inf
     return alerting
@@ -252,7 +268,9 @@ def stirring(
                 continue
             at[one] = free = _begin(rows, free)
         row, before = rows[at[one]], told[at[one]]
-        alerting = _look(row, fresh[one], start_m[one], separation_m[one], likely, still[one], remembered, bound)
+        alerting = _look(
+            row, fresh[one], start_m[one], separation_m[one], likely, deciding[one], still[one], remembered, bound
+        )
         if not before.stands:
             reason = _of_untold(row, is_new, alerting, contact_s[one], now_s, wanted_looks, bound.urgent_s)
         elif _has_been_still(row, still[one], now_s, bound.clear_after_s):

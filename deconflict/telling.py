@@ -96,7 +96,8 @@ class Predictions(NamedTuple):
         rows = np.flatnonzero(self.contact_s <= end_s)
         if len(rows) == len(self.pairs):
             return self
-        return Predictions([self.pairs[row] for row in rows.tolist()], *(column[rows] for column in self[1:]))
+        columns = {name: column[rows] for name, column in self._asdict().items() if name != "pairs"}
+        return self._replace(pairs=[self.pairs[row] for row in rows.tolist()], **columns)
 
     def some(self, rows: Sequence[int]) -> list[Prediction]:
         columns = (map(column.item, rows) for column in self[1:])

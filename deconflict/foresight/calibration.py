@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.foresight.leaving import PARTS, counts, weights
-from deconflict.foresight.pairs import CONTACT_FEATURES, FEATURES, Fates
+from deconflict.foresight.pairs import CONTACT_FEATURES, Fates
 from deconflict.learned import Part, UnreadableError, numbers
 from ingest.seam import Floats, Ints
 
@@ -201,5 +201,4 @@ def _share(score: Floats) -> Floats:
 
 def contact_features(seen: Floats) -> Floats:
     """Of features (n, FEATURES), those that tell of coming within the clearance."""
-    assert seen.shape[1] == FEATURES
     return np.ascontiguousarray(seen[:, :CONTACT_FEATURES])

@@ -2,9 +2,9 @@
 
 At each look a pair's separation is sampled over the horizon. At each sample the share of the two robots' error
 distributions (the 80 % bands of robots that are on their way, taken as those of a normal one) that lies within the
-clearance is a first guess. Robots that wait start at a time that is learned. `calibration` makes of these the probability
-that holds on this site: that they come within the clearance, or that one gives way to the other. Outcomes
-are read from the robots' own reports, as in offline scoring.
+clearance is a first guess. Robots that wait start at a time that is learned. `calibration` makes of these the
+probability that holds on this site: that they come within the clearance, or that one gives way to the other.
+Outcomes are read from the robots' own reports, as in offline scoring.
 """
 
 from collections.abc import Mapping, Sequence
@@ -60,6 +60,10 @@ EXPLAINS_STANDING = frozenset(("charging", "disabled", "offline", "manualOverrid
 """Operational states of robots that do not stand for another robot."""
 DISTRUSTED = 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
+
+
+SHOWN = frozenset(PAIR.names or ())
+"""Columns of pairs that are shown."""
 
 
 class Swept(NamedTuple):
@@ -213,7 +217,7 @@ class Foresight:
             self._note(interaction)
 
     def _note(self, interaction: Interaction) -> None:
-        code = codes(*self._in_order(interaction.robot, interaction.other))
+        code = self._code(interaction.robot, interaction.other)
         row = int(np.searchsorted(self._pairs["code"], code))
         if row == len(self._pairs) or self._pairs["code"][row] != code:
             return
@@ -226,10 +230,10 @@ class Foresight:
             pair["yield_end_s"] = interaction.end_s
         pair["doubted_s"] = interaction.onset_s if interaction.outcome is Outcome.UNKNOWN else -np.inf
 
-    def _in_order(self, slot: int, other: int) -> tuple[Ints, Ints]:
-        """Two slots as a pair is named by them."""
+    def _code(self, slot: int, other: int) -> int:
+        """The number of a pair of slots."""
         a, b = (slot, other) if self._rank[slot] < self._rank[other] else (other, slot)
-        return np.int64(a), np.int64(b)
+        return int(codes(np.array([a]), np.array([b]))[0])
 
     def _believed(self, batch: Batch, slots: Ints) -> Batch:
         f = batch.forecasts
@@ -294,8 +298,7 @@ class Foresight:
             [],
         )
         for (a, b), _ in self.probabilities():
-            code = int(codes(np.int64(self._slots[a]), np.int64(self._slots[b])))
-            pairs.append(((a, b), known[code]))
+            pairs.append(((a, b), known[self._code(self._slots[a], self._slots[b])]))
         return pairs
 
     def stands(self, uuid: str) -> bool:
@@ -324,9 +327,8 @@ class Foresight:
         self._estimate(pairs)
         self._ask(now_s)
         rows, others = shown(pairs, swept_rows, likely)
-        columns = (pairs[name][rows] for name in ("probability", "near_s", "near_m", "now_m"))
-        intervals = (pairs[name][rows] for name in ("contact_probability", "lower", "upper", "deciding", "still"))
-        return Foreseen([*swept.pairs, *self._named(others)], *columns, fresh[rows], *intervals)
+        columns = {name: pairs[name][rows] for name in Foreseen._fields if name in SHOWN}
+        return Foreseen(pairs=[*swept.pairs, *self._named(others)], fresh=fresh[rows], **columns)
 
     def _estimate(self, pairs: Pairs) -> None:
         """Set how likely the pairs are, from what is seen of them and of their robots' other pairs."""
@@ -385,9 +387,9 @@ class Foresight:
         of_robots = (self.following.bands_m, self._robots, self._followed.seen)
         limits = (now_s, self._horizon_s, self._clearance_m, self._margin_m, STANDING_MPS)
         sds = judge(pairs, rows, a, b, *exact, past_s, apart_m, same, speed_mps, *of_robots, self._ahead_s, *limits)
-        limits = (self._horizon_s, self._clearance_m)
+        bounds = (self._horizon_s, self._clearance_m)
         robots = (self._robots, self._half, self._followed, self.starts, self.following.bands_m)
-        share = mixed(ndtr(sds), a, b, now_s, self._ahead_s, limits, *robots)
+        share = mixed(ndtr(sds), a, b, now_s, self._ahead_s, bounds, *robots)
         pairs["share"][rows] = share[0]
         pairs["seen"][rows, 1:3] = log_odds(share).T
 

@@ -1,8 +1,8 @@
 """When a robot that stands, and says that it goes at once, starts: learned by kind of forecast and time stood.
 
-Robots that wait their turn, are stalled or stand before somebody tell paths as if they went at once. How many of those that
-have stood so long start in the next second is counted by kind, faded by a half in `HALF_LIFE_S`, and drawn towards that of
-all kinds where a kind has few cases (a piecewise constant hazard with a gamma prior).
+Robots that wait their turn, are stalled or stand before another robot tell paths as if they went at once. How many of
+those that have stood so long start in the next second is counted by kind, faded by a half in `HALF_LIFE_S`, and drawn
+towards that of all kinds where a kind has few cases (a piecewise constant hazard with a gamma prior).
 """
 
 from dataclasses import dataclass, field
@@ -44,8 +44,9 @@ class Starts:
         self.counts *= 0.5 ** (max(now_s - (self.as_of_s or now_s), 0.0) / HALF_LIFE_S)
         self.as_of_s = now_s
         bins = _bin(stood_s)
-        np.add.at(self.counts, (kind, bins, 0), started)
-        np.add.at(self.counts, (kind, bins, 1), np.where(started > 0, lasted_s / 2, lasted_s))
+        cases = np.column_stack([started, np.where(started > 0, lasted_s / 2, lasted_s)])
+        for row, (of_kind, of_bin) in enumerate(zip(kind.tolist(), bins.tolist(), strict=True)):
+            self.counts[of_kind, of_bin] += cases[row]
 
     def per_s(self, kind: Ints) -> Floats:
         """(n, bins) starts a second of kinds (n,)."""

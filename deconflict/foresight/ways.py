@@ -141,8 +141,10 @@ def beside(
     joined_s: float,
     late_s: Floats,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Bools, Floats]:
-    """Robots `b` (n,) as seen from `a` (n,), when they start `late_s` (2, n) later than they forecast, at `past_looks` (k,), parts of the time since the last look for which both
-    have reported, and at `now_s + ahead_s` (m,).
+    """Robots `b` (n,) as seen from `a` (n,), when they start `late_s` (2, n) later than they forecast.
+
+    They are looked at at `past_looks` (k,), parts of the time since the last look for which both have reported, and at
+    `now_s + ahead_s` (m,).
 
     These times of the past (n, k), nan where there are none; dx, dy, headings of both and whether they are on one floor
     (n, k + m); and (2, n) the speeds at which each goes on until the second look ahead.
@@ -260,11 +262,11 @@ def _stood_since_s(before: Floats, seen: Floats, slot: int, since_s: float, join
     went_m = np.hypot(seen[slot, 1] - before[slot, 1], seen[slot, 2] - before[slot, 2])
     if went_m >= CREEPS_MPS * lasted_s or abs(_turn(before[slot, 3], seen[slot, 3])) >= TURNS_RADPS * lasted_s:
         return float(np.inf)
-    return min(since_s, before[slot, 0])
+    return float(min(since_s, before[slot, 0]))
 
 
 @inner
-def _stop(stopped: Bools, made_s: Floats, foretold: Floats, before: Floats, seen: Floats, slot: int) -> None:
+def _stop(stopped: Bools, made_s: Floats, foretold: Floats, seen: Floats, slot: int) -> None:
     """Mark the forecasts that have a robot go where it stands now."""
     for made in range(made_s.shape[1]):
         after_s = seen[slot, 0] - made_s[slot, made]
@@ -344,8 +346,8 @@ def take(
 
     The errors of what was foretold of the moments since the report before; their bins hold at the most
     `limits_m`. And whether each robot stands, (n,): by its forecast, or by its last two reports.
-    Forecasts are kept to be held to account so, made at `made_s` (slots, kept), if the last was `spaced_s` before; those
-    by which a robot was to go while it stood are `stopped` (slots, kept).
+    Forecasts are kept to be held to account so, made at `made_s` (slots, kept), if the last was `spaced_s` before;
+    those by which a robot was to go while it stood are `stopped` (slots, kept).
     """
     kept, horizons = made_s.shape[1], foretold.shape[2]
     errors, found = np.empty(len(slots) * kept * (int(joined_s) + 1), ERROR), 0
@@ -367,7 +369,7 @@ def take(
         robots[slot].leaves = max(_goes_mps(track, slot, 0.0), _goes_mps(track, slot, 1.0)) > GOES_MPS
         waits = robots[slot].stood_since_s < np.inf
         if waits:
-            _stop(stopped, made_s, foretold, before, seen, slot)
+            _stop(stopped, made_s, foretold, seen, slot)
         is_joined = before_s > long_ago_s and before_s >= seen_s - joined_s
         line = _line(before, seen, slot, long_ago_s, joined_s)
         yaw, c, s = 0.0, 1.0, 0.0

@@ -1,11 +1,11 @@
 """Who gave way to whom, by what robots report.
 
-A robot gives way where it brakes or swerves against its own forecast while another robot is in its way (see `progress`
-for the first half of this). The one that is nearest ahead of it counts. Where both are of one vendor and it goes on once the
-other has cleared its way, that is the order of their fleet. Live, in a replay and in scores the same code finds them.
+A robot gives way where it brakes or swerves against its own forecast (see `progress`) while another is in its way.
+The nearest one ahead of it counts. Where both are of one vendor and it goes on once the other has cleared its way, that
+is the order of their fleet. Live, in a replay and in scores the same code finds them.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import inf
@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.interactions import progress
-from deconflict.interactions.progress import AHEAD_S, BRAKED, FINDING, KEPT, RESUMED, STATE, Findings, follow
+from deconflict.interactions.progress import AHEAD_S, BRAKED, KEPT, RESUMED, STATE, Findings, follow
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
 from ingest.seam import Floats, Ints
@@ -279,7 +278,7 @@ def _pair(slot: int, other: int) -> tuple[int, int]:
 
 
 def _way_from(track: Floats, x_m: float, y_m: float) -> Floats:
-    """(k, 4) the way of a forecast `track` (n, 3) from the place on it that is nearest, every `WAY_M`: x_m, y_m, yaw_rad and
+    """(k, 4) the way of a forecast `track` (n, 3) from its place that is nearest, every `WAY_M`: x_m, y_m, yaw_rad and
     metres from there."""
     legs_m = np.hypot(np.diff(track[:, 0]), np.diff(track[:, 1]))
     along_m = np.concatenate([[0.0], np.cumsum(legs_m)])

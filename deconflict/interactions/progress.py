@@ -6,7 +6,7 @@ A robot brakes where its delay grows by a second within five, and it goes much m
 it leaves the forecast way by more than half its width.
 """
 
-from math import cos, hypot, inf, nan, sin
+from math import hypot, inf
 from typing import Any
 
 import numba
@@ -75,6 +75,7 @@ STATE = np.dtype(
 _STATES, _FINDINGS = (numba.from_dtype(one)[::1] for one in (STATE, FINDING))
 _INTS, _FLOATS, _MATRIX = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1]
 _TRACKS = numba.float64[:, :, :, ::1]
+_STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
 
 
 @inner
@@ -85,10 +86,8 @@ def _delay_s(track: Floats, made_s: float, x: float, y: float, at_s: float) -> t
         from_x, from_y = track[leg, 0], track[leg, 1]
         along_x, along_y = track[leg + 1, 0] - from_x, track[leg + 1, 1] - from_y
         square = along_x * along_x + along_y * along_y
-        if square > 1e-6:
-            share = ((x - from_x) * along_x + (y - from_y) * along_y) / square
-        else:
-            share = at_s - made_s - leg
+        towards = (x - from_x) * along_x + (y - from_y) * along_y
+        share = towards / square if square > 1e-6 else at_s - made_s - leg
         share = min(max(share, 0.0), 1.0)
         off_m = hypot(x - from_x - share * along_x, y - from_y - share * along_y)
         late_s = at_s - (made_s + leg + share)
@@ -259,20 +258,20 @@ def _has_resumed(state: Any, speed: Floats, follows: Floats, slot: int) -> bool:
 
 
 @inner
-def _notice(state: Any, now_s: float, now_mps: float, finding: Any) -> None:
+def _notice(state: Any, now_mps: float, finding: Any) -> None:
     """Remember a finding."""
     state.gives_way, state.armed = True, False
     state.slowest_mps, state.noticed_s = now_mps, finding.onset_s + finding.doubt_s
 
 
 @kernel(
-    _FINDINGS(  # type: ignore[no-untyped-call]
+    _FINDINGS(
         _STATES,
         _MATRIX,
         _TRACKS,
         *[_MATRIX] * 3,
         _INTS,
-        _FLOATS,
+        _STAMPS,
         numba.float64[:, :, ::1],
         _FLOATS,
         numba.boolean[::1],
@@ -298,8 +297,8 @@ def follow(
 
     `states` are (slots,); `t_s`, `floor`, `speed` and `follows` (slots, KEPT): when each kept report was true, on which
     floor, how fast the robot had come there, and what share of its forecast way it had come; `tracks` (slots, KEPT,
-    AHEAD_S + 1, 3). `half_width_m` (n,) of the envelopes; `explained` (n,) whether a robot says why it stands; `usual_m`
-    (n, AHEAD_S) how far off the way its kind usually is.
+    AHEAD_S + 1, 3). `half_width_m` (n,) of the envelopes; `explained` (n,) whether a robot says why it stands;
+    `usual_m` (n, AHEAD_S) how far off the way its kind usually is.
     """
     findings, found = np.empty(2 * len(slots), FINDING), 0
     for row in range(len(slots)):
@@ -334,6 +333,6 @@ def follow(
                 state, t_s, tracks, speed, slot, half_width_m[row], usual_m[row], finding
             )
         if is_found:
-            _notice(state, now_s, now_mps, finding)
+            _notice(state, now_mps, finding)
             found += 1
     return findings[:found].copy()
