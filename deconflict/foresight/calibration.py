@@ -27,7 +27,7 @@ class Prior(NamedTuple):
 CONTACT = Prior(np.array([0.07, 1.07, 0.2, -0.27, -0.74]), np.array([0.7, 0.3, 0.3, 0.7, 0.7]))
 """Of coming within the clearance: learned on recordings of people and of robots that avoid each other."""
 INTERACTION = Prior(
-    np.array([0.9, 0.9, 0.3, -0.6, -0.4, -1.0, -1.5, -1.0]), np.array([0.7, 0.3, 0.3, 0.7, 0.7, 0.7, 0.7, 0.7])
+    np.array([0.4, 0.8, 0.2, -0.8, -0.4, -0.4, -2.0, -1.1]), np.array([0.7, 0.3, 0.3, 0.7, 0.7, 0.7, 0.7, 0.7])
 )
 """Of getting in each other's way: learned on simulated floors of robots with plans."""
 OWN_SD = 1.0, 0.25

@@ -308,7 +308,7 @@ class Foresight:
 
     def _standing(self, slots: slice) -> Bools:
         robots = self._robots[slots]
-        stands: Bools = robots["rests"] | (robots["stood_since_s"] < np.inf)
+        stands: Bools = robots["stays"] | (robots["stood_since_s"] < np.inf)
         return stands
 
     def look(self, now_s: float, swept: Swept, likely: float) -> Foreseen:

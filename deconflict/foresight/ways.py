@@ -22,6 +22,7 @@ ROBOT = np.dtype(
         ("doubt_m", np.float64),  # how far off its position may be as reported
         ("surprise", np.float64),  # by how much its errors exceed the bands of its kind
         ("rests", np.bool_),  # it stood, by its newest forecast, when that was made
+        ("stays", np.bool_),  # its newest forecast has it stand for two seconds
         ("leaves", np.bool_),  # its newest forecast has it go at once
         ("stood_since_s", np.float64),  # since when it has stood, by its reports; inf while it moves
     ],
@@ -51,6 +52,8 @@ _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.flo
 _ASKED_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 CREEPS_MPS, TURNS_RADPS = 0.1, 0.2
 """A robot that goes and turns more slowly stands, by its reports."""
+CREEPS_SHARE, STILL_MPS = 0.3, 0.02
+"""Unless its forecast is hardly faster: the share of that at which it stands. At this speed every robot stands."""
 GOES_MPS = 0.2
 """A forecast by which a robot goes faster has it go."""
 Pose = tuple[float, float, float, float]
@@ -254,13 +257,17 @@ def _goes_mps(track: Floats, slot: int, after_s: float) -> float:
 
 
 @inner
-def _stood_since_s(before: Floats, seen: Floats, slot: int, since_s: float, joined_s: float) -> float:
-    """Since when a robot has stood, by its last two reports; inf where it moves or turns."""
+def _stood_since_s(
+    before: Floats, seen: Floats, slot: int, since_s: float, joined_s: float, forecast_mps: float
+) -> float:
+    """Since when a robot has stood, by its last two reports, when its forecast has it go so fast; inf where it moves or
+    turns."""
     lasted_s = seen[slot, 0] - before[slot, 0]
     if not (0.0 < lasted_s <= joined_s and before[slot, 4] == seen[slot, 4]):
         return since_s
     went_m = np.hypot(seen[slot, 1] - before[slot, 1], seen[slot, 2] - before[slot, 2])
-    if went_m >= CREEPS_MPS * lasted_s or abs(_turn(before[slot, 3], seen[slot, 3])) >= TURNS_RADPS * lasted_s:
+    creeps_mps = max(min(CREEPS_MPS, CREEPS_SHARE * forecast_mps), STILL_MPS)
+    if went_m >= creeps_mps * lasted_s or abs(_turn(before[slot, 3], seen[slot, 3])) >= TURNS_RADPS * lasted_s:
         return float(np.inf)
     return float(min(since_s, before[slot, 0]))
 
@@ -365,8 +372,10 @@ def take(
         _set_around(around, track, slot)
         stands[row] = rests or _speed_mps(before, seen, slot, joined_s) < standing_mps
         before_s, seen_s = before[slot, 0], seen[slot, 0]
-        robots[slot].stood_since_s = _stood_since_s(before, seen, slot, robots[slot].stood_since_s, joined_s)
-        robots[slot].leaves = max(_goes_mps(track, slot, 0.0), _goes_mps(track, slot, 1.0)) > GOES_MPS
+        forecast_mps = max(_goes_mps(track, slot, 0.0), _goes_mps(track, slot, 1.0))
+        since_s = robots[slot].stood_since_s
+        robots[slot].stood_since_s = _stood_since_s(before, seen, slot, since_s, joined_s, forecast_mps)
+        robots[slot].leaves, robots[slot].stays = forecast_mps > GOES_MPS, forecast_mps < STILL_MPS
         waits = robots[slot].stood_since_s < np.inf
         if waits:
             _stop(stopped, made_s, foretold, seen, slot)

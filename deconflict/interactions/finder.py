@@ -28,6 +28,8 @@ NEARER_M = 0.05
 """And nearer than they were by this: one that stands beside the way is not in it."""
 LOOK_S = 0.5
 """Between two looks at who is in the way, from the onset on."""
+EARLIER_S = 1.0
+"""Who was in the way so long before the onset counts too: reports are a second apart."""
 SEARCHED_S = 4.0
 """So long after the onset who is in the way is looked for."""
 WAY_M = 0.15
@@ -230,7 +232,7 @@ class Finder:
         others = known[near].tolist()
         if not others:
             return -1, inf
-        looks_s = np.arange(giving.onset_s, max(now_s, giving.onset_s) + 1e-9, LOOK_S)
+        looks_s = np.arange(giving.onset_s - EARLIER_S, max(now_s, giving.onset_s) + 1e-9, LOOK_S)
         gaps_m = self._gaps_ahead_m(slot, giving, looks_s, others, half_m)
         nearest = int(np.argmin(gaps_m))
         return (others[nearest], float(gaps_m[nearest])) if gaps_m[nearest] < inf else (-1, inf)

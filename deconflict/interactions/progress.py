@@ -172,9 +172,17 @@ def _goes(state: Any, speed: Floats, follows: Floats, slot: int, back: int) -> b
 
 @inner
 def _find_braking(
-    state: Any, t_s: Floats, tracks: Floats, speed: Floats, follows: Floats, slot: int, finding: Any
+    state: Any,
+    t_s: Floats,
+    tracks: Floats,
+    speed: Floats,
+    follows: Floats,
+    slot: int,
+    usual_m: Floats,
+    finding: Any,
 ) -> bool:
-    """Set what is found where the newest report shows that a robot has braked."""
+    """Set what is found where the newest report shows that a robot has braked, and has lost more of its way than robots
+    of its kind usually are `usual_m` (AHEAD_S,) off their forecasts so many whole seconds ahead."""
     now, now_s = tracks[slot, state.newest, 0], t_s[slot, state.newest]
     for back in range(1, min(state.reports - 1, 7)):
         place = _before(state, back)
@@ -193,10 +201,11 @@ def _find_braking(
             track, made_s, tracks[slot, following, 0, 0], tracks[slot, following, 0, 1], t_s[slot, following]
         )
         late_s, _ = _delay_s(track, made_s, now[0], now[1], now_s)
-        if late_s - then_s >= LOST_S and next_s - then_s >= GROWS_S:
+        lost_s, usually_m = late_s - then_s, usual_m[min(int(now_s - made_s), AHEAD_S - 1)]
+        if lost_s >= LOST_S and next_s - then_s >= GROWS_S and lost_s * top_mps >= usually_m:
             finding.kind, finding.onset_s, finding.doubt_s = BRAKED, at_s, t_s[slot, following] - at_s
             finding.onset_place, finding.forecast_place = place, made
-            finding.speed_mps, finding.lost_s = top_mps, late_s - then_s
+            finding.speed_mps, finding.lost_s = top_mps, lost_s
             return True
     return False
 
@@ -329,7 +338,7 @@ def follow(
         if now_s - t_s[slot, _before(state, 1)] > SPARSE_S:
             is_found = _find_sparse_braking(state, t_s, tracks, speed, slot, finding)
         else:
-            is_found = _find_braking(state, t_s, tracks, speed, follows, slot, finding) or _find_swerving(
+            is_found = _find_braking(state, t_s, tracks, speed, follows, slot, usual_m[row], finding) or _find_swerving(
                 state, t_s, tracks, speed, slot, half_width_m[row], usual_m[row], finding
             )
         if is_found:
