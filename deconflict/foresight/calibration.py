@@ -69,9 +69,17 @@ class Posterior:
     information: Floats = field(init=False)
     """(features, features) inverse of the covariance of the weights."""
     as_of_s: float | None = None
+    _covariance: Floats | None = None
 
     def __post_init__(self) -> None:
         self.weights, self.information = self.prior.mean.copy(), self._prior_information()
+
+    def square(self, seen: Floats) -> Floats:
+        """(n,) variance of the score of features (n, features)."""
+        if self._covariance is None:
+            self._covariance = np.linalg.inv(self.information)
+        square: Floats = ((seen @ self._covariance) * seen).sum(axis=1)
+        return square
 
     def learn(self, seen: Floats, expected: Floats, came: Floats, weight: Floats, now_s: float) -> None:
         """One Newton step on n outcomes of features (n, features): what was expected, what `came` (n,), and what each
@@ -81,6 +89,7 @@ class Posterior:
         certain = weight * expected * (1 - expected)
         self.information = kept * self.information + (1 - kept) * self._prior_information()
         self.information += (seen * certain[:, None]).T @ seen
+        self._covariance = None
         self.weights = self.weights + np.linalg.solve(self.information, seen.T @ (weight * (came - expected)))
 
     def learned(self) -> Part:
@@ -90,6 +99,7 @@ class Posterior:
     def resume(self, part: Part) -> None:
         """Go on with what `learned` gave. Raises `UnreadableError`."""
         features = len(self.prior.mean)
+        self._covariance = None
         self.weights = numbers(part, "weights", (features,))
         self.information = numbers(part, "information", (features, features))
         self.as_of_s = None if part.get("as_of_s") is None else float(numbers(part, "as_of_s", ()))
@@ -155,11 +165,10 @@ class Calibration:
 
     def _spread(self, seen: Floats, vendors: Ints) -> Floats:
         """(n,) standard deviation of the score."""
-        square = np.einsum("ij,jk,ik->i", seen, np.linalg.inv(self.of_all.information), seen)
+        square = self.of_all.square(seen)
         for code in np.unique(vendors).tolist():
             rows = vendors == code
-            covariance = np.linalg.inv(self._own(code).information)
-            square[rows] += np.einsum("ij,jk,ik->i", seen[rows], covariance, seen[rows])
+            square[rows] += self._own(code).square(seen[rows])
         spread: Floats = np.sqrt(square)
         return spread
 

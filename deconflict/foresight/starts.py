@@ -59,15 +59,13 @@ class Starts:
 
     def weights(self, kind: Ints, stood_s: Floats) -> Floats:
         """(n, len(LATE_S)) how likely robots of kinds (n,) that have stood `stood_s` (n,) start so late."""
-        per_s = self.per_s(kind)
-        left = np.ones((len(kind), len(_UNTIL_S) + 2))
-        left[:, -1] = 0.0
-        steps_s = np.arange(0.0, _UNTIL_S[-1], 0.5)
-        hazard = np.stack([np.take_along_axis(per_s, _bin(stood_s + step)[:, None], axis=1)[:, 0] for step in steps_s])
-        stays = np.exp(-0.5 * np.cumsum(hazard, axis=0))
-        for column, until_s in enumerate(_UNTIL_S):
-            left[:, column + 1] = stays[round(until_s / 0.5) - 1]
-        return left[:, :-1] - left[:, 1:]
+        per_s, rows = self.per_s(kind), np.arange(len(kind))[:, None]
+        until_edge = np.concatenate([np.zeros((len(kind), 1)), np.cumsum(per_s[:, :-1] * np.diff(STOOD_S), axis=1)], 1)
+        times_s = np.maximum(stood_s, 0.0)[:, None] + np.concatenate([[0.0], _UNTIL_S])
+        bins = _bin(times_s)
+        hazard = until_edge[rows, bins] + per_s[rows, bins] * (times_s - STOOD_S[bins])
+        stays = np.concatenate([np.exp(hazard[:, :1] - hazard), np.zeros((len(kind), 1))], axis=1)
+        return stays[:, :-1] - stays[:, 1:]
 
     def learned(self) -> Part:
         """What is worth keeping over a restart."""

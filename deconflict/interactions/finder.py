@@ -36,8 +36,6 @@ WAY_M = 0.15
 """Between two places of a way that are looked at."""
 CLEARED_M = 0.3
 """The way of a robot is cleared where so much more of it is free."""
-NEAR_M = 12.0
-"""Centres further apart than this do not matter to each other."""
 APART_S = 15.0
 """Interactions of a pair that are less apart in time are one."""
 SETTLED_S = 20.0
@@ -227,7 +225,10 @@ class Finder:
         known = np.flatnonzero(self._states["reports"] > 0)
         newest = self._states["newest"][known]
         away_m = np.hypot(*(self._tracks[known, newest, 0, :2] - here[:2]).T)
-        near = (away_m < NEAR_M) & (self._floor[known, newest] == giving.floor) & (known != slot)
+        reach_m = giving.speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M + giving.speed_mps * EARLIER_S
+        sizes_m = np.hypot(*half_m[:, known]) + np.hypot(*half_m[:, slot])
+        moved_m = self._speed[known, newest] * (now_s - giving.onset_s + EARLIER_S)
+        near = (away_m < reach_m + sizes_m + moved_m) & (self._floor[known, newest] == giving.floor) & (known != slot)
         near &= (levels_m[0, known] < levels_m[1, slot]) & (levels_m[0, slot] < levels_m[1, known])
         others = known[near].tolist()
         if not others:
