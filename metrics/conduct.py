@@ -2,7 +2,8 @@
 
 A robot has a resource while the middle of its envelope is inside, and is in a zone while its envelope touches it. It
 stands from when it came to where it is, within 0.1 m, for at least 3 s. It waited for a place if it stood outside of
-every resource for at least 5 s while the place was full, and then entered it or had told it as its destination.
+every resource for at least 5 s while the place was full, and then entered it or had told it as its destination. Those
+that pass above or below it make no place full for it.
 """
 
 from bisect import bisect_right
@@ -17,6 +18,7 @@ import shapely
 from deconflict.contention.ahead import corners
 from deconflict.contention.boxes import grown, touching
 from deconflict.contention.resources import Place, Resource, Zone, outlines
+from deconflict.heights import beside, most_beside
 from ingest.seam import Batch, Floats, Ints
 
 STANDS_M, STOOD_S = 0.1, 3.0
@@ -53,6 +55,17 @@ class Stand(NamedTuple):
     outside: bool
     goals: frozenset[str]
     """Resources that it had told as destinations."""
+    bottom_m: float
+    """Heights that it reached from and to."""
+    top_m: float
+
+
+class Stay(NamedTuple):
+    """A robot was in a place."""
+
+    span: Span
+    bottom_m: float
+    top_m: float
 
 
 class Wait(NamedTuple):
@@ -71,6 +84,8 @@ class _Report(NamedTuple):
     places: frozenset[str]
     outside: bool
     goals: frozenset[str]
+    bottom_m: float
+    top_m: float
 
 
 @dataclass(slots=True, eq=False)
@@ -83,6 +98,8 @@ class _Seen:
     places: frozenset[str]
     outside: bool
     goals: frozenset[str]
+    bottom_m: float
+    top_m: float
     pending: list[Stand] = field(default_factory=list)
 
 
@@ -93,10 +110,12 @@ class Conduct:
         places: list[Place] = [*resources, *zones]
         self._capacity = {one.id: one.capacity for one in places}
         self._resources, self._zones = _Outlines(resources), _Outlines(zones)
-        self._inside: dict[str, set[str]] = {place: set() for place in self._capacity}
-        self._full: dict[str, list[Span]] = {place: [] for place in self._capacity}
-        self._since: dict[tuple[str, bool], float] = {}
-        """Since when a place is full; with True, since when more are in it than it takes."""
+        self._inside: dict[str, dict[str, Stay]] = {place: {} for place in self._capacity}
+        """By place and robot, the stays that have not ended."""
+        self._stays: dict[str, list[Stay]] = {place: [] for place in self._capacity}
+        """By place, those that have, in the order in which they did."""
+        self._crowded_s: dict[str, float] = {}
+        """Since when more robots are in a place than it takes."""
         self._robots: dict[str, _Seen] = {}
         self.stands: dict[str, list[Stand]] = {}
         """By robot."""
@@ -123,21 +142,32 @@ class Conduct:
             self._leave(robot)
             one = None
         if one is None:
-            one = self._robots[robot] = _Seen(*new[1:4], new.t_s, new.t_s, frozenset(), new.outside, new.goals)
+            one = self._robots[robot] = _Seen(
+                floor=new.floor,
+                x_m=new.x_m,
+                y_m=new.y_m,
+                came_s=new.t_s,
+                seen_s=new.t_s,
+                places=NOWHERE,
+                outside=new.outside,
+                goals=new.goals,
+                bottom_m=new.bottom_m,
+                top_m=new.top_m,
+            )
         if new.t_s < one.seen_s:
             return
         if new.floor != one.floor or hypot(new.x_m - one.x_m, new.y_m - one.y_m) > STANDS_M:
             self._move(robot, one)
             one.floor, one.x_m, one.y_m, one.came_s = *new[1:4], new.t_s
         one.seen_s = self.last_seen_s[robot] = new.t_s
-        one.outside, one.goals = new.outside, new.goals
+        one.outside, one.goals, one.bottom_m, one.top_m = new.outside, new.goals, new.bottom_m, new.top_m
         self._occupy(robot, one, new.places, new.t_s)
 
     def _move(self, robot: str, one: _Seen) -> None:
         """It stands no longer where it stood."""
         span = Span(one.came_s, one.seen_s)
         if span.lasts_s >= STOOD_S:
-            stand = Stand(span, one.floor, one.x_m, one.y_m, one.outside, one.goals)
+            stand = Stand(span, one.floor, one.x_m, one.y_m, one.outside, one.goals, one.bottom_m, one.top_m)
             self.stands.setdefault(robot, []).append(stand)
             one.pending = [*one.pending[1 - MOST_PENDING :], stand]
 
@@ -145,13 +175,14 @@ class Conduct:
         if places == one.places:
             return
         for place in one.places - places:
-            self._inside[place].discard(robot)
+            stay = self._inside[place].pop(robot)
+            self._stays[place].append(stay._replace(span=Span(stay.span.from_s, t_s)))
             self._count(place, t_s)
         entered = places - one.places
         if entered:
             self._waited(robot, one, entered)
         for place in entered:
-            self._inside[place].add(robot)
+            self._inside[place][robot] = Stay(Span(t_s, inf), one.bottom_m, one.top_m)
             self._count(place, t_s)
         one.places = places
 
@@ -163,31 +194,34 @@ class Conduct:
             self._occupy(robot, one, frozenset(), one.seen_s)
 
     def _count(self, place: str, t_s: float) -> None:
-        """Follow whether the place is full, and whether it is more than full."""
-        inside, capacity = len(self._inside[place]), self._capacity[place]
-        for crowded, spans in ((False, self._full), (True, self.crowds)):
-            is_so, key = inside >= capacity + crowded, (place, crowded)
-            if is_so:
-                self._since.setdefault(key, t_s)
-            elif key in self._since:
-                spans[place].append(Span(self._since.pop(key), t_s))
+        """Follow whether more robots are in a place than it takes."""
+        inside, capacity = self._inside[place], self._capacity[place]
+        if len(inside) > capacity and len(most_beside([*inside.values()])) > capacity:
+            self._crowded_s.setdefault(place, t_s)
+        elif place in self._crowded_s:
+            self.crowds[place].append(Span(self._crowded_s.pop(place), t_s))
 
     def _waited(self, robot: str, one: _Seen, entered: frozenset[str]) -> None:
         """It has entered places, or is gone: which of its stops were waits."""
         for stand in one.pending:
             for place in sorted(entered | stand.goals) if stand.outside else ():
-                waited = list(self._full_during(place, stand.span))
+                waited = list(self._full_during(place, stand))
                 if sum(span.lasts_s for span in waited) >= WAITED_S:
                     self.waits.append(Wait(place, robot, Span(waited[0].from_s, waited[-1].to_s)))
         one.pending = []
 
-    def _full_during(self, place: str, stood: Span) -> Iterator[Span]:
-        """When the place was full while a robot stood, in order."""
-        full, since_s = self._full[place], self._since.get((place, False))
-        first = bisect_right(full, stood.from_s, key=lambda span: span.to_s)
-        for span in (*full[first:], *([] if since_s is None else [Span(since_s, inf)])):
-            if span.from_s < stood.to_s:
-                yield span.within(stood)
+    def _full_during(self, place: str, stood: Stand) -> Iterator[Span]:
+        """When the place was full for a robot that stood, in order."""
+        ended = self._stays[place]
+        first = bisect_right(ended, stood.span.from_s, key=lambda stay: stay.span.to_s)
+        stays = [stay for stay in (*ended[first:], *self._inside[place].values()) if beside(stay, stood)]
+        changes = [change for stay in stays for change in ((stay.span.from_s, 1), (stay.span.to_s, -1))]
+        inside, since_s = 0, -inf
+        for t_s, change in sorted(changes):
+            full = Span(since_s, t_s).within(stood.span)
+            if inside >= self._capacity[place] and full.lasts_s > 0:
+                yield full
+            inside, since_s = inside + change, t_s
 
     def _reports(self, batch: Batch) -> "Iterator[_Report]":
         """One of each robot of the batch."""
@@ -201,10 +235,11 @@ class Conduct:
         zones = self._zones.touched(
             floors, boxes_m, lambda rows: shapely.polygons(corners(*(one[rows] for one in poses)))
         )
-        columns = (batch.event_s.tolist(), floors, x_m.tolist(), y_m.tolist(), self._goals(batch))
-        for row, (t_s, floor, x, y, goals) in enumerate(zip(*columns, strict=True)):
+        heights_m = told.bottom_m.tolist(), told.top_m.tolist()
+        columns = (batch.event_s.tolist(), floors, x_m.tolist(), y_m.tolist(), self._goals(batch), *heights_m)
+        for row, (t_s, floor, x, y, goals, *height_m) in enumerate(zip(*columns, strict=True)):
             kept = resources.get(row, NOWHERE)
-            yield _Report(t_s, floor, x, y, kept | zones.get(row, NOWHERE), kept is NOWHERE, goals)
+            yield _Report(t_s, floor, x, y, kept | zones.get(row, NOWHERE), kept is NOWHERE, goals, *height_m)
 
     def _goals(self, batch: Batch) -> list[frozenset[str]]:
         """By robot, the resources that it says it goes to."""

@@ -39,6 +39,9 @@ class Seen:
     y_m: float
     length_m: float
     width_m: float
+    bottom_m: float
+    """Heights that it reaches from and to; -inf and inf where they are unknown."""
+    top_m: float
     way_m: float
     """How far it gets in the next ten seconds."""
     stood_s: float
@@ -140,7 +143,8 @@ class Robots(Mapping[str, Seen]):
             ready(batch.basis, np.int64),
             *(view.x_m, view.y_m, view.yaw_rad),
             view.floor,
-            *(ways.lines_m, ways.boxes_m, ways.way_m, ready(told.length_m), ready(told.width_m)),
+            *(ways.lines_m, ways.boxes_m, ways.way_m),
+            *(ready(told.length_m), ready(told.width_m), ready(told.bottom_m), ready(told.top_m)),
             counts,
             bound,
             *self._resources,
@@ -288,7 +292,7 @@ class Robots(Mapping[str, Seen]):
     def _told(self, uuid: str) -> Seen:
         slot = self._slots[uuid]
         numbers: tuple[Any, ...] = self.records[slot].item()
-        *told, floor, count = numbers[:11]
+        *told, floor, count = numbers[: records.SEEN]
         stops = tuple(map(self._stop, self.stops[slot, :count].tolist())) if count else ()
         here, came_s = self._here.get(slot, (None, 0.0))
         passages = self._passages.get(slot, {})

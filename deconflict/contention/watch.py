@@ -23,6 +23,7 @@ from deconflict.contention.resources import ContentionSettings, Resource, Zone
 from deconflict.contention.robots import Robots, Seen
 from deconflict.contention.telling import Finding, Telling, Told
 from deconflict.gathering import Gathered, Gathering
+from deconflict.heights import most_beside
 from deconflict.learned import Part, numbers
 from ingest.measures import Measures
 from ingest.seam import Batch
@@ -53,6 +54,9 @@ class Contention:
         self._advising = advising(self.geometry)
         self._flows = {one.id: Flow(one.capacity) for one in self.geometry.zones.values()}
         self._inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
+        """By zone, the robots in it at the last look."""
+        self._crowds: dict[str, set[str]] = {zone: set() for zone in self._flows}
+        """By zone, the most of them that are at one height."""
         self._looked_s = -inf
         self._gathering = Gathering()
         self._rings: list[tuple[Link, ...]] = []
@@ -116,14 +120,15 @@ class Contention:
         return one.name, one.vendor
 
     def _flow(self, passing: list[Seen], now_s: float, dt_s: float) -> None:
-        inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
+        inside: dict[str, list[Seen]] = {zone: [] for zone in self._flows}
         for one in passing:
             for zone, passage in one.passages.items():
                 if passage.enter_s <= now_s < passage.leave_s:
-                    inside[zone].add(one.uuid)
+                    inside[zone].append(one)
         for zone, flow in self._flows.items():
-            flow.step(dt_s, len(inside[zone]), len(self._inside[zone] - inside[zone]))
-        self._inside = inside
+            crowd, self._inside[zone] = most_beside(inside[zone]), {one.uuid for one in inside[zone]}
+            flow.step(dt_s, len(crowd), len(self._crowds[zone] - self._inside[zone]))
+            self._crowds[zone] = {one.uuid for one in crowd}
 
     def _wanted(self, passing: list[Seen], journeys: list[Leg], now_s: float) -> dict[str, list[Row]]:
         """Who has or will want what, by place."""
@@ -132,7 +137,8 @@ class Contention:
             for zone, passage in one.passages.items():
                 through_s = min(passage.leave_s, float(passage.t_s[-1]) + LOOK_S) - max(passage.enter_s, now_s)
                 coming = one.uuid not in self._inside[zone]
-                wanted[zone].append((coming, passage.enter_s, one.uuid, max(through_s, 0.0), LOOK_S))
+                service_s = max(through_s, 0.0)
+                wanted[zone].append(Row(coming, passage.enter_s, one.uuid, service_s, LOOK_S, one.bottom_m, one.top_m))
         for leg in journeys:
             if leg.node[1] == 0 and leg.place in self._dwells:
                 wanted[leg.place].append(self._kept(leg, now_s))
@@ -144,7 +150,7 @@ class Contention:
                 if place is not None and place not in met and t_s <= now_s + REACH_S:
                     met.add(place)
                     service_s = _between_s(stop, one.stops[number + 1]) if number < last else usual_s[place]
-                    wanted[place].append((True, t_s, one.uuid, service_s, spread_s))
+                    wanted[place].append(Row(True, t_s, one.uuid, service_s, spread_s, one.bottom_m, one.top_m))
         return wanted
 
     def _kept(self, leg: Leg, now_s: float) -> Row:
@@ -153,7 +159,7 @@ class Contention:
         left_s = self._dwells[leg.place].remaining_s(now_s - one.came_s)
         if leg.until_s < inf:
             left_s = leg.until_s - now_s
-        return False, leg.since_s, one.uuid, left_s, 0.0
+        return Row(False, leg.since_s, one.uuid, left_s, 0.0, one.bottom_m, one.top_m)
 
     def _contended(self, now_s: float) -> Iterable[Finding]:
         """Places where somebody will wait long, with the slots that would cost least."""
@@ -168,7 +174,9 @@ class Contention:
         """Places with more robots inside than they take."""
         for place, turns in self._turns.items():
             if turns.inside > self.geometry.capacity(place):
-                yield findings.double_occupancy(self.geometry, place, turns, now_s)
+                crowd = most_beside(turns.rows[: turns.inside])
+                if len(crowd) > self.geometry.capacity(place):
+                    yield findings.double_occupancy(self.geometry, place, turns, crowd, now_s)
 
     def _locked(
         self, passing: list[Seen], journeys: list[Leg], in_way: list[Hindrance], now_s: float

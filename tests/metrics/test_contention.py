@@ -1,5 +1,6 @@
 """Logs in which it is known by construction what became of advisories on contention."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +114,17 @@ def test_a_robot_that_is_held_up_stands_behind_the_blocker(tmp_path: Path) -> No
     passing = Script([*way[:1], (13.0, -2.0, 0.0), (15.0, -2.0, 3.0), (30.0, 15.0, 3.0)], means=way)
     assert scored(tmp_path, {"A": blocker, "B": held}, 90)["blockage"]["precision"] == 1.0
     assert scored(tmp_path, {"A": blocker, "B": passing}, 90)["blockage"]["precision"] == 0.0
+
+
+@pytest.mark.parametrize(("z_m", "waits", "crowds"), [(0.0, 1, 1), (5.0, 0, 0)])
+def test_nobody_waits_for_a_robot_above_it_nor_makes_a_crowd_with_it(
+    tmp_path: Path, z_m: float, waits: int, crowds: int
+) -> None:
+    above = replace(charges(90), z_m=z_m)
+    two = scored(tmp_path, {"A": above, "B": comes(66)}, 130, CHARGER)
+    assert two.get("contention", {"happened": 0})["happened"] == waits
+    assert two.get("double_occupancy", {"happened": 0})["happened"] == crowds
+    assert bool(two) is bool(waits), "nor is anything said of it"
 
 
 def test_the_report_says_what_became_of_it(tmp_path: Path) -> None:
