@@ -65,7 +65,9 @@ SEEN = 1 + [*(ROBOT.names or ())].index("stops")
 
 STOP = np.dtype(
     [
-        ("t_s", np.float64),  # when the robot is expected there
+        ("told_s", np.float64),  # when the robot says that it is there; where its path ends, as forecast
+        ("t_s", np.float64),  # when it means to be there, and can
+        ("expected_s", np.float64),  # when it is expected there: later where it is overdue
         ("spread_s", np.float64),  # half the width of the middle 80 % of that
         ("x_m", np.float64),  # where it is
         ("y_m", np.float64),

@@ -11,9 +11,9 @@ from shapely.ops import substring
 
 from deconflict.contention import records
 from deconflict.contention.ahead import STEP_S, STEPS, Ahead, Ways, ahead, corners, ways_ahead
-from deconflict.contention.arrivals import Arrivals
+from deconflict.contention.arrivals import Arrivals, Corrections
 from deconflict.contention.boxes import ROUNDING_M
-from deconflict.contention.destinations import Stop, set_out
+from deconflict.contention.destinations import Stop, expect, set_out
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.promises import ARRIVED_M
 from deconflict.contention.records import ROBOT, STANDS_M, STOP, STRAIGHT, WAY_M, Drawn, take_in
@@ -132,7 +132,8 @@ class Robots(Mapping[str, Seen]):
         slots = self._slotted(batch.robots)
         numbers = np.array([self._number(floor) for floor in batch.floors], np.int64)
         self._words.update(zip(batch.robots, zip(batch.vendors, batch.names, batch.states, strict=True), strict=True))
-        counts, bound = self._set_out(batch, now_s, view, slots, numbers)
+        corrections = self.arrivals.hear(batch, now_s, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
+        counts, bound = self._set_out(batch, now_s, view, corrections, slots, numbers)
         asked = take_in(
             self.records,
             self._ways,
@@ -151,7 +152,10 @@ class Robots(Mapping[str, Seen]):
             *self._zones,
             ROUNDING_M,
         )
-        return self._ask(batch, view, ways, slots, asked) if asked.any() else []
+        left = self._ask(batch, view, ways, slots, asked) if asked.any() else []
+        if len(batch.destinations.t_s):
+            expect(self.records, self.stops, slots, now_s, corrections)
+        return left
 
     def _ask(self, batch: Batch, view: Ahead, ways: Ways, slots: Ints, asked: Ints) -> list[tuple[str, float]]:
         """Ask shapes what is to be asked of them; the resources that robots have left, and for how long they had them.
@@ -244,19 +248,20 @@ class Robots(Mapping[str, Seen]):
                 x_m, y_m = view.x_m[row, -1], view.y_m[row, -1]
                 short_m = np.hypot(view.x_m[row] - x_m, view.y_m[row] - y_m)
                 arrives_s, floor = view.t_s[row, int(np.argmax(short_m < STANDS_M))], self.records["floor"][slot]
-                self.stops[slot, 0] = arrives_s, STEP_S, x_m, y_m, floor, self._numbered[end]
+                self.stops[slot, 0] = *[arrives_s] * 3, STEP_S, x_m, y_m, floor, self._numbered[end]
                 self.records["stops"][slot], self.records["bound"][slot] = 1, True
 
-    def _set_out(self, batch: Batch, now_s: Floats, view: Ahead, slots: Ints, numbers: Ints) -> tuple[Ints, Bools]:
-        """Take in what robots say of where they go: (n,) how many stops each has, and whether any may be a resource."""
-        rates = self.arrivals.hear(batch, now_s, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
+    def _set_out(
+        self, batch: Batch, now_s: Floats, view: Ahead, corrections: Corrections, slots: Ints, numbers: Ints
+    ) -> tuple[Ints, Bools]:
+        """Take in where robots go, as they say: (n,) how many stops each has, and whether any may be a resource."""
         told = batch.destinations
         if not len(told.t_s):
             return np.zeros(len(batch), np.int64), np.zeros(len(batch), np.bool_)
         spare = int((told.start[1:] - told.start[:-1]).max()) - self.stops.shape[1]
         if spare > 0:
             self.stops = np.pad(self.stops, ((0, 0), (0, spare)))
-        return set_out(self.stops, slots, numbers, told, now_s, view, rates, self._resources)
+        return set_out(self.stops, slots, numbers, told, now_s, view, corrections, self._resources)
 
     def _slotted(self, uuids: Sequence[str]) -> Ints:
         slots = [self._slots.get(uuid, -1) for uuid in uuids]
@@ -299,9 +304,10 @@ class Robots(Mapping[str, Seen]):
         fields: tuple[Any, ...] = (*told, self.datum(floor), here, came_s, stops, passages)
         return Seen(uuid, *self._words[uuid], *fields)
 
-    def _stop(self, told: tuple[float, float, float, float, int, int]) -> Stop:
-        t_s, spread_s, x_m, y_m, floor, resource = told
-        return Stop(t_s, spread_s, self.datum(floor), x_m, y_m, self._places[resource] if resource >= 0 else None)
+    def _stop(self, told: tuple[float, float, float, float, float, float, int, int]) -> Stop:
+        told_s, t_s, expected_s, spread_s, x_m, y_m, floor, number = told
+        resource = self._places[number] if number >= 0 else None
+        return Stop(told_s, t_s, expected_s, spread_s, self.datum(floor), x_m, y_m, resource)
 
     def passing(self) -> list[Seen]:
         """Those with a zone on their way."""

@@ -6,7 +6,7 @@ changed with them: queues of resources that somebody wants, standing robots that
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
-from math import inf
+from math import hypot, inf
 
 from deconflict.contention import findings
 from deconflict.contention.advising import Advising, advising_alone
@@ -23,7 +23,7 @@ from deconflict.contention.resources import ContentionSettings, Resource, Zone
 from deconflict.contention.robots import Robots, Seen
 from deconflict.contention.telling import Finding, Telling, Told
 from deconflict.gathering import Gathered, Gathering
-from deconflict.heights import most_beside
+from deconflict.heights import beside, most_beside
 from deconflict.learned import Part, numbers
 from ingest.measures import Measures
 from ingest.seam import Batch
@@ -31,6 +31,8 @@ from ingest.seam import Batch
 LOOK_S = 1.0
 REACH_S = 900.0
 """How far ahead demand is forecast (standard 5.2.3)."""
+QUEUES_M = 10.0
+"""A robot that stands so near a place without room for it waits for the place."""
 NOBODY = Turns([], 0, [], [], 0.0, 0)
 
 
@@ -75,12 +77,14 @@ class Contention:
         self._catch_up()
         stays = {resource: one.learned() for resource, one in self._dwells.items()}
         arrivals = self.robots.arrivals
-        return {"arrivals": arrivals.learned(), "lateness": arrivals.lateness.learned(), "stays": stays}
+        late = {"lateness": arrivals.lateness.learned(), "overdue": arrivals.overdue.learned()}
+        return {"arrivals": arrivals.learned(), **late, "stays": stays}
 
     def resume(self, parts: Mapping[str, Part]) -> None:
         """Go on with what `learned` told. Raises `UnreadableError`."""
         self.robots.arrivals.resume(parts.get("arrivals", {}))
         self.robots.arrivals.lateness.resume(parts.get("lateness", {}))
+        self.robots.arrivals.overdue.resume(parts.get("overdue", {}))
         stays = parts.get("stays", {})
         for resource in stays.keys() & self._dwells.keys():
             self._dwells[resource].resume(numbers(stays, resource, (None,)).tolist())
@@ -146,19 +150,33 @@ class Contention:
         for one in self.robots.bound():
             met, last = {one.here}, len(one.stops) - 1
             for number, stop in enumerate(one.stops):
-                t_s, spread_s, _, _, _, place = stop
-                if place is not None and place not in met and t_s <= now_s + REACH_S:
-                    met.add(place)
+                place = stop.resource
+                if place is None or place in met:
+                    continue
+                met.add(place)
+                arrival_s, spread_s = stop.expected_s, stop.spread_s
+                if number == 0 and arrival_s > stop.t_s and self._waits(one, stop, wanted.get(place, ())):
+                    arrival_s, spread_s = stop.t_s, 0.0
+                if arrival_s <= now_s + REACH_S:
                     service_s = _between_s(stop, one.stops[number + 1]) if number < last else usual_s[place]
-                    wanted[place].append(Row(True, t_s, one.uuid, service_s, spread_s, one.bottom_m, one.top_m))
+                    wanted[place].append(Row(True, arrival_s, one.uuid, service_s, spread_s, one.bottom_m, one.top_m))
         return wanted
+
+    def _waits(self, one: Seen, stop: Stop, rows: Iterable[Row]) -> bool:
+        """Whether a robot that stands is near its next stop and has no room there yet: that alone holds it up."""
+        away_m = hypot(stop.x_m - one.x_m, stop.y_m - one.y_m) if stop.datum == one.datum else inf
+        if not one.stands or away_m > QUEUES_M or stop.resource is None:
+            return False
+        inside = [row for row in rows if not row.coming and beside(row, one)]
+        return len(inside) >= self.geometry.capacity(stop.resource)
 
     def _kept(self, leg: Leg, now_s: float) -> Row:
         """What a robot has now, for as long as it says, or else as long as robots usually stay."""
         one = self.robots[leg.node[0]]
         left_s = self._dwells[leg.place].remaining_s(now_s - one.came_s)
         if leg.until_s < inf:
-            left_s = leg.until_s - now_s
+            late_s = one.stops[0].expected_s - one.stops[0].t_s
+            left_s = leg.until_s + late_s - now_s
         return Row(False, leg.since_s, one.uuid, left_s, 0.0, one.bottom_m, one.top_m)
 
     def _contended(self, now_s: float) -> Iterable[Finding]:
@@ -224,5 +242,4 @@ class Contention:
 
 def _between_s(stop: Stop, after: Stop) -> float:
     """How long a robot may keep a stop before it sets out for the next one."""
-    away_s: float = ((after.x_m - stop.x_m) ** 2 + (after.y_m - stop.y_m) ** 2) ** 0.5
-    return max(after.t_s - away_s - stop.t_s, 1.0)
+    return max(after.expected_s - hypot(after.x_m - stop.x_m, after.y_m - stop.y_m) - stop.expected_s, 1.0)
