@@ -23,8 +23,9 @@ from ingest.seam import Batch, Floats, Ints
 
 STANDS_M, STOOD_S = 0.1, 3.0
 WAITED_S = 5.0
-JOINED_S = 5.0
-"""A robot that is silent for longer is not known to have stood."""
+JOINED_S, STILL_S = 5.0, 35.0
+"""A robot that is silent for longer is not known to have stood; nor for longer than the second where it is afterwards
+where it was: reports may be 30 s apart."""
 MOST_PENDING = 32
 """Stops of one robot that are kept until it enters a place."""
 NOWHERE = frozenset[str]()
@@ -76,6 +77,16 @@ class Wait(NamedTuple):
     span: Span
 
 
+class Entry(NamedTuple):
+    """A robot that was outside of a place came into it."""
+
+    place: str
+    robot: str
+    t_s: float
+    known_s: float
+    """Since when the robot was heard."""
+
+
 class _Report(NamedTuple):
     t_s: float
     floor: str
@@ -122,7 +133,11 @@ class Conduct:
         self.waits: list[Wait] = []
         self.crowds: dict[str, list[Span]] = {place: [] for place in self._capacity}
         """By place, when more robots were in it than it takes."""
+        self._entries: list[Entry] = []
+        """Those that nobody has asked for yet."""
         self.last_seen_s: dict[str, float] = {}
+        self._known_s: dict[str, float] = {}
+        """By robot, since when it was heard."""
 
     def take(self, batch: Batch) -> None:
         """Robots that have reported, and those that are gone."""
@@ -138,7 +153,11 @@ class Conduct:
 
     def _see(self, robot: str, new: "_Report") -> None:
         one = self._robots.get(robot)
-        if one and new.t_s - one.seen_s > JOINED_S:
+        known_s = self._known_s.setdefault(robot, new.t_s)
+        if one and new.t_s >= one.seen_s:
+            entered = new.places - one.places
+            self._entries += [Entry(place, robot, new.t_s, known_s) for place in sorted(entered)]
+        if one and new.t_s - one.seen_s > (STILL_S if _is_at(one, new) else JOINED_S):
             self._leave(robot)
             one = None
         if one is None:
@@ -156,12 +175,21 @@ class Conduct:
             )
         if new.t_s < one.seen_s:
             return
-        if new.floor != one.floor or hypot(new.x_m - one.x_m, new.y_m - one.y_m) > STANDS_M:
+        if not _is_at(one, new):
             self._move(robot, one)
             one.floor, one.x_m, one.y_m, one.came_s = *new[1:4], new.t_s
         one.seen_s = self.last_seen_s[robot] = new.t_s
         one.outside, one.goals, one.bottom_m, one.top_m = new.outside, new.goals, new.bottom_m, new.top_m
         self._occupy(robot, one, new.places, new.t_s)
+
+    def new_entries(self) -> list[Entry]:
+        """Those since this was asked last."""
+        entries, self._entries = self._entries, []
+        return entries
+
+    def stays_s(self, place: str) -> Floats:
+        """(n, 2) from when to when robots were in a place, as far as they have left it."""
+        return np.array([stay.span for stay in self._stays[place]]).reshape(-1, 2)
 
     def _move(self, robot: str, one: _Seen) -> None:
         """It stands no longer where it stood."""
@@ -251,6 +279,11 @@ class Conduct:
         for row, places in found.items():
             goals[robot[row]] |= places
         return goals
+
+
+def _is_at(one: _Seen, new: _Report) -> bool:
+    """Whether a robot is where it was."""
+    return new.floor == one.floor and hypot(new.x_m - one.x_m, new.y_m - one.y_m) <= STANDS_M
 
 
 class _Outlines:

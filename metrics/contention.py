@@ -25,9 +25,10 @@ from deconflict.advisory import (
     DeadlockAdvisory,
 )
 from deconflict.site import Site
-from ingest.seam import Batch
+from ingest.seam import Batch, Floats
 from metrics.bootstrap import interval
 from metrics.conduct import Conduct, Span
+from metrics.places import AHEAD_S, Places, Turn
 from metrics.summaries import mean, means, median, spread
 
 AFTER_S = 5.0
@@ -76,6 +77,8 @@ class Contention:
 
     def __init__(self, site: Site) -> None:
         self._conduct = Conduct(site.resources, site.zones)
+        self._places = Places(site.resources, self._conduct.last_seen_s)
+        self._resources = site.resources
         self._least_wait_s = site.contention.least_wait_s
         self._told: dict[str, Told] = {}
         self._last_s = -inf
@@ -83,12 +86,18 @@ class Contention:
     def take(self, batch: Batch) -> None:
         """Robots that have reported."""
         self._conduct.take(batch)
+        for entry in self._conduct.new_entries():
+            self._places.enter(entry)
+        for robot in batch.gone:
+            self._places.forget(robot)
 
-    def hear(self, now_s: float, revisions: Iterable[AnyAdvisory]) -> None:
-        """What was said at a pass."""
+    def hear(self, now_s: float, revisions: Iterable[AnyAdvisory], turns: Iterable[Turn] | None = None) -> None:
+        """What was said at a pass, and of places where that was asked for."""
         self._last_s = now_s
         for one in revisions:
             self._hear(one)
+        if turns is not None:
+            self._places.say(now_s, turns)
 
     def _hear(self, one: AnyAdvisory) -> None:
         if not isinstance(one, ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory):
@@ -111,6 +120,11 @@ class Contention:
         rows = [(kind, [one for one in self._told.values() if one.kind == kind], happened.get(kind)) for kind in KINDS]
         return [self._figures(kind, told, events) for kind, told, events in rows if told or events]
 
+    def places(self) -> list[dict[str, Any]]:
+        """What was said of places, by how far ahead; once `figures` has been asked for."""
+        stays_s = {one.id: self._conduct.stays_s(one.id) for one in self._resources}
+        return self._places.figures(self._last_s, stays_s)
+
     def _figures(self, kind: str, told: list[Told], events: "list[Event] | None") -> dict[str, Any]:
         outcomes = [self._outcome(one) for one in told]
         came = np.array([float(np.isfinite(one.came_s)) if one.known else nan for one in outcomes])
@@ -124,6 +138,7 @@ class Contention:
             "precision": mean(came),
             "lead_time_s": spread(leads_s),
             "wait_error_s": median(off_s),
+            "by_ahead": _by_ahead(told, came),
             "happened": None if events is None else len(events),
             "recall": None if foretold is None else mean(foretold[:, 0]),
             "recall_any": None if foretold is None else mean(foretold[:, 1]),
@@ -184,6 +199,17 @@ class Contention:
             for span in spans
             if span.lasts_s >= CROWDED_S
         ]
+
+
+def _by_ahead(told: Sequence[Told], came: Floats) -> list[dict[str, Any]]:
+    """How many came true, by how far ahead they were told of when they were raised; (n,) nan where it is not known."""
+    ahead_s = np.array([one.predicted_s - one.raised_s for one in told])
+    column = np.searchsorted(AHEAD_S, np.minimum(ahead_s, AHEAD_S[-1]))
+    return [
+        {"ahead_up_to_s": up_to_s, "alerts": int((column == at).sum()), "precision": mean(came[column == at])}
+        for at, up_to_s in enumerate(AHEAD_S.tolist())
+        if (column == at).any()
+    ]
 
 
 @dataclass(frozen=True, slots=True)

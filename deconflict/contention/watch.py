@@ -68,6 +68,11 @@ class Contention:
     def open(self) -> list[Told]:
         return self._telling.open()
 
+    @property
+    def turns(self) -> Mapping[str, Turns]:
+        """Everybody's turn at each place that somebody has or wants, by the last look."""
+        return self._turns
+
     def adopt(self, told: Told) -> None:
         """Go on from a revision that another decided."""
         self._telling.adopt(told)
