@@ -41,6 +41,8 @@ def says(robot: str, now_s: float, here: Spot, spots: Sequence[Spot], told_s: Se
         event_s=np.array([now_s]),
         basis=np.array([0]),
         doubt_m=zero,
+        battery_pct=zero * np.nan,
+        run_time_left_s=zero * np.nan,
         forecasts=Forecasts(np.arange(2), np.array([now_s]), x_m[:1], y_m[:1], zero, floor[:1], one, one, zero, one),
         destinations=Destinations(np.array([0, len(spots)]), np.array(told_s, float), x_m[1:], y_m[1:], floor[1:]),
         gone=(),
