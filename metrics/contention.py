@@ -28,7 +28,7 @@ from deconflict.site import Site
 from ingest.seam import Batch, Floats
 from metrics.bootstrap import interval
 from metrics.conduct import Conduct, Span
-from metrics.places import AHEAD_S, Places, Turn
+from metrics.places import AHEAD_S, Forecast, Places
 from metrics.summaries import mean, means, median, spread
 
 AFTER_S = 5.0
@@ -44,8 +44,8 @@ class Told:
     """One advisory, as it was raised and as far as it has come."""
 
     kind: str
-    place: str
-    """Id of the resource or zone, where it is of one."""
+    places: frozenset[str]
+    """Ids of the resources or of the zone that it is of, if of any."""
     spot: tuple[str, float, float]
     raised_s: float
     predicted_s: float
@@ -91,24 +91,24 @@ class Contention:
         for robot in batch.gone:
             self._places.forget(robot)
 
-    def hear(self, now_s: float, revisions: Iterable[AnyAdvisory], turns: Iterable[Turn] | None = None) -> None:
+    def hear(self, now_s: float, revisions: Iterable[AnyAdvisory], forecast: Forecast | None = None) -> None:
         """What was said at a pass, and of places where that was asked for."""
         self._last_s = now_s
         for one in revisions:
             self._hear(one)
-        if turns is not None:
-            self._places.say(now_s, turns)
+        if forecast:
+            self._places.say(now_s, forecast)
 
     def _hear(self, one: AnyAdvisory) -> None:
         if not isinstance(one, ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory):
             return
         told = self._told.get(one.id)
         if told is None:
-            place = one.resource if isinstance(one, ContentionAdvisory) else ""
+            of_places = (one.resource, *one.resources) if isinstance(one, ContentionAdvisory) else ()
             wait_s = one.wait_s if one.kind == "contention" else nan
             spot = (one.location.datum, one.location.x, one.location.y)
             times_s = (one.raised_at.timestamp(), one.predicted_at.timestamp())
-            told = self._told[one.id] = Told(one.kind, place, spot, *times_s, wait_s)
+            told = self._told[one.id] = Told(one.kind, frozenset(of_places), spot, *times_s, wait_s)
         told.robots |= set(one.holds_up if isinstance(one, BlockageAdvisory) else one.robots)
         if one.state is AdvisoryState.CLEARED:
             told.cleared_s = one.updated_at.timestamp()
@@ -163,11 +163,11 @@ class Contention:
         return Outcome(nan, known=heard and self._last_s >= until_s)
 
     def _waits_of(self, one: Told) -> list[Span]:
-        waits = [wait for wait in self._conduct.waits if wait.place == one.place and wait.robot in one.robots]
+        waits = [wait for wait in self._conduct.waits if wait.place in one.places and wait.robot in one.robots]
         return [wait.span for wait in waits if _meets(wait.span, one)]
 
     def _crowds_of(self, one: Told) -> list[Span]:
-        spans = self._conduct.crowds.get(one.place, ())
+        spans = [span for place in sorted(one.places) for span in self._conduct.crowds.get(place, ())]
         return [span for span in spans if span.lasts_s >= CROWDED_S and _meets(span, one)]
 
     def _locks_of(self, one: Told) -> list[Span]:
@@ -227,6 +227,6 @@ def _meets(span: Span, one: Told) -> bool:
 
 def _is_told(event: Event, told: Sequence[Told]) -> tuple[float, float]:
     """Whether an advisory stood when it began, and whether one stood while it lasted."""
-    about = [one.stood for one in told if one.place == event.place and (not event.robot or event.robot in one.robots)]
+    about = [one.stood for one in told if event.place in one.places and (not event.robot or event.robot in one.robots)]
     before = any(stood.from_s <= event.span.from_s <= stood.to_s for stood in about)
     return float(before), float(any(event.span.within(stood).lasts_s >= 0 for stood in about))

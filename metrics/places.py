@@ -1,19 +1,25 @@
-"""What was said of places up to a quarter of an hour ahead, by how far ahead: who comes when, and when a place is full.
+"""What was said of places up to a quarter of an hour ahead, by how far ahead: who comes when, when a place is full, and
+who will need a charger.
 
 Every ten seconds the service says of each resource who has it, who will want it, and from when to when each has it. Who
 was said to come has come once its envelope's middle is inside. One that had not by the time told is late by at least as
-long as it was watched after that; where that is nothing, it is not known what came of it.
+long as it was watched after that; where that is nothing, it is not known what came of it. A robot that will need a
+charger, as its battery tells, is held against whether it has come to one by then.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from deconflict.contention.charging import AHEAD_S as NEEDS_AHEAD_S
+from deconflict.contention.charging import Need
 from deconflict.contention.demand import Turns
 from deconflict.contention.resources import Resource
+from deconflict.motion import Bools
 from ingest.seam import Floats, Ints
 from metrics.conduct import Entry
 from metrics.sketch import BINS, bins_of, quantile
@@ -36,11 +42,27 @@ class Turn(NamedTuple):
     end_s: float
 
 
+class Forecast(NamedTuple):
+    """What the service says of places at one moment."""
+
+    turns: Sequence[Turn]
+    """Of resources."""
+    needs: Mapping[str, Floats]
+    """By robot that has not said that it comes to a charger, how likely it does within each of `AHEAD_S`."""
+
+
 class Said(NamedTuple):
     """One robot was said to come."""
 
     said_s: float
     begin_s: float
+
+
+def forecast_of(turns: Mapping[str, Turns], needs: Iterable[Need], resources: Iterable[Resource]) -> Forecast:
+    """What an engine says, with `turns` of all places."""
+    at_s, ahead_s = np.concatenate([[0.0], NEEDS_AHEAD_S]), AHEAD_S
+    likely = {one.robot: np.interp(ahead_s, at_s, np.concatenate([[0.0], one.likely])) for one in needs}
+    return Forecast(turns_said(turns, resources), likely)
 
 
 def turns_said(turns: Mapping[str, Turns], resources: Iterable[Resource]) -> list[Turn]:
@@ -65,7 +87,10 @@ class Counts:
     entries: int = 0
     """Robots that came."""
     foretold: int = 0
-    """Those of them that were said to."""
+    """Those of them that were said to, or that would more likely than not need a charger."""
+    needs: Floats = field(default_factory=lambda: np.zeros(4))
+    """How often robots were said to need a charger, the sum of how likely, how often they came to one, and the sum of
+    squared errors of that."""
 
 
 class Places:
@@ -77,17 +102,22 @@ class Places:
         self._counts = [Counts() for _ in AHEAD_S]
         self._waiting: dict[tuple[str, str], list[Said]] = {}
         """By place and robot, in the order in which it was said."""
+        self._chargers = {one.id for one in resources if one.kind == "charger"}
+        self._needs: dict[str, list[tuple[float, Floats]]] = {}
+        """By robot, when it was said to need a charger, and how likely within each of `AHEAD_S`."""
         self._full: list[tuple[float, Ints]] = []
         """When something was said, and (places, len(AHEAD_S)) whether each place is full so long after."""
         self._first_s = inf
 
-    def say(self, now_s: float, turns: Iterable[Turn]) -> None:
-        """What the service says now of all resources."""
+    def say(self, now_s: float, forecast: Forecast) -> None:
+        """What the service says now."""
         self._first_s = min(self._first_s, now_s)
         self._give_up(now_s)
         numbers = {place: number for number, place in enumerate(self._capacity)}
         inside, at_s = np.zeros((len(numbers), len(AHEAD_S)), np.int64), now_s + AHEAD_S
-        for one in turns:
+        for robot, likely in forecast.needs.items():
+            self._needs.setdefault(robot, []).append((now_s, likely))
+        for one in forecast.turns:
             inside[numbers[one.place]] += (one.begin_s <= at_s) & (at_s < one.end_s)
             if one.coming and one.begin_s - now_s <= AHEAD_S[-1]:
                 self._waiting.setdefault((one.place, one.robot), []).append(Said(now_s, one.begin_s))
@@ -105,14 +135,37 @@ class Places:
         for one in before:
             self._judge(one, entry.t_s - one.begin_s, came=True)
         ahead_s = entry.t_s - np.array([one.said_s for one in before])
+        needed_s = self._need(entry) if entry.place in self._chargers else np.empty((0, len(AHEAD_S)))
         heard_s = entry.t_s - max(entry.known_s, self._first_s)
-        for counts, least_s, most_s in zip(self._counts, (0.0, *AHEAD_S.tolist()), AHEAD_S.tolist(), strict=False):
+        for column, (least_s, most_s) in enumerate(pairwise((0.0, *AHEAD_S.tolist()))):
             if heard_s >= most_s:
-                counts.entries += 1
-                counts.foretold += bool(((ahead_s > least_s) & (ahead_s <= most_s)).any())
+                said_s = np.concatenate([ahead_s, needed_s[:, column]])
+                self._counts[column].entries += 1
+                self._counts[column].foretold += bool(((said_s > least_s) & (said_s <= most_s)).any())
+
+    def _need(self, entry: Entry) -> Floats:
+        """A robot has come to a charger: (n, len(AHEAD_S)) how long before that it was said to need one, more likely
+        than not, within each of `AHEAD_S`; nan where it was not."""
+        said = self._needs.pop(entry.robot, [])
+        before = [one for one in said if one[0] < entry.t_s]
+        if after := said[len(before) :]:
+            self._needs[entry.robot] = after
+        for said_s, likely in before:
+            self._judge_need(likely, entry.t_s - said_s <= AHEAD_S, np.full(len(AHEAD_S), True))
+        ahead_s = np.array([entry.t_s - said_s for said_s, _ in before])[:, None]
+        likely = np.array([likely for _, likely in before]).reshape(-1, len(AHEAD_S))
+        needed_s: Floats = np.where(likely >= 0.5, ahead_s, np.nan)
+        return needed_s
+
+    def _judge_need(self, likely: Floats, came: Bools, known: Bools) -> None:
+        """What was said of one robot, and whether it came to a charger, by `AHEAD_S` as far as that is known."""
+        for column in np.flatnonzero(known).tolist():
+            share, truly = float(likely[column]), float(came[column])
+            self._counts[column].needs += (1.0, share, truly, (share - truly) ** 2)
 
     def forget(self, robot: str) -> None:
         """A robot has left: what would have come of it is not known."""
+        self._needs.pop(robot, None)
         for key in [key for key in self._waiting if key[1] == robot]:
             del self._waiting[key]
 
@@ -125,7 +178,9 @@ class Places:
             for one in said:
                 self._miss(one, robot)
         self._waiting.clear()
-        if not any(counts.said or counts.entries for counts in self._counts):
+        for robot in list(self._needs):
+            self._not_needed(robot, inf)
+        if not any(counts.said or counts.entries or counts.needs[0] for counts in self._counts):
             return []
         full = self._full_figures(last_s, stays)
         return [
@@ -147,6 +202,18 @@ class Places:
                 self._miss(said.pop(0), key[1])
             if not said:
                 del self._waiting[key]
+
+        for robot in list(self._needs):
+            self._not_needed(robot, now_s - AHEAD_S[-1])
+
+    def _not_needed(self, robot: str, until_s: float) -> None:
+        """Judge what was said before `until_s` of a robot that has not come to a charger."""
+        said, seen_s = self._needs.pop(robot), self._last_seen_s.get(robot, -inf)
+        for said_s, likely in said:
+            if said_s < until_s:
+                self._judge_need(likely, np.full(len(AHEAD_S), False), said_s + AHEAD_S <= seen_s)
+        if rest := [one for one in said if one[0] >= until_s]:
+            self._needs[robot] = rest
 
     def _miss(self, one: Said, robot: str) -> None:
         """Judge what was said of a robot that has not come, if it was heard of after the time told."""
@@ -173,7 +240,7 @@ def _inside(stays_s: Floats, at_s: Floats) -> Ints:
     return np.searchsorted(came, at_s, "right") - np.searchsorted(left, at_s, "right")
 
 
-def _full_row(said: Any, truly: Any) -> dict[str, Any]:
+def _full_row(said: Bools, truly: Bools) -> dict[str, Any]:
     both = int((said & truly).sum())
     return {
         "full_said": int(said.sum()),
@@ -192,6 +259,16 @@ def _figures(counts: Counts) -> dict[str, Any]:
         "late": _share(counts.late, counts.said),
         "entries": counts.entries,
         "foretold": _share(counts.foretold, counts.entries),
+        **_need_figures(*counts.needs.tolist()),
+    }
+
+
+def _need_figures(said: float, likely: float, came: float, squared: float) -> dict[str, Any]:
+    return {
+        "need_said": int(said),
+        "need_likely": likely / said if said else None,
+        "need_came": came / said if said else None,
+        "need_brier": squared / said if said else None,
     }
 
 

@@ -26,7 +26,7 @@ from metrics.calibration import SETTLED_S, Calibration
 from metrics.contention import Contention
 from metrics.forecasts import ForecastErrors
 from metrics.passes import Pass, Reading
-from metrics.places import EVERY_S, Turn, turns_said
+from metrics.places import EVERY_S, Forecast, forecast_of
 from metrics.scenes import Scene
 from metrics.scoring import Alert, Presence, score
 from metrics.truth import Pair, Truth
@@ -70,7 +70,7 @@ class Said:
     """Robots that wait as advised."""
     measured: dict[str, Any] | None = None
     """What the engine would tell of itself, where the pass has that of the receiver."""
-    turns: Sequence[Turn] | None = None
+    places: Forecast | None = None
     """What is said of places, every `EVERY_S`."""
 
 
@@ -98,8 +98,8 @@ class Run:
         others = [each for each in told if not isinstance(each, ConflictAdvisory)]
         waiting = self.engine.foresight.heeding(one.now_s)
         measured = self.measured() if one.measured else None
-        published, turns = self._published(one.now_s), self._turns(one.now_s)
-        return Said(revisions, others, raised, published, bands_m, waiting, measured, turns)
+        published, places = self._published(one.now_s), self._places(one.now_s)
+        return Said(revisions, others, raised, published, bands_m, waiting, measured, places)
 
     def measured(self) -> dict[str, Any]:
         """What the engine would tell of itself now."""
@@ -112,12 +112,12 @@ class Run:
         self._second = floor(now_s)
         return self.engine.probabilities()
 
-    def _turns(self, now_s: float) -> list[Turn] | None:
-        """What is said of resources at the first pass of each `EVERY_S`; nothing at others."""
+    def _places(self, now_s: float) -> Forecast | None:
+        """What is said of places at the first pass of each `EVERY_S`; None at others."""
         if floor(now_s / EVERY_S) == self._places_said:
             return None
         self._places_said = floor(now_s / EVERY_S)
-        return turns_said(self.engine.turns(), self.engine.site.resources)
+        return forecast_of(self.engine.turns(), self.engine.needs(), self.engine.site.resources)
 
     def _bands_m(self, batch: Batch) -> Floats:
         ledger = self.engine.foresight.ledger
@@ -191,8 +191,8 @@ class Outcome:
         self.forecasts.advance(now_s)
         for due in self._gathering.put(batch):
             self._follow(due.batch)
-        others, turns = (said[0].others, said[0].turns) if said else ((), None)
-        self.contention.hear(now_s, others, turns)
+        others, places = (said[0].others, said[0].places) if said else ((), None)
+        self.contention.hear(now_s, others, places)
         for verdict, each in zip(self.verdicts, said, strict=True):
             verdict.take(now_s, each)
         if one.measured and said and said[0].measured:

@@ -239,12 +239,25 @@ def _places(rows: Sequence[Part]) -> str:
         ]
         for one in rows
     ]
+    needed = [
+        [
+            _ahead(one),
+            f"{one['need_said']:,}",
+            _share(one["need_likely"]),
+            _share(one["need_came"]),
+            _number(one["need_brier"], 3),
+        ]
+        for one in rows
+        if one["need_said"]
+    ]
     comes = ("said up to so long ahead", "to come", "came", "off, s: median / p90", "late", "came at all", "foretold")
     full = ("said to be full", "was", "was full", "foretold")
-    return _table((*comes, *full), cells) + (
+    needs = ("a charger needed within", "said", "how likely, mean", "came to one", "Brier score")
+    note = (
         '<p class="note">Said every ten seconds of each resource: who has it from when on, and whether it is full so'
         " long after. A robot came at all where it was heard for so long before.</p>"
     )
+    return _table((*comes, *full), cells) + note + (_table(needs, needed) if needed else "")
 
 
 def _contention(kinds: Sequence[Part]) -> str:

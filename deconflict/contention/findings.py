@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.blockages import Blocked
+from deconflict.contention.charging import Shortage
 from deconflict.contention.deadlocks import Link
 from deconflict.contention.demand import Row, Turns
 from deconflict.contention.geometry import Geometry
@@ -86,6 +87,37 @@ def _advised(
     if not told and first:
         told = [f"{robots[first.robot].name} should go first"]
     return "".join(f"; {one}" for one in told[:2]) + f", which saves {advice.expected_saving_s:.0f} s in all"
+
+
+def shortage(geometry: Geometry, one: Shortage, robots: Mapping[str, Seen], now_s: float) -> Finding:
+    """Chargers that will probably be full, for robots that have not said that they come."""
+    first, label = one.chargers[0], " and ".join(geometry.label(charger) for charger in one.chargers)
+    expected = [need.robot for need in one.needs]
+    demand = len(one.there) + len(expected)
+    levels = ", ".join(f"{robots[need.robot].name} {need.level_pct:.0f} %" for need in one.needs[:4])
+    return Finding(
+        kind="contention",
+        about=first,
+        severity=Severity.CAUTION,
+        robots=tuple(sorted({*one.there, *expected})),
+        predicted_s=one.from_s,
+        location=geometry.location(first),
+        summary=lambda: (
+            f"{label} will probably be full {_when(one.from_s - now_s)}: {names(robots, expected)} will need to be"
+            f" charged by then, by the level of their batteries ({levels})"
+        ),
+        evidence={
+            "resource": first,
+            "resource_name": label,
+            "capacity": one.capacity,
+            "demand": demand,
+            "queue_length": max(demand - one.capacity, 1),
+            "wait_s": round(one.wait_s, 1),
+            "resources": one.chargers,
+            "expected": len(expected),
+            "probability": round(one.likely, 2),
+        },
+    )
 
 
 def double_occupancy(geometry: Geometry, place: str, turns: Turns, crowd: Sequence[Row], now_s: float) -> Finding:
@@ -197,4 +229,7 @@ def _queue_evidence(geometry: Geometry, place: str, turns: Turns, demand: int) -
         "demand": demand,
         "queue_length": turns.queue,
         "wait_s": round(turns.longest_s, 1),
+        "resources": (),
+        "expected": 0,
+        "probability": None,
     }

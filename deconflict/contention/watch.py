@@ -5,12 +5,13 @@ changed with them: queues of resources that somebody wants, standing robots that
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import hypot, inf
 
 from deconflict.contention import findings
 from deconflict.contention.advising import Advising, advising_alone
 from deconflict.contention.blockages import blockages
+from deconflict.contention.charging import Need, Shortage, needs, shortages
 from deconflict.contention.congestion import Flow
 from deconflict.contention.deadlocks import Link, rings
 from deconflict.contention.demand import Row, Turns, first_come
@@ -29,6 +30,8 @@ from ingest.measures import Measures
 from ingest.seam import Batch
 
 LOOK_S = 1.0
+NEEDS_S = 10.0
+"""Who will need a charger is asked so often."""
 REACH_S = 900.0
 """How far ahead demand is forecast (standard 5.2.3)."""
 QUEUES_M = 10.0
@@ -63,10 +66,18 @@ class Contention:
         self._gathering = Gathering()
         self._rings: list[tuple[Link, ...]] = []
         self._turns: dict[str, Turns] = {}
+        self._needs: list[Need] = []
+        self._shortages: list[Shortage] = []
+        self._needs_s = -inf
         measures.ask(self._measure)
 
     def open(self) -> list[Told]:
         return self._telling.open()
+
+    @property
+    def needs(self) -> Sequence[Need]:
+        """Robots that may need a charger and have not said that they come to one, by the last look at that."""
+        return self._needs
 
     @property
     def turns(self) -> Mapping[str, Turns]:
@@ -83,13 +94,15 @@ class Contention:
         stays = {resource: one.learned() for resource, one in self._dwells.items()}
         arrivals = self.robots.arrivals
         late = {"lateness": arrivals.lateness.learned(), "overdue": arrivals.overdue.learned()}
-        return {"arrivals": arrivals.learned(), **late, "stays": stays}
+        batteries = self.robots.batteries.learned()
+        return {"arrivals": arrivals.learned(), **late, "stays": stays, "batteries": batteries}
 
     def resume(self, parts: Mapping[str, Part]) -> None:
         """Go on with what `learned` told. Raises `UnreadableError`."""
         self.robots.arrivals.resume(parts.get("arrivals", {}))
         self.robots.arrivals.lateness.resume(parts.get("lateness", {}))
         self.robots.arrivals.overdue.resume(parts.get("overdue", {}))
+        self.robots.batteries.resume(parts.get("batteries", {}))
         stays = parts.get("stays", {})
         for resource in stays.keys() & self._dwells.keys():
             self._dwells[resource].resume(numbers(stays, resource, (None,)).tolist())
@@ -120,7 +133,9 @@ class Contention:
         journeys = legs(self.robots, around, now_s)
         self._turns = first_come(self._wanted(passing, journeys, now_s), self.geometry, now_s)
         in_way = hindrances(self.robots, around, now_s)
-        found = [*self._contended(now_s), *self._doubled(now_s), *self._locked(passing, journeys, in_way, now_s)]
+        self._foresee_charging(now_s)
+        found = [*self._contended(now_s), *self._short(now_s), *self._doubled(now_s)]
+        found += self._locked(passing, journeys, in_way, now_s)
         self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
         return self._telling.step(now_s, found, self._party)
 
@@ -193,6 +208,24 @@ class Contention:
                 advice = self._advising.slots(place, self._turns, self.robots, now_s)
                 yield findings.contention(self.geometry, place, turns, advice, self.robots, now_s)
 
+    def _foresee_charging(self, now_s: float) -> None:
+        """Who will need a charger, and which chargers will be full for that, every now and then."""
+        if self.geometry.chargers and now_s - self._needs_s >= NEEDS_S:
+            self._needs_s = now_s
+            self._needs = needs(self.robots, self.robots.batteries, self.geometry, now_s)
+            usual_s = {charger: self._dwells[charger].service_s for charger in self.geometry.chargers}
+            standing = [one.chargers[0] for one in self._shortages]
+            self._shortages = shortages(self._needs, self._turns, self.geometry, now_s, usual_s, standing)
+
+    def _short(self, now_s: float) -> Iterable[Finding]:
+        """Chargers that will be full for robots that have not said that they come; not where some wait as they say."""
+        long = self._settings.least_wait_s
+        for one in self._shortages:
+            waits = any(self._turns[charger].longest_s >= long for charger in one.chargers if charger in self._turns)
+            known = self.robots.keys() >= {*one.there, *(need.robot for need in one.needs)}
+            if known and not waits and one.wait_s >= long:
+                yield findings.shortage(self.geometry, one, self.robots, now_s)
+
     def _doubled(self, now_s: float) -> Iterable[Finding]:
         """Places with more robots inside than they take."""
         for place, turns in self._turns.items():
@@ -234,6 +267,7 @@ class Contention:
             "deconflict_resource_demand": dict(zip(places, [len(one.rows) for one in turns], strict=True)),
             "deconflict_resource_occupancy": dict(zip(places, [one.inside for one in turns], strict=True)),
             "deconflict_resource_wait_seconds": dict(zip(places, [one.longest_s for one in turns], strict=True)),
+            "deconflict_resource_expected_demand": self._expected_demand(),
             "deconflict_zone_flow_per_second": {zone: one.flow_per_s for zone, one in self._flows.items()},
             "deconflict_zone_saturation_ratio": {zone: one.saturation for zone, one in self._flows.items()},
             "deconflict_arrival_time_ratio": {
@@ -243,6 +277,14 @@ class Contention:
         self.robots.arrivals.lateness.measure(self._measures)
         for name, series in levels.items():
             self._measures.level(name, {(label,): value for label, value in series.items()})
+
+    def _expected_demand(self) -> dict[str, float]:
+        """By charger, how many robots will need it besides those that say so; one that may choose counts in parts."""
+        demand = dict.fromkeys(self.geometry.chargers, 0.0)
+        for need in self._needs:
+            for charger in need.chargers:
+                demand[charger] += float(need.likely[-1]) / len(need.chargers)
+        return demand
 
 
 def _between_s(stop: Stop, after: Stop) -> float:
