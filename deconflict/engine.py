@@ -20,6 +20,8 @@ from deconflict.advisory import AnyAdvisory, ClaimAdvisory, ConflictAdvisory
 from deconflict.blackbox.trigger import Trigger
 from deconflict.claims import Claims
 from deconflict.contention.advising import Advising
+from deconflict.contention.charging import Need
+from deconflict.contention.demand import Turns
 from deconflict.contention.watch import Contention
 from deconflict.effort import Effort
 from deconflict.encounter import Encounter, encounter, separation_m
@@ -223,6 +225,14 @@ class Engine:
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The standing probability of every watched pair to come within the clearance in the horizon, after `step`."""
         return self.foresight.probabilities()
+
+    def turns(self) -> Mapping[str, Turns]:
+        """Who has each place that robots share, or will, and from when to when, by the last look."""
+        return self._contention.turns
+
+    def needs(self) -> Sequence[Need]:
+        """Robots that may need a charger and have not said that they come to one."""
+        return self._contention.needs
 
     def _foreseen(self, now_s: float, conflicts: PairConflicts) -> Predictions:
         """The pairs that the exact sweep found, and those that may well turn out otherwise."""

@@ -166,6 +166,11 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_resource_demand": Entry(
         "gauge", ("resource",), "Robots that have a resource or zone or will want it within 15 minutes."
     ),
+    "deconflict_resource_expected_demand": Entry(
+        "gauge",
+        ("resource",),
+        "Robots that will need a charger within 15 minutes by the level of their batteries, and have not said so.",
+    ),
     "deconflict_resource_occupancy": Entry("gauge", ("resource",), "Robots in a resource or zone now."),
     "deconflict_resource_wait_seconds": Entry(
         "gauge", ("resource",), "Longest wait expected at a resource or zone within 15 minutes."

@@ -26,6 +26,7 @@ from metrics.calibration import SETTLED_S, Calibration
 from metrics.contention import Contention
 from metrics.forecasts import ForecastErrors
 from metrics.passes import Pass, Reading
+from metrics.places import EVERY_S, Forecast, forecast_of
 from metrics.scenes import Scene
 from metrics.scoring import Alert, Presence, score
 from metrics.truth import Pair, Truth
@@ -69,6 +70,8 @@ class Said:
     """Robots that wait as advised."""
     measured: dict[str, Any] | None = None
     """What the engine would tell of itself, where the pass has that of the receiver."""
+    places: Forecast | None = None
+    """What is said of places, every `EVERY_S`."""
 
 
 class Run:
@@ -84,7 +87,7 @@ class Run:
             burdens_s=start.burdens_s,
             learned=start.learned,
         )
-        self._second = -1
+        self._second, self._places_said = -1, -1
 
     def step(self, one: Pass) -> Said:
         bands_m = self._bands_m(one.batch)
@@ -95,7 +98,8 @@ class Run:
         others = [each for each in told if not isinstance(each, ConflictAdvisory)]
         waiting = self.engine.foresight.heeding(one.now_s)
         measured = self.measured() if one.measured else None
-        return Said(revisions, others, raised, self._published(one.now_s), bands_m, waiting, measured)
+        published, places = self._published(one.now_s), self._places(one.now_s)
+        return Said(revisions, others, raised, published, bands_m, waiting, measured, places)
 
     def measured(self) -> dict[str, Any]:
         """What the engine would tell of itself now."""
@@ -107,6 +111,13 @@ class Run:
             return []
         self._second = floor(now_s)
         return self.engine.probabilities()
+
+    def _places(self, now_s: float) -> Forecast | None:
+        """What is said of places at the first pass of each `EVERY_S`; None at others."""
+        if floor(now_s / EVERY_S) == self._places_said:
+            return None
+        self._places_said = floor(now_s / EVERY_S)
+        return forecast_of(self.engine.turns(), self.engine.needs(), self.engine.site.resources)
 
     def _bands_m(self, batch: Batch) -> Floats:
         ledger = self.engine.foresight.ledger
@@ -180,7 +191,8 @@ class Outcome:
         self.forecasts.advance(now_s)
         for due in self._gathering.put(batch):
             self._follow(due.batch)
-        self.contention.hear(now_s, said[0].others if said else ())
+        others, places = (said[0].others, said[0].places) if said else ((), None)
+        self.contention.hear(now_s, others, places)
         for verdict, each in zip(self.verdicts, said, strict=True):
             verdict.take(now_s, each)
         if one.measured and said and said[0].measured:
@@ -220,6 +232,7 @@ class Outcome:
             "forecast_error": self.forecasts.figures(),
             "arrivals": self.arrivals.figures(),
             "contention": self.contention.figures(),
+            "places": self.contention.places(),
             "advisories_raised": dict(sorted(self.verdicts[0].raised.items())) if self.verdicts else {},
             "nearest": nearest,
             "conformance": conform.findings(reading.fleet.measures),

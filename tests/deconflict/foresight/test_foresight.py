@@ -60,6 +60,8 @@ class Stage:
             event_s=np.full(n, now_s),
             basis=np.full(n, int(Basis.PATH)),
             doubt_m=np.zeros(n),
+            battery_pct=np.full(n, np.nan),
+            run_time_left_s=np.full(n, np.nan),
             forecasts=Forecasts.joined(walk.forecast(t_s) for walk in self.walks.values()),
             destinations=NO_STOPS,
             gone=(),
