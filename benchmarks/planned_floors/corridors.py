@@ -256,7 +256,7 @@ class _Teller:
         """(n, k, 4) what it means to do at samples `due`: to go on at once where it brakes or stands, to go back, to
         turn, and to start when it is time."""
         trace, length_m = self._trace, self._floor.length_m
-        now_s = due[:, None] * STEP_S
+        now_s: Floats = due[:, None].astype(np.float64) * STEP_S
         at_s = ahead(now_s, self._floor.told_s)
         after_s = at_s - now_s
         gone_m, speed_mps = trace.gone_m[due, None], np.abs(trace.speed_mps[due, None])

@@ -1,7 +1,7 @@
 """What came of each pair: met or yielded, as intervals, and which of these a warning should have told of."""
 
 from bisect import bisect_left
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 
@@ -54,17 +54,28 @@ def happenings(truth: FloorTruth, clearance_m: float, vendor_of: dict[str, str])
     gave_way = [stop for stop in truth.stops if not stop.same_vendor and stop.gives_way(half_width_m[stop.robot])]
     spans = [Outcome(stop.pair, stop.start_s, stop.around_until_s) for stop in gave_way]
     outcomes = _joined(spans + [Outcome(one.pair, one.start_s, one.end_s) for one in met])
-    return Happenings(outcomes, fresh(truth.stops), natural(met, truth.stops), _passes(truth, outcomes, vendor_of))
+    return Happenings(
+        outcomes, fresh(truth.stops, half_width_m), natural(met, truth.stops), _passes(truth, outcomes, vendor_of)
+    )
 
 
-def fresh(stops: Iterable[Stop]) -> list[Stop]:
-    """Stops of at least a second from a speed worth the name, of pairs that were not yielding before."""
+def fresh(stops: Iterable[Stop], half_width_m: Mapping[str, float]) -> list[Stop]:
+    """Stops of at least a second, from a speed worth the name, of pairs that were not yielding before.
+
+    A robot that slows down or swerves need not stand: it must give way.
+    """
     last_s: dict[Pair, float] = {}
     found = []
     for stop in sorted(stops, key=lambda stop: stop.start_s):
         before_s = last_s.get(stop.pair, -inf)
-        stood = stop.standing_s >= FRESH_STANDING_S or stop.kind != "stop"
-        if stood and stop.v0_mps > FRESH_MPS and not stop.same_vendor and stop.start_s - before_s > FRESH_S:
+        moves_on = stop.kind != "stop" and stop.gives_way(half_width_m[stop.robot])
+        stood = stop.standing_s >= FRESH_STANDING_S
+        if (
+            (stood or moves_on)
+            and stop.v0_mps > FRESH_MPS
+            and not stop.same_vendor
+            and stop.start_s - before_s > FRESH_S
+        ):
             found.append(stop)
         last_s[stop.pair] = max(before_s, stop.end_s)
     return found
