@@ -1,6 +1,6 @@
 """Figures of several services side by side, for people to read."""
 
-from benchmarks.planned_floors.figures import Figure
+from benchmarks.planned_floors.figure import Figure
 
 
 def table(by_service: dict[str, dict[str, Figure]]) -> str:
@@ -10,6 +10,8 @@ def table(by_service: dict[str, dict[str, Figure]]) -> str:
     rows = [["figure", "cases", *services]]
     for name in names:
         found = [by_service[service].get(name) for service in services]
+        if all(figure is None or figure["value"] is None for figure in found):
+            continue
         cases = {figure["of"] for figure in found if figure}
         rows.append([name, "/".join(map(str, sorted(cases))), *map(_cell, found)])
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
