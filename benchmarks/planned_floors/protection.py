@@ -27,6 +27,10 @@ SWERVING_M = 2.0
 SLOW_MPS, SWERVING_MPS, AROUND_MPS = 0.5, 0.7, 0.5
 AROUND_ASIDE_M = 0.4
 LONGEST_PASSING_S = 20.0
+HELD_S = 1.0
+"""Fields must be free for so long before a robot goes on."""
+RELEASE_M = 0.3
+"""The field of a robot that gives way is so much longer, so that it does not start and brake in turns."""
 ON_ITS_WAY_M = 0.05
 
 
@@ -41,6 +45,23 @@ class Passing:
     """How far to the left of its way it means to be."""
     until_s: float
     """It gives up then."""
+
+
+class Held:
+    """Whose body was in each robot's field lately: a robot reacts for `HELD_S` more."""
+
+    def __init__(self, robots: int) -> None:
+        self._by: Ints = np.full(robots, NOBODY)
+        self._until_s: Floats = np.zeros(robots)
+
+    def hold(self, by: Ints, now_s: float) -> Ints:
+        """(n,) whom each robot reacts to, of those whose bodies are in its field now."""
+        hit = by != NOBODY
+        self._by[hit], self._until_s[hit] = by[hit], now_s + HELD_S
+        return np.where(self._until_s >= now_s, self._by, NOBODY)
+
+    def let_go(self, robot: int) -> None:
+        self._until_s[robot] = -np.inf
 
 
 class Protection:
@@ -58,6 +79,7 @@ class Protection:
         self._wider: Floats = np.array([WIDER_M if kind == "slow" else SWERVING_M for kind in kinds])
         self._wider_beside: Floats = np.array([WIDER_BESIDE_M if kind == "slow" else BESIDE_M for kind in kinds])
         self._looks_wider = any(kind != "stop" for kind in kinds)
+        self._inner, self._outer = Held(n), Held(n)
 
     def react(self, scene: Scene) -> Floats:
         """(n,) the speed that each robot may go; writes where it goes aside into `scene.driving`."""
@@ -67,6 +89,7 @@ class Protection:
             self._obstructors(scene, MARGIN_M + self._wider, self._wider_beside, known) if self._looks_wider else inner
         )
         top_mps = self._top_mps.copy()
+        inner, wider = self._inner.hold(inner, scene.now_s), self._outer.hold(wider, scene.now_s)
         for robot in np.flatnonzero(scene.present).tolist():
             top_mps[robot] = self._allowed(scene, robot, int(inner[robot]), int(wider[robot]))
         return top_mps
@@ -77,6 +100,7 @@ class Protection:
             if passing:
                 passing.note.around_until_s = max(passing.note.around_until_s, now_s)
         self._ignored[robot] = False
+        self._let_go(robot)
         self._end(robot, now_s, 0.0)
 
     def finish(self, now_s: float) -> None:
@@ -84,15 +108,20 @@ class Protection:
         for robot in range(len(self.stopped)):
             self.withdraw(robot, now_s)
 
+    def _let_go(self, robot: int) -> None:
+        self._inner.let_go(robot)
+        self._outer.let_go(robot)
+
     def _obstructors(self, scene: Scene, margin_m: Floats | float, beside_m: Floats | float, known: Ints) -> Ints:
         speed_mps = scene.driving["speed_mps"]
         braking_m = speed_mps**2 / (2 * ACCELERATION_MPS2) + speed_mps * STEP_S
         fields: Fields = np.zeros(len(speed_mps), FIELD)
-        fields["front_m"] = HALF_M[0] + braking_m + margin_m
+        fields["front_m"] = HALF_M[0] + braking_m + margin_m + np.where(known != NOBODY, RELEASE_M, 0.0)
         fields["left_m"] = fields["right_m"] = HALF_M[1] + beside_m
         for name in FIELD.names or ():
             fields[name][scene.turning] = TURNING_M
-        return obstructors(scene.poses, scene.present, fields, HALF_M, self._ignored, known)
+        coming_m = speed_mps**2 / (2 * ACCELERATION_MPS2)
+        return obstructors(scene.poses, scene.present, fields, HALF_M, coming_m, self._ignored, known)
 
     def _allowed(self, scene: Scene, robot: int, inner: int, wider: int) -> float:
         if robot in self._around:
@@ -147,6 +176,7 @@ class Protection:
         others = ({note.by, *near} | (self._around[robot].others if robot in self._around else set())) - {robot}
         self._around[robot] = Passing(note, others, -AROUND_ASIDE_M, now_s + LONGEST_PASSING_S)
         self._ignored[robot, list(others)] = True
+        self._let_go(robot)
 
     def _go_around(self, scene: Scene, robot: int) -> None:
         passing = self._around[robot]
