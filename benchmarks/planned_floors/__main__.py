@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +17,14 @@ from benchmarks.planned_floors.tables import table
 CLEARANCE_M = 0.3
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     options = argparse.ArgumentParser(prog="python -m benchmarks.planned_floors", description=__doc__)
     commands = options.add_subparsers(required=True)
     _add_make(commands.add_parser("make", help="simulate a floor: its log and its truth"))
     _add_score(commands.add_parser("score", help="advisories and the believer of paths against the truth of one log"))
     _add_replay(commands.add_parser("replay", help="one log through the service, scored the same way"))
     _add_compare(commands.add_parser("compare", help="floors of several kinds and seeds through the service"))
-    args = options.parse_args()
+    args = options.parse_args(arguments)
     args.run(args)
 
 

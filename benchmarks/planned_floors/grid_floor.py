@@ -28,6 +28,7 @@ def simulate(made_of: GridFloor) -> Recording:
     motion = np.full((3, samples, len(models)), np.nan)
     lines = [identity(model) for model in models]
     for sample in range(samples):
+        traffic.begin_step()
         motion[:, sample, traffic.present] = traffic.poses[traffic.present].T
         robots = [robot for robot in due[sample] if not traffic.silent[robot]]
         lines += _reports(traffic, models, robots, rng)

@@ -37,7 +37,7 @@ class GridFloor:
     stall_s: tuple[float, float] = (2.0, 10.0)
     silences_per_hour: float = 0.0
     """Of one robot."""
-    silence_s: tuple[float, float] = (15.0, 60.0)
+    silence_s: tuple[float, float] = (20.0, 90.0)
     carried_away: float = 0.4
     """Share of silences in which the robot is switched off and carried away."""
     drives_on: float = 0.2

@@ -45,7 +45,7 @@ KINDS: dict[str, Callable[[str], MadeOf]] = {
     "paths_5s": lambda kind: _alike(kind, told_s=5),
     "paths_2s": lambda kind: _alike(kind, told_s=2),
     "no_paths": lambda kind: _alike(kind, told_s=0),
-    "silent": lambda kind: replace(_alike(kind), silences_per_hour=12.0),
+    "silent": lambda kind: replace(_alike(kind), silences_per_hour=20.0),
     "coordinated": lambda kind: _coordinated(kind, tells_order=True),
     "coordinated_free": lambda kind: _coordinated(kind, tells_order=False),
     "head_on": Corridors,

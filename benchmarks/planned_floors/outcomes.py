@@ -66,7 +66,7 @@ def fresh(stops: Iterable[Stop], half_width_m: Mapping[str, float]) -> list[Stop
     """
     last_s: dict[Pair, float] = {}
     found = []
-    for stop in sorted(stops, key=lambda stop: stop.start_s):
+    for stop in sorted(stops, key=lambda stop: (stop.start_s, -stop.v0_mps)):
         before_s = last_s.get(stop.pair, -inf)
         moves_on = stop.kind != "stop" and stop.gives_way(half_width_m[stop.robot])
         stood = stop.standing_s >= FRESH_STANDING_S

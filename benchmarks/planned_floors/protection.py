@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.planned_floors.driving import ACCELERATION_MPS2
+from benchmarks.planned_floors.driving import ACCELERATION_MPS2, SIDEWAYS_MPS
 from benchmarks.planned_floors.fields import FIELD, NOBODY, Fields, obstructors, occupied
 from benchmarks.planned_floors.motion import STEP_S, Bools
 from benchmarks.planned_floors.scene import HALF_M, Scene
@@ -29,7 +29,7 @@ AROUND_ASIDE_M = 0.4
 LONGEST_PASSING_S = 20.0
 HELD_S = 1.0
 """Fields must be free for so long before a robot goes on."""
-RELEASE_M = 0.3
+RELEASE_M = 0.1
 """The field of a robot that gives way is so much longer, so that it does not start and brake in turns."""
 ON_ITS_WAY_M = 0.05
 
@@ -124,6 +124,7 @@ class Protection:
         return obstructors(scene.poses, scene.present, fields, HALF_M, coming_m, self._ignored, known)
 
     def _allowed(self, scene: Scene, robot: int, inner: int, wider: int) -> float:
+        """The speed that a robot may go."""
         if robot in self._around:
             self._go_around(scene, robot)
         elif robot in self._swerving:
@@ -131,6 +132,7 @@ class Protection:
         elif self._kinds[robot] == "swerve" and wider != NOBODY and scene.wanting[robot]:
             self._try_to_swerve(scene, robot, wider)
         slows = self._kinds[robot] == "slow" and wider != NOBODY
+        scene.driving["aside_to_m"][robot] = self._aside_m(scene, robot, inner)
         self._note(scene, robot, inner, wider if slows else NOBODY)
         if inner != NOBODY:
             return 0.0
@@ -140,9 +142,19 @@ class Protection:
             return SWERVING_MPS
         return SLOW_MPS if slows else float(self._top_mps[robot])
 
+    def _aside_m(self, scene: Scene, robot: int, inner: int) -> float:
+        """How far to the left of its way a robot goes now."""
+        if swerving := self._swerving.get(robot):
+            return next_aside_m(scene, robot, swerving.aside_m)
+        if inner != NOBODY:
+            return float(scene.driving["aside_m"][robot])
+        return self._around[robot].aside_m if robot in self._around else 0.0
+
     def _note(self, scene: Scene, robot: int, inner: int, slows_for: int) -> None:
         """Begin, go on with or end the robot's stop."""
-        now_s, speed_mps = scene.now_s, float(scene.driving["speed_mps"][robot])
+        now_s, me = scene.now_s, scene.driving[robot]
+        sideways = abs(float(me["aside_to_m"] - me["aside_m"])) > ON_ITS_WAY_M
+        speed_mps = max(float(me["speed_mps"]), SIDEWAYS_MPS if sideways else 0.0)
         note, swerving = self.stopped[robot], self._swerving.get(robot)
         by = inner
         if by == NOBODY and swerving:
@@ -154,9 +166,9 @@ class Protection:
             return
         if note is None or note.by != by:
             self._end(robot, now_s, speed_mps)
-            note = self.stopped[robot] = StopNote(robot, by, now_s, speed_mps, self._kinds[robot])
+            note = self.stopped[robot] = StopNote(robot, by, now_s, float(me["speed_mps"]), self._kinds[robot])
             self.notes.append(note)
-        note.go_on(now_s, speed_mps, float(scene.driving["aside_m"][robot]))
+        note.go_on(now_s, speed_mps, float(me["aside_m"]) if swerving else 0.0)
         if note.stood_since_s is not None and now_s - note.stood_since_s >= self._patience_s[robot]:
             self._set_out_around(scene, note)
 
@@ -181,7 +193,6 @@ class Protection:
     def _go_around(self, scene: Scene, robot: int) -> None:
         passing = self._around[robot]
         passing.note.around_until_s = scene.now_s
-        scene.driving["aside_to_m"][robot] = passing.aside_m
         field = np.zeros(1, FIELD)
         field["front_m"], field["rear_m"] = HALF_M[0] + MARGIN_M, HALF_M[0]
         field["left_m"] = field["right_m"] = HALF_M[1] + BESIDE_M
@@ -192,7 +203,6 @@ class Protection:
             return
         del self._around[robot]
         self._ignored[robot] = False
-        scene.driving["aside_to_m"][robot] = 0.0
 
     def _try_to_swerve(self, scene: Scene, robot: int, other: int) -> None:
         aside_m = room_aside_m(scene, robot, other)
@@ -209,6 +219,5 @@ class Protection:
         passing = self._swerving[robot]
         if scene.now_s > passing.until_s or has_passed(scene, robot, passing.note.by):
             passing.aside_m = 0.0
-        scene.driving["aside_to_m"][robot] = next_aside_m(scene, robot, passing.aside_m)
         if passing.aside_m == 0.0 and abs(scene.driving["aside_m"][robot]) < ON_ITS_WAY_M:
             del self._swerving[robot]

@@ -44,9 +44,9 @@ class Traffic:
         self.silent: Bools = np.zeros(n, bool)
         self.absences: list[list[Absence]] = drawn(made_of, n, silence_rng)
         self.sample = 0
+        self._stands: Bools = np.zeros(n, bool)
+        """Whether each stands because it is silent."""
         self._stalled_until_s: Floats = np.zeros(n)
-        self._awaited: dict[int, float] = {}
-        """Robots that were carried away, and when they may come back."""
         top_mps = NOMINAL_MPS * self._rng.uniform(0.9, 1.1, n)
         patience_s = self._rng.uniform(*made_of.patience_s, n)
         self.protection = Protection([habits.protection for habits in self.habits], top_mps, patience_s)
@@ -57,11 +57,15 @@ class Traffic:
     def now_s(self) -> float:
         return self.sample * STEP_S
 
-    def step(self) -> None:
-        """Go on by `STEP_S`."""
+    def begin_step(self) -> None:
+        """Plan, and see who falls silent, is carried away or comes back now."""
         if self.sample % PLANS_EVERY == 0:
             self.fleets.plan(self.driving, self.present)
-        stands, visits = self._silences() | self._stalls(), self.fleets.visits
+        self._stands = self._silences()
+
+    def step(self) -> None:
+        """Go on by `STEP_S`, after `begin_step`."""
+        stands, visits = self._stands | self._stalls(), self.fleets.visits
         self.moves = next_moves(self.driving, visits.count, visits.ways)
         wanting = self.present & ~stands & ((self.moves == GOES) | (self.moves == TURNS))
         turning = wanting & (self.moves == TURNS)
