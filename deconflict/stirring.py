@@ -37,7 +37,7 @@ may make it worth a revision."""
 
 
 BOUNDS = np.dtype(
-    [(name, np.float64) for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure")]
+    [(name, np.float64) for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure", "left")]
     + [(name, np.float64) for name in ("urgent_s", "clear_after_s", "fades_s", "warning_s", "critical_s", "slack_s")]
     + [(name, np.float64) for name in ("gap_s", "likelier", "moved_s", "deeper_m")],
     align=True,
@@ -45,7 +45,8 @@ BOUNDS = np.dtype(
 """What decides. Robots further apart than `apart_m` have drawn apart; a pair that begins nearer than `touching_m` is
 touching already. A prediction less likely than `raises` raises no advisory; one less likely than `sure` only where
 envelopes come within the clearance, and less severe a one; one less likely than `held` lets none stand, and is told of
-after `fades_s`. Of one advisory there is a revision in `gap_s`, unless the severity rises. Changes of the probability,
+after `fades_s`, also within the clearance where it is less likely than `left` that both robots are there. Of one
+advisory there is a revision in `gap_s`, unless the severity rises. Changes of the probability,
 the time and the separation by no more than the last three are surely worth none."""
 
 
@@ -103,7 +104,7 @@ def _is_likely(contact_s: float, separation_m: float, probability: float, now_s:
 
 @inner
 def _look(
-    row: Any, fresh: bool, start_m: float, separation_m: float, likely: bool, remembered: int, bounds: Any
+    row: Any, fresh: bool, start_m: float, separation_m: float, likely: bool, there: float, remembered: int, bounds: Any
 ) -> bool:
     """Note that something is predicted of a pair that is so far apart now; whether it is coming together, rather than
     beginning together, by something new."""
@@ -112,7 +113,7 @@ def _look(
         row.inside = row.met = True
     elif start_m > bounds.apart_m:
         row.inside = False
-    about_to_touch = separation_m == 0 and start_m > bounds.touching_m
+    about_to_touch = separation_m == 0 and start_m > bounds.touching_m and there >= bounds.raises
     alerting = fresh and (about_to_touch if row.inside else likely)
     if fresh:
         row.looks, row.until_s, row.asked = (row.looks << 1 | alerting) & remembered, -inf, False
@@ -204,7 +205,7 @@ def _missing(rows: NDArray[Any], told: NDArray[Any], now_s: float, clear_after_s
 
 @kernel(
     numba.types.Tuple((*[_INTS] * 3, _BOOLS))(  # type: ignore[no-untyped-call]
-        _ROW[::1], _TOLD[::1], _INTS, *[_FLOATS] * 3, _BOOLS, _FLOATS, *[numba.int64] * 2, _REAL, _BOUNDS[::1]
+        _ROW[::1], _TOLD[::1], _INTS, *[_FLOATS] * 3, _BOOLS, *[_FLOATS] * 2, *[numba.int64] * 2, _REAL, _BOUNDS[::1]
     )
 )
 def stirring(
@@ -216,6 +217,7 @@ def stirring(
     start_m: Floats,
     fresh: Bools,
     probability: Floats,
+    there: Floats,
     remembered: int,
     wanted_looks: int,
     now_s: float,
@@ -236,10 +238,10 @@ def stirring(
                 continue
             at[one] = free = _begin(rows, free)
         row, before = rows[at[one]], told[at[one]]
-        alerting = _look(row, fresh[one], start_m[one], separation_m[one], likely, remembered, bound)
+        alerting = _look(row, fresh[one], start_m[one], separation_m[one], likely, there[one], remembered, bound)
         if not before.stands:
             reason = _of_untold(row, is_new, alerting, contact_s[one], now_s, wanted_looks, bound.urgent_s)
-        elif not row.inside and probability[one] < bound.held:
+        elif probability[one] < bound.held and not (row.inside and there[one] >= bound.left):
             reason = _of_unlikely(row, before, probability[one], now_s, bound)
         else:
             reason = _of_told(

@@ -23,7 +23,7 @@ from deconflict.foresight.followed import JOINED_S, Followed, Reports
 from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Ledger
 from deconflict.foresight.measuring import measure
-from deconflict.foresight.pairs import PAIR, Outcomes, again, codes, open_rows, shown, slots_of
+from deconflict.foresight.pairs import PAIR, Outcomes, Pairs, again, codes, open_rows, shown, slots_of
 from deconflict.foresight.ways import ROBOT, Errors
 from deconflict.learned import Part
 from deconflict.motion import Bools
@@ -93,6 +93,8 @@ class Foresight:
         self._told = np.zeros(0, np.bool_)
         """Whether it has a new forecast since the last look."""
         self._half = np.zeros((2, 0))
+        self._absence = np.zeros(0)
+        """(slots,) how likely a robot that is silent is not there."""
         self._pairs = np.zeros(0, PAIR)
         self._swept: Ints = np.full(1, -1)
         """Codes of the pairs that were swept in the last look, -1 where a robot left since; and -1 at the end, for one
@@ -211,10 +213,16 @@ class Foresight:
         pairs, swept_rows, self._looked_s = self._pairs, rows[: len(exact)], now_s
         self._examine(due, now_s, swept_rows, swept)
         self._learn(now_s)
-        pairs["probability"] = self.calibration.probability(pairs["seen"])
+        pairs["probability"] = self.calibration.probability(pairs["seen"]) * self._both_there(pairs)
         self._ask(now_s)
         others, probability, near_s, near_m, now_m, are_fresh = shown(pairs, fresh, swept_rows, likely)
         return Foreseen([*swept.pairs, *self._named(others)], probability, near_s, near_m, now_m, are_fresh)
+
+    def _both_there(self, pairs: Pairs) -> Floats:
+        """(p,) how likely both robots of each pair are there."""
+        a, b = slots_of(pairs["code"])
+        both: Floats = (1.0 - self._absence[a]) * (1.0 - self._absence[b])
+        return both
 
     def _exact(self, swept: Swept) -> Ints:
         """Codes of the pairs that were swept, most of them in the last look too."""
@@ -285,13 +293,18 @@ class Foresight:
         self._ranks_stale = True
         return slot
 
+    def set_presence(self, uuid: str, there: float) -> None:
+        """How likely a robot is there from now on."""
+        if uuid in self._slots:
+            self._absence[self._slots[uuid]] = 1.0 - there
+
     def _rank_anew(self) -> None:
         self._ranks_stale = False
         self._rank[[self._slots[name] for name in sorted(self._slots)]] = np.arange(len(self._slots))
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._robots)
-        for name in ("_held", "_told", "_robots", "_rank", "_half"):
+        for name in ("_held", "_told", "_robots", "_rank", "_half", "_absence"):
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
         self._words = np.concatenate([self._words, unheard(more)])
@@ -305,7 +318,7 @@ class Foresight:
         self._spare.extend(slots.tolist())
         self._swept[:] = -1
         self._held[slots] = self._told[slots] = False
-        self._robots["surprise"][slots] = 0.0
+        self._robots["surprise"][slots] = self._absence[slots] = 0.0
         self._words[slots] = unheard(len(slots))
         self._followed.forget(slots)
         self._heeded.forget(slots)

@@ -1,0 +1,367 @@
+"""How likely each silent robot is still there: batches in, and at each step the robots of which that has changed.
+
+A robot is silent from the grace after it was last heard; see `heard`. From then on it is looked at when its silence has
+grown by a fifth, never all of them at once. One whose place another robot has driven through is not there: it is taken
+off, until it reports again. Pure: the same calls give the same answers.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from heapq import heappop, heappush
+from math import hypot, inf
+from typing import NamedTuple
+
+import numpy as np
+
+from deconflict.learned import Part, UnreadableError
+from deconflict.live import Live, LiveRobot
+from deconflict.pose import Pose, pose_at
+from deconflict.presence.contacts import Contacts
+from deconflict.presence.heard import Hearing, Legs
+from deconflict.presence.meanings import (
+    ELSEWHERE,
+    LEFT,
+    MAYBE_LEFT,
+    MAYBE_THERE,
+    PROBABLY_LEFT,
+    THERE,
+    Case,
+    Exit,
+    Meanings,
+    Spot,
+)
+from deconflict.presence.places import Place, Places
+from ingest.measures import Labels, Measures
+from ingest.seam import Basis, Batch, Floats
+
+STAYS = frozenset(("charging", "disabled", "offline"))
+"""States of robots that do not leave."""
+LOOK_SHARE = 0.2
+"""A silent robot is looked at when its silence has grown by this."""
+TOLD = 0.01
+"""Smaller changes are not told."""
+KNOWN_AFTER_S = 600.0
+"""A silence that lasts longer counts as what it probably is, also for later engines."""
+BACK_M = 1.0
+"""A robot that comes back within its own size and this of where it was believed to be was there."""
+EXITS_EVERY_S = 10.0
+
+
+class TakenOff(NamedTuple):
+    """A robot whose place another one has driven through."""
+
+    vendor: str
+    name: str
+    heard_s: float
+    """When it was last heard."""
+    at_s: float
+    """When it was taken off."""
+    by: str
+    """The name of the other one."""
+
+
+@dataclass(slots=True, eq=False)
+class Changes:
+    """Of robots that have not reported, since the last step."""
+
+    there: dict[str, float] = field(default_factory=dict)
+    """How likely each is there now; also those that have reported, or are gone."""
+    silent: set[str] = field(default_factory=set)
+    """Those that have fallen silent."""
+    stopped: list[str] = field(default_factory=list)
+    """Of these, those that stood and tell a path: they are believed to stand there still."""
+    left: list[str] = field(default_factory=list)
+    """Those that have probably left by now."""
+    back: list[str] = field(default_factory=list)
+    """Those that had probably left, and now seem to be there after all."""
+
+
+@dataclass(slots=True, eq=False)
+class Silence:
+    """One that lasts."""
+
+    heard_s: float
+    grace_s: float
+    vendor: str
+    stood: bool
+    """Whether the robot stood when it was heard last."""
+    case: Case | None
+    """None for a robot that stays for sure."""
+    counts: bool
+    """Whether it teaches; one that is first seen when it is long has done so."""
+    there: float = 1.0
+
+
+class Presence:
+    """Of all robots of a floor. `live` is the engine's own, which takes in each batch after this."""
+
+    def __init__(self, live: Live, measures: Measures) -> None:
+        self._live, self._measures = live, measures
+        self._hearing, self._contacts = Hearing(), Contacts()
+        self._meanings, self._places = Meanings(), Places()
+        self._silences: dict[str, Silence] = {}
+        self._taken_off: dict[str, TakenOff] = {}
+        self._cases_taken_off: dict[str, Case] = {}
+        self._due: list[tuple[float, str]] = []
+        """A heap of when robots are next looked at; see `_next_s`."""
+        self._next_s: dict[str, float] = {}
+        """By robot; an entry of the heap with another time is void."""
+        self._changes = Changes()
+        self._fading: dict[str, float] = {}
+        self._left = Counter[Labels]()
+        """By vendor, robots that have probably left."""
+        self._exits: tuple[float, list[Exit]] = (-EXITS_EVERY_S, [])
+        measures.ask(self._measure)
+
+    def receive(self, batch: Batch) -> Batch:
+        """Take in robots that have reported. The batch without robots that are still taken off; those that are taken
+        off by it are told as gone."""
+        batch = self._without_taken_off(batch)
+        legs, new = self._hearing.take(batch)
+        self._contacts.hear(batch.vendors, batch.arrival_s.tolist())
+        back = self._back(batch, legs)
+        for row in [*back, *map(batch.robots.index, new)]:
+            self._join(batch.robots[row], batch.vendors[row])
+        for uuid in batch.gone:
+            self._forget(uuid)
+        off = self._drive_through(batch, legs)
+        return replace(batch, gone=(*batch.gone, *off)) if off else batch
+
+    def step(self, now_s: float) -> Changes:
+        """What has changed since the last step."""
+        while self._due and self._due[0][0] <= now_s:
+            due_s, uuid = heappop(self._due)
+            if self._next_s.get(uuid) == due_s:
+                self._look(uuid, now_s)
+        changes, self._changes = self._changes, Changes()
+        return changes
+
+    def there(self, uuid: str) -> float:
+        """How likely a robot is still there, as of the last step; 1 for one that is heard."""
+        return self._fading.get(uuid, 1.0)
+
+    def fading(self) -> Mapping[str, float]:
+        """How likely each robot is still there for which that is below 1."""
+        return self._fading
+
+    def both_there(self, pairs: Sequence[tuple[str, str]]) -> Floats:
+        """(n,) how likely both robots of each pair are there."""
+        if not self._fading:
+            return np.ones(len(pairs))
+        there = self._fading.get
+        return np.array([there(a, 1.0) * there(b, 1.0) for a, b in pairs], np.float64)
+
+    def has_probably_left(self, uuid: str) -> bool:
+        return self.there(uuid) < PROBABLY_LEFT
+
+    def silent_s(self, uuid: str, now_s: float) -> float | None:
+        """For how long a silent robot has said nothing; None for one that is heard."""
+        one = self._silences.get(uuid)
+        return now_s - one.heard_s if one else None
+
+    def taken_off(self, uuid: str) -> TakenOff | None:
+        return self._taken_off.get(uuid)
+
+    def exits(self, now_s: float) -> list[Exit]:
+        """Where robots usually leave, as of a few seconds ago."""
+        if not 0 <= now_s - self._exits[0] < EXITS_EVERY_S:
+            self._exits = now_s, self._meanings.exits()
+        return self._exits[1]
+
+    def learned(self) -> dict[str, Part]:
+        """What silences meant, and who is taken off."""
+        off = {uuid: list(one) for uuid, one in self._taken_off.items()}
+        return {"silences": self._meanings.learned(), "taken_off": {"robots": off}}
+
+    def resume(self, parts: Mapping[str, Part]) -> None:
+        """Go on with what `learned` told. Raises `UnreadableError`."""
+        self._meanings.resume(parts.get("silences", {}))
+        try:
+            for uuid, (vendor, name, heard_s, at_s, by) in parts.get("taken_off", {}).get("robots", {}).items():
+                self._taken_off[uuid] = TakenOff(str(vendor), str(name), float(heard_s), float(at_s), str(by))
+        except (TypeError, ValueError, AttributeError) as error:
+            raise UnreadableError(f"robots that were taken off are not told: {error}") from error
+
+    def _without_taken_off(self, batch: Batch) -> Batch:
+        """The batch without robots that have not reported since they were taken off."""
+        if not self._taken_off or self._taken_off.keys().isdisjoint(batch.robots):
+            return batch
+        stay = []
+        for row, uuid in enumerate(batch.robots):
+            off = self._taken_off.get(uuid)
+            if off is None or batch.arrival_s[row] > off.heard_s:
+                stay.append(row)
+        return batch if len(stay) == len(batch) else batch.take(np.array(stay, np.int64), batch.gone)
+
+    def _back(self, batch: Batch, legs: Legs) -> list[int]:
+        """The rows of robots that report again, whose silences end."""
+        if not self._silences and not self._taken_off:
+            return []
+        back = []
+        for row in legs.rows.tolist():
+            uuid = batch.robots[row]
+            if silence := self._silences.pop(uuid, None):
+                self._end(uuid, silence, batch, row)
+                back.append(row)
+            elif off := self._taken_off.pop(uuid, None):
+                self._count_outcome(off.vendor, "elsewhere")
+                if case := self._cases_taken_off.pop(uuid, None):
+                    self._meanings.count(case, {ELSEWHERE: 1.0})
+                back.append(row)
+        return back
+
+    def _end(self, uuid: str, silence: Silence, batch: Batch, row: int) -> None:
+        """A silence ends with the report of a row."""
+        self._places.discard(uuid)
+        self._set_there(uuid, silence, 1.0)
+        was_there = self._was_there(self._live.robots[uuid], batch, row)
+        self._count_outcome(silence.vendor, "there" if was_there else "elsewhere")
+        if silence.case and silence.counts:
+            self._meanings.count(silence.case, {THERE if was_there else ELSEWHERE: 1.0})
+            if was_there:
+                self._meanings.lasted(silence.case, float(batch.arrival_s[row]) - silence.heard_s)
+
+    def _was_there(self, robot: LiveRobot, batch: Batch, row: int) -> bool:
+        """Whether a robot comes back where it was believed to be, or was heard last."""
+        knot, told = int(batch.forecasts.start[row]), batch.forecasts
+        x_m, y_m, datum = float(told.x_m[knot]), float(told.y_m[knot]), _datum(batch.floors, int(told.floor[knot]))
+        before = robot.forecast
+        within_m = BACK_M + hypot(float(told.length_m[row]), float(told.width_m[row]))
+        for pose in (pose_at(before, float(told.t_s[knot])), pose_at(before, float(before.t_s[0]))):
+            is_near = hypot(pose.x_m - x_m, pose.y_m - y_m) <= within_m
+            if is_near and _datum(self._live.floors, pose.floor) == datum:
+                return True
+        return False
+
+    def _join(self, uuid: str, vendor: str) -> None:
+        """A robot is heard from now on."""
+        self._contacts.join(uuid, vendor)
+        self._look_at(uuid, self._hearing.heard_s(uuid) + self._hearing.grace_s(uuid))
+
+    def _set_there(self, uuid: str, silence: Silence, there: float) -> None:
+        """A silent robot is so likely there from now on."""
+        if silence.there == there:
+            return
+        has_left, had_left = there < PROBABLY_LEFT, silence.there < PROBABLY_LEFT
+        if has_left != had_left:
+            self._left[silence.vendor,] += has_left - had_left
+            if uuid in self._silences:
+                (self._changes.left if has_left else self._changes.back).append(uuid)
+        silence.there = self._changes.there[uuid] = self._fading[uuid] = there
+        if there == 1.0:
+            del self._fading[uuid]
+
+    def _forget(self, uuid: str) -> None:
+        if silence := self._silences.pop(uuid, None):
+            self._set_there(uuid, silence, 1.0)
+        self._taken_off.pop(uuid, None)
+        self._cases_taken_off.pop(uuid, None)
+        self._next_s.pop(uuid, None)
+        self._places.discard(uuid)
+        self._contacts.leave(uuid)
+        self._hearing.forget(uuid)
+
+    def _drive_through(self, batch: Batch, legs: Legs) -> list[str]:
+        """Take off the robots through whose places others have driven."""
+        off = []
+        for uuid, row in self._places.driven_through(batch, legs).items():
+            silence = self._silences.pop(uuid)
+            self._set_there(uuid, silence, 1.0)
+            name = self._live.robots[uuid].name
+            self._taken_off[uuid] = TakenOff(silence.vendor, name, silence.heard_s, batch.now_s, batch.names[row])
+            self._count_outcome(silence.vendor, "driven_through")
+            if silence.case and silence.counts:
+                self._meanings.count(silence.case, {LEFT: 1.0})
+                self._cases_taken_off[uuid] = silence.case
+            self._places.discard(uuid)
+            self._next_s.pop(uuid, None)
+            off.append(uuid)
+        return off
+
+    def _look_at(self, uuid: str, at_s: float) -> None:
+        self._next_s[uuid] = at_s
+        heappush(self._due, (at_s, uuid))
+
+    def _look(self, uuid: str, now_s: float) -> None:
+        """Whether a robot has fallen silent, or how likely it is still there."""
+        robot = self._live.robots.get(uuid)
+        if robot is None:
+            del self._next_s[uuid]
+            return
+        silence = self._silences.get(uuid)
+        if silence is None and (later_s := self._silent_at_s(uuid, robot, now_s)) > now_s:
+            self._look_at(uuid, later_s)
+            return
+        if silence is None:
+            silence = self._silences[uuid] = self._begun(uuid, robot, now_s)
+        self._follow(uuid, silence, robot, now_s)
+
+    def _silent_at_s(self, uuid: str, robot: LiveRobot, now_s: float) -> float:
+        """When a robot that is not known to be silent will be, if nothing is heard of it; or is to be looked at."""
+        heard_s, grace_s = self._hearing.heard_s(uuid), self._hearing.grace_s(uuid)
+        contact = self._contacts.of(robot.vendor)
+        due_s = heard_s + grace_s + contact.excused_s(heard_s, grace_s)
+        return now_s + grace_s / 2 if due_s <= now_s and contact.is_lost(now_s) else due_s
+
+    def _begun(self, uuid: str, robot: LiveRobot, now_s: float) -> Silence:
+        """A silence that begins."""
+        heard_s, grace_s = self._hearing.heard_s(uuid), self._hearing.grace_s(uuid)
+        self._contacts.leave(uuid)
+        is_standing, forecast = robot.basis is Basis.STATIONARY, robot.forecast
+        stood = is_standing or self._hearing.stood(uuid)
+        if stood and not is_standing:
+            self._changes.stopped.append(uuid)
+        self._changes.silent.add(uuid)
+        state = robot.batch.states[robot.row]
+        is_blocked = is_standing and state in ("navigating", "manualOverride")
+        datum = _datum(self._live.floors, int(forecast.floor[0]))
+        case = None
+        if not is_blocked and state not in STAYS and datum:
+            spot = Spot(datum, float(forecast.x_m[0]), float(forecast.y_m[0]))
+            case = self._meanings.case(robot.vendor, spot, stood=stood)
+        counts = now_s - heard_s < KNOWN_AFTER_S
+        return Silence(heard_s, grace_s, robot.vendor, stood, case, counts)
+
+    def _follow(self, uuid: str, silence: Silence, robot: LiveRobot, now_s: float) -> None:
+        """How likely a silent robot is there now, and when to look again."""
+        silent_s = now_s - silence.heard_s
+        excused_s = self._contacts.of(silence.vendor).excused_s(silence.heard_s, silence.grace_s)
+        if silence.case:
+            there = self._meanings.there(silence.case, silent_s - excused_s, silence.grace_s)
+            if silence.counts:
+                known = silent_s >= KNOWN_AFTER_S
+                columns = (THERE, LEFT) if known else (MAYBE_THERE, MAYBE_LEFT)
+                self._meanings.count(silence.case, dict(zip(columns, (there, 1.0 - there), strict=True)))
+            if abs(there - silence.there) >= TOLD:
+                self._set_there(uuid, silence, there)
+        self._look_at(uuid, min(now_s + LOOK_SHARE * silent_s, self._placed(uuid, silence, robot, now_s)))
+
+    def _placed(self, uuid: str, silence: Silence, robot: LiveRobot, now_s: float) -> float:
+        """Have a place for a silent robot that stands by now; inf, or until when it moves by its forecast."""
+        forecast = robot.forecast
+        stands_s = float(forecast.t_s[-1])
+        if stands_s > now_s and not silence.stood:
+            return stands_s
+        pose = pose_at(forecast, float(forecast.t_s[0]) if silence.stood else now_s)
+        if pose.floor >= 0:
+            self._places.put(uuid, _place(robot, pose))
+        return inf
+
+    def _count_outcome(self, vendor: str, outcome: str) -> None:
+        self._measures.count("deconflict_silences_total", vendor, outcome)
+
+    def _measure(self) -> None:
+        self._measures.level("deconflict_robots_probably_left", dict(self._left))
+
+
+def _place(robot: LiveRobot, pose: Pose) -> Place:
+    told, row = robot.told, robot.row
+    half_m = float(told.length_m[row]) / 2, float(told.width_m[row]) / 2
+    heights_m = float(told.bottom_m[row]), float(told.top_m[row])
+    return Place(pose.x_m, pose.y_m, pose.yaw_rad, pose.floor, *half_m, *heights_m, robot.doubt_m)
+
+
+def _datum(floors: Sequence[str], floor: int) -> str:
+    """The id of a floor; "" for what is compared with nothing."""
+    return floors[floor] if floor >= 0 else ""
