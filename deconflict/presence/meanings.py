@@ -1,4 +1,4 @@
-"""What silences have meant so far: by vendor, by whether the robot stood, and by place.
+"""What silences have meant so far: by vendor, by how the robot was seen last, and by place.
 
 A silence means that the robot is there, has gone elsewhere, or has left. What is not known yet counts in shares: as
 much as it is likely now (expectation and maximisation). A place that has its own evidence tells little about the
@@ -7,6 +7,7 @@ vendor: so a busy exit does not make every silence of the vendor look like leavi
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from enum import IntEnum
 from itertools import product
 from math import floor
 from typing import NamedTuple
@@ -23,10 +24,11 @@ CELL_M = 2.0
 PLACE_CASES = 1.5
 """A place counts for so many of its own cases what its vendor's silences mean."""
 PRIOR_CASES = 5.0
-PRIOR_GONE = {False: 0.1, True: 0.02}
-"""Share of silences in which the robot is gone, by whether it stood."""
-MEMORY_CASES = {"place": 40.0, "vendor": 100.0}
-"""Where more are counted, the old ones lose weight."""
+PLACE_MEMORY_CASES = 40.0
+"""Where more are counted of a place, the old ones lose weight."""
+KEPT_SHARE = 0.98
+"""What is left of a vendor's earlier cases that a robot was gone after one more, wherever that was; and so of those that
+one was there. So leaving at places that are known makes leaving at new ones unlikely."""
 MOST_CELLS = 20_000
 EXIT_CASES, EXIT_SHARE = 3.0, 0.5
 """Where so many robots left, and so large a share of those that fell silent, is an exit."""
@@ -35,6 +37,23 @@ THERE, ELSEWHERE, LEFT, MAYBE_THERE, MAYBE_LEFT = range(5)
 """Columns of a tally: what is known, and shares of what is not."""
 KNOWN = slice(0, 3)
 NOTHING: Floats = np.zeros(5)
+
+
+class Last(IntEnum):
+    """How a robot was seen last."""
+
+    GOING = 0
+    ARRIVED = 1
+    """It had moved, and said that it stands."""
+    STANDING = 2
+
+
+PRIOR_GONE = {Last.GOING: 0.1, Last.ARRIVED: 0.02, Last.STANDING: 0.02}
+"""Share of silences in which the robot is gone: who leaves sets out first."""
+STAYS = {Last.GOING: 0.25, Last.ARRIVED: 0.5, Last.STANDING: 0.5}
+"""Of the robots that are there, those that never report again by themselves: they have broken down."""
+AS_WELL = {Last.GOING: (Last.GOING,), Last.ARRIVED: (Last.ARRIVED, Last.GOING), Last.STANDING: (Last.STANDING,)}
+"""Whose silences tell of a place too: many a robot arrives at the exit by which it leaves."""
 
 
 class Spot(NamedTuple):
@@ -46,12 +65,12 @@ class Spot(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A square of a floor, by its column and row, for robots that stood or that moved."""
+    """A square of a floor, by its column and row, for robots that were seen so last."""
 
     datum: str
     column: int
     row: int
-    stood: bool
+    last: Last
 
 
 class Exit(NamedTuple):
@@ -69,7 +88,7 @@ class Case:
     """One silence, and where it is counted."""
 
     vendor: str
-    stood: bool
+    last: Last
     cells: tuple[tuple[Cell, float], ...]
     """The cells around its place, by how near their middles are; the shares add up to 1."""
     new: float
@@ -80,7 +99,7 @@ class Case:
 
 @dataclass(slots=True, eq=False)
 class VendorSilences:
-    """Of one vendor's robots that stood, or that moved."""
+    """Of one vendor's robots that were seen alike last."""
 
     tally: Floats = field(default_factory=NOTHING.copy)
     """(5,)"""
@@ -92,24 +111,25 @@ class Meanings:
     """Tallies by vendor and by cell."""
 
     def __init__(self) -> None:
-        self._vendors: dict[tuple[str, bool], VendorSilences] = {}
+        self._vendors: dict[tuple[str, Last], VendorSilences] = {}
         self._cells: dict[Cell, Floats] = {}
 
-    def case(self, vendor: str, spot: Spot, *, stood: bool) -> Case:
+    def case(self, vendor: str, spot: Spot, last: Last) -> Case:
         """A silence that begins, not counted yet."""
-        cells = tuple(_cells_around(spot, stood))
+        cells = tuple(_cells_around(spot, last))
         _, cases = self._local(cells, NOTHING)
-        return Case(vendor, stood, cells, PLACE_CASES / (cases + PLACE_CASES))
+        return Case(vendor, last, cells, PLACE_CASES / (cases + PLACE_CASES))
 
     def there(self, case: Case, silent_s: float, least_s: float) -> float:
         """How likely the robot is still there; silences begin when they have lasted `least_s`."""
-        vendor = self._vendors.get((case.vendor, case.stood)) or VendorSilences()
+        vendor = self._vendors.get((case.vendor, case.last)) or VendorSilences()
         tally = vendor.tally - case.new * case.counted
-        prior_gone = PRIOR_CASES * PRIOR_GONE[case.stood]
+        prior_gone = PRIOR_CASES * PRIOR_GONE[case.last]
         gone = (_gone(tally) + prior_gone) / (max(float(tally.sum()), 0.0) + PRIOR_CASES)
         local_gone, local = self._local(case.cells, case.counted)
         gone = (local_gone + PLACE_CASES * gone) / (local + PLACE_CASES)
-        outlasts = survival.share_longer(vendor.lasted, silent_s, least_s)
+        stays = STAYS[case.last]
+        outlasts = stays + (1.0 - stays) * survival.share_longer(vendor.lasted, silent_s, least_s)
         return (1.0 - gone) * outlasts / ((1.0 - gone) * outlasts + gone)
 
     def count(self, case: Case, outcome: Mapping[int, float]) -> None:
@@ -118,16 +138,16 @@ class Meanings:
         for column, share in outcome.items():
             now[column] = share
         change, case.counted = now - case.counted, now
-        vendor = self._vendors.setdefault((case.vendor, case.stood), VendorSilences())
-        vendor.tally = _added(vendor.tally, case.new * change, MEMORY_CASES["vendor"])
+        vendor = self._vendors.setdefault((case.vendor, case.last), VendorSilences())
+        vendor.tally = np.maximum(_aged(vendor.tally, change) + case.new * change, 0.0)
         for cell, share in case.cells:
             if cell not in self._cells and len(self._cells) >= MOST_CELLS:
                 self._make_room()
-            self._cells[cell] = _added(self._cells.get(cell, NOTHING), share * change, MEMORY_CASES["place"])
+            self._cells[cell] = _added(self._cells.get(cell, NOTHING), share * change)
 
     def lasted(self, case: Case, silent_s: float) -> None:
         """A silence has ended where the robot was."""
-        vendor = self._vendors.setdefault((case.vendor, case.stood), VendorSilences())
+        vendor = self._vendors.setdefault((case.vendor, case.last), VendorSilences())
         vendor.lasted = survival.took_in(vendor.lasted, silent_s)
 
     def exits(self) -> list[Exit]:
@@ -157,8 +177,8 @@ class Meanings:
         if not part:
             return
         try:
-            cells = [Cell(str(datum), int(x), int(y), bool(stood)) for datum, x, y, stood in part["cells"]]
-            vendors = [(str(vendor), bool(stood)) for vendor, stood in part["vendors"]]
+            cells = [Cell(str(datum), int(x), int(y), Last(last)) for datum, x, y, last in part["cells"]]
+            vendors = [(str(vendor), Last(last)) for vendor, last in part["vendors"]]
         except (KeyError, TypeError, ValueError) as error:
             raise UnreadableError(f"what silences meant is not told: {error}") from error
         of_cells = numbers(part, "cell_tallies", (len(cells), 3))
@@ -177,7 +197,9 @@ class Meanings:
         """
         tally, same = NOTHING, 0.0
         for cell, share in cells:
-            tally = tally + share * (self._cells.get(cell, NOTHING) - share * own)
+            for last in AS_WELL[cell.last]:
+                tally = tally + share * self._cells.get(cell._replace(last=last), NOTHING)
+            tally = tally - share * share * own
             same += share * share
         return max(_gone(tally), 0.0) / same, max(float(tally.sum()), 0.0) / same
 
@@ -187,14 +209,14 @@ class Meanings:
             del self._cells[cell]
 
 
-def _cells_around(spot: Spot, stood: bool) -> Iterator[tuple[Cell, float]]:
+def _cells_around(spot: Spot, last: Last) -> Iterator[tuple[Cell, float]]:
     """The four cells whose middles are nearest, by bilinear weights."""
     column, row = spot.x_m / CELL_M - 0.5, spot.y_m / CELL_M - 0.5
     for right, up in product((0, 1), (0, 1)):
         across = 1.0 - abs(column - floor(column) - right)
         along = 1.0 - abs(row - floor(row) - up)
         if across * along > 0.0:
-            yield Cell(spot.datum, floor(column) + right, floor(row) + up, stood), across * along
+            yield Cell(spot.datum, floor(column) + right, floor(row) + up, last), across * along
 
 
 def _exit_around(key: tuple[str, int, int], tallies: dict[tuple[str, int, int], Floats]) -> Exit | None:
@@ -221,10 +243,18 @@ def _gone(tally: Floats) -> float:
     return float(tally[ELSEWHERE]) + _left(tally)
 
 
-def _added(tally: Floats, change: Floats, memory: float) -> Floats:
-    """A tally with a change; what is known in it loses weight beyond so many cases."""
+def _added(tally: Floats, change: Floats) -> Floats:
+    """The tally of a cell with a change."""
     tally = np.maximum(tally + change, 0.0)
-    tally[KNOWN] *= min(memory / max(float(tally[KNOWN].sum()), memory), 1.0)
+    tally[KNOWN] *= PLACE_MEMORY_CASES / max(float(tally[KNOWN].sum()), PLACE_MEMORY_CASES)
+    return tally
+
+
+def _aged(tally: Floats, change: Floats) -> Floats:
+    """The tally of a vendor before a change of what is known."""
+    tally, more = tally.copy(), np.maximum(change, 0.0)
+    tally[THERE] *= KEPT_SHARE ** more[THERE]
+    tally[[ELSEWHERE, LEFT]] *= KEPT_SHARE ** (more[ELSEWHERE] + more[LEFT])
     return tally
 
 

@@ -28,6 +28,7 @@ from deconflict.presence.meanings import (
     THERE,
     Case,
     Exit,
+    Last,
     Meanings,
     Spot,
 )
@@ -41,8 +42,11 @@ LOOK_SHARE = 0.2
 """A silent robot is looked at when its silence has grown by this."""
 TOLD = 0.01
 """Smaller changes are not told."""
-KNOWN_AFTER_S = 600.0
-"""A silence that lasts longer counts as what it probably is, also for later engines."""
+KNOWN_AFTER_S, KNOWN_LEFT = 600.0, 0.1
+"""A silence that lasts longer counts as what it probably is, also for later engines; so does one after which it is less
+likely that the robot is there."""
+STANDS_M = 0.1
+"""A robot whose forecast leads no further said that it stands."""
 BACK_M = 1.0
 """A robot that comes back within its own size and this of where it was believed to be was there."""
 EXITS_EVERY_S = 10.0
@@ -309,8 +313,10 @@ class Presence:
         heard_s, grace_s = self._hearing.heard_s(uuid), self._hearing.grace_s(uuid)
         self._contacts.leave(uuid)
         is_standing, forecast = robot.basis is Basis.STATIONARY, robot.forecast
+        goes = float(np.hypot(forecast.x_m - forecast.x_m[0], forecast.y_m - forecast.y_m[0]).max()) > STANDS_M
         stood = is_standing or self._hearing.stood(uuid)
-        if stood and not is_standing:
+        last = Last.STANDING if stood else Last.GOING if goes else Last.ARRIVED
+        if stood and goes:
             self._changes.stopped.append(uuid)
         self._changes.silent.add(uuid)
         state = robot.batch.states[robot.row]
@@ -319,7 +325,7 @@ class Presence:
         case = None
         if not is_blocked and state not in STAYS and datum:
             spot = Spot(datum, float(forecast.x_m[0]), float(forecast.y_m[0]))
-            case = self._meanings.case(robot.vendor, spot, stood=stood)
+            case = self._meanings.case(robot.vendor, spot, last)
         counts = now_s - heard_s < KNOWN_AFTER_S
         return Silence(heard_s, grace_s, robot.vendor, stood, case, counts)
 
@@ -330,7 +336,7 @@ class Presence:
         if silence.case:
             there = self._meanings.there(silence.case, silent_s - excused_s, silence.grace_s)
             if silence.counts:
-                known = silent_s >= KNOWN_AFTER_S
+                known = silent_s >= KNOWN_AFTER_S or there < KNOWN_LEFT
                 columns = (THERE, LEFT) if known else (MAYBE_THERE, MAYBE_LEFT)
                 self._meanings.count(silence.case, dict(zip(columns, (there, 1.0 - there), strict=True)))
             if abs(there - silence.there) >= TOLD:

@@ -1,7 +1,7 @@
 """How long silences last that end where the robot was: what share of them lasts longer than the one that is under way.
 
 Counts of such silences by how long they lasted, beside a prior: half of the silences that outlast 5 s end within 20 s,
-and the tail is heavy (log-logistic). A share never ends by itself: a robot may have broken down where it stands.
+and the tail is heavy (log-logistic).
 """
 
 import numpy as np
@@ -12,8 +12,6 @@ EDGES_S: Floats = 5.0 * 2.0 ** (np.arange(31) / 2)
 """Lasting longer than each of these, up to two days."""
 MEDIAN_S = 10.0
 PRIOR_CASES = 4.0
-STAYS = 0.15
-"""So many of the robots that are there never report again by themselves."""
 MEMORY_CASES = 100.0
 """Where more are counted, the old ones lose weight."""
 
@@ -26,9 +24,9 @@ def took_in(counts: Floats, lasted_s: float) -> Floats:
 
 
 def share_longer(counts: Floats, lasted_s: float, least_s: float) -> float:
-    """Of the silences that outlast `least_s`, the share that outlasts `lasted_s` too."""
+    """Of the silences that outlast `least_s` and end, the share that outlasts `lasted_s` too."""
     at_least = _cases_longer(counts, least_s)
-    return STAYS + (1.0 - STAYS) * min(_cases_longer(counts, max(lasted_s, least_s)) / at_least, 1.0)
+    return min(_cases_longer(counts, max(lasted_s, least_s)) / at_least, 1.0)
 
 
 def _cases_longer(counts: Floats, lasted_s: float) -> float:
