@@ -1,4 +1,4 @@
-"""A made-up floor on which robots fall silent for two reasons: they have left by an exit, or their radio has dropped out.
+"""A made-up floor on which robots fall silent for two reasons: they have left by an exit, or their radio drops out.
 
 Lanes lead from the west to an exit each. Robots drive along them one after the other, tell their paths once a second,
 and say nothing any more once they are through. Beside the lanes others are parked, so near that who passes comes within

@@ -39,6 +39,10 @@ class Legs(NamedTuple):
 
     rows: Ints
     """Of the batch."""
+    before: Heard
+    """What was known of each before."""
+    gap_s: Floats
+    """From the arrival of the report before; inf where there is none."""
     took_s: Floats
     x_m: Floats
     y_m: Floats
@@ -52,6 +56,8 @@ class Hearing:
 
     def __init__(self) -> None:
         self.slots: dict[str, int] = {}
+        self.names: list[str] = []
+        """By slot; "" where it is free."""
         self.heard: Heard = np.zeros(0, HEARD)
         self._spare: list[int] = []
 
@@ -67,8 +73,9 @@ class Hearing:
         now = self._now(batch, rows, before)
         self.heard[slots] = now
         poses = [np.stack([before[name], now[name]], axis=1) for name in ("x_m", "y_m", "yaw_rad", "floor")]
-        took_s = np.where(before["reports"] > 0, now["event_s"] - before["event_s"], np.inf)
-        return Legs(rows, took_s, *poses), [batch.robots[row] for row in new]
+        is_known = before["reports"] > 0
+        since_s = (np.where(is_known, now[name] - before[name], np.inf) for name in ("arrival_s", "event_s"))
+        return Legs(rows, before, *since_s, *poses), [batch.robots[row] for row in new]
 
     def _now(self, batch: Batch, rows: Ints, before: Heard) -> Heard:
         """(n,) what is known of robots after the reports of `rows` (n,)."""
@@ -89,7 +96,7 @@ class Hearing:
         slot = self.slots.pop(uuid, None)
         if slot is None:
             return False
-        self.heard[slot] = np.zeros((), HEARD)
+        self.heard[slot], self.names[slot] = np.zeros((), HEARD), ""
         self._spare.append(slot)
         return True
 
@@ -103,22 +110,28 @@ class Hearing:
 
     def grace_s(self, uuid: str) -> float:
         """How long a robot may say nothing before it is silent."""
-        one = self.heard[self.slots[uuid]]
-        gaps = min(int(one["reports"]) - 1, GAPS)
-        if gaps < FEWEST_GAPS:
-            return GRACE_UNKNOWN_S
-        usual_s: float = median(one["gaps_s"][:gaps].tolist())
-        return max(GRACE_S, GRACE_GAPS * usual_s)
+        return grace_s(self.heard[self.slots[uuid]])
 
     def _slot(self, uuid: str) -> int:
         if self._spare:
             slot = self._spare.pop()
+            self.names[slot] = uuid
         else:
-            slot = len(self.slots)
+            slot = len(self.names)
+            self.names.append(uuid)
             if slot == len(self.heard):
                 self.heard = np.concatenate([self.heard, np.zeros(max(slot, 64), HEARD)])
         self.slots[uuid] = slot
         return slot
+
+
+def grace_s(one: np.void) -> float:
+    """How long a robot may say nothing before it is silent, by its record."""
+    gaps = min(int(one["reports"]) - 1, GAPS)
+    if gaps < FEWEST_GAPS:
+        return GRACE_UNKNOWN_S
+    usual_s: float = median(one["gaps_s"][:gaps].tolist())
+    return max(GRACE_S, GRACE_GAPS * usual_s)
 
 
 def _stood(before: Heard, now: Heard) -> Bools:

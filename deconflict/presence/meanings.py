@@ -27,8 +27,8 @@ PRIOR_CASES = 5.0
 PLACE_MEMORY_CASES = 40.0
 """Where more are counted of a place, the old ones lose weight."""
 KEPT_SHARE = 0.98
-"""What is left of a vendor's earlier cases that a robot was gone after one more, wherever that was; and so of those that
-one was there. So leaving at places that are known makes leaving at new ones unlikely."""
+"""What is left of a vendor's earlier cases that a robot was gone after one more, wherever that was; and so of those
+that one was there. So leaving at places that are known makes leaving at new ones unlikely."""
 MOST_CELLS = 20_000
 EXIT_CASES, EXIT_SHARE = 3.0, 0.5
 """Where so many robots left, and so large a share of those that fell silent, is an exit."""

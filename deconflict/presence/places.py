@@ -7,10 +7,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from deconflict.motion import Bools
+from deconflict.pose import Pose
 from deconflict.presence.heard import Legs
 from deconflict.rectangles import signed_gap
 from ingest.angles import turn_between
-from ingest.seam import Batch, Floats, Ints
+from ingest.seam import Batch, Floats, Forecasts, Ints
 
 INNER = 0.5
 """A robot has driven through a place where the two outlines, scaled down to this, overlap: that is no mere touch."""
@@ -38,8 +39,24 @@ class Place(NamedTuple):
     """How far off its position may be."""
 
 
+def place_of(forecast: Forecasts, pose: Pose, doubt_m: float = 0.0) -> Place:
+    """The outline of a robot, of that forecast, at a pose."""
+    halves_m = float(forecast.length_m[0]) / 2, float(forecast.width_m[0]) / 2
+    heights_m = float(forecast.bottom_m[0]), float(forecast.top_m[0])
+    return Place(pose.x_m, pose.y_m, pose.yaw_rad, pose.floor, *halves_m, *heights_m, doubt_m)
+
+
+class Approach(NamedTuple):
+    """A robot has come near the place of another one."""
+
+    silent: str
+    other: str
+    at_s: float
+    """When first."""
+
+
 class Places:
-    """By robot. What is asked costs nothing where there are none."""
+    """By robot. What is asked costs nothing where there are none. A robot that reports has no place any more."""
 
     def __init__(self) -> None:
         self._places: dict[str, Place] = {}
@@ -60,18 +77,30 @@ class Places:
 
     def driven_through(self, batch: Batch, legs: Legs) -> dict[str, int]:
         """The robots through whose places others of the batch have driven, and the row of who did so first."""
-        if not self._places or not len(legs.rows):
-            return {}
-        reaches, names = self._reaching(batch, legs)
-        through = self._is_through(batch, legs, *reaches)
         found: dict[str, int] = {}
-        for leg, place in zip(*(one[through].tolist() for one in reaches), strict=True):
-            if self._names[place] != batch.robots[int(legs.rows[leg])]:
-                found.setdefault(names[place], int(legs.rows[leg]))
+        if self._places:
+            near = self._near(batch, legs, 0.0)
+            for leg, place in zip(*(one[self._is_through(batch, legs, near)].tolist() for one in near), strict=True):
+                found.setdefault(self._names[place], int(legs.rows[leg]))
         return found
 
-    def _reaching(self, batch: Batch, legs: Legs) -> tuple[tuple[Ints, Ints], list[str]]:
-        """Legs and places that may meet: (n,) of each. And whose the places are."""
+    def approached(self, batch: Batch, legs: Legs, within_m: float) -> list[Approach]:
+        """Who of the batch has come within a distance of whose place, and when first."""
+        if not self._places:
+            return []
+        leg, place = near = self._near(batch, legs, within_m)
+        apart_m, shares = self._apart_m(batch, legs, near, 1.0)
+        comes = (apart_m <= within_m) & self._is_beside(batch, legs, near)[:, None]
+        found = []
+        for row in np.flatnonzero(comes.any(axis=1)).tolist():
+            first, of = int(comes[row].argmax()), int(legs.rows[leg[row]])
+            took_s = float(legs.took_s[leg[row]])
+            at_s = float(batch.event_s[of]) - (1.0 - float(shares[row, first])) * took_s
+            found.append(Approach(self._names[place[row]], batch.robots[of], at_s))
+        return found
+
+    def _near(self, batch: Batch, legs: Legs, beyond_m: float) -> tuple[Ints, Ints]:
+        """Legs and places on one floor that may come within a distance: (n,) of each."""
         tree = self._indexed()
         radius_m = float(np.hypot(self._columns[4], self._columns[5]).max())
         long_m = np.hypot(*(np.diff(column)[:, 0] for column in (legs.x_m, legs.y_m)))
@@ -83,28 +112,44 @@ class Places:
         ends = np.stack([legs.x_m[moving, 1], legs.y_m[moving, 1]], axis=1)
         middles = np.stack([legs.x_m[moving].mean(axis=1), legs.y_m[moving].mean(axis=1)], axis=1)
         middles = np.where(is_joined[:, None], middles, ends)
-        near = tree.query_ball_point(middles, from_m + own_m + radius_m)
+        near = tree.query_ball_point(middles, from_m + own_m + radius_m + beyond_m)
         leg = np.repeat(moving, [len(one) for one in near])
         place = np.array([one for some in near for one in some], np.int64)
-        same = legs.floor[leg, 1] == self._columns[3][place]
-        return (leg[same], place[same]), self._names
+        beside = legs.floor[leg, 1] == self._columns[3][place]
+        return leg[beside], place[beside]
 
-    def _is_through(self, batch: Batch, legs: Legs, leg: Ints, place: Ints) -> Bools:
-        """(n,) whether robots drove through places: on one floor, at one height, and well into the outline."""
-        if not len(leg):
-            return np.zeros(0, np.bool_)
+    def _is_beside(self, batch: Batch, legs: Legs, near: tuple[Ints, Ints]) -> Bools:
+        """(n,) whether robots are at the height of places."""
+        leg, place = near
         told, rows = batch.forecasts, legs.rows[leg]
-        x_m, y_m, yaw_rad, _, half_length_m, half_width_m, bottom_m, top_m, doubt_m = self._columns[:, place]
-        doubt_m = doubt_m + batch.doubt_m[rows]
-        own = INNER * np.stack([told.length_m[rows], told.width_m[rows]]) / 2
-        others = INNER * np.stack([half_length_m, half_width_m]) - doubt_m
-        at_x_m, at_y_m, at_yaw_rad = _sampled(legs, leg)
-        apart_m = signed_gap(
-            x_m[:, None] - at_x_m, y_m[:, None] - at_y_m, at_yaw_rad, _like(yaw_rad, at_yaw_rad), own, others.clip(0.0)
-        )
-        at_one_height = (told.bottom_m[rows] < top_m) & (told.top_m[rows] > bottom_m)
-        through: Bools = (apart_m.min(axis=1) < 0.0) & at_one_height & (others > 0.0).all(axis=0)
-        return through
+        bottom_m, top_m = self._columns[6:8, place]
+        beside: Bools = (told.bottom_m[rows] < top_m) & (told.top_m[rows] > bottom_m)
+        return beside
+
+    def _is_through(self, batch: Batch, legs: Legs, near: tuple[Ints, Ints]) -> Bools:
+        """(n,) whether robots drove through places: at their height, and well into the outline."""
+        leg, place = near
+        halves_m, doubt_m = INNER * self._columns[4:6, place], self._columns[8, place] + batch.doubt_m[legs.rows[leg]]
+        apart_m, _ = self._apart_m(batch, legs, near, INNER, doubt_m)
+        through: Bools = (apart_m < 0.0).any(axis=1) & (halves_m > doubt_m).all(axis=0)
+        return through & self._is_beside(batch, legs, near)
+
+    def _apart_m(
+        self, batch: Batch, legs: Legs, near: tuple[Ints, Ints], scale: float, doubt_m: Floats | float = 0.0
+    ) -> tuple[Floats, Floats]:
+        """(n, m) distances of the outlines, scaled, and those of the places smaller by a doubt, along the legs; and at
+        which parts of them."""
+        leg, place = near
+        if not len(leg):
+            return np.empty((0, 1)), np.empty((0, 1))
+        told, rows = batch.forecasts, legs.rows[leg]
+        x_m, y_m, yaw_rad, _, *half_m = self._columns[:6, place]
+        own_m = scale * np.stack([told.length_m[rows], told.width_m[rows]]) / 2
+        others_m = np.maximum(scale * np.stack(half_m) - doubt_m, 0.0)
+        shares, at_x_m, at_y_m, at_yaw_rad = _sampled(legs, leg)
+        yaws_rad = np.broadcast_to(yaw_rad[:, None], at_yaw_rad.shape)
+        between_m = x_m[:, None] - at_x_m, y_m[:, None] - at_y_m
+        return signed_gap(*between_m, at_yaw_rad, yaws_rad, own_m, others_m), shares
 
     def _indexed(self) -> cKDTree:
         if self._tree is None:
@@ -119,8 +164,8 @@ def _is_joined(legs: Legs) -> Bools:
     return joined
 
 
-def _sampled(legs: Legs, leg: Ints) -> tuple[Floats, Floats, Floats]:
-    """(n, m) poses along legs; all at the end of one whose way is not known."""
+def _sampled(legs: Legs, leg: Ints) -> tuple[Floats, Floats, Floats, Floats]:
+    """(n, m) parts of legs, and poses there; all at the end of one whose way is not known."""
     x_m, y_m, yaw_rad = legs.x_m[leg], legs.y_m[leg], legs.yaw_rad[leg]
     is_joined = _is_joined(legs)[leg][:, None]
     longest_m = float(np.where(is_joined, np.hypot(np.diff(x_m), np.diff(y_m)), 0.0).max())
@@ -128,9 +173,4 @@ def _sampled(legs: Legs, leg: Ints) -> tuple[Floats, Floats, Floats]:
     shares = np.where(is_joined, shares, 1.0)
     turns = np.array([turn_between(*one) for one in yaw_rad.tolist()])
     at = [column[:, :1] + shares * np.diff(column) for column in (x_m, y_m)]
-    return at[0], at[1], yaw_rad[:, :1] + shares * turns[:, None]
-
-
-def _like(values: Floats, table: Floats) -> Floats:
-    """(n, m) each of n values m times."""
-    return np.broadcast_to(values[:, None], table.shape)
+    return shares, at[0], at[1], yaw_rad[:, :1] + shares * turns[:, None]

@@ -9,14 +9,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush
-from math import hypot, inf
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
 from deconflict.learned import Part, UnreadableError
 from deconflict.live import Live, LiveRobot
-from deconflict.pose import Pose, pose_at
+from deconflict.pose import pose_at
 from deconflict.presence.contacts import Contacts
 from deconflict.presence.heard import Hearing, Legs
 from deconflict.presence.meanings import (
@@ -32,7 +32,8 @@ from deconflict.presence.meanings import (
     Meanings,
     Spot,
 )
-from deconflict.presence.places import Place, Places
+from deconflict.presence.places import Places, place_of
+from deconflict.presence.returning import datum_of, was_there
 from ingest.measures import Labels, Measures
 from ingest.seam import Basis, Batch, Floats
 
@@ -47,8 +48,6 @@ KNOWN_AFTER_S, KNOWN_LEFT = 600.0, 0.1
 likely that the robot is there."""
 STANDS_M = 0.1
 """A robot whose forecast leads no further said that it stands."""
-BACK_M = 1.0
-"""A robot that comes back within its own size and this of where it was believed to be was there."""
 EXITS_EVERY_S = 10.0
 
 
@@ -219,24 +218,13 @@ class Presence:
         """A silence ends with the report of a row."""
         self._places.discard(uuid)
         self._set_there(uuid, silence, 1.0)
-        was_there = self._was_there(self._live.robots[uuid], batch, row)
-        self._count_outcome(silence.vendor, "there" if was_there else "elsewhere")
+        robot = self._live.robots[uuid]
+        is_back = was_there(robot.forecast, self._live.floors, batch, row)
+        self._count_outcome(silence.vendor, "there" if is_back else "elsewhere")
         if silence.case and silence.counts:
-            self._meanings.count(silence.case, {THERE if was_there else ELSEWHERE: 1.0})
-            if was_there:
+            self._meanings.count(silence.case, {THERE if is_back else ELSEWHERE: 1.0})
+            if is_back:
                 self._meanings.lasted(silence.case, float(batch.arrival_s[row]) - silence.heard_s)
-
-    def _was_there(self, robot: LiveRobot, batch: Batch, row: int) -> bool:
-        """Whether a robot comes back where it was believed to be, or was heard last."""
-        knot, told = int(batch.forecasts.start[row]), batch.forecasts
-        x_m, y_m, datum = float(told.x_m[knot]), float(told.y_m[knot]), _datum(batch.floors, int(told.floor[knot]))
-        before = robot.forecast
-        within_m = BACK_M + hypot(float(told.length_m[row]), float(told.width_m[row]))
-        for pose in (pose_at(before, float(told.t_s[knot])), pose_at(before, float(before.t_s[0]))):
-            is_near = hypot(pose.x_m - x_m, pose.y_m - y_m) <= within_m
-            if is_near and _datum(self._live.floors, pose.floor) == datum:
-                return True
-        return False
 
     def _join(self, uuid: str, vendor: str) -> None:
         """A robot is heard from now on."""
@@ -321,7 +309,7 @@ class Presence:
         self._changes.silent.add(uuid)
         state = robot.batch.states[robot.row]
         is_blocked = is_standing and state in ("navigating", "manualOverride")
-        datum = _datum(self._live.floors, int(forecast.floor[0]))
+        datum = datum_of(self._live.floors, int(forecast.floor[0]))
         case = None
         if not is_blocked and state not in STAYS and datum:
             spot = Spot(datum, float(forecast.x_m[0]), float(forecast.y_m[0]))
@@ -351,7 +339,7 @@ class Presence:
             return stands_s
         pose = pose_at(forecast, float(forecast.t_s[0]) if silence.stood else now_s)
         if pose.floor >= 0:
-            self._places.put(uuid, _place(robot, pose))
+            self._places.put(uuid, place_of(forecast, pose, robot.doubt_m))
         return inf
 
     def _count_outcome(self, vendor: str, outcome: str) -> None:
@@ -359,15 +347,3 @@ class Presence:
 
     def _measure(self) -> None:
         self._measures.level("deconflict_robots_probably_left", dict(self._left))
-
-
-def _place(robot: LiveRobot, pose: Pose) -> Place:
-    told, row = robot.told, robot.row
-    half_m = float(told.length_m[row]) / 2, float(told.width_m[row]) / 2
-    heights_m = float(told.bottom_m[row]), float(told.top_m[row])
-    return Place(pose.x_m, pose.y_m, pose.yaw_rad, pose.floor, *half_m, *heights_m, robot.doubt_m)
-
-
-def _datum(floors: Sequence[str], floor: int) -> str:
-    """The id of a floor; "" for what is compared with nothing."""
-    return floors[floor] if floor >= 0 else ""
