@@ -11,20 +11,21 @@ import json
 import os
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from math import hypot, inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from numpy.random import Generator
 
 from benchmarks.silent_floor import GRACE_S, Meeting, SilentFloor
 from deconflict import engine
-from deconflict.presence.presence import Changes, Presence
+from deconflict.presence.fading import Changes
+from deconflict.presence.presence import Presence
 from deconflict.site import Site
 from ingest.playback import Reader
 from ingest.seam import Batch
@@ -66,17 +67,6 @@ class Staying(Presence):
         return Changes()
 
 
-@contextmanager
-def presence_of(kind: type[Presence]) -> Iterator[None]:
-    """Engines that are made in between have this presence."""
-    before = engine.Presence
-    engine.Presence = kind  # type: ignore[misc]
-    try:
-        yield
-    finally:
-        engine.Presence = before  # type: ignore[misc]
-
-
 def alerts_of(lines: Iterable[str], kind: type[Presence] = Presence) -> tuple[list[Alert], Figures]:
     """The advisories that a replay of the lines tells, and its scores."""
     told: dict[str, Alert] = {}
@@ -88,7 +78,7 @@ def alerts_of(lines: Iterable[str], kind: type[Presence] = Presence) -> tuple[li
         elif line["event"] == "cleared":
             told[line["id"]] = Alert(tuple(line["robots"]), told[line["id"]].raised_s, at_s)
 
-    with TemporaryDirectory() as folder, presence_of(kind):
+    with TemporaryDirectory() as folder, patch.object(engine, "Presence", kind):
         path = Path(folder) / "log.jsonl"
         path.write_text("".join(lines))
         reader = Reader()

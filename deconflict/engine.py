@@ -206,10 +206,8 @@ class Engine:
             self.foresight.set_presence(uuid, there)
         if changes.stopped:
             self._take_in(retelling.held(self.live, changes.stopped, now_s))
-        if changes.left and not self._conflicts_only:
-            self._contention.receive(retelling.gone(self.live, changes.left, now_s))
-        if changes.back and not self._conflicts_only:
-            self._contention.receive(retelling.told_again(self.live, changes.back, now_s))
+        for batch in () if self._conflicts_only else retelling.contended(self.live, changes, now_s):
+            self._contention.receive(batch)
         return changes.silent
 
     def _shared(self, now_s: float, effort: Effort) -> list[AnyAdvisory]:

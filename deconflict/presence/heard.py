@@ -61,8 +61,8 @@ class Hearing:
         self.heard: Heard = np.zeros(0, HEARD)
         self._spare: list[int] = []
 
-    def take(self, batch: Batch) -> tuple[Legs, list[str]]:
-        """The legs of the robots of a batch that have reported anew, and the robots that were not known."""
+    def take(self, batch: Batch) -> tuple[Legs, list[int]]:
+        """The legs of the robots of a batch that have reported anew, and the rows of those that were not known."""
         slots = np.fromiter(map(self.slots.get, batch.robots, repeat(-1)), np.int64, len(batch))
         new = np.flatnonzero(slots < 0).tolist()
         for row in new:
@@ -75,7 +75,7 @@ class Hearing:
         poses = [np.stack([before[name], now[name]], axis=1) for name in ("x_m", "y_m", "yaw_rad", "floor")]
         is_known = before["reports"] > 0
         since_s = (np.where(is_known, now[name] - before[name], np.inf) for name in ("arrival_s", "event_s"))
-        return Legs(rows, before, *since_s, *poses), [batch.robots[row] for row in new]
+        return Legs(rows, before, *since_s, *poses), new
 
     def _now(self, batch: Batch, rows: Ints, before: Heard) -> Heard:
         """(n,) what is known of robots after the reports of `rows` (n,)."""

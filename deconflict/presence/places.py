@@ -69,7 +69,8 @@ class Places:
         return len(self._places)
 
     def put(self, uuid: str, place: Place) -> None:
-        self._places[uuid], self._tree = place, None
+        if self._places.get(uuid) != place:
+            self._places[uuid], self._tree = place, None
 
     def discard(self, uuid: str) -> None:
         if self._places.pop(uuid, None):

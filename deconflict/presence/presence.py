@@ -5,19 +5,18 @@ grown by a fifth, never all of them at once. One whose place another robot has d
 off, until it reports again. Pure: the same calls give the same answers.
 """
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from heapq import heappop, heappush
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.learned import Part, UnreadableError
+from deconflict.learned import Part
 from deconflict.live import Live, LiveRobot
 from deconflict.pose import pose_at
 from deconflict.presence.contacts import Contacts
+from deconflict.presence.fading import Changes, Fading, Silence
 from deconflict.presence.heard import Hearing, Legs
 from deconflict.presence.meanings import (
     ELSEWHERE,
@@ -26,19 +25,21 @@ from deconflict.presence.meanings import (
     MAYBE_THERE,
     PROBABLY_LEFT,
     THERE,
-    Case,
     Exit,
     Last,
     Meanings,
     Spot,
 )
 from deconflict.presence.places import Places, place_of
+from deconflict.presence.removals import Removals, TakenOff
 from deconflict.presence.returning import datum_of, was_there
-from ingest.measures import Labels, Measures
+from ingest.measures import Measures
 from ingest.seam import Basis, Batch, Floats
 
 STAYS = frozenset(("charging", "disabled", "offline"))
 """States of robots that do not leave."""
+SILENCES, PROBABLY_LEFT_ROBOTS = "deconflict_silences_total", "deconflict_robots_probably_left"
+"""Of the measures."""
 LOOK_SHARE = 0.2
 """A silent robot is looked at when its silence has grown by this."""
 TOLD = 0.01
@@ -51,51 +52,6 @@ STANDS_M = 0.1
 EXITS_EVERY_S = 10.0
 
 
-class TakenOff(NamedTuple):
-    """A robot whose place another one has driven through."""
-
-    vendor: str
-    name: str
-    heard_s: float
-    """When it was last heard."""
-    at_s: float
-    """When it was taken off."""
-    by: str
-    """The name of the other one."""
-
-
-@dataclass(slots=True, eq=False)
-class Changes:
-    """Of robots that have not reported, since the last step."""
-
-    there: dict[str, float] = field(default_factory=dict)
-    """How likely each is there now; also those that have reported, or are gone."""
-    silent: set[str] = field(default_factory=set)
-    """Those that have fallen silent."""
-    stopped: list[str] = field(default_factory=list)
-    """Of these, those that stood and tell a path: they are believed to stand there still."""
-    left: list[str] = field(default_factory=list)
-    """Those that have probably left by now."""
-    back: list[str] = field(default_factory=list)
-    """Those that had probably left, and now seem to be there after all."""
-
-
-@dataclass(slots=True, eq=False)
-class Silence:
-    """One that lasts."""
-
-    heard_s: float
-    grace_s: float
-    vendor: str
-    stood: bool
-    """Whether the robot stood when it was heard last."""
-    case: Case | None
-    """None for a robot that stays for sure."""
-    counts: bool
-    """Whether it teaches; one that is first seen when it is long has done so."""
-    there: float = 1.0
-
-
 class Presence:
     """Of all robots of a floor. `live` is the engine's own, which takes in each batch after this."""
 
@@ -103,28 +59,21 @@ class Presence:
         self._live, self._measures = live, measures
         self._hearing, self._contacts = Hearing(), Contacts()
         self._meanings, self._places = Meanings(), Places()
-        self._silences: dict[str, Silence] = {}
-        self._taken_off: dict[str, TakenOff] = {}
-        self._cases_taken_off: dict[str, Case] = {}
+        self._fading, self._removals = Fading(), Removals()
         self._due: list[tuple[float, str]] = []
         """A heap of when robots are next looked at; see `_next_s`."""
         self._next_s: dict[str, float] = {}
         """By robot; an entry of the heap with another time is void."""
-        self._changes = Changes()
-        self._fading: dict[str, float] = {}
-        self._left = Counter[Labels]()
-        """By vendor, robots that have probably left."""
         self._exits: tuple[float, list[Exit]] = (-EXITS_EVERY_S, [])
         measures.ask(self._measure)
 
     def receive(self, batch: Batch) -> Batch:
         """Take in robots that have reported. The batch without robots that are still taken off; those that are taken
         off by it are told as gone."""
-        batch = self._without_taken_off(batch)
+        batch = self._removals.without(batch)
         legs, new = self._hearing.take(batch)
         self._contacts.hear(batch.vendors, batch.arrival_s.tolist())
-        back = self._back(batch, legs)
-        for row in [*back, *map(batch.robots.index, new)]:
+        for row in [*self._back(batch, legs), *new]:
             self._join(batch.robots[row], batch.vendors[row])
         for uuid in batch.gone:
             self._forget(uuid)
@@ -137,34 +86,26 @@ class Presence:
             due_s, uuid = heappop(self._due)
             if self._next_s.get(uuid) == due_s:
                 self._look(uuid, now_s)
-        changes, self._changes = self._changes, Changes()
-        return changes
+        return self._fading.take_changes()
 
     def there(self, uuid: str) -> float:
         """How likely a robot is still there, as of the last step; 1 for one that is heard."""
-        return self._fading.get(uuid, 1.0)
-
-    def fading(self) -> Mapping[str, float]:
-        """How likely each robot is still there for which that is below 1."""
-        return self._fading
+        return self._fading.fading.get(uuid, 1.0)
 
     def both_there(self, pairs: Sequence[tuple[str, str]]) -> Floats:
         """(n,) how likely both robots of each pair are there."""
-        if not self._fading:
-            return np.ones(len(pairs))
-        there = self._fading.get
-        return np.array([there(a, 1.0) * there(b, 1.0) for a, b in pairs], np.float64)
+        return self._fading.both_there(pairs)
 
     def has_probably_left(self, uuid: str) -> bool:
         return self.there(uuid) < PROBABLY_LEFT
 
     def silent_s(self, uuid: str, now_s: float) -> float | None:
         """For how long a silent robot has said nothing; None for one that is heard."""
-        one = self._silences.get(uuid)
+        one = self._fading.silences.get(uuid)
         return now_s - one.heard_s if one else None
 
     def taken_off(self, uuid: str) -> TakenOff | None:
-        return self._taken_off.get(uuid)
+        return self._removals.robots.get(uuid)
 
     def exits(self, now_s: float) -> list[Exit]:
         """Where robots usually leave, as of a few seconds ago."""
@@ -174,53 +115,35 @@ class Presence:
 
     def learned(self) -> dict[str, Part]:
         """What silences meant, and who is taken off."""
-        off = {uuid: list(one) for uuid, one in self._taken_off.items()}
-        return {"silences": self._meanings.learned(), "taken_off": {"robots": off}}
+        return {"silences": self._meanings.learned(), "taken_off": self._removals.learned()}
 
     def resume(self, parts: Mapping[str, Part]) -> None:
         """Go on with what `learned` told. Raises `UnreadableError`."""
         self._meanings.resume(parts.get("silences", {}))
-        try:
-            for uuid, (vendor, name, heard_s, at_s, by) in parts.get("taken_off", {}).get("robots", {}).items():
-                self._taken_off[uuid] = TakenOff(str(vendor), str(name), float(heard_s), float(at_s), str(by))
-        except (TypeError, ValueError, AttributeError) as error:
-            raise UnreadableError(f"robots that were taken off are not told: {error}") from error
-
-    def _without_taken_off(self, batch: Batch) -> Batch:
-        """The batch without robots that have not reported since they were taken off."""
-        if not self._taken_off or self._taken_off.keys().isdisjoint(batch.robots):
-            return batch
-        stay = []
-        for row, uuid in enumerate(batch.robots):
-            off = self._taken_off.get(uuid)
-            if off is None or batch.arrival_s[row] > off.heard_s:
-                stay.append(row)
-        return batch if len(stay) == len(batch) else batch.take(np.array(stay, np.int64), batch.gone)
+        self._removals.resume(parts.get("taken_off", {}))
 
     def _back(self, batch: Batch, legs: Legs) -> list[int]:
         """The rows of robots that report again, whose silences end."""
-        if not self._silences and not self._taken_off:
+        silences, off = self._fading.silences, self._removals.robots
+        if not silences and not off:
             return []
-        back = []
-        for row in legs.rows.tolist():
+        back = [row for row in legs.rows.tolist() if batch.robots[row] in silences or batch.robots[row] in off]
+        for row in back:
             uuid = batch.robots[row]
-            if silence := self._silences.pop(uuid, None):
+            if silence := self._fading.end(uuid):
                 self._end(uuid, silence, batch, row)
-                back.append(row)
-            elif off := self._taken_off.pop(uuid, None):
-                self._count_outcome(off.vendor, "elsewhere")
-                if case := self._cases_taken_off.pop(uuid, None):
+            elif removal := self._removals.put_back(uuid):
+                one, case = removal
+                self._measures.count(SILENCES, one.vendor, "elsewhere")
+                if case:
                     self._meanings.count(case, {ELSEWHERE: 1.0})
-                back.append(row)
         return back
 
     def _end(self, uuid: str, silence: Silence, batch: Batch, row: int) -> None:
-        """A silence ends with the report of a row."""
+        """A silence has ended with the report of a row."""
         self._places.discard(uuid)
-        self._set_there(uuid, silence, 1.0)
-        robot = self._live.robots[uuid]
-        is_back = was_there(robot.forecast, self._live.floors, batch, row)
-        self._count_outcome(silence.vendor, "there" if is_back else "elsewhere")
+        is_back = was_there(self._live.robots[uuid].forecast, self._live.floors, batch, row)
+        self._measures.count(SILENCES, silence.vendor, "there" if is_back else "elsewhere")
         if silence.case and silence.counts:
             self._meanings.count(silence.case, {THERE if is_back else ELSEWHERE: 1.0})
             if is_back:
@@ -231,24 +154,9 @@ class Presence:
         self._contacts.join(uuid, vendor)
         self._look_at(uuid, self._hearing.heard_s(uuid) + self._hearing.grace_s(uuid))
 
-    def _set_there(self, uuid: str, silence: Silence, there: float) -> None:
-        """A silent robot is so likely there from now on."""
-        if silence.there == there:
-            return
-        has_left, had_left = there < PROBABLY_LEFT, silence.there < PROBABLY_LEFT
-        if has_left != had_left:
-            self._left[silence.vendor,] += has_left - had_left
-            if uuid in self._silences:
-                (self._changes.left if has_left else self._changes.back).append(uuid)
-        silence.there = self._changes.there[uuid] = self._fading[uuid] = there
-        if there == 1.0:
-            del self._fading[uuid]
-
     def _forget(self, uuid: str) -> None:
-        if silence := self._silences.pop(uuid, None):
-            self._set_there(uuid, silence, 1.0)
-        self._taken_off.pop(uuid, None)
-        self._cases_taken_off.pop(uuid, None)
+        self._fading.end(uuid)
+        self._removals.put_back(uuid)
         self._next_s.pop(uuid, None)
         self._places.discard(uuid)
         self._contacts.leave(uuid)
@@ -258,17 +166,17 @@ class Presence:
         """Take off the robots through whose places others have driven."""
         off = []
         for uuid, row in self._places.driven_through(batch, legs).items():
-            silence = self._silences.pop(uuid)
-            self._set_there(uuid, silence, 1.0)
-            name = self._live.robots[uuid].name
-            self._taken_off[uuid] = TakenOff(silence.vendor, name, silence.heard_s, batch.now_s, batch.names[row])
-            self._count_outcome(silence.vendor, "driven_through")
-            if silence.case and silence.counts:
-                self._meanings.count(silence.case, {LEFT: 1.0})
-                self._cases_taken_off[uuid] = silence.case
+            if silence := self._fading.end(uuid):
+                name = self._live.robots[uuid].name
+                one = TakenOff(silence.vendor, name, silence.heard_s, batch.now_s, batch.names[row])
+                case = silence.case if silence.counts else None
+                self._removals.take_off(uuid, one, case)
+                self._measures.count(SILENCES, silence.vendor, "driven_through")
+                if case:
+                    self._meanings.count(case, {LEFT: 1.0})
+                off.append(uuid)
             self._places.discard(uuid)
             self._next_s.pop(uuid, None)
-            off.append(uuid)
         return off
 
     def _look_at(self, uuid: str, at_s: float) -> None:
@@ -281,12 +189,12 @@ class Presence:
         if robot is None:
             del self._next_s[uuid]
             return
-        silence = self._silences.get(uuid)
+        silence = self._fading.silences.get(uuid)
         if silence is None and (later_s := self._silent_at_s(uuid, robot, now_s)) > now_s:
             self._look_at(uuid, later_s)
             return
         if silence is None:
-            silence = self._silences[uuid] = self._begun(uuid, robot, now_s)
+            silence = self._begun(uuid, robot, now_s)
         self._follow(uuid, silence, robot, now_s)
 
     def _silent_at_s(self, uuid: str, robot: LiveRobot, now_s: float) -> float:
@@ -305,8 +213,7 @@ class Presence:
         stood = is_standing or self._hearing.stood(uuid)
         last = Last.STANDING if stood else Last.GOING if goes else Last.ARRIVED
         if stood and goes:
-            self._changes.stopped.append(uuid)
-        self._changes.silent.add(uuid)
+            self._fading.changes.stopped.append(uuid)
         state = robot.batch.states[robot.row]
         is_blocked = is_standing and state in ("navigating", "manualOverride")
         datum = datum_of(self._live.floors, int(forecast.floor[0]))
@@ -315,7 +222,9 @@ class Presence:
             spot = Spot(datum, float(forecast.x_m[0]), float(forecast.y_m[0]))
             case = self._meanings.case(robot.vendor, spot, last)
         counts = now_s - heard_s < KNOWN_AFTER_S
-        return Silence(heard_s, grace_s, robot.vendor, stood, case, counts)
+        silence = Silence(heard_s, grace_s, robot.vendor, stood, case, counts)
+        self._fading.begin(uuid, silence)
+        return silence
 
     def _follow(self, uuid: str, silence: Silence, robot: LiveRobot, now_s: float) -> None:
         """How likely a silent robot is there now, and when to look again."""
@@ -328,7 +237,7 @@ class Presence:
                 columns = (THERE, LEFT) if known else (MAYBE_THERE, MAYBE_LEFT)
                 self._meanings.count(silence.case, dict(zip(columns, (there, 1.0 - there), strict=True)))
             if abs(there - silence.there) >= TOLD:
-                self._set_there(uuid, silence, there)
+                self._fading.set_there(uuid, there)
         self._look_at(uuid, min(now_s + LOOK_SHARE * silent_s, self._placed(uuid, silence, robot, now_s)))
 
     def _placed(self, uuid: str, silence: Silence, robot: LiveRobot, now_s: float) -> float:
@@ -342,8 +251,5 @@ class Presence:
             self._places.put(uuid, place_of(forecast, pose, robot.doubt_m))
         return inf
 
-    def _count_outcome(self, vendor: str, outcome: str) -> None:
-        self._measures.count("deconflict_silences_total", vendor, outcome)
-
     def _measure(self) -> None:
-        self._measures.level("deconflict_robots_probably_left", dict(self._left))
+        self._measures.level(PROBABLY_LEFT_ROBOTS, dict(self._fading.left))

@@ -1,16 +1,25 @@
 """Batches about robots that have not reported: what is believed of them has changed."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from deconflict.live import Live
+from deconflict.presence.fading import Changes
 from ingest.seam import Basis, Batch, Forecasts
 
 LATER_S = 1e-6
 """What is believed of a robot replaces what it told only where it is newer."""
 NOBODY = np.empty(0, np.int64)
+
+
+def contended(live: Live, changes: Changes, now_s: float) -> Iterator[Batch]:
+    """What contention is told of: who has probably left wants nothing, and holds up nobody."""
+    if changes.left:
+        yield gone(live, changes.left, now_s)
+    if changes.back:
+        yield told_again(live, changes.back, now_s)
 
 
 def told_again(live: Live, robots: Sequence[str], now_s: float) -> Batch:

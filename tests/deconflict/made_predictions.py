@@ -13,7 +13,8 @@ def in_columns(told: Sequence[Prediction]) -> Predictions:
     real = np.array([(one.contact_s, one.separation_m, one.start_separation_m, one.probability) for one in told])
     contact_s, separation_m, start_m, probability = real.reshape(-1, 4).T.copy()
     fresh = np.array([one.fresh for one in told], np.bool_)
-    return Predictions([one.pair for one in told], contact_s, separation_m, start_m, fresh, probability)
+    there = np.array([one.there for one in told])
+    return Predictions([one.pair for one in told], contact_s, separation_m, start_m, fresh, probability, there)
 
 
 def each(meet: Callable[[Pair, float], Encounter]) -> Callable[[Sequence[Pair], Floats], Encounters]:
