@@ -118,7 +118,7 @@ class Meanings:
         """A silence that begins, not counted yet."""
         cells = tuple(_cells_around(spot, last))
         _, cases = self._local(cells, NOTHING)
-        return Case(vendor, last, cells, PLACE_CASES / (cases + PLACE_CASES))
+        return Case(vendor, last, cells, (PLACE_CASES / (cases + PLACE_CASES)) ** 2)
 
     def there(self, case: Case, silent_s: float, least_s: float) -> float:
         """How likely the robot is still there; silences begin when they have lasted `least_s`."""

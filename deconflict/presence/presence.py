@@ -17,7 +17,7 @@ from deconflict.live import Live, LiveRobot
 from deconflict.pose import pose_at
 from deconflict.presence.contacts import Contacts
 from deconflict.presence.fading import Changes, Fading, Silence
-from deconflict.presence.heard import Hearing, Legs
+from deconflict.presence.heard import GRACE_S, Hearing, Legs
 from deconflict.presence.meanings import (
     ELSEWHERE,
     LEFT,
@@ -42,6 +42,8 @@ SILENCES, PROBABLY_LEFT_ROBOTS = "deconflict_silences_total", "deconflict_robots
 """Of the measures."""
 LOOK_SHARE = 0.2
 """A silent robot is looked at when its silence has grown by this."""
+LOST_LOOK_S = 15.0
+"""At least so often it is looked whether the connection of its vendor is still lost."""
 TOLD = 0.01
 """Smaller changes are not told."""
 KNOWN_AFTER_S, KNOWN_LEFT = 600.0, 0.1
@@ -152,7 +154,7 @@ class Presence:
     def _join(self, uuid: str, vendor: str) -> None:
         """A robot is heard from now on."""
         self._contacts.join(uuid, vendor)
-        self._look_at(uuid, self._hearing.heard_s(uuid) + self._hearing.grace_s(uuid))
+        self._look_at(uuid, self._hearing.heard_s(uuid) + GRACE_S)
 
     def _forget(self, uuid: str) -> None:
         self._fading.end(uuid)
@@ -190,19 +192,21 @@ class Presence:
             del self._next_s[uuid]
             return
         silence = self._fading.silences.get(uuid)
-        if silence is None and (later_s := self._silent_at_s(uuid, robot, now_s)) > now_s:
-            self._look_at(uuid, later_s)
+        if silence is None and (due_s := self._silent_at_s(uuid, robot, now_s)) > now_s:
+            unheard_s = now_s - self._hearing.heard_s(uuid)
+            self._look_at(uuid, min(due_s, now_s + min(max(GRACE_S, LOOK_SHARE * unheard_s), LOST_LOOK_S)))
             return
         if silence is None:
             silence = self._begun(uuid, robot, now_s)
         self._follow(uuid, silence, robot, now_s)
 
     def _silent_at_s(self, uuid: str, robot: LiveRobot, now_s: float) -> float:
-        """When a robot that is not known to be silent will be, if nothing is heard of it; or is to be looked at."""
+        """When a robot that is not known to be silent will be, if nothing is heard of it; later while its vendor's
+        connection is lost."""
         heard_s, grace_s = self._hearing.heard_s(uuid), self._hearing.grace_s(uuid)
         contact = self._contacts.of(robot.vendor)
         due_s = heard_s + grace_s + contact.excused_s(heard_s, grace_s)
-        return now_s + grace_s / 2 if due_s <= now_s and contact.is_lost(now_s) else due_s
+        return inf if contact.is_lost(now_s) else due_s
 
     def _begun(self, uuid: str, robot: LiveRobot, now_s: float) -> Silence:
         """A silence that begins."""
