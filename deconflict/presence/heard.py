@@ -104,9 +104,10 @@ class Hearing:
         """When a robot was heard last."""
         return float(self.heard["arrival_s"][self.slots[uuid]])
 
-    def stood(self, uuid: str) -> bool:
-        """Whether a robot stood when it was heard last."""
-        return bool(self.heard["stood"][self.slots[uuid]])
+    def moved(self, uuid: str) -> bool | None:
+        """Whether a robot moved from its last report but one to the last; None where there is but one."""
+        one = self.heard[self.slots[uuid]]
+        return None if one["reports"] < 2 else not one["stood"]
 
     def grace_s(self, uuid: str) -> float:
         """How long a robot may say nothing before it is silent."""

@@ -214,9 +214,9 @@ class Presence:
         self._contacts.leave(uuid)
         is_standing, forecast = robot.basis is Basis.STATIONARY, robot.forecast
         goes = float(np.hypot(forecast.x_m - forecast.x_m[0], forecast.y_m - forecast.y_m[0]).max()) > STANDS_M
-        stood = is_standing or self._hearing.stood(uuid)
-        last = Last.STANDING if stood else Last.GOING if goes else Last.ARRIVED
-        if stood and goes:
+        moved = self._hearing.moved(uuid)
+        last = Last.GOING if goes and moved is not False else Last.ARRIVED if moved else Last.STANDING
+        if last is Last.STANDING and goes:
             self._fading.changes.stopped.append(uuid)
         state = robot.batch.states[robot.row]
         is_blocked = is_standing and state in ("navigating", "manualOverride")
@@ -226,7 +226,7 @@ class Presence:
             spot = Spot(datum, float(forecast.x_m[0]), float(forecast.y_m[0]))
             case = self._meanings.case(robot.vendor, spot, last)
         counts = now_s - heard_s < KNOWN_AFTER_S
-        silence = Silence(heard_s, grace_s, robot.vendor, stood, case, counts)
+        silence = Silence(heard_s, grace_s, robot.vendor, last is Last.STANDING, case, counts)
         self._fading.begin(uuid, silence)
         return silence
 

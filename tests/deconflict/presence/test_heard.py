@@ -51,12 +51,13 @@ def test_several_reports_between_two_batches_are_as_many_gaps() -> None:
 
 
 def test_a_robot_stood_that_has_not_moved_since_the_report_before() -> None:
-    watch, hearing = Watch(), Hearing()
+    watch, hearing, moved = Watch(), Hearing(), []
     for second, x_m in enumerate((0.0, 1.0, 1.02, 1.03)):
         watch.now_s = float(second)
         watch.say("A", x_m)
         hearing.take(watch.fleet.cut(NOW_S + second))
-        assert hearing.stood(robot("A")) == (second >= 2)
+        moved.append(hearing.moved(robot("A")))
+    assert moved == [None, True, False, False]
 
 
 def test_what_is_only_told_again_is_no_report() -> None:
