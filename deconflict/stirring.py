@@ -43,7 +43,7 @@ ROW = np.dtype(
 
 
 BOUNDS = np.dtype(
-    [(name, np.float64) for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure")]
+    [(name, np.float64) for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure", "left")]
     + [(name, np.float64) for name in ("urgent_s", "clear_after_s", "fades_s", "warning_s", "critical_s", "slack_s")]
     + [(name, np.float64) for name in ("gap_s", "likelier", "moved_s", "deeper_m")],
     align=True,
@@ -51,7 +51,8 @@ BOUNDS = np.dtype(
 """What decides. Robots further apart than `apart_m` have drawn apart; a pair that begins nearer than `touching_m` is
 touching already. A prediction less likely than `raises` raises no advisory; one less likely than `sure` only where
 envelopes come within the clearance, and less severe a one; one less likely than `held` lets none stand, and is told of
-after `fades_s`. Of one advisory there is a revision in `gap_s`, unless the severity rises. Changes of the probability,
+after `fades_s`, also within the clearance where it is less likely than `left` that both robots are there. Of one
+advisory there is a revision in `gap_s`, unless the severity rises. Changes of the probability,
 the time and the separation by no more than the last three are surely worth none."""
 
 
@@ -232,6 +233,7 @@ def _missing(rows: NDArray[Any], told: NDArray[Any], now_s: float, clear_after_s
         _BOOLS,
         *[_FLOATS] * 2,
         _BOOLS,
+        _FLOATS,
         *[numba.int64] * 2,
         _REAL,
         _BOUNDS[::1],
@@ -248,6 +250,7 @@ def stirring(
     probability: Floats,
     deciding: Floats,
     still: Bools,
+    there: Floats,
     remembered: int,
     wanted_looks: int,
     now_s: float,
@@ -275,7 +278,7 @@ def stirring(
             reason = _of_untold(row, is_new, alerting, contact_s[one], now_s, wanted_looks, bound.urgent_s)
         elif _has_been_still(row, still[one], now_s, bound.clear_after_s):
             reason = STILL
-        elif not row.inside and deciding[one] < bound.held:
+        elif deciding[one] < bound.held and not (row.inside and there[one] >= bound.left):
             reason = _of_unlikely(row, before, probability[one], now_s, bound)
         else:
             reason = _of_told(

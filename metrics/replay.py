@@ -21,6 +21,7 @@ from ingest import stamps
 from ingest.playback import Event, Reader
 from ingest.seam import Batch, Floats
 from metrics import conform
+from metrics.absences import Absences
 from metrics.arrivals import Arrivals
 from metrics.calibration import SETTLED_S, Calibration
 from metrics.contention import Contention
@@ -28,7 +29,7 @@ from metrics.forecasts import ForecastErrors
 from metrics.passes import Pass, Reading
 from metrics.places import EVERY_S, Forecast, forecast_of
 from metrics.scenes import Scene
-from metrics.scoring import Alert, Presence, score
+from metrics.scoring import STANDING_S, Alert, Presence, score
 from metrics.truth import Pair, Truth
 from metrics.vendors import VendorRecords
 
@@ -169,6 +170,7 @@ class Outcome:
         self.verdicts = [Verdict(clearance_m) for clearance_m in clearances_m]
         self.truth = Truth(clearances_m)
         self.forecasts, self.arrivals, self.contention = ForecastErrors(), Arrivals(), Contention(site)
+        self.absences = Absences(clearances_m)
         self._gathering = Gathering(FOLLOWED)
         self.vendor_of: dict[str, str] = {}
         """By robot that has said where it is."""
@@ -186,6 +188,7 @@ class Outcome:
         self._name_of.update(zip(batch.robots, batch.names, strict=True))
         self._floors = batch.floors
         self.truth.report(batch.robots, batch.forecasts)
+        self.absences.take(batch)
         makers = list(zip(batch.vendors, batch.models, strict=True))
         self.forecasts.take(batch.robots, makers, batch.forecasts, said[0].bands_m if said else None)
         self.forecasts.advance(now_s)
@@ -215,6 +218,7 @@ class Outcome:
         for due in self._gathering.rest():
             self._follow(due.batch)
         self.truth.finish()
+        self.absences.finish()
         self.forecasts.finish()
         self._resolve()
         presence = Presence(self.vendor_of, self.truth.motion.present_s())
@@ -268,9 +272,11 @@ class Outcome:
             verdict.calibration.resolve(self.truth, self.vendor_of)
 
     def _score(self, verdict: Verdict, presence: Presence) -> dict[str, Any]:
+        alerts = list(verdict.alerts(self.truth))
+        spans = [(one.pair, one.raised_s, one.cleared_s) for one in alerts]
         figures = score(
             self.truth.encounters(verdict.clearance_m),
-            list(verdict.alerts(self.truth)),
+            alerts,
             verdict.clearance_m,
             presence,
             verdict.calibration.by_vendors,
@@ -278,6 +284,7 @@ class Outcome:
         return figures | {
             "censored_samples": int(verdict.calibration.whole().left.sum()),
             "heeded_samples": verdict.calibration.heeded,
+            "silences": self.absences.figures(verdict.clearance_m, spans, STANDING_S),
             "settled": {"after_s": SETTLED_S, **verdict.calibration.settled.figures()},
         }
 

@@ -66,6 +66,10 @@ SHOWN = frozenset(PAIR.names or ())
 """Columns of pairs that are shown."""
 
 
+ESTIMATED = ("probability", "lower", "upper", "deciding", "contact_probability")
+"""Columns of pairs that are estimated, in the order of `Estimate`, and that of contact."""
+
+
 class Swept(NamedTuple):
     """What the exact sweep found: c pairs whose forecasts come within the clearance. Arrays are (c,)."""
 
@@ -137,6 +141,8 @@ class Foresight:
         self._vendor = np.zeros(0, np.int64)
         """Place among `_vendors`."""
         self._vendors: dict[str, int] = {}
+        self._absence = np.zeros(0)
+        """(slots,) how likely a robot that is silent is not there."""
         self._pairs = np.zeros(0, PAIR)
         self._swept: Ints = np.full(1, -1)
         """Codes of the pairs that were swept in the last look, -1 where a robot left since; and -1 at the end, for one
@@ -335,14 +341,20 @@ class Foresight:
         preempt(pairs, self._standing(slice(None)), len(self._robots), PREEMPTED_S)
         seen, vendors = np.ascontiguousarray(pairs["seen"]), self._vendors_of(pairs["code"])
         estimate = self.calibration.estimate(seen, vendors)
-        for name, column in zip(("probability", "lower", "upper", "deciding"), estimate, strict=True):
-            pairs[name] = column
-        pairs["contact_probability"] = self.contact.estimate(contact_features(seen), vendors).probability
+        contact, there = self.contact.estimate(contact_features(seen), vendors).probability, self._both_there(pairs)
+        for name, column in zip(ESTIMATED, (*estimate, contact), strict=True):
+            pairs[name] = column * there
 
     def _vendors_of(self, code: Ints) -> Ints:
         """(n,) one number for the vendors of each pair."""
         a, b = (self._vendor[slots] for slots in slots_of(code))
         return codes(np.minimum(a, b), np.maximum(a, b))
+
+    def _both_there(self, pairs: Pairs) -> Floats:
+        """(p,) how likely both robots of each pair are there."""
+        a, b = slots_of(pairs["code"])
+        both: Floats = (1.0 - self._absence[a]) * (1.0 - self._absence[b])
+        return both
 
     def _exact(self, swept: Swept) -> Ints:
         """Codes of the pairs that were swept, most of them in the last look too."""
@@ -423,13 +435,18 @@ class Foresight:
         self._ranks_stale = True
         return slot
 
+    def set_presence(self, uuid: str, there: float) -> None:
+        """How likely a robot is there from now on."""
+        if uuid in self._slots:
+            self._absence[self._slots[uuid]] = 1.0 - there
+
     def _rank_anew(self) -> None:
         self._ranks_stale = False
         self._rank[[self._slots[name] for name in sorted(self._slots)]] = np.arange(len(self._slots))
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._robots)
-        for name in ("_held", "_told", "_robots", "_rank", "_half", "_levels_m", "_vendor"):
+        for name in ("_held", "_told", "_robots", "_rank", "_half", "_levels_m", "_vendor", "_absence"):
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
         self._words = np.concatenate([self._words, unheard(more)])
@@ -445,7 +462,8 @@ class Foresight:
         self._spare.extend(slots.tolist())
         self._swept[:] = -1
         self._held[slots] = self._told[slots] = False
-        self._robots["surprise"][slots], self._robots["stood_since_s"][slots] = 0.0, np.inf
+        self._robots["surprise"][slots] = self._absence[slots] = 0.0
+        self._robots["stood_since_s"][slots] = np.inf
         self._words[slots] = unheard(len(slots))
         self._followed.forget(slots)
         self._finder.forget(slots.tolist())

@@ -48,6 +48,7 @@ class Story:
 
         return Scene(
             here=self.floor.__contains__,
+            absence=lambda _: None,
             party=self.floor.__getitem__,
             stands=lambda uuid: uuid in self.floor and self.floor[uuid].standing,
             meet=meet,

@@ -72,6 +72,7 @@ class Floor:
 
         return Scene(
             here=lambda _: True,
+            absence=lambda _: None,
             party=lambda uuid: Party(uuid, "Alder", "path", standing=False),
             stands=self.standing.__contains__,
             meet=meet,
