@@ -65,7 +65,8 @@ class Starts:
         bins = _bin(times_s)
         hazard = until_edge[rows, bins] + per_s[rows, bins] * (times_s - STOOD_S[bins])
         stays = np.concatenate([np.exp(hazard[:, :1] - hazard), np.zeros((len(kind), 1))], axis=1)
-        return stays[:, :-1] - stays[:, 1:]
+        weights: Floats = stays[:, :-1] - stays[:, 1:]
+        return weights
 
     def learned(self) -> Part:
         """What is worth keeping over a restart."""

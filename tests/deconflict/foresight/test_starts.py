@@ -10,7 +10,8 @@ NOW_S = 1_790_000_000.0
 
 
 def weights(starts: Starts, kind: int, stood_s: float) -> Floats:
-    return starts.weights(np.array([kind]), np.array([stood_s]))[0]
+    (row,) = starts.weights(np.array([kind]), np.array([stood_s]))
+    return np.asarray(row)
 
 
 def waited(starts: Starts, kind: int, lasts_s: int, robots: int) -> None:

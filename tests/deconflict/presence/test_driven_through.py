@@ -1,5 +1,7 @@
 """A robot through whose place another one has driven is not there."""
 
+from typing import Any
+
 import pytest
 
 from deconflict.learned import packed, unpacked
@@ -9,7 +11,7 @@ from tests.saying import LOFT, identity, robot
 SIZE = {"x": 1.0, "y": 0.6, "z": 0.4}
 
 
-def with_silent(silent_s: float = 20.0, **said: object) -> Watch:
+def with_silent(silent_s: float = 20.0, **said: Any) -> Watch:
     """A robot stands at 10, 0, and falls silent."""
     watch = Watch()
     for name in ("silent", "other"):

@@ -44,7 +44,7 @@ class Story:
         told: list[ConflictAdvisory] = []
         for _ in range(round(seconds * 4)):
             self.now_s += 0.25
-            one = Prediction(PAIR, self.now_s + 1.0, 0.0, start_m, True, probability * there, there)
+            one = Prediction(PAIR, self.now_s + 1.0, 0.0, start_m, True, probability * there, there=there)
             told += self.lives.step(self.now_s, in_columns([one]), set(PAIR), self.scene())
         self.told += told
         return [one.state for one in told if one.state is not AdvisoryState.UPDATED]
@@ -67,10 +67,10 @@ def test_within_the_clearance_one_stands_that_is_unlikely_where_both_are_there()
 
 def test_nobody_is_about_to_touch_who_has_probably_left() -> None:
     story = Story()
-    story.passes(1.0, 0.25, 0.05, 0.3)
-    assert story.passes(3.0, 0.2, 0.05, 0.3) == []
+    story.passes(1.0, 0.25, 0.9, 0.3)
+    assert story.passes(3.0, 0.2, 0.9, 0.3) == []
     story = Story()
-    assert story.passes(3.0, 0.2, 0.05, 1.0) == [AdvisoryState.RAISED]
+    assert story.passes(3.0, 0.2, 0.9, 1.0) == [AdvisoryState.RAISED]
 
 
 def test_one_that_is_predicted_no_more_is_cleared_though_the_two_have_not_drawn_apart() -> None:
