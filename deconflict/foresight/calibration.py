@@ -76,10 +76,9 @@ class Posterior:
 
     def square(self, seen: Floats) -> Floats:
         """(n,) variance of the score of features (n, features)."""
-        covariance = self._covariance = (
-            np.linalg.inv(self.information) if self._covariance is None else self._covariance
-        )
-        square: Floats = ((seen @ covariance) * seen).sum(axis=1)
+        if self._covariance is None:
+            self._covariance = np.asarray(np.linalg.inv(self.information), np.float64)
+        square: Floats = ((seen @ self._covariance) * seen).sum(axis=1)
         return square
 
     def learn(self, seen: Floats, expected: Floats, came: Floats, weight: Floats, now_s: float) -> None:
