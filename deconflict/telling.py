@@ -36,6 +36,8 @@ UPDATE_GAP_S = 1.0
 """At most one revision in this time, unless the severity rises."""
 FADES_S = 1.0
 """A conflict has been unlikely for so long when its advisory tells so."""
+THIN = 0.2
+"""A probability comes with its interval where that is at least so wide."""
 LIKELIER = 0.15
 """A change of probability that is worth a revision."""
 SURE = 0.8
@@ -166,6 +168,8 @@ class Telling(TypedDict):
     predicted_at: datetime
     time_to_conflict_s: float
     probability: float
+    probability_interval: tuple[float, float] | None
+    contact_probability: float
     clearance_m: float
     min_separation_m: float
     closing_speed_mps: float
@@ -233,6 +237,8 @@ def newest(
         predicted_at=moment(prediction.contact_s),
         time_to_conflict_s=round(time_s, 3),
         probability=round(prediction.probability, 3),
+        probability_interval=_interval(prediction),
+        contact_probability=round(prediction.contact_probability, 3),
         clearance_m=clearance_m,
         min_separation_m=round(prediction.separation_m, 3),
         closing_speed_mps=round(met.closing_speed_mps, 3),
@@ -278,7 +284,16 @@ def with_probability(before: ConflictAdvisory, probability: float, now_s: float)
         updated_at=moment(now_s),
         time_to_conflict_s=round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
         probability=round(probability, 3),
+        probability_interval=None,
+        contact_probability=None,
     )
+
+
+def _interval(prediction: Prediction) -> tuple[float, float] | None:
+    """What holds the probability with 90 %, where that is wide enough to be told."""
+    if prediction.upper - prediction.lower < THIN:
+        return None
+    return round(prediction.lower, 3), round(prediction.upper, 3)
 
 
 def with_silence(
