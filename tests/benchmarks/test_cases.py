@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,11 @@ def test_one_outcome_credits_one_alert() -> None:
     assert verdicts(cases) == [Verdict.IN_VAIN, Verdict.TRUE]
 
 
+def test_an_alert_that_is_credited_leaves_the_next_outcome_to_another() -> None:
+    cases = judged([alert(90.0, 130.0), alert(110.0, 112.0)], [stop(100.0), stop(115.0)])
+    assert verdicts(cases) == [Verdict.TRUE, Verdict.TRUE]
+
+
 def test_an_alert_is_true_where_the_outcome_follows_within_ten_seconds() -> None:
     assert verdicts(judged([alert(89.0, 91.0)], [stop(100.0)])) == [Verdict.TRUE]
     assert verdicts(judged([alert(86.0, 89.0)], [stop(100.0)])) == [Verdict.IN_VAIN]
@@ -92,9 +99,7 @@ def test_an_encounter_while_one_drives_around_is_not_natural() -> None:
 
 
 def test_own_order_is_no_outcome() -> None:
-    own = Stop(
-        "x", "y", START_S + 50, START_S + 60, 1.0, 9.0, same_vendor=True, around=False, around_until_s=START_S + 60
-    )
+    own = replace(stop(50.0), robot="x", by="y", same_vendor=True)
     motion = motion_of(100.0, x=(0.0, 0.0), y=(20.0, 0.0))
     truth = FloorTruth(motion, [own], [])
     happened = happenings(truth, 0.3, {"x": "Alder", "y": "Alder"})
