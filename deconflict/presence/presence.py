@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,7 @@ likely that the robot is there."""
 STANDS_M = 0.1
 """A robot whose forecast leads no further said that it stands."""
 EXITS_EVERY_S = 10.0
+MOST_SHOWN = 300
 
 
 class Presence:
@@ -114,6 +116,17 @@ class Presence:
         if not 0 <= now_s - self._exits[0] < EXITS_EVERY_S:
             self._exits = now_s, self._meanings.exits()
         return self._exits[1]
+
+    def document(self, now_s: float) -> dict[str, Any]:
+        """What people are shown, JSON-ready: those that fade, the least likely first, the newest that are taken off,
+        and exits; of each the first few."""
+        fading = sorted(self._fading.fading.items(), key=lambda one: one[1])[:MOST_SHOWN]
+        off = sorted(self._removals.robots.items(), key=lambda one: -one[1].at_s)[:MOST_SHOWN]
+        return {
+            "fading": {uuid: round(there, 2) for uuid, there in fading},
+            "taken_off": {uuid: one._asdict() for uuid, one in off},
+            "exits": [one._asdict() for one in self.exits(now_s)[:MOST_SHOWN]],
+        }
 
     def learned(self) -> dict[str, Part]:
         """What silences meant, and who is taken off."""
