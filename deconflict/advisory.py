@@ -142,7 +142,8 @@ class ConflictAdvisory(PlacedAdvisory):
     encounter: int = Field(ge=1, description="ordinal of this encounter of this pair")
     encounter_class: EncounterClass
     basis: tuple[str, str] = Field(
-        description="what each forecast rests on: path, velocity, ...; (distrusted) where it contradicts the motion"
+        description="what each forecast rests on: path, velocity, ...; (distrusted) where it contradicts the motion, "
+        "(silent) where the robot is"
     )
     probability: float | None = Field(
         default=None,

@@ -3,6 +3,7 @@
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -76,6 +77,10 @@ class Commons:
     def learned(self) -> dict[str, Part]:
         """What is worth keeping for who watches next."""
         return self._contention.learned() | self._presence.learned()
+
+    def presence(self, now_s: float) -> dict[str, Any]:
+        """Who is still there, for people."""
+        return self._presence.document(now_s)
 
     def receive(self, batches: Sequence[Batch]) -> None:
         """Take in batches of any ingest, of each in the order of its ticks."""

@@ -4,10 +4,11 @@ from itertools import repeat
 from statistics import median
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.motion import Bools
+from ingest.compiled import kernel, ready
 from ingest.seam import Batch, Floats, Ints
 
 GAPS = 7
@@ -22,20 +23,26 @@ STOOD_MPS, STOOD_LEAST_M, STOOD_MOST_M = 0.05, 0.02, 0.1
 third."""
 
 HEARD = np.dtype(
-    [(name, np.float64) for name in ("arrival_s", "event_s", "x_m", "y_m", "yaw_rad")]
+    [(name, np.float64) for name in ("arrival_s", "event_s", "x_m", "y_m", "yaw_rad", "due_s")]
     + [("floor", np.int64), ("stood", np.bool_), ("reports", np.int64), ("gaps_s", np.float64, (GAPS,))],
     align=True,
 )
-"""When the newest report of a robot arrived, and when it was true; where the robot was then, and on which floor of the
-batches; whether it had stood since the report before; how many reports came; and the times between the last of them,
-the newest at `(reports - 2) % GAPS`."""
+"""When the newest report of a robot arrived, and when it was true; where the robot was then; from when on it may be
+silent, inf where it is; on which floor of the batches it was, and whether it had stood since the report before; how
+many reports came; and the times between the last of them, the newest at `(reports - 2) % GAPS`."""
 
 Heard = NDArray[Any]
 """Of `HEARD`, by slot."""
 
+_NOBODY = np.zeros((), HEARD)
+_NOBODY["due_s"] = np.inf
+_HEARD = numba.from_dtype(HEARD)[::1]
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
+_BOTH, _BOTH_INTS = numba.float64[:, ::1], numba.int64[:, ::1]
+
 
 class Legs(NamedTuple):
-    """How robots moved from the report before to the newest; arrays are (n,) or (n, 2) for before and now."""
+    """How n robots moved from the report before to the newest; arrays are (n,) or (n, 2) for before and now."""
 
     rows: Ints
     """Of the batch."""
@@ -49,6 +56,47 @@ class Legs(NamedTuple):
     yaw_rad: Floats
     floor: Ints
     """(n, 2)"""
+
+
+@kernel(
+    numba.types.Tuple((numba.int64[::1], _HEARD, *[numba.float64[::1]] * 2, *[_BOTH] * 3, _BOTH_INTS))(  # type: ignore[no-untyped-call]
+        _HEARD, *[numba.int64[::1]], *[_FLOATS] * 2, *[_INTS] * 2, *[_FLOATS] * 3, _INTS
+    )
+)
+def _hear(
+    heard: Heard,
+    slots: Ints,
+    arrival_s: Floats,
+    event_s: Floats,
+    statuses: Ints,
+    start: Ints,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    floor: Ints,
+) -> tuple[Ints, Heard, Floats, Floats, Floats, Floats, Floats, Ints]:
+    """Take in what robots of `slots` (n,) report, where that is new; the columns of `Legs`."""
+    rows, before, n = np.empty(len(slots), np.int64), np.empty(len(slots), HEARD), 0
+    for row in range(len(slots)):
+        if arrival_s[row] > heard[slots[row]].arrival_s:
+            rows[n], before[n] = row, heard[slots[row]]
+            n += 1
+    gap_s, took_s = np.full(n, np.inf), np.full(n, np.inf)
+    x, y, yaw, on = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2), np.int64)
+    for leg in range(n):
+        row, was = rows[leg], before[leg]
+        one, knot = heard[slots[row]], start[row]
+        one.arrival_s, one.event_s, one.due_s = arrival_s[row], event_s[row], arrival_s[row] + GRACE_S
+        one.x_m, one.y_m, one.yaw_rad, one.floor = x_m[knot], y_m[knot], yaw_rad[knot], floor[knot]
+        if was.reports:
+            gap_s[leg], took_s[leg] = one.arrival_s - was.arrival_s, one.event_s - was.event_s
+            one.gaps_s[(was.reports - 1) % GAPS] = gap_s[leg] / max(statuses[row], 1)
+            most_m = min(max(STOOD_MPS * took_s[leg], STOOD_LEAST_M), STOOD_MOST_M)
+            one.stood = one.floor == was.floor and np.hypot(one.x_m - was.x_m, one.y_m - was.y_m) <= most_m
+        one.reports = was.reports + 1
+        x[leg, 0], y[leg, 0], yaw[leg, 0], on[leg, 0] = was.x_m, was.y_m, was.yaw_rad, was.floor
+        x[leg, 1], y[leg, 1], yaw[leg, 1], on[leg, 1] = one.x_m, one.y_m, one.yaw_rad, one.floor
+    return rows[:n].copy(), before[:n].copy(), gap_s, took_s, x, y, yaw, on
 
 
 class Hearing:
@@ -67,36 +115,26 @@ class Hearing:
         new = np.flatnonzero(slots < 0).tolist()
         for row in new:
             slots[row] = self._slot(batch.robots[row])
-        rows = np.flatnonzero(batch.arrival_s > self.heard["arrival_s"][slots])
-        slots = slots[rows]
-        before = self.heard[slots]
-        now = self._now(batch, rows, before)
-        self.heard[slots] = now
-        poses = [np.stack([before[name], now[name]], axis=1) for name in ("x_m", "y_m", "yaw_rad", "floor")]
-        is_known = before["reports"] > 0
-        since_s = (np.where(is_known, now[name] - before[name], np.inf) for name in ("arrival_s", "event_s"))
-        return Legs(rows, before, *since_s, *poses), new
+        told = batch.forecasts
+        places = ready(told.x_m), ready(told.y_m), ready(told.yaw_rad), ready(told.floor, np.int64)
+        counts = ready(batch.statuses, np.int64), ready(told.start, np.int64)
+        legs = _hear(self.heard, slots, ready(batch.arrival_s), ready(batch.event_s), *counts, *places)
+        return Legs(*legs), new
 
-    def _now(self, batch: Batch, rows: Ints, before: Heard) -> Heard:
-        """(n,) what is known of robots after the reports of `rows` (n,)."""
-        now, told, knots = before.copy(), batch.forecasts, batch.forecasts.start[rows]
-        now["arrival_s"], now["event_s"] = batch.arrival_s[rows], batch.event_s[rows]
-        now["x_m"], now["y_m"], now["yaw_rad"] = told.x_m[knots], told.y_m[knots], told.yaw_rad[knots]
-        now["floor"] = told.floor[knots]
-        known = np.flatnonzero(before["reports"] > 0)
-        statuses = np.maximum(batch.statuses[rows], 1)
-        gap_s = (now["arrival_s"] - before["arrival_s"]) / statuses
-        now["gaps_s"][known, (before["reports"][known] - 1) % GAPS] = gap_s[known]
-        now["stood"] = _stood(before, now) & (before["reports"] > 0)
-        now["reports"] += 1
-        return now
+    def late(self, now_s: float) -> list[str]:
+        """The robots that may be silent by now, and are not known to be."""
+        return [self.names[slot] for slot in np.flatnonzero(self.heard["due_s"] <= now_s).tolist()]
+
+    def look_again(self, uuid: str, at_s: float) -> None:
+        """A robot can't be silent before then; inf for one that is, until it reports."""
+        self.heard["due_s"][self.slots[uuid]] = at_s
 
     def forget(self, uuid: str) -> bool:
         """Whether the robot was known."""
         slot = self.slots.pop(uuid, None)
         if slot is None:
             return False
-        self.heard[slot], self.names[slot] = np.zeros((), HEARD), ""
+        self.heard[slot], self.names[slot] = _NOBODY, ""
         self._spare.append(slot)
         return True
 
@@ -121,7 +159,7 @@ class Hearing:
             slot = len(self.names)
             self.names.append(uuid)
             if slot == len(self.heard):
-                self.heard = np.concatenate([self.heard, np.zeros(max(slot, 64), HEARD)])
+                self.heard = np.concatenate([self.heard, np.full(max(slot, 64), _NOBODY)])
         self.slots[uuid] = slot
         return slot
 
@@ -133,11 +171,3 @@ def grace_s(one: np.void) -> float:
         return GRACE_UNKNOWN_S
     usual_s: float = median(one["gaps_s"][:gaps].tolist())
     return max(GRACE_S, GRACE_GAPS * usual_s)
-
-
-def _stood(before: Heard, now: Heard) -> Bools:
-    """Whether robots stood from one report to the next."""
-    away_m = np.hypot(now["x_m"] - before["x_m"], now["y_m"] - before["y_m"])
-    most_m = np.clip(STOOD_MPS * (now["event_s"] - before["event_s"]), STOOD_LEAST_M, STOOD_MOST_M)
-    stood: Bools = (now["floor"] == before["floor"]) & (away_m <= most_m)
-    return stood

@@ -20,6 +20,9 @@ MOVED_M = 0.1
 JOINED_S = 2.1
 """Between reports further apart the way is not known; only where the robot is in the end."""
 STEP_M = 0.2
+CELL_M = 8.0
+"""Most legs reach no further than this from their middle, so that most are beside no place at a glance."""
+NONE: Ints = np.empty(0, np.int64)
 MOST_STEPS = 64
 """A leg is looked at in steps of this, but no more of them."""
 
@@ -63,6 +66,8 @@ class Places:
         self._names: list[str] = []
         self._columns: Floats = np.empty((9, 0))
         """(9, n) of the places, in the order of their names."""
+        self._cells: Ints = np.empty(0, np.int64)
+        """Of a grid, around the places, in ascending order."""
         self._tree: cKDTree | None = None
 
     def __len__(self) -> int:
@@ -105,16 +110,17 @@ class Places:
         tree = self._indexed()
         radius_m = float(np.hypot(self._columns[4], self._columns[5]).max())
         long_m = np.hypot(*(np.diff(column)[:, 0] for column in (legs.x_m, legs.y_m)))
-        moving = np.flatnonzero((long_m > MOVED_M) & np.isfinite(legs.took_s))
-        is_joined = _is_joined(legs)[moving]
-        from_m = np.where(is_joined, long_m[moving] / 2, 0.0)
-        rows = legs.rows[moving]
-        own_m = np.hypot(batch.forecasts.length_m[rows], batch.forecasts.width_m[rows]) / 2
-        ends = np.stack([legs.x_m[moving, 1], legs.y_m[moving, 1]], axis=1)
-        middles = np.stack([legs.x_m[moving].mean(axis=1), legs.y_m[moving].mean(axis=1)], axis=1)
-        middles = np.where(is_joined[:, None], middles, ends)
-        near = tree.query_ball_point(middles, from_m + own_m + radius_m + beyond_m)
-        leg = np.repeat(moving, [len(one) for one in near])
+        is_joined = _is_joined(legs)
+        own_m = np.hypot(batch.forecasts.length_m[legs.rows], batch.forecasts.width_m[legs.rows]) / 2
+        reach_m = np.where(is_joined, long_m / 2, 0.0) + own_m + radius_m + beyond_m
+        columns = [np.where(is_joined, at[:, 0] + at[:, 1], 2 * at[:, 1]) / 2 for at in (legs.x_m, legs.y_m)]
+        cells = _cells(legs.floor[:, 1], *(np.floor(column / CELL_M) for column in columns))
+        beside = (reach_m > CELL_M) | np.isin(cells, self._cells)
+        some = np.flatnonzero(beside & (long_m > MOVED_M) & np.isfinite(legs.took_s))
+        if not len(some):
+            return NONE, NONE
+        near = tree.query_ball_point(np.stack(columns, axis=1)[some], reach_m[some])
+        leg = np.repeat(some, [len(one) for one in near])
         place = np.array([one for some in near for one in some], np.int64)
         beside = legs.floor[leg, 1] == self._columns[3][place]
         return leg[beside], place[beside]
@@ -157,7 +163,16 @@ class Places:
             self._names = list(self._places)
             self._columns = np.array(list(self._places.values()), np.float64).T
             self._tree = cKDTree(self._columns[:2].T)
+            x, y = np.floor(self._columns[:2] / CELL_M)
+            around = ((x + right, y + up) for right in (-1, 0, 1) for up in (-1, 0, 1))
+            self._cells = np.unique([_cells(self._columns[3], *at) for at in around])
         return self._tree
+
+
+def _cells(floor: Floats | Ints, x: Floats, y: Floats) -> Ints:
+    """(n,) one number for each cell of a grid."""
+    cells: Ints = (np.asarray(floor, np.int64) << 48) + (x.astype(np.int64) << 24) + y.astype(np.int64)
+    return cells
 
 
 def _is_joined(legs: Legs) -> Bools:

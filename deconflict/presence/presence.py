@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from deconflict.live import Live, LiveRobot
 from deconflict.pose import pose_at
 from deconflict.presence.contacts import Contacts
 from deconflict.presence.fading import Changes, Fading, Silence
-from deconflict.presence.heard import GRACE_S, Hearing, Legs
+from deconflict.presence.heard import Hearing, Legs
 from deconflict.presence.meanings import (
     ELSEWHERE,
     LEFT,
@@ -42,8 +43,8 @@ SILENCES, PROBABLY_LEFT_ROBOTS = "deconflict_silences_total", "deconflict_robots
 """Of the measures."""
 LOOK_SHARE = 0.2
 """A silent robot is looked at when its silence has grown by this."""
-LOST_LOOK_S = 15.0
-"""At least so often it is looked whether the connection of its vendor is still lost."""
+LOST_LOOK_S = 5.0
+"""How often it is looked whether the connection of a vendor is still lost."""
 TOLD = 0.01
 """Smaller changes are not told."""
 KNOWN_AFTER_S, KNOWN_LEFT = 600.0, 0.1
@@ -52,6 +53,7 @@ likely that the robot is there."""
 STANDS_M = 0.1
 """A robot whose forecast leads no further said that it stands."""
 EXITS_EVERY_S = 10.0
+MOST_SHOWN = 300
 
 
 class Presence:
@@ -63,9 +65,9 @@ class Presence:
         self._meanings, self._places = Meanings(), Places()
         self._fading, self._removals = Fading(), Removals()
         self._due: list[tuple[float, str]] = []
-        """A heap of when robots are next looked at; see `_next_s`."""
+        """A heap of when silent robots are next looked at; see `_next_s`."""
         self._next_s: dict[str, float] = {}
-        """By robot; an entry of the heap with another time is void."""
+        """By silent robot; an entry of the heap with another time is void."""
         self._exits: tuple[float, list[Exit]] = (-EXITS_EVERY_S, [])
         measures.ask(self._measure)
 
@@ -76,7 +78,7 @@ class Presence:
         legs, new = self._hearing.take(batch)
         self._contacts.hear(batch.vendors, batch.arrival_s.tolist())
         for row in [*self._back(batch, legs), *new]:
-            self._join(batch.robots[row], batch.vendors[row])
+            self._contacts.join(batch.robots[row], batch.vendors[row])
         for uuid in batch.gone:
             self._forget(uuid)
         off = self._drive_through(batch, legs)
@@ -84,6 +86,8 @@ class Presence:
 
     def step(self, now_s: float) -> Changes:
         """What has changed since the last step."""
+        for uuid in self._hearing.late(now_s):
+            self._listen(uuid, now_s)
         while self._due and self._due[0][0] <= now_s:
             due_s, uuid = heappop(self._due)
             if self._next_s.get(uuid) == due_s:
@@ -115,6 +119,17 @@ class Presence:
             self._exits = now_s, self._meanings.exits()
         return self._exits[1]
 
+    def document(self, now_s: float) -> dict[str, Any]:
+        """What people are shown, JSON-ready: those that fade, the least likely first, the newest that are taken off,
+        and exits; of each the first few."""
+        fading = sorted(self._fading.fading.items(), key=lambda one: one[1])[:MOST_SHOWN]
+        off = sorted(self._removals.robots.items(), key=lambda one: -one[1].at_s)[:MOST_SHOWN]
+        return {
+            "fading": {uuid: round(there, 2) for uuid, there in fading},
+            "taken_off": {uuid: one._asdict() for uuid, one in off},
+            "exits": [one._asdict() for one in self.exits(now_s)[:MOST_SHOWN]],
+        }
+
     def learned(self) -> dict[str, Part]:
         """What silences meant, and who is taken off."""
         return {"silences": self._meanings.learned(), "taken_off": self._removals.learned()}
@@ -143,6 +158,7 @@ class Presence:
 
     def _end(self, uuid: str, silence: Silence, batch: Batch, row: int) -> None:
         """A silence has ended with the report of a row."""
+        self._next_s.pop(uuid, None)
         self._places.discard(uuid)
         is_back = was_there(self._live.robots[uuid].forecast, self._live.floors, batch, row)
         self._measures.count(SILENCES, silence.vendor, "there" if is_back else "elsewhere")
@@ -150,11 +166,6 @@ class Presence:
             self._meanings.count(silence.case, {THERE if is_back else ELSEWHERE: 1.0})
             if is_back:
                 self._meanings.lasted(silence.case, float(batch.arrival_s[row]) - silence.heard_s)
-
-    def _join(self, uuid: str, vendor: str) -> None:
-        """A robot is heard from now on."""
-        self._contacts.join(uuid, vendor)
-        self._look_at(uuid, self._hearing.heard_s(uuid) + GRACE_S)
 
     def _forget(self, uuid: str) -> None:
         self._fading.end(uuid)
@@ -186,27 +197,25 @@ class Presence:
         heappush(self._due, (at_s, uuid))
 
     def _look(self, uuid: str, now_s: float) -> None:
-        """Whether a robot has fallen silent, or how likely it is still there."""
+        """How likely a silent robot is still there."""
+        self._follow(uuid, self._fading.silences[uuid], self._live.robots[uuid], now_s)
+
+    def _listen(self, uuid: str, now_s: float) -> None:
+        """Whether a robot has fallen silent that has not been heard for a while."""
         robot = self._live.robots.get(uuid)
-        if robot is None:
-            del self._next_s[uuid]
-            return
-        silence = self._fading.silences.get(uuid)
-        if silence is None and (due_s := self._silent_at_s(uuid, robot, now_s)) > now_s:
-            unheard_s = now_s - self._hearing.heard_s(uuid)
-            self._look_at(uuid, min(due_s, now_s + min(max(GRACE_S, LOOK_SHARE * unheard_s), LOST_LOOK_S)))
-            return
-        if silence is None:
-            silence = self._begun(uuid, robot, now_s)
-        self._follow(uuid, silence, robot, now_s)
+        silent_s = self._silent_at_s(uuid, robot, now_s) if robot else inf
+        self._hearing.look_again(uuid, inf if silent_s <= now_s else silent_s)
+        if robot and silent_s <= now_s:
+            self._follow(uuid, self._begun(uuid, robot, now_s), robot, now_s)
 
     def _silent_at_s(self, uuid: str, robot: LiveRobot, now_s: float) -> float:
-        """When a robot that is not known to be silent will be, if nothing is heard of it; later while its vendor's
-        connection is lost."""
+        """When a robot that is not known to be silent is, if nothing is heard of it; or when to look again, while its
+        vendor's connection is lost."""
         heard_s, grace_s = self._hearing.heard_s(uuid), self._hearing.grace_s(uuid)
         contact = self._contacts.of(robot.vendor)
-        due_s = heard_s + grace_s + contact.excused_s(heard_s, grace_s)
-        return inf if contact.is_lost(now_s) else due_s
+        return (
+            now_s + LOST_LOOK_S if contact.is_lost(now_s) else heard_s + grace_s + contact.excused_s(heard_s, grace_s)
+        )
 
     def _begun(self, uuid: str, robot: LiveRobot, now_s: float) -> Silence:
         """A silence that begins."""
