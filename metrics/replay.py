@@ -39,6 +39,8 @@ FOLLOWED = 1024
 Line = dict[str, Any]
 Tell = Callable[[Line], None]
 Watch = Callable[[float, Batch], None]
+Published = Sequence[tuple[Pair, float]]
+"""Pairs, and the probability of each."""
 
 
 @dataclass(slots=True)
@@ -62,7 +64,10 @@ class Said:
     """Revisions of other kinds."""
     raised: Sequence[str]
     """The kinds of the advisories that were raised."""
-    probabilities: Sequence[tuple[Pair, float]]
+    probabilities: Published
+    """Of getting in each other's way, at the first pass of each second; none at others."""
+    contact_probabilities: Published
+    """Of coming within the clearance, of the same pairs."""
     bands_m: Floats
     """(n, horizons, bands) radii that its ledger held for the forecasts of the batch."""
     waiting: Sequence[str] = ()
@@ -95,18 +100,18 @@ class Run:
         others = [each for each in told if not isinstance(each, ConflictAdvisory)]
         waiting = self.engine.foresight.heeding(one.now_s)
         measured = self.measured() if one.measured else None
-        return Said(revisions, others, raised, self._published(one.now_s), bands_m, waiting, measured)
+        return Said(revisions, others, raised, *self._published(one.now_s), bands_m, waiting, measured)
 
     def measured(self) -> dict[str, Any]:
         """What the engine would tell of itself now."""
         return self.engine.measures.as_document()
 
-    def _published(self, now_s: float) -> list[tuple[Pair, float]]:
-        """The probabilities at the first pass of each second, which are judged; none at others."""
+    def _published(self, now_s: float) -> tuple[Published, Published]:
+        """The probabilities of getting in each other's way and of contact, at the first pass of each second."""
         if floor(now_s) == self._second:
-            return []
+            return (), ()
         self._second = floor(now_s)
-        return self.engine.probabilities()
+        return self.engine.probabilities(), self.engine.foresight.contact_probabilities()
 
     def _bands_m(self, batch: Batch) -> Floats:
         ledger = self.engine.foresight.ledger
