@@ -63,7 +63,7 @@ class Placebo:
     def forget(self, slots: Sequence[int]) -> None:
         """Other robots have these slots from now on."""
         for kept in (self._newest, self._older):
-            kept[:] = [Reports(*(column[~np.isin(one.slot, slots)] for column in one)) for one in kept]
+            kept[:] = [_rows(one, ~np.isin(one.slot, slots)) for one in kept]
             kept[:] = [one for one in kept if len(one.slot)]
 
     def look(self, interaction: Interaction, half_m: Floats, levels_m: Floats) -> None:
@@ -147,11 +147,11 @@ def _turns(own: Reports, others: Reports) -> list[Reports]:
 
 
 def _joined(parts: Sequence[Reports]) -> Reports:
-    return Reports(*map(np.concatenate, zip(*parts, strict=True))) if parts else NOBODY
+    return Reports._make(map(np.concatenate, zip(*parts, strict=True))) if parts else NOBODY
 
 
 def _rows(reports: Reports, rows: Ints | Bools) -> Reports:
-    return Reports(*(column[rows] for column in reports))
+    return Reports._make(column[rows] for column in reports)
 
 
 def _lengthened(reports: Reports) -> Reports:
