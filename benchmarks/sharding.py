@@ -44,6 +44,8 @@ def batch_of(forecasts: Forecasts) -> Batch:
         event_s=zeros,
         basis=np.full(n, int(Basis.PATH)),
         doubt_m=zeros,
+        battery_pct=zeros,
+        run_time_left_s=zeros,
         forecasts=forecasts,
         destinations=Destinations(np.zeros(n + 1, np.int64), none, none, none, np.zeros(0, np.int64)),
         gone=(),

@@ -162,6 +162,15 @@ class ContentionAdvisory(PlacedAdvisory):
     demand: int = Field(ge=0, description="robots that want it or have it at predicted_at")
     queue_length: int = Field(ge=0, description="longest queue expected")
     wait_s: float = Field(ge=0, description="longest wait expected")
+    resources: tuple[str, ...] = Field(
+        default=(), description="ids of all chargers that will be full, the resource among them; empty of one place"
+    )
+    expected: int = Field(
+        default=0, ge=0, description="robots of the demand that have not said that they come, by their batteries"
+    )
+    probability: float | None = Field(
+        default=None, ge=0, le=1, description="that it comes to that, where some are expected by their batteries"
+    )
 
 
 class DeadlockAdvisory(PlacedAdvisory):

@@ -16,23 +16,24 @@ _FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
 
 @kernel(numba.types.Tuple((_INTS, _FLOATS))(numba.float64[:, ::1], _INTS, numba.float64))  # type: ignore[no-untyped-call]
 def _near(at: Floats, members: Ints, within_m: float) -> tuple[Ints, Floats]:
-    """The slots of robots so near to one of `members`, on the floor of one of them, and how far it is to the nearest.
+    """The slots of robots so near to one of `members`, on the floor of one of them and neither above nor below it, and
+    how far it is to the nearest.
 
-    `at` (slots, 3) is x_m, y_m and floor; nan where there is no robot.
+    `at` (slots, 5) is x_m, y_m, floor, bottom_m and top_m; nan where there is no robot.
     """
     own = at[members]
     west, south, east, north = inf, inf, -inf, -inf
-    for x_m, y_m, _ in own:
+    for x_m, y_m, _, _, _ in own:
         west, south, east, north = min(west, x_m), min(south, y_m), max(east, x_m), max(north, y_m)
     slots, away_m, n = np.empty(len(at), np.int64), np.empty(len(at)), 0
     for slot in range(len(at)):
-        x_m, y_m, floor = at[slot]
+        x_m, y_m, floor, bottom_m, top_m = at[slot]
         if not (west - within_m <= x_m <= east + within_m and south - within_m <= y_m <= north + within_m):
             continue
         nearest_m, beside = inf, False
-        for other_x_m, other_y_m, other_floor in own:
+        for other_x_m, other_y_m, other_floor, other_bottom_m, other_top_m in own:
             nearest_m = min(nearest_m, hypot(x_m - other_x_m, y_m - other_y_m))
-            beside |= floor == other_floor
+            beside |= floor == other_floor and bottom_m <= other_top_m and other_bottom_m <= top_m
         if beside and nearest_m <= within_m:
             slots[n], away_m[n], n = slot, nearest_m, n + 1
     return slots[:n].copy(), away_m[:n].copy()
@@ -98,8 +99,8 @@ class Live:
     _uuids: list[str] = field(default_factory=list)
     """By slot; "" where it is free."""
     _free: list[int] = field(default_factory=list)
-    _at: Floats = field(default_factory=lambda: np.empty((0, 3)))
-    """(slots, 3) x_m, y_m and floor of each first knot; nan where the slot is free."""
+    _at: Floats = field(default_factory=lambda: np.empty((0, 5)))
+    """(slots, 5) x_m, y_m and floor of each first knot, bottom_m and top_m; nan where the slot is free."""
 
     def put(self, batch: Batch) -> list[str]:
         """Replace what is known of the robots of a batch; the UUIDs of those that are new."""
@@ -114,7 +115,8 @@ class Live:
                 one.batch, one.row, one.growth_m = batch, row, 0.0
             slots.append(one.slot)
         first = told.start[:-1]
-        self._at[slots] = np.column_stack([column[first] for column in (told.x_m, told.y_m, told.floor)])
+        places = [column[first] for column in (told.x_m, told.y_m, told.floor)]
+        self._at[slots] = np.column_stack([*places, told.bottom_m, told.top_m])
         return new
 
     def drop(self, uuids: Iterable[str]) -> None:
@@ -131,7 +133,7 @@ class Live:
         return keys, _gathered([self.robots[uuid] for uuid in keys])
 
     def around(self, group: set[str], within_m: float, most: int) -> list[str]:
-        """The robots of a group and the nearest to any of them on their floors, in ascending order."""
+        """The robots of a group and the nearest to any of them, on its floor and at its height, in ascending order."""
         slots, away_m = _near(self._at, np.array([self.robots[uuid].slot for uuid in group], np.int64), within_m)
         named = [self._uuids[slot] for slot in slots.tolist()]
         others = [one for one in zip(away_m.tolist(), named, strict=True) if one[1] not in group]
@@ -147,7 +149,7 @@ class Live:
         slot = len(self._uuids)
         self._uuids.append(uuid)
         if slot == len(self._at):
-            self._at = np.concatenate([self._at, np.full((max(slot, 64), 3), np.nan)])
+            self._at = np.concatenate([self._at, np.full((max(slot, 64), self._at.shape[1]), np.nan)])
         return slot
 
 

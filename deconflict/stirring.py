@@ -24,19 +24,26 @@ floor, -1 where it is not known; when it was told; and how likely it says that t
 where."""
 
 ROW = np.dtype(
-    [(name, np.bool_) for name in ("there", "inside", "met", "sure", "predicted")]
-    + [("looks", np.int64)]
-    + [(name, np.float64) for name in ("predicted_s", "contact_s", "separation_m", "until_s", "still_since_s")],
+    [
+        ("there", np.bool_),  # a pair has the row
+        ("inside", np.bool_),  # within the clearance, or not yet drawn apart from it
+        ("met", np.bool_),  # it came within the clearance while the advisory stood
+        ("sure", np.bool_),  # what was weighed last was likely enough for its severity
+        ("predicted", np.bool_),  # something is predicted in this pass
+        ("looks", np.int64),  # in which of the last looks it was alerting, the newest in the lowest bit
+        ("predicted_s", np.float64),  # when something was last predicted of an advisory's pair
+        ("contact_s", np.float64),  # time of the prediction that was weighed last
+        ("separation_m", np.float64),  # its separation
+        ("until_s", np.float64),  # when time alone may make it worth a revision
+        ("still_since_s", np.float64),  # since when both stand, or one gives way to the other; inf where neither
+    ],
     align=True,
 )
-"""Whether a pair has the row; is within the clearance, or not yet drawn apart from it; and came within it while the
-advisory stood. Whether what was weighed last was likely enough for its severity; and something is predicted in this pass. In which of the last looks it was alerting, the newest in
-the lowest bit; when something was last predicted of an advisory's pair; and what was weighed last, with when time alone
-may make it worth a revision."""
+"""A pair under watch."""
 
 
 BOUNDS = np.dtype(
-    [(name, np.float64) for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure")]
+    [(name, np.float64) for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure", "left")]
     + [(name, np.float64) for name in ("urgent_s", "clear_after_s", "fades_s", "warning_s", "critical_s", "slack_s")]
     + [(name, np.float64) for name in ("gap_s", "likelier", "moved_s", "deeper_m")],
     align=True,
@@ -44,13 +51,15 @@ BOUNDS = np.dtype(
 """What decides. Robots further apart than `apart_m` have drawn apart; a pair that begins nearer than `touching_m` is
 touching already. A prediction less likely than `raises` raises no advisory; one less likely than `sure` only where
 envelopes come within the clearance, and less severe a one; one less likely than `held` lets none stand, and is told of
-after `fades_s`. Of one advisory there is a revision in `gap_s`, unless the severity rises. Changes of the probability,
+after `fades_s`, also within the clearance where it is less likely than `left` that both robots are there. Of one
+advisory there is a revision in `gap_s`, unless the severity rises. Changes of the probability,
 the time and the separation by no more than the last three are surely worth none."""
 
 
 NOTED, NEW, OVER, RAISES, UNLIKELY, STILL, NEWS, AS_TOLD, LIKELIHOOD = range(-1, 8)
 """Why a pass looks at a prediction: not at all; the pair is under watch from now on, or no more; its advisory is to be
-raised; was long too unlikely to stand; ends, as both have stood or one has given way for a while; may tell something else; tells the same, unless the two meet otherwise; tells nothing new but how likely it is."""
+raised; was long too unlikely to stand; ends, as both have stood or one has given way for a while; may tell something
+else; tells the same, unless the two meet otherwise; tells nothing new but how likely it is."""
 _TOLD, _ROW, _BOUNDS = (numba.from_dtype(one) for one in (TOLD, ROW, BOUNDS))
 _INTS, _FLOATS, _BOOLS, _REAL = numba.int64[::1], numba.float64[::1], numba.boolean[::1], numba.float64
 
@@ -101,7 +110,15 @@ def _is_likely(contact_s: float, separation_m: float, deciding: float, now_s: fl
 
 @inner
 def _look(
-    row: Any, fresh: bool, start_m: float, separation_m: float, likely: bool, still: bool, remembered: int, bounds: Any
+    row: Any,
+    fresh: bool,
+    start_m: float,
+    separation_m: float,
+    likely: bool,
+    deciding: float,
+    still: bool,
+    remembered: int,
+    bounds: Any,
 ) -> bool:
     """Note that something is predicted of a pair that is so far apart now; whether it is coming together, rather than
     beginning together, by something new."""
@@ -110,8 +127,8 @@ def _look(
         row.inside = row.met = True
     elif start_m > bounds.apart_m:
         row.inside = False
-    about_to_touch = separation_m == 0 and start_m > bounds.touching_m
-    alerting = fresh and likely and not still and (about_to_touch or not row.inside)
+    about_to_touch = separation_m == 0 and start_m > bounds.touching_m and deciding >= bounds.raises
+    alerting = fresh and not still and (about_to_touch if row.inside else likely)
     if fresh:
         row.looks, row.until_s = (row.looks << 1 | alerting) & remembered, -inf
     return alerting
@@ -216,6 +233,7 @@ def _missing(rows: NDArray[Any], told: NDArray[Any], now_s: float, clear_after_s
         _BOOLS,
         *[_FLOATS] * 2,
         _BOOLS,
+        _FLOATS,
         *[numba.int64] * 2,
         _REAL,
         _BOUNDS[::1],
@@ -232,6 +250,7 @@ def stirring(
     probability: Floats,
     deciding: Floats,
     still: Bools,
+    there: Floats,
     remembered: int,
     wanted_looks: int,
     now_s: float,
@@ -252,12 +271,14 @@ def stirring(
                 continue
             at[one] = free = _begin(rows, free)
         row, before = rows[at[one]], told[at[one]]
-        alerting = _look(row, fresh[one], start_m[one], separation_m[one], likely, still[one], remembered, bound)
+        alerting = _look(
+            row, fresh[one], start_m[one], separation_m[one], likely, deciding[one], still[one], remembered, bound
+        )
         if not before.stands:
             reason = _of_untold(row, is_new, alerting, contact_s[one], now_s, wanted_looks, bound.urgent_s)
         elif _has_been_still(row, still[one], now_s, bound.clear_after_s):
             reason = STILL
-        elif not row.inside and deciding[one] < bound.held:
+        elif deciding[one] < bound.held and not (row.inside and there[one] >= bound.left):
             reason = _of_unlikely(row, before, probability[one], now_s, bound)
         else:
             reason = _of_told(

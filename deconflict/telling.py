@@ -72,6 +72,8 @@ class Prediction(NamedTuple):
     """What alerts are decided by: above the probability where evidence is thin."""
     still: bool = False
     """Both stand, or one gives way to the other."""
+    there: float = 1.0
+    """How likely both robots are still there."""
 
 
 class Predictions(NamedTuple):
@@ -88,6 +90,7 @@ class Predictions(NamedTuple):
     upper: Floats
     deciding: Floats
     still: Bools
+    there: Floats
 
     def until(self, end_s: float) -> "Predictions":
         """Those of what begins by then."""
@@ -96,7 +99,8 @@ class Predictions(NamedTuple):
         rows = np.flatnonzero(self.contact_s <= end_s)
         if len(rows) == len(self.pairs):
             return self
-        return Predictions([self.pairs[row] for row in rows.tolist()], *(column[rows] for column in self[1:]))
+        columns = {name: column[rows] for name, column in self._asdict().items() if name != "pairs"}
+        return self._replace(pairs=[self.pairs[row] for row in rows.tolist()], **columns)
 
     def some(self, rows: Sequence[int]) -> list[Prediction]:
         columns = (map(column.item, rows) for column in self[1:])
@@ -111,6 +115,13 @@ class Party:
     vendor: str
     basis: str
     standing: bool
+    silent_s: float | None = None
+    """For how long it has been silent; None where it is heard."""
+
+    @property
+    def called(self) -> str:
+        """Its name, and whether it is silent."""
+        return self.name if self.silent_s is None else f"{self.name}, silent for {self.silent_s:.0f} s,"
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +130,8 @@ class Scene:
 
     here: Callable[[str], bool]
     """Whether a robot is on the floor."""
+    absence: Callable[[str], str | None]
+    """Why a robot is not there, in words that follow its name; None where it is, for all that is known."""
     party: Callable[[str], Party]
     """For a robot that is."""
     stands: Callable[[str], bool]
@@ -268,6 +281,19 @@ def with_probability(before: ConflictAdvisory, probability: float, now_s: float)
     )
 
 
+def with_silence(
+    before: ConflictAdvisory, parties: tuple[Party, Party], met: Encounter, place: str, now_s: float
+) -> ConflictAdvisory:
+    """The next revision, of the same prediction where nothing has changed but that a robot has fallen silent."""
+    time_s = max(before.predicted_at.timestamp() - now_s, 0.0)
+    return before.followed(
+        updated_at=moment(now_s),
+        time_to_conflict_s=round(time_s, 3),
+        basis=(parties[0].basis, parties[1].basis),
+        summary=advised(_summary(parties, met, time_s, place), before.recommendation, before.robots, before.names),
+    )
+
+
 def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) -> ConflictAdvisory:
     """The next revision, of the same prediction with new advice."""
     return before.followed(
@@ -281,9 +307,13 @@ def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) 
 def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place: str) -> str:
     a, b = parties
     if met.encounter_class is EncounterClass.STATIONARY_OBSTACLE and b.standing and not a.standing:
-        what = f"{a.name} reaches {b.name}, which stands still,"
+        what = f"{a.called} reaches {_standing(b)}"
     elif met.encounter_class is EncounterClass.STATIONARY_OBSTACLE and a.standing and not b.standing:
-        what = f"{b.name} reaches {a.name}, which stands still,"
+        what = f"{b.called} reaches {_standing(a)}"
     else:
-        what = f"{a.name} and {b.name} {_VERBS[met.encounter_class]}"
+        what = f"{a.called} and {b.called} {_VERBS[met.encounter_class]}"
     return f"{what} in {time_s:.0f} s, {place}"
+
+
+def _standing(party: Party) -> str:
+    return f"{party.name}, which stands still," if party.silent_s is None else party.called

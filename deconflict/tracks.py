@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deconflict.advisory import ConflictAdvisory
 from deconflict.encounter import CLASSES, Encounters
+from deconflict.presence.meanings import PROBABLY_LEFT
 from deconflict.site import Conflict
 from deconflict.stirring import (
     AS_TOLD,
@@ -201,6 +202,7 @@ class Tracks:
             *predictions[1:6],
             predictions.deciding,
             predictions.still,
+            predictions.there,
             self._remembered,
             self._wanted_looks,
             now_s,
@@ -261,6 +263,7 @@ def _bounds(settings: Conflict) -> NDArray[Any]:
         "raises": settings.raise_probability,
         "held": held_probability(settings),
         "sure": SURE,
+        "left": PROBABLY_LEFT,
         "urgent_s": settings.urgent_s,
         "clear_after_s": settings.clear_after_s,
         "fades_s": FADES_S,

@@ -32,6 +32,8 @@ def batch(
         event_s=_column(robots, "seen.t_s"),
         basis=_column(forecasts, "basis", np.int64),
         doubt_m=_column(robots, "doubt_m"),
+        battery_pct=_column(robots, "battery_pct"),
+        run_time_left_s=_column(robots, "run_time_left_s"),
         forecasts=_layout(forecasts),
         destinations=_destinations(list(_each(robots, "stops"))),
         gone=gone,

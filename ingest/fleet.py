@@ -6,7 +6,7 @@ order give the same batches, whether they come from sockets or from a recording.
 
 from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Iterable
-from math import isfinite, isnan
+from math import isfinite, isnan, nan
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -346,6 +346,8 @@ class Fleet:
             if event_s < robot.seen.t_s:
                 return (*findings, "stamp-not-increasing")
         robot.state, robot.known_state = status.state, status.known_state
+        robot.battery_pct = nan if status.battery_pct is None else status.battery_pct
+        robot.run_time_left_s = nan if status.run_time_left_s is None else status.run_time_left_s
         self._note(robot, raw, arrival_s)
         return findings + self._place(robot, status, frame, sight, robot.seen)
 

@@ -38,6 +38,7 @@ MAX_ENVELOPE_M = 100.0
 MAX_SPEED_MPS = 100.0
 MAX_REASON = 300
 MAX_TEXT = 100
+HOUR_S = 3600.0
 """Letters kept of a name: it is in every batch and advisory of its robot."""
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 LOAD_USED_KEY = "loadPercentageUsed"
@@ -91,6 +92,8 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     """The rotation made in one second."""
     load_used_pct: float | None
     battery_pct: float | None
+    run_time_left_s: float | None
+    """How much longer its battery lasts."""
     error_codes: tuple[str, ...]
     destinations: Path
     path: Path
@@ -291,7 +294,7 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
     state, known_state = words.state(report.operationalState, findings)
     linear_mps, turn_rad_per_s = _velocity(report.velocity, findings)
     available_pct = _load_available(report, findings)
-    _run_time(report.remainingRunTime, findings)
+    run_time_left_h = _run_time(report.remainingRunTime, findings)
     return Status(  # in order, which costs a sixth of naming each
         uuid,
         stamp.t_s,
@@ -307,6 +310,7 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
         turn_rad_per_s,
         None if available_pct is None else 100.0 - available_pct,
         _battery(report.batteryPercentage, findings),
+        None if run_time_left_h is None else run_time_left_h * HOUR_S,
         _error_codes(report.errorCodes, findings) if report.errorCodes else (),
         paths.destinations(report.destinations, stamp.t_s, findings),
         paths.path(report.path, stamp.t_s, findings),

@@ -18,6 +18,7 @@ from ingest.following import AS_IT_IS, go_on
 from ingest.forecast import JUMP_SLACK_M, NO_STOPS, Forecast, Sighting, View, jump_mps, size
 from ingest.frames import Frame
 from ingest.letters import OF_DESTINATIONS, OF_PATH
+from ingest.messages import HOUR_S
 from ingest.plain import Letters, Words
 from ingest.robots import Robot
 from ingest.seam import Basis, Floats
@@ -79,6 +80,8 @@ class Manner:
         if not knots:
             return None
         robot.state, robot.known_state, robot.doubt_m = self.words.state, self.words.known_state, 0.0
+        robot.battery_pct, run_time_left_h = told.rows.item(2, 0), told.rows.item(2, 1)
+        robot.run_time_left_s = run_time_left_h * HOUR_S
         robot.seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
         robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.view.body, z_m))
         robot.stops = rows[room : room + ahead] if ahead else NO_STOPS

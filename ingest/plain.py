@@ -22,7 +22,7 @@ from ingest.letters import (
     read_points,
     read_status,
 )
-from ingest.messages import Status
+from ingest.messages import HOUR_S, Status
 from ingest.paths import NO_PATH, Path, Points
 from ingest.seam import Floats
 from ingest.stamps import worth_s
@@ -74,7 +74,9 @@ class Letters(msgspec.Struct, frozen=True, gc=False, eq=False):
         """What it says. Raises `RejectedError` where its UUID is none."""
         rows, at, said = self.rows, self.at, self.words
         findings: Findings = {}
-        pose, (z, linear_mps, turn_rad, _), (battery_pct, _, available_pct, _), ends_s = rows[:HEAD_ROWS].tolist()
+        pose, (z, linear_mps, turn_rad, _), (battery_pct, run_time_left_h, available_pct, _), ends_s = rows[
+            :HEAD_ROWS
+        ].tolist()
         stamp_s, x, y, yaw_rad = pose
         uuid = words.robot_uuid(self.uuid.decode(), names_as_uuid, findings)
         if said.found:
@@ -101,6 +103,7 @@ class Letters(msgspec.Struct, frozen=True, gc=False, eq=False):
             None if isnan(turn_rad) else turn_rad,
             None if isnan(available_pct) else 100.0 - available_pct,
             None if isnan(battery_pct) else battery_pct,
+            None if isnan(run_time_left_h) else run_time_left_h * HOUR_S,
             (),
             destinations,
             path,

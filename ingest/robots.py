@@ -42,6 +42,9 @@ class Robot:
     stops: Floats = field(default_factory=lambda: NO_STOPS)
     """As `ingest/forecast.py` has them."""
     doubt_m: float = 0.0
+    battery_pct: float = nan
+    run_time_left_s: float = nan
+    """How much longer its battery lasts, by its newest status as the level; nan where that does not say."""
     owned: bool = False
     """Whether its vendor is settled: it identified itself, or spoke over a connection of that vendor."""
     view: View | None = None

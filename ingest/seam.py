@@ -182,6 +182,10 @@ class Batch:
     """(n,) `Basis` of each forecast."""
     doubt_m: Floats
     """(n,) how far off the position may be as reported."""
+    battery_pct: Floats
+    """(n,) level of the battery; nan where the robot does not tell it."""
+    run_time_left_s: Floats
+    """(n,) how much longer the battery lasts, as the robot tells; nan where it does not."""
     forecasts: Forecasts
     """n robots, in the same order."""
     destinations: Destinations
@@ -242,6 +246,8 @@ class Batch:
             part: kind(**{one.name: arrays.pop(f"{part}.{one.name}") for one in fields(kind)})
             for part, kind in _PARTS.items()
         }
+        for name in _ADDED:
+            arrays.setdefault(name, np.full(len(arrays["event_s"]), np.nan))
         now_s = words.pop("now_s")
         claims = tuple(
             Claim(owner, claimant, tuple(robots), *told) for owner, claimant, robots, *told in words.pop("claims")
@@ -260,5 +266,7 @@ def _strung(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
 
 _ROBOT_WORDS = ("robots", "vendors", "models", "names", "states")
 _WORDS = ("now_s", "floors", *_ROBOT_WORDS, "gone", "claims")
-_ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m")
+_ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "battery_pct", "run_time_left_s")
+_ADDED = ("battery_pct", "run_time_left_s")
+"""Of arrays those that a batch of an earlier release lacks."""
 _PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

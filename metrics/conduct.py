@@ -2,7 +2,8 @@
 
 A robot has a resource while the middle of its envelope is inside, and is in a zone while its envelope touches it. It
 stands from when it came to where it is, within 0.1 m, for at least 3 s. It waited for a place if it stood outside of
-every resource for at least 5 s while the place was full, and then entered it or had told it as its destination.
+every resource for at least 5 s while the place was full, and then entered it or had told it as its destination. Those
+that pass above or below it make no place full for it.
 """
 
 from bisect import bisect_right
@@ -17,12 +18,14 @@ import shapely
 from deconflict.contention.ahead import corners
 from deconflict.contention.boxes import grown, touching
 from deconflict.contention.resources import Place, Resource, Zone, outlines
+from deconflict.heights import beside, most_beside
 from ingest.seam import Batch, Floats, Ints
 
 STANDS_M, STOOD_S = 0.1, 3.0
 WAITED_S = 5.0
-JOINED_S = 5.0
-"""A robot that is silent for longer is not known to have stood."""
+JOINED_S, STILL_S = 5.0, 35.0
+"""A robot that is silent for longer is not known to have stood; nor for longer than the second where it is afterwards
+where it was: reports may be 30 s apart."""
 MOST_PENDING = 32
 """Stops of one robot that are kept until it enters a place."""
 NOWHERE = frozenset[str]()
@@ -53,6 +56,17 @@ class Stand(NamedTuple):
     outside: bool
     goals: frozenset[str]
     """Resources that it had told as destinations."""
+    bottom_m: float
+    """Heights that it reached from and to."""
+    top_m: float
+
+
+class Stay(NamedTuple):
+    """A robot was in a place."""
+
+    span: Span
+    bottom_m: float
+    top_m: float
 
 
 class Wait(NamedTuple):
@@ -63,6 +77,16 @@ class Wait(NamedTuple):
     span: Span
 
 
+class Entry(NamedTuple):
+    """A robot that was outside of a place came into it."""
+
+    place: str
+    robot: str
+    t_s: float
+    known_s: float
+    """Since when the robot was heard."""
+
+
 class _Report(NamedTuple):
     t_s: float
     floor: str
@@ -71,6 +95,8 @@ class _Report(NamedTuple):
     places: frozenset[str]
     outside: bool
     goals: frozenset[str]
+    bottom_m: float
+    top_m: float
 
 
 @dataclass(slots=True, eq=False)
@@ -83,6 +109,8 @@ class _Seen:
     places: frozenset[str]
     outside: bool
     goals: frozenset[str]
+    bottom_m: float
+    top_m: float
     pending: list[Stand] = field(default_factory=list)
 
 
@@ -93,17 +121,23 @@ class Conduct:
         places: list[Place] = [*resources, *zones]
         self._capacity = {one.id: one.capacity for one in places}
         self._resources, self._zones = _Outlines(resources), _Outlines(zones)
-        self._inside: dict[str, set[str]] = {place: set() for place in self._capacity}
-        self._full: dict[str, list[Span]] = {place: [] for place in self._capacity}
-        self._since: dict[tuple[str, bool], float] = {}
-        """Since when a place is full; with True, since when more are in it than it takes."""
+        self._inside: dict[str, dict[str, Stay]] = {place: {} for place in self._capacity}
+        """By place and robot, the stays that have not ended."""
+        self._stays: dict[str, list[Stay]] = {place: [] for place in self._capacity}
+        """By place, those that have, in the order in which they did."""
+        self._crowded_s: dict[str, float] = {}
+        """Since when more robots are in a place than it takes."""
         self._robots: dict[str, _Seen] = {}
         self.stands: dict[str, list[Stand]] = {}
         """By robot."""
         self.waits: list[Wait] = []
         self.crowds: dict[str, list[Span]] = {place: [] for place in self._capacity}
         """By place, when more robots were in it than it takes."""
+        self._entries: list[Entry] = []
+        """Those that nobody has asked for yet."""
         self.last_seen_s: dict[str, float] = {}
+        self._known_s: dict[str, float] = {}
+        """By robot, since when it was heard."""
 
     def take(self, batch: Batch) -> None:
         """Robots that have reported, and those that are gone."""
@@ -119,25 +153,49 @@ class Conduct:
 
     def _see(self, robot: str, new: "_Report") -> None:
         one = self._robots.get(robot)
-        if one and new.t_s - one.seen_s > JOINED_S:
+        known_s = self._known_s.setdefault(robot, new.t_s)
+        if one and new.t_s >= one.seen_s:
+            entered = new.places - one.places
+            self._entries += [Entry(place, robot, new.t_s, known_s) for place in sorted(entered)]
+        if one and new.t_s - one.seen_s > (STILL_S if _is_at(one, new) else JOINED_S):
             self._leave(robot)
             one = None
         if one is None:
-            one = self._robots[robot] = _Seen(*new[1:4], new.t_s, new.t_s, frozenset(), new.outside, new.goals)
+            one = self._robots[robot] = _Seen(
+                floor=new.floor,
+                x_m=new.x_m,
+                y_m=new.y_m,
+                came_s=new.t_s,
+                seen_s=new.t_s,
+                places=NOWHERE,
+                outside=new.outside,
+                goals=new.goals,
+                bottom_m=new.bottom_m,
+                top_m=new.top_m,
+            )
         if new.t_s < one.seen_s:
             return
-        if new.floor != one.floor or hypot(new.x_m - one.x_m, new.y_m - one.y_m) > STANDS_M:
+        if not _is_at(one, new):
             self._move(robot, one)
             one.floor, one.x_m, one.y_m, one.came_s = *new[1:4], new.t_s
         one.seen_s = self.last_seen_s[robot] = new.t_s
-        one.outside, one.goals = new.outside, new.goals
+        one.outside, one.goals, one.bottom_m, one.top_m = new.outside, new.goals, new.bottom_m, new.top_m
         self._occupy(robot, one, new.places, new.t_s)
+
+    def new_entries(self) -> list[Entry]:
+        """Those since this was asked last."""
+        entries, self._entries = self._entries, []
+        return entries
+
+    def stays_s(self, place: str) -> Floats:
+        """(n, 2) from when to when robots were in a place, as far as they have left it."""
+        return np.array([stay.span for stay in self._stays[place]]).reshape(-1, 2)
 
     def _move(self, robot: str, one: _Seen) -> None:
         """It stands no longer where it stood."""
         span = Span(one.came_s, one.seen_s)
         if span.lasts_s >= STOOD_S:
-            stand = Stand(span, one.floor, one.x_m, one.y_m, one.outside, one.goals)
+            stand = Stand(span, one.floor, one.x_m, one.y_m, one.outside, one.goals, one.bottom_m, one.top_m)
             self.stands.setdefault(robot, []).append(stand)
             one.pending = [*one.pending[1 - MOST_PENDING :], stand]
 
@@ -145,13 +203,14 @@ class Conduct:
         if places == one.places:
             return
         for place in one.places - places:
-            self._inside[place].discard(robot)
+            stay = self._inside[place].pop(robot)
+            self._stays[place].append(stay._replace(span=Span(stay.span.from_s, t_s)))
             self._count(place, t_s)
         entered = places - one.places
         if entered:
             self._waited(robot, one, entered)
         for place in entered:
-            self._inside[place].add(robot)
+            self._inside[place][robot] = Stay(Span(t_s, inf), one.bottom_m, one.top_m)
             self._count(place, t_s)
         one.places = places
 
@@ -163,31 +222,34 @@ class Conduct:
             self._occupy(robot, one, frozenset(), one.seen_s)
 
     def _count(self, place: str, t_s: float) -> None:
-        """Follow whether the place is full, and whether it is more than full."""
-        inside, capacity = len(self._inside[place]), self._capacity[place]
-        for crowded, spans in ((False, self._full), (True, self.crowds)):
-            is_so, key = inside >= capacity + crowded, (place, crowded)
-            if is_so:
-                self._since.setdefault(key, t_s)
-            elif key in self._since:
-                spans[place].append(Span(self._since.pop(key), t_s))
+        """Follow whether more robots are in a place than it takes."""
+        inside, capacity = self._inside[place], self._capacity[place]
+        if len(inside) > capacity and len(most_beside([*inside.values()])) > capacity:
+            self._crowded_s.setdefault(place, t_s)
+        elif place in self._crowded_s:
+            self.crowds[place].append(Span(self._crowded_s.pop(place), t_s))
 
     def _waited(self, robot: str, one: _Seen, entered: frozenset[str]) -> None:
         """It has entered places, or is gone: which of its stops were waits."""
         for stand in one.pending:
             for place in sorted(entered | stand.goals) if stand.outside else ():
-                waited = list(self._full_during(place, stand.span))
+                waited = list(self._full_during(place, stand))
                 if sum(span.lasts_s for span in waited) >= WAITED_S:
                     self.waits.append(Wait(place, robot, Span(waited[0].from_s, waited[-1].to_s)))
         one.pending = []
 
-    def _full_during(self, place: str, stood: Span) -> Iterator[Span]:
-        """When the place was full while a robot stood, in order."""
-        full, since_s = self._full[place], self._since.get((place, False))
-        first = bisect_right(full, stood.from_s, key=lambda span: span.to_s)
-        for span in (*full[first:], *([] if since_s is None else [Span(since_s, inf)])):
-            if span.from_s < stood.to_s:
-                yield span.within(stood)
+    def _full_during(self, place: str, stood: Stand) -> Iterator[Span]:
+        """When the place was full for a robot that stood, in order."""
+        ended = self._stays[place]
+        first = bisect_right(ended, stood.span.from_s, key=lambda stay: stay.span.to_s)
+        stays = [stay for stay in (*ended[first:], *self._inside[place].values()) if beside(stay, stood)]
+        changes = [change for stay in stays for change in ((stay.span.from_s, 1), (stay.span.to_s, -1))]
+        inside, since_s = 0, -inf
+        for t_s, change in sorted(changes):
+            full = Span(since_s, t_s).within(stood.span)
+            if inside >= self._capacity[place] and full.lasts_s > 0:
+                yield full
+            inside, since_s = inside + change, t_s
 
     def _reports(self, batch: Batch) -> "Iterator[_Report]":
         """One of each robot of the batch."""
@@ -201,10 +263,11 @@ class Conduct:
         zones = self._zones.touched(
             floors, boxes_m, lambda rows: shapely.polygons(corners(*(one[rows] for one in poses)))
         )
-        columns = (batch.event_s.tolist(), floors, x_m.tolist(), y_m.tolist(), self._goals(batch))
-        for row, (t_s, floor, x, y, goals) in enumerate(zip(*columns, strict=True)):
+        heights_m = told.bottom_m.tolist(), told.top_m.tolist()
+        columns = (batch.event_s.tolist(), floors, x_m.tolist(), y_m.tolist(), self._goals(batch), *heights_m)
+        for row, (t_s, floor, x, y, goals, *height_m) in enumerate(zip(*columns, strict=True)):
             kept = resources.get(row, NOWHERE)
-            yield _Report(t_s, floor, x, y, kept | zones.get(row, NOWHERE), kept is NOWHERE, goals)
+            yield _Report(t_s, floor, x, y, kept | zones.get(row, NOWHERE), kept is NOWHERE, goals, *height_m)
 
     def _goals(self, batch: Batch) -> list[frozenset[str]]:
         """By robot, the resources that it says it goes to."""
@@ -216,6 +279,11 @@ class Conduct:
         for row, places in found.items():
             goals[robot[row]] |= places
         return goals
+
+
+def _is_at(one: _Seen, new: _Report) -> bool:
+    """Whether a robot is where it was."""
+    return new.floor == one.floor and hypot(new.x_m - one.x_m, new.y_m - one.y_m) <= STANDS_M
 
 
 class _Outlines:

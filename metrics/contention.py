@@ -25,9 +25,10 @@ from deconflict.advisory import (
     DeadlockAdvisory,
 )
 from deconflict.site import Site
-from ingest.seam import Batch
+from ingest.seam import Batch, Floats
 from metrics.bootstrap import interval
 from metrics.conduct import Conduct, Span
+from metrics.places import AHEAD_S, Forecast, Places
 from metrics.summaries import mean, means, median, spread
 
 AFTER_S = 5.0
@@ -43,8 +44,8 @@ class Told:
     """One advisory, as it was raised and as far as it has come."""
 
     kind: str
-    place: str
-    """Id of the resource or zone, where it is of one."""
+    places: frozenset[str]
+    """Ids of the resources or of the zone that it is of, if of any."""
     spot: tuple[str, float, float]
     raised_s: float
     predicted_s: float
@@ -76,6 +77,8 @@ class Contention:
 
     def __init__(self, site: Site) -> None:
         self._conduct = Conduct(site.resources, site.zones)
+        self._places = Places(site.resources, self._conduct.last_seen_s)
+        self._resources = site.resources
         self._least_wait_s = site.contention.least_wait_s
         self._told: dict[str, Told] = {}
         self._last_s = -inf
@@ -83,23 +86,29 @@ class Contention:
     def take(self, batch: Batch) -> None:
         """Robots that have reported."""
         self._conduct.take(batch)
+        for entry in self._conduct.new_entries():
+            self._places.enter(entry)
+        for robot in batch.gone:
+            self._places.forget(robot)
 
-    def hear(self, now_s: float, revisions: Iterable[AnyAdvisory]) -> None:
-        """What was said at a pass."""
+    def hear(self, now_s: float, revisions: Iterable[AnyAdvisory], forecast: Forecast | None = None) -> None:
+        """What was said at a pass, and of places where that was asked for."""
         self._last_s = now_s
         for one in revisions:
             self._hear(one)
+        if forecast:
+            self._places.say(now_s, forecast)
 
     def _hear(self, one: AnyAdvisory) -> None:
         if not isinstance(one, ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory):
             return
         told = self._told.get(one.id)
         if told is None:
-            place = one.resource if isinstance(one, ContentionAdvisory) else ""
+            of_places = (one.resource, *one.resources) if isinstance(one, ContentionAdvisory) else ()
             wait_s = one.wait_s if one.kind == "contention" else nan
             spot = (one.location.datum, one.location.x, one.location.y)
             times_s = (one.raised_at.timestamp(), one.predicted_at.timestamp())
-            told = self._told[one.id] = Told(one.kind, place, spot, *times_s, wait_s)
+            told = self._told[one.id] = Told(one.kind, frozenset(of_places), spot, *times_s, wait_s)
         told.robots |= set(one.holds_up if isinstance(one, BlockageAdvisory) else one.robots)
         if one.state is AdvisoryState.CLEARED:
             told.cleared_s = one.updated_at.timestamp()
@@ -110,6 +119,11 @@ class Contention:
         happened = {"contention": self._long_waits(), "double_occupancy": self._crowds()}
         rows = [(kind, [one for one in self._told.values() if one.kind == kind], happened.get(kind)) for kind in KINDS]
         return [self._figures(kind, told, events) for kind, told, events in rows if told or events]
+
+    def places(self) -> list[dict[str, Any]]:
+        """What was said of places, by how far ahead; once `figures` has been asked for."""
+        stays_s = {one.id: self._conduct.stays_s(one.id) for one in self._resources}
+        return self._places.figures(self._last_s, stays_s)
 
     def _figures(self, kind: str, told: list[Told], events: "list[Event] | None") -> dict[str, Any]:
         outcomes = [self._outcome(one) for one in told]
@@ -124,6 +138,7 @@ class Contention:
             "precision": mean(came),
             "lead_time_s": spread(leads_s),
             "wait_error_s": median(off_s),
+            "by_ahead": _by_ahead(told, came),
             "happened": None if events is None else len(events),
             "recall": None if foretold is None else mean(foretold[:, 0]),
             "recall_any": None if foretold is None else mean(foretold[:, 1]),
@@ -148,11 +163,11 @@ class Contention:
         return Outcome(nan, known=heard and self._last_s >= until_s)
 
     def _waits_of(self, one: Told) -> list[Span]:
-        waits = [wait for wait in self._conduct.waits if wait.place == one.place and wait.robot in one.robots]
+        waits = [wait for wait in self._conduct.waits if wait.place in one.places and wait.robot in one.robots]
         return [wait.span for wait in waits if _meets(wait.span, one)]
 
     def _crowds_of(self, one: Told) -> list[Span]:
-        spans = self._conduct.crowds.get(one.place, ())
+        spans = [span for place in sorted(one.places) for span in self._conduct.crowds.get(place, ())]
         return [span for span in spans if span.lasts_s >= CROWDED_S and _meets(span, one)]
 
     def _locks_of(self, one: Told) -> list[Span]:
@@ -186,6 +201,17 @@ class Contention:
         ]
 
 
+def _by_ahead(told: Sequence[Told], came: Floats) -> list[dict[str, Any]]:
+    """How many came true, by how far ahead they were told of when they were raised; (n,) nan where it is not known."""
+    ahead_s = np.array([one.predicted_s - one.raised_s for one in told])
+    column = np.searchsorted(AHEAD_S, np.minimum(ahead_s, AHEAD_S[-1]))
+    return [
+        {"ahead_up_to_s": up_to_s, "alerts": int((column == at).sum()), "precision": mean(came[column == at])}
+        for at, up_to_s in enumerate(AHEAD_S.tolist())
+        if (column == at).any()
+    ]
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """Something that happened at a place, to a robot or ("") to any."""
@@ -201,6 +227,6 @@ def _meets(span: Span, one: Told) -> bool:
 
 def _is_told(event: Event, told: Sequence[Told]) -> tuple[float, float]:
     """Whether an advisory stood when it began, and whether one stood while it lasted."""
-    about = [one.stood for one in told if one.place == event.place and (not event.robot or event.robot in one.robots)]
+    about = [one.stood for one in told if event.place in one.places and (not event.robot or event.robot in one.robots)]
     before = any(stood.from_s <= event.span.from_s <= stood.to_s for stood in about)
     return float(before), float(any(event.span.within(stood).lasts_s >= 0 for stood in about))

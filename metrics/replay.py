@@ -19,11 +19,13 @@ from ingest import stamps
 from ingest.playback import Event, Reader
 from ingest.seam import Batch, Floats
 from metrics import conform
+from metrics.absences import Absences
 from metrics.arrivals import Arrivals
 from metrics.contention import Contention
 from metrics.forecasts import ForecastErrors
 from metrics.interactions import Interactions
 from metrics.passes import Pass, Reading
+from metrics.places import EVERY_S, Forecast, forecast_of
 from metrics.said import Published, Said
 from metrics.scenes import Scene
 from metrics.truth import Truth
@@ -53,7 +55,7 @@ class Run:
             burdens_s=start.burdens_s,
             learned=start.learned,
         )
-        self._second = -1
+        self._second, self._places_said = -1, -1
 
     def step(self, one: Pass) -> Said:
         bands_m = self._bands_m(one.batch)
@@ -64,7 +66,8 @@ class Run:
         others = [each for each in told if not isinstance(each, ConflictAdvisory)]
         waiting = self.engine.foresight.heeding(one.now_s)
         measured = self.measured() if one.measured else None
-        return Said(revisions, others, raised, *self._published(one.now_s), bands_m, waiting, measured)
+        published, places = self._published(one.now_s), self._places(one.now_s)
+        return Said(revisions, others, raised, *published, bands_m, waiting, measured, places)
 
     def measured(self) -> dict[str, Any]:
         """What the engine would tell of itself now."""
@@ -76,6 +79,13 @@ class Run:
             return (), ()
         self._second = floor(now_s)
         return self.engine.probabilities(), self.engine.foresight.contact_probabilities()
+
+    def _places(self, now_s: float) -> Forecast | None:
+        """What is said of places at the first pass of each `EVERY_S`; None at others."""
+        if floor(now_s / EVERY_S) == self._places_said:
+            return None
+        self._places_said = floor(now_s / EVERY_S)
+        return forecast_of(self.engine.turns(), self.engine.needs(), self.engine.site.resources)
 
     def _bands_m(self, batch: Batch) -> Floats:
         ledger = self.engine.foresight.ledger
@@ -89,7 +99,9 @@ class Outcome:
 
     def __init__(self, site: Site, clearances_m: Sequence[float]) -> None:
         self.truth, self.interactions = Truth(clearances_m), Interactions()
-        self.verdicts = [Verdict(clearance_m, self.truth, self.interactions) for clearance_m in clearances_m]
+        self.absences = Absences(clearances_m)
+        of_all = (self.truth, self.interactions, self.absences)
+        self.verdicts = [Verdict(clearance_m, *of_all) for clearance_m in clearances_m]
         self.forecasts, self.arrivals, self.contention = ForecastErrors(), Arrivals(), Contention(site)
         self._gathering = Gathering(FOLLOWED)
         self.vendor_of: dict[str, str] = {}
@@ -109,12 +121,14 @@ class Outcome:
         self._name_of.update(zip(batch.robots, batch.names, strict=True))
         self._floors = batch.floors
         self.truth.report(batch.robots, batch.forecasts)
+        self.absences.take(batch)
         makers = list(zip(batch.vendors, batch.models, strict=True))
         self.forecasts.take(batch.robots, makers, batch.forecasts, said[0].bands_m if said else None)
         self.forecasts.advance(now_s)
         for due in self._gathering.put(batch):
             self._follow(due.batch)
-        self.contention.hear(now_s, said[0].others if said else ())
+        others, places = (said[0].others, said[0].places) if said else ((), None)
+        self.contention.hear(now_s, others, places)
         self.interactions.take(batch, self.forecasts.usually_aside_m(makers))
         for verdict, each in zip(self.verdicts, said, strict=True):
             verdict.take(now_s, batch, each)
@@ -148,6 +162,7 @@ class Outcome:
         for due in self._gathering.rest():
             self._follow(due.batch)
         self.truth.finish()
+        self.absences.finish()
         self.forecasts.finish()
         self._resolve()
         scores = [verdict.score(self.vendor_of, reading.now_s) for verdict in self.verdicts]
@@ -165,6 +180,7 @@ class Outcome:
             "forecast_error": self.forecasts.figures(),
             "arrivals": self.arrivals.figures(),
             "contention": self.contention.figures(),
+            "places": self.contention.places(),
             "advisories_raised": dict(sorted(self.verdicts[0].raised.items())) if self.verdicts else {},
             "nearest": nearest,
             "conformance": conform.findings(reading.fleet.measures),

@@ -41,6 +41,8 @@ def _sections(result: Part) -> Iterator[str]:
         yield "<h2>How far arrivals were off</h2>" + _arrivals(result["arrivals"])
     if result["contention"]:
         yield "<h2>Queues, crowds, deadlocks and blockages</h2>" + _contention(result["contention"])
+    if result["places"]:
+        yield "<h2>What was said of places, by how far ahead</h2>" + _places(result["places"])
     yield "<h2>The nearest moments</h2>" + _scenes(result["nearest"])
     yield "<h2>Departures from the standard</h2>" + _conformance(result["conformance"])
 
@@ -190,15 +192,72 @@ def _arrivals(rows: Sequence[Part]) -> str:
     cells = [
         [
             one["vendor"],
-            f"{one['ahead_up_to_s'] / 60:g} min",
+            _ahead(one),
             f"{one['cases']:,}",
             f"{_number(one['off_median_s'])} / {_number(one['off_p90_s'])}",
             _share(one["late"]),
+            f"{one['out']:,}",
         ]
         for one in rows
     ]
-    head = ("vendor", "told up to so long ahead", "arrivals", "off, s: median / p90", "share that came late")
-    return _table(head, cells)
+    head = ("vendor", "told up to so long ahead", "words", "off, s: median / p90", "share late", "not come yet")
+    return _table(head, cells) + (
+        '<p class="note">Of a robot that had not come when it was heard of last, only those words count whose time was'
+        " over; it is late by as long as it was awaited after that, or longer.</p>"
+    )
+
+
+def _foretold(kinds: Sequence[Part]) -> str:
+    """Which advisories came true, by how far ahead they were raised."""
+    rows = [
+        [one["kind"].replace("_", " "), _ahead(part), f"{part['alerts']:,}", _share(part["precision"])]
+        for one in kinds
+        for part in one["by_ahead"]
+    ]
+    return _table(("advisory", "raised up to so long ahead", "told", "came true"), rows) if rows else ""
+
+
+def _ahead(one: Part) -> str:
+    seconds = one["ahead_up_to_s"]
+    return f"{seconds:g} s" if seconds < 60 else f"{seconds / 60:g} min"
+
+
+def _places(rows: Sequence[Part]) -> str:
+    cells = [
+        [
+            _ahead(one),
+            f"{one['said']:,}",
+            _share(one["came"]),
+            f"{_number(one['off_median_s'])} / {_number(one['off_p90_s'])}",
+            _share(one["late"]),
+            f"{one['entries']:,}",
+            _share(one["foretold"]),
+            f"{one['full_said']:,}",
+            _share(one["full_precision"]),
+            f"{one['full_happened']:,}",
+            _share(one["full_recall"]),
+        ]
+        for one in rows
+    ]
+    needed = [
+        [
+            _ahead(one),
+            f"{one['need_said']:,}",
+            _share(one["need_likely"]),
+            _share(one["need_came"]),
+            _number(one["need_brier"], 3),
+        ]
+        for one in rows
+        if one["need_said"]
+    ]
+    comes = ("said up to so long ahead", "to come", "came", "off, s: median / p90", "late", "came at all", "foretold")
+    full = ("said to be full", "was", "was full", "foretold")
+    needs = ("a charger needed within", "said", "how likely, mean", "came to one", "Brier score")
+    note = (
+        '<p class="note">Said every ten seconds of each resource: who has it from when on, and whether it is full so'
+        " long after. A robot came at all where it was heard for so long before.</p>"
+    )
+    return _table((*comes, *full), cells) + note + (_table(needs, needed) if needed else "")
 
 
 def _contention(kinds: Sequence[Part]) -> str:
@@ -218,11 +277,12 @@ def _contention(kinds: Sequence[Part]) -> str:
     ]
     head = ("advisory", "told", "can't be told", "came true", "lead time, s (p10 to p90)", "wait off by, s")
     more = ("happened", "told before it began", "or while it lasted")
-    return _table((*head, *more), rows) + (
+    note = (
         '<p class="note">A queue came true where one of its robots stood for 5 s while the place was full; a crowd'
         " where more were inside than it takes; a deadlock where all of its ring stood for 5 s; a blockage where one"
         " stood behind the blocker.</p>"
     )
+    return _table((*head, *more), rows) + note + _foretold(kinds)
 
 
 def _scenes(scenes: Sequence[Part]) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
 from ingest.seam import Floats
+from metrics.places import Forecast
 from metrics.truth import Pair
 
 Published = Sequence[tuple[Pair, float]]
@@ -31,3 +32,5 @@ class Said:
     """Robots that wait as advised."""
     measured: dict[str, Any] | None = None
     """What the engine would tell of itself, where the pass has that of the receiver."""
+    places: Forecast | None = None
+    """What is said of places, every `EVERY_S`."""

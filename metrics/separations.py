@@ -38,8 +38,10 @@ class Separations(NamedTuple):
 
 
 def separations(stretch: Stretch, within_m: float) -> Separations:
-    """Every two robots at every sample at which they are no further apart than `within_m`."""
-    (a, b, column), (apart_m, reach_m) = _near(stretch.x_m, stretch.y_m, stretch.half_m, stretch.floor, within_m)
+    """Every two robots at every sample at which they are no further apart than `within_m`, neither above the other."""
+    (a, b, column), (apart_m, reach_m) = _near(
+        stretch.x_m, stretch.y_m, stretch.half_m, stretch.height_m, stretch.floor, within_m
+    )
     of_a, of_b = (a, column), (b, column)
     distance = gap(
         stretch.x_m[of_b] - stretch.x_m[of_a],
@@ -74,12 +76,15 @@ def _boxes(x_m: Floats, y_m: Floats, radius_m: Floats, within_m: float) -> Float
 
 @kernel(
     numba.types.Tuple((numba.int64[:, ::1], _MATRIX))(  # type: ignore[no-untyped-call]
-        _MATRIX, _MATRIX, _STACK, _MATRIX, numba.float64
+        _MATRIX, _MATRIX, _STACK, _STACK, _MATRIX, numba.float64
     )
 )
-def _near(x_m: Floats, y_m: Floats, half_m: Floats, floor: Floats, within_m: float) -> tuple[Ints, Floats]:
-    """(3, m) two robots' rows and the sample, ascending, where their circles are no further apart than `within_m`, and
-    (2, m) how far their centres are apart and how far they may be for that; all else is (r, s), half sides (2, r, s).
+def _near(
+    x_m: Floats, y_m: Floats, half_m: Floats, height_m: Floats, floor: Floats, within_m: float
+) -> tuple[Ints, Floats]:
+    """(3, m) two robots' rows and the sample, ascending, where their circles are no further apart than `within_m` and
+    neither is above the other, and (2, m) how far their centres are apart and how far they may be for that; all else is
+    (r, s), half sides and heights (2, r, s).
     """
     radius_m = np.hypot(half_m[0], half_m[1])
     boxes = _boxes(x_m, y_m, radius_m, within_m)
@@ -94,6 +99,8 @@ def _near(x_m: Floats, y_m: Floats, half_m: Floats, floor: Floats, within_m: flo
                 apart_m = hypot(x_m[a, column] - x_m[b, column], y_m[a, column] - y_m[b, column])
                 reach_m = radius_m[a, column] + radius_m[b, column] + within_m
                 if not (apart_m <= reach_m and floor[a, column] == floor[b, column]):
+                    continue
+                if height_m[0, a, column] > height_m[1, b, column] or height_m[0, b, column] > height_m[1, a, column]:
                     continue
                 if n == which.shape[1]:
                     which = np.concatenate((which, np.empty_like(which)), axis=1)

@@ -1,8 +1,7 @@
 """When each robot was there, by its reports, and since when it has been silent.
 
-A robot is silent where nothing comes for the longer of 5 s and three of its usual intervals, or 30 s where these are
-not known. One that is silent has left as far as is known, unless another one has driven through its place: then it was
-not there.
+When a robot is silent is told by `deconflict/presence/heard.py`. One that is silent has left as far as is known, unless
+another one has driven through its place: then it was not there.
 """
 
 from collections import defaultdict
@@ -13,14 +12,10 @@ from math import inf
 import numpy as np
 
 from deconflict.motion import Bools
+from deconflict.presence.heard import GAPS, GRACE_S, grace_after_s
 from ingest.seam import Floats, Forecasts, Ints
 from metrics.motion import Stretch
 
-SILENT_S, SILENT_INTERVALS, UNKNOWN_S = 5.0, 3.0, 30.0
-INTERVALS = 7
-"""Between reports that are remembered of each robot; the one in the middle is usual."""
-FEWEST = 2
-"""Of a robot with fewer intervals it is not known what is usual."""
 MINUTE_S = 60.0
 
 
@@ -47,11 +42,11 @@ class Silences:
         self._there_s = np.zeros(0)
         """How long the robot was there."""
         self._known = np.zeros(0, np.int64)
-        """How many intervals between reports there were."""
-        self._intervals_s = np.zeros((0, INTERVALS))
+        """How many times between two reports there were."""
+        self._gaps_s = np.zeros((0, GAPS))
         """The newest of them."""
-        self._place = np.zeros((0, 6))
-        """x_m, y_m, yaw_rad, floor and half sides, by the newest report."""
+        self._place = np.zeros((0, 8))
+        """x_m, y_m, yaw_rad, floor, half sides, bottom and top, by the newest report."""
         self._of: dict[int, list[Silence]] = {}
         """In order."""
         self._ongoing: dict[int, Silence] = {}
@@ -68,11 +63,12 @@ class Silences:
         self._heard_s[rows] = heard_s
         columns = (getattr(forecasts, name)[knots] for name in ("x_m", "y_m", "yaw_rad", "floor"))
         sizes_m = (forecasts.length_m[is_newer] / 2, forecasts.width_m[is_newer] / 2)
-        self._place[rows] = np.stack([*columns, *sizes_m], axis=1)
+        levels_m = (forecasts.bottom_m[is_newer], forecasts.top_m[is_newer])
+        self._place[rows] = np.stack([*columns, *sizes_m, *levels_m], axis=1)
 
     def fallen_silent(self, now_s: float) -> list[str]:
         """The robots that are silent now and were not when this was asked before."""
-        late = np.flatnonzero(now_s - self._heard_s[: len(self._names)] > SILENT_S).tolist()
+        late = np.flatnonzero(now_s - self._heard_s[: len(self._names)] > GRACE_S).tolist()
         fallen = [row for row in late if row not in self._ongoing and now_s - self._heard_s[row] > self._limit_s(row)]
         for row in fallen:
             self._fall_silent(row)
@@ -114,18 +110,18 @@ class Silences:
         """How long robots were there in all, by minute since the epoch."""
         return dict(self._by_minute_s)
 
-    def _count(self, rows: Ints, heard_s: Floats, interval_s: Floats) -> None:
+    def _count(self, rows: Ints, heard_s: Floats, gap_s: Floats) -> None:
         """Note the times between the reports of robots, and that those were there meanwhile that were not silent."""
-        counts = interval_s < inf
-        for at in np.flatnonzero(counts & (interval_s > SILENT_S)).tolist():
+        counts = gap_s < inf
+        for at in np.flatnonzero(counts & (gap_s > GRACE_S)).tolist():
             counts[at] = not self._ends_silence(int(rows[at]), float(heard_s[at]))
-        rows, heard_s, interval_s = rows[counts], heard_s[counts], interval_s[counts]
-        self._intervals_s[rows, self._known[rows] % INTERVALS] = interval_s
+        rows, heard_s, gap_s = rows[counts], heard_s[counts], gap_s[counts]
+        self._gaps_s[rows, self._known[rows] % GAPS] = gap_s
         self._known[rows] += 1
-        self._there_s[rows] += interval_s
+        self._there_s[rows] += gap_s
         minutes = (heard_s / MINUTE_S).astype(np.int64)
         for minute in np.unique(minutes).tolist():
-            self._by_minute_s[minute] += float(interval_s[minutes == minute].sum())
+            self._by_minute_s[minute] += float(gap_s[minutes == minute].sum())
 
     def _ends_silence(self, row: int, now_s: float) -> bool:
         """Whether a robot was silent that is heard again."""
@@ -144,10 +140,7 @@ class Silences:
 
     def _limit_s(self, row: int) -> float:
         """How long a robot may say nothing before it is silent."""
-        intervals = min(int(self._known[row]), INTERVALS)
-        if intervals < FEWEST:
-            return UNKNOWN_S
-        return max(SILENT_S, SILENT_INTERVALS * float(np.median(self._intervals_s[row, :intervals])))
+        return grace_after_s(self._gaps_s[row, : self._known[row]].tolist())
 
     def _row(self, robot: str) -> int:
         row = self._rows.get(robot)
@@ -166,8 +159,8 @@ class Silences:
 
 
 def _near(places: Floats, stretch: Stretch) -> Bools:
-    """(s, r) whether the middle of each robot of a stretch comes into the box around each place (s, 6)."""
-    x_m, y_m, _, _, half_length_m, half_width_m = places.T[:, :, None]
+    """(s, r) whether the middle of each robot of a stretch comes into the box around each place (s, 8)."""
+    x_m, y_m, _, _, half_length_m, half_width_m, _, _ = places.T[:, :, None]
     reach_m = np.hypot(half_length_m, half_width_m)
     near = np.ones((len(places), len(stretch.robot)), np.bool_)
     for place_m, where_m in ((x_m, stretch.x_m), (y_m, stretch.y_m)):
@@ -177,10 +170,11 @@ def _near(places: Floats, stretch: Stretch) -> Bools:
 
 
 def _drives_through(place: Floats, stretch: Stretch, other: int) -> bool:
-    """Whether the middle of a robot of a stretch comes within the outline at a place (6,)."""
-    x_m, y_m, yaw_rad, floor, half_length_m, half_width_m = place.tolist()
+    """Whether the middle of a robot of a stretch comes within the outline at a place (8,)."""
+    x_m, y_m, yaw_rad, floor, half_length_m, half_width_m, bottom_m, top_m = place.tolist()
     dx_m, dy_m = stretch.x_m[other] - x_m, stretch.y_m[other] - y_m
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
     within = np.abs(cosine * dx_m + sine * dy_m) < half_length_m
     within &= np.abs(cosine * dy_m - sine * dx_m) < half_width_m
+    within &= (stretch.height_m[0, other] < top_m) & (bottom_m < stretch.height_m[1, other])
     return bool(np.any(within & (stretch.floor[other] == floor)))

@@ -9,6 +9,7 @@ from typing import Any
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from ingest.seam import Batch
 from metrics import warnings
+from metrics.absences import Absences
 from metrics.believer import Believer
 from metrics.calibration import SETTLED_S, Calibration
 from metrics.fates import ContactFates, InteractionFates
@@ -16,7 +17,7 @@ from metrics.interactions import Interactions
 from metrics.judging import judged
 from metrics.outcomes import Outcomes
 from metrics.said import Said
-from metrics.scoring import Alert, Presence, score
+from metrics.scoring import STANDING_S, Alert, Presence, score
 from metrics.truth import Pair, Truth
 from metrics.waits import Waits
 
@@ -38,14 +39,14 @@ class Told:
 class Verdict:
     """One clearance."""
 
-    def __init__(self, clearance_m: float, truth: Truth, interactions: Interactions) -> None:
+    def __init__(self, clearance_m: float, truth: Truth, interactions: Interactions, absences: Absences) -> None:
         self.clearance_m = clearance_m
         self.raised: Counter[str] = Counter()
         """Advisories by kind."""
         self.told: dict[str, Told] = {}
         """By advisory."""
         self.believer = Believer(clearance_m)
-        self._truth = truth
+        self._truth, self._absences = truth, absences
         self._outcomes = Outcomes(truth, interactions, clearance_m)
         self._waits = Waits()
         self._of_contact, self._of_interaction = Calibration(self._waits), Calibration(self._waits)
@@ -69,6 +70,7 @@ class Verdict:
     def score(self, vendor_of: Mapping[str, str], end_s: float) -> dict[str, Any]:
         """All figures, once nothing more comes: the log ended at `end_s`."""
         contact, alerts = self._of_contact, list(self._alerts())
+        spans = [(one.pair, one.raised_s, one.cleared_s) for one in alerts]
         seen = Presence(vendor_of, self._truth.motion.present_s())
         figures = score(self._truth.encounters(self.clearance_m), alerts, self.clearance_m, seen, contact.by_vendors)
         there = Presence(vendor_of, self._truth.silences.present_s())
@@ -76,6 +78,7 @@ class Verdict:
             "censored_samples": int(contact.whole().left.sum()),
             "heeded_samples": contact.heeded,
             "settled": {"after_s": SETTLED_S, **contact.settled.figures()},
+            "silences": self._absences.figures(self.clearance_m, spans, STANDING_S),
             "warnings": self._warnings(alerts, there, end_s) | {"probability": self._probability()},
             "believer": self._warnings(self.believer.alerts(), there, end_s),
         }

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
-from deconflict.blackbox.hindsight import LONGEST_S, Met, Track, avoiding_s, met
+from deconflict.blackbox.hindsight import LONGEST_S, Met, Track, avoiding_s, met, row_at
 from deconflict.blackbox.order import Near
 from deconflict.encounter import encounter
 from deconflict.site import Site
@@ -109,5 +109,5 @@ def _standing(near: Near, at_s: float, decided: Sequence[ConflictAdvisory]) -> C
 
 
 def _place(a: Forecasts, b: Forecasts, at_s: float, floors: Sequence[str]) -> tuple[str, float, float]:
-    meeting = encounter((a, 0), (b, 0), at_s)
+    meeting = encounter((a, row_at(a, at_s)), (b, row_at(b, at_s)), at_s)
     return floors[meeting.floor], meeting.x_m, meeting.y_m

@@ -91,8 +91,14 @@ class Advising:
         self, place: str, turns: Mapping[str, Turns], robots: Mapping[str, Seen], now_s: float
     ) -> Recommendation | None:
         """The slots advised for everybody who waits for `place` or for one that can stand in for it."""
-        group = self._geometry.group(place)
-        return self._told(tuple(group), lambda: [self._queue(one, turns.get(one), robots) for one in group], now_s)
+        group, longest = self._geometry.group(place), turns[place].longest
+
+        def queues() -> list[Queue]:
+            return [
+                self._queue(one, turns[one].at_height_of(longest) if one in turns else None, robots) for one in group
+            ]
+
+        return self._told(tuple(group), queues, now_s)
 
     def way_out(
         self, ring: Sequence[Link], robots: Mapping[str, Seen], refuges: Sequence[Refuge], now_s: float
@@ -141,9 +147,8 @@ class Advising:
         return Queue(place, self._geometry.capacity(place), requests, self._geometry.changeover_s(place))
 
     def _request(self, row: Row, robots: Mapping[str, Seen]) -> Request:
-        coming, arrival_s, robot, service_s, _ = row
-        vendor, priority = robots[robot].vendor, self.priority(robot)
-        return Request(robot, vendor, arrival_s, service_s, priority, inside=not coming)
+        vendor, priority = robots[row.robot].vendor, self.priority(row.robot)
+        return Request(row.robot, vendor, row.arrival_s, row.service_s, priority, inside=not row.coming)
 
     def _told(self, key: tuple[str, ...], queues: Callable[[], Sequence[Queue]], now_s: float) -> Recommendation | None:
         """The newest answer to a question; asks it again when who waits has changed, or after a while."""

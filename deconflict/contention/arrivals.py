@@ -1,7 +1,7 @@
 """How wrong a vendor's arrival times have been, and what to make of its next ones.
 
-What a robot says of a destination is held against when it came. The error is a ratio, time taken over
-time told: what is late is late in proportion to how far it goes.
+What a robot says of a destination is held against when it came. The error of a time that lies ahead is a ratio, time
+taken over time told: what is late is late in proportion to how far it goes. Of a time that is past, see `overdue`.
 """
 
 from bisect import bisect_left
@@ -9,13 +9,15 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 
+from deconflict.contention.overdue import Overdue
 from deconflict.contention.promises import Promise, Promises, Spot, Spots
 from deconflict.foresight.lateness import Lateness
 from deconflict.learned import Part, numbers
-from ingest.seam import Batch, Floats
+from ingest.seam import Batch, Floats, Ints
 
 SHORTEST_S = 5.0
 """Nearer arrivals than this teach nothing: their ratios are noise."""
@@ -34,6 +36,17 @@ SHARES = (0.1, 0.5, 0.9)
 """A quantile is the smallest value at which the weight so far reaches its share of all."""
 
 
+class Corrections(NamedTuple):
+    """What the times that n robots tell are corrected by."""
+
+    row: Ints
+    """(n,) which of the v rows below is known of each robot's vendor."""
+    rates: Floats
+    """(v, 3) quantiles of time taken over time told."""
+    left_s: Floats
+    """(v, len(OVERDUE_S), 3) quantiles of what is left to a robot that stands and is so long overdue."""
+
+
 @dataclass(slots=True)
 class Ratios:
     """Ratios of one vendor, and their quantiles as they were last worked out."""
@@ -48,6 +61,7 @@ class Arrivals:
 
     def __init__(self) -> None:
         self.lateness = Lateness()
+        self.overdue = Overdue()
         self._promises = Promises()
         self._ratios: dict[str, Ratios] = {}
 
@@ -58,14 +72,24 @@ class Arrivals:
         for said in self._promises.heard(robot, now_s, here, spots, told_s):
             self._arrived(vendor, now_s, said)
 
-    def hear(self, batch: Batch, now_s: Floats, here: Spots) -> Floats:
-        """Robots are `here` by `now_s`, each (n,), and say where they go; (n, 3) quantiles to correct that by."""
-        rates = self._rates(batch.vendors)
+    def hear(self, batch: Batch, now_s: Floats, here: Spots) -> Corrections:
+        """Robots are `here` by `now_s`, each (n,), and say where they go; what to correct that by.
+
+        An arrival counts for the robots from its own row on.
+        """
+        numbers = {vendor: number for number, vendor in enumerate(dict.fromkeys(batch.vendors))}
+        vendor = np.array([numbers[vendor] for vendor in batch.vendors], np.int64)
+        known, row_of = [self._known(vendor) for vendor in numbers], vendor.copy()
         for row, kept in self._promises.hear(batch, now_s, here, batch.destinations):
             for said in kept:
                 self._arrived(batch.vendors[row], float(now_s[row]), said)
-            rates[row:] = self._rates(batch.vendors[row:])
-        return rates
+            row_of[row:][vendor[row:] == vendor[row]] = len(known)
+            known.append(self._known(batch.vendors[row]))
+        rates, left_s = zip(*known, strict=True)
+        return Corrections(row_of, np.array(rates), np.array(left_s))
+
+    def _known(self, vendor: str) -> tuple[Quantiles, Floats]:
+        return self.quantiles(vendor), self.overdue.table_s(vendor)
 
     def forget(self, robot: str) -> None:
         self._promises.forget(robot)
@@ -81,12 +105,6 @@ class Arrivals:
             low, middle, high = (values[bisect_left(so_far, share * so_far[-1])] for share in SHARES)
             ratios.quantiles = low, middle, high
         return ratios.quantiles
-
-    def _rates(self, vendors: Sequence[str]) -> Floats:
-        """(n, 3) of the quantiles."""
-        every = {vendor: number for number, vendor in enumerate(dict.fromkeys(vendors))}
-        rates: Floats = np.array([self.quantiles(vendor) for vendor in every])[[every[vendor] for vendor in vendors]]
-        return rates
 
     def seen(self) -> dict[str, int]:
         """How many arrivals are known, by vendor."""
@@ -105,6 +123,7 @@ class Arrivals:
     def _arrived(self, vendor: str, now_s: float, said: list[Promise]) -> None:
         said_s, told_s = np.array(said).T
         self.lateness.record(vendor, told_s - said_s, now_s - told_s, now_s)
+        self.overdue.record(vendor, now_s - said[-1].told_s, now_s)
         ratios = self._ratios.setdefault(vendor, Ratios())
         low, high = RATIO_BOUNDS
         for one in said[:MOST_RATED]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.blockages import Blocked
+from deconflict.contention.charging import Shortage
 from deconflict.contention.deadlocks import Link
 from deconflict.contention.demand import Row, Turns
 from deconflict.contention.geometry import Geometry
@@ -35,18 +36,19 @@ def contention(
     now_s: float,
 ) -> Finding:
     """More robots will want a place than it takes."""
+    turns = turns.at_height_of(turns.longest)
     waiting = turns.waiting
-    first_s = max(waiting[0][1], now_s)
+    first_s = max(waiting[0].arrival_s, now_s)
     there = turns.there(first_s)
     return Finding(
         kind="contention",
         about=place,
         severity=Severity.WARNING if first_s - now_s <= SOON_S else Severity.CAUTION,
-        robots=tuple(sorted({*there, *(robot for _, _, robot, _, _ in waiting)})),
+        robots=tuple(sorted({*there, *(row.robot for row in waiting)})),
         predicted_s=first_s,
         location=geometry.location(place),
         summary=lambda: (
-            f"{names(robots, [robot for _, _, robot, _, _ in waiting])} will find {geometry.label(place)} taken "
+            f"{names(robots, [row.robot for row in waiting])} will find {geometry.label(place)} taken "
             f"{_when(first_s - now_s)}{_within(waiting[0])} and wait up to {turns.longest_s:.0f} s"
             f"{_free(turns, geometry.capacity(place), now_s)}{_advised(geometry, place, waiting, advice, robots)}"
         ),
@@ -57,8 +59,7 @@ def contention(
 
 def _within(first: Row) -> str:
     """How well it is known when the first comes, where that is worth a word."""
-    spread_s = first[4]
-    return f", give or take {spread_s:.0f} s," if spread_s >= TELL_SPREAD_S else ""
+    return f", give or take {first.spread_s:.0f} s," if first.spread_s >= TELL_SPREAD_S else ""
 
 
 def _free(turns: Turns, capacity: int, now_s: float) -> str:
@@ -76,7 +77,7 @@ def _advised(
     """What a site service should do: where order or place save nothing, who should come when there is room."""
     if advice is None:
         return ""
-    bound = {robot for _, _, robot, _, _ in waiting}
+    bound = {row.robot for row in waiting}
     if advice.expected_saving_s < 1:
         late = [slot for slot in advice.slots if slot.robot in bound and slot.wait_s >= 1]
         return "".join(f"; {robots[slot.robot].name} should come {slot.wait_s:.0f} s later" for slot in late[:2])
@@ -88,9 +89,40 @@ def _advised(
     return "".join(f"; {one}" for one in told[:2]) + f", which saves {advice.expected_saving_s:.0f} s in all"
 
 
-def double_occupancy(geometry: Geometry, place: str, turns: Turns, now_s: float) -> Finding:
-    """More robots are in a place than it takes."""
-    inside, capacity = tuple(sorted(row[2] for row in turns.rows[: turns.inside])), geometry.capacity(place)
+def shortage(geometry: Geometry, one: Shortage, robots: Mapping[str, Seen], now_s: float) -> Finding:
+    """Chargers that will probably be full, for robots that have not said that they come."""
+    first, label = one.chargers[0], " and ".join(geometry.label(charger) for charger in one.chargers)
+    expected = [need.robot for need in one.needs]
+    demand = len(one.there) + len(expected)
+    levels = ", ".join(f"{robots[need.robot].name} {need.level_pct:.0f} %" for need in one.needs[:4])
+    return Finding(
+        kind="contention",
+        about=first,
+        severity=Severity.CAUTION,
+        robots=tuple(sorted({*one.there, *expected})),
+        predicted_s=one.from_s,
+        location=geometry.location(first),
+        summary=lambda: (
+            f"{label} will probably be full {_when(one.from_s - now_s)}: {names(robots, expected)} will need to be"
+            f" charged by then, by the level of their batteries ({levels})"
+        ),
+        evidence={
+            "resource": first,
+            "resource_name": label,
+            "capacity": one.capacity,
+            "demand": demand,
+            "queue_length": max(demand - one.capacity, 1),
+            "wait_s": round(one.wait_s, 1),
+            "resources": one.chargers,
+            "expected": len(expected),
+            "probability": round(one.likely, 2),
+        },
+    )
+
+
+def double_occupancy(geometry: Geometry, place: str, turns: Turns, crowd: Sequence[Row], now_s: float) -> Finding:
+    """The robots of `crowd` are in a place, more than it takes."""
+    inside, capacity = tuple(sorted(row.robot for row in crowd)), geometry.capacity(place)
     return Finding(
         kind="double_occupancy",
         about=place,
@@ -197,4 +229,7 @@ def _queue_evidence(geometry: Geometry, place: str, turns: Turns, demand: int) -
         "demand": demand,
         "queue_length": turns.queue,
         "wait_s": round(turns.longest_s, 1),
+        "resources": (),
+        "expected": 0,
+        "probability": None,
     }

@@ -102,6 +102,7 @@ class Geometry:
         self.resources = {one.id: one for one in resources}
         self.zones = {one.id: one for one in zones}
         places: list[Place] = [*self.resources.values(), *self.zones.values()]
+        self.chargers = tuple(one.id for one in self.resources.values() if one.kind == "charger")
         self._middles = {place.id: _middle(place) for place in places}
         self._locations = {place: _location(*middle) for place, middle in self._middles.items()}
         self._groups: dict[str, list[str]] = {}

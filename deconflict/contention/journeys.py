@@ -17,6 +17,8 @@ from deconflict.contention.boxes import ROUNDING_M, touching
 from deconflict.contention.deadlocks import Node, Want
 from deconflict.contention.records import LEAST_M
 from deconflict.contention.robots import Robots, Seen
+from deconflict.heights import beside, beside_each
+from deconflict.motion import Bools
 from ingest.seam import Floats, Ints
 
 WAY_M = 1.0
@@ -47,15 +49,21 @@ class Around(NamedTuple):
         """Ends of legs, by slot and stop, that are near a robot which stands outside of every resource; its slot."""
         row, at = touching(self.ends_m, self.standing_m).T
         ends, standing, one = self.ends[row], self.standing[at], robots.records
-        near = (ends[:, 0] != standing) & ~one["here"][standing]
+        near = (ends[:, 0] != standing) & ~one["here"][standing] & _beside(robots, ends[:, 0], standing)
         return list(zip(map(tuple, ends[near].tolist()), standing[near].tolist(), strict=True))
 
     def in_way(self, robots: Robots) -> list[tuple[int, int]]:
         """Slots of robots with one that stands near their way, and its slot."""
         row, at = touching(self.going_m, self.standing_m).T
         going, standing, floor = self.going[row], self.standing[at], robots.records["floor"]
-        near = (going != standing) & (floor[going] == floor[standing])
+        near = (going != standing) & (floor[going] == floor[standing]) & _beside(robots, going, standing)
         return list(zip(going[near].tolist(), standing[near].tolist(), strict=True))
+
+
+def _beside(robots: Robots, slots: Ints, others: Ints) -> Bools:
+    """(n,) whether neither of two robots passes above the other."""
+    bottom_m, top_m = robots.records["bottom_m"], robots.records["top_m"]
+    return beside_each(bottom_m[slots], top_m[slots], bottom_m[others], top_m[others])
 
 
 class Leg(NamedTuple):
@@ -65,6 +73,9 @@ class Leg(NamedTuple):
     place: str
     since_s: float
     until_s: float
+    bottom_m: float
+    """Heights that the robot reaches from and to."""
+    top_m: float
     wants: str | None = None
     arrives_s: float = inf
 
@@ -96,10 +107,11 @@ def _legs(one: Seen, stood_on: Mapping[Node, Seen], now_s: float) -> Iterable[Le
         wants = stop.resource or (AT + stood_on[node].uuid if node in stood_on else None)
         away_s = hypot(stop.x_m - x_m, stop.y_m - y_m) if stop.datum == datum else 0.0
         if place:
-            yield Leg(node, place, since_s, max(stop.t_s - away_s, since_s, now_s), wants, stop.t_s)
+            until_s = max(stop.t_s - away_s, since_s, now_s)
+            yield Leg(node, place, since_s, until_s, one.bottom_m, one.top_m, wants, stop.t_s)
         place, since_s, datum, x_m, y_m = wants, stop.t_s, stop.datum, stop.x_m, stop.y_m
     if place:
-        yield Leg((one.uuid, len(one.stops)), place, since_s, inf)
+        yield Leg((one.uuid, len(one.stops)), place, since_s, inf, one.bottom_m, one.top_m)
 
 
 def _stood_on(robots: Robots, around: Around) -> dict[Node, Seen]:
@@ -112,9 +124,10 @@ def _stood_on(robots: Robots, around: Around) -> dict[Node, Seen]:
     stops = robots.stops[[slot for slot, _ in ends], [number for _, number in ends]]
     points = shapely.points(stops["x_m"], stops["y_m"])
     found: dict[Node, Seen] = {}
+    may_meet = set(pairs)
     for row, index in sorted(shapely.STRtree(robots.outlines(standing)).query(points, "intersects").T.tolist()):
         (slot, number), other = ends[row], standing[index]
-        if slot != other and stops["floor"][row] == robots.records["floor"][other]:
+        if (ends[row], other) in may_meet and stops["floor"][row] == robots.records["floor"][other]:
             found.setdefault((robots.uuids[slot], number), robots[robots.uuids[other]])
     return found
 
@@ -137,6 +150,7 @@ def place_wants(every: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]
             other.node
             for other in by_place.get(leg.wants, ())
             if other.node[0] != robot
+            and beside(other, leg)
             and other.since_s < leg.arrives_s
             and (other.until_s >= leg.until_s or other.wants is not None)
         ]
@@ -169,8 +183,8 @@ def hindrances(robots: Robots, around: Around, now_s: float) -> list[Hindrance]:
     reach = np.maximum(robots.records["width_m"][going] / 2 - LEAST_M, LEAST_M)
     pairs = shapely.STRtree(outlines).query(all_ways, predicate="dwithin", distance=reach).T.tolist()
     met = [(all_ways[row], going[row], standing[column]) for row, column in pairs]
-    floor = robots.records["floor"]
-    met = [(way, slot, other) for way, slot, other in met if slot != other and floor[slot] == floor[other]]
+    may_meet = set(near)
+    met = [(way, slot, other) for way, slot, other in met if (slot, other) in may_meet]
     if not met:
         return []
     ones = [(robots[robots.uuids[slot]], robots[robots.uuids[other]]) for _, slot, other in met]
@@ -192,7 +206,7 @@ def way_wants(found: Iterable[Hindrance]) -> list[Want]:
 
 
 def aisle_wants(robots: Iterable[Seen], aisles: Iterable[str]) -> list[Want]:
-    """Robots that go through a single lane towards each other, of each other."""
+    """Robots that go through a single lane towards each other at one height, of each other."""
     wanted = set(aisles)
     by_aisle: dict[str, list[Seen]] = {}
     for one in robots:
@@ -204,7 +218,7 @@ def aisle_wants(robots: Iterable[Seen], aisles: Iterable[str]) -> list[Want]:
         back = [one for one in inside if one.passages[zone].direction < 0]
         for a in forth:
             for b in back:
-                meet_s = _meet_s(a, b, zone)
+                meet_s = _meet_s(a, b, zone) if beside(a, b) else None
                 if meet_s is not None:
                     wants.append(Want((a.uuid, 0), ((b.uuid, 0),), zone, meet_s))
                     wants.append(Want((b.uuid, 0), ((a.uuid, 0),), zone, meet_s))

@@ -163,6 +163,12 @@ class Promises:
                 word["told"] = UNKNOWN
         return kept
 
+    def waiting(self) -> Iterator[tuple[str, list[Promise]]]:
+        """Robots, and what they said of each destination to which they have not come."""
+        for robot, promised in self._open.items():
+            for said in promised.values():
+                yield robot, said
+
     def forget(self, robot: str) -> None:
         self._open.pop(robot, None)
         if robot in self._slots:

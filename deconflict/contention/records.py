@@ -27,26 +27,56 @@ Records = NDArray[Any]
 """Of `ROBOT`, by slot."""
 
 ROBOT = np.dtype(
-    [(name, np.float64) for name in ("event_s", "x_m", "y_m", "length_m", "width_m", "way_m", "stood_s")]
-    + [(name, np.bool_) for name in ("goes", "stands")]
-    + [(name, np.int64) for name in ("floor", "stops", "row", "stood_floor")]
-    + [(name, np.float64) for name in ("yaw_rad", "stood_x_m", "stood_y_m")]
-    + [(name, np.float64) for name in ("west_m", "south_m", "east_m", "north_m")]
-    + [(name, np.bool_) for name in ("known", "here", "waits", "beside", "passes", "bound")],
+    [
+        ("event_s", np.float64),  # when its newest pose was true
+        ("x_m", np.float64),  # middle of its envelope then
+        ("y_m", np.float64),
+        ("length_m", np.float64),  # of its envelope, along the heading
+        ("width_m", np.float64),  # across the heading
+        ("bottom_m", np.float64),  # heights that it reaches from and to; -inf and inf where they are unknown
+        ("top_m", np.float64),
+        ("way_m", np.float64),  # how far it gets in the next ten seconds
+        ("stood_s", np.float64),  # since when it stands where it is
+        ("goes", np.bool_),  # it is forecast to move
+        ("stands", np.bool_),  # it is at rest, whatever it says
+        ("floor", np.int64),  # number of the floor that it is on
+        ("stops", np.int64),  # how many destinations lie ahead
+        ("row", np.int64),  # of the batch that told this
+        ("stood_floor", np.int64),  # floor and place where it stands
+        ("yaw_rad", np.float64),  # of its newest pose
+        ("stood_x_m", np.float64),
+        ("stood_y_m", np.float64),
+        ("west_m", np.float64),  # box around its way, or around the last one that it was on
+        ("south_m", np.float64),
+        ("east_m", np.float64),
+        ("north_m", np.float64),
+        ("known", np.bool_),  # it was heard before
+        ("here", np.bool_),  # it has a resource
+        ("waits", np.bool_),  # it has stopped on its way
+        ("beside", np.bool_),  # it lay beside or in a resource
+        ("passes", np.bool_),  # it had a zone near its way
+        ("bound", np.bool_),  # it had a stop at a resource
+    ],
     align=True,
 )
-"""Its newest pose and size; how far it gets in the next ten seconds, and the box around its way, or around the last one
-that it was on; since when and where it stands; how many stops lie ahead, and the row of the batch that told them.
 
-Whether it was heard before, is forecast to move, is at rest whatever it says, has a resource, waits on its way, lay
-beside or in a resource, had a zone near its way, and a stop at a resource."""
+SEEN = 1 + [*(ROBOT.names or ())].index("stops")
+"""So many fields, the first of a record, are what `Seen` tells of a robot."""
 
 STOP = np.dtype(
-    [(name, np.float64) for name in ("t_s", "spread_s", "x_m", "y_m")] + [("floor", np.int64), ("resource", np.int64)],
+    [
+        ("told_s", np.float64),  # when the robot says that it is there; where its path ends, as forecast
+        ("t_s", np.float64),  # when it means to be there, and can
+        ("expected_s", np.float64),  # when it is expected there: later where it is overdue
+        ("spread_s", np.float64),  # half the width of the middle 80 % of that
+        ("x_m", np.float64),  # where it is
+        ("y_m", np.float64),
+        ("floor", np.int64),  # number of its floor
+        ("resource", np.int64),  # number of the resource that it is in; -1 where it is in none
+    ],
     align=True,
 )
-"""One destination ahead: when the robot is expected there, and half the width of the middle 80 % of it; where it is;
-and the number of the resource that it is in, or -1."""
+"""One destination ahead."""
 Stops = NDArray[Any]
 """Of `STOP`, by slot and in the order of their times."""
 
@@ -89,7 +119,7 @@ def _touches(floor: int, west: float, south: float, east: float, north: float, f
         _INT_TABLE,
         _LINES,
         _TABLE,
-        *[_FLOATS] * 3,
+        *[_FLOATS] * 5,
         _INTS,
         _BOOLS,
         *[_INTS, _TABLE] * 2,
@@ -113,6 +143,8 @@ def take_in(
     way_m: Floats,
     length_m: Floats,
     width_m: Floats,
+    bottom_m: Floats,
+    top_m: Floats,
     stops: Ints,
     bound: Bools,
     resource_floors: Ints,
@@ -136,6 +168,7 @@ def take_in(
         goes = basis[row] != _STATIONARY and way_m[row] > WAY_M
         one.event_s, one.floor, one.x_m, one.y_m, one.yaw_rad = event_s[row], on, x, y, yaw_rad[row, 0]
         one.length_m, one.width_m, one.way_m, one.goes = length_m[row], width_m[row], way_m[row], goes
+        one.bottom_m, one.top_m = bottom_m[row], top_m[row]
         if goes:
             one.west_m, one.south_m, one.east_m, one.north_m = boxes_m[row]
             kept_ways[slots[row]] = ways[row]

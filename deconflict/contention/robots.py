@@ -11,9 +11,10 @@ from shapely.ops import substring
 
 from deconflict.contention import records
 from deconflict.contention.ahead import STEP_S, STEPS, Ahead, Ways, ahead, corners, ways_ahead
-from deconflict.contention.arrivals import Arrivals
+from deconflict.contention.arrivals import Arrivals, Corrections
+from deconflict.contention.batteries import Batteries
 from deconflict.contention.boxes import ROUNDING_M
-from deconflict.contention.destinations import Stop, set_out
+from deconflict.contention.destinations import Stop, expect, set_out
 from deconflict.contention.geometry import Geometry, Passage
 from deconflict.contention.promises import ARRIVED_M
 from deconflict.contention.records import ROBOT, STANDS_M, STOP, STRAIGHT, WAY_M, Drawn, take_in
@@ -39,6 +40,9 @@ class Seen:
     y_m: float
     length_m: float
     width_m: float
+    bottom_m: float
+    """Heights that it reaches from and to; -inf and inf where they are unknown."""
+    top_m: float
     way_m: float
     """How far it gets in the next ten seconds."""
     stood_s: float
@@ -68,7 +72,7 @@ class Robots(Mapping[str, Seen]):
     """Every robot, by UUID; takes in those that changed."""
 
     def __init__(self, geometry: Geometry) -> None:
-        self.arrivals = Arrivals()
+        self.arrivals, self.batteries = Arrivals(), Batteries()
         self._geometry = geometry
         self._slots: dict[str, int] = {}
         self._free: list[int] = []
@@ -112,6 +116,7 @@ class Robots(Mapping[str, Seen]):
             slot = self._slots.pop(uuid, None)
             if slot is not None:
                 self.records[slot] = np.zeros((), ROBOT)
+                self.batteries.forget(slot)
                 for kept in (self._here, self._passages, self._ways_left):
                     kept.pop(slot, None)
                 del self._words[uuid]
@@ -129,7 +134,9 @@ class Robots(Mapping[str, Seen]):
         slots = self._slotted(batch.robots)
         numbers = np.array([self._number(floor) for floor in batch.floors], np.int64)
         self._words.update(zip(batch.robots, zip(batch.vendors, batch.names, batch.states, strict=True), strict=True))
-        counts, bound = self._set_out(batch, now_s, view, slots, numbers)
+        before_pct = self._levels(batch, slots)
+        corrections = self.arrivals.hear(batch, now_s, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
+        counts, bound = self._set_out(batch, now_s, view, corrections, slots, numbers)
         asked = take_in(
             self.records,
             self._ways,
@@ -140,16 +147,29 @@ class Robots(Mapping[str, Seen]):
             ready(batch.basis, np.int64),
             *(view.x_m, view.y_m, view.yaw_rad),
             view.floor,
-            *(ways.lines_m, ways.boxes_m, ways.way_m, ready(told.length_m), ready(told.width_m)),
+            *(ways.lines_m, ways.boxes_m, ways.way_m),
+            *(ready(told.length_m), ready(told.width_m), ready(told.bottom_m), ready(told.top_m)),
             counts,
             bound,
             *self._resources,
             *self._zones,
             ROUNDING_M,
         )
-        return self._ask(batch, view, ways, slots, asked) if asked.any() else []
+        left = self._ask(batch, view, ways, slots, asked, before_pct) if asked.any() else []
+        if len(batch.destinations.t_s):
+            expect(self.records, self.stops, slots, now_s, corrections)
+        return left
 
-    def _ask(self, batch: Batch, view: Ahead, ways: Ways, slots: Ints, asked: Ints) -> list[tuple[str, float]]:
+    def _levels(self, batch: Batch, slots: Ints) -> Floats:
+        """Take in levels of batteries, where there are chargers: (n,) those before, nan where they are not known."""
+        if not self._geometry.chargers or np.isnan(batch.battery_pct).all():
+            return np.full(len(batch), np.nan)
+        told = (batch.event_s, batch.battery_pct, batch.run_time_left_s)
+        return self.batteries.take_in(slots, batch.vendors, *told)
+
+    def _ask(
+        self, batch: Batch, view: Ahead, ways: Ways, slots: Ints, asked: Ints, before_pct: Floats
+    ) -> list[tuple[str, float]]:
         """Ask shapes what is to be asked of them; the resources that robots have left, and for how long they had them.
 
         Of a robot that is there twice, where it goes is asked at the last.
@@ -160,26 +180,31 @@ class Robots(Mapping[str, Seen]):
             self._passages.pop(slot, None)
         self._pass(batch, view, ways, slots, passes[newest[passes]])
         self._wait(batch, view, slots, asked)
-        left = self._come(batch, view, slots, np.flatnonzero(asked & records.BESIDE))
+        left = self._come(batch, view, slots, np.flatnonzero(asked & records.BESIDE), before_pct)
         self._name_stops(slots[newest & (asked & records.BOUND > 0)])
         ends = np.flatnonzero(newest & (asked & records.ENDS > 0))
         self._follow(batch, view, slots, ends[self.records["stops"][slots[ends]] == 0])
         return left
 
-    def _come(self, batch: Batch, view: Ahead, slots: Ints, rows: Ints) -> list[tuple[str, float]]:
+    def _come(self, batch: Batch, view: Ahead, slots: Ints, rows: Ints, before_pct: Floats) -> list[tuple[str, float]]:
         """Who has which resource."""
         if not len(rows):
             return []
         left = []
         here = self._geometry.resources_at(batch.datums(view.floor[rows, 0]), view.x_m[rows, 0], view.y_m[rows, 0])
-        for slot, event_s, place in zip(slots[rows].tolist(), batch.event_s[rows].tolist(), here, strict=True):
-            had, came_s = self._here.get(slot, (None, 0.0))
+        chargers = self._geometry.chargers
+        for row, slot, place in zip(rows.tolist(), slots[rows].tolist(), here, strict=True):
+            (had, came_s), event_s = self._here.get(slot, (None, 0.0)), float(batch.event_s[row])
             if place != had:
                 if had:
                     left.append((had, event_s - came_s))
                     del self._here[slot]
+                if had in chargers:
+                    self.batteries.left(slot, batch.vendors[row], had, float(batch.battery_pct[row]))
                 if place:
                     self._here[slot] = place, event_s
+                if place in chargers:
+                    self.batteries.came(slot, float(before_pct[row]))
                 self.records["here"][slot] = place is not None
         return left
 
@@ -240,19 +265,20 @@ class Robots(Mapping[str, Seen]):
                 x_m, y_m = view.x_m[row, -1], view.y_m[row, -1]
                 short_m = np.hypot(view.x_m[row] - x_m, view.y_m[row] - y_m)
                 arrives_s, floor = view.t_s[row, int(np.argmax(short_m < STANDS_M))], self.records["floor"][slot]
-                self.stops[slot, 0] = arrives_s, STEP_S, x_m, y_m, floor, self._numbered[end]
+                self.stops[slot, 0] = *[arrives_s] * 3, STEP_S, x_m, y_m, floor, self._numbered[end]
                 self.records["stops"][slot], self.records["bound"][slot] = 1, True
 
-    def _set_out(self, batch: Batch, now_s: Floats, view: Ahead, slots: Ints, numbers: Ints) -> tuple[Ints, Bools]:
-        """Take in what robots say of where they go: (n,) how many stops each has, and whether any may be a resource."""
-        rates = self.arrivals.hear(batch, now_s, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
+    def _set_out(
+        self, batch: Batch, now_s: Floats, view: Ahead, corrections: Corrections, slots: Ints, numbers: Ints
+    ) -> tuple[Ints, Bools]:
+        """Take in where robots go, as they say: (n,) how many stops each has, and whether any may be a resource."""
         told = batch.destinations
         if not len(told.t_s):
             return np.zeros(len(batch), np.int64), np.zeros(len(batch), np.bool_)
         spare = int((told.start[1:] - told.start[:-1]).max()) - self.stops.shape[1]
         if spare > 0:
             self.stops = np.pad(self.stops, ((0, 0), (0, spare)))
-        return set_out(self.stops, slots, numbers, told, now_s, view, rates, self._resources)
+        return set_out(self.stops, slots, numbers, told, now_s, view, corrections, self._resources)
 
     def _slotted(self, uuids: Sequence[str]) -> Ints:
         slots = [self._slots.get(uuid, -1) for uuid in uuids]
@@ -271,6 +297,7 @@ class Robots(Mapping[str, Seen]):
                 more = (0, slot + 1)
                 self.records, self.stops = np.pad(self.records, more), np.pad(self.stops, (more, (0, 0)))
                 self._ways = np.pad(self._ways, (more, (0, 0), (0, 0)))
+                self.batteries.make_room(len(self.records))
         return slot
 
     def datum(self, floor: int) -> str:
@@ -288,16 +315,21 @@ class Robots(Mapping[str, Seen]):
     def _told(self, uuid: str) -> Seen:
         slot = self._slots[uuid]
         numbers: tuple[Any, ...] = self.records[slot].item()
-        *told, floor, count = numbers[:11]
+        *told, floor, count = numbers[: records.SEEN]
         stops = tuple(map(self._stop, self.stops[slot, :count].tolist())) if count else ()
         here, came_s = self._here.get(slot, (None, 0.0))
         passages = self._passages.get(slot, {})
         fields: tuple[Any, ...] = (*told, self.datum(floor), here, came_s, stops, passages)
         return Seen(uuid, *self._words[uuid], *fields)
 
-    def _stop(self, told: tuple[float, float, float, float, int, int]) -> Stop:
-        t_s, spread_s, x_m, y_m, floor, resource = told
-        return Stop(t_s, spread_s, self.datum(floor), x_m, y_m, self._places[resource] if resource >= 0 else None)
+    def _stop(self, told: tuple[float, float, float, float, float, float, int, int]) -> Stop:
+        told_s, t_s, expected_s, spread_s, x_m, y_m, floor, number = told
+        resource = self._places[number] if number >= 0 else None
+        return Stop(told_s, t_s, expected_s, spread_s, self.datum(floor), x_m, y_m, resource)
+
+    def vendors(self, slots: Ints) -> list[str]:
+        """(n,)"""
+        return [self._words[self.uuids[slot]][0] for slot in slots.tolist()]
 
     def passing(self) -> list[Seen]:
         """Those with a zone on their way."""

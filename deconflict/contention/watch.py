@@ -5,12 +5,13 @@ changed with them: queues of resources that somebody wants, standing robots that
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
-from math import inf
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import hypot, inf
 
 from deconflict.contention import findings
 from deconflict.contention.advising import Advising, advising_alone
 from deconflict.contention.blockages import blockages
+from deconflict.contention.charging import Need, Shortage, needs, shortages
 from deconflict.contention.congestion import Flow
 from deconflict.contention.deadlocks import Link, rings
 from deconflict.contention.demand import Row, Turns, first_come
@@ -23,13 +24,18 @@ from deconflict.contention.resources import ContentionSettings, Resource, Zone
 from deconflict.contention.robots import Robots, Seen
 from deconflict.contention.telling import Finding, Telling, Told
 from deconflict.gathering import Gathered, Gathering
+from deconflict.heights import beside, most_beside
 from deconflict.learned import Part, numbers
 from ingest.measures import Measures
 from ingest.seam import Batch
 
 LOOK_S = 1.0
+NEEDS_S = 10.0
+"""Who will need a charger is asked so often."""
 REACH_S = 900.0
 """How far ahead demand is forecast (standard 5.2.3)."""
+QUEUES_M = 10.0
+"""A robot that stands so near a place without room for it waits for the place."""
 NOBODY = Turns([], 0, [], [], 0.0, 0)
 
 
@@ -53,14 +59,30 @@ class Contention:
         self._advising = advising(self.geometry)
         self._flows = {one.id: Flow(one.capacity) for one in self.geometry.zones.values()}
         self._inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
+        """By zone, the robots in it at the last look."""
+        self._crowds: dict[str, set[str]] = {zone: set() for zone in self._flows}
+        """By zone, the most of them that are at one height."""
         self._looked_s = -inf
         self._gathering = Gathering()
         self._rings: list[tuple[Link, ...]] = []
         self._turns: dict[str, Turns] = {}
+        self._needs: list[Need] = []
+        self._shortages: list[Shortage] = []
+        self._needs_s = -inf
         measures.ask(self._measure)
 
     def open(self) -> list[Told]:
         return self._telling.open()
+
+    @property
+    def needs(self) -> Sequence[Need]:
+        """Robots that may need a charger and have not said that they come to one, by the last look at that."""
+        return self._needs
+
+    @property
+    def turns(self) -> Mapping[str, Turns]:
+        """Everybody's turn at each place that somebody has or wants, by the last look."""
+        return self._turns
 
     def adopt(self, told: Told) -> None:
         """Go on from a revision that another decided."""
@@ -71,12 +93,16 @@ class Contention:
         self._catch_up()
         stays = {resource: one.learned() for resource, one in self._dwells.items()}
         arrivals = self.robots.arrivals
-        return {"arrivals": arrivals.learned(), "lateness": arrivals.lateness.learned(), "stays": stays}
+        late = {"lateness": arrivals.lateness.learned(), "overdue": arrivals.overdue.learned()}
+        batteries = self.robots.batteries.learned()
+        return {"arrivals": arrivals.learned(), **late, "stays": stays, "batteries": batteries}
 
     def resume(self, parts: Mapping[str, Part]) -> None:
         """Go on with what `learned` told. Raises `UnreadableError`."""
         self.robots.arrivals.resume(parts.get("arrivals", {}))
         self.robots.arrivals.lateness.resume(parts.get("lateness", {}))
+        self.robots.arrivals.overdue.resume(parts.get("overdue", {}))
+        self.robots.batteries.resume(parts.get("batteries", {}))
         stays = parts.get("stays", {})
         for resource in stays.keys() & self._dwells.keys():
             self._dwells[resource].resume(numbers(stays, resource, (None,)).tolist())
@@ -107,7 +133,9 @@ class Contention:
         journeys = legs(self.robots, around, now_s)
         self._turns = first_come(self._wanted(passing, journeys, now_s), self.geometry, now_s)
         in_way = hindrances(self.robots, around, now_s)
-        found = [*self._contended(now_s), *self._doubled(now_s), *self._locked(passing, journeys, in_way, now_s)]
+        self._foresee_charging(now_s)
+        found = [*self._contended(now_s), *self._short(now_s), *self._doubled(now_s)]
+        found += self._locked(passing, journeys, in_way, now_s)
         self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
         return self._telling.step(now_s, found, self._party)
 
@@ -116,14 +144,15 @@ class Contention:
         return one.name, one.vendor
 
     def _flow(self, passing: list[Seen], now_s: float, dt_s: float) -> None:
-        inside: dict[str, set[str]] = {zone: set() for zone in self._flows}
+        inside: dict[str, list[Seen]] = {zone: [] for zone in self._flows}
         for one in passing:
             for zone, passage in one.passages.items():
                 if passage.enter_s <= now_s < passage.leave_s:
-                    inside[zone].add(one.uuid)
+                    inside[zone].append(one)
         for zone, flow in self._flows.items():
-            flow.step(dt_s, len(inside[zone]), len(self._inside[zone] - inside[zone]))
-        self._inside = inside
+            crowd, self._inside[zone] = most_beside(inside[zone]), {one.uuid for one in inside[zone]}
+            flow.step(dt_s, len(crowd), len(self._crowds[zone] - self._inside[zone]))
+            self._crowds[zone] = {one.uuid for one in crowd}
 
     def _wanted(self, passing: list[Seen], journeys: list[Leg], now_s: float) -> dict[str, list[Row]]:
         """Who has or will want what, by place."""
@@ -132,7 +161,8 @@ class Contention:
             for zone, passage in one.passages.items():
                 through_s = min(passage.leave_s, float(passage.t_s[-1]) + LOOK_S) - max(passage.enter_s, now_s)
                 coming = one.uuid not in self._inside[zone]
-                wanted[zone].append((coming, passage.enter_s, one.uuid, max(through_s, 0.0), LOOK_S))
+                service_s = max(through_s, 0.0)
+                wanted[zone].append(Row(coming, passage.enter_s, one.uuid, service_s, LOOK_S, one.bottom_m, one.top_m))
         for leg in journeys:
             if leg.node[1] == 0 and leg.place in self._dwells:
                 wanted[leg.place].append(self._kept(leg, now_s))
@@ -140,20 +170,34 @@ class Contention:
         for one in self.robots.bound():
             met, last = {one.here}, len(one.stops) - 1
             for number, stop in enumerate(one.stops):
-                t_s, spread_s, _, _, _, place = stop
-                if place is not None and place not in met and t_s <= now_s + REACH_S:
-                    met.add(place)
+                place = stop.resource
+                if place is None or place in met:
+                    continue
+                met.add(place)
+                arrival_s, spread_s = stop.expected_s, stop.spread_s
+                if number == 0 and arrival_s > stop.t_s and self._waits(one, stop, wanted.get(place, ())):
+                    arrival_s, spread_s = stop.t_s, 0.0
+                if arrival_s <= now_s + REACH_S:
                     service_s = _between_s(stop, one.stops[number + 1]) if number < last else usual_s[place]
-                    wanted[place].append((True, t_s, one.uuid, service_s, spread_s))
+                    wanted[place].append(Row(True, arrival_s, one.uuid, service_s, spread_s, one.bottom_m, one.top_m))
         return wanted
+
+    def _waits(self, one: Seen, stop: Stop, rows: Iterable[Row]) -> bool:
+        """Whether a robot that stands is near its next stop and has no room there yet: that alone holds it up."""
+        away_m = hypot(stop.x_m - one.x_m, stop.y_m - one.y_m) if stop.datum == one.datum else inf
+        if not one.stands or away_m > QUEUES_M or stop.resource is None:
+            return False
+        inside = [row for row in rows if not row.coming and beside(row, one)]
+        return len(inside) >= self.geometry.capacity(stop.resource)
 
     def _kept(self, leg: Leg, now_s: float) -> Row:
         """What a robot has now, for as long as it says, or else as long as robots usually stay."""
         one = self.robots[leg.node[0]]
         left_s = self._dwells[leg.place].remaining_s(now_s - one.came_s)
         if leg.until_s < inf:
-            left_s = leg.until_s - now_s
-        return False, leg.since_s, one.uuid, left_s, 0.0
+            late_s = one.stops[0].expected_s - one.stops[0].t_s
+            left_s = leg.until_s + late_s - now_s
+        return Row(False, leg.since_s, one.uuid, left_s, 0.0, one.bottom_m, one.top_m)
 
     def _contended(self, now_s: float) -> Iterable[Finding]:
         """Places where somebody will wait long, with the slots that would cost least."""
@@ -164,11 +208,31 @@ class Contention:
                 advice = self._advising.slots(place, self._turns, self.robots, now_s)
                 yield findings.contention(self.geometry, place, turns, advice, self.robots, now_s)
 
+    def _foresee_charging(self, now_s: float) -> None:
+        """Who will need a charger, and which chargers will be full for that, every now and then."""
+        if self.geometry.chargers and now_s - self._needs_s >= NEEDS_S:
+            self._needs_s = now_s
+            self._needs = needs(self.robots, self.robots.batteries, self.geometry, now_s)
+            usual_s = {charger: self._dwells[charger].service_s for charger in self.geometry.chargers}
+            standing = [one.chargers[0] for one in self._shortages]
+            self._shortages = shortages(self._needs, self._turns, self.geometry, now_s, usual_s, standing)
+
+    def _short(self, now_s: float) -> Iterable[Finding]:
+        """Chargers that will be full for robots that have not said that they come; not where some wait as they say."""
+        long = self._settings.least_wait_s
+        for one in self._shortages:
+            waits = any(self._turns[charger].longest_s >= long for charger in one.chargers if charger in self._turns)
+            known = self.robots.keys() >= {*one.there, *(need.robot for need in one.needs)}
+            if known and not waits and one.wait_s >= long:
+                yield findings.shortage(self.geometry, one, self.robots, now_s)
+
     def _doubled(self, now_s: float) -> Iterable[Finding]:
         """Places with more robots inside than they take."""
         for place, turns in self._turns.items():
             if turns.inside > self.geometry.capacity(place):
-                yield findings.double_occupancy(self.geometry, place, turns, now_s)
+                crowd = most_beside(turns.rows[: turns.inside])
+                if len(crowd) > self.geometry.capacity(place):
+                    yield findings.double_occupancy(self.geometry, place, turns, crowd, now_s)
 
     def _locked(
         self, passing: list[Seen], journeys: list[Leg], in_way: list[Hindrance], now_s: float
@@ -203,6 +267,7 @@ class Contention:
             "deconflict_resource_demand": dict(zip(places, [len(one.rows) for one in turns], strict=True)),
             "deconflict_resource_occupancy": dict(zip(places, [one.inside for one in turns], strict=True)),
             "deconflict_resource_wait_seconds": dict(zip(places, [one.longest_s for one in turns], strict=True)),
+            "deconflict_resource_expected_demand": self._expected_demand(),
             "deconflict_zone_flow_per_second": {zone: one.flow_per_s for zone, one in self._flows.items()},
             "deconflict_zone_saturation_ratio": {zone: one.saturation for zone, one in self._flows.items()},
             "deconflict_arrival_time_ratio": {
@@ -213,8 +278,15 @@ class Contention:
         for name, series in levels.items():
             self._measures.level(name, {(label,): value for label, value in series.items()})
 
+    def _expected_demand(self) -> dict[str, float]:
+        """By charger, how many robots will need it besides those that say so; one that may choose counts in parts."""
+        demand = dict.fromkeys(self.geometry.chargers, 0.0)
+        for need in self._needs:
+            for charger in need.chargers:
+                demand[charger] += float(need.likely[-1]) / len(need.chargers)
+        return demand
+
 
 def _between_s(stop: Stop, after: Stop) -> float:
     """How long a robot may keep a stop before it sets out for the next one."""
-    away_s: float = ((after.x_m - stop.x_m) ** 2 + (after.y_m - stop.y_m) ** 2) ** 0.5
-    return max(after.t_s - away_s - stop.t_s, 1.0)
+    return max(after.expected_s - hypot(after.x_m - stop.x_m, after.y_m - stop.y_m) - stop.expected_s, 1.0)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.foresight.leaving import PARTS, counts, weights
-from deconflict.foresight.pairs import CONTACT_FEATURES, FEATURES, Fates
+from deconflict.foresight.pairs import CONTACT_FEATURES, Fates
 from deconflict.learned import Part, UnreadableError, numbers
 from ingest.seam import Floats, Ints
 
@@ -27,7 +27,7 @@ class Prior(NamedTuple):
 CONTACT = Prior(np.array([0.07, 1.07, 0.2, -0.27, -0.74]), np.array([0.7, 0.3, 0.3, 0.7, 0.7]))
 """Of coming within the clearance: learned on recordings of people and of robots that avoid each other."""
 INTERACTION = Prior(
-    np.array([0.9, 0.9, 0.3, -0.6, -0.4, -1.0, -1.5, -1.0]), np.array([0.7, 0.3, 0.3, 0.7, 0.7, 0.7, 0.7, 0.7])
+    np.array([0.4, 0.8, 0.2, -0.8, -0.4, -0.4, -2.0, -1.1]), np.array([0.7, 0.3, 0.3, 0.7, 0.7, 0.7, 0.7, 0.7])
 )
 """Of getting in each other's way: learned on simulated floors of robots with plans."""
 OWN_SD = 1.0, 0.25
@@ -69,9 +69,18 @@ class Posterior:
     information: Floats = field(init=False)
     """(features, features) inverse of the covariance of the weights."""
     as_of_s: float | None = None
+    _covariance: Floats | None = None
 
     def __post_init__(self) -> None:
         self.weights, self.information = self.prior.mean.copy(), self._prior_information()
+
+    def square(self, seen: Floats) -> Floats:
+        """(n,) variance of the score of features (n, features)."""
+        covariance = self._covariance = (
+            np.linalg.inv(self.information) if self._covariance is None else self._covariance
+        )
+        square: Floats = ((seen @ covariance) * seen).sum(axis=1)
+        return square
 
     def learn(self, seen: Floats, expected: Floats, came: Floats, weight: Floats, now_s: float) -> None:
         """One Newton step on n outcomes of features (n, features): what was expected, what `came` (n,), and what each
@@ -81,6 +90,7 @@ class Posterior:
         certain = weight * expected * (1 - expected)
         self.information = kept * self.information + (1 - kept) * self._prior_information()
         self.information += (seen * certain[:, None]).T @ seen
+        self._covariance = None
         self.weights = self.weights + np.linalg.solve(self.information, seen.T @ (weight * (came - expected)))
 
     def learned(self) -> Part:
@@ -90,6 +100,7 @@ class Posterior:
     def resume(self, part: Part) -> None:
         """Go on with what `learned` gave. Raises `UnreadableError`."""
         features = len(self.prior.mean)
+        self._covariance = None
         self.weights = numbers(part, "weights", (features,))
         self.information = numbers(part, "information", (features, features))
         self.as_of_s = None if part.get("as_of_s") is None else float(numbers(part, "as_of_s", ()))
@@ -155,11 +166,10 @@ class Calibration:
 
     def _spread(self, seen: Floats, vendors: Ints) -> Floats:
         """(n,) standard deviation of the score."""
-        square = np.einsum("ij,jk,ik->i", seen, np.linalg.inv(self.of_all.information), seen)
+        square = self.of_all.square(seen)
         for code in np.unique(vendors).tolist():
             rows = vendors == code
-            covariance = np.linalg.inv(self._own(code).information)
-            square[rows] += np.einsum("ij,jk,ik->i", seen[rows], covariance, seen[rows])
+            square[rows] += self._own(code).square(seen[rows])
         spread: Floats = np.sqrt(square)
         return spread
 
@@ -201,5 +211,4 @@ def _share(score: Floats) -> Floats:
 
 def contact_features(seen: Floats) -> Floats:
     """Of features (n, FEATURES), those that tell of coming within the clearance."""
-    assert seen.shape[1] == FEATURES
     return np.ascontiguousarray(seen[:, :CONTACT_FEATURES])

@@ -106,7 +106,7 @@ class Followed:
         self, a: Ints, b: Ints, past_looks: Floats, ahead_s: Floats, now_s: float, late_s: Floats | None = None
     ) -> Beside:
         """Robots `b` (n,) as seen from `a` (n,): since both reported before, at those parts (k,) of the time, and at
-        `now_s + ahead_s` (m,), by their newest forecasts, each of which begins `late_s` (2, n) later if that is given."""
+        `now_s + ahead_s` (m,), by their newest forecasts, which begin `late_s` (2, n) later if that is given."""
         reports = (self._before, self.seen, self._track)
         late_s = np.zeros((2, len(a))) if late_s is None else late_s
         return Beside(*ways.beside(*reports, a, b, past_looks, ahead_s, now_s, LONG_AGO_S, JOINED_S, late_s))

@@ -2,9 +2,9 @@
 
 At each look a pair's separation is sampled over the horizon. At each sample the share of the two robots' error
 distributions (the 80 % bands of robots that are on their way, taken as those of a normal one) that lies within the
-clearance is a first guess. Robots that wait start at a time that is learned. `calibration` makes of these the probability
-that holds on this site: that they come within the clearance, or that one gives way to the other. Outcomes
-are read from the robots' own reports, as in offline scoring.
+clearance is a first guess. Robots that wait start at a time that is learned. `calibration` makes of these the
+probability that holds on this site: that they come within the clearance, or that one gives way to the other.
+Outcomes are read from the robots' own reports, as in offline scoring.
 """
 
 from collections.abc import Mapping, Sequence
@@ -58,6 +58,14 @@ MOST_GROWN_M = 0.75
 """An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
 DISTRUSTED = 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
+
+
+SHOWN = frozenset(PAIR.names or ())
+"""Columns of pairs that are shown."""
+
+
+ESTIMATED = ("probability", "lower", "upper", "deciding", "contact_probability")
+"""Columns of pairs that are estimated, in the order of `Estimate`, and that of contact."""
 
 
 class Swept(NamedTuple):
@@ -131,6 +139,8 @@ class Foresight:
         self._vendor = np.zeros(0, np.int64)
         """Place among `_vendors`."""
         self._vendors: dict[str, int] = {}
+        self._absence = np.zeros(0)
+        """(slots,) how likely a robot that is silent is not there."""
         self._pairs = np.zeros(0, PAIR)
         self._swept: Ints = np.full(1, -1)
         """Codes of the pairs that were swept in the last look, -1 where a robot left since; and -1 at the end, for one
@@ -210,7 +220,7 @@ class Foresight:
             self._note(interaction)
 
     def _note(self, interaction: Interaction) -> None:
-        code = codes(*self._in_order(interaction.robot, interaction.other))
+        code = self._code(interaction.robot, interaction.other)
         row = int(np.searchsorted(self._pairs["code"], code))
         if row == len(self._pairs) or self._pairs["code"][row] != code:
             return
@@ -223,10 +233,10 @@ class Foresight:
             pair["yield_end_s"] = interaction.end_s
         pair["doubted_s"] = interaction.onset_s if interaction.outcome is Outcome.UNKNOWN else -np.inf
 
-    def _in_order(self, slot: int, other: int) -> tuple[Ints, Ints]:
-        """Two slots as a pair is named by them."""
+    def _code(self, slot: int, other: int) -> int:
+        """The number of a pair of slots."""
         a, b = (slot, other) if self._rank[slot] < self._rank[other] else (other, slot)
-        return np.int64(a), np.int64(b)
+        return int(codes(np.array([a]), np.array([b]))[0])
 
     def _believed(self, batch: Batch, slots: Ints) -> Batch:
         f = batch.forecasts
@@ -291,8 +301,7 @@ class Foresight:
             [],
         )
         for (a, b), _ in self.probabilities():
-            code = int(codes(np.int64(self._slots[a]), np.int64(self._slots[b])))
-            pairs.append(((a, b), known[code]))
+            pairs.append(((a, b), known[self._code(self._slots[a], self._slots[b])]))
         return pairs
 
     def stands(self, uuid: str) -> bool:
@@ -302,7 +311,7 @@ class Foresight:
 
     def _standing(self, slots: slice) -> Bools:
         robots = self._robots[slots]
-        stands: Bools = robots["rests"] | (robots["stood_since_s"] < np.inf)
+        stands: Bools = robots["stays"] | (robots["stood_since_s"] < np.inf)
         return stands
 
     def look(self, now_s: float, swept: Swept, likely: float) -> Foreseen:
@@ -321,23 +330,28 @@ class Foresight:
         self._estimate(pairs)
         self._ask(now_s)
         rows, others = shown(pairs, swept_rows, likely)
-        columns = (pairs[name][rows] for name in ("probability", "near_s", "near_m", "now_m"))
-        intervals = (pairs[name][rows] for name in ("contact_probability", "lower", "upper", "deciding", "still"))
-        return Foreseen([*swept.pairs, *self._named(others)], *columns, fresh[rows], *intervals)
+        columns = {name: pairs[name][rows] for name in Foreseen._fields if name in SHOWN}
+        return Foreseen(pairs=[*swept.pairs, *self._named(others)], fresh=fresh[rows], **columns)
 
     def _estimate(self, pairs: Pairs) -> None:
         """Set how likely the pairs are, from what is seen of them and of their robots' other pairs."""
         preempt(pairs, self._standing(slice(None)), len(self._robots), PREEMPTED_S)
         seen, vendors = np.ascontiguousarray(pairs["seen"]), self._vendors_of(pairs["code"])
         estimate = self.calibration.estimate(seen, vendors)
-        for name, column in zip(("probability", "lower", "upper", "deciding"), estimate, strict=True):
-            pairs[name] = column
-        pairs["contact_probability"] = self.contact.estimate(contact_features(seen), vendors).probability
+        contact, there = self.contact.estimate(contact_features(seen), vendors).probability, self._both_there(pairs)
+        for name, column in zip(ESTIMATED, (*estimate, contact), strict=True):
+            pairs[name] = column * there
 
     def _vendors_of(self, code: Ints) -> Ints:
         """(n,) one number for the vendors of each pair."""
         a, b = (self._vendor[slots] for slots in slots_of(code))
         return codes(np.minimum(a, b), np.maximum(a, b))
+
+    def _both_there(self, pairs: Pairs) -> Floats:
+        """(p,) how likely both robots of each pair are there."""
+        a, b = slots_of(pairs["code"])
+        both: Floats = (1.0 - self._absence[a]) * (1.0 - self._absence[b])
+        return both
 
     def _exact(self, swept: Swept) -> Ints:
         """Codes of the pairs that were swept, most of them in the last look too."""
@@ -382,9 +396,9 @@ class Foresight:
         of_robots = (self.following.bands_m, self._robots, self._followed.seen)
         limits = (now_s, self._horizon_s, self._clearance_m, self._margin_m, STANDING_MPS)
         sds = judge(pairs, rows, a, b, *exact, past_s, apart_m, same, speed_mps, *of_robots, self._ahead_s, *limits)
-        limits = (self._horizon_s, self._clearance_m)
+        bounds = (self._horizon_s, self._clearance_m)
         robots = (self._robots, self._half, self._followed, self.starts, self.following.bands_m)
-        share = mixed(ndtr(sds), a, b, now_s, self._ahead_s, limits, *robots)
+        share = mixed(ndtr(sds), a, b, now_s, self._ahead_s, bounds, *robots)
         pairs["share"][rows] = share[0]
         pairs["seen"][rows, 1:3] = log_odds(share).T
 
@@ -418,13 +432,18 @@ class Foresight:
         self._ranks_stale = True
         return slot
 
+    def set_presence(self, uuid: str, there: float) -> None:
+        """How likely a robot is there from now on."""
+        if uuid in self._slots:
+            self._absence[self._slots[uuid]] = 1.0 - there
+
     def _rank_anew(self) -> None:
         self._ranks_stale = False
         self._rank[[self._slots[name] for name in sorted(self._slots)]] = np.arange(len(self._slots))
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._robots)
-        for name in ("_held", "_told", "_robots", "_rank", "_half", "_levels_m", "_vendor"):
+        for name in ("_held", "_told", "_robots", "_rank", "_half", "_levels_m", "_vendor", "_absence"):
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
         self._words = np.concatenate([self._words, unheard(more)])
@@ -440,7 +459,8 @@ class Foresight:
         self._spare.extend(slots.tolist())
         self._swept[:] = -1
         self._held[slots] = self._told[slots] = False
-        self._robots["surprise"][slots], self._robots["stood_since_s"][slots] = 0.0, np.inf
+        self._robots["surprise"][slots] = self._absence[slots] = 0.0
+        self._robots["stood_since_s"][slots] = np.inf
         self._words[slots] = unheard(len(slots))
         self._followed.forget(slots)
         self._finder.forget(slots.tolist())

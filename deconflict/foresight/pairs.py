@@ -21,10 +21,10 @@ SLOT_BITS = 24
 SLOTS = (1 << SLOT_BITS) - 1
 FEATURES = 8
 """1; the log odds of the largest share of the error distribution that lies within the clearance, at any moment of the
-horizon and in its first fifth, over the times at which a waiting robot may start; how long the pair would need if it went
-straight for each other, in horizons and at most 1; 1 where either stands: it is seen, and gone around; 1 where both do;
-and the share of the horizon times how surely one of the two, and each of them, comes into conflict with another robot
-before: one that has stopped for somebody else does not come here."""
+horizon and in its first fifth, over the times at which a waiting robot may start; how long the pair would need if it
+went straight for each other, in horizons and at most 1; 1 where either stands: it is seen, and gone around; 1 where
+both do; and the share of the horizon times how surely one of the two, and each of them, comes into conflict with
+another robot before: one that has stopped for somebody else does not come here."""
 CONTACT_FEATURES = 5
 """The first of them tell how likely the envelopes come within the clearance."""
 REMEMBERED_S = 25.0
@@ -179,8 +179,8 @@ def shown(pairs: Pairs, first: Ints, likely: float) -> tuple[Ints, Ints]:
 
 @kernel(numba.void(_PAIRS, _BOOLS, numba.int64, numba.float64))
 def preempt(pairs: Pairs, stands: Bools, slots: int, scale_s: float) -> None:
-    """Set the features of the pairs under watch that hang on other pairs: how surely each robot comes into conflict with
-    somebody else before; and which pairs are `still`. `stands` is by slot, of which there are so many."""
+    """Set the features of the pairs under watch that hang on other pairs: how surely each robot comes into conflict
+    with another one before; and which pairs are `still`. `stands` is by slot, of which there are so many."""
     first_s, second_s, first = np.full(slots, np.inf), np.full(slots, np.inf), np.full(slots, -1)
     for row, pair in enumerate(pairs):
         if not pair.watched:
@@ -234,9 +234,9 @@ class Fates:
 def _ended(
     pairs: Pairs, asked: Ints, until_s: Floats, asked_s: float, horizon_s: float
 ) -> tuple[Ints, Floats, Bools, Floats, Bools]:
-    """What became of pairs `asked` (n,), ascending, within the horizon: the rows of those of which it is known; when the
-    two got in each other's way, or one was last heard or went its own way (`until_s`, by slot), and whether they did; and
-    the same of coming within the clearance.
+    """What became of pairs `asked` (n,), ascending, within the horizon: the rows of those of which it is known; when
+    the two got in each other's way, or one was last heard or went its own way (`until_s`, by slot), and whether they
+    did; and the same of coming within the clearance.
 
     Left out are pairs that were at it when asked, and those of one vendor of which it is not known whether an order of
     their fleet explains what they did.

@@ -1,8 +1,8 @@
 """When a robot that stands, and says that it goes at once, starts: learned by kind of forecast and time stood.
 
-Robots that wait their turn, are stalled or stand before somebody tell paths as if they went at once. How many of those that
-have stood so long start in the next second is counted by kind, faded by a half in `HALF_LIFE_S`, and drawn towards that of
-all kinds where a kind has few cases (a piecewise constant hazard with a gamma prior).
+Robots that wait their turn, are stalled or stand before another robot tell paths as if they went at once. How many of
+those that have stood so long start in the next second is counted by kind, faded by a half in `HALF_LIFE_S`, and drawn
+towards that of all kinds where a kind has few cases (a piecewise constant hazard with a gamma prior).
 """
 
 from dataclasses import dataclass, field
@@ -44,8 +44,9 @@ class Starts:
         self.counts *= 0.5 ** (max(now_s - (self.as_of_s or now_s), 0.0) / HALF_LIFE_S)
         self.as_of_s = now_s
         bins = _bin(stood_s)
-        np.add.at(self.counts, (kind, bins, 0), started)
-        np.add.at(self.counts, (kind, bins, 1), np.where(started > 0, lasted_s / 2, lasted_s))
+        cases = np.column_stack([started, np.where(started > 0, lasted_s / 2, lasted_s)])
+        for row, (of_kind, of_bin) in enumerate(zip(kind.tolist(), bins.tolist(), strict=True)):
+            self.counts[of_kind, of_bin] += cases[row]
 
     def per_s(self, kind: Ints) -> Floats:
         """(n, bins) starts a second of kinds (n,)."""
@@ -58,15 +59,13 @@ class Starts:
 
     def weights(self, kind: Ints, stood_s: Floats) -> Floats:
         """(n, len(LATE_S)) how likely robots of kinds (n,) that have stood `stood_s` (n,) start so late."""
-        per_s = self.per_s(kind)
-        left = np.ones((len(kind), len(_UNTIL_S) + 2))
-        left[:, -1] = 0.0
-        steps_s = np.arange(0.0, _UNTIL_S[-1], 0.5)
-        hazard = np.stack([np.take_along_axis(per_s, _bin(stood_s + step)[:, None], axis=1)[:, 0] for step in steps_s])
-        stays = np.exp(-0.5 * np.cumsum(hazard, axis=0))
-        for column, until_s in enumerate(_UNTIL_S):
-            left[:, column + 1] = stays[round(until_s / 0.5) - 1]
-        return left[:, :-1] - left[:, 1:]
+        per_s, rows = self.per_s(kind), np.arange(len(kind))[:, None]
+        until_edge = np.concatenate([np.zeros((len(kind), 1)), np.cumsum(per_s[:, :-1] * np.diff(STOOD_S), axis=1)], 1)
+        times_s = np.maximum(stood_s, 0.0)[:, None] + np.concatenate([[0.0], _UNTIL_S])
+        bins = _bin(times_s)
+        hazard = until_edge[rows, bins] + per_s[rows, bins] * (times_s - STOOD_S[bins])
+        stays = np.concatenate([np.exp(hazard[:, :1] - hazard), np.zeros((len(kind), 1))], axis=1)
+        return stays[:, :-1] - stays[:, 1:]
 
     def learned(self) -> Part:
         """What is worth keeping over a restart."""

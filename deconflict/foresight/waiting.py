@@ -21,8 +21,8 @@ def waits(robots: Robots) -> Bools:
 
 
 def heard(starts: Starts, before: Robots, after: Robots, before_s: Floats, now_s: Floats, tick_s: float) -> None:
-    """Count which of n robots that waited as of the reports `before`, at `before_s` (n,), have started by those `after`,
-    at `now_s` (n,)."""
+    """Count which of n robots that waited as of the reports `before`, at `before_s` (n,), have started by the reports
+    `after`, at `now_s` (n,)."""
     rows = np.flatnonzero(waits(before) & (now_s > before_s) & (now_s - before_s < 5.0))
     if len(rows):
         stood_s, lasted_s = before_s[rows] - before["stood_since_s"][rows], now_s[rows] - before_s[rows]
@@ -36,17 +36,18 @@ def mixed(
     b: Ints,
     now_s: float,
     ahead_s: Floats,
-    limits_m: tuple[float, float],
+    bounds: tuple[float, float],
     robots: Robots,
     half: Floats,
     followed: Followed,
     starts: Starts,
     bands_m: Floats,
 ) -> Floats:
-    """(2, n) shares of the error distribution of pairs `a` and `b` (n,) over the times at which one that waits may start.
+    """(2, n) shares of the error distribution of pairs `a` and `b` (n,) over the times at which a robot that waits may
+    start.
 
-    `share` (2, n) is that of the forecasts as told; `limits_m` are the horizon in seconds and the clearance. Of pairs of
-    which both wait, or neither, it is what it was.
+    `share` (2, n) is that of the forecasts as told; `bounds` are the horizon in seconds and the clearance in metres. Of
+    pairs of which both wait, or neither, it is what it was.
     """
     waiting = waits(robots)
     rows = np.flatnonzero(waiting[a] ^ waiting[b])
@@ -60,7 +61,7 @@ def mixed(
     beside = followed.beside(ext_a, ext_b, NO_PAST, ahead_s, now_s, late_s)
     sizes = half.take(ext_a, axis=1), half.take(ext_b, axis=1)
     apart_m = signed_gap(beside.dx_m, beside.dy_m, beside.yaw_a_rad, beside.yaw_b_rad, *sizes)
-    horizon_s, clearance_m = limits_m
+    horizon_s, clearance_m = bounds
     sds = most_sds(ext_a, ext_b, apart_m, beside.same, bands_m, robots, ahead_s, horizon_s, clearance_m)
     late = ndtr(sds).reshape(2, len(rows), len(later_s))
     result = share.copy()

@@ -22,6 +22,7 @@ ROBOT = np.dtype(
         ("doubt_m", np.float64),  # how far off its position may be as reported
         ("surprise", np.float64),  # by how much its errors exceed the bands of its kind
         ("rests", np.bool_),  # it stood, by its newest forecast, when that was made
+        ("stays", np.bool_),  # its newest forecast has it stand for two seconds
         ("leaves", np.bool_),  # its newest forecast has it go at once
         ("stood_since_s", np.float64),  # since when it has stood, by its reports; inf while it moves
     ],
@@ -51,6 +52,8 @@ _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.flo
 _ASKED_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 CREEPS_MPS, TURNS_RADPS = 0.1, 0.2
 """A robot that goes and turns more slowly stands, by its reports."""
+CREEPS_SHARE, STILL_MPS = 0.3, 0.02
+"""Unless its forecast is hardly faster: the share of that at which it stands. At this speed every robot stands."""
 GOES_MPS = 0.2
 """A forecast by which a robot goes faster has it go."""
 Pose = tuple[float, float, float, float]
@@ -141,8 +144,10 @@ def beside(
     joined_s: float,
     late_s: Floats,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Bools, Floats]:
-    """Robots `b` (n,) as seen from `a` (n,), when they start `late_s` (2, n) later than they forecast, at `past_looks` (k,), parts of the time since the last look for which both
-    have reported, and at `now_s + ahead_s` (m,).
+    """Robots `b` (n,) as seen from `a` (n,), when they start `late_s` (2, n) later than they forecast.
+
+    They are looked at at `past_looks` (k,), parts of the time since the last look for which both have reported, and at
+    `now_s + ahead_s` (m,).
 
     These times of the past (n, k), nan where there are none; dx, dy, headings of both and whether they are on one floor
     (n, k + m); and (2, n) the speeds at which each goes on until the second look ahead.
@@ -252,19 +257,23 @@ def _goes_mps(track: Floats, slot: int, after_s: float) -> float:
 
 
 @inner
-def _stood_since_s(before: Floats, seen: Floats, slot: int, since_s: float, joined_s: float) -> float:
-    """Since when a robot has stood, by its last two reports; inf where it moves or turns."""
+def _stood_since_s(
+    before: Floats, seen: Floats, slot: int, since_s: float, joined_s: float, forecast_mps: float
+) -> float:
+    """Since when a robot has stood, by its last two reports, when its forecast has it go so fast; inf where it moves or
+    turns."""
     lasted_s = seen[slot, 0] - before[slot, 0]
     if not (0.0 < lasted_s <= joined_s and before[slot, 4] == seen[slot, 4]):
         return since_s
     went_m = np.hypot(seen[slot, 1] - before[slot, 1], seen[slot, 2] - before[slot, 2])
-    if went_m >= CREEPS_MPS * lasted_s or abs(_turn(before[slot, 3], seen[slot, 3])) >= TURNS_RADPS * lasted_s:
+    creeps_mps = max(min(CREEPS_MPS, CREEPS_SHARE * forecast_mps), STILL_MPS)
+    if went_m >= creeps_mps * lasted_s or abs(_turn(before[slot, 3], seen[slot, 3])) >= TURNS_RADPS * lasted_s:
         return float(np.inf)
-    return min(since_s, before[slot, 0])
+    return float(min(since_s, before[slot, 0]))
 
 
 @inner
-def _stop(stopped: Bools, made_s: Floats, foretold: Floats, before: Floats, seen: Floats, slot: int) -> None:
+def _stop(stopped: Bools, made_s: Floats, foretold: Floats, seen: Floats, slot: int) -> None:
     """Mark the forecasts that have a robot go where it stands now."""
     for made in range(made_s.shape[1]):
         after_s = seen[slot, 0] - made_s[slot, made]
@@ -344,8 +353,8 @@ def take(
 
     The errors of what was foretold of the moments since the report before; their bins hold at the most
     `limits_m`. And whether each robot stands, (n,): by its forecast, or by its last two reports.
-    Forecasts are kept to be held to account so, made at `made_s` (slots, kept), if the last was `spaced_s` before; those
-    by which a robot was to go while it stood are `stopped` (slots, kept).
+    Forecasts are kept to be held to account so, made at `made_s` (slots, kept), if the last was `spaced_s` before;
+    those by which a robot was to go while it stood are `stopped` (slots, kept).
     """
     kept, horizons = made_s.shape[1], foretold.shape[2]
     errors, found = np.empty(len(slots) * kept * (int(joined_s) + 1), ERROR), 0
@@ -363,11 +372,13 @@ def take(
         _set_around(around, track, slot)
         stands[row] = rests or _speed_mps(before, seen, slot, joined_s) < standing_mps
         before_s, seen_s = before[slot, 0], seen[slot, 0]
-        robots[slot].stood_since_s = _stood_since_s(before, seen, slot, robots[slot].stood_since_s, joined_s)
-        robots[slot].leaves = max(_goes_mps(track, slot, 0.0), _goes_mps(track, slot, 1.0)) > GOES_MPS
+        forecast_mps = max(_goes_mps(track, slot, 0.0), _goes_mps(track, slot, 1.0))
+        since_s = robots[slot].stood_since_s
+        robots[slot].stood_since_s = _stood_since_s(before, seen, slot, since_s, joined_s, forecast_mps)
+        robots[slot].leaves, robots[slot].stays = forecast_mps > GOES_MPS, forecast_mps < STILL_MPS
         waits = robots[slot].stood_since_s < np.inf
         if waits:
-            _stop(stopped, made_s, foretold, before, seen, slot)
+            _stop(stopped, made_s, foretold, seen, slot)
         is_joined = before_s > long_ago_s and before_s >= seen_s - joined_s
         line = _line(before, seen, slot, long_ago_s, joined_s)
         yaw, c, s = 0.0, 1.0, 0.0

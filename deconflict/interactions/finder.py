@@ -1,11 +1,11 @@
 """Who gave way to whom, by what robots report.
 
-A robot gives way where it brakes or swerves against its own forecast while another robot is in its way (see `progress`
-for the first half of this). The one that is nearest ahead of it counts. Where both are of one vendor and it goes on once the
-other has cleared its way, that is the order of their fleet. Live, in a replay and in scores the same code finds them.
+A robot gives way where it brakes or swerves against its own forecast (see `progress`) while another is in its way.
+The nearest one ahead of it counts. Where both are of one vendor and it goes on once the other has cleared its way, that
+is the order of their fleet. Live, in a replay and in scores the same code finds them.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import inf
@@ -13,18 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.interactions import progress
-from deconflict.interactions.progress import (
-    AHEAD_S,
-    BRAKED,
-    BRAKES_MPS2,
-    FINDING,
-    KEPT,
-    RESUMED,
-    STATE,
-    Findings,
-    follow,
-)
+from deconflict.interactions.progress import AHEAD_S, BRAKED, BRAKES_MPS2, KEPT, RESUMED, STATE, Findings, follow
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
 from ingest.seam import Floats, Ints
@@ -37,14 +26,14 @@ NEARER_M = 0.05
 """And nearer than they were by this: one that stands beside the way is not in it."""
 LOOK_S = 0.5
 """Between two looks at who is in the way, from the onset on."""
+EARLIER_S = 1.0
+"""Who was in the way so long before the onset counts too: reports are a second apart."""
 SEARCHED_S = 4.0
 """So long after the onset who is in the way is looked for."""
 WAY_M = 0.15
 """Between two places of a way that are looked at."""
 CLEARED_M = 0.3
 """The way of a robot is cleared where so much more of it is free."""
-NEAR_M = 12.0
-"""Centres further apart than this do not matter to each other."""
 APART_S = 15.0
 """Interactions of a pair that are less apart in time are one."""
 SETTLED_S = 20.0
@@ -234,12 +223,15 @@ class Finder:
         known = np.flatnonzero(self._states["reports"] > 0)
         newest = self._states["newest"][known]
         away_m = np.hypot(*(self._tracks[known, newest, 0, :2] - here[:2]).T)
-        near = (away_m < NEAR_M) & (self._floor[known, newest] == giving.floor) & (known != slot)
+        reach_m = giving.speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M + giving.speed_mps * EARLIER_S
+        sizes_m = np.hypot(*half_m[:, known]) + np.hypot(*half_m[:, slot])
+        moved_m = self._speed[known, newest] * (now_s - giving.onset_s + EARLIER_S)
+        near = (away_m < reach_m + sizes_m + moved_m) & (self._floor[known, newest] == giving.floor) & (known != slot)
         near &= (levels_m[0, known] < levels_m[1, slot]) & (levels_m[0, slot] < levels_m[1, known])
         others = known[near].tolist()
         if not others:
             return -1, inf
-        looks_s = np.arange(giving.onset_s, max(now_s, giving.onset_s) + 1e-9, LOOK_S)
+        looks_s = np.arange(giving.onset_s - EARLIER_S, max(now_s, giving.onset_s) + 1e-9, LOOK_S)
         gaps_m = self._gaps_ahead_m(slot, giving, looks_s, others, half_m)
         nearest = int(np.argmin(gaps_m))
         return (others[nearest], float(gaps_m[nearest])) if gaps_m[nearest] < inf else (-1, inf)
@@ -287,7 +279,7 @@ def _pair(slot: int, other: int) -> tuple[int, int]:
 
 
 def _way_from(track: Floats, x_m: float, y_m: float) -> Floats:
-    """(k, 4) the way of a forecast `track` (n, 3) from the place on it that is nearest, every `WAY_M`: x_m, y_m, yaw_rad and
+    """(k, 4) the way of a forecast `track` (n, 3) from its place that is nearest, every `WAY_M`: x_m, y_m, yaw_rad and
     metres from there."""
     legs_m = np.hypot(np.diff(track[:, 0]), np.diff(track[:, 1]))
     along_m = np.concatenate([[0.0], np.cumsum(legs_m)])

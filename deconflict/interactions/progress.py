@@ -6,7 +6,7 @@ A robot brakes where its delay grows by a second within five, and it goes much m
 it leaves the forecast way by more than half its width.
 """
 
-from math import cos, hypot, inf, nan, sin, sqrt
+from math import hypot, inf, sqrt
 from typing import Any
 
 import numba
@@ -77,6 +77,7 @@ STATE = np.dtype(
 _STATES, _FINDINGS = (numba.from_dtype(one)[::1] for one in (STATE, FINDING))
 _INTS, _FLOATS, _MATRIX = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1]
 _TRACKS = numba.float64[:, :, :, ::1]
+_STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
 
 
 @inner
@@ -87,10 +88,8 @@ def _delay_s(track: Floats, made_s: float, x: float, y: float, at_s: float) -> t
         from_x, from_y = track[leg, 0], track[leg, 1]
         along_x, along_y = track[leg + 1, 0] - from_x, track[leg + 1, 1] - from_y
         square = along_x * along_x + along_y * along_y
-        if square > 1e-6:
-            share = ((x - from_x) * along_x + (y - from_y) * along_y) / square
-        else:
-            share = at_s - made_s - leg
+        towards = (x - from_x) * along_x + (y - from_y) * along_y
+        share = towards / square if square > 1e-6 else at_s - made_s - leg
         share = min(max(share, 0.0), 1.0)
         off_m = hypot(x - from_x - share * along_x, y - from_y - share * along_y)
         late_s = at_s - (made_s + leg + share)
@@ -181,9 +180,17 @@ def _begun_s(top_mps: float, lost_s: float, now_s: float) -> float:
 
 @inner
 def _find_braking(
-    state: Any, t_s: Floats, tracks: Floats, speed: Floats, follows: Floats, slot: int, finding: Any
+    state: Any,
+    t_s: Floats,
+    tracks: Floats,
+    speed: Floats,
+    follows: Floats,
+    slot: int,
+    usual_m: Floats,
+    finding: Any,
 ) -> bool:
-    """Set what is found where the newest report shows that a robot has braked."""
+    """Set what is found where the newest report shows that a robot has braked, and has lost more of its way than robots
+    of its kind usually are `usual_m` (AHEAD_S,) off their forecasts so many whole seconds ahead."""
     now, now_s = tracks[slot, state.newest, 0], t_s[slot, state.newest]
     for back in range(1, min(state.reports - 1, 7)):
         place = _before(state, back)
@@ -202,7 +209,8 @@ def _find_braking(
             track, made_s, tracks[slot, following, 0, 0], tracks[slot, following, 0, 1], t_s[slot, following]
         )
         late_s, _ = _delay_s(track, made_s, now[0], now[1], now_s)
-        if late_s - then_s >= LOST_S and next_s - then_s >= GROWS_S:
+        lost_s, usually_m = late_s - then_s, usual_m[min(int(now_s - made_s), AHEAD_S - 1)]
+        if lost_s >= LOST_S and next_s - then_s >= GROWS_S and lost_s * top_mps >= usually_m:
             before = _before(state, back + 1)
             was_s, _ = _delay_s(
                 track, made_s, tracks[slot, before, 0, 0], tracks[slot, before, 0, 1], t_s[slot, before]
@@ -211,7 +219,7 @@ def _find_braking(
             finding.kind, finding.onset_s = BRAKED, max(begun_s, t_s[slot, before])
             finding.doubt_s = t_s[slot, following] - at_s
             finding.onset_place, finding.forecast_place = place, made
-            finding.speed_mps, finding.lost_s = top_mps, late_s - then_s
+            finding.speed_mps, finding.lost_s = top_mps, lost_s
             return True
     return False
 
@@ -273,20 +281,20 @@ def _has_resumed(state: Any, speed: Floats, follows: Floats, slot: int) -> bool:
 
 
 @inner
-def _notice(state: Any, now_s: float, now_mps: float, finding: Any) -> None:
+def _notice(state: Any, now_mps: float, finding: Any) -> None:
     """Remember a finding."""
     state.gives_way, state.armed = True, False
     state.slowest_mps, state.noticed_s = now_mps, finding.onset_s + finding.doubt_s
 
 
 @kernel(
-    _FINDINGS(  # type: ignore[no-untyped-call]
+    _FINDINGS(
         _STATES,
         _MATRIX,
         _TRACKS,
         *[_MATRIX] * 3,
         _INTS,
-        _FLOATS,
+        _STAMPS,
         numba.float64[:, :, ::1],
         _FLOATS,
         numba.boolean[::1],
@@ -312,8 +320,8 @@ def follow(
 
     `states` are (slots,); `t_s`, `floor`, `speed` and `follows` (slots, KEPT): when each kept report was true, on which
     floor, how fast the robot had come there, and what share of its forecast way it had come; `tracks` (slots, KEPT,
-    AHEAD_S + 1, 3). `half_width_m` (n,) of the envelopes; `explained` (n,) whether a robot says why it stands; `usual_m`
-    (n, AHEAD_S) how far off the way its kind usually is.
+    AHEAD_S + 1, 3). `half_width_m` (n,) of the envelopes; `explained` (n,) whether a robot says why it stands;
+    `usual_m` (n, AHEAD_S) how far off the way its kind usually is.
     """
     findings, found = np.empty(2 * len(slots), FINDING), 0
     for row in range(len(slots)):
@@ -344,10 +352,10 @@ def follow(
         if now_s - t_s[slot, _before(state, 1)] > SPARSE_S:
             is_found = _find_sparse_braking(state, t_s, tracks, speed, slot, finding)
         else:
-            is_found = _find_braking(state, t_s, tracks, speed, follows, slot, finding) or _find_swerving(
+            is_found = _find_braking(state, t_s, tracks, speed, follows, slot, usual_m[row], finding) or _find_swerving(
                 state, t_s, tracks, speed, slot, half_width_m[row], usual_m[row], finding
             )
         if is_found:
-            _notice(state, now_s, now_mps, finding)
+            _notice(state, now_mps, finding)
             found += 1
     return findings[:found].copy()

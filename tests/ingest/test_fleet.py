@@ -260,6 +260,17 @@ def test_a_lost_robot_is_doubtful() -> None:
     assert one.cut(NOW_S).doubt_m[0] == 1.5
 
 
+def test_a_batch_tells_batteries_as_the_newest_status_does() -> None:
+    one = fleet()
+    one.receive(status("A", NOW_S, batteryPercentage=61.5, remainingRunTime=1.5), NOW_S, LINE)
+    one.receive(status("B", NOW_S), NOW_S, LINE)
+    told = one.cut(NOW_S)
+    assert (told.battery_pct[0], told.run_time_left_s[0]) == (61.5, 5400.0)
+    assert np.isnan([told.battery_pct[1], told.run_time_left_s[1]]).all()
+    one.receive(status("A", NOW_S + 1), NOW_S + 1, LINE)
+    assert np.isnan(one.cut(NOW_S + 1).battery_pct[0])
+
+
 def test_the_load_changes_the_envelope() -> None:
     model = Model(loaded_envelope_m=(1.5, 1.2, 1.8))
     one = fleet(Vendor(name="Alder", models={"A1": model}))

@@ -85,6 +85,7 @@ class Driver:
     def said(self, stamp_s: float, speed_mps: float, turn_radps: float) -> bytes:
         random = self.random
         told: dict[str, Any] = {"operationalState": self.state, **self.more}
+        told |= {"batteryPercentage": random.choice((None, 50, 49.5)), "remainingRunTime": random.choice((None, 2.5))}
         velocity: dict[str, Any] = {"linear": abs(speed_mps) if self.seldom(0.1) else speed_mps}
         if not self.seldom(0.1):
             velocity["angular"] = angle(turn_radps if not self.seldom() else 2.5)

@@ -3,6 +3,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from ingest import seam
 from ingest.seam import Basis, Batch, Claim, Destinations, Forecasts
 
 
@@ -63,6 +64,8 @@ def batch_of(*knots: int) -> Batch:
         event_s=np.arange(n, dtype=np.float64) + 0.2,
         basis=np.full(n, int(Basis.PATH)),
         doubt_m=np.zeros(n),
+        battery_pct=np.linspace(20.0, 90.0, n),
+        run_time_left_s=np.full(n, np.nan),
         forecasts=forecasts(*knots),
         destinations=Destinations(
             start=np.arange(n + 1),
@@ -85,8 +88,28 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         np.testing.assert_array_equal(getattr(back.destinations, name), getattr(batch.destinations, name))
     for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone", "claims"):
         assert getattr(back, name) == getattr(batch, name)
-    for name in ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m"):
+    for name in (
+        "statuses",
+        "first_arrival_s",
+        "arrival_s",
+        "event_s",
+        "basis",
+        "doubt_m",
+        "battery_pct",
+        "run_time_left_s",
+    ):
         np.testing.assert_array_equal(getattr(back, name), getattr(batch, name))
+
+
+def test_a_batch_of_a_release_that_told_no_batteries_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    batch = batch_of(2, 3)
+    monkeypatch.setattr(seam, "_ARRAYS", tuple(name for name in seam._ARRAYS if name not in seam._ADDED))
+    data = batch.to_bytes()
+    monkeypatch.undo()
+    assert b"battery_pct" not in data
+    back = Batch.from_bytes(data)
+    assert np.isnan([back.battery_pct, back.run_time_left_s]).tolist() == [[True, True]] * 2
+    assert_same(back.forecasts, batch.forecasts)
 
 
 def test_a_batch_taken_apart_and_joined_is_the_same() -> None:

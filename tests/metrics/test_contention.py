@@ -1,5 +1,6 @@
 """Logs in which it is known by construction what became of advisories on contention."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +9,10 @@ import pytest
 from deconflict.contention.resources import Resource, Zone
 from ingest import stamps
 from ingest.playback import Reader
+from metrics.conduct import Conduct
 from metrics.replay import replay
 from metrics.report import page
-from tests.deconflict.contention.scenes import NOW_S, Script, aisle, resource, site
+from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, aisle, resource, site
 from tests.saying import identity
 
 CHARGER = resource("c1", 0, 0, kind="charger", service_s=100.0)
@@ -115,9 +117,45 @@ def test_a_robot_that_is_held_up_stands_behind_the_blocker(tmp_path: Path) -> No
     assert scored(tmp_path, {"A": blocker, "B": passing}, 90)["blockage"]["precision"] == 0.0
 
 
+@pytest.mark.parametrize(("z_m", "waits", "crowds"), [(0.0, 1, 1), (5.0, 0, 0)])
+def test_nobody_waits_for_a_robot_above_it_nor_makes_a_crowd_with_it(
+    tmp_path: Path, z_m: float, waits: int, crowds: int
+) -> None:
+    above = replace(charges(90), z_m=z_m)
+    two = scored(tmp_path, {"A": above, "B": comes(66)}, 130, CHARGER)
+    assert two.get("contention", {"happened": 0})["happened"] == waits
+    assert two.get("double_occupancy", {"happened": 0})["happened"] == crowds
+    assert bool(two) is bool(waits), "nor is anything said of it"
+
+
+def test_what_is_said_of_a_place_is_held_against_who_came_when(tmp_path: Path) -> None:
+    found = run(tmp_path, {"A": charges(60), "B": comes(66)}, 130, CHARGER)
+    rows = {one["ahead_up_to_s"]: one for one in found["places"]}
+    # A was thought to charge for 100 s, so that B was said to have room at 104 s, and it came at 66 s
+    assert rows[120.0]["said"] > 0
+    assert (rows[120.0]["came"], rows[120.0]["late"]) == (1.0, 0.0)
+    assert rows[120.0]["off_median_s"] == pytest.approx(104 - 65, abs=2.0)
+    assert (rows[60.0]["entries"], rows[60.0]["foretold"]) == (1, 1.0)
+    assert rows[30.0]["full_said"] > 5
+    assert rows[30.0]["full_precision"] >= 0.9
+    (queue,) = [one for one in found["contention"] if one["kind"] == "contention"]
+    assert queue["by_ahead"] == [{"ahead_up_to_s": 30.0, "alerts": 1, "precision": 1.0}]
+
+
+def test_reports_half_a_minute_apart_of_a_robot_that_stands_are_of_one_stay() -> None:
+    conduct, fleet = Conduct([CHARGER], ()), Scene(site(CHARGER), {}).fleet
+    for t in (0.0, 5.0, 35.0, 65.0, 100.0):
+        fleet.receive(Script([(0, 9 if t == 0 else 0, 0)]).says("A", t), NOW_S + t, LINE)
+        conduct.take(fleet.cut(NOW_S + t))
+    conduct.finish()
+    assert [(one.place, one.t_s - NOW_S) for one in conduct.new_entries()] == [("c1", 5.0)]
+    assert (conduct.stays_s("c1") - NOW_S).tolist() == [[5.0, 100.0]]
+
+
 def test_the_report_says_what_became_of_it(tmp_path: Path) -> None:
     told = page(run(tmp_path, {"A": charges(60), "B": comes(66)}, 130, CHARGER), "Replay")
-    assert "Queues, crowds, deadlocks and blockages" in told
+    for head in ("Queues, crowds, deadlocks and blockages", "What was said of places", "How far arrivals were off"):
+        assert head in told
 
 
 def test_where_nothing_is_told_and_nothing_happens_there_are_no_figures(tmp_path: Path) -> None:

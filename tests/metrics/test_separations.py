@@ -22,10 +22,13 @@ def wandering(robots: int, size_m: float) -> Stretch:
     for row in range(robots):
         for column in (x_m, y_m, floor, since_s, *half_m):
             column[row, row % 30 : row % 30 + 10] = np.nan
-    return Stretch(700, np.arange(robots) * 2, x_m, y_m, rng.normal(size=(robots, SAMPLES)), half_m, floor, since_s)
+    bottom_m = np.repeat(rng.choice([-np.inf, 0.0, 1.0, 5.0], (robots, 1)), SAMPLES, 1)
+    height_m = np.stack([bottom_m, np.where(bottom_m == -np.inf, np.inf, bottom_m + 2)])
+    yaw_rad = rng.normal(size=(robots, SAMPLES))
+    return Stretch(700, np.arange(robots) * 2, x_m, y_m, yaw_rad, half_m, height_m, floor, since_s)
 
 
-@pytest.mark.parametrize(("robots", "size_m", "fewest"), [(0, 1.0, 0), (1, 1.0, 0), (40, 6.0, 2000), (25, 60.0, 1)])
+@pytest.mark.parametrize(("robots", "size_m", "fewest"), [(0, 1.0, 0), (1, 1.0, 0), (40, 6.0, 1000), (25, 60.0, 1)])
 def test_who_was_near_whom_is_what_every_two_robots_tell_by_themselves(robots: int, size_m: float, fewest: int) -> None:
     there, expected = wandering(robots, size_m), []
     radius_m = np.hypot(*there.half_m)
@@ -33,7 +36,9 @@ def test_who_was_near_whom_is_what_every_two_robots_tell_by_themselves(robots: i
         for at in range(SAMPLES):
             dx, dy = there.x_m[b, at] - there.x_m[a, at], there.y_m[b, at] - there.y_m[a, at]
             apart_m, reach_m = np.hypot(dx, dy), radius_m[a, at] + radius_m[b, at]
-            if apart_m <= reach_m + 0.6 and there.floor[a, at] == there.floor[b, at]:
+            (bottom_a, bottom_b), (top_a, top_b) = there.height_m[:, [a, b], at]
+            beside = bottom_a <= top_b and bottom_b <= top_a
+            if beside and apart_m <= reach_m + 0.6 and there.floor[a, at] == there.floor[b, at]:
                 yaw_rad = there.yaw_rad[a, at, None], there.yaw_rad[b, at, None]
                 half_m = there.half_m[:, a, at, None], there.half_m[:, b, at, None]
                 gap_m = gap(dx[None], dy[None], *yaw_rad, *half_m)[0]

@@ -65,6 +65,8 @@ class Script:
     datum: str = HALL
     means: Sequence[tuple[float, float, float]] | None = None
     """What it says that it will do, where that is not what it does."""
+    z_m: float = 0.0
+    """How high its foot is."""
 
     def at(self, t: float, knots: Sequence[tuple[float, float, float]] | None = None) -> tuple[float, float, float]:
         """x, y and heading."""
@@ -97,7 +99,8 @@ class Script:
         if state == "navigating":
             extra["path"] = points(*((start_s + t + i, *self.at(t + i, self.means)) for i in range(1, 11)))
         said = status(name, start_s + t, x, y, yaw, **extra)
-        return said.replace(HALL.encode(), self.datum.encode())
+        height = b'"z": %g, "planarDatum"' % self.z_m
+        return said.replace(HALL.encode(), self.datum.encode()).replace(b'"planarDatum"', height)
 
 
 @dataclass

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deconflict.contention.ahead import ahead
-from deconflict.contention.arrivals import MOST_RATIOS, Arrivals
+from deconflict.contention.arrivals import MOST_RATIOS, Arrivals, Corrections
 from deconflict.contention.destinations import set_out
 from deconflict.contention.promises import Promise, Promises, Spot
 from deconflict.contention.records import STOP
@@ -41,6 +41,8 @@ def says(robot: str, now_s: float, here: Spot, spots: Sequence[Spot], told_s: Se
         event_s=np.array([now_s]),
         basis=np.array([0]),
         doubt_m=zero,
+        battery_pct=zero * np.nan,
+        run_time_left_s=zero * np.nan,
         forecasts=Forecasts(np.arange(2), np.array([now_s]), x_m[:1], y_m[:1], zero, floor[:1], one, one, zero, one),
         destinations=Destinations(np.array([0, len(spots)]), np.array(told_s, float), x_m[1:], y_m[1:], floor[1:]),
         gone=(),
@@ -60,8 +62,9 @@ def expected(arrivals: Arrivals, vendor: str, now_s: float, told_s: float) -> tu
         np.zeros((1, 1), STOP),
     )
     nothing = np.empty(0, np.int64), np.empty((0, 4))
-    rates, view = np.array([arrivals.quantiles(vendor)]), ahead(batch.forecasts, at_s)
-    set_out(stops, np.zeros(1, np.int64), np.arange(2), batch.destinations, at_s, view, rates, nothing)
+    known = Corrections(np.zeros(1, np.int64), np.array([arrivals.quantiles(vendor)]), np.zeros((1, 1, 3)))
+    view = ahead(batch.forecasts, at_s)
+    set_out(stops, np.zeros(1, np.int64), np.arange(2), batch.destinations, at_s, view, known, nothing)
     return float(stops["t_s"][0, 0]), float(stops["spread_s"][0, 0])
 
 

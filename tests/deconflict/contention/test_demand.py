@@ -1,6 +1,7 @@
 """Queues served in the order of arrival."""
 
-from heapq import heapify, heappop, heappush
+from heapq import heapreplace
+from math import inf
 
 import pytest
 from hypothesis import given
@@ -18,11 +19,11 @@ def served(*wanted: Row, capacity: int = 1) -> Turns:
 
 
 def coming(robot: str, arrival_s: float, service_s: float = 60.0) -> Row:
-    return True, arrival_s, robot, service_s, 0.0
+    return Row(True, arrival_s, robot, service_s, 0.0)
 
 
 def inside(robot: str, since_s: float, service_s: float) -> Row:
-    return False, since_s, robot, service_s, 0.0
+    return Row(False, since_s, robot, service_s, 0.0)
 
 
 def robots(rows: list[Row]) -> list[str]:
@@ -74,17 +75,25 @@ def test_where_nobody_wants_anything_there_are_no_turns() -> None:
     assert first_come({}, Geometry((), ()), 0.0) == {}
 
 
+HEIGHTS = st.sampled_from([(0.0, 1.0), (0.5, 6.0), (5.0, 6.0), (-inf, inf)])
 WANTED = st.lists(
-    st.tuples(st.booleans(), st.integers(-20, 40).map(float), st.integers(0, 30).map(float)), min_size=1, max_size=12
+    st.tuples(st.booleans(), st.integers(-20, 40).map(float), st.integers(0, 30).map(float), HEIGHTS),
+    min_size=1,
+    max_size=12,
 )
-"""Whether each is yet to come, when it comes and how long it keeps the place."""
+"""Whether each is yet to come, when it comes, how long it keeps the place, and its heights."""
 
 
 @given(lists=st.lists(st.tuples(WANTED, st.integers(1, 3)), min_size=1, max_size=3))
-def test_many_places_are_served_as_each_alone_by_hand(lists: list[tuple[list[tuple[bool, float, float]], int]]) -> None:
+def test_many_places_are_served_as_each_alone_by_hand(
+    lists: list[tuple[list[tuple[bool, float, float, tuple[float, float]]], int]],
+) -> None:
     wanted: dict[str, list[Row]] = {}
     for number, (told, _) in enumerate(lists):
-        wanted[f"d{number}"] = [(*one[:2], f"r{row:02}", one[2], 0.0) for row, one in enumerate(told)]
+        wanted[f"d{number}"] = [
+            Row(coming, arrival_s, f"r{row:02}", service_s, 0.0, *heights_m)
+            for row, (coming, arrival_s, service_s, heights_m) in enumerate(told)
+        ]
     places = [resource(f"d{number}", 9.0 * number, 0, capacity=most) for number, (_, most) in enumerate(lists)]
     found = first_come(wanted, Geometry(places, ()), 0.0)
     for place in places:
@@ -96,14 +105,16 @@ def test_many_places_are_served_as_each_alone_by_hand(lists: list[tuple[list[tup
 
 
 def by_hand(rows: list[Row], capacity: int) -> list[float]:
-    """When each begins, with a heap of when room comes free."""
-    began = [row[1] for row in rows if not row[0]]
-    free_s = [row[3] + CHANGEOVER_S for row in rows if not row[0]]
-    free_s += [0.0] * (capacity - len(free_s))
-    heapify(free_s)
-    while len(free_s) > capacity:
-        heappop(free_s)
-    for _, arrival_s, _, service_s, _ in rows[len(began) :]:
-        began.append(max(heappop(free_s), arrival_s))
-        heappush(free_s, began[-1] + service_s + CHANGEOVER_S)
+    """When each begins, with a heap of when room comes free to it from those that are not above or below it."""
+    began: list[float] = []
+    for number, row in enumerate(rows):
+        if not row.coming:
+            began.append(row.arrival_s)
+            continue
+        free_s = [0.0] * capacity
+        for before, begin_s in zip(rows[:number], began, strict=True):
+            if before.bottom_m <= row.top_m and row.bottom_m <= before.top_m:
+                end_s = (begin_s if before.coming else 0.0) + before.service_s + CHANGEOVER_S
+                heapreplace(free_s, max(free_s[0], end_s))
+        began.append(max(free_s[0], row.arrival_s))
     return began
