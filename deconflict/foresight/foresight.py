@@ -39,9 +39,9 @@ from deconflict.foresight.pairs import (
 from deconflict.foresight.starts import Starts
 from deconflict.foresight.waiting import heard, mixed
 from deconflict.foresight.ways import ROBOT, Errors
-from deconflict.interactions import finder
 from deconflict.interactions.finder import Finder, Interaction, Outcome
 from deconflict.interactions.progress import AHEAD_S as GIVES_WAY_AHEAD_S
+from deconflict.interactions.reading import reports_of
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
@@ -56,8 +56,6 @@ LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
 PAST_LOOKS: Floats = np.arange(1, 6) / 5
 MOST_GROWN_M = 0.75
 """An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
-EXPLAINS_STANDING = frozenset(("charging", "disabled", "offline", "manualOverride", "waitingHumanEvent"))
-"""Operational states of robots that do not stand for another robot."""
 DISTRUSTED = 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
 
@@ -216,9 +214,8 @@ class Foresight:
 
     def _interact(self, batch: Batch, reports: Reports) -> None:
         """Find who gave way to whom, by the reports of a batch, and note it of their pairs."""
-        explained = np.array([state in EXPLAINS_STANDING for state in batch.states], np.bool_)
         usual_m = self.following.bands_m[reports.kind, :GIVES_WAY_AHEAD_S, 2]
-        seen = finder.Reports(reports.slot, reports.event_s, reports.track, explained, usual_m)
+        seen = reports_of(batch, reports.slot, reports.track, usual_m)
         for interaction in self._finder.receive(seen, self._half, self._levels_m, self._vendor):
             self._note(interaction)
 

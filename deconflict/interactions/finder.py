@@ -13,13 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.interactions.progress import AHEAD_S, BRAKED, KEPT, RESUMED, STATE, Findings, follow
+from deconflict.interactions.progress import AHEAD_S, BRAKED, BRAKES_MPS2, KEPT, RESUMED, STATE, Findings, follow
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
 from ingest.seam import Floats, Ints
 
-BRAKES_MPS2 = 1.0
-"""At which robots are taken to brake, where their model does not say."""
 BEYOND_M = 1.0
 """Who is within the stopping distance and so much of a robot's way is in its way."""
 TOUCHES_M = 0.1

@@ -6,7 +6,7 @@ A robot brakes where its delay grows by a second within five, and it goes much m
 it leaves the forecast way by more than half its width.
 """
 
-from math import hypot, inf
+from math import hypot, inf, sqrt
 from typing import Any
 
 import numba
@@ -34,6 +34,8 @@ MOVES_MPS = 0.3
 """A robot that goes more slowly has no way to give."""
 SLOWS, BRAKES = 0.85, 0.6
 """Shares of its speed that a braking robot falls below at its next report, and at any until it is noticed."""
+BRAKES_MPS2 = 1.0
+"""At which robots are taken to brake, where their model does not say."""
 GROWS_S = 0.2
 """The delay grows by so much from the report before braking to the next."""
 RISES = 1.3
@@ -171,6 +173,12 @@ def _goes(state: Any, speed: Floats, follows: Floats, slot: int, back: int) -> b
 
 
 @inner
+def _begun_s(top_mps: float, lost_s: float, now_s: float) -> float:
+    """When a robot began to brake that had gone so fast and has lost so much progress since."""
+    return now_s - sqrt(2.0 * top_mps * max(lost_s, 0.0) / BRAKES_MPS2)
+
+
+@inner
 def _find_braking(
     state: Any,
     t_s: Floats,
@@ -203,7 +211,13 @@ def _find_braking(
         late_s, _ = _delay_s(track, made_s, now[0], now[1], now_s)
         lost_s, usually_m = late_s - then_s, usual_m[min(int(now_s - made_s), AHEAD_S - 1)]
         if lost_s >= LOST_S and next_s - then_s >= GROWS_S and lost_s * top_mps >= usually_m:
-            finding.kind, finding.onset_s, finding.doubt_s = BRAKED, at_s, t_s[slot, following] - at_s
+            before = _before(state, back + 1)
+            was_s, _ = _delay_s(
+                track, made_s, tracks[slot, before, 0, 0], tracks[slot, before, 0, 1], t_s[slot, before]
+            )
+            begun_s = _begun_s(top_mps, next_s - min(was_s, then_s), t_s[slot, following])
+            finding.kind, finding.onset_s = BRAKED, max(begun_s, t_s[slot, before])
+            finding.doubt_s = t_s[slot, following] - at_s
             finding.onset_place, finding.forecast_place = place, made
             finding.speed_mps, finding.lost_s = top_mps, lost_s
             return True

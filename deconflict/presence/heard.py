@@ -1,5 +1,6 @@
 """When each robot was heard, how often it usually reports, and how it moved between its last two reports."""
 
+from collections.abc import Sequence
 from itertools import repeat
 from statistics import median
 from typing import Any, NamedTuple
@@ -166,8 +167,10 @@ class Hearing:
 
 def grace_s(one: np.void) -> float:
     """How long a robot may say nothing before it is silent, by its record."""
-    gaps = min(int(one["reports"]) - 1, GAPS)
-    if gaps < FEWEST_GAPS:
-        return GRACE_UNKNOWN_S
-    usual_s: float = median(one["gaps_s"][:gaps].tolist())
-    return max(GRACE_S, GRACE_GAPS * usual_s)
+    gaps = min(max(int(one["reports"]) - 1, 0), GAPS)
+    return grace_after_s(one["gaps_s"][:gaps].tolist())
+
+
+def grace_after_s(gaps_s: Sequence[float]) -> float:
+    """The same by the times between its last reports."""
+    return max(GRACE_S, GRACE_GAPS * median(gaps_s)) if len(gaps_s) >= FEWEST_GAPS else GRACE_UNKNOWN_S
