@@ -1,6 +1,6 @@
 """Logs in which it is known by construction what became of advisories on contention."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from metrics.conduct import Conduct
 from metrics.replay import replay
 from metrics.report import page
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, aisle, resource, site
+from tests.deconflict.contention.test_charging import Driver
 from tests.saying import identity
 
 CHARGER = resource("c1", 0, 0, kind="charger", service_s=100.0)
@@ -150,6 +151,38 @@ def test_reports_half_a_minute_apart_of_a_robot_that_stands_are_of_one_stay() ->
     conduct.finish()
     assert [(one.place, one.t_s - NOW_S) for one in conduct.new_entries()] == [("c1", 5.0)]
     assert (conduct.stays_s("c1") - NOW_S).tolist() == [[5.0, 100.0]]
+
+
+def test_a_charger_that_a_robot_will_need_is_foretold_before_it_says_so(tmp_path: Path) -> None:
+    def level(t: float) -> float:
+        return 26.0 - 0.01 * t
+
+    # B goes to the charger after 400 s, at 22 %, finds it taken, and has it after 610 s
+    way = [
+        (0.0, 25.0, 0.0),
+        (400.0, 25.0, 0.0),
+        (420.0, 3.0, 0.0),
+        (606.0, 3.0, 0.0),
+        (610.0, 0.3, 0.0),
+        (700.0, 0.3, 0.0),
+    ]
+    names = Driver(way, [(425.0, 0.0, 0.0)], level=level, lasts_s=2600.0)
+    silent = replace(names, destinations=(), state=lambda _: "idle")
+
+    @dataclass
+    class Needs(Script):
+        def says(self, name: str, t: float, start_s: float = NOW_S) -> bytes:
+            return (silent if t < 400 else names).says(name, t, start_s)
+
+    found = run(tmp_path, {"A": charges(600), "B": Needs(way)}, 700, CHARGER.model_copy(update={"service_s": 900.0}))
+    rows = {one["ahead_up_to_s"]: one for one in found["places"]}
+    assert (rows[300.0]["entries"], rows[300.0]["foretold"]) == (1, 1.0)
+    assert (rows[900.0]["need_came"], rows[30.0]["need_came"]) == (1.0, 0.0)
+    assert rows[900.0]["need_likely"] > 0.9
+    (queue,) = [one for one in found["contention"] if one["kind"] == "contention"]
+    assert (queue["alerts"], queue["precision"]) == (1, 1.0)
+    assert queue["by_ahead"] == [{"ahead_up_to_s": 900.0, "alerts": 1, "precision": 1.0}]
+    assert queue["lead_time_s"]["median"] > 300
 
 
 def test_the_report_says_what_became_of_it(tmp_path: Path) -> None:
