@@ -20,7 +20,7 @@ MOVED_M = 0.1
 JOINED_S = 2.1
 """Between reports further apart the way is not known; only where the robot is in the end."""
 STEP_M = 0.2
-CELL_M = 8.0
+CELL_M = 3.0
 """Most legs reach no further than this from their middle, so that most are beside no place at a glance."""
 NONE: Ints = np.empty(0, np.int64)
 MOST_STEPS = 64

@@ -213,9 +213,9 @@ class Presence:
         vendor's connection is lost."""
         heard_s, grace_s = self._hearing.heard_s(uuid), self._hearing.grace_s(uuid)
         contact = self._contacts.of(robot.vendor)
-        return (
-            now_s + LOST_LOOK_S if contact.is_lost(now_s) else heard_s + grace_s + contact.excused_s(heard_s, grace_s)
-        )
+        if contact.is_lost(now_s):
+            return now_s + LOST_LOOK_S
+        return heard_s + grace_s + contact.excused_s(heard_s, grace_s)
 
     def _begun(self, uuid: str, robot: LiveRobot, now_s: float) -> Silence:
         """A silence that begins."""
