@@ -114,7 +114,7 @@ def _compare(args: argparse.Namespace) -> None:
     for kind, whole, by_seed in compared(plan, args.jobs):
         print(f"\n{kind}, {len(by_seed)} floors\n\n{table(whole)}", flush=True)
         documents.append(document(kind, whole, by_seed))
-    _write(args, documents)
+        _write(args, documents)
 
 
 def _show(args: argparse.Namespace, by_service: dict[str, dict[str, Figure]]) -> None:
