@@ -152,7 +152,7 @@ class Silences:
         return row
 
     def _grow(self, more: int) -> None:
-        for name in ("_heard_s", "_there_s", "_known", "_intervals_s", "_place"):
+        for name in ("_heard_s", "_there_s", "_known", "_gaps_s", "_place"):
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((more, *column.shape[1:]), column.dtype)]))
         self._heard_s[-more:] = -inf
