@@ -105,7 +105,8 @@ def _silences(scores: Sequence[Part]) -> str:
     head = ("clearance", "advisories", "about somebody gone", "share of them", "silences of robots that were there")
     return _table((*head, "meetings with these", "told of"), rows) + (
         '<p class="note">Gone: from the longer of 5 s and three of its usual intervals after it was heard last, for'
-        " good or until it came back elsewhere. A meeting: another robot came within the clearance of where one stood.</p>"
+        " good or until it came back elsewhere. A meeting: another robot came within the clearance of where one"
+        " stood.</p>"
     )
 
 

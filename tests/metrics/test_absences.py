@@ -1,5 +1,7 @@
 """Who was gone, and who met the silent robots that were there."""
 
+from typing import Any
+
 import pytest
 
 from metrics.absences import Absences
@@ -38,7 +40,12 @@ def test_a_robot_is_gone_from_the_end_of_its_grace_on_if_it_is_never_heard_again
 
 def test_a_robot_that_comes_back_elsewhere_was_gone_in_between() -> None:
     floor = Scored()
-    for name, x_m, datum in (("far", 40.0, {}), ("near", 9.8, {}), ("floor", 9.0, {"datum": LOFT})):
+    elsewhere: tuple[tuple[str, float, dict[str, Any]], ...] = (
+        ("far", 40.0, {}),
+        ("near", 9.8, {}),
+        ("floor", 9.0, {"datum": LOFT}),
+    )
+    for name, x_m, datum in elsewhere:
         start_s = floor.now_s
         floor.drive(name, 0.0, seconds=9, path_s=1)
         floor.wait(20.0)
