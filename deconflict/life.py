@@ -219,15 +219,16 @@ class Lives:
         return now_s - self.tracks.predicted_s(track) >= FADES_S
 
     def _as_likely(self, track: Track, probability: float, now_s: float) -> ConflictAdvisory | None:
-        """The revision that tells nothing else than how likely its conflict is now, where that has changed.
-
-        What is not likely enough to stand is told to be half as likely as that, however little it is.
-        """
-        held = held_probability(self.settings)
-        told, likely = track.advisory, probability if probability >= held else held / 2
+        """The revision that tells nothing else than how likely its conflict is now, where that has changed."""
+        told, likely = track.advisory, self._told_probability(probability)
         if told is None or now_s < _next_s(told) or not telling.is_likelier(told, likely):
             return None
         return telling.with_probability(told, likely, now_s)
+
+    def _told_probability(self, probability: float) -> float:
+        """What is not likely enough to stand is told to be half as likely as that, however little it is."""
+        held = held_probability(self.settings)
+        return probability if probability >= held else held / 2
 
     def _decided(self, due: Iterable[Due], now_s: float, scene: Scene) -> list[ConflictAdvisory]:
         """The revisions of those that are new, or say something else than was told."""
@@ -248,6 +249,7 @@ class Lives:
         (track, prediction, severity), pair = due, due.track.pair
         parties = scene.party(pair[0]), scene.party(pair[1])
         where = Where(scene.datum(met), place)
+        prediction = prediction._replace(probability=self._told_probability(prediction.probability))
         told = telling.newest(prediction, now_s, where, parties, severity, met, self.settings.clearance_m)
         if track.advisory:
             revision = telling.updated(track.advisory, told)

@@ -153,6 +153,9 @@ class Hearing:
         return grace_s(self.heard[self.slots[uuid]])
 
     def _slot(self, uuid: str) -> int:
+        """The slot of a robot, a new one where it has none: a batch may hold a new robot twice."""
+        if uuid in self.slots:
+            return self.slots[uuid]
         if self._spare:
             slot = self._spare.pop()
             self.names[slot] = uuid
