@@ -28,6 +28,7 @@ from deconflict.contention.watch import Contention
 from deconflict.foresight.foresight import Foresight
 from deconflict.life import Lives
 from deconflict.live import Live
+from deconflict.presence.presence import Presence
 from deconflict.simulation.cast import cast
 from deconflict.simulation.dialects import DIALECTS
 from deconflict.simulation.layout import layout_for
@@ -50,6 +51,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "read messages": ((Fleet, "receive"),),
     "cut batches": ((Fleet, "cut"), (Live, "put")),
     "sweep": ((Sweeper, "update"), (Sweeper, "step")),
+    "who is still there": ((Presence, "receive"), (Presence, "step")),
     "probabilities": ((Foresight, "receive"), (Foresight, "look")),
     "life of advisories": ((Lives, "step"),),
     "advice on conflicts": ((Desk, "step"),),

@@ -142,9 +142,19 @@ class ConflictAdvisory(PlacedAdvisory):
     encounter: int = Field(ge=1, description="ordinal of this encounter of this pair")
     encounter_class: EncounterClass
     basis: tuple[str, str] = Field(
-        description="what each forecast rests on: path, velocity, ...; (distrusted) where it contradicts the motion"
+        description="what each forecast rests on: path, velocity, ...; (distrusted) where it contradicts the motion, "
+        "(silent) where the robot is"
     )
     probability: float | None = Field(
+        default=None,
+        ge=0,
+        le=1,
+        description="that the two get in each other's way in the horizon: they meet, or one gives way to the other",
+    )
+    probability_interval: tuple[float, float] | None = Field(
+        default=None, description="holds the probability with 90 %; where evidence is thin"
+    )
+    contact_probability: float | None = Field(
         default=None, ge=0, le=1, description="that the envelopes come within the clearance in the horizon"
     )
     clearance_m: float = Field(ge=0)

@@ -47,6 +47,9 @@ class _Nobody:
     def recorded(self) -> tuple[float, float] | None:
         return None
 
+    def still_there(self) -> Document:
+        return {}
+
     def blackboxes(self) -> list[Document]:
         return []
 

@@ -29,8 +29,10 @@ from deconflict.foresight.foresight import Foresight, Swept
 from deconflict.foresight.heeded import waits_until_s
 from deconflict.landmarks import Landmarks, Spot
 from deconflict.learned import Part
-from deconflict.life import Lives
+from deconflict.life import LEFT, Lives
 from deconflict.live import Live, LiveRobot
+from deconflict.presence import retelling
+from deconflict.presence.presence import Presence
 from deconflict.rests import Rests
 from deconflict.site import Site
 from deconflict.sweeper import ACCURACY_M, PairConflicts, Sweeper
@@ -46,6 +48,7 @@ GROWTH_STEP_M = 0.1
 COARSE_M = 0.25
 """Of the smallest separation, where there is no time for more."""
 _IN_WORDS = {basis: basis.name.lower() for basis in Basis}
+SILENT = "is silent and has probably left"
 FAR_LOOK_S = 10.0
 """How often queues are looked at where there is no time for more."""
 
@@ -71,6 +74,7 @@ class Engine:
         self.site, self._conflicts_only = site, conflicts_only
         self.measures = Measures()
         self.live = Live()
+        self.presence = Presence(self.live, self.measures)
         self._landmarks = Landmarks(site.datums, (*site.resources, *site.zones))
         self._sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s)
         conflict = site.conflict
@@ -78,7 +82,8 @@ class Engine:
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
         there = self.live.robots.__contains__
         meets = self._meet, self._sweeper.encounters
-        self._scene = Scene(there, self._party, self._stands, *meets, self._separation_m, self._datum, self._places)
+        of_robots = there, self._absence, self._party, self._stands
+        self._scene = Scene(*of_robots, *meets, self._separation_m, self._datum, self._places)
         restored = tuple(restored)
         self._lives.restore(one for one in restored if isinstance(one, ConflictAdvisory))
         self._submit, self._aside = submit, Aside(submit)
@@ -104,7 +109,7 @@ class Engine:
         self._conflicts = 0
         """Pairs in predicted conflict at the last step."""
         self.measures.ask(self._tell_levels)
-        self._contended_s = -inf
+        self._contended_s = self._now_s = -inf
         self._told: set[str] = set()
         """Robots with a new forecast since the last step."""
         self._quiet: list[tuple[float, str]] = []
@@ -131,15 +136,24 @@ class Engine:
 
     def learned(self) -> dict[str, Part]:
         """What is worth keeping over a restart, as it is now: later calls do not change it."""
-        return self.foresight.learned() | self._contention.learned() | {"rests": self._rests.learned()}
+        others = self._contention.learned() | self.presence.learned()
+        return self.foresight.learned() | others | {"rests": self._rests.learned()}
 
     def _resume(self, learned: Mapping[str, Part]) -> None:
         self.foresight.resume(learned)
         self._contention.resume(learned)
         self._rests.resume(learned.get("rests", {}))
+        self.presence.resume(learned)
 
     def receive(self, batch: Batch) -> None:
         """Take in the robots that changed; a batch may be the whole floor."""
+        batch = self._take_in(self.presence.receive(batch))
+        if not self._conflicts_only:
+            self._contention.receive(batch)
+            self._claims.receive(batch.claims)
+
+    def _take_in(self, batch: Batch) -> Batch:
+        """Take in robots where conflicts are looked for. The batch as it is believed."""
         batch = self.foresight.receive(batch)
         for uuid in self.live.put(batch):
             heappush(self._quiet, (self.live.robots[uuid].event_s + self.site.reading.quiet_after_s, uuid))
@@ -149,9 +163,7 @@ class Engine:
         self.live.drop(batch.gone)
         self._told.difference_update(batch.gone)
         self._sweeper.discard(batch.gone)
-        if not self._conflicts_only:
-            self._contention.receive(batch)
-            self._claims.receive(batch.claims)
+        return batch
 
     def pending(self) -> int:
         """How many answers, the newest of those asked for, are still worked out."""
@@ -167,6 +179,8 @@ class Engine:
         recorded could not.
         """
         self._aside.settle(self.pending() if pending is None else pending)
+        self._now_s = now_s
+        silent = self._fade(now_s)
         if grown := self._grown(now_s):
             self._sweep(*self._known(sorted(grown)))
         told, self._told = self._told, set()
@@ -177,6 +191,7 @@ class Engine:
         self.measures.count(NEAR_MISSES, by=len(self.near_misses))
         predictions = self._foreseen(now_s, conflicts).until(now_s + reach_s)
         revisions: list[AnyAdvisory] = [*self._lives.step(now_s, predictions, told, self._scene, now_s + reach_s)]
+        revisions += self._lives.silence(silent, now_s, self._scene)
         revisions += self._advise(now_s)
         if not self._conflicts_only:
             revisions += self._shared(now_s, effort)
@@ -185,6 +200,17 @@ class Engine:
             self.foresight.advise(now_s, waits_until_s(revisions))
         self._measure(conflicts, revisions)
         return revisions
+
+    def _fade(self, now_s: float) -> set[str]:
+        """Have silent robots be as likely there as they are now; those that have fallen silent since the last step."""
+        changes = self.presence.step(now_s)
+        for uuid, there in changes.there.items():
+            self.foresight.set_presence(uuid, there)
+        if changes.stopped:
+            self._take_in(retelling.held(self.live, changes.stopped, now_s))
+        for batch in () if self._conflicts_only else retelling.contended(self.live, changes, now_s):
+            self._contention.receive(batch)
+        return changes.silent
 
     def _shared(self, now_s: float, effort: Effort) -> list[AnyAdvisory]:
         """The revisions on what is not of one place."""
@@ -237,13 +263,17 @@ class Engine:
     def _foreseen(self, now_s: float, conflicts: PairConflicts) -> Predictions:
         """The pairs that the exact sweep found, and those that may well turn out otherwise."""
         likely = held_probability(self.site.conflict)
-        swept = Swept(conflicts.pairs, conflicts.before, conflicts.separation_m, conflicts.separation_at_s)
+        swept = Swept(
+            conflicts.pairs, conflicts.before, conflicts.separation_m, conflicts.separation_at_s, conflicts.contact_s
+        )
         foreseen = self.foresight.look(now_s, swept, likely)
         contact_s, separation_m, start_m, fresh = foreseen.near_s, foreseen.near_m, foreseen.now_m, foreseen.fresh
         n = len(conflicts.pairs)
         contact_s[:n], separation_m[:n] = conflicts.contact_s, conflicts.separation_m
         start_m[:n], fresh[:n] = conflicts.start_separation_m, conflicts.fresh
-        return Predictions(foreseen.pairs, contact_s, separation_m, start_m, fresh, foreseen.probability)
+        there = self.presence.both_there(foreseen.pairs)
+        columns = (foreseen.probability, *foreseen[6:], there)
+        return Predictions(foreseen.pairs, contact_s, separation_m, start_m, fresh, *columns)
 
     def _sweep(self, keys: Sequence[str], told: Forecasts, widened_m: Floats) -> None:
         for _, reason in self._sweeper.update(keys, _widened(told, widened_m), widened_m):
@@ -288,13 +318,21 @@ class Engine:
 
     def _stands(self, uuid: str) -> bool:
         robot = self.live.robots.get(uuid)
-        return robot is not None and robot.basis is Basis.STATIONARY
+        return robot is not None and (robot.basis is Basis.STATIONARY or self.foresight.stands(uuid))
 
     def _party(self, uuid: str) -> Party:
         robot = self.live.robots[uuid]
         basis = robot.basis
-        words = _IN_WORDS[basis] + (" (distrusted)" if self.foresight.distrusted(uuid) else "")
-        return Party(robot.name, robot.vendor, words, basis is Basis.STATIONARY)
+        silent_s = self.presence.silent_s(uuid, self._now_s)
+        remarks = {"distrusted": self.foresight.distrusted(uuid), "silent": silent_s is not None}
+        words = _IN_WORDS[basis] + "".join(f" ({remark})" for remark, holds in remarks.items() if holds)
+        return Party(robot.name, robot.vendor, words, basis is Basis.STATIONARY, silent_s)
+
+    def _absence(self, uuid: str) -> str | None:
+        if uuid in self.live.robots:
+            return SILENT if self.presence.has_probably_left(uuid) else None
+        off = self.presence.taken_off(uuid)
+        return f"is not there: {off.by} has driven through its place" if off else LEFT
 
     def _meet(self, pair: Pair, contact_s: float) -> Encounter:
         a, b = (self.live.robots[uuid] for uuid in pair)

@@ -22,7 +22,7 @@ from deconflict.advice.desk import differs
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
 from deconflict.encounter import Encounter
 from deconflict.site import Conflict
-from deconflict.stirring import LIKELIHOOD, RAISES, STANDING, UNLIKELY
+from deconflict.stirring import LIKELIHOOD, RAISES, STILL, UNLIKELY
 from deconflict.telling import (
     FADES_S,
     LIKELIER,
@@ -38,7 +38,9 @@ from deconflict.telling import (
 from deconflict.tracks import Stirred, Track, Tracks, Weighed, held_probability
 
 PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
+GAVE_WAY = "one gave way to the other"
 """Why a conflict is cleared while both robots are on the floor."""
+LEFT = "left the floor"
 
 
 class Due(NamedTuple):
@@ -126,6 +128,21 @@ class Lives:
                 revisions.append(self._kept(track, self._as_likely(track, 0.0, now_s)))
         return sorted(filter(None, revisions), key=attrgetter("robots"))
 
+    def silence(self, silent: set[str], now_s: float, scene: Scene) -> list[ConflictAdvisory]:
+        """The revisions that tell of these robots that they have fallen silent, where that is not told yet."""
+        revisions = []
+        for pair, told in sorted(self.told.items()):
+            if silent.isdisjoint(pair) or not all(map(scene.here, pair)):
+                continue
+            parties = scene.party(pair[0]), scene.party(pair[1])
+            track = self.tracks.get(pair)
+            if track and told.basis != (parties[0].basis, parties[1].basis):
+                met = scene.meet(pair, told.predicted_at.timestamp())
+                revision = telling.with_silence(told, parties, met, scene.places([met])[0], now_s)
+                self._tell(track, revision)
+                revisions.append(revision)
+        return revisions
+
     def _kept(self, track: Track, revision: ConflictAdvisory | None) -> ConflictAdvisory | None:
         """Remember a pair, and its revision."""
         if revision:
@@ -166,8 +183,9 @@ class Lives:
             return self._unpredicted(track, now_s, scene) or self._as_likely(track, prediction.probability, now_s)
         if why == LIKELIHOOD:
             return self._as_likely(track, prediction.probability, now_s)
-        if why == STANDING and all(map(scene.stands, track.pair)) and track.advisory:
-            return track.advisory.ended(now_s, STAND)
+        if why == STILL and track.advisory:
+            both_stand = all(map(scene.stands, track.pair))
+            return track.advisory.ended(now_s, STAND if both_stand else GAVE_WAY)
         return self._updated(track, prediction, now_s, scene)
 
     def _raised(self, track: Track, prediction: Prediction, now_s: float, scene: Scene) -> Due | None:
@@ -245,17 +263,20 @@ class Lives:
     def _unpredicted(self, track: Track, now_s: float, scene: Scene) -> ConflictAdvisory | None:
         absent = [uuid for uuid in track.pair if not scene.here(uuid)]
         if absent:
-            return self._absent(track, absent, now_s)
+            return self._absent(track, absent, now_s, scene)
+        left = [uuid for uuid in track.pair if scene.absence(uuid)]
         apart_m = scene.separation_m(track.pair, now_s)
-        if apart_m is not None and apart_m <= self.settings.clearance_m + self.settings.clear_margin_m:
+        if not left and apart_m is not None and apart_m <= self.settings.clearance_m + self.settings.clear_margin_m:
             return None
         self.tracks.part(track)
         advisory = track.advisory
         if advisory is None:
             return None
+        if left:
+            return advisory.ended(now_s, _why_absent(advisory, left, scene))
         return advisory.ended(now_s, PASSED if self.tracks.met(track) else UNPREDICTED)
 
-    def _absent(self, track: Track, absent: list[str], now_s: float) -> ConflictAdvisory | None:
+    def _absent(self, track: Track, absent: list[str], now_s: float, scene: Scene) -> ConflictAdvisory | None:
         """A robot that left ends the advisory; one not yet heard of since a restart does so only in time."""
         self.tracks.part(track)
         self.tracks.overlook(track)
@@ -265,8 +286,16 @@ class Lives:
         restored = advisory.updated_at.timestamp() < (self.started_s or 0.0)
         if restored and now_s - (self.started_s or 0.0) < self.absent_after_s:
             return None
-        names = dict(zip(track.pair, advisory.names, strict=True))
-        return advisory.ended(now_s, f"{' and '.join(names[uuid] for uuid in absent)} left the floor")
+        return advisory.ended(now_s, _why_absent(advisory, absent, scene))
+
+
+def _why_absent(advisory: ConflictAdvisory, absent: list[str], scene: Scene) -> str:
+    """Which of its robots are not there, and why."""
+    names = dict(zip(advisory.robots, advisory.names, strict=True))
+    words = {names[uuid]: scene.absence(uuid) or LEFT for uuid in absent}
+    if len(set(words.values())) == 1 and LEFT in words.values():
+        return f"{' and '.join(words)} {LEFT}"
+    return "; ".join(f"{name} {why}" for name, why in words.items())
 
 
 def _next_s(told: ConflictAdvisory) -> float:

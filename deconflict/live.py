@@ -41,7 +41,7 @@ def _near(at: Floats, members: Ints, within_m: float) -> tuple[Ints, Floats]:
 
 @dataclass(slots=True, eq=False)
 class LiveRobot:
-    """One robot on the floor, until it is said to be gone: silence never removes it."""
+    """One robot on the floor, until it is said to be gone: silence alone never removes it."""
 
     batch: Batch
     """The newest that it was in."""

@@ -24,20 +24,26 @@ floor, -1 where it is not known; when it was told; and how likely it says that t
 where."""
 
 ROW = np.dtype(
-    [(name, np.bool_) for name in ("there", "inside", "met", "sure", "asked", "predicted")]
-    + [("looks", np.int64)]
-    + [(name, np.float64) for name in ("predicted_s", "contact_s", "separation_m", "until_s")],
+    [
+        ("there", np.bool_),  # a pair has the row
+        ("inside", np.bool_),  # within the clearance, or not yet drawn apart from it
+        ("met", np.bool_),  # it came within the clearance while the advisory stood
+        ("sure", np.bool_),  # what was weighed last was likely enough for its severity
+        ("predicted", np.bool_),  # something is predicted in this pass
+        ("looks", np.int64),  # in which of the last looks it was alerting, the newest in the lowest bit
+        ("predicted_s", np.float64),  # when something was last predicted of an advisory's pair
+        ("contact_s", np.float64),  # time of the prediction that was weighed last
+        ("separation_m", np.float64),  # its separation
+        ("until_s", np.float64),  # when time alone may make it worth a revision
+        ("still_since_s", np.float64),  # since when both stand, or one gives way to the other; inf where neither
+    ],
     align=True,
 )
-"""Whether a pair has the row; is within the clearance, or not yet drawn apart from it; and came within it while the
-advisory stood. Whether what was weighed last was likely enough for its severity; since either was heard, it was asked
-whether both stand; and something is predicted in this pass. In which of the last looks it was alerting, the newest in
-the lowest bit; when something was last predicted of an advisory's pair; and what was weighed last, with when time alone
-may make it worth a revision."""
+"""A pair under watch."""
 
 
 BOUNDS = np.dtype(
-    [(name, np.float64) for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure")]
+    [(name, np.float64) for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure", "left")]
     + [(name, np.float64) for name in ("urgent_s", "clear_after_s", "fades_s", "warning_s", "critical_s", "slack_s")]
     + [(name, np.float64) for name in ("gap_s", "likelier", "moved_s", "deeper_m")],
     align=True,
@@ -45,14 +51,15 @@ BOUNDS = np.dtype(
 """What decides. Robots further apart than `apart_m` have drawn apart; a pair that begins nearer than `touching_m` is
 touching already. A prediction less likely than `raises` raises no advisory; one less likely than `sure` only where
 envelopes come within the clearance, and less severe a one; one less likely than `held` lets none stand, and is told of
-after `fades_s`. Of one advisory there is a revision in `gap_s`, unless the severity rises. Changes of the probability,
+after `fades_s`, also within the clearance where it is less likely than `left` that both robots are there. Of one
+advisory there is a revision in `gap_s`, unless the severity rises. Changes of the probability,
 the time and the separation by no more than the last three are surely worth none."""
 
 
-NOTED, NEW, OVER, RAISES, UNLIKELY, STANDING, NEWS, AS_TOLD, LIKELIHOOD = range(-1, 8)
+NOTED, NEW, OVER, RAISES, UNLIKELY, STILL, NEWS, AS_TOLD, LIKELIHOOD = range(-1, 8)
 """Why a pass looks at a prediction: not at all; the pair is under watch from now on, or no more; its advisory is to be
-raised; was long too unlikely to stand; may end, as both may stand by now, and is as with news if they do not; may tell
-something else; tells the same, unless the two meet otherwise; tells nothing new but how likely it is."""
+raised; was long too unlikely to stand; ends, as both have stood or one has given way for a while; may tell something
+else; tells the same, unless the two meet otherwise; tells nothing new but how likely it is."""
 _TOLD, _ROW, _BOUNDS = (numba.from_dtype(one) for one in (TOLD, ROW, BOUNDS))
 _INTS, _FLOATS, _BOOLS, _REAL = numba.int64[::1], numba.float64[::1], numba.boolean[::1], numba.float64
 
@@ -81,8 +88,8 @@ def _begin(rows: NDArray[Any], first: int) -> int:
     while rows[first].there:
         first += 1
     row = rows[first]
-    row.there, row.inside, row.met, row.asked, row.looks = True, False, False, False, 0
-    row.predicted_s = row.until_s = -inf
+    row.there, row.inside, row.met, row.looks = True, False, False, 0
+    row.predicted_s, row.until_s, row.still_since_s = -inf, -inf, inf
     return first
 
 
@@ -95,15 +102,23 @@ def _is_confirmed(looks: int, wanted_looks: int) -> bool:
 
 
 @inner
-def _is_likely(contact_s: float, separation_m: float, probability: float, now_s: float, bounds: Any) -> bool:
+def _is_likely(contact_s: float, separation_m: float, deciding: float, now_s: float, bounds: Any) -> bool:
     """Whether an encounter is yet to come that is worth an advisory."""
     wanted = max(bounds.raises, bounds.sure) if separation_m > bounds.clearance_m else bounds.raises
-    return probability >= wanted and contact_s > now_s
+    return deciding >= wanted and contact_s > now_s
 
 
 @inner
 def _look(
-    row: Any, fresh: bool, start_m: float, separation_m: float, likely: bool, remembered: int, bounds: Any
+    row: Any,
+    fresh: bool,
+    start_m: float,
+    separation_m: float,
+    likely: bool,
+    deciding: float,
+    still: bool,
+    remembered: int,
+    bounds: Any,
 ) -> bool:
     """Note that something is predicted of a pair that is so far apart now; whether it is coming together, rather than
     beginning together, by something new."""
@@ -112,10 +127,10 @@ def _look(
         row.inside = row.met = True
     elif start_m > bounds.apart_m:
         row.inside = False
-    about_to_touch = separation_m == 0 and start_m > bounds.touching_m
-    alerting = fresh and (about_to_touch if row.inside else likely)
+    about_to_touch = separation_m == 0 and start_m > bounds.touching_m and deciding >= bounds.raises
+    alerting = fresh and not still and (about_to_touch if row.inside else likely)
     if fresh:
-        row.looks, row.until_s, row.asked = (row.looks << 1 | alerting) & remembered, -inf, False
+        row.looks, row.until_s = (row.looks << 1 | alerting) & remembered, -inf
     return alerting
 
 
@@ -125,7 +140,7 @@ def _of_untold(
 ) -> int:
     """What there is to do for a pair without an advisory."""
     if alerting and (_is_confirmed(row.looks, wanted_looks) or contact_s - now_s <= urgent_s):
-        row.met, row.predicted_s = False, now_s
+        row.met, row.predicted_s, row.still_since_s = False, now_s, inf
         return RAISES
     if is_new:
         return NEW
@@ -164,9 +179,6 @@ def _of_told(
 ) -> int:
     """What there is to do for a pair with an advisory that is likely enough to stand."""
     row.predicted_s = now_s
-    if row.inside and not row.asked and now_s - before.updated_s > bounds.clear_after_s:
-        row.asked = True
-        return STANDING
     is_sure, as_likely = probability >= bounds.sure, abs(probability - before.probability) <= bounds.likelier
     is_weighed = contact_s == row.contact_s and separation_m == row.separation_m and is_sure == row.sure
     if not fresh and is_weighed and as_likely and now_s < row.until_s:
@@ -190,6 +202,16 @@ def _of_told(
 
 
 @inner
+def _has_been_still(row: Any, still: bool, now_s: float, clear_after_s: float) -> bool:
+    """Whether both have stood, or one has given way to the other, for so long."""
+    if not still:
+        row.still_since_s = inf
+    elif row.still_since_s == inf:
+        row.still_since_s = now_s
+    return bool(now_s - row.still_since_s >= clear_after_s)
+
+
+@inner
 def _missing(rows: NDArray[Any], told: NDArray[Any], now_s: float, clear_after_s: float) -> tuple[Ints, Bools]:
     """Pairs of which nothing is predicted, and whether nothing may be cleared of each."""
     missed, rests, n = np.empty(len(rows), np.int64), np.empty(len(rows), np.bool_), 0
@@ -197,14 +219,24 @@ def _missing(rows: NDArray[Any], told: NDArray[Any], now_s: float, clear_after_s
         row = rows[place]
         if row.there and not row.predicted:
             missed[n], rests[n] = place, not told[place].stands or now_s - row.predicted_s < clear_after_s
-            row.asked, n = False, n + 1
+            n += 1
         row.predicted = False
     return missed[:n].copy(), rests[:n].copy()
 
 
 @kernel(
     numba.types.Tuple((*[_INTS] * 3, _BOOLS))(  # type: ignore[no-untyped-call]
-        _ROW[::1], _TOLD[::1], _INTS, *[_FLOATS] * 3, _BOOLS, _FLOATS, *[numba.int64] * 2, _REAL, _BOUNDS[::1]
+        _ROW[::1],
+        _TOLD[::1],
+        _INTS,
+        *[_FLOATS] * 3,
+        _BOOLS,
+        *[_FLOATS] * 2,
+        _BOOLS,
+        _FLOATS,
+        *[numba.int64] * 2,
+        _REAL,
+        _BOUNDS[::1],
     )
 )
 def stirring(
@@ -216,6 +248,9 @@ def stirring(
     start_m: Floats,
     fresh: Bools,
     probability: Floats,
+    deciding: Floats,
+    still: Bools,
+    there: Floats,
     remembered: int,
     wanted_looks: int,
     now_s: float,
@@ -230,16 +265,20 @@ def stirring(
     bound = bounds[0]
     some, why, n, free = np.empty(len(at), np.int64), np.empty(len(at), np.int64), 0, 0
     for one in range(len(at)):
-        likely, is_new = _is_likely(contact_s[one], separation_m[one], probability[one], now_s, bound), at[one] < 0
+        likely, is_new = _is_likely(contact_s[one], separation_m[one], deciding[one], now_s, bound), at[one] < 0
         if is_new:
             if not fresh[one] or not (likely or start_m[one] <= bound.clearance_m):
                 continue
             at[one] = free = _begin(rows, free)
         row, before = rows[at[one]], told[at[one]]
-        alerting = _look(row, fresh[one], start_m[one], separation_m[one], likely, remembered, bound)
+        alerting = _look(
+            row, fresh[one], start_m[one], separation_m[one], likely, deciding[one], still[one], remembered, bound
+        )
         if not before.stands:
             reason = _of_untold(row, is_new, alerting, contact_s[one], now_s, wanted_looks, bound.urgent_s)
-        elif not row.inside and probability[one] < bound.held:
+        elif _has_been_still(row, still[one], now_s, bound.clear_after_s):
+            reason = STILL
+        elif deciding[one] < bound.held and not (row.inside and there[one] >= bound.left):
             reason = _of_unlikely(row, before, probability[one], now_s, bound)
         else:
             reason = _of_told(

@@ -36,6 +36,8 @@ UPDATE_GAP_S = 1.0
 """At most one revision in this time, unless the severity rises."""
 FADES_S = 1.0
 """A conflict has been unlikely for so long when its advisory tells so."""
+THIN = 0.2
+"""A probability comes with its interval where that is at least so wide."""
 LIKELIER = 0.15
 """A change of probability that is worth a revision."""
 SURE = 0.8
@@ -62,7 +64,18 @@ class Prediction(NamedTuple):
     fresh: bool
     """Whether either robot's forecast is new in this pass."""
     probability: float = 1.0
+    """That the two get in each other's way in the horizon."""
+    contact_probability: float = 1.0
     """That their envelopes come within the clearance in the horizon."""
+    lower: float = 1.0
+    """Ends of the interval that holds the probability with 90 %."""
+    upper: float = 1.0
+    deciding: float = 1.0
+    """What alerts are decided by: above the probability where evidence is thin."""
+    still: bool = False
+    """Both stand, or one gives way to the other."""
+    there: float = 1.0
+    """How likely both robots are still there."""
 
 
 class Predictions(NamedTuple):
@@ -74,6 +87,12 @@ class Predictions(NamedTuple):
     start_separation_m: Floats
     fresh: Bools
     probability: Floats
+    contact_probability: Floats
+    lower: Floats
+    upper: Floats
+    deciding: Floats
+    still: Bools
+    there: Floats
 
     def until(self, end_s: float) -> "Predictions":
         """Those of what begins by then."""
@@ -82,9 +101,8 @@ class Predictions(NamedTuple):
         rows = np.flatnonzero(self.contact_s <= end_s)
         if len(rows) == len(self.pairs):
             return self
-        pairs, fresh = [self.pairs[row] for row in rows.tolist()], self.fresh[rows]
-        contact_s, separation_m, start_m = self.contact_s[rows], self.separation_m[rows], self.start_separation_m[rows]
-        return Predictions(pairs, contact_s, separation_m, start_m, fresh, self.probability[rows])
+        columns = {name: column[rows] for name, column in self._asdict().items() if name != "pairs"}
+        return self._replace(pairs=[self.pairs[row] for row in rows.tolist()], **columns)
 
     def some(self, rows: Sequence[int]) -> list[Prediction]:
         columns = (map(column.item, rows) for column in self[1:])
@@ -99,6 +117,13 @@ class Party:
     vendor: str
     basis: str
     standing: bool
+    silent_s: float | None = None
+    """For how long it has been silent; None where it is heard."""
+
+    @property
+    def called(self) -> str:
+        """Its name, and whether it is silent."""
+        return self.name if self.silent_s is None else f"{self.name}, silent for {self.silent_s:.0f} s,"
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +132,8 @@ class Scene:
 
     here: Callable[[str], bool]
     """Whether a robot is on the floor."""
+    absence: Callable[[str], str | None]
+    """Why a robot is not there, in words that follow its name; None where it is, for all that is known."""
     party: Callable[[str], Party]
     """For a robot that is."""
     stands: Callable[[str], bool]
@@ -141,6 +168,8 @@ class Telling(TypedDict):
     predicted_at: datetime
     time_to_conflict_s: float
     probability: float
+    probability_interval: tuple[float, float] | None
+    contact_probability: float
     clearance_m: float
     min_separation_m: float
     closing_speed_mps: float
@@ -208,6 +237,8 @@ def newest(
         predicted_at=moment(prediction.contact_s),
         time_to_conflict_s=round(time_s, 3),
         probability=round(prediction.probability, 3),
+        probability_interval=_interval(prediction),
+        contact_probability=round(prediction.contact_probability, 3),
         clearance_m=clearance_m,
         min_separation_m=round(prediction.separation_m, 3),
         closing_speed_mps=round(met.closing_speed_mps, 3),
@@ -253,6 +284,28 @@ def with_probability(before: ConflictAdvisory, probability: float, now_s: float)
         updated_at=moment(now_s),
         time_to_conflict_s=round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
         probability=round(probability, 3),
+        probability_interval=None,
+        contact_probability=None,
+    )
+
+
+def _interval(prediction: Prediction) -> tuple[float, float] | None:
+    """What holds the probability with 90 %, where that is wide enough to be told."""
+    if prediction.upper - prediction.lower < THIN:
+        return None
+    return round(prediction.lower, 3), round(prediction.upper, 3)
+
+
+def with_silence(
+    before: ConflictAdvisory, parties: tuple[Party, Party], met: Encounter, place: str, now_s: float
+) -> ConflictAdvisory:
+    """The next revision, of the same prediction where nothing has changed but that a robot has fallen silent."""
+    time_s = max(before.predicted_at.timestamp() - now_s, 0.0)
+    return before.followed(
+        updated_at=moment(now_s),
+        time_to_conflict_s=round(time_s, 3),
+        basis=(parties[0].basis, parties[1].basis),
+        summary=advised(_summary(parties, met, time_s, place), before.recommendation, before.robots, before.names),
     )
 
 
@@ -269,9 +322,13 @@ def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) 
 def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place: str) -> str:
     a, b = parties
     if met.encounter_class is EncounterClass.STATIONARY_OBSTACLE and b.standing and not a.standing:
-        what = f"{a.name} reaches {b.name}, which stands still,"
+        what = f"{a.called} reaches {_standing(b)}"
     elif met.encounter_class is EncounterClass.STATIONARY_OBSTACLE and a.standing and not b.standing:
-        what = f"{b.name} reaches {a.name}, which stands still,"
+        what = f"{b.called} reaches {_standing(a)}"
     else:
-        what = f"{a.name} and {b.name} {_VERBS[met.encounter_class]}"
+        what = f"{a.called} and {b.called} {_VERBS[met.encounter_class]}"
     return f"{what} in {time_s:.0f} s, {place}"
+
+
+def _standing(party: Party) -> str:
+    return f"{party.name}, which stands still," if party.silent_s is None else party.called

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deconflict.advisory import ConflictAdvisory
 from deconflict.encounter import CLASSES, Encounters
+from deconflict.presence.meanings import PROBABLY_LEFT
 from deconflict.site import Conflict
 from deconflict.stirring import (
     AS_TOLD,
@@ -20,7 +21,7 @@ from deconflict.stirring import (
     OVER,
     RAISES,
     ROW,
-    STANDING,
+    STILL,
     TOLD,
     UNLIKELY,
     elsewhere,
@@ -50,7 +51,7 @@ ROUNDED = 1e-3
 """Probabilities, distances and places are told to so much."""
 
 _NEWLY = np.zeros((), ROW)
-_NEWLY["there"], _NEWLY["predicted_s"], _NEWLY["until_s"] = True, -inf, -inf
+_NEWLY["there"], _NEWLY["predicted_s"], _NEWLY["until_s"], _NEWLY["still_since_s"] = True, -inf, -inf, inf
 
 
 class Weighed(NamedTuple):
@@ -134,7 +135,7 @@ class Tracks:
         """This is the pair's advisory from now on, against which nothing was weighed yet. It is of that floor, -1 where
         that is not known; of the one before if None."""
         track.advisory, row = advisory, self._rows[track.row]
-        row["until_s"], row["asked"] = -inf, False
+        row["until_s"] = -inf
         if advisory is None:
             self._told["stands"][track.row] = False
             return
@@ -195,7 +196,17 @@ class Tracks:
         self._make_room(len(pairs))
         at = np.fromiter(map(self._row_of.get, pairs, repeat(-1)), np.int64, len(pairs))
         stirred, why, missed, rests = stirring(
-            self._rows, self._told, at, *predictions[1:], self._remembered, self._wanted_looks, now_s, self._bounds
+            self._rows,
+            self._told,
+            at,
+            *predictions[1:6],
+            predictions.deciding,
+            predictions.still,
+            predictions.there,
+            self._remembered,
+            self._wanted_looks,
+            now_s,
+            self._bounds,
         )
         some = list(zip(stirred.tolist(), why.tolist(), strict=True))
         differs = self._elsewhere(predictions, at, [row for row, reason in some if reason == AS_TOLD], encounters)
@@ -252,6 +263,7 @@ def _bounds(settings: Conflict) -> NDArray[Any]:
         "raises": settings.raise_probability,
         "held": held_probability(settings),
         "sure": SURE,
+        "left": PROBABLY_LEFT,
         "urgent_s": settings.urgent_s,
         "clear_after_s": settings.clear_after_s,
         "fades_s": FADES_S,
@@ -267,4 +279,4 @@ def _bounds(settings: Conflict) -> NDArray[Any]:
     return bounds
 
 
-_TO_TELL = (RAISES, UNLIKELY, STANDING, NEWS, LIKELIHOOD)
+_TO_TELL = (RAISES, UNLIKELY, STILL, NEWS, LIKELIHOOD)

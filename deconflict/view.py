@@ -52,6 +52,9 @@ class FloorSource(Protocol):
     def recorded(self) -> tuple[float, float] | None:
         """From when to when the past can be had; None where nothing is recorded."""
 
+    def still_there(self) -> dict[str, Any]:
+        """Who is still there of the silent robots: a `StillThere`, JSON-ready."""
+
 
 class Recorded(BaseModel):
     """From when to when the past can be had, seconds since the epoch; null where nothing is recorded."""
@@ -74,6 +77,33 @@ class Heat(BaseModel):
     until_s: float
     cell_m: float
     floors: dict[str, list[tuple[float, float, int]]]
+
+
+class Removed(BaseModel):
+    """A robot through whose place another one has driven: it is not there, until it reports again."""
+
+    vendor: str
+    name: str
+    heard_s: float = Field(description="when it was last heard, seconds since the epoch")
+    at_s: float = Field(description="when the other one drove through its place")
+    by: str = Field(description="the name of the other one")
+
+
+class Exit(BaseModel):
+    """Where robots usually leave: they fall silent there and do not come back."""
+
+    datum: str
+    x_m: float
+    y_m: float
+    robots: int = Field(description="how many left there, lately")
+
+
+class StillThere(BaseModel):
+    """Of robots that are silent, by UUID: how likely each is still there, and which are not; and the exits."""
+
+    fading: dict[str, float]
+    taken_off: dict[str, Removed]
+    exits: list[Exit]
 
 
 class View:
@@ -105,6 +135,10 @@ class View:
         """From when to when `/past` can answer."""
         from_s, to_s = self._source.recorded() or (None, None)
         return _json(Recorded(from_s=from_s, to_s=to_s))
+
+    def presence(self) -> Response:
+        """How likely silent robots are still there, which are not, and where robots usually leave."""
+        return _json(self._source.still_there())
 
     async def past(
         self, at_s: Annotated[float, Query(ge=0, allow_inf_nan=False, description="seconds since the epoch")]
@@ -151,6 +185,7 @@ def add_view(
     app.get("/recorded", response_model=Recorded)(view.recorded)
     app.get("/past", response_model=PastFloor)(view.past)
     app.get("/heat", response_model=Heat)(view.heat)
+    app.get("/presence", response_model=StillThere)(view.presence)
 
     @app.websocket("/live")
     async def live(websocket: WebSocket) -> None:

@@ -1,9 +1,10 @@
 """Whether published probabilities mean what they say: calibration error, Brier score and skill, reliability diagram.
 
-A sample is a pair and a second for which a probability was published. It came true where an encounter of the pair
-began within the next 10 s. Pairs that are in an encounter are left out. So are those of which a robot left before
-anything happened: nobody knows what would have. Those that are known stand for them (`deconflict.foresight.leaving`).
-Those of which a robot waited as advised are counted apart.
+A sample is a pair and a second for which a probability was published. It came true where what it foretells (see
+`metrics/fates.py`) began within the next 10 s. Pairs that are at it already are left out. So are those of which a robot
+left before anything happened: nobody knows what would have. Those that are known stand for them
+(`deconflict.foresight.leaving`). Those of which a robot waited as advised are counted apart, as are those that may have
+waited by an order of their fleet.
 """
 
 from collections import defaultdict, deque
@@ -21,11 +22,12 @@ from deconflict.motion import Bools
 from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
 from metrics.bootstrap import GROUPS, Interval, interval
+from metrics.fates import HORIZON_S, Fates
+from metrics.likely import Likely
 from metrics.summaries import brier, brier_skill, brier_skills, briers
-from metrics.truth import Encounter, Pair, Truth
+from metrics.truth import Pair
 from metrics.waits import Waits
 
-HORIZON_S = 10.0
 SETTLED_S = 120.0
 """The first minutes, in which probabilities rest on what was known before the log began."""
 BINS = 10
@@ -154,19 +156,22 @@ class Tally:
 
 
 class Calibration:
-    """One clearance's probabilities, sampled at whole seconds and told apart by pair of vendors."""
+    """Probabilities of one kind, sampled at whole seconds and told apart by pair of vendors."""
 
-    def __init__(self, clearance_m: float) -> None:
-        self._clearance_m = clearance_m
+    def __init__(self, waits: Waits) -> None:
+        """`waits` tell when robots waited as advised."""
+        self._waits = waits
         self._waiting: deque[tuple[float, Sequence[tuple[Pair, float]]]] = deque()
         self._second = -1
         self._settled_from_s = inf
         self.by_vendors: defaultdict[Vendors, Tally] = defaultdict(Tally)
         self.settled = Tally()
         """What was said after the first minutes."""
-        self.waits = Waits()
+        self.likely = Likely()
         self.heeded = 0
         """Samples of which a robot waited as advised before anything happened."""
+        self.doubted = 0
+        """Samples of which a robot waited, and it is not known whether its fleet had ordered it."""
 
     def sample(self, now_s: float, probabilities: Sequence[tuple[Pair, float]]) -> None:
         """Take what is published at the first pass of each second."""
@@ -176,45 +181,51 @@ class Calibration:
         self._settled_from_s = min(self._settled_from_s, now_s + SETTLED_S)
         if probabilities:
             self._waiting.append((now_s, probabilities))
+            self.likely.publish(now_s, probabilities)
 
-    def resolve(self, truth: Truth, vendor_of: Mapping[str, str]) -> None:
+    def resolve(self, fates: Fates, vendor_of: Mapping[str, str]) -> None:
         """Count every sample of which it is known what followed."""
         due: list[tuple[float, Sequence[tuple[Pair, float]]]] = []
-        while self._waiting and self._waiting[0][0] + HORIZON_S <= truth.until_s:
+        while self._waiting and self._waiting[0][0] + HORIZON_S <= fates.until_s:
             due.append(self._waiting.popleft())
         if due:
             at_s = np.repeat([at_s for at_s, _ in due], [len(told) for _, told in due])
             pairs, said = zip(*chain.from_iterable(told for _, told in due), strict=True)
-            self._judge(at_s, pairs, np.array(said), truth, vendor_of)
+            self._judge(at_s, pairs, np.array(said), fates, vendor_of)
 
     def whole(self) -> Tally:
         return Tally.joined(self.by_vendors.values())
 
     def _judge(
-        self, at_s: Floats, pairs: Sequence[Pair], said: Floats, truth: Truth, vendor_of: Mapping[str, str]
+        self, at_s: Floats, pairs: Sequence[Pair], said: Floats, fates: Fates, vendor_of: Mapping[str, str]
     ) -> None:
-        """Count samples (n,), but for those that were said within an encounter."""
+        """Count samples (n,), but for those that were said within what they foretell."""
         index: dict[Pair, int] = {}
         which = np.array([index.setdefault(pair, len(index)) for pair in pairs])
-        every, met = list(index), truth.by_pair(self._clearance_m)
-        of_met, of_waits = (np.array([pair in one for pair in every])[which] for one in (met, self.waits))
-        began_s, waited_s = np.full((2, len(pairs)), inf)
-        for row in np.flatnonzero(of_met).tolist():
-            began_s[row] = _began_s(met[pairs[row]], at_s[row])
-        for row in np.flatnonzero(of_waits).tolist():
-            waited_s[row] = self.waits.began_s(pairs[row], at_s[row], at_s[row] + HORIZON_S)
+        every = list(index)
+        began_s, left_s, doubted = fates.of(every, which, at_s)
+        waited_s = self._waited_s(every, which, at_s)
         outside, heeded = began_s != at_s, waited_s < began_s
         self.heeded += int((outside & heeded).sum())
-        seen_s = {robot: truth.motion.last_seen_s(robot) for robot in set(chain.from_iterable(every))}
-        last_s = np.array([min(seen_s[a], seen_s[b]) for a, b in every])[which]
-        part, came = part_of(np.minimum(began_s, last_s) - at_s, HORIZON_S), began_s < inf
+        self.doubted += int((outside & ~heeded & doubted).sum())
+        came = began_s < inf
+        part = part_of(np.where(came, began_s, left_s) - at_s, HORIZON_S)
         part = np.where(came, np.minimum(part, STAYED - 1), part)
         group = np.array([crc32("".join(pair).encode()) % GROUPS for pair in every])[which]
         samples = Samples.of(group, said, part, came | (part == STAYED))
-        rows = np.flatnonzero(outside & ~heeded)
+        rows = np.flatnonzero(outside & ~heeded & ~doubted)
         vendors = [_sorted(vendor_of[a], vendor_of[b]) for a, b in every]
         self._add(samples, rows, [vendors[one] for one in which[rows].tolist()])
         self.settled.add(samples, rows[at_s[rows] >= self._settled_from_s])
+        known = rows[samples.known[rows]]
+        self.likely.add(said[known], came[known], group[known])
+
+    def _waited_s(self, every: Sequence[Pair], which: Ints, at_s: Floats) -> Floats:
+        """(n,) when one of each pair first waited as advised within the horizon; inf where neither did."""
+        waited_s = np.full(len(which), inf)
+        for row in np.flatnonzero(np.array([pair in self._waits for pair in every])[which]).tolist():
+            waited_s[row] = self._waits.began_s(every[which[row]], at_s[row], at_s[row] + HORIZON_S)
+        return waited_s
 
     def _add(self, samples: Samples, rows: Ints, vendors: Sequence[Vendors]) -> None:
         """Count the samples of `rows` (m,), each of two vendors."""
@@ -256,14 +267,3 @@ def _count(
 
 def _sorted(a: str, b: str) -> Vendors:
     return (a, b) if a <= b else (b, a)
-
-
-def _began_s(encounters: Sequence[Encounter], at_s: float) -> float:
-    """When the next one within the horizon begins; `at_s` within one, inf where there is none."""
-    began_s = inf
-    for one in reversed(encounters):
-        if one.start_s <= at_s:
-            return at_s if at_s <= one.end_s else began_s
-        if one.start_s <= at_s + HORIZON_S:
-            began_s = one.start_s
-    return began_s

@@ -103,6 +103,15 @@ CATALOGUE: dict[str, Entry] = {
     "deconflict_robots_forgotten_total": Entry(
         "counter", ("vendor",), "Robots that left the floor after being silent for too long."
     ),
+    "deconflict_silences_total": Entry(
+        "counter",
+        ("vendor", "outcome"),
+        "Silences that have ended: there (back where it was), elsewhere (back at another place), or driven_through "
+        "(another robot drove through its place, and it was taken off).",
+    ),
+    "deconflict_robots_probably_left": Entry(
+        "gauge", ("vendor",), "Silent robots that are less than half likely to be there still."
+    ),
     "deconflict_recorded_bytes_total": Entry("counter", (), "Bytes written to the recording."),
     "deconflict_recorded_lines_dropped_total": Entry("counter", (), "Lines the recording could not take."),
     "deconflict_ticks_total": Entry("counter", (), "Ticks at which the engine was handed what had changed."),

@@ -19,6 +19,8 @@ from metrics.truth import LAG_S
 HORIZONS_S = np.arange(1.0, 11.0)
 BANDS = (0.5, 0.8, 0.9)
 KINDS = ("distance", "along", "across")
+USUAL, FEWEST_CASES = 0.9, 100
+"""Forecasts of a kind are usually no further off than this share of them; it is not known of fewer."""
 GATHERED_S = 5.0
 """Forecasts of so long are held against the motion together."""
 
@@ -36,6 +38,8 @@ class ForecastErrors:
         """By maker: how many lay within each band, and of how many bands are known."""
         self._index: dict[str, int] = {}
         self._makers: dict[Maker, int] = {}
+        self._usually_aside_m: Floats = np.zeros((0, len(HORIZONS_S)))
+        """By maker: how far aside of their headings its robots usually come to be."""
         self._waiting: list[tuple[Ints, Ints, Floats, Forecasts]] = []
         """Robot, maker, bands, forecast."""
         self._since_s: float | None = None
@@ -67,6 +71,11 @@ class ForecastErrors:
         if self._since_s is not None:
             self._count(np.inf)
 
+    def usually_aside_m(self, makers: Sequence[Maker]) -> Floats:
+        """(n, horizons) how far aside of their headings the robots of makers (n,) usually come to be, so many whole
+        seconds ahead, as far as it is known; 0 where it is not."""
+        return self._usually_aside_m[self._rows(makers)]
+
     def figures(self) -> dict[str, Any]:
         """Median and p90 by horizon, of all, by vendor, and by vendor and model."""
         rows_of: dict[str, list[int]] = {}
@@ -94,7 +103,8 @@ class ForecastErrors:
             self._makers |= {maker: row for row, maker in enumerate(new, len(self._makers))}
             self._counts = np.pad(self._counts, ((0, 0), (0, len(new)), (0, 0), (0, 0)))
             self._inside = np.pad(self._inside, ((0, len(new)), (0, 0), (0, 0)))
-        return np.array([self._makers[maker] for maker in makers])
+            self._usually_aside_m = np.pad(self._usually_aside_m, ((0, len(new)), (0, 0)))
+        return np.array([self._makers[maker] for maker in makers], np.int64)
 
     def _count(self, until_s: float) -> None:
         robot, maker, bands_m = (np.concatenate([waiting[n] for waiting in self._waiting]) for n in range(3))
@@ -105,8 +115,14 @@ class ForecastErrors:
         errors, at = _held(order, robot, maker, told.start, *columns, until_s, HORIZONS_S, JOINED_S, self._inside)
         for counts, bins in zip(self._counts, bins_of(errors), strict=True):
             np.add.at(counts.reshape(-1), at * BINS + bins, 1)
+        self._learn_usual()
         rows = np.flatnonzero(made_s >= until_s)
         self._keep(robot[rows], maker[rows], bands_m[rows], told.take(rows))
+
+    def _learn_usual(self) -> None:
+        for maker, horizon in np.argwhere(self._counts[KINDS.index("across")].sum(axis=2) >= FEWEST_CASES).tolist():
+            counts = self._counts[KINDS.index("across"), maker, horizon]
+            self._usually_aside_m[maker, horizon] = quantile(counts, USUAL) or 0.0
 
     def _keep(self, robot: Ints, maker: Ints, bands_m: Floats, rest: Forecasts) -> None:
         self._waiting, self._since_s = [], None

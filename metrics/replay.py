@@ -5,14 +5,12 @@ engine says at a pass, and the `Outcome` holds that against what happened.
 """
 
 import time
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
 from math import floor, inf
 from typing import Any
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.blackbox.start import Start
 from deconflict.engine import Engine
 from deconflict.gathering import Gathering
@@ -21,16 +19,18 @@ from ingest import stamps
 from ingest.playback import Event, Reader
 from ingest.seam import Batch, Floats
 from metrics import conform
+from metrics.absences import Absences
 from metrics.arrivals import Arrivals
-from metrics.calibration import SETTLED_S, Calibration
 from metrics.contention import Contention
 from metrics.forecasts import ForecastErrors
+from metrics.interactions import Interactions
 from metrics.passes import Pass, Reading
 from metrics.places import EVERY_S, Forecast, forecast_of
+from metrics.said import Published, Said
 from metrics.scenes import Scene
-from metrics.scoring import Alert, Presence, score
-from metrics.truth import Pair, Truth
+from metrics.truth import Truth
 from metrics.vendors import VendorRecords
+from metrics.verdicts import Verdict
 
 FORESEEN_S = 10.0
 """An advisory that was cleared longer before a near moment than this had nothing to do with it."""
@@ -40,38 +40,6 @@ FOLLOWED = 1024
 Line = dict[str, Any]
 Tell = Callable[[Line], None]
 Watch = Callable[[float, Batch], None]
-
-
-@dataclass(slots=True)
-class Told:
-    """One advisory so far: what scoring needs of its revisions."""
-
-    pair: Pair
-    vendors: tuple[str, str]
-    raised_s: float
-    predicted_s: float
-    place: tuple[str, float, float]
-    cleared_s: float = inf
-
-
-@dataclass(frozen=True, slots=True)
-class Said:
-    """What one clearance's engine had to say at one pass."""
-
-    revisions: list[ConflictAdvisory]
-    others: Sequence[AnyAdvisory]
-    """Revisions of other kinds."""
-    raised: Sequence[str]
-    """The kinds of the advisories that were raised."""
-    probabilities: Sequence[tuple[Pair, float]]
-    bands_m: Floats
-    """(n, horizons, bands) radii that its ledger held for the forecasts of the batch."""
-    waiting: Sequence[str] = ()
-    """Robots that wait as advised."""
-    measured: dict[str, Any] | None = None
-    """What the engine would tell of itself, where the pass has that of the receiver."""
-    places: Forecast | None = None
-    """What is said of places, every `EVERY_S`."""
 
 
 class Run:
@@ -99,18 +67,18 @@ class Run:
         waiting = self.engine.foresight.heeding(one.now_s)
         measured = self.measured() if one.measured else None
         published, places = self._published(one.now_s), self._places(one.now_s)
-        return Said(revisions, others, raised, published, bands_m, waiting, measured, places)
+        return Said(revisions, others, raised, *published, bands_m, waiting, measured, places)
 
     def measured(self) -> dict[str, Any]:
         """What the engine would tell of itself now."""
         return self.engine.measures.as_document()
 
-    def _published(self, now_s: float) -> list[tuple[Pair, float]]:
-        """The probabilities at the first pass of each second, which are judged; none at others."""
+    def _published(self, now_s: float) -> tuple[Published, Published]:
+        """The probabilities of getting in each other's way and of contact, at the first pass of each second."""
         if floor(now_s) == self._second:
-            return []
+            return (), ()
         self._second = floor(now_s)
-        return self.engine.probabilities()
+        return self.engine.probabilities(), self.engine.foresight.contact_probabilities()
 
     def _places(self, now_s: float) -> Forecast | None:
         """What is said of places at the first pass of each `EVERY_S`; None at others."""
@@ -126,48 +94,14 @@ class Run:
         return bands_m
 
 
-class Verdict:
-    """What one clearance's engine said, until it can be judged."""
-
-    def __init__(self, clearance_m: float) -> None:
-        self.clearance_m = clearance_m
-        self.calibration = Calibration(clearance_m)
-        self.raised: Counter[str] = Counter()
-        """Advisories by kind."""
-        self.told: dict[str, Told] = {}
-        """By advisory."""
-
-    def take(self, now_s: float, said: Said) -> None:
-        self.raised.update(said.raised)
-        for one in said.revisions:
-            self._take(one)
-        self.calibration.sample(now_s, said.probabilities)
-        self.calibration.waits.see(now_s, said.waiting)
-
-    def alerts(self, truth: Truth) -> Iterator[Alert]:
-        for one in self.told.values():
-            left_s = min(truth.motion.last_seen_s(robot) for robot in one.pair)
-            heeded = self.calibration.waits.began_s(one.pair, one.raised_s, one.cleared_s) < inf
-            yield Alert(one.pair, one.vendors, one.raised_s, one.cleared_s, one.predicted_s, left_s, one.place, heeded)
-
-    def _take(self, one: ConflictAdvisory) -> None:
-        predicted_s = one.predicted_at.timestamp()
-        told = self.told.get(one.id)
-        if told is None:
-            place = (one.location.datum, one.location.x, one.location.y)
-            told = self.told[one.id] = Told(one.robots, one.vendors, one.raised_at.timestamp(), predicted_s, place)
-        if one.time_to_conflict_s > 0:
-            told.predicted_s = predicted_s
-        if one.state is AdvisoryState.CLEARED:
-            told.cleared_s = one.updated_at.timestamp()
-
-
 class Outcome:
     """What happened on the floor, and what that makes of what every engine said."""
 
     def __init__(self, site: Site, clearances_m: Sequence[float]) -> None:
-        self.verdicts = [Verdict(clearance_m) for clearance_m in clearances_m]
-        self.truth = Truth(clearances_m)
+        self.truth, self.interactions = Truth(clearances_m), Interactions()
+        self.absences = Absences(clearances_m)
+        of_all = (self.truth, self.interactions, self.absences)
+        self.verdicts = [Verdict(clearance_m, *of_all) for clearance_m in clearances_m]
         self.forecasts, self.arrivals, self.contention = ForecastErrors(), Arrivals(), Contention(site)
         self._gathering = Gathering(FOLLOWED)
         self.vendor_of: dict[str, str] = {}
@@ -178,6 +112,7 @@ class Outcome:
         """By index, as batches have them."""
         self._floor_names = {one.id: one.name for one in site.datums}
         self._vendors = VendorRecords()
+        self._second: int | None = None
 
     def take(self, one: Pass, said: Sequence[Said]) -> None:
         """One pass and what each engine said at it."""
@@ -186,6 +121,7 @@ class Outcome:
         self._name_of.update(zip(batch.robots, batch.names, strict=True))
         self._floors = batch.floors
         self.truth.report(batch.robots, batch.forecasts)
+        self.absences.take(batch)
         makers = list(zip(batch.vendors, batch.models, strict=True))
         self.forecasts.take(batch.robots, makers, batch.forecasts, said[0].bands_m if said else None)
         self.forecasts.advance(now_s)
@@ -193,14 +129,25 @@ class Outcome:
             self._follow(due.batch)
         others, places = (said[0].others, said[0].places) if said else ((), None)
         self.contention.hear(now_s, others, places)
+        self.interactions.take(batch, self.forecasts.usually_aside_m(makers))
         for verdict, each in zip(self.verdicts, said, strict=True):
-            verdict.take(now_s, each)
+            verdict.take(now_s, batch, each)
+        self._look(now_s)
         if one.measured and said and said[0].measured:
             self._vendors.look(now_s, (one.measured, said[0].measured))
         looked_until_s = self.truth.until_s
         self.truth.advance(now_s)
         if self.truth.until_s > looked_until_s:
             self._resolve()
+
+    def _look(self, now_s: float) -> None:
+        """Let the believers of paths look, at the first pass of each second."""
+        before, self._second = self._second, floor(now_s)
+        if before == self._second:
+            return
+        fallen_silent = self.truth.silences.fallen_silent(now_s)
+        for verdict in self.verdicts:
+            verdict.believer.look(now_s, fallen_silent)
 
     def _follow(self, batch: Batch) -> None:
         """What is asked of in the end alone."""
@@ -215,10 +162,10 @@ class Outcome:
         for due in self._gathering.rest():
             self._follow(due.batch)
         self.truth.finish()
+        self.absences.finish()
         self.forecasts.finish()
         self._resolve()
-        presence = Presence(self.vendor_of, self.truth.motion.present_s())
-        scores = [self._score(verdict, presence) for verdict in self.verdicts]
+        scores = [verdict.score(self.vendor_of, reading.now_s) for verdict in self.verdicts]
         ece = {one["vendor"]: one["ece"] for one in scores[0]["by_vendor"]} if scores else {}
         scenes = self.truth.scenes.finish(self.truth.motion) if self.verdicts else []
         nearest = [self._scene(scene, reading.first_s) for scene in scenes]
@@ -228,6 +175,7 @@ class Outcome:
             "robots": len(self.vendor_of),
             "span_s": reading.span_s,
             "scores": scores,
+            "interactions": self.interactions.figures(),
             "vendors": self._vendors.figures(ece),
             "forecast_error": self.forecasts.figures(),
             "arrivals": self.arrivals.figures(),
@@ -265,21 +213,7 @@ class Outcome:
 
     def _resolve(self) -> None:
         for verdict in self.verdicts:
-            verdict.calibration.resolve(self.truth, self.vendor_of)
-
-    def _score(self, verdict: Verdict, presence: Presence) -> dict[str, Any]:
-        figures = score(
-            self.truth.encounters(verdict.clearance_m),
-            list(verdict.alerts(self.truth)),
-            verdict.clearance_m,
-            presence,
-            verdict.calibration.by_vendors,
-        )
-        return figures | {
-            "censored_samples": int(verdict.calibration.whole().left.sum()),
-            "heeded_samples": verdict.calibration.heeded,
-            "settled": {"after_s": SETTLED_S, **verdict.calibration.settled.figures()},
-        }
+            verdict.resolve(self.vendor_of)
 
 
 def replay(

@@ -35,6 +35,7 @@ def _sections(result: Part) -> Iterator[str]:
     yield "<h2>Figures</h2>" + _figures(result["scores"])
     for score in result["scores"]:
         yield f"<h2>Clearance {score['clearance_m']:g} m</h2>" + "".join(_score(score))
+    yield "<h2>Silent robots</h2>" + _silences(result["scores"])
     yield "<h2>Vendors</h2>" + _scorecard(result) + _trust(result["vendors"])
     yield "<h2>How far forecasts were off</h2>" + _errors(result["forecast_error"]["by_model"])
     if result["arrivals"]:
@@ -84,6 +85,29 @@ def _score(score: Part) -> Iterator[str]:
         caption = f"Where conflicts were predicted, floor {floor}: {len(alerts)} alerts"
         yield _figure(figures.heat(alerts), caption)
     yield "</div>"
+
+
+def _silences(scores: Sequence[Part]) -> str:
+    """What was told of robots that had fallen silent."""
+    rows = [
+        [
+            f"{one['clearance_m']:g} m",
+            f"{told['raised']:,}",
+            f"{told['about_gone']:,}",
+            _share(told["about_gone_share"]),
+            f"{told['silent_there']:,}",
+            f"{told['meetings']:,}",
+            _share(told["told_of_share"]),
+        ]
+        for one in scores
+        for told in (one["silences"],)
+    ]
+    head = ("clearance", "advisories", "about somebody gone", "share of them", "silences of robots that were there")
+    return _table((*head, "meetings with these", "told of"), rows) + (
+        '<p class="note">Gone: from the longer of 5 s and three of its usual intervals after it was heard last, for'
+        " good or until it came back elsewhere. A meeting: another robot came within the clearance of where one"
+        " stood.</p>"
+    )
 
 
 def _by_floor(cases: Part) -> dict[str, list[tuple[Point, str]]]:

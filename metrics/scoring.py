@@ -41,6 +41,8 @@ class Alert:
     """Floor, x and y of where it said that it would start."""
     heeded: bool = False
     """Whether one of the two waited as advised while it stood."""
+    encounter_class: str = ""
+    """How the two were to meet when it was raised."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,8 @@ from deconflict.blackbox.start import Start
 from deconflict.site import Site
 from ingest.playback import Event, Reader, Received, Tick
 from metrics.passes import Pass, Reading
-from metrics.replay import Line, Outcome, Run, Said, Tell, Watch, document, streamed
+from metrics.replay import Line, Outcome, Run, Tell, Watch, document, streamed
+from metrics.said import Said
 
 WINDOW_S = 60.0
 """Of the log's time in a window: some seconds of work, so that handing states on is a few hundredths of it."""

@@ -38,6 +38,16 @@ def brier_skills(groups: Floats) -> Floats:
     return 1 - _shares(squared * count, came_true * (count - came_true))
 
 
+def ratios(rows: Floats) -> Floats:
+    """(d,) the sum of the first column over that of the second, of each of `rows` (d, n, 2)."""
+    above, below = rows.sum(axis=1).T
+    return _shares(above, below)
+
+
+def ratio(rows: Floats) -> float | None:
+    return _one(ratios(rows[None]))
+
+
 def mean(values: Floats) -> float | None:
     return _one(means(values[None]))
 

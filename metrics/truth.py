@@ -16,6 +16,7 @@ from ingest.seam import Forecasts, Ints
 from metrics.motion import Motion
 from metrics.scenes import Scenes
 from metrics.separations import Separations, separations
+from metrics.silences import Silences
 
 STEP_S = 0.1
 BRIDGED = 11
@@ -46,6 +47,7 @@ class Truth:
     def __init__(self, thresholds_m: Sequence[float]) -> None:
         self.motion = Motion()
         self.scenes = Scenes(STEP_S)
+        self.silences = Silences()
         self._below = {threshold_m: Below(threshold_m) for threshold_m in thresholds_m}
         self._next: int | None = None
         """The next sample, in steps since the epoch."""
@@ -61,6 +63,7 @@ class Truth:
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
         """Take the present poses, the first knots, of robots that have reported."""
         self.motion.report(robots, forecasts)
+        self.silences.report(robots, forecasts)
         if self._next is None and len(robots):
             self._next = floor(float(forecasts.t_s[forecasts.start[:-1]].min()) / STEP_S) + 1
 
@@ -76,6 +79,7 @@ class Truth:
         if self._next is not None:
             self._look(floor(last_s / STEP_S) - self._next + 1)
         self._finished = True
+        self.silences.finish()
         for below in self._below.values():
             below.finish()
 
@@ -96,6 +100,7 @@ class Truth:
         for below in self._below.values():
             below.follow(near, first, self._next - 1, self.motion)
         self.scenes.look(stretch, near, self.motion)
+        self.silences.look(stretch)
 
 
 class Below:

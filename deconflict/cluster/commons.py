@@ -3,6 +3,7 @@
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from deconflict.contention.telling import Told
 from deconflict.contention.watch import Contention
 from deconflict.learned import Part
 from deconflict.live import Live
+from deconflict.presence.presence import Presence
+from deconflict.presence.retelling import contended
 from deconflict.site import Site
 from deconflict.tally import by_severity, tally, tell_open
 from ingest.measures import Measures
@@ -40,6 +43,7 @@ class Commons:
         """`learned` is what an earlier one's `learned()` told. Raises `UnreadableError` where it can't be that."""
         self.site, self.measures = site, Measures()
         self._live, self._floors = Live(), Floors()
+        self._presence = Presence(self._live, self.measures)
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""
         self._account, self._aside, priorities = Account(), Aside(submit), Priorities(site.vendors)
@@ -65,19 +69,24 @@ class Commons:
         """The last revision of each advisory that was told."""
         if learned:
             self._contention.resume(learned)
+            self._presence.resume(learned)
 
     def open(self) -> list[Told]:
         return [*self._contention.open(), *self._claims.open()]
 
     def learned(self) -> dict[str, Part]:
         """What is worth keeping for who watches next."""
-        return self._contention.learned()
+        return self._contention.learned() | self._presence.learned()
+
+    def presence(self, now_s: float) -> dict[str, Any]:
+        """Who is still there, for people."""
+        return self._presence.document(now_s)
 
     def receive(self, batches: Sequence[Batch]) -> None:
         """Take in batches of any ingest, of each in the order of its ticks."""
         for one in map(self._floors.renumbered, batches):
             newer = one.take(np.flatnonzero(~late(one, self._arrived_s)))
-            batch = newer.take(self._doubts.owned(newer), self._gone(one))
+            batch = self._presence.receive(newer.take(self._doubts.owned(newer), self._gone(one)))
             self._doubts.stand(one.claims, one.now_s)
             self._arrived_s.update(zip(batch.robots, batch.arrival_s.tolist(), strict=True))
             self._live.put(batch)
@@ -96,6 +105,8 @@ class Commons:
     def step(self, now_s: float) -> list[Told]:
         """The revisions of this look; none between looks."""
         self._aside.settle(self._aside.pending())
+        for batch in contended(self._live, self._presence.step(now_s), now_s):
+            self._contention.receive(batch)
         self._claims.receive(self._doubts.standing(now_s))
         revisions = [*self._contention.step(now_s), *self._claims.step(now_s)]
         self._account.settle(revisions)

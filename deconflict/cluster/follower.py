@@ -92,10 +92,12 @@ class Follower:
                 await asyncio.sleep(RETRY_S)
 
     async def _measure(self) -> None:
-        """Say that engines are there, and what they measure."""
-        said = [one["measures"] for one in self._bus.members().values() if "measures" in one]
+        """Say that engines are there, what they measure, and who is still there."""
+        members = self._bus.members().values()
+        said = [one["measures"] for one in members if "measures" in one]
         if said:
-            parcel: dict[str, Any] = {"measures": [one for each in said for one in each]}
+            presence = next((one["presence"] for one in members if one.get("presence")), None)
+            parcel: dict[str, Any] = {"measures": [one for each in said for one in each], "presence": presence}
             await self._asked("publish", json.dumps(parcel | {"advisories": [], "near_misses": []}).encode())
 
     async def _presence(self, _: bytes) -> bytes:

@@ -48,6 +48,8 @@ class Lookout:
         self.outbox = Outbox(teller)
         self.measured: list[dict[str, Any]] = []
         """What it measured, as of its last look."""
+        self.presence: dict[str, Any] | None = None
+        """Who is still there, as of its last look; None where it watches over nothing."""
 
     def hear(self, lines: Sequence[Line]) -> None:
         """Lines of the stream, in order."""
@@ -107,7 +109,7 @@ class Lookout:
         return packed(learned)
 
     def _rest(self) -> None:
-        self._commons = None
+        self._commons = self.presence = None
         self.outbox.overruled()
         for waiting in (self._parcels, self._lines, self.measured):
             waiting.clear()
@@ -116,7 +118,7 @@ class Lookout:
         parcels, self._parcels = self._parcels, []
         lines, self._lines = self._lines, []
         told = await asyncio.to_thread(self._step, commons, parcels, lines, self.outbox.overruled())
-        self.measured = [commons.measures.as_document()]
+        self.measured, self.presence = [commons.measures.as_document()], commons.presence(time.time())
         self.outbox.put((None, one) for one in told)
 
     def _step(

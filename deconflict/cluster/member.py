@@ -167,6 +167,7 @@ class Member:
                         self.measures.as_document(),
                         *self._lookout.measured,
                     ],
+                    "presence": self._lookout.presence,
                 }
                 counted_s = began_s
             if site := self._in_force.changed():

@@ -19,6 +19,7 @@ from deconflict.cluster.channels import GONE, Extents, Floors, channel, late, wi
 from deconflict.cluster.tiles import Area, Grid, Place, Tile
 from deconflict.engine import Engine
 from deconflict.motion import Bools
+from deconflict.presence.presence import PROBABLY_LEFT_ROBOTS, SILENCES
 from deconflict.site import Site
 from deconflict.tally import NEAR_MISSES, TALLIED, by_severity, tally, tell_open
 from deconflict.telling import Pair
@@ -139,9 +140,10 @@ class Shard:
         return due
 
     def measured(self) -> list[dict[str, Any]]:
-        """`Measures.as_document()` of its engine and of what it told."""
+        """`Measures.as_document()` of its engine and of what it told; silences are counted where all are heard."""
         engine = self.engine.measures.as_document()
-        values = {name: rows for name, rows in engine["values"].items() if name not in (*TALLIED, NEAR_MISSES)}
+        by_others = (*TALLIED, NEAR_MISSES, SILENCES, PROBABLY_LEFT_ROBOTS)
+        values = {name: rows for name, rows in engine["values"].items() if name not in by_others}
         return [engine | {"values": values}, self._told.as_document()]
 
     def hear(self, told: Told, *, overruled: bool = False) -> None:

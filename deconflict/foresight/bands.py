@@ -97,11 +97,46 @@ def _square(bands_m: Floats, robot: Any, ahead_s: float) -> float:
     return float(reach * reach + robot.doubt_m * robot.doubt_m)
 
 
+@inner
+def _sds(bands_m: Floats, one: Any, other: Any, one_s: float, other_s: float, within_m: float) -> float:
+    """By how many standard deviations of the distance of two robots that is more than `within_m` from a bound, so long
+    after their reports."""
+    square = _square(bands_m, one, one_s) + _square(bands_m, other, other_s)
+    return float(within_m / (np.sqrt(square) + EXACT_M))
+
+
+@kernel(_MATRIX(*[_INTS] * 2, _MATRIX, numba.boolean[:, ::1], _CUBE, _ROBOTS, _LOOKS, *[numba.float64] * 2))
+def most_sds(
+    a: Ints,
+    b: Ints,
+    apart_m: Floats,
+    same: Bools,
+    bands_m: Floats,
+    robots: Robots,
+    ahead_s: Floats,
+    horizon_s: float,
+    within_m: float,
+) -> Floats:
+    """(2, n) as `judge` gives, of robots `a` and `b` (n,) that are `apart_m` (n, m) at `ahead_s` (m,) from now, where
+    they are known to be on the `same` floor (n, m)."""
+    most = np.full((2, len(a)), -np.inf)
+    for row in range(len(a)):
+        one, other = robots[a[row]], robots[b[row]]
+        for look in range(len(ahead_s)):
+            if not same[row, look]:
+                continue
+            sds = _sds(bands_m, one, other, ahead_s[look], ahead_s[look], within_m - apart_m[row, look])
+            most[0, row] = max(most[0, row], sds)
+            if ahead_s[look] <= SOON * horizon_s:
+                most[1, row] = max(most[1, row], sds)
+    return most
+
+
 @kernel(
     _MATRIX(
         _PAIRS,
         *[_INTS] * 4,
-        *[_FLOATS] * 2,
+        *[_FLOATS] * 3,
         *[_MATRIX] * 2,
         numba.boolean[:, ::1],
         _MATRIX,
@@ -120,6 +155,7 @@ def judge(
     swept_rows: Ints,
     swept_m: Floats,
     swept_s: Floats,
+    contact_s: Floats,
     past_s: Floats,
     apart_m: Floats,
     same: Bools,
@@ -137,7 +173,7 @@ def judge(
     """Set how near the pairs of `rows` (n,) came and come, and the features of that but for odds, of robots `a` and `b`
     (n,): their separations at the times `past_s` (n, k) and `ahead_s` (m,) from now are `apart_m` (n, k + m), where
     both are known to be on the `same` floor (n, k + m), and they go at `speed_mps` (2, n). Those of `swept_rows` (c,)
-    come within `swept_m` at the times `swept_s` (c,) besides.
+    come within `swept_m` at the times `swept_s` (c,) besides, and within `within_m` first at `contact_s` (c,).
 
     (2, n) by how many standard deviations of their distance they are within `within_m`, where that is most: in the
     horizon, and soon. The place of a robot that was last `seen` some time ago grows uncertain, unless it stood: it is
@@ -157,6 +193,7 @@ def judge(
         one_silent_s = 0.0 if one.rests else max(now_s - seen[a[row], 0], 0.0)
         other_silent_s = 0.0 if other.rests else max(now_s - seen[b[row], 0], 0.0)
         nearest_m, nearest_s = apart_m[row, past], now_s + ahead_s[0]
+        pair.contact_s = contact_s[swept] if swept >= 0 else np.inf
         for look in range(len(ahead_s) + (swept >= 0)):
             if look < len(ahead_s):
                 separation_m, at_s = apart_m[row, past + look], now_s + ahead_s[look]
@@ -167,8 +204,7 @@ def judge(
             if is_nearest:
                 nearest_m, nearest_s = separation_m, at_s
             after_s = at_s - now_s
-            square = _square(bands_m, one, after_s + one_silent_s) + _square(bands_m, other, after_s + other_silent_s)
-            sds = (within_m - separation_m) / (np.sqrt(square) + EXACT_M)
+            sds = _sds(bands_m, one, other, after_s + one_silent_s, after_s + other_silent_s, within_m - separation_m)
             most[0, row] = max(most[0, row], sds)
             if after_s <= SOON * horizon_s:
                 most[1, row] = max(most[1, row], sds)

@@ -78,6 +78,8 @@ class Followed:
         """(slots, 5) of a box that a robot will not leave, whenever `beside` is asked: x_m, y_m and half sides; and the
         furthest that it goes in a second."""
         self._made_s = np.zeros((0, KEPT))
+        self._stopped = np.zeros((0, KEPT), np.bool_)
+        """Whether the robot has stood where the forecast had it go."""
         self._next = np.zeros(0, np.int64)
         self._kind = np.zeros((0, KEPT), np.int64)
         self._ahead = np.zeros((0, KEPT, HORIZONS, 4))
@@ -100,11 +102,14 @@ class Followed:
         """(slots,) event time of the newest report."""
         return self.seen[:, 0]
 
-    def beside(self, a: Ints, b: Ints, past_looks: Floats, ahead_s: Floats, now_s: float) -> Beside:
+    def beside(
+        self, a: Ints, b: Ints, past_looks: Floats, ahead_s: Floats, now_s: float, late_s: Floats | None = None
+    ) -> Beside:
         """Robots `b` (n,) as seen from `a` (n,): since both reported before, at those parts (k,) of the time, and at
-        `now_s + ahead_s` (m,), by their newest forecasts."""
+        `now_s + ahead_s` (m,), by their newest forecasts, which begin `late_s` (2, n) later if that is given."""
         reports = (self._before, self.seen, self._track)
-        return Beside(*ways.beside(*reports, a, b, past_looks, ahead_s, now_s, LONG_AGO_S, JOINED_S))
+        late_s = np.zeros((2, len(a))) if late_s is None else late_s
+        return Beside(*ways.beside(*reports, a, b, past_looks, ahead_s, now_s, LONG_AGO_S, JOINED_S, late_s))
 
     def nearing(self, told: Bools, slots: Ints, rank: Ints, reach_m: Floats, now_s: float, horizon_s: float) -> Ints:
         """(p, 2) pairs of `slots`, one of each `told`, that come within the `reach_m` of both in the horizon, looked at
@@ -131,6 +136,7 @@ class Followed:
             self._track,
             self._around,
             self._made_s,
+            self._stopped,
             self._next,
             self._kind,
             self._ahead,

@@ -1,9 +1,10 @@
-"""How likely each pair of robots is to come within the clearance, from what their forecasts were worth so far.
+"""How likely each pair of robots is to get in each other's way, from what their forecasts were worth so far.
 
 At each look a pair's separation is sampled over the horizon. At each sample the share of the two robots' error
-distributions (the ledger's 80 % bands, taken as those of a normal one) that lies within the clearance is a first
-guess; robots see and avoid each other, so `calibration` makes of it the probability that holds on this site. Outcomes
-are told by the robots' own reports, as in offline scoring.
+distributions (the 80 % bands of robots that are on their way, taken as those of a normal one) that lies within the
+clearance is a first guess. Robots that wait start at a time that is learned. `calibration` makes of these the
+probability that holds on this site: that they come within the clearance, or that one gives way to the other.
+Outcomes are read from the robots' own reports, as in offline scoring.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,15 +17,31 @@ from scipy.special import ndtr
 
 from deconflict.encounter import STANDING_MPS
 from deconflict.foresight.bands import judge, reach_m, wonder
-from deconflict.foresight.calibration import Calibration, log_odds
+from deconflict.foresight.calibration import CONTACT, Calibration, contact_features, log_odds
 from deconflict.foresight.changes import ForecastChanges
 from deconflict.foresight.contradictions import hold_to_word, straight_on, unheard
 from deconflict.foresight.followed import JOINED_S, Followed, Reports
 from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Ledger
 from deconflict.foresight.measuring import measure
-from deconflict.foresight.pairs import PAIR, Outcomes, again, codes, open_rows, shown, slots_of
+from deconflict.foresight.pairs import (
+    PAIR,
+    PREEMPTED_S,
+    Outcomes,
+    Pairs,
+    again,
+    codes,
+    open_rows,
+    preempt,
+    shown,
+    slots_of,
+)
+from deconflict.foresight.starts import Starts
+from deconflict.foresight.waiting import heard, mixed
 from deconflict.foresight.ways import ROBOT, Errors
+from deconflict.interactions.finder import Finder, Interaction, Outcome
+from deconflict.interactions.progress import AHEAD_S as GIVES_WAY_AHEAD_S
+from deconflict.interactions.reading import reports_of
 from deconflict.learned import Part
 from deconflict.motion import Bools
 from deconflict.rectangles import signed_gap
@@ -43,6 +60,14 @@ DISTRUSTED = 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
 
 
+SHOWN = frozenset(PAIR.names or ())
+"""Columns of pairs that are shown."""
+
+
+ESTIMATED = ("probability", "lower", "upper", "deciding", "contact_probability")
+"""Columns of pairs that are estimated, in the order of `Estimate`, and that of contact."""
+
+
 class Swept(NamedTuple):
     """What the exact sweep found: c pairs whose forecasts come within the clearance. Arrays are (c,)."""
 
@@ -51,6 +76,7 @@ class Swept(NamedTuple):
     """The place of each among those of the last look; -1 where it is not known to be one."""
     separation_m: Floats
     separation_at_s: Floats
+    contact_s: Floats
 
 
 class Foreseen(NamedTuple):
@@ -65,6 +91,15 @@ class Foreseen(NamedTuple):
     """Separation when last looked at, by the newest forecasts."""
     fresh: Bools
     """Whether either robot has reported since the last look."""
+    contact_probability: Floats
+    """That the envelopes come within the clearance."""
+    lower: Floats
+    """Ends of the interval of the probability."""
+    upper: Floats
+    deciding: Floats
+    """What alerts are decided by."""
+    still: Bools
+    """Both stand, or one gives way to the other: there is nothing to alert of."""
 
 
 class Foresight:
@@ -72,6 +107,12 @@ class Foresight:
 
     def __init__(self, clearance_m: float, margin_m: float, horizon_s: float, measures: Measures) -> None:
         self.ledger, self.calibration, self.measures = Ledger(), Calibration(), measures
+        self.contact = Calibration(CONTACT)
+        """Of coming within the clearance alone."""
+        self.following = Ledger()
+        """Errors of robots that were on their way all the time."""
+        self.starts = Starts()
+        self._finder = Finder()
         measures.ask(self._measure)
         self.changes = ForecastChanges()
         self._clearance_m, self._margin_m = clearance_m, margin_m
@@ -93,6 +134,13 @@ class Foresight:
         self._told = np.zeros(0, np.bool_)
         """Whether it has a new forecast since the last look."""
         self._half = np.zeros((2, 0))
+        self._levels_m = np.zeros((2, 0))
+        """Bottom and top."""
+        self._vendor = np.zeros(0, np.int64)
+        """Place among `_vendors`."""
+        self._vendors: dict[str, int] = {}
+        self._absence = np.zeros(0)
+        """(slots,) how likely a robot that is silent is not there."""
         self._pairs = np.zeros(0, PAIR)
         self._swept: Ints = np.full(1, -1)
         """Codes of the pairs that were swept in the last look, -1 where a robot left since; and -1 at the end, for one
@@ -104,7 +152,10 @@ class Foresight:
         asked = {"clearance_m": self._clearance_m, "horizon_s": self._horizon_s}
         return {
             "ledger": self.ledger.learned(),
-            "calibration": self.calibration.learned() | asked,
+            "following": self.following.learned(),
+            "starts": self.starts.learned(),
+            "calibration": self.calibration.learned() | asked | {"vendor_names": list(self._vendors)},
+            "contact": self.contact.learned() | asked,
             "changes": self.changes.learned(),
         }
 
@@ -112,9 +163,19 @@ class Foresight:
         """Go on with what `learned` told. Raises `UnreadableError`."""
         self.ledger.resume(parts.get("ledger", {}))
         self.changes.resume(parts.get("changes", {}))
+        if "following" in parts:
+            self.following.resume(parts["following"])
+            self.starts.resume(parts.get("starts", {}))
         known = parts.get("calibration", {})
-        if (known.get("clearance_m"), known.get("horizon_s")) == (self._clearance_m, self._horizon_s):
+        if "vendor_names" in known and self._is_of_this(known):
+            self._vendors = {str(name): place for place, name in enumerate(known["vendor_names"])}
             self.calibration.resume(known)
+        if self._is_of_this(parts.get("contact", {})):
+            self.contact.resume(parts["contact"])
+
+    def _is_of_this(self, part: Part) -> bool:
+        """Whether a part was learned with this clearance and horizon."""
+        return bool((part.get("clearance_m"), part.get("horizon_s")) == (self._clearance_m, self._horizon_s))
 
     def receive(self, batch: Batch) -> Batch:
         """Hold earlier forecasts against the new reports, and keep the new forecasts.
@@ -131,16 +192,51 @@ class Foresight:
         if self._ranks_stale:
             self._rank_anew()
         batch = self._believed(batch, slots)
-        kinds = np.array(self.ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s))
+        of_kinds = batch.vendors, batch.models, batch.basis.tolist(), batch.now_s
+        kinds = np.array(self.ledger.rows(*of_kinds))
+        self.following.rows(*of_kinds)
         self._told[slots] = True
+        self._levels_m[:, slots] = batch.forecasts.bottom_m, batch.forecasts.top_m
+        self._vendor[slots] = [self._vendors.setdefault(vendor, len(self._vendors)) for vendor in batch.vendors]
         reports = Reports.of(batch, slots, kinds)
+        before, before_s = self._robots[slots], self._followed.seen[slots, 0]
         errors = self._own(reports, *self._followed.take(self._robots, self._half, reports, self.ledger.bands_m))
+        heard(self.starts, before, self._robots[slots], before_s, self._followed.seen[slots, 0], batch.now_s)
         self.ledger.record(errors, batch.now_s)
+        on_their_way = errors[errors["following"]]
+        self.following.record(on_their_way, batch.now_s)
         self.changes.take(errors, self.ledger.kinds, batch.now_s)
-        wonder(self._robots, errors)
+        wonder(self._robots, on_their_way)
+        self._interact(batch, reports)
         for row in self._contradict(slots).nonzero()[0].tolist():
             self.measures.count("deconflict_forecasts_distrusted_total", batch.vendors[row])
         return batch
+
+    def _interact(self, batch: Batch, reports: Reports) -> None:
+        """Find who gave way to whom, by the reports of a batch, and note it of their pairs."""
+        usual_m = self.following.bands_m[reports.kind, :GIVES_WAY_AHEAD_S, 2]
+        seen = reports_of(batch, reports.slot, reports.track, usual_m)
+        for interaction in self._finder.receive(seen, self._half, self._levels_m, self._vendor):
+            self._note(interaction)
+
+    def _note(self, interaction: Interaction) -> None:
+        code = self._code(interaction.robot, interaction.other)
+        row = int(np.searchsorted(self._pairs["code"], code))
+        if row == len(self._pairs) or self._pairs["code"][row] != code:
+            return
+        pair = self._pairs[row]
+        over = interaction.end_s < float("inf")
+        pair["gives_way"] = not over
+        if interaction.outcome is Outcome.YIELDED:
+            if not interaction.again:
+                pair["yielded_s"] = interaction.onset_s
+            pair["yield_end_s"] = interaction.end_s
+        pair["doubted_s"] = interaction.onset_s if interaction.outcome is Outcome.UNKNOWN else -np.inf
+
+    def _code(self, slot: int, other: int) -> int:
+        """The number of a pair of slots."""
+        a, b = (slot, other) if self._rank[slot] < self._rank[other] else (other, slot)
+        return int(codes(np.array([a]), np.array([b]))[0])
 
     def _believed(self, batch: Batch, slots: Ints) -> Batch:
         f = batch.forecasts
@@ -198,6 +294,26 @@ class Foresight:
         shown = shown[np.argsort(self._rank[a] * len(self._rank) + self._rank[b])]
         return list(zip(self._named(shown["code"]), shown["probability"].tolist(), strict=True))
 
+    def contact_probabilities(self) -> list[tuple[Pair, float]]:
+        """As `probabilities`, of coming within the clearance alone."""
+        known, pairs = (
+            dict(zip(self._pairs["code"].tolist(), self._pairs["contact_probability"].tolist(), strict=True)),
+            [],
+        )
+        for (a, b), _ in self.probabilities():
+            pairs.append(((a, b), known[self._code(self._slots[a], self._slots[b])]))
+        return pairs
+
+    def stands(self, uuid: str) -> bool:
+        """Whether a robot stands, by its forecast or by its reports."""
+        slot = self._slots.get(uuid)
+        return slot is not None and bool(self._standing(slice(slot, slot + 1))[0])
+
+    def _standing(self, slots: slice) -> Bools:
+        robots = self._robots[slots]
+        stands: Bools = robots["stays"] | (robots["stood_since_s"] < np.inf)
+        return stands
+
     def look(self, now_s: float, swept: Swept, likely: float) -> Foreseen:
         """Look again at what changed, and learn from what has become known.
 
@@ -211,10 +327,31 @@ class Foresight:
         pairs, swept_rows, self._looked_s = self._pairs, rows[: len(exact)], now_s
         self._examine(due, now_s, swept_rows, swept)
         self._learn(now_s)
-        pairs["probability"] = self.calibration.probability(pairs["seen"])
+        self._estimate(pairs)
         self._ask(now_s)
-        others, probability, near_s, near_m, now_m, are_fresh = shown(pairs, fresh, swept_rows, likely)
-        return Foreseen([*swept.pairs, *self._named(others)], probability, near_s, near_m, now_m, are_fresh)
+        rows, others = shown(pairs, swept_rows, likely)
+        columns = {name: pairs[name][rows] for name in Foreseen._fields if name in SHOWN}
+        return Foreseen(pairs=[*swept.pairs, *self._named(others)], fresh=fresh[rows], **columns)
+
+    def _estimate(self, pairs: Pairs) -> None:
+        """Set how likely the pairs are, from what is seen of them and of their robots' other pairs."""
+        preempt(pairs, self._standing(slice(None)), len(self._robots), PREEMPTED_S)
+        seen, vendors = np.ascontiguousarray(pairs["seen"]), self._vendors_of(pairs["code"])
+        estimate = self.calibration.estimate(seen, vendors)
+        contact, there = self.contact.estimate(contact_features(seen), vendors).probability, self._both_there(pairs)
+        for name, column in zip(ESTIMATED, (*estimate, contact), strict=True):
+            pairs[name] = column * there
+
+    def _vendors_of(self, code: Ints) -> Ints:
+        """(n,) one number for the vendors of each pair."""
+        a, b = (self._vendor[slots] for slots in slots_of(code))
+        return codes(np.minimum(a, b), np.maximum(a, b))
+
+    def _both_there(self, pairs: Pairs) -> Floats:
+        """(p,) how likely both robots of each pair are there."""
+        a, b = slots_of(pairs["code"])
+        both: Floats = (1.0 - self._absence[a]) * (1.0 - self._absence[b])
+        return both
 
     def _exact(self, swept: Swept) -> Ints:
         """Codes of the pairs that were swept, most of them in the last look too."""
@@ -243,7 +380,10 @@ class Foresight:
         slots = np.flatnonzero(self._held)
         of_robots = (slots, self._robots, self._half)
         near_m = reach_m(self.ledger.bands_m, *of_robots, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
-        return codes(*self._followed.nearing(told, slots, self._rank, near_m, now_s, self._horizon_s).T)
+        a, b = self._followed.nearing(told, slots, self._rank, near_m, now_s, self._horizon_s).T
+        bottom_m, top_m = self._levels_m
+        level = (bottom_m[a] < top_m[b]) & (bottom_m[b] < top_m[a])
+        return codes(a[level], b[level])
 
     def _examine(self, rows: Ints, now_s: float, swept_rows: Ints, swept: Swept) -> None:
         """Look at pairs of `rows`; the exact sweep found those of `swept_rows`."""
@@ -252,15 +392,22 @@ class Foresight:
         beside = self._followed.beside(a, b, PAST_LOOKS, self._ahead_s, now_s)
         past_s, dx_m, dy_m, yaw_a_rad, yaw_b_rad, same, speed_mps = beside
         apart_m = signed_gap(dx_m, dy_m, yaw_a_rad, yaw_b_rad, self._half.take(a, axis=1), self._half.take(b, axis=1))
-        exact = (swept_rows, swept.separation_m, swept.separation_at_s)
-        of_robots = (self.ledger.bands_m, self._robots, self._followed.seen)
+        exact = (swept_rows, swept.separation_m, swept.separation_at_s, swept.contact_s)
+        of_robots = (self.following.bands_m, self._robots, self._followed.seen)
         limits = (now_s, self._horizon_s, self._clearance_m, self._margin_m, STANDING_MPS)
         sds = judge(pairs, rows, a, b, *exact, past_s, apart_m, same, speed_mps, *of_robots, self._ahead_s, *limits)
-        pairs["seen"][rows, 1:3] = log_odds(ndtr(sds)).T
+        bounds = (self._horizon_s, self._clearance_m)
+        robots = (self._robots, self._half, self._followed, self.starts, self.following.bands_m)
+        share = mixed(ndtr(sds), a, b, now_s, self._ahead_s, bounds, *robots)
+        pairs["share"][rows] = share[0]
+        pairs["seen"][rows, 1:3] = log_odds(share).T
 
     def _learn(self, now_s: float) -> None:
-        for question, fates in self._outcomes.known(now_s, self._pairs, self._own_until_s):
-            self.calibration.learn(question.seen, fates, now_s)
+        for known in self._outcomes.known(now_s, self._pairs, self._own_until_s):
+            vendors = self._vendors_of(known.code)
+            self.calibration.learn(known.seen, vendors, known.interacted, now_s)
+            self.contact.learn(contact_features(known.seen), vendors, known.touched, now_s)
+            fates = known.interacted
             passed = ~fates.met & ~fates.left
             for name, count in (("met", fates.met), ("passed", passed), ("left", fates.left)):
                 self.measures.count("deconflict_probability_outcomes_total", name, by=int(np.count_nonzero(count)))
@@ -285,17 +432,24 @@ class Foresight:
         self._ranks_stale = True
         return slot
 
+    def set_presence(self, uuid: str, there: float) -> None:
+        """How likely a robot is there from now on."""
+        if uuid in self._slots:
+            self._absence[self._slots[uuid]] = 1.0 - there
+
     def _rank_anew(self) -> None:
         self._ranks_stale = False
         self._rank[[self._slots[name] for name in sorted(self._slots)]] = np.arange(len(self._slots))
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._robots)
-        for name in ("_held", "_told", "_robots", "_rank", "_half"):
+        for name in ("_held", "_told", "_robots", "_rank", "_half", "_levels_m", "_vendor", "_absence"):
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
         self._words = np.concatenate([self._words, unheard(more)])
+        self._robots["stood_since_s"][-more:] = np.inf
         self._followed.grow(slots)
+        self._finder.grow(slots)
         self._heeded.grow(slots)
 
     def _forget(self, uuids: Sequence[str]) -> None:
@@ -305,9 +459,11 @@ class Foresight:
         self._spare.extend(slots.tolist())
         self._swept[:] = -1
         self._held[slots] = self._told[slots] = False
-        self._robots["surprise"][slots] = 0.0
+        self._robots["surprise"][slots] = self._absence[slots] = 0.0
+        self._robots["stood_since_s"][slots] = np.inf
         self._words[slots] = unheard(len(slots))
         self._followed.forget(slots)
+        self._finder.forget(slots.tolist())
         self._heeded.forget(slots)
         a, b = slots_of(self._pairs["code"])
         self._pairs = self._pairs[self._held[a] & self._held[b]]

@@ -19,22 +19,46 @@ from ingest.seam import Floats, Ints
 
 SLOT_BITS = 24
 SLOTS = (1 << SLOT_BITS) - 1
-FEATURES = 5
+FEATURES = 8
 """1; the log odds of the largest share of the error distribution that lies within the clearance, at any moment of the
-horizon and in its first fifth; how long the pair would need if it went straight for each other, in horizons and at most
-1; and 1 where either stands: it is seen, and gone around."""
-REMEMBERED_S = 15.0
+horizon and in its first fifth, over the times at which a waiting robot may start; how long the pair would need if it
+went straight for each other, in horizons and at most 1; 1 where either stands: it is seen, and gone around; 1 where
+both do; and the share of the horizon times how surely one of the two, and each of them, comes into conflict with
+another robot before: one that has stopped for somebody else does not come here."""
+CONTACT_FEATURES = 5
+"""The first of them tell how likely the envelopes come within the clearance."""
+REMEMBERED_S = 25.0
+PREEMPTED_S = 0.3
+"""A robot whose other conflict comes so much earlier is rather stopped by that one."""
 
 PAIR = np.dtype(
-    [("code", np.int64), ("seen", np.float64, (FEATURES,))]
-    + [(name, np.float64) for name in ("probability", "near_s", "near_m", "now_m", "started_s", "below_s", "asked_s")]
-    + [("watched", np.bool_), ("inside", np.bool_)],
+    [
+        ("code", np.int64),  # of the two slots
+        ("seen", np.float64, (FEATURES,)),  # features as last looked at
+        ("share", np.float64),  # of the error distribution within the clearance, at most in the horizon
+        ("probability", np.float64),  # that the two get in each other's way in the horizon
+        ("contact_probability", np.float64),  # that their envelopes come within the clearance
+        ("lower", np.float64),  # ends of the interval that holds the probability with 90 %
+        ("upper", np.float64),
+        ("deciding", np.float64),  # what alerts are decided by; above the probability where evidence is thin
+        ("near_s", np.float64),  # when the forecasts are nearest within the horizon
+        ("near_m", np.float64),  # how near they are then
+        ("now_m", np.float64),  # separation at the last look
+        ("contact_s", np.float64),  # when the forecasts first come within the clearance, inf where they do not
+        ("started_s", np.float64),  # when the last encounter began, -inf before the first
+        ("below_s", np.float64),  # when the pair was last seen within the clearance
+        ("yielded_s", np.float64),  # when one last began to give way to the other, -inf before the first
+        ("yield_end_s", np.float64),  # when it went on; inf while it has not
+        ("doubted_s", np.float64),  # the same of an interaction that may be an order of their fleet
+        ("asked_s", np.float64),  # when the pair was last a candidate
+        ("watched", np.bool_),  # whether it is a candidate now
+        ("inside", np.bool_),  # within the clearance, or not yet drawn apart from it
+        ("gives_way", np.bool_),  # one gives way to the other now
+        ("still", np.bool_),  # both stand, or one gives way: nothing to alert of
+    ],
     align=True,
 )
-"""Of a pair: its features as last looked at; when the forecasts are nearest within the horizon, how near they are then,
-and at the last look; when its last encounter began and when it was last seen within the clearance, -inf before the
-first; when it was last a candidate, and whether it is one now; whether it is within the clearance, or not yet drawn
-apart from it."""
+"""Of a pair of robots."""
 
 Pairs = NDArray[Any]
 """(p,) of `PAIR`, ascending by `code`."""
@@ -87,6 +111,7 @@ def _look_again(
         pair = pairs[n]
         if not is_known:
             pair.code, pair.started_s, pair.below_s = one, -np.inf, -np.inf
+            pair.yielded_s, pair.yield_end_s, pair.doubted_s, pair.contact_s = -np.inf, -np.inf, -np.inf, np.inf
         fresh[n] = told[one >> SLOT_BITS] or told[one & SLOTS]
         pair.watched = is_asked or (pair.watched and not fresh[n])
         if pair.watched:
@@ -125,40 +150,58 @@ def again(before: Pairs, code: Ints, told: Bools, now_s: float) -> Again:
 
 @kernel(_INTS(_PAIRS, numba.float64[:, ::1], numba.float64))
 def open_rows(pairs: Pairs, seen: Floats, since_s: float) -> Ints:
-    """The rows of the pairs under watch that are not in an encounter, and of which both robots were `seen` (slots, 5)
-    since then."""
+    """The rows of the pairs under watch that are in no encounter, of which neither gives way to the other, and both
+    robots were `seen` (slots, 5) since then."""
     rows, n = np.empty(len(pairs), np.int64), 0
     for row, pair in enumerate(pairs):
         heard_s = min(seen[pair.code >> SLOT_BITS, 0], seen[pair.code & SLOTS, 0])
-        if pair.watched and not pair.inside and heard_s > since_s:
+        if pair.watched and not pair.inside and not pair.gives_way and heard_s > since_s:
             rows[n] = row
             n += 1
     return rows[:n].copy()
 
 
 @kernel(
-    numba.types.Tuple((_INTS, *[numba.float64[::1]] * 4, _BOOLS))(  # type: ignore[no-untyped-call]
-        _PAIRS, _BOOLS, _INTS, numba.float64
-    )
+    numba.types.Tuple((_INTS, _INTS))(_PAIRS, _INTS, numba.float64)  # type: ignore[no-untyped-call]
 )
-def shown(pairs: Pairs, fresh: Bools, first: Ints, likely: float) -> tuple[Ints, Floats, Floats, Floats, Floats, Bools]:
-    """The codes of the pairs under watch that are at least so `likely`, without those of the rows `first`. Of these and
-    then of them: the probability, when they are nearest and how near then and now, and which are `fresh`, (n,) each."""
+def shown(pairs: Pairs, first: Ints, likely: float) -> tuple[Ints, Ints]:
+    """The rows `first`, and then those of other pairs under watch that are at least so `likely`; the codes of these."""
     is_first, code, n = np.zeros(len(pairs), np.bool_), np.empty(len(pairs), np.int64), len(first)
     rows = np.empty(n + len(pairs), np.int64)
     for at, row in enumerate(first):
         rows[at], is_first[row] = row, True
     for row, pair in enumerate(pairs):
-        if pair.watched and pair.probability >= likely and not is_first[row]:
+        if pair.watched and pair.deciding >= likely and not is_first[row]:
             code[n - len(first)], rows[n] = pair.code, row
             n += 1
-    probability, near_s, near_m, now_m = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    is_fresh = np.empty(n, np.bool_)
-    for at in range(n):
-        pair = pairs[rows[at]]
-        probability[at], near_s[at], near_m[at], now_m[at] = pair.probability, pair.near_s, pair.near_m, pair.now_m
-        is_fresh[at] = fresh[rows[at]]
-    return code[: n - len(first)].copy(), probability, near_s, near_m, now_m, is_fresh
+    return rows[:n].copy(), code[: n - len(first)].copy()
+
+
+@kernel(numba.void(_PAIRS, _BOOLS, numba.int64, numba.float64))
+def preempt(pairs: Pairs, stands: Bools, slots: int, scale_s: float) -> None:
+    """Set the features of the pairs under watch that hang on other pairs: how surely each robot comes into conflict
+    with another one before; and which pairs are `still`. `stands` is by slot, of which there are so many."""
+    first_s, second_s, first = np.full(slots, np.inf), np.full(slots, np.inf), np.full(slots, -1)
+    for row, pair in enumerate(pairs):
+        if not pair.watched:
+            continue
+        for slot in (pair.code >> SLOT_BITS, pair.code & SLOTS):
+            if pair.contact_s < first_s[slot]:
+                second_s[slot], first_s[slot], first[slot] = first_s[slot], pair.contact_s, row
+            elif pair.contact_s < second_s[slot]:
+                second_s[slot] = pair.contact_s
+    for row, pair in enumerate(pairs):
+        if not pair.watched:
+            continue
+        a, b = pair.code >> SLOT_BITS, pair.code & SLOTS
+        other_a_s = second_s[a] if first[a] == row else first_s[a]
+        other_b_s = second_s[b] if first[b] == row else first_s[b]
+        own_s = min(pair.contact_s, pair.near_s)
+        sooner_s, later_s = min(other_a_s, other_b_s) - own_s, max(other_a_s, other_b_s) - own_s
+        pair.seen[6] = pair.share / (1.0 + np.exp(min(max(sooner_s / scale_s, -50.0), 50.0)))
+        pair.seen[7] = pair.share / (1.0 + np.exp(min(max(later_s / scale_s, -50.0), 50.0)))
+        both = stands[a] and stands[b]
+        pair.seen[5], pair.still = 1.0 if both else 0.0, both or pair.gives_way
 
 
 @dataclass(slots=True, eq=False)
@@ -184,34 +227,64 @@ class Fates:
 
 
 @kernel(
-    numba.types.Tuple((_INTS, numba.float64[::1], _BOOLS))(  # type: ignore[no-untyped-call]
+    numba.types.Tuple((_INTS, *[numba.float64[::1], _BOOLS] * 2))(  # type: ignore[no-untyped-call]
         _PAIRS, _CODES, numba.float64[::1], *[numba.float64] * 2
     )
 )
-def _ended(pairs: Pairs, asked: Ints, until_s: Floats, asked_s: float, horizon_s: float) -> tuple[Ints, Floats, Bools]:
-    """What became of pairs `asked` (n,), ascending, within the horizon: the rows of those of which it is known, when
-    they met or one of them was last heard or went its own way (`until_s`, by slot), and whether they met."""
-    kept, ended_s, met, n, row = (
-        np.empty(len(asked), np.int64),
+def _ended(
+    pairs: Pairs, asked: Ints, until_s: Floats, asked_s: float, horizon_s: float
+) -> tuple[Ints, Floats, Bools, Floats, Bools]:
+    """What became of pairs `asked` (n,), ascending, within the horizon: the rows of those of which it is known; when
+    the two got in each other's way, or one was last heard or went its own way (`until_s`, by slot), and whether they
+    did; and the same of coming within the clearance.
+
+    Left out are pairs that were at it when asked, and those of one vendor of which it is not known whether an order of
+    their fleet explains what they did.
+    """
+    kept, n, row = np.empty(len(asked), np.int64), 0, 0
+    ended_s, met, touched_s, touched = (
         np.empty(len(asked)),
         np.empty(len(asked), np.bool_),
-        0,
-        0,
+        np.empty(len(asked)),
+        np.empty(len(asked), np.bool_),
     )
     for at, code in enumerate(asked):
         while row < len(pairs) and pairs[row].code < code:
             row += 1
-        started_s = below_s = -np.inf
+        started_s = below_s = yielded_s = yield_end_s = doubted_s = -np.inf
         if row < len(pairs) and pairs[row].code == code:
-            started_s, below_s = pairs[row].started_s, pairs[row].below_s
+            pair = pairs[row]
+            started_s, below_s, doubted_s = pair.started_s, pair.below_s, pair.doubted_s
+            yielded_s, yield_end_s = pair.yielded_s, pair.yield_end_s
         last_s = min(until_s[code >> SLOT_BITS], until_s[code & SLOTS])
+        until_end_s = min(asked_s + horizon_s, last_s)
         was_inside = not (started_s > asked_s or below_s < asked_s)
-        if was_inside or last_s == -np.inf:
+        if was_inside or yielded_s <= asked_s < yield_end_s or last_s == -np.inf:
             continue
-        kept[n], met[n] = at, asked_s < started_s <= min(asked_s + horizon_s, last_s)
-        ended_s[n] = started_s if met[n] else last_s
+        touched[n] = asked_s < started_s <= until_end_s
+        yielded = asked_s < yielded_s <= until_end_s
+        if asked_s < doubted_s <= until_end_s and not (touched[n] or yielded):
+            continue
+        kept[n], met[n] = at, touched[n] or yielded
+        touched_s[n] = ended_s[n] = started_s if touched[n] else last_s
+        if yielded:
+            ended_s[n] = min(ended_s[n], yielded_s)
         n += 1
-    return kept[:n].copy(), ended_s[:n].copy(), met[:n].copy()
+    return kept[:n].copy(), ended_s[:n].copy(), met[:n].copy(), touched_s[:n].copy(), touched[:n].copy()
+
+
+class Known(NamedTuple):
+    """What became of the pairs of one question."""
+
+    asked_s: float
+    code: Ints
+    """(p,)"""
+    seen: Floats
+    """(p, FEATURES)"""
+    interacted: Fates
+    """Whether they got in each other's way."""
+    touched: Fates
+    """Whether they came within the clearance."""
 
 
 @dataclass(slots=True, eq=False)
@@ -219,28 +292,31 @@ class Outcomes:
     """Asks at each whole second whether pairs will meet within the horizon, and tells when that is known."""
 
     horizon_s: float
-    waits_s: float = 2.0
-    """For reports that come late."""
+    waits_s: float = 6.0
+    """For reports that come late, and until it shows that a robot gave way."""
     open: list[Question] = field(default_factory=list)
 
     def ask(self, t_s: float, code: Ints, seen: Floats) -> None:
         """Of pairs `code` (p,) of which these are the features (p, FEATURES)."""
         self.open.append(Question(t_s, code, seen))
 
-    def known(self, now_s: float, pairs: Pairs, own_until_s: Callable[[float], Floats]) -> list[tuple[Question, Fates]]:
+    def known(self, now_s: float, pairs: Pairs, own_until_s: Callable[[float], Floats]) -> list[Known]:
         """Questions whose time is over, and what became of their pairs.
 
         `own_until_s` tells, for the time of a question, by slot until when each robot was heard and went its own way;
         -inf where it did not when asked. Pairs of such are left out, and those that were in an encounter then, as
         reports have shown since.
         """
-        told = []
+        answered = []
         while self.open and self.open[0].t_s + self.horizon_s + self.waits_s <= now_s:
             question = self.open.pop(0)
             asked_s, until_s = question.t_s, own_until_s(question.t_s)
-            kept, ended_s, met = _ended(pairs, question.code, until_s, asked_s, self.horizon_s)
-            ended = part_of(ended_s - asked_s, self.horizon_s)
-            part = np.where(met, np.minimum(ended, STAYED - 1), ended)
-            known = Question(asked_s, question.code[kept], question.seen[kept])
-            told.append((known, Fates(part, met, ~met & (part < STAYED))))
-        return told
+            kept, ended_s, met, touched_s, touched = _ended(pairs, question.code, until_s, asked_s, self.horizon_s)
+            fates = (self._fates(ended_s - asked_s, met), self._fates(touched_s - asked_s, touched))
+            answered.append(Known(asked_s, question.code[kept], question.seen[kept], *fates))
+        return answered
+
+    def _fates(self, after_s: Floats, met: Bools) -> Fates:
+        ended = part_of(after_s, self.horizon_s)
+        part = np.where(met, np.minimum(ended, STAYED - 1), ended)
+        return Fates(part, met, ~met & (part < STAYED))

@@ -17,10 +17,18 @@ from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 
 ROBOT = np.dtype(
-    [("kind", np.int64), ("doubt_m", np.float64), ("surprise", np.float64), ("rests", np.bool_)], align=True
+    [
+        ("kind", np.int64),  # row of its kind of forecast in the ledger
+        ("doubt_m", np.float64),  # how far off its position may be as reported
+        ("surprise", np.float64),  # by how much its errors exceed the bands of its kind
+        ("rests", np.bool_),  # it stood, by its newest forecast, when that was made
+        ("stays", np.bool_),  # its newest forecast has it stand for two seconds
+        ("leaves", np.bool_),  # its newest forecast has it go at once
+        ("stood_since_s", np.float64),  # since when it has stood, by its reports; inf while it moves
+    ],
+    align=True,
 )
-"""What is known of a robot: the row of its kind in the ledger, its doubt, by how much its errors exceed the bands of
-its kind, and whether it stood, by its newest forecast, when that was made."""
+"""What is known of a robot."""
 
 Robots = NDArray[Any]
 """Of `ROBOT`."""
@@ -28,13 +36,13 @@ Robots = NDArray[Any]
 ERROR = np.dtype(
     [(name, np.int64) for name in ("kind", "robot", "horizon_s", "radial_bin", "along_bin", "across_bin")]
     + [(name, np.float64) for name in ("radial_m", "along_m", "across_m")]
-    + [("bands_m", np.float64, (3,))],
+    + [("bands_m", np.float64, (3,)), ("following", np.bool_)],
     align=True,
 )
 """A forecast of one moment, and how far off it was: the row of its kind in the ledger, the caller's own number of the
 robot, and whole seconds ahead from 1 on; the size of the error and of its parts, in bins of `sketch` and in metres,
 positive where the robot was further along its heading than forecast, and to the left; and the radii of the bands when
-the forecast was made."""
+the forecast was made; and whether the robot was on its way all the time, and did not stand where it was to go."""
 
 Errors = NDArray[Any]
 """Of `ERROR`."""
@@ -42,6 +50,12 @@ Errors = NDArray[Any]
 _ROBOTS, _ERRORS = (numba.from_dtype(one)[::1] for one in (ROBOT, ERROR))
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 _ASKED_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
+CREEPS_MPS, TURNS_RADPS = 0.1, 0.2
+"""A robot that goes and turns more slowly stands, by its reports."""
+CREEPS_SHARE, STILL_MPS = 0.3, 0.02
+"""Unless its forecast is hardly faster: the share of that at which it stands. At this speed every robot stands."""
+GOES_MPS = 0.2
+"""A forecast by which a robot goes faster has it go."""
 Pose = tuple[float, float, float, float]
 """x_m, y_m, yaw_rad and floor."""
 Line = tuple[float, float, float, float, float, float, float, float, float]
@@ -114,7 +128,7 @@ def _ahead(track: Floats, slot: int, since_s: float) -> Pose:
 
 @kernel(
     numba.types.Tuple((*[_MATRIX] * 5, numba.boolean[:, ::1], _MATRIX))(  # type: ignore[no-untyped-call]
-        *[_MATRIX] * 2, _CUBE, *[_INTS] * 2, *[_ASKED_LOOKS] * 2, *[numba.float64] * 3
+        *[_MATRIX] * 2, _CUBE, *[_INTS] * 2, *[_ASKED_LOOKS] * 2, *[numba.float64] * 3, _MATRIX
     )
 )
 def beside(
@@ -128,9 +142,12 @@ def beside(
     now_s: float,
     long_ago_s: float,
     joined_s: float,
+    late_s: Floats,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Bools, Floats]:
-    """Robots `b` (n,) as seen from `a` (n,), at `past_looks` (k,), parts of the time since the last look for which both
-    have reported, and at `now_s + ahead_s` (m,).
+    """Robots `b` (n,) as seen from `a` (n,), when they start `late_s` (2, n) later than they forecast.
+
+    They are looked at at `past_looks` (k,), parts of the time since the last look for which both have reported, and at
+    `now_s + ahead_s` (m,).
 
     These times of the past (n, k), nan where there are none; dx, dy, headings of both and whether they are on one floor
     (n, k + m); and (2, n) the speeds at which each goes on until the second look ahead.
@@ -156,7 +173,7 @@ def beside(
                 if at < past:
                     pose = _on(line, past_s[row, at])
                 else:
-                    pose = _ahead(track, slot, now_s + ahead_s[at - past] - seen[slot, 0])
+                    pose = _ahead(track, slot, now_s + ahead_s[at - past] - seen[slot, 0] - late_s[side, row])
                 x[side, at], y[side, at], yaw[side, at], floor[side, at] = pose
             goes_x, goes_y = x[side, past + 1] - x[side, past], y[side, past + 1] - y[side, past]
             speeds[side, row] = np.hypot(goes_x, goes_y) / ahead_s[1]
@@ -233,6 +250,42 @@ def _rests(told: Floats, row: int, standing_mps: float) -> bool:
 
 
 @inner
+def _goes_mps(track: Floats, slot: int, after_s: float) -> float:
+    """How fast a track has its robot go so long after its first sample."""
+    at = min(max(int(after_s), 0), track.shape[1] - 2)
+    return float(np.hypot(track[slot, at + 1, 0] - track[slot, at, 0], track[slot, at + 1, 1] - track[slot, at, 1]))
+
+
+@inner
+def _stood_since_s(
+    before: Floats, seen: Floats, slot: int, since_s: float, joined_s: float, forecast_mps: float
+) -> float:
+    """Since when a robot has stood, by its last two reports, when its forecast has it go so fast; inf where it moves or
+    turns."""
+    lasted_s = seen[slot, 0] - before[slot, 0]
+    if not (0.0 < lasted_s <= joined_s and before[slot, 4] == seen[slot, 4]):
+        return since_s
+    went_m = np.hypot(seen[slot, 1] - before[slot, 1], seen[slot, 2] - before[slot, 2])
+    creeps_mps = max(min(CREEPS_MPS, CREEPS_SHARE * forecast_mps), STILL_MPS)
+    if went_m >= creeps_mps * lasted_s or abs(_turn(before[slot, 3], seen[slot, 3])) >= TURNS_RADPS * lasted_s:
+        return float(np.inf)
+    return float(min(since_s, before[slot, 0]))
+
+
+@inner
+def _stop(stopped: Bools, made_s: Floats, foretold: Floats, seen: Floats, slot: int) -> None:
+    """Mark the forecasts that have a robot go where it stands now."""
+    for made in range(made_s.shape[1]):
+        after_s = seen[slot, 0] - made_s[slot, made]
+        last = foretold.shape[2] - 1
+        second = min(max(int(after_s) - 1, 0), last - 1)
+        dx = foretold[slot, made, second + 1, 0] - foretold[slot, made, second, 0]
+        dy = foretold[slot, made, second + 1, 1] - foretold[slot, made, second, 1]
+        if np.hypot(dx, dy) > GOES_MPS:
+            stopped[slot, made] = True
+
+
+@inner
 def _bin(limits_m: Floats, size_m: float) -> int:
     """The bin of an error, as `sketch.bins` has it; halved without a branch, as nothing is known of the next size."""
     found = 0
@@ -256,6 +309,7 @@ def _set_off(error: Any, along_m: float, across_m: float, limits_m: Floats) -> N
         *[_MATRIX] * 3,
         _CUBE,
         *[_MATRIX] * 2,
+        numba.boolean[:, ::1],
         _INTS,
         numba.int64[:, ::1],
         *[numba.float64[:, :, :, ::1]] * 2,
@@ -274,6 +328,7 @@ def take(
     track: Floats,
     around: Floats,
     made_s: Floats,
+    stopped: Bools,
     following: Ints,
     kind: Ints,
     foretold: Floats,
@@ -298,7 +353,8 @@ def take(
 
     The errors of what was foretold of the moments since the report before; their bins hold at the most
     `limits_m`. And whether each robot stands, (n,): by its forecast, or by its last two reports.
-    Forecasts are kept to be held to account so, made at `made_s` (slots, kept), if the last was `spaced_s` before.
+    Forecasts are kept to be held to account so, made at `made_s` (slots, kept), if the last was `spaced_s` before;
+    those by which a robot was to go while it stood are `stopped` (slots, kept).
     """
     kept, horizons = made_s.shape[1], foretold.shape[2]
     errors, found = np.empty(len(slots) * kept * (int(joined_s) + 1), ERROR), 0
@@ -316,6 +372,13 @@ def take(
         _set_around(around, track, slot)
         stands[row] = rests or _speed_mps(before, seen, slot, joined_s) < standing_mps
         before_s, seen_s = before[slot, 0], seen[slot, 0]
+        forecast_mps = max(_goes_mps(track, slot, 0.0), _goes_mps(track, slot, 1.0))
+        since_s = robots[slot].stood_since_s
+        robots[slot].stood_since_s = _stood_since_s(before, seen, slot, since_s, joined_s, forecast_mps)
+        robots[slot].leaves, robots[slot].stays = forecast_mps > GOES_MPS, forecast_mps < STILL_MPS
+        waits = robots[slot].stood_since_s < np.inf
+        if waits:
+            _stop(stopped, made_s, foretold, seen, slot)
         is_joined = before_s > long_ago_s and before_s >= seen_s - joined_s
         line = _line(before, seen, slot, long_ago_s, joined_s)
         yaw, c, s = 0.0, 1.0, 0.0
@@ -335,12 +398,13 @@ def take(
                 dx, dy = was_x - x, was_y - y
                 error = errors[found]
                 error.kind, error.robot, error.horizon_s = kind[slot, made], slot, second + 1
+                error.following = not stopped[slot, made]
                 _set_off(error, c * dx + s * dy, c * dy - s * dx, limits_m)
                 for band in range(3):
                     error.bands_m[band] = bands_m[slot, made, second, band]
                 found += 1
         place = _place(made_s, following, slot, event_s[row], spaced_s)
         if place >= 0:
-            kind[slot, place] = kinds[row]
+            kind[slot, place], stopped[slot, place] = kinds[row], waits and robots[slot].leaves
             _keep(foretold, bands_m, slot, place, told, row, of_kinds_m, kinds[row])
     return errors[:found].copy(), stands

@@ -6,11 +6,12 @@ import { Live } from "./live.js";
 import { FloorMap, swatch } from "./map.js";
 import { Past } from "./past.js";
 import { Vendors } from "./vendors.js";
-import { ago, clock, countdown, short, urgency, what } from "./words.js";
+import { ago, clock, countdown, likely, short, urgency, what } from "./words.js";
 
 const STALE_S = 4;
 const LISTED = 200;
 const HEAT_MS = 60_000;
+const EXITS_MS = 20_000;
 const FRAME_MS = 30;
 const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
@@ -24,7 +25,7 @@ const camera = new Camera($("map"), (byHand) => { moved ||= byHand === true; }, 
 const map = new FloorMap($("map"), camera, vendors);
 const cards = new List($("advisories"), { choose, acknowledge });
 let site = { name: "", floors: [], places: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
-let floor = null, chosen = null, robotShown = null, heat = null, framesDrawn = 0, drawn = 0;
+let floor = null, chosen = null, robotShown = null, heat = null, exits = [], framesDrawn = 0, drawn = 0;
 
 // Which floors there are: the site's, then any other that robots are on.
 function floors() {
@@ -58,15 +59,21 @@ function state() {
   return ["live", `Live: ${live.robots.size} robots`];
 }
 
+// Whether another robot has driven through its place since it was heard; such a robot is not drawn until it reports again.
+function isTakenOff(robot) { return !past.floor && robot.arrivalS <= (live.health.taken_off?.[robot.uuid] ?? -1) + 0.01; }
+
+function onFloor() { return [...robots().values()].filter((one) => one.floor === floor); }
+
 function mark(robot, atS, unidentified) {
   const silence = atS - robot.arrivalS;
-  robot.away = silence > site.silent_after_s ? "silent" : silence > site.quiet_after_s ? "quiet" : unidentified.has(robot.uuid) ? "unidentified" : "";
+  robot.there = past.floor ? 1 : live.health.fading?.[robot.uuid] ?? 1;
+  robot.away = robot.there < 1 || silence > site.silent_after_s ? "silent" : silence > site.quiet_after_s ? "quiet" : unidentified.has(robot.uuid) ? "unidentified" : "";
   robot.unidentified = unidentified.has(robot.uuid);
 }
 
 function scene() {
   const atS = nowS(), unidentified = new Set(past.floor ? [] : live.health.unidentified ?? []);
-  const here = [...robots().values()].filter((one) => one.floor === floor);
+  const here = onFloor().filter((one) => !isTakenOff(one));
   for (const robot of here) mark(robot, atS, unidentified);
   const told = open().filter((one) => one.location?.datum === floor).sort(urgency), involved = new Map(), contended = new Map();
   for (const one of [...told].reverse()) {
@@ -77,6 +84,7 @@ function scene() {
     floor, theme: root.dataset.theme, nowS: atS, robots: here, advisories: told, involved, contended, chosen, robot: robotShown, horizonS: site.horizon_s,
     heat: heat && $("heat").ariaPressed === "true" ? heat : null,
     places: site.places.filter((one) => one.floor === floor), marks: floors().find((one) => one.id === floor)?.marks ?? [],
+    exits: past.floor ? [] : exits.filter((one) => one.datum === floor),
     plan: floors().find((one) => one.id === floor)?.plan,
     poseS: () => atS,
   };
@@ -139,7 +147,7 @@ function list() {
   $("count").textContent = told.length ? `(${told.length})` : "";
   $("none").hidden = told.length > 0;
   $("none").textContent = past_ ? "Nothing was predicted at that moment." : advisories.loaded ? "Nothing is predicted." : "Loading…";
-  const known = [...robots().values()], here = known.filter((one) => one.floor === floor);
+  const known = [...robots().values()], here = onFloor();
   for (const one of known) vendors.know(one.vendor);
   vendors.legend($("legend"), root.dataset.theme, swatch);
   $("nothing").hidden = here.length > 0;
@@ -156,7 +164,7 @@ function table(here) {
     const row = document.createElement("tr"), head = document.createElement("th");
     head.scope = "row";
     head.textContent = `${one.unidentified ? "? " : ""}${one.name}`;
-    row.append(head, ...[one.away === "silent" ? "silent" : one.state, `${one.knots[1].toFixed(1)}, ${one.knots[2].toFixed(1)}`, ago(nowS() - one.arrivalS)].map((said) => {
+    row.append(head, ...[presence(one), `${one.knots[1].toFixed(1)}, ${one.knots[2].toFixed(1)}`, ago(nowS() - one.arrivalS)].map((said) => {
       const cell = document.createElement("td");
       cell.textContent = said;
       return cell;
@@ -166,13 +174,18 @@ function table(here) {
   $("robots").querySelector("tbody").replaceChildren(...rows);
 }
 
+function presence(robot) {
+  if (isTakenOff(robot)) return "not there: another has driven through its place";
+  return robot.away === "silent" ? `silent${likely(robot)}` : robot.state;
+}
+
 function detail() {
   const robot = robotShown && robots().get(robotShown);
   $("detail").hidden = !robot;
   if (!robot) return;
   const title = document.createElement("strong"), facts = document.createElement("dl");
   title.textContent = robot.name;
-  const told = [["state", robot.state], ["heard", ago(nowS() - robot.arrivalS)], ["forecast", `from its ${robot.basis}`], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
+  const told = [["state", isTakenOff(robot) || robot.away === "silent" ? presence(robot) : robot.state], ["heard", ago(nowS() - robot.arrivalS)], ["forecast", `from its ${robot.basis}`], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
   if (robot.unidentified) told.push(["identity", "not told yet: size and name are assumed"]);
   for (const [term, fact] of told) {
     facts.append(Object.assign(document.createElement("dt"), { textContent: term }), Object.assign(document.createElement("dd"), { textContent: fact }));
@@ -273,6 +286,10 @@ async function warm() {
   try { heat = await (await fetch(`heat${until}`)).json(); } catch { /* the live stream says that the service is lost */ }
 }
 
+async function leavings() {
+  try { ({ exits } = await (await fetch("presence")).json()); } catch { /* the live stream says that the service is lost */ }
+}
+
 async function begin() {
   try {
     site = await (await fetch("site")).json();
@@ -293,4 +310,6 @@ dress(settled());
 begin();
 setInterval(list, 250);
 setInterval(warm, HEAT_MS);
+leavings();
+setInterval(leavings, EXITS_MS);
 requestAnimationFrame(draw);

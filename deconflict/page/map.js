@@ -1,8 +1,9 @@
 // Draws one floor: marks, places, heat, ribbons, robots, and where advisories say that something will happen.
 
+import { exits } from "./exits.js";
 import { envelope, movesFor, poseAt } from "./motion.js";
 import { holds } from "./places.js";
-import { SIGNS, countdown, short } from "./words.js";
+import { SIGNS, countdown, likely, short } from "./words.js";
 
 const FADES = 5;
 const STEPS_S = { exact: 0.15, line: 0.5 };
@@ -43,6 +44,7 @@ export class FloorMap {
     this.grid();
     this.places(scene);
     this.marks(scene);
+    exits(this, scene);
     if (scene.heat) this.heat(scene);
     const robots = this.within(scene);
     if (robots.length <= RIBBONED) this.ribbons(robots, scene);
@@ -243,7 +245,7 @@ export class FloorMap {
       pen.setLineDash([]);
     }
     if (!(labelled || involved || chosen) || camera.scale < 3) return;
-    const silence = robot.away === "silent" ? ` silent ${Math.round(scene.nowS - robot.arrivalS)} s` : "";
+    const silence = robot.away === "silent" ? ` silent ${Math.round(scene.nowS - robot.arrivalS)} s${likely(robot)}` : "";
     const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}`;
     const below = (Math.hypot(robot.lengthM, robot.widthM) / 2) * camera.scale + 13 * this.unit;
     this.text(name, camera.px(robot.x), camera.py(robot.y) + below, involved ? 13 : 11, involved ? ink.ink : ink.faint, involved ? "600 " : "");

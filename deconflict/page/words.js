@@ -25,6 +25,12 @@ export function what(advisory) {
   return parts.filter((part, i) => i === 0 || !(part.includes(" should wait ") || note?.split("; ").includes(part))).join("; ");
 }
 
+// How likely a silent robot is still there, where that is not sure.
+export function likely(robot) {
+  if (!(robot.there < 0.995)) return "";
+  return robot.there < 0.5 ? ", has probably left" : `, ${Math.round(100 * robot.there)} % likely still there`;
+}
+
 export function short(name, vendor) {
   return name.toLowerCase().startsWith(`${vendor.toLowerCase()} `) ? name.slice(vendor.length + 1) : name;
 }

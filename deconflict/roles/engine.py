@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -155,7 +156,8 @@ class EngineRole:
         engine.measures.observe("deconflict_advice_solve_seconds", solved_s)
         robots = engine.live.robots
         near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]
-        self._outbox.put(revisions, arrivals_s(batch, time.time()), engine.measures, near)
+        presence = partial(engine.presence.document, batch.now_s)
+        self._outbox.put(revisions, arrivals_s(batch, time.time()), engine.measures, near, presence)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
             self._outbox.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
@@ -227,8 +229,10 @@ class Outbox:
         arrivals_s: dict[str, Floats],
         measures: Measures,
         near_misses: Sequence[tuple[str, str, float, tuple[str, str]]] = (),
+        presence: Callable[[], dict[str, Any] | None] = lambda: None,
     ) -> None:
-        """Queue one step: its revisions, the arrivals of the messages it reflects, by vendor, and near misses.
+        """Queue one step: its revisions, the arrivals of the messages it reflects, by vendor, and near misses; and once
+        a second what it measured, and who is still there.
 
         Raises `UndeliveredError` where too much waits, and lets go of it: nobody was told of it.
         """
@@ -239,6 +243,7 @@ class Outbox:
             "advisories": revisions,
             "measures": [measures.as_document(), self.measures.as_document()] if due else None,
             "near_misses": near_misses,
+            "presence": presence() if due else None,
         }
         step = to_json(parcel) if revisions or due or near_misses else b"", arrivals_s
         self._put_bytes += _weight(*step)

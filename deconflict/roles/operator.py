@@ -48,6 +48,10 @@ ROLES_FILE = "roles.json"
 """What the supervisor says of its processes, in the runtime directory: `Watched.told` by role."""
 
 
+NOBODY_SILENT: dict[str, Any] = {"fading": {}, "taken_off": {}, "exits": []}
+"""What an engine tells of who is still there, before it has told anything."""
+
+
 class OperatorRole:
     """Owns the store. Everything else it serves, it asks of the other roles when asked itself."""
 
@@ -56,6 +60,7 @@ class OperatorRole:
         self._receiver = AsyncCaller(runtime, "follower" if site.cluster else "receiver")
         self._engine_measures: list[dict[str, Any]] = []
         self._engine_heard_s = float("-inf")
+        self._still_there_told: dict[str, Any] = NOBODY_SILENT
         self.ready = asyncio.Event()
         """Set once its port is open."""
         self.port = 0
@@ -122,7 +127,10 @@ class OperatorRole:
 
     async def robots(self) -> list[dict[str, Any]]:
         robots: list[dict[str, Any]] = await self._ask("robots")
-        return robots
+        return [one | _still_there(one, self._still_there_told) for one in robots]
+
+    def still_there(self) -> dict[str, Any]:
+        return self._still_there_told
 
     async def quarantine(self) -> list[dict[str, Any]]:
         rejected: list[dict[str, Any]] = await self._ask("quarantine")
@@ -170,7 +178,8 @@ class OperatorRole:
         return opened(await self._receiver.call("follow", str(number).encode()))
 
     async def pulse(self) -> dict[str, Any]:
-        """Roles, vendors, and the robots that are unidentified as far as the receiver answers."""
+        """Roles, vendors, and the robots that are unidentified as far as the receiver answers; and of the silent ones
+        how likely each is still there, and which are not, with when they were heard last."""
         receiver, documents, unidentified = await self._receiver_measures(), self._engine_measures, []
         roles = await self._up(receiver is not None)
         if receiver is not None:
@@ -182,6 +191,8 @@ class OperatorRole:
             "vendors": {one.name: one.model_dump(mode="json", exclude={"name"}) for one in vendor_health(documents)},
             "effort": self._effort(),
             "unidentified": unidentified,
+            "fading": self._still_there_told["fading"],
+            "taken_off": {uuid: one["heard_s"] for uuid, one in self._still_there_told["taken_off"].items()},
         }
 
     def blackboxes(self) -> list[dict[str, Any]]:
@@ -368,9 +379,17 @@ class OperatorRole:
         parcel = json.loads(payload)
         self._engine_heard_s = time.monotonic()
         self._engine_measures = parcel["measures"] or self._engine_measures
+        self._still_there_told = parcel.get("presence") or self._still_there_told
         if parcel["advisories"]:
             advisories = [ADVISORY.validate_python(one) for one in parcel["advisories"]]
             await self._app.state.publisher.publish(advisories)
         if parcel["near_misses"]:
             await asyncio.to_thread(self._keeper.note, [Near.told(*one) for one in parcel["near_misses"]])
         return b"stored"
+
+
+def _still_there(robot: dict[str, Any], presence: dict[str, Any]) -> dict[str, Any]:
+    """What a robot's document says besides: how likely it is still there, and by whom it was found not to be."""
+    off = presence["taken_off"].get(robot["uuid"])
+    there = 0.0 if off else presence["fading"].get(robot["uuid"], 1.0)
+    return {"still_there": there, "taken_off": off and {"at_s": off["at_s"], "by": off["by"]}}

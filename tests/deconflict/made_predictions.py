@@ -1,6 +1,7 @@
 """Predictions and how robots meet in columns, as the life of advisories takes them."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,10 +11,15 @@ from ingest.seam import Floats
 
 
 def in_columns(told: Sequence[Prediction]) -> Predictions:
-    real = np.array([(one.contact_s, one.separation_m, one.start_separation_m, one.probability) for one in told])
-    contact_s, separation_m, start_m, probability = real.reshape(-1, 4).T.copy()
-    fresh = np.array([one.fresh for one in told], np.bool_)
-    return Predictions([one.pair for one in told], contact_s, separation_m, start_m, fresh, probability)
+    columns: dict[str, Any] = {
+        name: np.array(
+            [getattr(one, "probability" if name == "deciding" else name) for one in told],
+            np.bool_ if name in ("fresh", "still") else np.float64,
+        )
+        for name in Prediction._fields
+        if name != "pair"
+    }
+    return Predictions(pairs=[one.pair for one in told], **columns)
 
 
 def each(meet: Callable[[Pair, float], Encounter]) -> Callable[[Sequence[Pair], Floats], Encounters]:

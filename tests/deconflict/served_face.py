@@ -74,7 +74,12 @@ class GivenSources:
 
     async def pulse(self) -> dict[str, Any]:
         roles = {role: "down" if role in self.down else "up" for role in ("receiver", "engine")}
-        return {"roles": roles, "vendors": {}, "unidentified": []}
+        return {"roles": roles, "vendors": {}, "unidentified": [], "fading": {}, "taken_off": {}}
+
+    def still_there(self) -> dict[str, Any]:
+        off = {"vendor": "Alder", "name": "Alder A-7", "heard_s": 5.0, "at_s": 9.0, "by": "Corvid C-12"}
+        exits = [{"datum": "hall", "x_m": 40.0, "y_m": 5.0, "robots": 12}]
+        return {"fading": {"one": 0.4}, "taken_off": {"other": off}, "exits": exits}
 
     async def floor_at(self, at_s: float) -> str:
         self._ask("recording")

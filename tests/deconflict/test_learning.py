@@ -26,7 +26,7 @@ def test_an_engine_that_goes_on_foretells_as_one_that_never_stopped() -> None:
     resumed.foresight.resume(unpacked(packed(stopped.foresight.learned())))
     assert resumed.foresight.ledger.kinds == steady.foresight.ledger.kinds
     assert np.allclose(resumed.foresight.ledger.bands_m, steady.foresight.ledger.bands_m)
-    assert resumed.foresight.calibration.weights.tolist() == steady.foresight.calibration.weights.tolist()
+    assert resumed.foresight.calibration.of_all.weights.tolist() == steady.foresight.calibration.of_all.weights.tolist()
 
 
 def test_what_was_learned_at_another_clearance_is_no_probability_here() -> None:
@@ -34,7 +34,7 @@ def test_what_was_learned_at_another_clearance_is_no_probability_here() -> None:
     stage.run(30)
     learned = stage.foresight.learned()
     wider = Engine(Site.model_validate({"conflict": {"clearance_m": 0.5}}), learned=learned)
-    assert wider.foresight.calibration.weights.tolist() != stage.foresight.calibration.weights.tolist()
+    assert wider.foresight.calibration.of_all.weights.tolist() != stage.foresight.calibration.of_all.weights.tolist()
     assert wider.foresight.ledger.kinds
 
 

@@ -48,6 +48,7 @@ class Story:
 
         return Scene(
             here=self.floor.__contains__,
+            absence=lambda _: None,
             party=self.floor.__getitem__,
             stands=lambda uuid: uuid in self.floor and self.floor[uuid].standing,
             meet=meet,
@@ -62,10 +63,16 @@ class Story:
         return self._step([], told)
 
     def predicted(
-        self, in_s: float, separation_m: float = 0.0, start_m: float = 5.0, fresh: bool = True, probability: float = 1.0
+        self,
+        in_s: float,
+        separation_m: float = 0.0,
+        start_m: float = 5.0,
+        fresh: bool = True,
+        probability: float = 1.0,
+        still: bool = False,
     ) -> list[ConflictAdvisory]:
         self.apart_m = start_m
-        one = Prediction(PAIR, self.now_s + 1 + in_s, separation_m, start_m, fresh, probability)
+        one = Prediction(PAIR, self.now_s + 1 + in_s, separation_m, start_m, fresh, probability, still=still)
         return self._step([one], fresh)
 
     def _step(self, predictions: list[Prediction], told: bool) -> list[ConflictAdvisory]:
@@ -310,9 +317,25 @@ def test_two_that_met_and_both_stand_are_cleared_and_not_raised_again_when_they_
     story.predicted(0, start_m=0.1)
     for uuid, party in story.floor.items():
         story.floor[uuid] = Party(party.name, party.vendor, "stationary", standing=True)
-    told = [story.predicted(0, separation_m=0.1, start_m=0.1) for _ in range(6)]
-    assert [[one.cleared_because for one in each] for each in told] == [[], [], [], ["both stand still"], [], []]
+    revisions = [story.predicted(0, separation_m=0.1, start_m=0.1, still=True) for _ in range(6)]
+    assert [[one.cleared_because for one in each] for each in revisions] == [[], [], [], ["both stand still"], [], []]
     assert [one for _ in range(4) for one in story.predicted(0, separation_m=0.1, start_m=0.1)] == []
+
+
+def test_two_of_which_one_gives_way_are_cleared_and_say_so() -> None:
+    story = Story()
+    story.raised()
+    revisions = [one for _ in range(5) for one in story.predicted(0, separation_m=0.6, start_m=0.6, still=True)]
+    assert [one.cleared_because for one in revisions if one.cleared_because] == ["one gave way to the other"]
+
+
+def test_two_that_stand_raise_nothing_however_likely() -> None:
+    story = Story()
+    assert [one for _ in range(6) for one in story.predicted(1.5, still=True)] == []
+
+
+def test_a_pair_within_the_clearance_that_is_unlikely_to_touch_raises_nothing() -> None:
+    assert Story().predicted(0, separation_m=0.0, start_m=0.25, probability=0.05) == []
 
 
 def test_a_robot_that_left_the_floor_ends_the_advisory() -> None:

@@ -51,6 +51,7 @@ class Histories(RuleBasedStateMachine):
 
         return Scene(
             here=self.here.__contains__,
+            absence=lambda _: None,
             party=lambda uuid: Party(f"Alder {uuid}", "Alder", "path", standing=False),
             stands=lambda _: False,
             meet=meet,

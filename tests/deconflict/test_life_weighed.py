@@ -30,7 +30,7 @@ class Every(Tracks):
         self._bounds["gap_s"] = -np.inf
 
     def stirring(self, predictions: Predictions, now_s: float, _: object) -> Stirring:
-        self._rows["until_s"], self._rows["asked"] = -np.inf, False
+        self._rows["until_s"] = -np.inf
         return super().stirring(predictions, now_s, lambda pairs, _: np.full(len(pairs), NOWHERE))
 
 
@@ -72,6 +72,7 @@ class Floor:
 
         return Scene(
             here=lambda _: True,
+            absence=lambda _: None,
             party=lambda uuid: Party(uuid, "Alder", "path", standing=False),
             stands=self.standing.__contains__,
             meet=meet,

@@ -176,6 +176,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/heat",
         "/past",
         "/plans/{datum}",
+        "/presence",
         "/recorded",
         "/robots",
         "/robots/{uuid}",

@@ -4,7 +4,9 @@ import pytest
 from deconflict.foresight.leaving import STAYED
 from metrics.bootstrap import interval
 from metrics.calibration import Calibration, Samples, Tally
+from metrics.fates import ContactFates
 from metrics.summaries import means
+from metrics.waits import Waits
 from tests.metrics.made_motion import driven, reported
 
 PAIR = ("a", "b")
@@ -99,12 +101,12 @@ def followed(calibration: Calibration, *probabilities: float) -> Calibration:
     for second, probability in enumerate(probabilities):
         calibration.sample(second + 0.05, [(PAIR, probability)])
         calibration.sample(second + 0.55, [(PAIR, 1.0 - probability)])
-    calibration.resolve(truth, VENDORS)
+    calibration.resolve(ContactFates(truth, 0.3), VENDORS)
     return calibration
 
 
 def test_a_sample_a_second_comes_true_where_an_encounter_begins_within_ten_seconds() -> None:
-    made = followed(Calibration(0.3), *[0.25] * 15)
+    made = followed(Calibration(Waits()), *[0.25] * 15)
     (whole,) = made.by_vendors.values()
     assert made.by_vendors.keys() == {("Alder", "Corvid")}
     # of 0.05 ... 14.05 s, those after 9.35 s
@@ -112,17 +114,17 @@ def test_a_sample_a_second_comes_true_where_an_encounter_begins_within_ten_secon
 
 
 def test_seconds_within_an_encounter_and_those_before_a_robot_leaves_are_left_out() -> None:
-    made = followed(Calibration(0.3), *[0.25] * 30)
+    made = followed(Calibration(Waits()), *[0.25] * 30)
     (whole,) = made.by_vendors.values()
     # in the encounter from 19.35 to 20.65 s; after 20 s nobody knows what would have been in ten seconds
     assert (whole.known().sum(), whole.fine[0, :STAYED].sum(), whole.left.sum()) == (20, 10, 9)
 
 
 def test_seconds_before_a_robot_waits_as_advised_are_counted_apart() -> None:
-    waited = Calibration(0.3)
+    waits = Waits()
     for at_s in (14.0, 15.0, 16.0):
-        waited.waits.see(at_s, ["a"])
-    made = followed(waited, *[0.25] * 25)
+        waits.see(at_s, ["a"])
+    made = followed(Calibration(waits), *[0.25] * 25)
     (whole,) = made.by_vendors.values()
     # of those of 4.05 to 15.05 s nobody knows; those of 16.05 to 19.05 s came true
     assert made.heeded == 12
@@ -131,23 +133,23 @@ def test_seconds_before_a_robot_waits_as_advised_are_counted_apart() -> None:
 
 def test_the_first_minutes_are_counted_apart() -> None:
     truth = driven((0, 40.0, 0.0), until_s=200)
-    made = Calibration(0.3)
+    made = Calibration(Waits())
     for second in range(180):
         made.sample(float(second), [(PAIR, 0.1)])
-    made.resolve(truth, VENDORS)
+    made.resolve(ContactFates(truth, 0.3), VENDORS)
     assert (made.whole().known().sum(), made.settled.known().sum()) == (180, 60)
 
 
 def test_nothing_is_counted_before_it_is_known() -> None:
-    made = Calibration(0.3)
+    made = Calibration(Waits())
     truth = driven((0, 40.0, 0.0), until_s=10, finished=False)
     made.sample(5.0, [(PAIR, 0.1)])
-    made.resolve(truth, VENDORS)
+    made.resolve(ContactFates(truth, 0.3), VENDORS)
     assert made.whole().fine.sum() == 0
     for second in range(11, 25):
         reported(truth, float(second), ("a", 0, 0.0), ("b", 0, 40.0))
         truth.advance(float(second))
-    made.resolve(truth, VENDORS)
+    made.resolve(ContactFates(truth, 0.3), VENDORS)
     assert made.whole().fine[0].sum() == 1
 
 

@@ -57,12 +57,13 @@ def test_what_separations_say_is_the_same_pair_by_pair() -> None:
     before = pairs.copy()
     swept_rows = rows[::3].copy()
     swept_m, swept_s = rng.uniform(-0.1, 0.3, len(swept_rows)), NOW_S + rng.uniform(0, 10, len(swept_rows))
+    contact_s = NOW_S + rng.uniform(0, 10, len(swept_rows))
     past_s = NOW_S - 1 + np.tile(np.arange(1, PAST + 1) / PAST, (PAIRS, 1))
     apart_m = rng.uniform(-0.2, 1.5, (PAIRS, PAST + len(AHEAD_S)))
     same, speed_mps = rng.uniform(size=apart_m.shape) < 0.9, rng.uniform(0, 1, (2, PAIRS))
     known_m, where = np.where(same, apart_m, inf), (past_s, apart_m, same, speed_mps, bands_m, robots, seen)
     limits = (NOW_S, HORIZON_S, WITHIN_M, MARGIN_M, STANDING_MPS)
-    sds = judge(pairs, rows, a, b, swept_rows, swept_m, swept_s, *where, AHEAD_S, *limits)
+    sds = judge(pairs, rows, a, b, swept_rows, swept_m, swept_s, contact_s, *where, AHEAD_S, *limits)
     for n, row in enumerate(rows.tolist()):
         at_s, apart = (NOW_S + AHEAD_S).tolist(), known_m[n, PAST:].tolist()
         if row in swept_rows.tolist():
@@ -76,6 +77,7 @@ def test_what_separations_say_is_the_same_pair_by_pair() -> None:
         assert pairs["near_s"][row] == at_s[int(np.argmin(apart))]
         assert pairs["near_m"][row] == max(min(apart), 0.0)
         assert pairs["now_m"][row] == max(known_m[n, PAST], 0.0)
+        assert pairs["contact_s"][row] == (contact_s[n // 3] if row in swept_rows.tolist() else inf)
         needed_s = max(known_m[n, PAST] - WITHIN_M, 0.0) / speed_mps[:, n].sum()
         assert sds[:, n] == pytest.approx([max(within), soonest])
         assert pairs["seen"][row, 3] == pytest.approx(min(needed_s / HORIZON_S, 1.0))

@@ -11,7 +11,7 @@ from ingest.seam import Basis, Batch, Destinations, Forecasts
 from tests.deconflict.made_encounters import NOW_S, robot
 
 CLEARANCE_M = 0.3
-NONE_SWEPT = Swept((), np.empty(0, np.int64), np.empty(0), np.empty(0))
+NONE_SWEPT = Swept((), np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0))
 NO_STOPS = Destinations(np.zeros(1, np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0, np.int64))
 
 Velocity = tuple[float, float]
@@ -120,11 +120,11 @@ def test_a_pair_is_not_judged_while_it_is_in_an_encounter_or_a_robot_is_gone(lea
 
 def test_what_became_of_pairs_is_counted_and_learned() -> None:
     stage = Stage({"a": Walk((0.0, 0.0), (0.0, 0.0)), "b": Walk((-12.0, 0.0), (1.0, 0.0))})
-    prior = stage.foresight.calibration.weights.copy()
+    prior = stage.foresight.calibration.of_all.weights.copy()
     stage.run(30)
     outcomes = stage.foresight.measures.values["deconflict_probability_outcomes_total"]
     assert outcomes[("met",)] >= 8
-    assert stage.foresight.calibration.weights.tolist() != prior.tolist()
+    assert stage.foresight.calibration.of_all.weights.tolist() != prior.tolist()
 
 
 def test_passing_where_a_robot_was_last_heard_of_is_no_meeting() -> None:
@@ -146,7 +146,7 @@ def test_the_same_calls_give_the_same_answers() -> None:
 def test_robots_that_left_and_came_back_in_other_places_are_not_taken_for_each_other() -> None:
     far, near = Walk((0.0, 90.0), (1.0, 0.0)), {"b": Walk((-8.0, 0.0), (1.0, 0.0)), "a": Walk((0.0, 0.0), (0.0, 0.0))}
     stage = Stage({"c": far} | near)
-    swept = Swept((("a", "b"),), np.array([-1]), np.array([0.1]), np.array([NOW_S + 8]))
+    swept = Swept((("a", "b"),), np.array([-1]), np.array([0.1]), np.array([NOW_S + 8]), np.array([NOW_S + 8]))
     stage.second(0)
     stage.foresight.look(NOW_S, swept, 0.5)
     stage.foresight.receive(replace(stage.batch(0.5).take(np.arange(0)), gone=tuple(stage.walks)))

@@ -42,21 +42,22 @@ def test_a_conflict_that_advice_ended_teaches_no_doubt() -> None:
     )
     assert others["passed",] > outcomes.get(("passed",), 0) + 5
     assert outcomes["left",] > others.get(("left",), 0)
-    seen = np.array([[1.0, 2.0, 2.0, 0.3, 0.0]])
-    prior = Stage({}).foresight.calibration.probability(seen)
-    after_told, after_untold = (one.foresight.calibration.probability(seen) for one in (told, untold))
+    seen, alike = np.array([[1.0, 2.0, 2.0, 0.3, 0.0]]), np.zeros(1, np.int64)
+    prior = Stage({}).foresight.contact.estimate(seen, alike).probability
+    after_told, after_untold = (one.foresight.contact.estimate(seen, alike).probability for one in (told, untold))
     assert after_untold < prior - 0.01
     assert after_told == pytest.approx(prior, abs=0.002)
 
 
-def test_a_robot_that_waits_as_advised_does_not_contradict_its_forecasts() -> None:
-    told, untold = crossing(True).foresight, crossing(False).foresight
-    distrusted = [
-        one.measures.values.get("deconflict_forecasts_distrusted_total", {}).get(("Alder",), 0)
-        for one in (told, untold)
-    ]
-    assert distrusted[0] == 0 < distrusted[1]
-    assert told.ledger.bands_m.max() < untold.ledger.bands_m.max()
+def test_a_robot_that_waits_as_advised_does_not_widen_the_bands_of_its_vendor() -> None:
+    advised, unadvised = crossing(True).foresight, crossing(False).foresight
+    assert advised.ledger.bands_m.max() < unadvised.ledger.bands_m.max()
+
+
+def test_a_robot_that_waits_is_not_taken_for_one_that_follows_its_path_badly() -> None:
+    waited = crossing(False).foresight
+    assert waited.following.bands_m.max() < waited.ledger.bands_m.max()
+    assert waited.measures.values.get("deconflict_forecasts_distrusted_total", {}) == {}
 
 
 def heeded() -> Heeded:

@@ -1,16 +1,19 @@
 import numpy as np
+import pytest
 
 from deconflict.foresight.leaving import STAYED
 from deconflict.foresight.pairs import (
+    FEATURES,
     PAIR,
     REMEMBERED_S,
     Fates,
+    Known,
     Outcomes,
     Pairs,
-    Question,
     again,
     codes,
     open_rows,
+    preempt,
     shown,
     slots_of,
 )
@@ -58,9 +61,9 @@ def some(n: int = 60) -> Pairs:
     rng = np.random.default_rng(9)
     found = np.zeros(n, PAIR)
     found["code"] = np.sort(codes(rng.integers(0, 10, n), rng.integers(0, 10, n)))
-    for name in ("probability", "near_s", "near_m", "now_m"):
+    for name in ("probability", "deciding", "near_s", "near_m", "now_m"):
         found[name] = rng.uniform(size=n)
-    found["watched"], found["inside"] = rng.uniform(size=(2, n)) < 0.5
+    found["watched"], found["inside"], found["gives_way"] = rng.uniform(size=(3, n)) < 0.4
     return found
 
 
@@ -69,22 +72,19 @@ def test_pairs_are_open_while_both_robots_are_heard_and_not_in_an_encounter() ->
     seen[:, 0] = NOW_S - np.arange(10)
     a, b = slots_of(every["code"])
     heard = (seen[a, 0] > NOW_S - 6) & (seen[b, 0] > NOW_S - 6)
-    expected = np.flatnonzero(every["watched"] & ~every["inside"] & heard)
+    expected = np.flatnonzero(every["watched"] & ~every["inside"] & ~every["gives_way"] & heard)
     assert 0 < len(expected) < len(every)
     assert open_rows(every, seen, NOW_S - 6).tolist() == expected.tolist()
 
 
 def test_pairs_are_shown_that_were_asked_for_and_then_others_that_are_likely() -> None:
-    every, first, fresh = some(), np.array([7, 3, 30]), np.arange(60) % 3 == 0
-    others = np.flatnonzero(every["watched"] & (every["probability"] >= 0.4))
+    every, first = some(), np.array([7, 3, 30])
+    others = np.flatnonzero(every["watched"] & (every["deciding"] >= 0.4))
     others = others[~np.isin(others, first)]
-    assert np.isin(first, np.flatnonzero(every["probability"] >= 0.4)).any()
-    code, *columns, is_fresh = shown(every, fresh, first, 0.4)
+    assert np.isin(first, np.flatnonzero(every["deciding"] >= 0.4)).any()
+    rows, code = shown(every, first, 0.4)
     assert code.tolist() == every["code"][others].tolist()
-    rows = np.concatenate([first, others])
-    assert is_fresh.tolist() == fresh[rows].tolist()
-    for name, column in zip(("probability", "near_s", "near_m", "now_m"), columns, strict=True):
-        assert column.tolist() == every[name][rows].tolist()
+    assert rows.tolist() == [*first.tolist(), *others.tolist()]
 
 
 def test_new_pairs_are_due_whether_or_not_their_robots_report() -> None:
@@ -104,23 +104,27 @@ def test_pairs_that_were_no_candidates_for_long_are_forgotten() -> None:
     assert after["asked_s"].tolist() == [NOW_S, NOW_S - REMEMBERED_S]
 
 
-def outcome(*, started_s: list[float], below_s: list[float], heard_s: list[float]) -> tuple[Question, Fates]:
+def outcome(
+    *, started_s: list[float], below_s: list[float], heard_s: list[float], **columns: list[float]
+) -> tuple[Known, Fates]:
     """Of pairs (0, 1), (0, 2) ... asked at `NOW_S`."""
     every = pairs(*((0, n + 1) for n in range(len(started_s))))
     every["started_s"], every["below_s"] = NOW_S + np.array(started_s), NOW_S + np.array(below_s)
+    for name, after_s in columns.items():
+        every[name] = NOW_S + np.array(after_s)
     outcomes = Outcomes(horizon_s=10.0)
     outcomes.ask(NOW_S, every["code"], every["seen"])
     heard = NOW_S + np.array(heard_s)
-    assert outcomes.known(NOW_S + 11, every, lambda _: heard) == []
-    (told,) = outcomes.known(NOW_S + 12, every, lambda _: heard)
-    return told
+    assert outcomes.known(NOW_S + 15, every, lambda _: heard) == []
+    (known,) = outcomes.known(NOW_S + 16, every, lambda _: heard)
+    return known, known.interacted
 
 
 def test_an_outcome_is_known_once_the_horizon_is_over() -> None:
     # the first met before one left, of the second one left, the third stayed apart
     never = [-np.inf] * 2
     question, fates = outcome(started_s=[4.5, *never], below_s=[5.0, *never], heard_s=[12, 5.5, 6.5, 12])
-    assert (question.t_s, len(question.code)) == (NOW_S, 3)
+    assert (question.asked_s, len(question.code)) == (NOW_S, 3)
     assert fates.met.tolist() == [True, False, False]
     assert fates.left.tolist() == [False, True, False]
     assert fates.part.tolist() == [4, 6, STAYED]
@@ -136,6 +140,34 @@ def test_a_pair_that_was_together_when_asked_is_not_judged() -> None:
     assert question.code.tolist() == codes(np.array([0]), np.array([2])).tolist()
 
 
+def test_a_pair_of_which_one_gave_way_got_in_each_others_way_without_touching() -> None:
+    never, heard_s = [-np.inf], [20.0, 20.0]
+    known, fates = outcome(started_s=never, below_s=never, heard_s=heard_s, yielded_s=[4.5], yield_end_s=[np.inf])
+    assert (fates.met.tolist(), fates.part.tolist(), known.touched.met.tolist()) == ([True], [4], [False])
+
+
+def test_a_pair_that_was_giving_way_when_asked_is_not_judged() -> None:
+    never, heard_s = [-np.inf], [20.0, 20.0]
+    known, _ = outcome(started_s=never, below_s=never, heard_s=heard_s, yielded_s=[-4.5], yield_end_s=[2.0])
+    assert len(known.code) == 0
+
+
+def test_what_may_be_an_order_of_their_fleet_is_not_judged() -> None:
+    never, heard_s = [-np.inf], [20.0, 20.0]
+    known, _ = outcome(started_s=never, below_s=never, heard_s=heard_s, doubted_s=[4.0])
+    assert len(known.code) == 0
+
+
+def test_robots_that_another_one_stops_first_are_marked() -> None:
+    every = pairs((0, 1), (0, 2), (3, 4))
+    every["near_s"] = every["contact_s"] = NOW_S + np.array([2.0, 6.0, 5.0])
+    every["share"] = 1.0
+    preempt(every, np.array([False, False, True, True, True]), 5, 0.3)
+    assert every["seen"][:, 6] == pytest.approx([0.0, 1.0, 0.0], abs=0.01)
+    assert every["seen"][:, 7] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
+    assert every["still"].tolist() == [False, False, True]
+
+
 def test_what_became_of_pairs_is_the_same_pair_by_pair() -> None:
     """Those that are no longer under watch did not meet."""
     rng, n = np.random.default_rng(6), 300
@@ -146,8 +178,9 @@ def test_what_became_of_pairs_is_the_same_pair_by_pair() -> None:
     until_s = NOW_S + rng.uniform(-1, 15, 10)
     until_s[3] = -np.inf
     outcomes = Outcomes(horizon_s=10.0)
-    outcomes.ask(NOW_S, asked, np.zeros((len(asked), 5)))
-    ((question, fates),) = outcomes.known(NOW_S + 12, every, lambda _: until_s)
+    outcomes.ask(NOW_S, asked, np.zeros((len(asked), FEATURES)))
+    (question,) = outcomes.known(NOW_S + 16, every, lambda _: until_s)
+    fates = question.interacted
     found = {int(one["code"]): (one["started_s"], one["below_s"]) for one in every}
     expected = []
     for code in asked.tolist():

@@ -1,0 +1,131 @@
+"""The command line: make floors, score what was told on them, compare services on many."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.planned_floors.compare import Plan, compared, document, log_cases, make
+from benchmarks.planned_floors.figure import Figure
+from benchmarks.planned_floors.figures import figures
+from benchmarks.planned_floors.kinds import KINDS, made_of
+from benchmarks.planned_floors.parts import PARTS
+from benchmarks.planned_floors.scoring import score
+from benchmarks.planned_floors.tables import table
+
+CLEARANCE_M = 0.3
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    options = argparse.ArgumentParser(prog="python -m benchmarks.planned_floors", description=__doc__)
+    commands = options.add_subparsers(required=True)
+    _add_make(commands.add_parser("make", help="simulate a floor: its log and its truth"))
+    _add_score(commands.add_parser("score", help="advisories and the believer of paths against the truth of one log"))
+    _add_replay(commands.add_parser("replay", help="one log through the service, scored the same way"))
+    _add_compare(commands.add_parser("compare", help="floors of several kinds and seeds through the service"))
+    args = options.parse_args(arguments)
+    args.run(args)
+
+
+def _add_make(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--kind", choices=KINDS, required=True)
+    command.add_argument("--seed", type=int, default=1)
+    _add_sizes(command)
+    command.add_argument("--out", type=Path, required=True, metavar="DIR")
+    command.set_defaults(run=_make)
+
+
+def _add_score(command: argparse.ArgumentParser) -> None:
+    _add_log(command)
+    command.add_argument("advisories", type=Path, nargs="*", metavar="ADVISORIES", help="of `replay --advisories`")
+    _add_scoring(command)
+    command.set_defaults(run=_score)
+
+
+def _add_replay(command: argparse.ArgumentParser) -> None:
+    _add_log(command)
+    _add_scoring(command)
+    _add_parts(command)
+    command.set_defaults(run=_replay)
+
+
+def _add_compare(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--kinds", nargs="+", choices=KINDS, required=True, metavar="KIND")
+    command.add_argument("--seeds", nargs="+", type=int, default=[1], metavar="N")
+    _add_sizes(command)
+    command.add_argument("--floors", type=Path, required=True, metavar="DIR", help="where the floors are kept")
+    command.add_argument("--jobs", type=int, default=1, metavar="N", help="floors at a time")
+    _add_scoring(command)
+    _add_parts(command)
+    command.set_defaults(run=_compare)
+
+
+def _add_log(command: argparse.ArgumentParser) -> None:
+    command.add_argument("log", type=Path, metavar="LOG")
+    command.add_argument("truth", type=Path, metavar="TRUTH", help="a directory that `make` wrote, or a list of stops")
+
+
+def _add_sizes(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--seconds", type=float, metavar="S", help="length of the log; the kind's own if not given")
+    command.add_argument("--interval", type=float, metavar="S", help="between a robot's reports; 1 if not given")
+
+
+def _add_scoring(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--clearance", type=float, default=CLEARANCE_M, metavar="M")
+    command.add_argument(
+        "--after", type=float, default=0.0, metavar="S", help="score only what happens later than this"
+    )
+    command.add_argument("--json", type=Path, metavar="OUT.json")
+
+
+def _add_parts(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--without", nargs="*", choices=PARTS, default=[], metavar="PART", help="switched off, each alone"
+    )
+
+
+def _make(args: argparse.Namespace) -> None:
+    make(made_of(args.kind, args.seed, args.seconds, args.interval), args.out)
+
+
+def _score(args: argparse.Namespace) -> None:
+    found = score(args.log, args.truth, args.advisories, args.clearance, args.after)
+    _show(args, {name: figures(cases) for name, cases in found.items()})
+
+
+def _replay(args: argparse.Namespace) -> None:
+    found = log_cases(args.log, args.truth, args.clearance, args.after, args.without)
+    _show(args, {name: figures(cases) for name, cases in found.items()})
+
+
+def _compare(args: argparse.Namespace) -> None:
+    plan = Plan(
+        kinds=args.kinds,
+        seeds=args.seeds,
+        floors=args.floors,
+        clearance_m=args.clearance,
+        seconds=args.seconds,
+        interval_s=args.interval,
+        after_s=args.after,
+        parts=args.without,
+    )
+    documents = []
+    for kind, whole, by_seed in compared(plan, args.jobs):
+        print(f"\n{kind}, {len(by_seed)} floors\n\n{table(whole)}", flush=True)
+        documents.append(document(kind, whole, by_seed))
+        _write(args, documents)
+
+
+def _show(args: argparse.Namespace, by_service: dict[str, dict[str, Figure]]) -> None:
+    print(table(by_service))
+    _write(args, by_service)
+
+
+def _write(args: argparse.Namespace, found: Any) -> None:
+    if args.json:
+        args.json.write_text(json.dumps(found, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,78 @@
+"""Parts of the service that a comparison switches off one by one: a name, and what it changes in a new engine."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from deconflict.engine import Engine
+from deconflict.foresight.calibration import Calibration, Estimate
+from deconflict.foresight.pairs import Fates
+from deconflict.foresight.starts import LATE_S, Starts
+from ingest.seam import Floats, Ints
+
+Change = Callable[[Engine], None]
+
+
+class _Unlearning(Calibration):
+    """Stays with its prior."""
+
+    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
+        """Nothing is learned."""
+
+
+class _AllAlike(Calibration):
+    """Knows one pair of vendors."""
+
+    def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
+        return Calibration.estimate(self, seen, np.zeros_like(vendors))
+
+    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
+        Calibration.learn(self, seen, np.zeros_like(vendors), fates, now_s)
+
+
+class _Alone(Calibration):
+    """Knows nothing of the other conflicts of a robot."""
+
+    def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
+        return Calibration.estimate(self, _alone(seen), vendors)
+
+    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
+        Calibration.learn(self, _alone(seen), vendors, fates, now_s)
+
+
+def _alone(seen: Floats) -> Floats:
+    seen = seen.copy()
+    seen[:, 6:] = 0.0
+    return seen
+
+
+class _AtOnce(Starts):
+    """Takes robots that wait to start when they say."""
+
+    def weights(self, kind: Ints, stood_s: Floats) -> Floats:  # noqa: ARG002 - keeps the form
+        weights = np.zeros((len(kind), len(LATE_S)))
+        weights[:, 0] = 1.0
+        return weights
+
+
+def _with(calibration: type[Calibration]) -> Change:
+    def change(engine: Engine) -> None:
+        engine.foresight.calibration = calibration()
+
+    return change
+
+
+def _starts_at_once(engine: Engine) -> None:
+    engine.foresight.starts = _AtOnce()
+
+
+PARTS: Mapping[str, Change] = {
+    "learning": _with(_Unlearning),
+    "pairs of vendors": _with(_AllAlike),
+    "others in the way": _with(_Alone),
+    "late starts": _starts_at_once,
+}
+
+
+def unchanged(_engine: Engine) -> None:
+    """The service as it is."""

@@ -1,0 +1,1 @@
+"""Who is still there of the robots that have fallen silent."""

@@ -1,0 +1,45 @@
+"""When robots that stand and say that they go at once start."""
+
+import numpy as np
+import pytest
+
+from deconflict.foresight.starts import LATE_S, Starts
+from ingest.seam import Floats
+
+NOW_S = 1_790_000_000.0
+
+
+def weights(starts: Starts, kind: int, stood_s: float) -> Floats:
+    (row,) = starts.weights(np.array([kind]), np.array([stood_s]))
+    return np.asarray(row)
+
+
+def waited(starts: Starts, kind: int, lasts_s: int, robots: int) -> None:
+    """Robots of a kind that stand for so many seconds, and then start."""
+    for robot in range(robots):
+        for second in range(lasts_s):
+            started = np.array([float(second == lasts_s - 1)])
+            starts.take(np.array([kind]), np.array([float(second)]), np.ones(1), started, NOW_S + robot)
+
+
+def test_delays_are_a_distribution_and_long_waits_are_longer_still() -> None:
+    fresh, long = weights(Starts(), 0, 0.5), weights(Starts(), 0, 30.0)
+    assert (fresh >= 0).all()
+    assert fresh.sum() == pytest.approx(1.0)
+    assert long.sum() == pytest.approx(1.0)
+    assert long @ LATE_S > 2 * (fresh @ LATE_S)
+
+
+def test_each_kind_is_learned_by_itself_and_drawn_towards_all() -> None:
+    starts = Starts()
+    waited(starts, 0, 2, 200)
+    waited(starts, 1, 15, 60)
+    quick, slow, unknown = (float(weights(starts, kind, 1.0) @ LATE_S) for kind in (0, 1, 2))
+    assert quick < unknown < slow
+
+
+def test_what_was_learned_is_kept() -> None:
+    starts, resumed = Starts(), Starts()
+    waited(starts, 0, 3, 50)
+    resumed.resume(starts.learned())
+    assert weights(resumed, 0, 1.0).tolist() == weights(starts, 0, 1.0).tolist()
