@@ -2,8 +2,8 @@
 
 A robot has a resource while the middle of its envelope is inside, and is in a zone while its envelope touches it. It
 stands from when it came to where it is, within 0.1 m, for at least 3 s. It waited for a place if it stood outside of
-every resource for at least 5 s while the place was full, and then entered it or had told it as its destination. Those
-that pass above or below it make no place full for it.
+every resource for at least 5 s while the place was full, and had told it as its destination, or stood within 10 m of it
+and then entered it. Those that pass above or below it make no place full for it.
 """
 
 from bisect import bisect_right
@@ -22,7 +22,7 @@ from deconflict.heights import beside, most_beside
 from ingest.seam import Batch, Floats, Ints
 
 STANDS_M, STOOD_S = 0.1, 3.0
-WAITED_S = 5.0
+WAITED_S, WAITED_M = 5.0, 10.0
 JOINED_S, STILL_S = 5.0, 35.0
 """A robot that is silent for longer is not known to have stood; nor for longer than the second where it is afterwards
 where it was: reports may be 30 s apart."""
@@ -232,7 +232,8 @@ class Conduct:
     def _waited(self, robot: str, one: _Seen, entered: frozenset[str]) -> None:
         """It has entered places, or is gone: which of its stops were waits."""
         for stand in one.pending:
-            for place in sorted(entered | stand.goals) if stand.outside else ():
+            near = {place for one in (self._resources, self._zones) for place in entered if one.is_near(place, stand)}
+            for place in sorted(near | stand.goals) if stand.outside else ():
                 waited = list(self._full_during(place, stand))
                 if sum(span.lasts_s for span in waited) >= WAITED_S:
                     self.waits.append(Wait(place, robot, Span(waited[0].from_s, waited[-1].to_s)))
@@ -294,6 +295,15 @@ class _Outlines:
         self._datums, self._places = [datum for datum, _, _ in drawn], [place for _, place, _ in drawn]
         self._shapes = np.array([shapely.Polygon(outline) for _, _, outline in drawn])
         self._boxes_m = shapely.bounds(self._shapes).reshape(-1, 4)
+
+    def is_near(self, place: str, stood: Stand) -> bool:
+        """Whether a place is no farther than `WAITED_M` from where a robot stood."""
+        here = shapely.Point(stood.x_m, stood.y_m)
+        return any(
+            shapely.dwithin(shape, here, WAITED_M)
+            for datum, name, shape in zip(self._datums, self._places, self._shapes, strict=True)
+            if name == place and datum == stood.floor
+        )
 
     def touched(
         self, datums: Sequence[str], boxes_m: Floats, shapes: Callable[[Ints], Any]

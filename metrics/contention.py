@@ -90,6 +90,7 @@ class Contention:
             self._places.enter(entry)
         for robot in batch.gone:
             self._places.forget(robot)
+        self._places.advance(batch.now_s)
 
     def hear(self, now_s: float, revisions: Iterable[AnyAdvisory], forecast: Forecast | None = None) -> None:
         """What was said at a pass, and of places where that was asked for."""

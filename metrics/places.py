@@ -29,6 +29,8 @@ AHEAD_S: Floats = np.array([30.0, 60.0, 120.0, 300.0, 900.0])
 EVERY_S = 10.0
 GIVEN_UP_S = 900.0
 """A robot that is later than this does not come any more."""
+REPORTS_S = 60.0
+"""Within so long a robot reports again: until then it is not known what it did."""
 
 
 class Turn(NamedTuple):
@@ -112,7 +114,6 @@ class Places:
     def say(self, now_s: float, forecast: Forecast) -> None:
         """What the service says now."""
         self._first_s = min(self._first_s, now_s)
-        self._give_up(now_s)
         numbers = {place: number for number, place in enumerate(self._capacity)}
         inside, at_s = np.zeros((len(numbers), len(AHEAD_S)), np.int64), now_s + AHEAD_S
         for robot, likely in forecast.needs.items():
@@ -195,16 +196,15 @@ class Places:
         counts.late += late_s > 0
         counts.off += np.bincount(bins_of(np.array([abs(late_s)])), minlength=BINS)
 
-    def _give_up(self, now_s: float) -> None:
-        """Judge what was said of robots that do not come any more."""
+    def advance(self, now_s: float) -> None:
+        """Judge what was said of robots that do not come any more, once all that happened until `now_s` is known."""
         for key, said in list(self._waiting.items()):
             while said and said[0].begin_s + GIVEN_UP_S < now_s:
                 self._miss(said.pop(0), key[1])
             if not said:
                 del self._waiting[key]
-
         for robot in list(self._needs):
-            self._not_needed(robot, now_s - AHEAD_S[-1])
+            self._not_needed(robot, now_s - AHEAD_S[-1] - REPORTS_S)
 
     def _not_needed(self, robot: str, until_s: float) -> None:
         """Judge what was said before `until_s` of a robot that has not come to a charger."""

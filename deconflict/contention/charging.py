@@ -153,20 +153,28 @@ def _shortage(
     some = [need for need in found if not need.chargers.isdisjoint(pool)]
     told = [turns[charger] for charger in pool if charger in turns]
     capacity = sum(geometry.capacity(charger) for charger in pool)
-    bound = HELD if pool[0] in standing else LIKELY
     there_by = [[robot for one in told for robot in one.there(now_s + ahead_s)] for ahead_s in AHEAD_S.tolist()]
-    for column, there in enumerate(there_by):
-        room = capacity - len(there)
-        likely = more_than(room, np.array([need.likely[column] for need in some])) if room >= 0 else 0.0
-        if likely >= bound:
-            from_s = now_s + float(AHEAD_S[column])
-            ends_s = [end_s for one in told for end_s in one.end_s if end_s > from_s]
-            wait_s = min([*ends_s, from_s + min(usual_s[charger] for charger in pool)]) - from_s
-            likeliest = sorted(some, key=lambda need: (-need.likely[column], need.robot))
-            named = [need for need in likeliest if need.likely[column] >= 0.5]
-            named = named if len(named) > room else likeliest[: room + 1]
-            return Shortage(pool, capacity, from_s, likely, tuple(sorted(there)), tuple(named), wait_s)
-    return None
+    rooms = [capacity - len(there) for there in there_by]
+    likely = [
+        more_than(room, np.array([need.likely[column] for need in some])) if room >= 0 else 0.0
+        for column, room in enumerate(rooms)
+    ]
+    bound = LIKELY if max(likely) >= LIKELY or pool[0] not in standing else HELD
+    column = next((column for column, one in enumerate(likely) if one >= bound), None)
+    if column is None:
+        return None
+    from_s = now_s + float(AHEAD_S[column])
+    ends_s = [end_s for one in told for end_s in one.end_s if end_s > from_s]
+    wait_s = min([*ends_s, from_s + min(usual_s[charger] for charger in pool)]) - from_s
+    there, named = tuple(sorted(there_by[column])), _named(some, column, rooms[column])
+    return Shortage(pool, capacity, from_s, likely[column], there, named, wait_s)
+
+
+def _named(some: Sequence[Need], column: int, room: int) -> tuple[Need, ...]:
+    """Those that will more likely than not have come, the likeliest first; no fewer than do not find room."""
+    likeliest = sorted(some, key=lambda need: (-need.likely[column], need.robot))
+    expected = sum(need.likely[column] >= 0.5 for need in some)
+    return tuple(likeliest[: max(expected, room + 1)])
 
 
 def more_than(count: int, likely: Floats) -> float:

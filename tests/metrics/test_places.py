@@ -127,7 +127,7 @@ def test_when_the_log_is_over_it_is_not_known_whether_a_place_is_full() -> None:
 def test_one_that_is_too_late_does_not_come_any_more() -> None:
     found = places()
     say(found, 0.0, [comes(50.0)])
-    say(found, 1000.0, [])
+    found.advance(1000.0)
     found.enter(Entry("d1", "r", 1001.0, 0.0))
     row = figures(found)[60.0]
     assert (row["came"], row["off_median_s"]) == (0.0, pytest.approx(900.0, rel=0.02))
@@ -143,7 +143,7 @@ def test_a_need_of_a_charger_is_held_against_whether_the_robot_has_come_to_one_b
     found = places()
     say(found, 0.0, [], r=[0.1, 0.2, 0.4, 0.6, 1.0], s=[0.0, 0.0, 0.0, 0.0, 0.5])
     found.enter(Entry("d1", "r", 200.0, 0.0))
-    say(found, 1000.0, [])
+    found.advance(1000.0)
     rows = figures(found)
     assert [row["need_said"] for row in rows.values()] == [2] * 5
     assert [row["need_likely"] for row in rows.values()] == pytest.approx([0.05, 0.1, 0.2, 0.3, 0.75])
