@@ -157,7 +157,7 @@ def test_a_charger_that_a_robot_will_need_is_foretold_before_it_says_so(tmp_path
     def level(t: float) -> float:
         return 26.0 - 0.01 * t
 
-    # B goes to the charger after 400 s, at 22 %, finds it taken, and has it after 610 s
+    # B goes to the charger after 400 s, at 22 %, names it once it is on its way, finds it taken, and has it after 610 s
     way = [
         (0.0, 25.0, 0.0),
         (400.0, 25.0, 0.0),
@@ -172,7 +172,7 @@ def test_a_charger_that_a_robot_will_need_is_foretold_before_it_says_so(tmp_path
     @dataclass
     class Needs(Script):
         def says(self, name: str, t: float, start_s: float = NOW_S) -> bytes:
-            return (silent if t < 400 else names).says(name, t, start_s)
+            return (silent if t < 405 else names).says(name, t, start_s)
 
     found = run(tmp_path, {"A": charges(600), "B": Needs(way)}, 700, CHARGER.model_copy(update={"service_s": 900.0}))
     rows = {one["ahead_up_to_s"]: one for one in found["places"]}
