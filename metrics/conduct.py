@@ -2,8 +2,8 @@
 
 A robot has a resource while the middle of its envelope is inside, and is in a zone while its envelope touches it. It
 stands from when it came to where it is, within 0.1 m, for at least 3 s. It waited for a place if it stood outside of
-every resource for at least 5 s while the place was full, and had told it as its destination, or stood within 10 m of it
-and then entered it. Those that pass above or below it make no place full for it.
+every resource for at least 5 s while the place was full, and had told it as its destination all that time, or stood
+within 10 m of it and then entered it. Those that pass above or below it make no place full for it.
 """
 
 from bisect import bisect_right
@@ -54,11 +54,15 @@ class Stand(NamedTuple):
     x_m: float
     y_m: float
     outside: bool
-    goals: frozenset[str]
-    """Resources that it had told as destinations."""
+    goals: dict[str, float]
+    """Resources that it had told as destinations, and since when."""
     bottom_m: float
     """Heights that it reached from and to."""
     top_m: float
+
+    def since(self, t_s: float) -> "Stand":
+        """What is left of it after a time."""
+        return self._replace(span=self.span.within(Span(t_s, inf)))
 
 
 class Stay(NamedTuple):
@@ -108,7 +112,8 @@ class _Seen:
     seen_s: float
     places: frozenset[str]
     outside: bool
-    goals: frozenset[str]
+    goals: dict[str, float]
+    """Resources that it tells as destinations, and since when."""
     bottom_m: float
     top_m: float
     pending: list[Stand] = field(default_factory=list)
@@ -169,7 +174,7 @@ class Conduct:
                 seen_s=new.t_s,
                 places=NOWHERE,
                 outside=new.outside,
-                goals=new.goals,
+                goals={},
                 bottom_m=new.bottom_m,
                 top_m=new.top_m,
             )
@@ -179,7 +184,8 @@ class Conduct:
             self._move(robot, one)
             one.floor, one.x_m, one.y_m, one.came_s = *new[1:4], new.t_s
         one.seen_s = self.last_seen_s[robot] = new.t_s
-        one.outside, one.goals, one.bottom_m, one.top_m = new.outside, new.goals, new.bottom_m, new.top_m
+        one.goals = {place: one.goals.get(place, new.t_s) for place in new.goals}
+        one.outside, one.bottom_m, one.top_m = new.outside, new.bottom_m, new.top_m
         self._occupy(robot, one, new.places, new.t_s)
 
     def new_entries(self) -> list[Entry]:
@@ -233,8 +239,9 @@ class Conduct:
         """It has entered places, or is gone: which of its stops were waits."""
         for stand in one.pending:
             near = {place for one in (self._resources, self._zones) for place in entered if one.is_near(place, stand)}
-            for place in sorted(near | stand.goals) if stand.outside else ():
-                waited = list(self._full_during(place, stand))
+            wanted_s = stand.goals | dict.fromkeys(near, stand.span.from_s)
+            for place in sorted(wanted_s) if stand.outside else ():
+                waited = list(self._full_during(place, stand.since(wanted_s[place])))
                 if sum(span.lasts_s for span in waited) >= WAITED_S:
                     self.waits.append(Wait(place, robot, Span(waited[0].from_s, waited[-1].to_s)))
         one.pending = []

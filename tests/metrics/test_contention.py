@@ -153,11 +153,24 @@ def test_reports_half_a_minute_apart_of_a_robot_that_stands_are_of_one_stay() ->
     assert (conduct.stays_s("c1") - NOW_S).tolist() == [[5.0, 100.0]]
 
 
+@pytest.mark.parametrize(("names_at_s", "waits"), [(0, [0.0]), (40, [40.0]), (57, [])])
+def test_a_robot_that_stands_far_away_waits_for_a_place_since_it_named_it(names_at_s: int, waits: list[float]) -> None:
+    conduct, fleet = Conduct([CHARGER], ()), Scene(site(CHARGER), {}).fleet
+    far = [(0.0, 50.0, 0.0), (60.0, 50.0, 0.0), (70.0, 60.0, 0.0)]
+    for t in range(70):
+        goals = [(99.0, 0.0, 0.0)] if t >= names_at_s else ()
+        fleet.receive(Script([(0.0, 0.0, 0.0)]).says("A", t), NOW_S + t, LINE)
+        fleet.receive(Script(far, goals).says("B", t), NOW_S + t, LINE)
+        conduct.take(fleet.cut(NOW_S + t))
+    conduct.finish()
+    assert [one.span.from_s - NOW_S for one in conduct.waits] == waits
+
+
 def test_a_charger_that_a_robot_will_need_is_foretold_before_it_says_so(tmp_path: Path) -> None:
     def level(t: float) -> float:
         return 26.0 - 0.01 * t
 
-    # B goes to the charger after 400 s, at 22 %, names it once it is on its way, finds it taken, and has it after 610 s
+    # B goes to the charger after 400 s, at 22 %, finds it taken, and has it after 610 s
     way = [
         (0.0, 25.0, 0.0),
         (400.0, 25.0, 0.0),
@@ -172,7 +185,7 @@ def test_a_charger_that_a_robot_will_need_is_foretold_before_it_says_so(tmp_path
     @dataclass
     class Needs(Script):
         def says(self, name: str, t: float, start_s: float = NOW_S) -> bytes:
-            return (silent if t < 405 else names).says(name, t, start_s)
+            return (silent if t < 400 else names).says(name, t, start_s)
 
     found = run(tmp_path, {"A": charges(600), "B": Needs(way)}, 700, CHARGER.model_copy(update={"service_s": 900.0}))
     rows = {one["ahead_up_to_s"]: one for one in found["places"]}
@@ -181,6 +194,7 @@ def test_a_charger_that_a_robot_will_need_is_foretold_before_it_says_so(tmp_path
     assert rows[900.0]["need_likely"] > 0.9
     (queue,) = [one for one in found["contention"] if one["kind"] == "contention"]
     assert (queue["alerts"], queue["precision"]) == (1, 1.0)
+    assert (queue["happened"], queue["recall"]) == (1, 1.0), "it stands far away when it names the charger: no wait yet"
     assert queue["by_ahead"] == [{"ahead_up_to_s": 900.0, "alerts": 1, "precision": 1.0}]
     assert queue["lead_time_s"]["median"] > 300
 
