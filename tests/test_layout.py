@@ -10,17 +10,30 @@ import pytest
 ROOT = Path(__file__).parent.parent
 FORBIDDEN = {"ingest": {"deconflict", "metrics"}, "deconflict": {"metrics"}, "metrics": set[str]()}
 COMPOSITION_ROOT = Path("deconflict/__main__.py")
+SIMULATED_FLOORS = ROOT / "benchmarks/planned_floors"
+FLOOR_FOLDERS = {
+    "truth": set[str](),
+    "logs": {"truth"},
+    "floors": {"truth", "logs"},
+    "scoring": {"truth", "logs"},
+    "comparison": {"truth", "logs", "floors", "scoring"},
+}
+"""By folder of the simulated floors, what it may import from."""
 CLUSTER_BUS = "deconflict/cluster/bus.py"
 
 
 def imported_packages(source: str) -> set[str]:
+    return {name.split(".")[0] for name in imported_modules(source)}
+
+
+def imported_modules(source: str) -> list[str]:
     modules: list[str] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             modules += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
             modules.append(node.module)
-    return {name.split(".")[0] for name in modules}
+    return modules
 
 
 @pytest.mark.parametrize("package", sorted(FORBIDDEN))
@@ -33,6 +46,25 @@ def test_package_imports_only_what_lies_to_its_left(package: str) -> None:
         if (wrong := imported_packages(path.read_text()) & FORBIDDEN[package])
     }
     assert not offenders
+
+
+def test_folders_of_the_simulated_floors_import_one_way() -> None:
+    imported = folder_imports(SIMULATED_FLOORS)
+    assert set(imported) == set(FLOOR_FOLDERS)
+    wrong = {folder: names - FLOOR_FOLDERS[folder] for folder, names in imported.items()}
+    assert not any(wrong.values()), wrong
+
+
+def folder_imports(package: Path) -> dict[str, set[str]]:
+    """By folder of a package, the other folders of it that any file in it imports from."""
+    folders = {path.name for path in package.iterdir() if (path / "__init__.py").exists()}
+    prefix = ".".join(package.relative_to(ROOT).parts) + "."
+    found: dict[str, set[str]] = {folder: set() for folder in folders}
+    for folder in folders:
+        for path in (package / folder).rglob("*.py"):
+            modules = [name for name in imported_modules(path.read_text()) if name.startswith(prefix)]
+            found[folder] |= {name.removeprefix(prefix).split(".")[0] for name in modules} - {folder}
+    return found
 
 
 def test_nothing_imports_the_composition_root() -> None:

@@ -1,4 +1,4 @@
-"""The command line: make floors, score what was told on them, compare services on many."""
+"""The command line: make floors, score advisories on them, compare services on many."""
 
 import argparse
 import json
@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.planned_floors.compare import Plan, compared, document, log_cases, make
-from benchmarks.planned_floors.figure import Figure
-from benchmarks.planned_floors.figures import figures
-from benchmarks.planned_floors.kinds import KINDS, made_of
-from benchmarks.planned_floors.parts import PARTS
-from benchmarks.planned_floors.scoring import score
-from benchmarks.planned_floors.tables import table
+from benchmarks.planned_floors.comparison.compare import Plan, compared, document, log_cases, make
+from benchmarks.planned_floors.comparison.service_parts import PARTS
+from benchmarks.planned_floors.floors.kinds import KINDS, made_of
+from benchmarks.planned_floors.scoring.all_figures import figures
+from benchmarks.planned_floors.scoring.figure import Figure
+from benchmarks.planned_floors.scoring.markdown import table
+from benchmarks.planned_floors.scoring.scored_floor import score
 
 CLEARANCE_M = 0.3
 

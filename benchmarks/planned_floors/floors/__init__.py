@@ -1,0 +1,1 @@
+"""Simulated floors of robots with plans."""

@@ -1,0 +1,77 @@
+"""The cells of a floor: racks with aisles between them, and distances along the free cells."""
+
+from collections import deque
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from benchmarks.planned_floors.truth.motion import Bools
+from ingest.seam import Ints
+
+CELL_M = 1.5
+RACK_CELLS = 4
+"""Length of a rack, along y."""
+Step = tuple[int, int]
+"""A cell and when a robot is in it."""
+UNREACHED = np.iinfo(np.int64).max
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Cells by one index: `x * height + y`."""
+
+    width: int
+    height: int
+    blocked: Bools
+    """(width * height,)"""
+
+    def place_m(self, cell: int) -> tuple[float, float]:
+        """The middle of a cell."""
+        x, y = divmod(cell, self.height)
+        return x * CELL_M, y * CELL_M
+
+    def free(self, x_m: float, y_m: float) -> bool:
+        """Whether a place lies in a cell of the floor that is not blocked."""
+        x, y = round(x_m / CELL_M), round(y_m / CELL_M)
+        return 0 <= x < self.width and 0 <= y < self.height and not self.blocked[x * self.height + y]
+
+    def neighbours(self, cell: int) -> tuple[int, ...]:
+        return _neighbours(self)[cell]
+
+    def distances(self, goal: int) -> Ints:
+        """(cells,) steps from each cell to `goal`."""
+        return _distances(self, goal)
+
+
+def racks(width: int, height: int, aisle_cells: int, rng: np.random.Generator) -> Grid:
+    """Racks one cell wide with aisles of `aisle_cells` between them, a fifth of them missing."""
+    blocked = np.zeros((width, height), bool)
+    for x in range(2, width - 2, aisle_cells + 1):
+        for y in range(2, height - 1 - RACK_CELLS, RACK_CELLS + 1):
+            blocked[x, y : y + RACK_CELLS] = rng.random() >= 0.2
+    return Grid(width, height, blocked.ravel())
+
+
+@lru_cache(maxsize=16)
+def _neighbours(grid: Grid) -> tuple[tuple[int, ...], ...]:
+    found = []
+    for cell in range(grid.width * grid.height):
+        x, y = divmod(cell, grid.height)
+        around = ((x + 1, y), (x, y + 1), (x - 1, y), (x, y - 1))
+        inside = [a * grid.height + b for a, b in around if 0 <= a < grid.width and 0 <= b < grid.height]
+        found.append(tuple(neighbour for neighbour in inside if not grid.blocked[neighbour]))
+    return tuple(found)
+
+
+@lru_cache(maxsize=4096)
+def _distances(grid: Grid, goal: int) -> Ints:
+    steps, waiting = np.full(grid.width * grid.height, UNREACHED, np.int64), deque([goal])
+    steps[goal] = 0
+    while waiting:
+        cell = waiting.popleft()
+        for neighbour in grid.neighbours(cell):
+            if steps[neighbour] == UNREACHED:
+                steps[neighbour] = steps[cell] + 1
+                waiting.append(neighbour)
+    return steps

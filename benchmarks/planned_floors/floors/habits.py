@@ -1,0 +1,47 @@
+"""How the robots of a vendor behave and what they tell, and what a floor of them is made of."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """The robots of one vendor."""
+
+    vendor: str
+    robots: int
+    protection: str = "stop"
+    """`stop` brakes before a body in its field; `slow` slows down in a wider field first; `swerve` leaves its way
+    where there is room, and stops where there is none."""
+    path_s: int = 10
+    """Length in seconds of the path in its reports; 0 for none."""
+    tells_order: bool = True
+    """Whether paths keep the order of the own fleet, or are as if each robot were alone."""
+    tells_waiting: bool = False
+    """Whether robots that stand for others say so, or are always `navigating`."""
+    interval_s: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class GridFloor:
+    """A floor of cells with racks, and robots that run errands between random cells."""
+
+    kind: str
+    vendors: tuple[Habits, ...]
+    seconds: float = 420.0
+    width: int = 26
+    """Cells."""
+    height: int = 26
+    aisle_cells: int = 2
+    stalls_per_s: float = 0.015
+    """How likely a robot stalls in a second."""
+    stall_s: tuple[float, float] = (2.0, 10.0)
+    silences_per_hour: float = 0.0
+    """Of one robot."""
+    silence_s: tuple[float, float] = (20.0, 90.0)
+    carried_away: float = 0.4
+    """Share of silences in which the robot is switched off and carried away."""
+    drives_on: float = 0.2
+    """Share of silences in which it drives on; in the rest it stands until it is heard again."""
+    patience_s: tuple[float, float] = (13.0, 17.0)
+    """Least and greatest time for which a robot stands for another before it drives around it."""
+    seed: int = 1

@@ -1,0 +1,1 @@
+"""The vendors' fleets, each planning for its own robots."""

@@ -1,0 +1,1 @@
+"""Protective stops, and notes of them."""

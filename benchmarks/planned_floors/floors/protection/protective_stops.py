@@ -1,0 +1,223 @@
+"""The protective stops of the robots of a floor: what each robot does about bodies in its field.
+
+Three kinds: `stop` brakes, `slow` slows down in a wider field before it brakes, `swerve` leaves its way sideways where
+there is room. One that has stood for another for long drives around it at walking pace, where bodies may overlap.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.planned_floors.floors.driving.driving import ACCELERATION_MPS2, SIDEWAYS_MPS
+from benchmarks.planned_floors.floors.protection.fields import FIELD, NOBODY, Fields, obstructors, occupied
+from benchmarks.planned_floors.floors.protection.scene import HALF_M, Scene
+from benchmarks.planned_floors.floors.protection.stop_notes import StopNote
+from benchmarks.planned_floors.floors.protection.swerving import has_passed, next_aside_m, room_aside_m
+from benchmarks.planned_floors.truth.motion import STEP_S, Bools
+from ingest.seam import Floats, Ints
+
+TURNING_M = float(np.hypot(*HALF_M)) + 0.02
+"""A robot that turns keeps this free around its middle."""
+MARGIN_M, BESIDE_M = 0.45, 0.05
+"""How much longer and wider on each side than the robot its field is."""
+WIDER_M, WIDER_BESIDE_M = 1.5, 0.15
+"""The same of the field in which one slows down."""
+SWERVING_M = 2.0
+"""So much further ahead a robot looks for one to swerve from."""
+SLOW_MPS, SWERVING_MPS, AROUND_MPS = 0.5, 0.7, 0.5
+AROUND_ASIDE_M = 0.4
+LONGEST_PASSING_S = 20.0
+HELD_S = 1.0
+"""Fields must be free for so long before a robot goes on."""
+RELEASE_M = 0.1
+"""The field of a robot that gives way is so much longer, so that it does not start and brake in turns."""
+ON_ITS_WAY_M = 0.05
+
+
+@dataclass(slots=True, eq=False)
+class Passing:
+    """A robot that is going past another: swerving, or driving around it."""
+
+    note: StopNote
+    others: set[int]
+    """Whom it goes past; one that drives around does not mind their bodies."""
+    aside_m: float
+    """How far to the left of its way it means to be."""
+    until_s: float
+    """It gives up then."""
+
+
+class Held:
+    """Whose body was in each robot's field lately: a robot reacts for `HELD_S` more."""
+
+    def __init__(self, robots: int) -> None:
+        self._by: Ints = np.full(robots, NOBODY)
+        self._until_s: Floats = np.zeros(robots)
+
+    def hold(self, by: Ints, now_s: float) -> Ints:
+        """(n,) whom each robot reacts to, of those whose bodies are in its field now."""
+        hit = by != NOBODY
+        self._by[hit], self._until_s[hit] = by[hit], now_s + HELD_S
+        return np.where(self._until_s >= now_s, self._by, NOBODY)
+
+    def let_go(self, robot: int) -> None:
+        self._until_s[robot] = -np.inf
+
+
+class Protection:
+    """What n robots do about each other, and the stops that they have made."""
+
+    def __init__(self, kinds: list[str], top_mps: Floats, patience_s: Floats) -> None:
+        n = len(kinds)
+        self.notes: list[StopNote] = []
+        self.stopped: list[StopNote | None] = [None] * n
+        """By robot, the stop that lasts."""
+        self._kinds, self._top_mps, self._patience_s = kinds, top_mps, patience_s
+        self._swerving: dict[int, Passing] = {}
+        self._around: dict[int, Passing] = {}
+        self._ignored: Bools = np.zeros((n, n), bool)
+        self._wider: Floats = np.array([WIDER_M if kind == "slow" else SWERVING_M for kind in kinds])
+        self._wider_beside: Floats = np.array([WIDER_BESIDE_M if kind == "slow" else BESIDE_M for kind in kinds])
+        self._looks_wider = any(kind != "stop" for kind in kinds)
+        self._inner, self._outer = Held(n), Held(n)
+
+    def react(self, scene: Scene) -> Floats:
+        """(n,) the speed that each robot may go; writes where it goes aside into `scene.driving`."""
+        known: Ints = np.array([note.by if note else NOBODY for note in self.stopped])
+        inner = self._obstructors(scene, MARGIN_M, BESIDE_M, known)
+        wider = (
+            self._obstructors(scene, MARGIN_M + self._wider, self._wider_beside, known) if self._looks_wider else inner
+        )
+        top_mps = self._top_mps.copy()
+        inner, wider = self._inner.hold(inner, scene.now_s), self._outer.hold(wider, scene.now_s)
+        for robot in np.flatnonzero(scene.present).tolist():
+            top_mps[robot] = self._allowed(scene, robot, int(inner[robot]), int(wider[robot]))
+        return top_mps
+
+    def withdraw(self, robot: int, now_s: float) -> None:
+        """A robot is carried away."""
+        for passing in (self._swerving.pop(robot, None), self._around.pop(robot, None)):
+            if passing:
+                passing.note.around_until_s = max(passing.note.around_until_s, now_s)
+        self._ignored[robot] = False
+        self._let_go(robot)
+        self._end(robot, now_s, 0.0)
+
+    def finish(self, now_s: float) -> None:
+        """The floor ends, and every stop with it."""
+        for robot in range(len(self.stopped)):
+            self.withdraw(robot, now_s)
+
+    def _let_go(self, robot: int) -> None:
+        self._inner.let_go(robot)
+        self._outer.let_go(robot)
+
+    def _obstructors(self, scene: Scene, margin_m: Floats | float, beside_m: Floats | float, known: Ints) -> Ints:
+        speed_mps = scene.driving["speed_mps"]
+        braking_m = speed_mps**2 / (2 * ACCELERATION_MPS2) + speed_mps * STEP_S
+        fields: Fields = np.zeros(len(speed_mps), FIELD)
+        fields["front_m"] = HALF_M[0] + braking_m + margin_m + np.where(known != NOBODY, RELEASE_M, 0.0)
+        fields["left_m"] = fields["right_m"] = HALF_M[1] + beside_m
+        for name in FIELD.names or ():
+            fields[name][scene.turning] = TURNING_M
+        coming_m = speed_mps**2 / (2 * ACCELERATION_MPS2)
+        return obstructors(scene.poses, scene.present, fields, HALF_M, coming_m, self._ignored, known)
+
+    def _allowed(self, scene: Scene, robot: int, inner: int, wider: int) -> float:
+        """The speed that a robot may go."""
+        if robot in self._around:
+            self._go_around(scene, robot)
+        elif robot in self._swerving:
+            self._go_on_swerving(scene, robot)
+        elif self._kinds[robot] == "swerve" and wider != NOBODY and scene.wanting[robot]:
+            self._try_to_swerve(scene, robot, wider)
+        slows = self._kinds[robot] == "slow" and wider != NOBODY
+        scene.driving["aside_to_m"][robot] = self._aside_m(scene, robot, inner)
+        self._note(scene, robot, inner, wider if slows else NOBODY)
+        if inner != NOBODY:
+            return 0.0
+        if robot in self._around:
+            return AROUND_MPS
+        if robot in self._swerving:
+            return SWERVING_MPS
+        return SLOW_MPS if slows else float(self._top_mps[robot])
+
+    def _aside_m(self, scene: Scene, robot: int, inner: int) -> float:
+        """How far to the left of its way a robot goes now."""
+        if swerving := self._swerving.get(robot):
+            return next_aside_m(scene, robot, swerving.aside_m)
+        if inner != NOBODY:
+            return float(scene.driving["aside_m"][robot])
+        return self._around[robot].aside_m if robot in self._around else 0.0
+
+    def _note(self, scene: Scene, robot: int, inner: int, slows_for: int) -> None:
+        """Begin, go on with or end the robot's stop."""
+        now_s, me = scene.now_s, scene.driving[robot]
+        sideways = abs(float(me["aside_to_m"] - me["aside_m"])) > ON_ITS_WAY_M
+        speed_mps = max(float(me["speed_mps"]), SIDEWAYS_MPS if sideways else 0.0)
+        note, swerving = self.stopped[robot], self._swerving.get(robot)
+        by = inner
+        if by == NOBODY and swerving:
+            by = swerving.note.by
+        elif by == NOBODY and slows_for != NOBODY and (note or speed_mps > SLOW_MPS):
+            by = slows_for
+        if by == NOBODY or not scene.wanting[robot]:
+            self._end(robot, now_s, speed_mps)
+            return
+        if note is None or note.by != by:
+            self._end(robot, now_s, speed_mps)
+            note = self.stopped[robot] = StopNote(robot, by, now_s, float(me["speed_mps"]), self._kinds[robot])
+            self.notes.append(note)
+        note.go_on(now_s, speed_mps, float(me["aside_m"]) if swerving else 0.0)
+        if note.stood_since_s is not None and now_s - note.stood_since_s >= self._patience_s[robot]:
+            self._set_out_around(scene, note)
+
+    def _end(self, robot: int, now_s: float, speed_mps: float) -> None:
+        if note := self.stopped[robot]:
+            note.end(now_s, speed_mps)
+            self.stopped[robot] = None
+
+    def _set_out_around(self, scene: Scene, note: StopNote) -> None:
+        """It has stood for long enough: drive around the other, and whoever else stands there."""
+        robot, now_s = note.robot, scene.now_s
+        self._swerving.pop(robot, None)
+        self._end(robot, now_s, 0.0)
+        note.around = True
+        standing = np.flatnonzero(scene.present & (scene.driving["speed_mps"] < 0.05)).tolist()
+        near = [other for other in standing if np.hypot(*(scene.poses[other] - scene.poses[robot])[:2]) < 3.0]
+        others = ({note.by, *near} | (self._around[robot].others if robot in self._around else set())) - {robot}
+        self._around[robot] = Passing(note, others, -AROUND_ASIDE_M, now_s + LONGEST_PASSING_S)
+        self._ignored[robot, list(others)] = True
+        self._let_go(robot)
+
+    def _go_around(self, scene: Scene, robot: int) -> None:
+        passing = self._around[robot]
+        passing.note.around_until_s = scene.now_s
+        field = np.zeros(1, FIELD)
+        field["front_m"], field["rear_m"] = HALF_M[0] + MARGIN_M, HALF_M[0]
+        field["left_m"] = field["right_m"] = HALF_M[1] + BESIDE_M
+        among = scene.present & self._ignored[robot]
+        if scene.now_s < passing.until_s and occupied(scene.poses, among, field, HALF_M, robot):
+            return
+        if scene.now_s < passing.until_s - LONGEST_PASSING_S + 1.0:
+            return
+        del self._around[robot]
+        self._ignored[robot] = False
+
+    def _try_to_swerve(self, scene: Scene, robot: int, other: int) -> None:
+        aside_m = room_aside_m(scene, robot, other)
+        if aside_m is None:
+            return
+        now_s, speed_mps, note = scene.now_s, float(scene.driving["speed_mps"][robot]), self.stopped[robot]
+        if note is None or note.by != other:
+            self._end(robot, now_s, speed_mps)
+            note = self.stopped[robot] = StopNote(robot, other, now_s, speed_mps, "swerve")
+            self.notes.append(note)
+        self._swerving[robot] = Passing(note, {other}, aside_m, now_s + LONGEST_PASSING_S)
+
+    def _go_on_swerving(self, scene: Scene, robot: int) -> None:
+        passing = self._swerving[robot]
+        if scene.now_s > passing.until_s or has_passed(scene, robot, passing.note.by):
+            passing.aside_m = 0.0
+        if passing.aside_m == 0.0 and abs(scene.driving["aside_m"][robot]) < ON_ITS_WAY_M:
+            del self._swerving[robot]

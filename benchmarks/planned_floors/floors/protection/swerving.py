@@ -1,0 +1,81 @@
+"""Leaving one's way sideways to go past another robot, where there is room."""
+
+from math import cos, sin
+
+import numpy as np
+
+from benchmarks.planned_floors.floors.protection.fields import FIELD, Fields, occupied
+from benchmarks.planned_floors.floors.protection.scene import HALF_M, Scene
+from ingest.seam import Floats
+
+GAP_M = 0.15
+"""Between the bodies, when they are beside each other."""
+FURTHEST_ASIDE_M = 1.2
+LEAST_RUN_CELLS = 3
+"""One swerves only where so many cells lie straight ahead."""
+BEYOND_M = 1.5
+"""So far beyond the other the way beside must be free."""
+NEXT_M = 0.1
+"""Looked at before each step sideways."""
+MOVING_MPS, ONCOMING_COS = 0.1, -0.7
+
+
+def room_aside_m(scene: Scene, robot: int, other: int) -> float | None:
+    """How far to the left of its way a robot can go past another; None where it can't.
+
+    One that moves is gone past only where it comes towards the robot.
+    """
+    if scene.turning[robot] or scene.straight_cells(robot) < LEAST_RUN_CELLS:
+        return None
+    ahead_m, left_m, reach_m = _relative(scene, robot, other)
+    off_rad = scene.poses[other, 2] - scene.poses[robot, 2]
+    if ahead_m <= 0 or (scene.driving["speed_mps"][other] > MOVING_MPS and cos(off_rad) > ONCOMING_COS):
+        return None
+    beside_m = reach_m[1] + HALF_M[1] + GAP_M
+    targets_m = sorted((left_m + beside_m, left_m - beside_m), key=abs)
+    return next((float(target_m) for target_m in targets_m if _has_room(scene, robot, target_m, ahead_m)), None)
+
+
+def has_passed(scene: Scene, robot: int, other: int) -> bool:
+    """Whether another robot is behind, or no longer on the robot's own way."""
+    if not scene.present[other]:
+        return True
+    ahead_m, left_m, reach_m = _relative(scene, robot, other)
+    off_way_m = abs(left_m + scene.driving["aside_m"][robot])
+    return bool(ahead_m < -(HALF_M[0] + reach_m[0]) or off_way_m > HALF_M[1] + reach_m[1] + GAP_M)
+
+
+def next_aside_m(scene: Scene, robot: int, target_m: float) -> float:
+    """How far aside to go next: not towards a body that is there."""
+    aside_m = float(scene.driving["aside_m"][robot])
+    step_m = min(max(target_m - aside_m, -NEXT_M), NEXT_M)
+    field: Fields = np.zeros(1, FIELD)
+    field["front_m"] = field["rear_m"] = HALF_M[0]
+    field["left_m"], field["right_m"] = HALF_M[1] + max(step_m, 0.0), HALF_M[1] + max(-step_m, 0.0)
+    return aside_m if occupied(scene.poses, scene.present, field, HALF_M, robot) else target_m
+
+
+def _relative(scene: Scene, robot: int, other: int) -> tuple[float, float, Floats]:
+    """How far ahead and to the left another's middle is, and how far its body reaches (2,) along and across."""
+    yaw = scene.poses[robot, 2]
+    dx_m, dy_m = (scene.poses[other] - scene.poses[robot])[:2]
+    c, s = abs(cos(scene.poses[other, 2] - yaw)), abs(sin(scene.poses[other, 2] - yaw))
+    reach_m = np.array([HALF_M[0] * c + HALF_M[1] * s, HALF_M[0] * s + HALF_M[1] * c])
+    return dx_m * cos(yaw) + dy_m * sin(yaw), dy_m * cos(yaw) - dx_m * sin(yaw), reach_m
+
+
+def _has_room(scene: Scene, robot: int, aside_m: float, ahead_m: float) -> bool:
+    """Whether nobody and nothing is beside the way, from the robot to beyond the other."""
+    if abs(aside_m) > FURTHEST_ASIDE_M:
+        return False
+    x_m, y_m, yaw = scene.poses[robot]
+    until_m = ahead_m + BEYOND_M
+    for along_m in np.arange(0.0, until_m, 0.5).tolist():
+        for across_m in (aside_m - HALF_M[1], aside_m + HALF_M[1]):
+            place_m = x_m + along_m * cos(yaw) - across_m * sin(yaw), y_m + along_m * sin(yaw) + across_m * cos(yaw)
+            if not scene.grid.free(*place_m):
+                return False
+    field: Fields = np.zeros(1, FIELD)
+    field["front_m"] = until_m
+    field["left_m"], field["right_m"] = aside_m + HALF_M[1] + GAP_M / 2, HALF_M[1] + GAP_M / 2 - aside_m
+    return not occupied(scene.poses, scene.present, field, HALF_M, robot)

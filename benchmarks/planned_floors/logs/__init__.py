@@ -1,0 +1,1 @@
+"""Logs of messages, written and read as a stranger reads them."""

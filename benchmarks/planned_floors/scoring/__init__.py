@@ -1,0 +1,1 @@
+"""Alerts and probabilities held against the truth."""

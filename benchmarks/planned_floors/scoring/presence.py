@@ -1,0 +1,42 @@
+"""Which robots were truly there, and which had been silent for long."""
+
+from bisect import bisect_right
+
+import numpy as np
+
+from benchmarks.planned_floors.logs.reports import Robot
+from benchmarks.planned_floors.truth.floor_truth import FloorTruth
+from benchmarks.planned_floors.truth.motion import STEP_S
+
+
+class Presence:
+    """When the robots of a floor were truly there."""
+
+    def __init__(self, truth: FloorTruth) -> None:
+        self._motion = truth.motion
+        self._column = {robot: column for column, robot in enumerate(truth.motion.robots)}
+        there = ~np.isnan(truth.motion.x_m)
+        self._absent = [np.flatnonzero(~there[:, column]) for column in range(there.shape[1])]
+
+    def there(self, robot: str, t_s: float) -> bool:
+        x_m = self._motion.x_m[self._motion.sample(t_s), self._column[robot]]
+        return t_s <= self._motion.end_s + STEP_S and not np.isnan(x_m)
+
+    def until(self, robot: str, t_s: float) -> float:
+        """Until when it was there from a time on: the end of the log where it stayed."""
+        absent = self._absent[self._column[robot]]
+        index = int(np.searchsorted(absent, self._motion.sample(t_s)))
+        return self._motion.start_s + absent[index] * STEP_S if index < len(absent) else self._motion.end_s
+
+
+class Silences:
+    """Which robots had been silent for longer than their limit."""
+
+    def __init__(self, robots: list[Robot]) -> None:
+        self._received_s = {robot.uuid: [report.received_s for report in robot.reports] for robot in robots}
+        self._limit_s = {robot.uuid: robot.silence_limit_s() for robot in robots}
+
+    def silent(self, robot: str, t_s: float) -> bool:
+        received_s = self._received_s[robot]
+        index = bisect_right(received_s, t_s) - 1
+        return index >= 0 and t_s - received_s[index] > self._limit_s[robot]

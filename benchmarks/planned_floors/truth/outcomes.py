@@ -1,0 +1,123 @@
+"""What came of each pair: met or yielded, as intervals, and which of these a warning should have told of."""
+
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import inf
+
+from benchmarks.planned_floors.truth.encounters import Encounter, Pair, encounters
+from benchmarks.planned_floors.truth.floor_truth import FloorTruth, Stop
+
+FRESH_S = 15.0
+"""A pair with a stop so shortly before is already yielding."""
+FRESH_MPS, FRESH_STANDING_S = 0.3, 1.0
+PASS_M = 1.0
+"""Robots of two vendors that come so near, and nothing comes of it, pass each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One time at which a pair got in each other's way."""
+
+    pair: Pair
+    onset_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Happenings:
+    """What came of all pairs of a floor, by the truth."""
+
+    outcomes: dict[Pair, list[Outcome]]
+    """By onset; those of one pair do not overlap."""
+    stops: list[Stop]
+    """Fresh stops, which a warning should have told of."""
+    encounters: list[Encounter]
+    """Natural encounters: foreseeable, and neither robot was driving around another."""
+    passes: list[Encounter]
+    """Runs within `PASS_M` of robots of two vendors that got in nobody's way."""
+
+    def in_progress(self, pair: Pair, t_s: float) -> bool:
+        """Whether the pair is in each other's way at a time."""
+        return any(outcome.onset_s <= t_s <= outcome.end_s for outcome in self.outcomes.get(pair, ()))
+
+    def next_onset_s(self, pair: Pair, t_s: float) -> float:
+        """The first onset of the pair after a time; inf where there is none."""
+        onsets_s = [outcome.onset_s for outcome in self.outcomes.get(pair, ())]
+        index = bisect_left(onsets_s, t_s + 1e-9)
+        return onsets_s[index] if index < len(onsets_s) else inf
+
+
+def happenings(truth: FloorTruth, clearance_m: float, vendor_of: dict[str, str]) -> Happenings:
+    met = encounters(truth.motion, clearance_m)
+    half_width_m = dict(zip(truth.motion.robots, truth.motion.half_m[1].tolist(), strict=True))
+    gave_way = [stop for stop in truth.stops if not stop.same_vendor and stop.gives_way(half_width_m[stop.robot])]
+    spans = [Outcome(stop.pair, stop.start_s, stop.around_until_s) for stop in gave_way]
+    outcomes = _joined(spans + [Outcome(encounter.pair, encounter.start_s, encounter.end_s) for encounter in met])
+    return Happenings(
+        outcomes, fresh(truth.stops, half_width_m), natural(met, truth.stops), _passes(truth, outcomes, vendor_of)
+    )
+
+
+def fresh(stops: Iterable[Stop], half_width_m: Mapping[str, float]) -> list[Stop]:
+    """Stops of at least a second, from a speed worth the name, of pairs that were not yielding before.
+
+    A robot that slows down or swerves need not stand: it must give way.
+    """
+    last_s: dict[Pair, float] = {}
+    found = []
+    for stop in sorted(stops, key=lambda stop: (stop.start_s, -stop.v0_mps)):
+        before_s = last_s.get(stop.pair, -inf)
+        moves_on = stop.kind != "stop" and stop.gives_way(half_width_m[stop.robot])
+        stood = stop.standing_s >= FRESH_STANDING_S
+        if (
+            (stood or moves_on)
+            and stop.v0_mps > FRESH_MPS
+            and not stop.same_vendor
+            and stop.start_s - before_s > FRESH_S
+        ):
+            found.append(stop)
+        last_s[stop.pair] = max(before_s, stop.end_s)
+    return found
+
+
+def natural(met: Iterable[Encounter], stops: Iterable[Stop]) -> list[Encounter]:
+    """Foreseeable encounters that began while neither robot was driving around another."""
+    around: dict[str, list[tuple[float, float]]] = {}
+    for stop in stops:
+        if stop.around:
+            around.setdefault(stop.robot, []).append((stop.end_s - 1.0, stop.around_until_s))
+    return [
+        encounter
+        for encounter in met
+        if encounter.foreseeable
+        and not any(
+            begin_s <= encounter.start_s <= end_s
+            for robot in encounter.pair
+            for begin_s, end_s in around.get(robot, ())
+        )
+    ]
+
+
+def _joined(spans: list[Outcome]) -> dict[Pair, list[Outcome]]:
+    """Outcomes of one pair that overlap are one."""
+    outcomes: dict[Pair, list[Outcome]] = {}
+    for span in sorted(spans, key=lambda span: span.onset_s):
+        of_pair = outcomes.setdefault(span.pair, [])
+        if of_pair and span.onset_s <= of_pair[-1].end_s:
+            before = of_pair.pop()
+            span = Outcome(span.pair, before.onset_s, max(before.end_s, span.end_s))  # noqa: PLW2901
+        of_pair.append(span)
+    return outcomes
+
+
+def _passes(truth: FloorTruth, outcomes: dict[Pair, list[Outcome]], vendor_of: dict[str, str]) -> list[Encounter]:
+    def undisturbed(passed: Encounter) -> bool:
+        from_s, to_s = passed.start_s - FRESH_S, passed.end_s + FRESH_S
+        return not any(outcome.onset_s <= to_s and outcome.end_s >= from_s for outcome in outcomes.get(passed.pair, ()))
+
+    return [
+        passed
+        for passed in encounters(truth.motion, PASS_M)
+        if vendor_of[passed.pair[0]] != vendor_of[passed.pair[1]] and passed.foreseeable and undisturbed(passed)
+    ]
