@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.planned_floors.comparison.compare import Plan, compared, document, log_cases, make
+from benchmarks.planned_floors.comparison.compare import Plan, compared, log_cases, make
 from benchmarks.planned_floors.comparison.service_parts import PARTS
 from benchmarks.planned_floors.floors.kinds import KINDS, made_of
 from benchmarks.planned_floors.scoring.all_figures import figures
@@ -15,6 +15,7 @@ from benchmarks.planned_floors.scoring.markdown import table
 from benchmarks.planned_floors.scoring.scored_floor import score
 
 CLEARANCE_M = 0.3
+REPORT_EVERY = "seconds between a robot's reports; the kind's own if not given"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -31,7 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _add_make(command: argparse.ArgumentParser) -> None:
     command.add_argument("--kind", choices=KINDS, required=True)
     command.add_argument("--seed", type=int, default=1)
-    _add_sizes(command)
+    _add_seconds(command)
+    command.add_argument("--report-every", type=float, metavar="S", help=REPORT_EVERY)
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
     command.set_defaults(run=_make)
 
@@ -53,9 +55,13 @@ def _add_replay(command: argparse.ArgumentParser) -> None:
 def _add_compare(command: argparse.ArgumentParser) -> None:
     command.add_argument("--kinds", nargs="+", choices=KINDS, required=True, metavar="KIND")
     command.add_argument("--seeds", nargs="+", type=int, default=[1], metavar="N")
-    _add_sizes(command)
+    _add_seconds(command)
+    command.add_argument(
+        "--report-every", nargs="+", type=float, default=[None], metavar="S", help=f"{REPORT_EVERY}; each for itself"
+    )
     command.add_argument("--floors", type=Path, required=True, metavar="DIR", help="where the floors are kept")
-    command.add_argument("--jobs", type=int, default=1, metavar="N", help="floors at a time")
+    command.add_argument("--jobs", type=int, default=1, choices=(1, 2), help="worker processes, a floor each")
+    command.add_argument("--tables", type=Path, metavar="DIR", help="one table of each kind, as KIND.md and KIND.json")
     _add_scoring(command)
     _add_parts(command)
     command.set_defaults(run=_compare)
@@ -66,9 +72,8 @@ def _add_log(command: argparse.ArgumentParser) -> None:
     command.add_argument("truth", type=Path, metavar="TRUTH", help="a directory that `make` wrote, or a list of stops")
 
 
-def _add_sizes(command: argparse.ArgumentParser) -> None:
+def _add_seconds(command: argparse.ArgumentParser) -> None:
     command.add_argument("--seconds", type=float, metavar="S", help="length of the log; the kind's own if not given")
-    command.add_argument("--interval", type=float, metavar="S", help="between a robot's reports; 1 if not given")
 
 
 def _add_scoring(command: argparse.ArgumentParser) -> None:
@@ -86,7 +91,7 @@ def _add_parts(command: argparse.ArgumentParser) -> None:
 
 
 def _make(args: argparse.Namespace) -> None:
-    make(made_of(args.kind, args.seed, args.seconds, args.interval), args.out)
+    make(made_of(args.kind, args.seed, args.seconds, args.report_every), args.out)
 
 
 def _score(args: argparse.Namespace) -> None:
@@ -106,14 +111,16 @@ def _compare(args: argparse.Namespace) -> None:
         floors=args.floors,
         clearance_m=args.clearance,
         seconds=args.seconds,
-        interval_s=args.interval,
+        report_every_s=args.report_every,
         after_s=args.after,
         parts=args.without,
     )
     documents = []
-    for kind, whole, by_seed in compared(plan, args.jobs):
-        print(f"\n{kind}, {len(by_seed)} floors\n\n{table(whole)}", flush=True)
-        documents.append(document(kind, whole, by_seed))
+    for comparison in compared(plan, args.jobs):
+        print(f"\n{comparison.markdown()}", flush=True)
+        if args.tables:
+            comparison.save(args.tables)
+        documents.append(comparison.document())
         _write(args, documents)
 
 

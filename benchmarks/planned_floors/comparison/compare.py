@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmarks.planned_floors.comparison.service_parts import PARTS, unchanged
 from benchmarks.planned_floors.comparison.service_replay import replayed
@@ -15,11 +15,12 @@ from benchmarks.planned_floors.scoring.alerts import BELIEVER, SERVICE, alerts_o
 from benchmarks.planned_floors.scoring.all_figures import figures
 from benchmarks.planned_floors.scoring.figure import Figure
 from benchmarks.planned_floors.scoring.judged_cases import Cases
+from benchmarks.planned_floors.scoring.markdown import table
 from benchmarks.planned_floors.scoring.scored_floor import Floor
 from benchmarks.planned_floors.truth.floor_truth import LOG
 from deconflict.site import DEFAULT
 
-Comparison = dict[str, dict[str, Figure]]
+ByService = dict[str, dict[str, Figure]]
 """By service, its figures."""
 
 
@@ -34,29 +35,69 @@ class Plan:
     clearance_m: float
     seconds: float | None = None
     """Length of each floor, where it is not its kind's own."""
-    interval_s: float | None = None
-    """Between reports, where it is not the kind's own."""
+    report_every_s: Sequence[float | None] = (None,)
+    """Times between a robot's reports, each compared for itself; None for the kind's own."""
     after_s: float = 0.0
     """What happens sooner after the beginning of a floor is not scored."""
     parts: Sequence[str] = ()
     """Parts of the service to switch off, one by one."""
 
 
-def compared(plan: Plan, jobs: int) -> Iterator[tuple[str, Comparison, dict[int, Comparison]]]:
-    """By kind, the figures over all its seeds, and by seed."""
+class Setting(NamedTuple):
+    """Floors that are scored together: all seeds of it."""
+
+    kind: str
+    report_every_s: float | None
+
+    @property
+    def name(self) -> str:
+        """For files."""
+        return self.kind if self.report_every_s is None else f"{self.kind}-every-{self.report_every_s:g}s"
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What was found on the floors of one setting."""
+
+    setting: Setting
+    whole: ByService
+    """Over all seeds."""
+    by_seed: dict[int, ByService]
+
+    def markdown(self) -> str:
+        return f"{self.setting.name}, {len(self.by_seed)} floors\n\n{table(self.whole)}\n"
+
+    def document(self) -> dict[str, Any]:
+        """For a JSON file."""
+        by_seed = {str(seed): by_service for seed, by_service in self.by_seed.items()}
+        return {**self.setting._asdict(), "whole": self.whole, "seeds": by_seed}
+
+    def save(self, directory: Path) -> None:
+        """One table, as Markdown and as JSON, named after the setting."""
+        directory.mkdir(parents=True, exist_ok=True)
+        (directory / f"{self.setting.name}.md").write_text(self.markdown())
+        (directory / f"{self.setting.name}.json").write_text(json.dumps(self.document(), indent=2) + "\n")
+
+
+def compared(plan: Plan, jobs: int) -> Iterator[Comparison]:
+    """One of each kind and time between reports, as soon as all its seeds are scored."""
+    settings = [Setting(kind, every_s) for kind in plan.kinds for every_s in plan.report_every_s]
     with ProcessPoolExecutor(jobs) as pool:
-        due = {(kind, seed): pool.submit(floor_cases, plan, kind, seed) for kind in plan.kinds for seed in plan.seeds}
-        for kind in plan.kinds:
-            by_seed = {seed: due[kind, seed].result() for seed in plan.seeds}
+        due = {
+            setting: {seed: pool.submit(floor_cases, plan, setting, seed) for seed in plan.seeds}
+            for setting in settings
+        }
+        for setting in settings:
+            by_seed = {seed: cases.result() for seed, cases in due.pop(setting).items()}
             services = next(iter(by_seed.values()))
             joined = {name: Cases.joined([cases[name] for cases in by_seed.values()]) for name in services}
-            yield kind, _figures(joined), {seed: _figures(cases) for seed, cases in by_seed.items()}
+            yield Comparison(setting, _figures(joined), {seed: _figures(cases) for seed, cases in by_seed.items()})
 
 
-def floor_cases(plan: Plan, kind: str, seed: int) -> dict[str, Cases]:
+def floor_cases(plan: Plan, setting: Setting, seed: int) -> dict[str, Cases]:
     """By service, the judged cases of one floor."""
-    directory = plan.floors / f"{kind}-{seed}"
-    make(made_of(kind, seed, plan.seconds, plan.interval_s), directory)
+    directory = plan.floors / f"{setting.name}-{seed}"
+    make(made_of(setting.kind, seed, plan.seconds, setting.report_every_s), directory)
     return log_cases(directory / LOG, directory, plan.clearance_m, plan.after_s, plan.parts)
 
 
@@ -81,10 +122,5 @@ def make(floor: MadeOf, directory: Path) -> None:
         simulate(floor).save(directory, made)
 
 
-def _figures(cases: Mapping[str, Cases]) -> Comparison:
+def _figures(cases: Mapping[str, Cases]) -> ByService:
     return {name: figures(of_service) for name, of_service in cases.items()}
-
-
-def document(kind: str, whole: Comparison, by_seed: Mapping[int, Comparison]) -> dict[str, Any]:
-    """For the JSON file."""
-    return {"kind": kind, "whole": whole, "seeds": {str(seed): figures for seed, figures in by_seed.items()}}

@@ -69,7 +69,7 @@ class Corridors:
     """Between the bodies, when both stand head-on."""
     lateral_gap_m: float = 0.8
     """Between the bodies, when they pass each other."""
-    interval_s: float = 1.0
+    report_every_s: float = 1.0
     path_s: int = 10
     """Length in seconds of the path in its reports; 0 for none."""
     seed: int = 1
@@ -252,7 +252,7 @@ class _Teller:
         return np.stack([x_m, np.full(x_m.shape, self._y_m), turned_rad + pi * self._side], axis=-1)
 
     def reports(self, samples: int, rng: np.random.Generator) -> list[Line]:
-        due = np.array(report_samples(rng, samples, STEP_S, self._floor.interval_s))
+        due = np.array(report_samples(rng, samples, STEP_S, self._floor.report_every_s))
         trace, lines = self._trace, []
         poses = self.poses(trace.gone_m[due], trace.turned_rad[due], trace.returning[due]).tolist()
         speeds_mps, uuid = trace.speed_mps[due].tolist(), self._model.uuid

@@ -65,7 +65,7 @@ def _due(traffic: Traffic, samples: int, rng: np.random.Generator) -> list[list[
     """By sample, the robots that report then."""
     due: list[list[int]] = [[] for _ in range(samples)]
     for robot, habits in enumerate(traffic.habits):
-        for sample in report_samples(rng, samples, STEP_S, habits.interval_s):
+        for sample in report_samples(rng, samples, STEP_S, habits.report_every_s):
             due[sample].append(robot)
     return due
 

@@ -18,7 +18,8 @@ class Habits:
     """Whether paths keep the order of the own fleet, or are as if each robot were alone."""
     tells_waiting: bool = False
     """Whether robots that stand for others say so, or are always `navigating`."""
-    interval_s: float = 1.0
+    report_every_s: float = 1.0
+    """From one report of a robot to its next, give or take a tenth."""
 
 
 @dataclass(frozen=True, slots=True)

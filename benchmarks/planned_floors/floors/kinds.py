@@ -53,16 +53,16 @@ KINDS: dict[str, Callable[[str], MadeOf]] = {
 }
 
 
-def made_of(kind: str, seed: int, seconds: float | None = None, interval_s: float | None = None) -> MadeOf:
-    """What a floor of a kind is made of; `seconds` and `interval_s` between reports only where they are to differ."""
+def made_of(kind: str, seed: int, seconds: float | None = None, report_every_s: float | None = None) -> MadeOf:
+    """What a floor of a kind is made of; its length and the time between reports only where they are to differ."""
     floor = replace(KINDS[kind](kind), seed=seed)
     if seconds is not None:
         floor = replace(floor, seconds=seconds)
-    if interval_s is None:
+    if report_every_s is None:
         return floor
     if isinstance(floor, Corridors):
-        return replace(floor, interval_s=interval_s)
-    return replace(floor, vendors=tuple(replace(habits, interval_s=interval_s) for habits in floor.vendors))
+        return replace(floor, report_every_s=report_every_s)
+    return replace(floor, vendors=tuple(replace(habits, report_every_s=report_every_s) for habits in floor.vendors))
 
 
 def simulate(floor: MadeOf) -> Recording:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from enum import IntEnum
 from math import floor
 from typing import Self
+from zlib import crc32
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from benchmarks.planned_floors.truth.floor_truth import FloorTruth
 from benchmarks.planned_floors.truth.motion import STEP_S
 from benchmarks.planned_floors.truth.outcomes import Happenings
 from ingest.seam import Floats
+from metrics.bootstrap import GROUPS
 
 WITHIN_S = 10.0
 """An alert is true where the outcome follows within this."""
@@ -60,17 +62,19 @@ class Cases:
     minutes: Floats
     """(minutes, 3) alerts raised, seconds that alerts stood, seconds that robots were there."""
     probabilities: Floats
-    """(n, 2) each probability that was published for a pair that was not in progress, once a second; 1 where an outcome
-    followed within 10 s, else 0. What is not known is left out."""
+    """(n, 3) each probability that was published for a pair that was not in progress, once a second; 1 where an outcome
+    followed within 10 s, else 0; the group of pairs of one floor that the pair is in. What is not known is left out."""
     two_s_ahead: Floats
     """(n, 1) the probability of each outcome's pair 2 s before its onset, 0 where none was published; without any rows
     where no probabilities were published at all."""
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        return cls(
-            **{field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)}
-        )
+        joined = {field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)}
+        floor_of = np.repeat(np.arange(len(parts)), [len(part.probabilities) for part in parts])
+        most = joined["probabilities"][:, 2].max(initial=0.0) + 1
+        joined["probabilities"][:, 2] += floor_of * most
+        return cls(**joined)
 
 
 class Judge:
@@ -154,13 +158,13 @@ class Judge:
         return rows[rows[:, 2] > 0]
 
     def _probabilities(self, samples: Sequence[Sample]) -> Floats:
-        """(n, 2) as `Cases.probabilities`."""
+        """(n, 3) as `Cases.probabilities`."""
         rows = []
         for pair, t_s, probability in samples:
             verdict = self._verdict_at(pair, t_s) if t_s >= self._from_s else Verdict.UNKNOWN
             if verdict in {Verdict.TRUE, Verdict.IN_VAIN}:
-                rows.append((probability, verdict is Verdict.TRUE))
-        return np.array(rows, np.float64).reshape(-1, 2)
+                rows.append((probability, verdict is Verdict.TRUE, crc32("".join(pair).encode()) % GROUPS))
+        return np.array(rows, np.float64).reshape(-1, 3)
 
     def _two_s_ahead(self, samples: Sequence[Sample]) -> Floats:
         """(n, 1) as `Cases.two_s_ahead`."""

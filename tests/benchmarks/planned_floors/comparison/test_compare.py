@@ -60,15 +60,30 @@ def test_a_floor_that_is_there_is_not_made_again(tmp_path: Path) -> None:
 
 def test_floors_of_several_seeds_are_told_of_together(tmp_path: Path) -> None:
     plan = Plan(kinds=["two_way"], seeds=[1, 2], floors=tmp_path, clearance_m=0.3, seconds=30.0)
-    [(kind, whole, by_seed)] = compared(plan, 1)
-    assert kind == "two_way"
-    assert whole[BELIEVER]["robot-hours"]["value"] == pytest.approx(2 * 40 * 30 / 3600)
-    assert set(by_seed) == {1, 2}
+    [comparison] = compared(plan, 1)
+    assert comparison.setting.name == "two_way"
+    assert comparison.whole[BELIEVER]["robot-hours"]["value"] == pytest.approx(2 * 40 * 30 / 3600)
+    assert set(comparison.by_seed) == {1, 2}
+
+
+def test_each_kind_and_time_between_reports_has_a_table_of_its_own(tmp_path: Path) -> None:
+    floors, tables = tmp_path / "floors", tmp_path / "tables"
+    arguments = f"compare --kinds two_way head_on --seeds 3 --floors {floors} --tables {tables} --jobs 2"
+    command.main([*arguments.split(), "--report-every", "1", "5", "--seconds", "12"])
+    names = {f"{kind}-every-{every_s}s" for kind in ("two_way", "head_on") for every_s in (1, 5)}
+    files = {f"{name}.{kind_of_file}" for name in names for kind_of_file in ("md", "json")}
+    assert {path.name for path in tables.iterdir()} == files
+    document = json.loads((tables / "head_on-every-5s.json").read_text())
+    assert (document["kind"], document["report_every_s"], list(document["seeds"])) == ("head_on", 5.0, ["3"])
+    assert {BELIEVER, SERVICE} == set(document["whole"]) == set(document["seeds"]["3"])
+    assert "| service" in (tables / "head_on-every-5s.md").read_text()
+    log_bytes = [(floors / f"two_way-every-{every_s}s-3" / LOG).stat().st_size for every_s in (1, 5)]
+    assert log_bytes[0] > 3 * log_bytes[1]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_kind_keeps_what_is_asked_of_it(kind: str) -> None:
-    floor = made_of(kind, 7, seconds=30.0, interval_s=5.0)
+    floor = made_of(kind, 7, seconds=30.0, report_every_s=5.0)
     assert (floor.seed, floor.seconds) == (7, 30.0)
     reports = [floor] if isinstance(floor, Corridors) else floor.vendors
-    assert {habits.interval_s for habits in reports} == {5.0}
+    assert {habits.report_every_s for habits in reports} == {5.0}

@@ -144,7 +144,8 @@ def test_robots_that_pass_each_other_should_not_be_alerted() -> None:
 def test_probabilities_are_held_against_what_followed() -> None:
     samples = [((A, B), START_S + t_s, 0.9) for t_s in (80.0, 92.0, 98.0, 102.0)]
     cases = judged([], [stop(100.0)], samples=samples)
-    assert cases.probabilities.tolist() == [[0.9, 0], [0.9, 1], [0.9, 1]]
+    assert cases.probabilities[:, :2].tolist() == [[0.9, 0], [0.9, 1], [0.9, 1]]
+    assert len(set(cases.probabilities[:, 2].tolist())) == 1
     assert cases.two_s_ahead.tolist() == [[0.9]]
 
 
@@ -164,6 +165,12 @@ def test_alerts_and_their_minutes_count_all() -> None:
 def test_floors_are_joined_case_by_case() -> None:
     first, second = judged([alert(93.0, 105.0)], [stop(100.0)]), judged([], [stop(100.0)])
     assert figures(Cases.joined([first, second]))["stops told 2 s"]["value"] == 0.5
+
+
+def test_pairs_of_joined_floors_are_in_groups_of_their_own() -> None:
+    floors = [judged([], [], samples=[((A, B), START_S + 50.0, 0.9)]) for _ in range(2)]
+    first, second = Cases.joined(floors).probabilities[:, 2]
+    assert first != second
 
 
 def test_seconds_in_a_row_are_one_alert() -> None:
