@@ -38,7 +38,8 @@ from deconflict.foresight.pairs import (
     shown,
     slots_of,
 )
-from deconflict.foresight.rollout.rollout import NEVER, NOBODY, Crowd, roll
+from deconflict.foresight.rollout.rollout import NOBODY, ROLLED, Crowd, roll
+from deconflict.foresight.rollout.rollouts import Rollouts
 from deconflict.foresight.rollout.samples import SAMPLES, START, key_of, quantiles
 from deconflict.foresight.starts import Starts
 from deconflict.foresight.waiting import heard, mixed, waits
@@ -60,8 +61,6 @@ LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
 PAST_LOOKS: Floats = np.arange(1, 6) / 5
 MOST_GROWN_M = 0.75
 """An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
-ROLLED_EVERY_S = 0.5
-"""Robots near each other are driven on together so often."""
 DISTRUSTED = 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
 
@@ -74,7 +73,7 @@ ESTIMATED = ("probability", "lower", "upper", "deciding", "contact_probability")
 """Columns of pairs that are estimated, in the order of `Estimate`, and that of contact."""
 
 
-BY_SLOT = "_held", "_told", "_robots", "_rank", "_half", "_levels_m", "_vendor", "_absence", "_key", "_waits_for"
+BY_SLOT = "_held", "_told", "_robots", "_rank", "_half", "_levels_m", "_vendor", "_absence", "_key"
 """Columns of a foresight; those of its parts grow by themselves."""
 
 
@@ -152,11 +151,7 @@ class Foresight:
         self._absence = np.zeros(0)
         """(slots,) how likely a robot that is silent is not there."""
         self._key = np.zeros(0, np.int64)
-        self._waits_for = np.zeros(0, np.int64)
-        """(slots,) whose slot a robot that stands has to wait for; `NOBODY` where for none."""
-        self._rolled = np.zeros(0, np.int64), NEVER[:0]
-        """Codes of the pairs that were driven on together, ascending, and what is seen of them by that."""
-        self._rolled_s = float("-inf")
+        self._rollouts = Rollouts()
         self._pairs = np.zeros(0, PAIR)
         self._swept: Ints = np.full(1, -1)
         """Codes of the pairs that were swept in the last look, -1 where a robot left since; and -1 at the end, for one
@@ -217,8 +212,8 @@ class Foresight:
         reports = Reports.of(batch, slots, kinds)
         before, before_s = self._robots[slots], self._followed.seen[slots, 0]
         errors = self._own(reports, *self._followed.take(self._robots, self._half, reports, self.ledger.bands_m))
-        moments_s = before_s, self._followed.seen[slots, 0]
-        heard(self.starts, before, self._robots[slots], self._waits_for[slots] != NOBODY, *moments_s, batch.now_s)
+        blocked, moments_s = self._rollouts.waits_for[slots] != NOBODY, (before_s, self._followed.seen[slots, 0])
+        heard(self.starts, before, self._robots[slots], blocked, *moments_s, batch.now_s)
         self.ledger.record(errors, batch.now_s)
         on_their_way = errors[errors["following"]]
         self.following.record(on_their_way, batch.now_s)
@@ -352,22 +347,19 @@ class Foresight:
         return Foreseen(pairs=[*swept.pairs, *self._named(others)], fresh=fresh[rows], **columns)
 
     def _roll(self, now_s: float, due: Ints) -> None:
-        """Drive robots on together where some are near each other, and set what is seen of pairs by that."""
-        if now_s >= self._rolled_s + ROLLED_EVERY_S:
-            self._rolled_s, due = now_s, np.arange(len(self._pairs))
-            slots = crowded(self._pairs, self._absence)
-            self._waits_for[:] = NOBODY
+        """Drive robots on together whose turn it is, and set what is seen of pairs by that."""
+        a, b = slots_of(self._pairs["code"][crowded(self._pairs, self._absence)])
+        slots = self._rollouts.due(a, b, self._key, now_s)
+        if len(slots):
             rolled = roll(self._crowd(slots, now_s), self._horizon_s, self._clearance_m)
-            self._waits_for[slots] = rolled.waits_for
             swap = self._rank[rolled.a] > self._rank[rolled.b]
             code = codes(np.where(swap, rolled.b, rolled.a), np.where(swap, rolled.a, rolled.b))
-            order = np.argsort(code)
-            self._rolled = code[order], rolled.seen[order]
-        code, seen = self._rolled
-        asked = self._pairs["code"][due]
-        at = np.minimum(np.searchsorted(code, asked), max(len(code) - 1, 0))
-        known = code[at] == asked if len(code) else np.zeros(len(asked), np.bool_)
-        self._pairs["seen"][due, -len(NEVER) :] = np.where(known[:, None], seen[at] if len(code) else NEVER, NEVER)
+            self._rollouts.take(slots, rolled, code, now_s)
+            driven = np.zeros(len(self._robots), np.bool_)
+            driven[slots] = True
+            a, b = slots_of(self._pairs["code"])
+            due = np.union1d(due, np.flatnonzero(driven[a] | driven[b]))
+        self._pairs["seen"][due, -ROLLED:] = self._rollouts.seen_of(self._pairs["code"][due])
 
     def _crowd(self, slots: Ints, now_s: float) -> Crowd:
         robots, seen = self._robots[slots], self._followed.seen[slots]
@@ -392,7 +384,7 @@ class Foresight:
 
         To come within the clearance is to get in each other's way: that is at least as likely.
         """
-        preempt(pairs, self._standing(slice(None)), self._waits_for, self._looked_s, PREEMPTED_S, SETTLED_S)
+        preempt(pairs, self._standing(slice(None)), self._rollouts.waits_for, self._looked_s, PREEMPTED_S, SETTLED_S)
         seen, vendors = np.ascontiguousarray(pairs["seen"]), self._vendors_of(pairs["code"])
         estimate = self.calibration.estimate(seen, vendors)
         contact, there = self.contact.estimate(contact_features(seen), vendors), self._both_there(pairs)
@@ -455,7 +447,7 @@ class Foresight:
         limits = (now_s, self._horizon_s, self._clearance_m, self._margin_m, STANDING_MPS)
         sds = judge(pairs, rows, a, b, *exact, past_s, apart_m, same, speed_mps, *of_robots, self._ahead_s, *limits)
         bounds = (self._horizon_s, self._clearance_m)
-        waits_for = self._waits_for != NOBODY
+        waits_for = self._rollouts.waits_for != NOBODY
         robots = (self._robots, self._half, self._followed, self.starts, waits_for, self.following.bands_m)
         share = mixed(ndtr(sds), a, b, now_s, self._ahead_s, bounds, *robots)
         pairs["share"][rows] = share[0]
@@ -507,8 +499,8 @@ class Foresight:
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
         self._words = np.concatenate([self._words, unheard(more)])
         self._robots["stood_since_s"][-more:] = np.inf
-        self._waits_for[-more:] = NOBODY
         self._followed.grow(slots)
+        self._rollouts.grow(slots)
         self._finder.grow(slots)
         self._heeded.grow(slots)
 
@@ -523,6 +515,7 @@ class Foresight:
         self._robots["stood_since_s"][slots] = np.inf
         self._words[slots] = unheard(len(slots))
         self._followed.forget(slots)
+        self._rollouts.forget(slots)
         self._finder.forget(slots.tolist())
         self._heeded.forget(slots)
         a, b = slots_of(self._pairs["code"])

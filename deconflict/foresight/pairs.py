@@ -218,12 +218,12 @@ def preempt(pairs: Pairs, stands: Bools, waits_for: Ints, now_s: float, scale_s:
         pair.seen[5], pair.still = 1.0 if both else 0.0, both or now_s - pair.gave_way_s <= settled_s
 
 
-def crowded(pairs: Pairs, absence: Floats) -> Ints:
-    """Slots of the robots that are to be driven on together, ascending: those of pairs that come near, without those
-    that are probably gone, by their `absence` (slots,)."""
-    near = pairs["watched"] & ((pairs["near_m"] <= CROWDED_M) | (pairs["share"] > LEAST_SHARE))
-    slots = np.unique(np.concatenate(slots_of(pairs["code"][near])))
-    return slots[absence[slots] < 0.5]
+def crowded(pairs: Pairs, absence: Floats) -> Bools:
+    """(p,) whether the robots of each pair are to be driven on together: they come near, and are probably there, by
+    their `absence` (slots,)."""
+    near: Bools = pairs["watched"] & ((pairs["near_m"] <= CROWDED_M) | (pairs["share"] > LEAST_SHARE))
+    a, b = slots_of(pairs["code"])
+    return near & (np.maximum(absence[a], absence[b]) < 0.5)
 
 
 @dataclass(slots=True, eq=False)

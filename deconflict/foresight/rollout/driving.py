@@ -15,7 +15,7 @@ from deconflict.motion import Bools
 from ingest.compiled import inner, kernel
 from ingest.seam import Floats, Ints
 
-STEP_S = 0.25
+STEP_S = 0.5
 BRAKES_MPS2 = 1.0
 MARGIN_M, BESIDE_M = 0.45, 0.05
 """How much longer in front, and wider at each side, the field of a robot is than itself, when it stands."""
@@ -25,8 +25,8 @@ HELD_S = 1.0
 """A field must be free for so long before a robot goes on."""
 LOST_S, MOVES_MPS = 1.0, 0.3
 """A robot gives way where it went at least so fast, and loses so much time."""
-CREEPS_MPS = 0.05
-"""One that goes more slowly stands."""
+CREEPS_MPS, STRAIGHT_RAD = 0.05, 0.01
+"""One that goes more slowly stands; one that turns by less in a second goes straight on."""
 KEEPS_M = 0.3
 """Of two in its field a robot waits for the nearer; for the one that it waits for already, if that is not so much
 further."""
@@ -43,6 +43,24 @@ EDGE = np.dtype(
 )
 """Two robots that may be in each other's way, seen from one of them."""
 Edges = NDArray[Any]
+
+LEG = np.dtype(
+    [
+        ("x", np.float64),
+        ("y", np.float64),
+        ("yaw", np.float64),
+        ("cos", np.float64),  # of the heading
+        ("sin", np.float64),
+        ("by_x", np.float64),  # how far it goes within the second
+        ("by_y", np.float64),
+        ("turn", np.float64),  # by how much it turns
+        ("mps", np.float64),
+        ("goes_x", np.float64),  # direction in which it goes
+        ("goes_y", np.float64),
+    ],
+    align=True,
+)
+"""What a track does within one second."""
 
 BODY = np.dtype(
     [
@@ -98,22 +116,37 @@ def _overlap(
 
 
 @inner
-def _place(body: Any, track: Floats, robot: int) -> None:
-    """Put a robot where its track has it."""
+def _legs_of(track: Floats) -> Any:
+    """(n, k) of `LEG`: what tracks do from each of their seconds to the next; at the last, robots stand."""
+    legs = np.empty(track.shape[:2], LEG)
     last = track.shape[1] - 1
-    at_s = min(max(body.place_s, 0.0), float(last))
-    at = min(int(at_s), last - 1)
-    part = at_s - at
-    goes_x, goes_y = track[robot, at + 1, 0] - track[robot, at, 0], track[robot, at + 1, 1] - track[robot, at, 1]
-    body.x, body.y = track[robot, at, 0] + part * goes_x, track[robot, at, 1] + part * goes_y
-    turn = (track[robot, at + 1, 2] - track[robot, at, 2] + pi) % (2 * pi) - pi
-    yaw = track[robot, at, 2] + part * turn
-    body.cos, body.sin = cos(yaw), sin(yaw)
-    body.path_mps = hypot(goes_x, goes_y) if at_s < last else 0.0
-    if body.path_mps > CREEPS_MPS:
-        body.goes_x, body.goes_y = goes_x / body.path_mps, goes_y / body.path_mps
+    for robot in range(track.shape[0]):
+        for at in range(last + 1):
+            leg, yaw = legs[robot, at], track[robot, at, 2]
+            leg.x, leg.y, leg.yaw = track[robot, at, 0], track[robot, at, 1], yaw
+            leg.cos, leg.sin = cos(yaw), sin(yaw)
+            after = min(at + 1, last)
+            leg.by_x, leg.by_y = track[robot, after, 0] - leg.x, track[robot, after, 1] - leg.y
+            leg.turn = (track[robot, after, 2] - yaw + pi) % (2 * pi) - pi
+            leg.mps = hypot(leg.by_x, leg.by_y)
+            moves = leg.mps > CREEPS_MPS
+            leg.goes_x = leg.by_x / leg.mps if moves else leg.cos
+            leg.goes_y = leg.by_y / leg.mps if moves else leg.sin
+    return legs
+
+
+@inner
+def _place(body: Any, legs: Any, robot: int) -> None:
+    """Put a robot where its track has it."""
+    at_s = min(max(body.place_s, 0.0), legs.shape[1] - 1.0)
+    at = int(at_s)
+    leg, part = legs[robot, at], at_s - at
+    body.x, body.y = leg.x + part * leg.by_x, leg.y + part * leg.by_y
+    body.path_mps, body.goes_x, body.goes_y = leg.mps, leg.goes_x, leg.goes_y
+    if abs(leg.turn) < STRAIGHT_RAD:
+        body.cos, body.sin = leg.cos, leg.sin
     else:
-        body.goes_x, body.goes_y = body.cos, body.sin
+        body.cos, body.sin = cos(leg.yaw + part * leg.turn), sin(leg.yaw + part * leg.turn)
 
 
 @inner
@@ -148,8 +181,11 @@ def _in_the_way(bodies: Any, edges: Edges, first: Ints, half: Floats, robot: int
     for at in range(first[robot], first[robot + 1]):
         beside = edges[at].other
         other = bodies[beside]
-        apart_m = hypot(other.x - body.x, other.y - body.y) - (KEEPS_M if body.edge == at else 0.0)
-        if apart_m < min(nearest_m, body.reach + other.reach) and _in_field(body, other, half, robot, beside):
+        dx, dy, reach = other.x - body.x, other.y - body.y, body.reach + other.reach
+        if dx * dx + dy * dy > reach * reach:
+            continue
+        apart_m = hypot(dx, dy) - (KEEPS_M if body.edge == at else 0.0)
+        if apart_m < nearest_m and _in_field(body, other, half, robot, beside):
             found, nearest_m = at, apart_m
     return found
 
@@ -190,7 +226,8 @@ def _mark_close(marked: Bools, close: Bools, bodies: Any, edges: Edges, half: Fl
         if close[at] or edges[at].pair != at:
             continue
         one, other = bodies[robot], bodies[beside]
-        if hypot(other.x - one.x, other.y - one.y) < one.reach + other.reach and _overlap(
+        dx, dy, reach = other.x - one.x, other.y - one.y, one.reach + other.reach
+        if dx * dx + dy * dy < reach * reach and _overlap(
             one.x,
             one.y,
             one.cos,
@@ -290,7 +327,7 @@ def drive(
 
     (n,) for whom each robot that stands has to wait now: the edge, -1 where for nobody.
     """
-    n, steps = len(since_s), int(horizon_s / STEP_S)
+    n, steps, legs = len(since_s), int(horizon_s / STEP_S), _legs_of(track)
     waits_for, bodies = np.full(n, -1), np.empty(n, BODY)
     marked, close = np.empty(len(edges), np.bool_), np.empty(len(edges), np.bool_)
     for sample in range(len(starts_s)):
@@ -305,7 +342,7 @@ def drive(
         for step in range(steps):
             now_s = step * STEP_S
             for robot in range(n):
-                _place(bodies[robot], track, robot)
+                _place(bodies[robot], legs, robot)
             for robot in range(n):
                 body = bodies[robot]
                 edge = _in_the_way(bodies, edges, first, half, robot)
