@@ -147,7 +147,9 @@ class Engine:
 
     def receive(self, batch: Batch) -> None:
         """Take in the robots that changed; a batch may be the whole floor."""
-        batch = self._take_in(self.presence.receive(batch))
+        batch = self.presence.receive(batch)
+        self.foresight.keep_apart(self.presence.passed)
+        batch = self._take_in(batch)
         if not self._conflicts_only:
             self._contention.receive(batch)
             self._claims.receive(batch.claims)

@@ -52,6 +52,8 @@ KNOWN_AFTER_S, KNOWN_LEFT = 600.0, 0.1
 likely that the robot is there."""
 STANDS_M = 0.1
 """A robot whose forecast leads no further said that it stands."""
+PASSED_S = 30.0
+"""So long after a robot was heard last on its way it is looked for who drives through its outline of then."""
 EXITS_EVERY_S = 10.0
 MOST_SHOWN = 300
 
@@ -63,6 +65,11 @@ class Presence:
         self._live, self._measures = live, measures
         self._hearing, self._contacts = Hearing(), Contacts()
         self._meanings, self._places = Meanings(), Places()
+        self._last_seen_at = Places()
+        """Where robots were heard last that were on their way, for `PASSED_S`."""
+        self.passed: set[str] = set()
+        """Silent robots through whose outline, as it was when they were heard last or as it is believed to be, another
+        one drove by the last batch."""
         self._fading, self._removals = Fading(), Removals()
         self._due: list[tuple[float, str]] = []
         """A heap of when silent robots are next looked at; see `_next_s`."""
@@ -82,6 +89,9 @@ class Presence:
         for uuid in batch.gone:
             self._forget(uuid)
         off = self._drive_through(batch, legs)
+        self.passed = {*off, *self._last_seen_at.driven_through(batch, legs)}
+        for uuid in self.passed:
+            self._last_seen_at.discard(uuid)
         return replace(batch, gone=(*batch.gone, *off)) if off else batch
 
     def step(self, now_s: float) -> Changes:
@@ -159,7 +169,7 @@ class Presence:
     def _end(self, uuid: str, silence: Silence, batch: Batch, row: int) -> None:
         """A silence has ended with the report of a row."""
         self._next_s.pop(uuid, None)
-        self._places.discard(uuid)
+        self._discard(uuid)
         is_back = was_there(self._live.robots[uuid].forecast, self._live.floors, batch, row)
         self._measures.count(SILENCES, silence.vendor, "there" if is_back else "elsewhere")
         if silence.case and silence.counts:
@@ -171,7 +181,7 @@ class Presence:
         self._fading.end(uuid)
         self._removals.put_back(uuid)
         self._next_s.pop(uuid, None)
-        self._places.discard(uuid)
+        self._discard(uuid)
         self._contacts.leave(uuid)
         self._hearing.forget(uuid)
 
@@ -191,6 +201,11 @@ class Presence:
             self._places.discard(uuid)
             self._next_s.pop(uuid, None)
         return off
+
+    def _discard(self, uuid: str) -> None:
+        """A robot has no place any more."""
+        self._places.discard(uuid)
+        self._last_seen_at.discard(uuid)
 
     def _look_at(self, uuid: str, at_s: float) -> None:
         self._next_s[uuid] = at_s
@@ -227,6 +242,8 @@ class Presence:
         last = Last.GOING if goes and moved is not False else Last.ARRIVED if moved else Last.STANDING
         if last is Last.STANDING and goes:
             self._fading.changes.stopped.append(uuid)
+        if last is Last.GOING:
+            self._last_seen_at.put(uuid, place_of(forecast, pose_at(forecast, float(forecast.t_s[0])), robot.doubt_m))
         state = robot.batch.states[robot.row]
         is_blocked = is_standing and state in ("navigating", "manualOverride")
         datum = datum_of(self._live.floors, int(forecast.floor[0]))
@@ -242,6 +259,8 @@ class Presence:
     def _follow(self, uuid: str, silence: Silence, robot: LiveRobot, now_s: float) -> None:
         """How likely a silent robot is there now, and when to look again."""
         silent_s = now_s - silence.heard_s
+        if silent_s > PASSED_S:
+            self._last_seen_at.discard(uuid)
         excused_s = self._contacts.of(silence.vendor).excused_s(silence.heard_s, silence.grace_s)
         if silence.case:
             there = self._meanings.there(silence.case, silent_s - excused_s, silence.grace_s)
