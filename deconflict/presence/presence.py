@@ -52,8 +52,6 @@ KNOWN_AFTER_S, KNOWN_LEFT = 600.0, 0.1
 likely that the robot is there."""
 STANDS_M = 0.1
 """A robot whose forecast leads no further said that it stands."""
-PASSED_S = 30.0
-"""So long after a robot was heard last on its way it is looked for who drives through its outline of then."""
 EXITS_EVERY_S = 10.0
 MOST_SHOWN = 300
 
@@ -66,7 +64,7 @@ class Presence:
         self._hearing, self._contacts = Hearing(), Contacts()
         self._meanings, self._places = Meanings(), Places()
         self._last_seen_at = Places()
-        """Where robots were heard last that were on their way, for `PASSED_S`."""
+        """Where robots were heard last that are believed to have gone on from there."""
         self.passed: set[str] = set()
         """Silent robots through whose outline, as it was when they were heard last or as it is believed to be, another
         one drove by the last batch."""
@@ -88,10 +86,11 @@ class Presence:
             self._contacts.join(batch.robots[row], batch.vendors[row])
         for uuid in batch.gone:
             self._forget(uuid)
-        off = self._drive_through(batch, legs)
-        self.passed = {*off, *self._last_seen_at.driven_through(batch, legs)}
+        self.passed = set(self._last_seen_at.driven_through(batch, legs))
         for uuid in self.passed:
             self._last_seen_at.discard(uuid)
+        off = self._drive_through(batch, legs)
+        self.passed.update(off)
         return replace(batch, gone=(*batch.gone, *off)) if off else batch
 
     def step(self, now_s: float) -> Changes:
@@ -186,9 +185,16 @@ class Presence:
         self._hearing.forget(uuid)
 
     def _drive_through(self, batch: Batch, legs: Legs) -> list[str]:
-        """Take off the robots through whose places others have driven."""
+        """Take off the robots through whose places others have driven.
+
+        One that was on its way when it was heard last has stopped there, if that is not driven through too.
+        """
         off = []
         for uuid, row in self._places.driven_through(batch, legs).items():
+            if (place := self._last_seen_at.get(uuid)) and uuid in self._fading.silences:
+                self._hold(uuid, self._fading.silences[uuid])
+                self._places.put(uuid, place)
+                continue
             if silence := self._fading.end(uuid):
                 name = self._live.robots[uuid].name
                 one = TakenOff(silence.vendor, name, silence.heard_s, batch.now_s, batch.names[row])
@@ -201,6 +207,12 @@ class Presence:
             self._places.discard(uuid)
             self._next_s.pop(uuid, None)
         return off
+
+    def _hold(self, uuid: str, silence: Silence) -> None:
+        """A robot is believed to stand where it was heard last."""
+        silence.stood = True
+        self._last_seen_at.discard(uuid)
+        self._fading.changes.stopped.append(uuid)
 
     def _discard(self, uuid: str) -> None:
         """A robot has no place any more."""
@@ -259,8 +271,6 @@ class Presence:
     def _follow(self, uuid: str, silence: Silence, robot: LiveRobot, now_s: float) -> None:
         """How likely a silent robot is there now, and when to look again."""
         silent_s = now_s - silence.heard_s
-        if silent_s > PASSED_S:
-            self._last_seen_at.discard(uuid)
         excused_s = self._contacts.of(silence.vendor).excused_s(silence.heard_s, silence.grace_s)
         if silence.case:
             there = self._meanings.there(silence.case, silent_s - excused_s, silence.grace_s)
