@@ -208,6 +208,7 @@ class Engine:
         changes = self.presence.step(now_s)
         for uuid, there in changes.there.items():
             self.foresight.set_presence(uuid, there)
+        self.foresight.fall_silent(changes.silent)
         if changes.stopped:
             self._take_in(retelling.held(self.live, changes.stopped, now_s))
         for batch in () if self._conflicts_only else retelling.contended(self.live, changes, now_s):

@@ -438,6 +438,13 @@ class Foresight:
         if uuid in self._slots:
             self._absence[self._slots[uuid]] = 1.0 - there
 
+    def fall_silent(self, uuids: Collection[str]) -> None:
+        """Robots are heard no more: whether one still gives way to another, or the other to it, is not known."""
+        slots = np.array([self._slots[uuid] for uuid in uuids if uuid in self._slots], np.int64)
+        if len(slots):
+            a, b = slots_of(self._pairs["code"])
+            self._pairs["gives_way"][np.isin(a, slots) | np.isin(b, slots)] = False
+
     def _rank_anew(self) -> None:
         self._ranks_stale = False
         self._rank[[self._slots[name] for name in sorted(self._slots)]] = np.arange(len(self._slots))
