@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.foresight.leaving import PARTS, counts, weights
-from deconflict.foresight.pairs import CONTACT_FEATURES, Fates
+from deconflict.foresight.pairs import CONTACT_FEATURES, Fates, slots_of
 from deconflict.learned import Part, UnreadableError, numbers
 from ingest.seam import Floats, Ints
 
@@ -22,12 +22,16 @@ class Prior(NamedTuple):
 
     mean: Floats
     sd: Floats
+    same_vendor: float = 0.0
+    """What is added to the first of them for robots of one vendor."""
 
 
 CONTACT = Prior(np.array([0.07, 1.07, 0.2, -0.27, -0.74]), np.array([0.7, 0.3, 0.3, 0.7, 0.7]))
 """Of coming within the clearance: learned on recordings of people and of robots that avoid each other."""
 INTERACTION = Prior(
-    np.array([0.4, 0.8, 0.2, -0.8, -0.4, -0.4, -2.0, -1.1]), np.array([0.7, 0.3, 0.3, 0.7, 0.7, 0.7, 0.7, 0.7])
+    np.array([-0.3, 0.34, 0.02, -0.67, 0.0, -0.34, -0.85, -0.81, 0.45, -0.23]),
+    np.array([0.7, 0.3, 0.3, 0.7, 0.7, 0.7, 0.7, 0.7, 0.3, 0.3]),
+    same_vendor=-1.5,
 )
 """Of getting in each other's way: learned on simulated floors of robots with plans."""
 OWN_SD = 1.0, 0.25
@@ -150,17 +154,17 @@ class Calibration:
     def _own(self, code: int) -> Posterior:
         if code not in self.by_vendors:
             features = len(self.prior.mean)
-            sd = np.full(features, OWN_SD[1])
-            sd[0] = OWN_SD[0]
-            self.by_vendors[code] = Posterior(Prior(np.zeros(features), sd))
+            mean, sd = np.zeros(features), np.full(features, OWN_SD[1])
+            one, other = slots_of(np.array([code]))
+            mean[0], sd[0] = self.prior.same_vendor if one == other else 0.0, OWN_SD[0]
+            self.by_vendors[code] = Posterior(Prior(mean, sd))
         return self.by_vendors[code]
 
     def _score(self, seen: Floats, vendors: Ints) -> Floats:
         score: Floats = seen @ self.of_all.weights
         for code in np.unique(vendors).tolist():
-            if code in self.by_vendors:
-                rows = vendors == code
-                score[rows] += seen[rows] @ self.by_vendors[code].weights
+            rows = vendors == code
+            score[rows] += seen[rows] @ self._own(code).weights
         return score
 
     def _spread(self, seen: Floats, vendors: Ints) -> Floats:

@@ -72,8 +72,8 @@ class Followed:
         self.seen = np.zeros((0, 5))
         """(slots, 5) t_s, x_m, y_m, yaw_rad and floor of the newest report."""
         self._before = np.zeros((0, 5))
-        self._track = np.zeros((0, TRACK_S + 1, 4))
-        """Of the newest report: x_m, y_m, yaw_rad and floor."""
+        self.track = np.zeros((0, TRACK_S + 1, 4))
+        """(slots, TRACK_S + 1, 4) of the newest report: x_m, y_m, yaw_rad and floor, every second from then on."""
         self._around = np.zeros((0, 5))
         """(slots, 5) of a box that a robot will not leave, whenever `beside` is asked: x_m, y_m and half sides; and the
         furthest that it goes in a second."""
@@ -107,14 +107,14 @@ class Followed:
     ) -> Beside:
         """Robots `b` (n,) as seen from `a` (n,): since both reported before, at those parts (k,) of the time, and at
         `now_s + ahead_s` (m,), by their newest forecasts, which begin `late_s` (2, n) later if that is given."""
-        reports = (self._before, self.seen, self._track)
+        reports = (self._before, self.seen, self.track)
         late_s = np.zeros((2, len(a))) if late_s is None else late_s
         return Beside(*ways.beside(*reports, a, b, past_looks, ahead_s, now_s, LONG_AGO_S, JOINED_S, late_s))
 
     def nearing(self, told: Bools, slots: Ints, rank: Ints, reach_m: Floats, now_s: float, horizon_s: float) -> Ints:
         """(p, 2) pairs of `slots`, one of each `told`, that come within the `reach_m` of both in the horizon, looked at
         every whole second; the lower in `rank` first. `told`, `rank` and `reach_m` are by slot."""
-        seconds, reports = int(horizon_s) + 1, (self._around, reach_m, self.seen, self._track)
+        seconds, reports = int(horizon_s) + 1, (self._around, reach_m, self.seen, self.track)
         return nearing(told, slots, rank, *reports, now_s, seconds, ROUNDING_M)
 
     def speed_mps(self, slot: int) -> float:
@@ -133,7 +133,7 @@ class Followed:
             half,
             self._before,
             self.seen,
-            self._track,
+            self.track,
             self._around,
             self._made_s,
             self._stopped,

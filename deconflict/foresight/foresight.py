@@ -27,17 +27,21 @@ from deconflict.foresight.measuring import measure
 from deconflict.foresight.pairs import (
     PAIR,
     PREEMPTED_S,
+    SETTLED_S,
     Outcomes,
     Pairs,
     again,
     codes,
+    crowded,
     open_rows,
     preempt,
     shown,
     slots_of,
 )
+from deconflict.foresight.rollout.rollout import NEVER, NOBODY, Crowd, roll
+from deconflict.foresight.rollout.samples import SAMPLES, START, key_of, quantiles
 from deconflict.foresight.starts import Starts
-from deconflict.foresight.waiting import heard, mixed
+from deconflict.foresight.waiting import heard, mixed, waits
 from deconflict.foresight.ways import ROBOT, Errors
 from deconflict.interactions.finder import Finder, Interaction, Outcome
 from deconflict.interactions.progress import AHEAD_S as GIVES_WAY_AHEAD_S
@@ -56,6 +60,8 @@ LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
 PAST_LOOKS: Floats = np.arange(1, 6) / 5
 MOST_GROWN_M = 0.75
 """An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
+ROLLED_EVERY_S = 0.5
+"""Robots near each other are driven on together so often."""
 DISTRUSTED = 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
 
@@ -66,6 +72,10 @@ SHOWN = frozenset(PAIR.names or ())
 
 ESTIMATED = ("probability", "lower", "upper", "deciding", "contact_probability")
 """Columns of pairs that are estimated, in the order of `Estimate`, and that of contact."""
+
+
+BY_SLOT = "_held", "_told", "_robots", "_rank", "_half", "_levels_m", "_vendor", "_absence", "_key", "_waits_for"
+"""Columns of a foresight; those of its parts grow by themselves."""
 
 
 class Swept(NamedTuple):
@@ -141,6 +151,12 @@ class Foresight:
         self._vendors: dict[str, int] = {}
         self._absence = np.zeros(0)
         """(slots,) how likely a robot that is silent is not there."""
+        self._key = np.zeros(0, np.int64)
+        self._waits_for = np.zeros(0, np.int64)
+        """(slots,) whose slot a robot that stands has to wait for; `NOBODY` where for none."""
+        self._rolled = np.zeros(0, np.int64), NEVER[:0]
+        """Codes of the pairs that were driven on together, ascending, and what is seen of them by that."""
+        self._rolled_s = float("-inf")
         self._pairs = np.zeros(0, PAIR)
         self._swept: Ints = np.full(1, -1)
         """Codes of the pairs that were swept in the last look, -1 where a robot left since; and -1 at the end, for one
@@ -202,7 +218,8 @@ class Foresight:
         reports = Reports.of(batch, slots, kinds)
         before, before_s = self._robots[slots], self._followed.seen[slots, 0]
         errors = self._own(reports, *self._followed.take(self._robots, self._half, reports, self.ledger.bands_m))
-        heard(self.starts, before, self._robots[slots], before_s, self._followed.seen[slots, 0], batch.now_s)
+        moments_s = before_s, self._followed.seen[slots, 0]
+        heard(self.starts, before, self._robots[slots], self._waits_for[slots] != NOBODY, *moments_s, batch.now_s)
         self.ledger.record(errors, batch.now_s)
         on_their_way = errors[errors["following"]]
         self.following.record(on_their_way, batch.now_s)
@@ -310,7 +327,7 @@ class Foresight:
         slot = self._slots.get(uuid)
         return slot is not None and bool(self._standing(slice(slot, slot + 1))[0])
 
-    def _standing(self, slots: slice) -> Bools:
+    def _standing(self, slots: slice | Ints) -> Bools:
         robots = self._robots[slots]
         stands: Bools = robots["stays"] | (robots["stood_since_s"] < np.inf)
         return stands
@@ -327,6 +344,7 @@ class Foresight:
         self._pairs, fresh, rows, due = again(self._pairs, np.concatenate([exact, near]), told, now_s)
         pairs, swept_rows, self._looked_s = self._pairs, rows[: len(exact)], now_s
         self._examine(due, now_s, swept_rows, swept)
+        self._roll(now_s, due)
         self._learn(now_s)
         self._estimate(pairs)
         self._ask(now_s)
@@ -334,13 +352,53 @@ class Foresight:
         columns = {name: pairs[name][rows] for name in Foreseen._fields if name in SHOWN}
         return Foreseen(pairs=[*swept.pairs, *self._named(others)], fresh=fresh[rows], **columns)
 
+    def _roll(self, now_s: float, due: Ints) -> None:
+        """Drive robots on together where some are near each other, and set what is seen of pairs by that."""
+        if now_s >= self._rolled_s + ROLLED_EVERY_S:
+            self._rolled_s, due = now_s, np.arange(len(self._pairs))
+            slots = crowded(self._pairs, self._absence)
+            self._waits_for[:] = NOBODY
+            rolled = roll(self._crowd(slots, now_s), self._horizon_s, self._clearance_m)
+            self._waits_for[slots] = rolled.waits_for
+            swap = self._rank[rolled.a] > self._rank[rolled.b]
+            code = codes(np.where(swap, rolled.b, rolled.a), np.where(swap, rolled.a, rolled.b))
+            order = np.argsort(code)
+            self._rolled = code[order], rolled.seen[order]
+        code, seen = self._rolled
+        asked = self._pairs["code"][due]
+        at = np.minimum(np.searchsorted(code, asked), max(len(code) - 1, 0))
+        known = code[at] == asked if len(code) else np.zeros(len(asked), np.bool_)
+        self._pairs["seen"][due, -len(NEVER) :] = np.where(known[:, None], seen[at] if len(code) else NEVER, NEVER)
+
+    def _crowd(self, slots: Ints, now_s: float) -> Crowd:
+        robots, seen = self._robots[slots], self._followed.seen[slots]
+        waiting = np.flatnonzero(waits(robots))
+        stood_s = now_s - robots["stood_since_s"][waiting]
+        starts_s = np.zeros((SAMPLES, len(slots)))
+        part = quantiles(self._key[slots[waiting]], START)
+        starts_s[:, waiting] = self.starts.late_s(robots["kind"][waiting], stood_s, part)
+        return Crowd(
+            slots,
+            self._key[slots],
+            now_s - seen[:, 0],
+            self._followed.track[slots],
+            np.ascontiguousarray(self._half[:, slots]),
+            np.ascontiguousarray(self._levels_m[:, slots]),
+            self._standing(slots),
+            starts_s,
+        )
+
     def _estimate(self, pairs: Pairs) -> None:
-        """Set how likely the pairs are, from what is seen of them and of their robots' other pairs."""
-        preempt(pairs, self._standing(slice(None)), len(self._robots), PREEMPTED_S)
+        """Set how likely the pairs are, from what is seen of them and of their robots' other pairs.
+
+        To come within the clearance is to get in each other's way: that is at least as likely.
+        """
+        preempt(pairs, self._standing(slice(None)), self._waits_for, self._looked_s, PREEMPTED_S, SETTLED_S)
         seen, vendors = np.ascontiguousarray(pairs["seen"]), self._vendors_of(pairs["code"])
         estimate = self.calibration.estimate(seen, vendors)
-        contact, there = self.contact.estimate(contact_features(seen), vendors).probability, self._both_there(pairs)
-        for name, column in zip(ESTIMATED, (*estimate, contact), strict=True):
+        contact, there = self.contact.estimate(contact_features(seen), vendors), self._both_there(pairs)
+        at_least = [np.maximum(either, touch) for either, touch in zip(estimate, contact, strict=True)]
+        for name, column in zip(ESTIMATED, (*at_least, contact.probability), strict=True):
             pairs[name] = column * there
 
     def _vendors_of(self, code: Ints) -> Ints:
@@ -398,7 +456,8 @@ class Foresight:
         limits = (now_s, self._horizon_s, self._clearance_m, self._margin_m, STANDING_MPS)
         sds = judge(pairs, rows, a, b, *exact, past_s, apart_m, same, speed_mps, *of_robots, self._ahead_s, *limits)
         bounds = (self._horizon_s, self._clearance_m)
-        robots = (self._robots, self._half, self._followed, self.starts, self.following.bands_m)
+        waits_for = self._waits_for != NOBODY
+        robots = (self._robots, self._half, self._followed, self.starts, waits_for, self.following.bands_m)
         share = mixed(ndtr(sds), a, b, now_s, self._ahead_s, bounds, *robots)
         pairs["share"][rows] = share[0]
         pairs["seen"][rows, 1:3] = log_odds(share).T
@@ -429,7 +488,7 @@ class Foresight:
             self._names.append(uuid)
             if slot >= len(self._robots):
                 self._grow(max(2 * slot, 16))
-        self._slots[uuid], self._held[slot] = slot, True
+        self._slots[uuid], self._held[slot], self._key[slot] = slot, True, key_of(uuid)
         self._ranks_stale = True
         return slot
 
@@ -443,7 +502,8 @@ class Foresight:
         slots = np.array([self._slots[uuid] for uuid in uuids if uuid in self._slots], np.int64)
         if len(slots):
             a, b = slots_of(self._pairs["code"])
-            self._pairs["gives_way"][np.isin(a, slots) | np.isin(b, slots)] = False
+            theirs = np.isin(a, slots) | np.isin(b, slots)
+            self._pairs["gives_way"][theirs], self._pairs["gave_way_s"][theirs] = False, -np.inf
 
     def _rank_anew(self) -> None:
         self._ranks_stale = False
@@ -451,11 +511,12 @@ class Foresight:
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._robots)
-        for name in ("_held", "_told", "_robots", "_rank", "_half", "_levels_m", "_vendor", "_absence"):
+        for name in BY_SLOT:
             column = getattr(self, name)
             setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
         self._words = np.concatenate([self._words, unheard(more)])
         self._robots["stood_since_s"][-more:] = np.inf
+        self._waits_for[-more:] = NOBODY
         self._followed.grow(slots)
         self._finder.grow(slots)
         self._heeded.grow(slots)

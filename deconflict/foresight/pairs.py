@@ -13,21 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.foresight.leaving import STAYED, part_of
+from deconflict.foresight.rollout.rollout import ROLLED
 from deconflict.motion import Bools
 from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
 
 SLOT_BITS = 24
 SLOTS = (1 << SLOT_BITS) - 1
-FEATURES = 8
+FEATURES = 8 + ROLLED
 """1; the log odds of the largest share of the error distribution that lies within the clearance, at any moment of the
 horizon and in its first fifth, over the times at which a waiting robot may start; how long the pair would need if it
 went straight for each other, in horizons and at most 1; 1 where either stands: it is seen, and gone around; 1 where
 both do; and the share of the horizon times how surely one of the two, and each of them, comes into conflict with
-another robot before: one that has stopped for somebody else does not come here."""
+another robot before: one that has stopped for somebody else does not come here. Last, what came of it when all
+robots near were driven on together, see `rollout.ROLLED`."""
 CONTACT_FEATURES = 5
 """The first of them tell how likely the envelopes come within the clearance."""
+PREEMPTED = slice(6, 8)
+"""Those of other robots that come first."""
 REMEMBERED_S = 25.0
+CROWDED_M, LEAST_SHARE = 1.5, 0.01
+"""Robots that come so near, or meet so likely by their forecasts, are driven on together."""
+SETTLED_S = 10.0
+"""Two of which one gave way to the other so lately are seen to by themselves."""
 PREEMPTED_S = 0.3
 """A robot whose other conflict comes so much earlier is rather stopped by that one."""
 
@@ -54,7 +62,8 @@ PAIR = np.dtype(
         ("watched", np.bool_),  # whether it is a candidate now
         ("inside", np.bool_),  # within the clearance, or not yet drawn apart from it
         ("gives_way", np.bool_),  # one gives way to the other now
-        ("still", np.bool_),  # both stand, or one gives way: nothing to alert of
+        ("gave_way_s", np.float64),  # when one last gave way to the other, or stood and had to wait for it
+        ("still", np.bool_),  # both stand, or one gave way lately: nothing to alert of
     ],
     align=True,
 )
@@ -112,6 +121,7 @@ def _look_again(
         if not is_known:
             pair.code, pair.started_s, pair.below_s = one, -np.inf, -np.inf
             pair.yielded_s, pair.yield_end_s, pair.doubted_s, pair.contact_s = -np.inf, -np.inf, -np.inf, np.inf
+            pair.gave_way_s = -np.inf
         fresh[n] = told[one >> SLOT_BITS] or told[one & SLOTS]
         pair.watched = is_asked or (pair.watched and not fresh[n])
         if pair.watched:
@@ -177,10 +187,12 @@ def shown(pairs: Pairs, first: Ints, likely: float) -> tuple[Ints, Ints]:
     return rows[:n].copy(), code[: n - len(first)].copy()
 
 
-@kernel(numba.void(_PAIRS, _BOOLS, numba.int64, numba.float64))
-def preempt(pairs: Pairs, stands: Bools, slots: int, scale_s: float) -> None:
+@kernel(numba.void(_PAIRS, _BOOLS, _INTS, *[numba.float64] * 3))
+def preempt(pairs: Pairs, stands: Bools, waits_for: Ints, now_s: float, scale_s: float, settled_s: float) -> None:
     """Set the features of the pairs under watch that hang on other pairs: how surely each robot comes into conflict
-    with another one before; and which pairs are `still`. `stands` is by slot, of which there are so many."""
+    with another one before; and which pairs are `still`: both stand, or one gave way to the other in the last
+    `settled_s`. `stands`, and for whom a robot that stands has to wait, are by slot."""
+    slots = len(stands)
     first_s, second_s, first = np.full(slots, np.inf), np.full(slots, np.inf), np.full(slots, -1)
     for row, pair in enumerate(pairs):
         if not pair.watched:
@@ -201,7 +213,17 @@ def preempt(pairs: Pairs, stands: Bools, slots: int, scale_s: float) -> None:
         pair.seen[6] = pair.share / (1.0 + np.exp(min(max(sooner_s / scale_s, -50.0), 50.0)))
         pair.seen[7] = pair.share / (1.0 + np.exp(min(max(later_s / scale_s, -50.0), 50.0)))
         both = stands[a] and stands[b]
-        pair.seen[5], pair.still = 1.0 if both else 0.0, both or pair.gives_way
+        if pair.gives_way or waits_for[a] == b or waits_for[b] == a:
+            pair.gave_way_s = now_s
+        pair.seen[5], pair.still = 1.0 if both else 0.0, both or now_s - pair.gave_way_s <= settled_s
+
+
+def crowded(pairs: Pairs, absence: Floats) -> Ints:
+    """Slots of the robots that are to be driven on together, ascending: those of pairs that come near, without those
+    that are probably gone, by their `absence` (slots,)."""
+    near = pairs["watched"] & ((pairs["near_m"] <= CROWDED_M) | (pairs["share"] > LEAST_SHARE))
+    slots = np.unique(np.concatenate(slots_of(pairs["code"][near])))
+    return slots[absence[slots] < 0.5]
 
 
 @dataclass(slots=True, eq=False)

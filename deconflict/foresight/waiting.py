@@ -20,14 +20,16 @@ def waits(robots: Robots) -> Bools:
     return waiting
 
 
-def heard(starts: Starts, before: Robots, after: Robots, before_s: Floats, now_s: Floats, tick_s: float) -> None:
+def heard(
+    starts: Starts, before: Robots, after: Robots, blocked: Bools, before_s: Floats, now_s: Floats, tick_s: float
+) -> None:
     """Count which of n robots that waited as of the reports `before`, at `before_s` (n,), have started by the reports
-    `after`, at `now_s` (n,)."""
+    `after`, at `now_s` (n,); of those that had to wait for another robot, `blocked` (n,), apart."""
     rows = np.flatnonzero(waits(before) & (now_s > before_s) & (now_s - before_s < 5.0))
     if len(rows):
         stood_s, lasted_s = before_s[rows] - before["stood_since_s"][rows], now_s[rows] - before_s[rows]
         started = (after["stood_since_s"][rows] == np.inf).astype(np.float64)
-        starts.take(before["kind"][rows], stood_s, lasted_s, started, tick_s)
+        starts.take(before["kind"][rows], blocked[rows], stood_s, lasted_s, started, tick_s)
 
 
 def mixed(
@@ -41,12 +43,14 @@ def mixed(
     half: Floats,
     followed: Followed,
     starts: Starts,
+    blocked: Bools,
     bands_m: Floats,
 ) -> Floats:
     """(2, n) shares of the error distribution of pairs `a` and `b` (n,) over the times at which a robot that waits may
     start.
 
-    `share` (2, n) is that of the forecasts as told; `bounds` are the horizon in seconds and the clearance in metres. Of
+    `share` (2, n) is that of the forecasts as told; which robots have to wait for another one is `blocked`, by slot;
+    `bounds` are the horizon in seconds and the clearance in metres. Of
     pairs of which both wait, or neither, it is what it was.
     """
     waiting = waits(robots)
@@ -54,7 +58,7 @@ def mixed(
     if not len(rows):
         return share
     waiter = np.where(waiting[a[rows]], a[rows], b[rows])
-    weights = starts.weights(robots["kind"][waiter], now_s - robots["stood_since_s"][waiter])
+    weights = starts.weights(robots["kind"][waiter], blocked[waiter], now_s - robots["stood_since_s"][waiter])
     later_s = LATE_S[1:]
     ext_a, ext_b = np.repeat(a[rows], len(later_s)), np.repeat(b[rows], len(later_s))
     late_s = np.where(waiting[np.stack([ext_a, ext_b])], np.tile(later_s, len(rows)), 0.0)

@@ -23,7 +23,7 @@ SETTINGS = Conflict(
     critical_s=2.0,
 )
 ABSENT_AFTER_S = 60.0
-UNLIKELY = SETTINGS.raise_probability * HELD_SHARE / 2
+UNLIKELY = round(SETTINGS.raise_probability * HELD_SHARE / 2, 3)
 """What an advisory tells of a conflict that is not likely enough to stand."""
 
 

@@ -6,8 +6,10 @@ import numpy as np
 
 from deconflict.engine import Engine
 from deconflict.foresight.calibration import Calibration, Estimate
-from deconflict.foresight.pairs import Fates
+from deconflict.foresight.pairs import PREEMPTED, Fates
+from deconflict.foresight.rollout.rollout import ROLLED
 from deconflict.foresight.starts import LATE_S, Starts
+from deconflict.motion import Bools
 from ingest.seam import Floats, Ints
 
 Change = Callable[[Engine], None]
@@ -42,17 +44,36 @@ class _Alone(Calibration):
 
 def _alone(seen: Floats) -> Floats:
     seen = seen.copy()
-    seen[:, 6:] = 0.0
+    seen[:, PREEMPTED] = 0.0
+    return seen
+
+
+class _NotDriven(Calibration):
+    """Knows nothing of robots that are driven on together."""
+
+    def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
+        return Calibration.estimate(self, _not_driven(seen), vendors)
+
+    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
+        Calibration.learn(self, _not_driven(seen), vendors, fates, now_s)
+
+
+def _not_driven(seen: Floats) -> Floats:
+    seen = seen.copy()
+    seen[:, -ROLLED:] = 0.0
     return seen
 
 
 class _AtOnce(Starts):
     """Takes robots that wait to start when they say."""
 
-    def weights(self, kind: Ints, stood_s: Floats) -> Floats:  # noqa: ARG002 - keeps the form
+    def weights(self, kind: Ints, blocked: Bools, stood_s: Floats) -> Floats:  # noqa: ARG002 - keeps the form
         weights = np.zeros((len(kind), len(LATE_S)))
         weights[:, 0] = 1.0
         return weights
+
+    def late_s(self, kind: Ints, stood_s: Floats, part: Floats) -> Floats:  # noqa: ARG002 - keeps the form
+        return np.zeros_like(part)
 
 
 def _with(calibration: type[Calibration]) -> Change:
@@ -70,6 +91,7 @@ PARTS: Mapping[str, Change] = {
     "learning": _with(_Unlearning),
     "pairs of vendors": _with(_AllAlike),
     "others in the way": _with(_Alone),
+    "driving on together": _with(_NotDriven),
     "late starts": _starts_at_once,
 }
 

@@ -168,3 +168,4 @@ def test_whether_one_still_gives_way_is_not_known_once_one_of_the_two_is_silent(
     assert pairs["gives_way"].tolist() == [True]
     stage.foresight.fall_silent([silent])
     assert pairs["gives_way"].tolist() == [False]
+    assert pairs["gave_way_s"].tolist() == [-np.inf]

@@ -162,10 +162,24 @@ def test_robots_that_another_one_stops_first_are_marked() -> None:
     every = pairs((0, 1), (0, 2), (3, 4))
     every["near_s"] = every["contact_s"] = NOW_S + np.array([2.0, 6.0, 5.0])
     every["share"] = 1.0
-    preempt(every, np.array([False, False, True, True, True]), 5, 0.3)
+    every["gave_way_s"] = -np.inf
+    stands, waits_for = np.array([False, False, True, True, True]), np.full(5, -1)
+    preempt(every, stands, waits_for, NOW_S, 0.3, 10.0)
     assert every["seen"][:, 6] == pytest.approx([0.0, 1.0, 0.0], abs=0.01)
     assert every["seen"][:, 7] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
     assert every["still"].tolist() == [False, False, True]
+
+
+def test_two_of_which_one_had_to_wait_for_the_other_are_still_for_a_while() -> None:
+    every = pairs((0, 1), (2, 3))
+    every["gave_way_s"] = -np.inf
+    nobody, moving = np.full(4, -1), np.zeros(4, bool)
+    preempt(every, moving, np.array([-1, 0, -1, -1]), NOW_S, 0.3, 10.0)
+    assert every["still"].tolist() == [True, False]
+    preempt(every, moving, nobody, NOW_S + 9.0, 0.3, 10.0)
+    assert every["still"].tolist() == [True, False]
+    preempt(every, moving, nobody, NOW_S + 11.0, 0.3, 10.0)
+    assert every["still"].tolist() == [False, False]
 
 
 def test_what_became_of_pairs_is_the_same_pair_by_pair() -> None:
