@@ -147,7 +147,9 @@ class Engine:
 
     def receive(self, batch: Batch) -> None:
         """Take in the robots that changed; a batch may be the whole floor."""
-        batch = self._take_in(self.presence.receive(batch))
+        batch = self.presence.receive(batch)
+        self.foresight.keep_apart(self.presence.passed)
+        batch = self._take_in(batch)
         if not self._conflicts_only:
             self._contention.receive(batch)
             self._claims.receive(batch.claims)
@@ -206,6 +208,7 @@ class Engine:
         changes = self.presence.step(now_s)
         for uuid, there in changes.there.items():
             self.foresight.set_presence(uuid, there)
+        self.foresight.fall_silent(changes.silent)
         if changes.stopped:
             self._take_in(retelling.held(self.live, changes.stopped, now_s))
         for batch in () if self._conflicts_only else retelling.contended(self.live, changes, now_s):

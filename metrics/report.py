@@ -1,14 +1,13 @@
 """A replay's result as one page for people: opens offline, needs no script, prints."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
-from typing import Any
 
 from metrics import figures
+from metrics.cells import Part, figure, maker, moment, number, share, spread, sure, table
 from metrics.forecasts import BANDS
+from metrics.report_places import arrivals, contention, places
 from metrics.svg import Point
-
-Part = Mapping[str, Any]
 
 
 def page(result: Part, title: str) -> str:
@@ -39,11 +38,11 @@ def _sections(result: Part) -> Iterator[str]:
     yield "<h2>Vendors</h2>" + _scorecard(result) + _trust(result["vendors"])
     yield "<h2>How far forecasts were off</h2>" + _errors(result["forecast_error"]["by_model"])
     if result["arrivals"]:
-        yield "<h2>How far arrivals were off</h2>" + _arrivals(result["arrivals"])
+        yield "<h2>How far arrivals were off</h2>" + arrivals(result["arrivals"])
     if result["contention"]:
-        yield "<h2>Queues, crowds, deadlocks and blockages</h2>" + _contention(result["contention"])
+        yield "<h2>Queues, crowds, deadlocks and blockages</h2>" + contention(result["contention"])
     if result["places"]:
-        yield "<h2>What was said of places, by how far ahead</h2>" + _places(result["places"])
+        yield "<h2>What was said of places, by how far ahead</h2>" + places(result["places"])
     yield "<h2>The nearest moments</h2>" + _scenes(result["nearest"])
     yield "<h2>Departures from the standard</h2>" + _conformance(result["conformance"])
 
@@ -53,21 +52,21 @@ def _figures(scores: Sequence[Part]) -> str:
         [
             f"{one['clearance_m']:g} m",
             f"{one['foreseeable']}",
-            _sure(one, "recall"),
-            _share(one["recall_any"]),
+            sure(one, "recall"),
+            share(one["recall_any"]),
             f"{one['alerts']}",
             f"{one['censored'] + one['heeded']}",
-            _sure(one, "precision"),
-            _spread(one["lead_time_s"]),
-            _number(one["start_error_s"]),
-            _number(one["ece"], 3),
-            _number(one["brier_skill"], 2),
+            sure(one, "precision"),
+            spread(one["lead_time_s"]),
+            number(one["start_error_s"]),
+            number(one["ece"], 3),
+            number(one["brier_skill"], 2),
         ]
         for one in scores
     ]
     head = ("clearance", "encounters foreseeable", "recall", "at any time", "alerts", "can't be told", "precision")
     more = ("lead time, s (p10 to p90)", "start error, s", "calibration error", "Brier skill")
-    return _table((*head, *more), rows) + (
+    return table((*head, *more), rows) + (
         '<p class="note">Recall: share of foreseeable encounters with an alert standing at a second of the last 2 s.'
         " Precision: share of alerts that an encounter followed within 10 s. In brackets: 95 % interval.</p>"
     )
@@ -77,13 +76,13 @@ def _score(score: Part) -> Iterator[str]:
     cases = score["cases"]
     leads = [float(text) for text in cases["lead_time_s"].split() if text != "-"]
     yield '<div class="row">'
-    yield _figure(figures.lead_times(leads), f"Lead time of the {len(leads)} encounters that were foreseen")
+    yield figure(figures.lead_times(leads), f"Lead time of the {len(leads)} encounters that were foreseen")
     if score["reliability"]:
         told = f"Of {score['samples']:,} probabilities published: the nearer to the diagonal the truer"
-        yield _figure(figures.reliability(score["reliability"]), told)
+        yield figure(figures.reliability(score["reliability"]), told)
     for floor, alerts in sorted(_by_floor(cases).items()):
         caption = f"Where conflicts were predicted, floor {floor}: {len(alerts)} alerts"
-        yield _figure(figures.heat(alerts), caption)
+        yield figure(figures.heat(alerts), caption)
     yield "</div>"
 
 
@@ -94,16 +93,16 @@ def _silences(scores: Sequence[Part]) -> str:
             f"{one['clearance_m']:g} m",
             f"{told['raised']:,}",
             f"{told['about_gone']:,}",
-            _share(told["about_gone_share"]),
+            share(told["about_gone_share"]),
             f"{told['silent_there']:,}",
             f"{told['meetings']:,}",
-            _share(told["told_of_share"]),
+            share(told["told_of_share"]),
         ]
         for one in scores
         for told in (one["silences"],)
     ]
     head = ("clearance", "advisories", "about somebody gone", "share of them", "silences of robots that were there")
-    return _table((*head, "meetings with these", "told of"), rows) + (
+    return table((*head, "meetings with these", "told of"), rows) + (
         '<p class="note">Gone: from the longer of 5 s and three of its usual intervals after it was heard last, for'
         " good or until it came back elsewhere. A meeting: another robot came within the clearance of where one"
         " stood.</p>"
@@ -136,11 +135,11 @@ def _scorecard(result: Part) -> str:
                 grades.get(one["vendor"]) or "-",
                 f"{one['robot_hours']:.2f}",
                 f"{one['foreseeable']}",
-                _share(one["recall"]),
-                _share(one["precision"]),
-                _number(one["alerts_per_robot_hour"]),
-                _number(one["lead_time_s"] and one["lead_time_s"]["median"]),
-                "-" if off is None else f"{_number(off['distance_median_m'], 2)} / {_number(off['distance_p90_m'], 2)}",
+                share(one["recall"]),
+                share(one["precision"]),
+                number(one["alerts_per_robot_hour"]),
+                number(one["lead_time_s"] and one["lead_time_s"]["median"]),
+                "-" if off is None else f"{number(off['distance_median_m'], 2)} / {number(off['distance_p90_m'], 2)}",
                 f"{messages:,}",
                 f"{said['rejected']:,}" if said else "-",
                 f"{100 * departures / messages:.1f}" if messages else "-",
@@ -148,7 +147,7 @@ def _scorecard(result: Part) -> str:
         )
     head = ("vendor", "grade", "robot-hours", "encounters", "recall", "precision", "alerts a robot-hour")
     more = ("lead time, s", "off after 3 s, m: median / p90", "messages", "rejected", "departures in 100 messages")
-    return f"<p>At a clearance of {score['clearance_m']:g} m.</p>" + _table((*head, *more), rows)
+    return f"<p>At a clearance of {score['clearance_m']:g} m.</p>" + table((*head, *more), rows)
 
 
 def _trust(vendors: Sequence[Part]) -> str:
@@ -158,8 +157,8 @@ def _trust(vendors: Sequence[Part]) -> str:
             one["vendor"],
             one["grade"] or "-",
             one["grade_words"],
-            " / ".join(_share(band["covered"]) for band in one["coverage"]) or "-",
-            _number(one["ece"], 3),
+            " / ".join(share(band["covered"]) for band in one["coverage"]) or "-",
+            number(one["ece"], 3),
             f"{one['distrusted']:,}",
             f"{one['forecasts_distrusted']:,}",
         ]
@@ -168,32 +167,32 @@ def _trust(vendors: Sequence[Part]) -> str:
     head = ("vendor", "grade", "why", "in the 50 / 80 / 90 % bands", "calibration error")
     more = ("robots at once that did other than they said", "forecasts distrusted")
     flags = [
-        [one["vendor"], flag["words"], _moment(flag["since"]), _moment(flag["until"]) if flag["until"] else "the end"]
+        [one["vendor"], flag["words"], moment(flag["since"]), moment(flag["until"]) if flag["until"] else "the end"]
         for one in vendors
         for flag in one["flags"]
     ]
-    changed = _table(("vendor", "what changed", "since", "until"), flags, words=4) if flags else ""
+    changed = table(("vendor", "what changed", "since", "until"), flags, words=4) if flags else ""
     none = "" if flags else '<p class="note">No vendor\'s forecasts, positions or clocks changed.</p>'
-    return "<h3>What their word is worth</h3>" + _table((*head, *more), rows, words=3) + changed + none
+    return "<h3>What their word is worth</h3>" + table((*head, *more), rows, words=3) + changed + none
 
 
 def _errors(models: Sequence[Part]) -> str:
     if not models:
         return "<p>No robot said where it goes.</p>"
     legend = "".join(
-        f'<li><span class="key c{number}"></span>{escape(_maker(one))}</li>'
+        f'<li><span class="key c{number}"></span>{escape(maker(one))}</li>'
         for number, one in enumerate(models[: figures.COLOURS])
     )
     rows = [
         [
-            _maker(one),
+            maker(one),
             f"{row['horizon_s']:g}",
             f"{row['cases']:,}",
             *(
-                f"{_number(row[f'{kind}_median_m'], 2)} / {_number(row[f'{kind}_p90_m'], 2)}"
+                f"{number(row[f'{kind}_median_m'], 2)} / {number(row[f'{kind}_p90_m'], 2)}"
                 for kind in ("distance", "along", "across")
             ),
-            " / ".join(_share(row[f"covered_{band:.0%}".rstrip("%")]) for band in BANDS),
+            " / ".join(share(row[f"covered_{band:.0%}".rstrip("%")]) for band in BANDS),
         ]
         for one in models
         for row in one["horizons"]
@@ -208,105 +207,8 @@ def _errors(models: Sequence[Part]) -> str:
         "across it",
         "in the 50 / 80 / 90 % bands",
     )
-    chart = _figure(figures.errors(models), "Distance from forecast to truth: median (line), p90 (dashes)")
-    return f'<div class="row">{chart}<ul class="legend">{legend}</ul></div>' + _table(head, rows)
-
-
-def _arrivals(rows: Sequence[Part]) -> str:
-    cells = [
-        [
-            one["vendor"],
-            _ahead(one),
-            f"{one['cases']:,}",
-            f"{_number(one['off_median_s'])} / {_number(one['off_p90_s'])}",
-            _share(one["late"]),
-            f"{one['out']:,}",
-        ]
-        for one in rows
-    ]
-    head = ("vendor", "told up to so long ahead", "words", "off, s: median / p90", "share late", "not come yet")
-    return _table(head, cells) + (
-        '<p class="note">Of a robot that had not come when it was heard of last, only those words count whose time was'
-        " over; it is late by as long as it was awaited after that, or longer.</p>"
-    )
-
-
-def _foretold(kinds: Sequence[Part]) -> str:
-    """Which advisories came true, by how far ahead they were raised."""
-    rows = [
-        [one["kind"].replace("_", " "), _ahead(part), f"{part['alerts']:,}", _share(part["precision"])]
-        for one in kinds
-        for part in one["by_ahead"]
-    ]
-    return _table(("advisory", "raised up to so long ahead", "told", "came true"), rows) if rows else ""
-
-
-def _ahead(one: Part) -> str:
-    seconds = one["ahead_up_to_s"]
-    return f"{seconds:g} s" if seconds < 60 else f"{seconds / 60:g} min"
-
-
-def _places(rows: Sequence[Part]) -> str:
-    cells = [
-        [
-            _ahead(one),
-            f"{one['said']:,}",
-            _share(one["came"]),
-            f"{_number(one['off_median_s'])} / {_number(one['off_p90_s'])}",
-            _share(one["late"]),
-            f"{one['entries']:,}",
-            _share(one["foretold"]),
-            f"{one['full_said']:,}",
-            _share(one["full_precision"]),
-            f"{one['full_happened']:,}",
-            _share(one["full_recall"]),
-        ]
-        for one in rows
-    ]
-    needed = [
-        [
-            _ahead(one),
-            f"{one['need_said']:,}",
-            _share(one["need_likely"]),
-            _share(one["need_came"]),
-            _number(one["need_brier"], 3),
-        ]
-        for one in rows
-        if one["need_said"]
-    ]
-    comes = ("said up to so long ahead", "to come", "came", "off, s: median / p90", "late", "came at all", "foretold")
-    full = ("said to be full", "was", "was full", "foretold")
-    needs = ("a charger needed within", "said", "how likely, mean", "came to one", "Brier score")
-    note = (
-        '<p class="note">Said every ten seconds of each resource: who has it from when on, and whether it is full so'
-        " long after. A robot came at all where it was heard for so long before.</p>"
-    )
-    return _table((*comes, *full), cells) + note + (_table(needs, needed) if needed else "")
-
-
-def _contention(kinds: Sequence[Part]) -> str:
-    rows = [
-        [
-            one["kind"].replace("_", " "),
-            f"{one['alerts']:,}",
-            f"{one['censored']:,}",
-            _sure(one, "precision"),
-            _spread(one["lead_time_s"]),
-            _number(one["wait_error_s"]),
-            "-" if one["happened"] is None else f"{one['happened']:,}",
-            _sure(one, "recall"),
-            _share(one["recall_any"]),
-        ]
-        for one in kinds
-    ]
-    head = ("advisory", "told", "can't be told", "came true", "lead time, s (p10 to p90)", "wait off by, s")
-    more = ("happened", "told before it began", "or while it lasted")
-    note = (
-        '<p class="note">A queue came true where one of its robots stood for 5 s while the place was full; a crowd'
-        " where more were inside than it takes; a deadlock where all of its ring stood for 5 s; a blockage where one"
-        " stood behind the blocker.</p>"
-    )
-    return _table((*head, *more), rows) + note + _foretold(kinds)
+    chart = figure(figures.errors(models), "Distance from forecast to truth: median (line), p90 (dashes)")
+    return f'<div class="row">{chart}<ul class="legend">{legend}</ul></div>' + table(head, rows)
 
 
 def _scenes(scenes: Sequence[Part]) -> str:
@@ -320,7 +222,7 @@ def _scenes(scenes: Sequence[Part]) -> str:
         )
         depth = "touching" if one["separation_m"] == 0 else f"{one['separation_m']:.2f} m apart"
         floor = one["floor_name"] or one["floor"][:8] or "no floor"
-        when = f"{_moment(one['at'])}, {one['into_s']:.1f} s into the log"
+        when = f"{moment(one['at'])}, {one['into_s']:.1f} s into the log"
         where = f"{floor}, x {one['x_m']:.1f}, y {one['y_m']:.1f}"
         lines = (names, escape(f"{depth}; {_warned(one)}"), escape(when), escape(where))
         cells.append(f"<figure>{figures.scene(one)}<figcaption>{'<br>'.join(lines)}</figcaption></figure>")
@@ -346,49 +248,7 @@ def _conformance(vendors: Sequence[Part]) -> str:
     ]
     if not rows:
         return "<p>Nothing departs from the standard.</p>"
-    return _table(("vendor", "rule", "how often", "", "what was seen, and how it is read"), rows, words=5)
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]], words: int = 1) -> str:
-    """Cells are escaped; the first `words` columns are words, the others numbers."""
-    top = "".join(f"<th>{escape(one)}</th>" for one in head)
-    body = "".join(
-        "<tr>"
-        + "".join(f"<td{'' if n < words else ' class=n'}>{escape(cell)}</td>" for n, cell in enumerate(row))
-        + "</tr>"
-        for row in rows
-    )
-    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
-
-
-def _figure(drawing: str, caption: str) -> str:
-    return f"<figure>{drawing}<figcaption>{escape(caption)}</figcaption></figure>"
-
-
-def _maker(one: Part) -> str:
-    return f"{one['vendor']} {one['model']}".strip()
-
-
-def _sure(score: Part, name: str) -> str:
-    interval = score["intervals"][name]
-    return _share(score[name]) + (f" ({interval[0]:.2f} to {interval[1]:.2f})" if interval else "")
-
-
-def _share(value: float | None) -> str:
-    return _number(value, 2)
-
-
-def _number(value: float | None, digits: int = 1) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
-
-
-def _spread(value: Part | None) -> str:
-    return "-" if value is None else f"{value['median']:.1f} ({value['p10']:.1f} to {value['p90']:.1f})"
-
-
-def _moment(stamp: str) -> str:
-    """A time of the log for a person, UTC."""
-    return f"{stamp[:10]} {stamp[11:19]} UTC"
+    return table(("vendor", "rule", "how often", "", "what was seen, and how it is read"), rows, words=5)
 
 
 def _span(seconds: float) -> str:

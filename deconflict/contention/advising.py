@@ -14,7 +14,7 @@ from deconflict.contention.deadlocks import Link
 from deconflict.contention.demand import Request, Row, Turns
 from deconflict.contention.detours import Refuge, back_out, detour
 from deconflict.contention.geometry import CHANGEOVER_S, Geometry, Passage
-from deconflict.contention.robots import Seen
+from deconflict.contention.seen import Seen
 from ingest.measures import Measures
 
 AGAIN_S = 10.0

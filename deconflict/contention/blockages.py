@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from deconflict.contention.journeys import Hindrance
-from deconflict.contention.robots import Seen
+from deconflict.contention.seen import Seen
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,8 @@ import numpy as np
 from deconflict.contention.batteries import LEVELS_PCT, Batteries
 from deconflict.contention.demand import Turns
 from deconflict.contention.geometry import Geometry
-from deconflict.contention.robots import Robots, Seen
+from deconflict.contention.robots import Robots
+from deconflict.contention.seen import Seen
 from ingest.seam import Floats, Ints
 
 AHEAD_S: Floats = np.arange(60.0, 901.0, 60.0)

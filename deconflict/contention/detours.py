@@ -9,7 +9,7 @@ from deconflict.advisory import Recommendation, Slot, moment
 from deconflict.contention.deadlocks import Link
 from deconflict.contention.destinations import Stop
 from deconflict.contention.geometry import CHANGEOVER_S
-from deconflict.contention.robots import Seen
+from deconflict.contention.seen import Seen
 
 PACE_MPS = 1.0
 """At which robots are taken to drive from place to place, in a straight line."""

@@ -8,7 +8,7 @@ from deconflict.contention.charging import Shortage
 from deconflict.contention.deadlocks import Link
 from deconflict.contention.demand import Row, Turns
 from deconflict.contention.geometry import Geometry
-from deconflict.contention.robots import Seen
+from deconflict.contention.seen import Seen
 from deconflict.contention.telling import Finding
 
 QUIET_S = 30.0

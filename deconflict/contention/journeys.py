@@ -16,7 +16,8 @@ from deconflict.contention import records
 from deconflict.contention.boxes import ROUNDING_M, touching
 from deconflict.contention.deadlocks import Node, Want
 from deconflict.contention.records import LEAST_M
-from deconflict.contention.robots import Robots, Seen
+from deconflict.contention.robots import Robots
+from deconflict.contention.seen import Seen
 from deconflict.heights import beside, beside_each
 from deconflict.motion import Bools
 from ingest.seam import Floats, Ints

@@ -1,12 +1,15 @@
 """How much longer a robot takes that stands and is past the time it told: learned by vendor, from a prior on.
 
 Each arrival that came late says by how much. Of those that were later than a robot is already, what was left to them is
-what may be left to it. The prior is that as much is left as it is overdue: what has lasted long lasts long.
+what may be left to it. The prior is that about as much is left as it is overdue (what has lasted long lasts long), but
+that waits also end at a constant rate, however long they have lasted. That rate is learned from the latest quarter of
+the arrivals, so that many short waits tell of long ones, of which few are seen.
 """
 
 from collections import deque
 
 import numpy as np
+from scipy.special import lambertw
 
 from deconflict.learned import Part, numbers
 from ingest.seam import Floats
@@ -14,11 +17,14 @@ from ingest.seam import Floats
 MOST_ARRIVALS = 200
 """Late ones, kept of one vendor."""
 HALF_LIFE_S = 86400.0
-PRIOR_TIMES: Floats = np.array([1 / 9, 3 / 7, 1.0, 7 / 3, 9.0])
-"""What is left, as multiples of how long a robot is overdue, of a vendor of which nothing has been seen.
-
-They are the middles of five equal shares where the chance to be later than t falls as 1 / t. Each counts as one arrival
-just seen."""
+PRIOR_ARRIVALS, PRIOR_WAIT_S = 2.0, 600.0
+"""What is thought of the rate at which waits end of a vendor of which nothing has been seen."""
+LATER_FROM = 0.75
+"""It is learned from the arrivals that were later than this share of all."""
+LEAST_LATE_S, LEAST_WAIT_S = 10.0, 30.0
+"""Arrivals that were less late tell nothing of how long waits last; nor do waits end sooner on average."""
+PRIOR_LATER: Floats = np.array([0.9, 0.7, 0.5, 0.3, 0.1])
+"""The prior is five arrivals just seen: what is left is more than theirs with these chances."""
 SHARES: Floats = np.array([0.1, 0.5, 0.9])
 OVERDUE_S: Floats = np.concatenate([[0.0], 2.5 * 2.0 ** np.arange(12)])
 """Where the table is worked out: up to an hour and a half, in steps that double."""
@@ -62,7 +68,7 @@ class Overdue:
 def _left_s(late_s: Floats, weights: Floats) -> Floats:
     """(len(OVERDUE_S), len(SHARES)) quantiles of what is left, by arrivals (n,) so late and of such weights, and by the
     prior."""
-    seen_s, prior_s = late_s - OVERDUE_S[:, None], PRIOR_TIMES * OVERDUE_S[:, None]
+    seen_s, prior_s = late_s - OVERDUE_S[:, None], _prior_s(_end_rate(late_s, weights))
     left_s = np.concatenate([seen_s, prior_s], axis=1)
     counts = np.concatenate([weights * (seen_s > 0), np.ones_like(prior_s)], axis=1)
     order = np.argsort(left_s, axis=1)
@@ -70,3 +76,24 @@ def _left_s(late_s: Floats, weights: Floats) -> Floats:
     reached = so_far[:, :, None] >= SHARES * so_far[:, -1:, None]
     found: Floats = np.take_along_axis(np.take_along_axis(left_s, order, axis=1), reached.argmax(axis=1), axis=1)
     return found
+
+
+def _prior_s(end_rate: float) -> Floats:
+    """(len(OVERDUE_S), len(PRIOR_LATER)) what the prior says is left, where waits end at such a rate besides.
+
+    The chance to be later than t falls as exp(-rate t) / t; solved for t.
+    """
+    overdue_s = OVERDUE_S[:, None]
+    grown = end_rate * overdue_s / PRIOR_LATER * np.exp(end_rate * overdue_s)
+    left_s: Floats = np.real(lambertw(grown)) / end_rate - overdue_s
+    return np.maximum(left_s, 0.0)
+
+
+def _end_rate(late_s: Floats, weights: Floats) -> float:
+    """How many waits end in a second beyond those that would if the chance to be later than t fell as 1 / t."""
+    from_s = max(float(np.quantile(late_s, LATER_FROM)) if len(late_s) else 0.0, LEAST_LATE_S)
+    is_later = late_s > from_s
+    later_s, counts = late_s[is_later], weights[is_later]
+    beyond = max(float(counts.sum() - counts @ np.log(later_s / from_s)), 0.0)
+    waited_s = float(counts @ (later_s - from_s))
+    return min((beyond + PRIOR_ARRIVALS) / (waited_s + PRIOR_ARRIVALS * PRIOR_WAIT_S), 1.0 / LEAST_WAIT_S)

@@ -21,7 +21,8 @@ from deconflict.contention.geometry import Geometry
 from deconflict.contention.journeys import Around, Hindrance, Leg, aisle_wants, hindrances, legs, place_wants, way_wants
 from deconflict.contention.occupancy import Dwells
 from deconflict.contention.resources import ContentionSettings, Resource, Zone
-from deconflict.contention.robots import Robots, Seen
+from deconflict.contention.robots import Robots
+from deconflict.contention.seen import Seen
 from deconflict.contention.telling import Finding, Telling, Told
 from deconflict.gathering import Gathered, Gathering
 from deconflict.heights import beside, most_beside

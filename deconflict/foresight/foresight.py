@@ -7,7 +7,7 @@ probability that holds on this site: that they come within the clearance, or tha
 Outcomes are read from the robots' own reports, as in offline scoring.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import repeat
 from math import floor
 from typing import NamedTuple
@@ -194,6 +194,7 @@ class Foresight:
         The batch as it is believed: a robot that goes elsewhere than it says is taken to go straight on.
         """
         if batch.gone:
+            self._settle(batch.gone, were_there=True)
             self._forget(batch.gone)
         if not len(batch):
             return batch
@@ -488,6 +489,14 @@ class Foresight:
         if uuid in self._slots:
             self._absence[self._slots[uuid]] = 1.0 - there
 
+    def fall_silent(self, uuids: Collection[str]) -> None:
+        """Robots are heard no more: whether one still gives way to another, or the other to it, is not known."""
+        slots = np.array([self._slots[uuid] for uuid in uuids if uuid in self._slots], np.int64)
+        if len(slots):
+            a, b = slots_of(self._pairs["code"])
+            theirs = np.isin(a, slots) | np.isin(b, slots)
+            self._pairs["gives_way"][theirs], self._pairs["gave_way_s"][theirs] = False, -np.inf
+
     def _rank_anew(self) -> None:
         self._ranks_stale = False
         self._rank[[self._slots[name] for name in sorted(self._slots)]] = np.arange(len(self._slots))
@@ -503,6 +512,17 @@ class Foresight:
         self._rollouts.grow(slots)
         self._finder.grow(slots)
         self._heeded.grow(slots)
+
+    def keep_apart(self, absent: Collection[str]) -> None:
+        """Silent robots have turned out not to be there: what is not known of their pairs yet is that they were kept
+        apart."""
+        if absent:
+            self._settle(absent, were_there=False)
+
+    def _settle(self, uuids: Collection[str], were_there: bool) -> None:
+        """Answer what is open of robots, as far as it is known by now."""
+        slots = np.array([self._slots[uuid] for uuid in uuids if uuid in self._slots], np.int64)
+        self._outcomes.settle(slots, self._pairs, self._own_until_s, were_there=were_there)
 
     def _forget(self, uuids: Sequence[str]) -> None:
         slots = np.array([self._slots.pop(uuid) for uuid in uuids if uuid in self._slots], np.int64)

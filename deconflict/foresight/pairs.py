@@ -317,10 +317,29 @@ class Outcomes:
     waits_s: float = 6.0
     """For reports that come late, and until it shows that a robot gave way."""
     open: list[Question] = field(default_factory=list)
+    _settled: list[Known] = field(default_factory=list)
+    """What is known before the time of its question is over."""
 
     def ask(self, t_s: float, code: Ints, seen: Floats) -> None:
         """Of pairs `code` (p,) of which these are the features (p, FEATURES)."""
         self.open.append(Question(t_s, code, seen))
+
+    def settle(
+        self, slots: Ints, pairs: Pairs, own_until_s: Callable[[float], Floats], *, were_there: bool = True
+    ) -> None:
+        """Answer now what is open of robots of `slots`, which others may have from now on; `own_until_s` is that of
+        `known`.
+
+        Where they `were_there`, nobody knows what would have come of a pair that has not met by now. Where they were
+        not, since they were heard last, the two did not get in each other's way.
+        """
+        for question in self.open:
+            a, b = slots_of(question.code)
+            rows = np.isin(a, slots) | np.isin(b, slots)
+            if rows.any():
+                settled = Question(question.t_s, question.code[rows], question.seen[rows])
+                self._settled.append(self._answered(settled, pairs, own_until_s(question.t_s), were_there))
+                question.code, question.seen = question.code[~rows], question.seen[~rows]
 
     def known(self, now_s: float, pairs: Pairs, own_until_s: Callable[[float], Floats]) -> list[Known]:
         """Questions whose time is over, and what became of their pairs.
@@ -329,14 +348,19 @@ class Outcomes:
         -inf where it did not when asked. Pairs of such are left out, and those that were in an encounter then, as
         reports have shown since.
         """
-        answered = []
+        answered, self._settled = self._settled, []
         while self.open and self.open[0].t_s + self.horizon_s + self.waits_s <= now_s:
             question = self.open.pop(0)
-            asked_s, until_s = question.t_s, own_until_s(question.t_s)
-            kept, ended_s, met, touched_s, touched = _ended(pairs, question.code, until_s, asked_s, self.horizon_s)
-            fates = (self._fates(ended_s - asked_s, met), self._fates(touched_s - asked_s, touched))
-            answered.append(Known(asked_s, question.code[kept], question.seen[kept], *fates))
+            answered.append(self._answered(question, pairs, own_until_s(question.t_s)))
         return answered
+
+    def _answered(self, question: Question, pairs: Pairs, until_s: Floats, were_there: bool = True) -> Known:
+        """What became of the pairs of a question; `until_s` is by slot, as `own_until_s` tells it. See `settle`."""
+        asked_s = question.t_s
+        kept, ended_s, met, touched_s, touched = _ended(pairs, question.code, until_s, asked_s, self.horizon_s)
+        ended_s = ended_s if were_there else np.where(met, ended_s, np.inf)
+        fates = (self._fates(ended_s - asked_s, met), self._fates(touched_s - asked_s, touched))
+        return Known(asked_s, question.code[kept], question.seen[kept], *fates)
 
     def _fates(self, after_s: Floats, met: Bools) -> Fates:
         ended = part_of(after_s, self.horizon_s)

@@ -73,6 +73,9 @@ class Places:
     def __len__(self) -> int:
         return len(self._places)
 
+    def get(self, uuid: str) -> Place | None:
+        return self._places.get(uuid)
+
     def put(self, uuid: str, place: Place) -> None:
         if self._places.get(uuid) != place:
             self._places[uuid], self._tree = place, None

@@ -63,6 +63,11 @@ class Presence:
         self._live, self._measures = live, measures
         self._hearing, self._contacts = Hearing(), Contacts()
         self._meanings, self._places = Meanings(), Places()
+        self._last_seen_at = Places()
+        """Where robots were heard last that are believed to have gone on from there."""
+        self.passed: set[str] = set()
+        """Silent robots through whose outline, as it was when they were heard last or as it is believed to be, another
+        one drove by the last batch."""
         self._fading, self._removals = Fading(), Removals()
         self._due: list[tuple[float, str]] = []
         """A heap of when silent robots are next looked at; see `_next_s`."""
@@ -81,7 +86,11 @@ class Presence:
             self._contacts.join(batch.robots[row], batch.vendors[row])
         for uuid in batch.gone:
             self._forget(uuid)
+        self.passed = set(self._last_seen_at.driven_through(batch, legs))
+        for uuid in self.passed:
+            self._last_seen_at.discard(uuid)
         off = self._drive_through(batch, legs)
+        self.passed.update(off)
         return replace(batch, gone=(*batch.gone, *off)) if off else batch
 
     def step(self, now_s: float) -> Changes:
@@ -159,7 +168,7 @@ class Presence:
     def _end(self, uuid: str, silence: Silence, batch: Batch, row: int) -> None:
         """A silence has ended with the report of a row."""
         self._next_s.pop(uuid, None)
-        self._places.discard(uuid)
+        self._discard(uuid)
         is_back = was_there(self._live.robots[uuid].forecast, self._live.floors, batch, row)
         self._measures.count(SILENCES, silence.vendor, "there" if is_back else "elsewhere")
         if silence.case and silence.counts:
@@ -171,14 +180,21 @@ class Presence:
         self._fading.end(uuid)
         self._removals.put_back(uuid)
         self._next_s.pop(uuid, None)
-        self._places.discard(uuid)
+        self._discard(uuid)
         self._contacts.leave(uuid)
         self._hearing.forget(uuid)
 
     def _drive_through(self, batch: Batch, legs: Legs) -> list[str]:
-        """Take off the robots through whose places others have driven."""
+        """Take off the robots through whose places others have driven.
+
+        One that was on its way when it was heard last has stopped there, if that is not driven through too.
+        """
         off = []
         for uuid, row in self._places.driven_through(batch, legs).items():
+            if (place := self._last_seen_at.get(uuid)) and uuid in self._fading.silences:
+                self._hold(uuid, self._fading.silences[uuid])
+                self._places.put(uuid, place)
+                continue
             if silence := self._fading.end(uuid):
                 name = self._live.robots[uuid].name
                 one = TakenOff(silence.vendor, name, silence.heard_s, batch.now_s, batch.names[row])
@@ -191,6 +207,17 @@ class Presence:
             self._places.discard(uuid)
             self._next_s.pop(uuid, None)
         return off
+
+    def _hold(self, uuid: str, silence: Silence) -> None:
+        """A robot is believed to stand where it was heard last."""
+        silence.stood = True
+        self._last_seen_at.discard(uuid)
+        self._fading.changes.stopped.append(uuid)
+
+    def _discard(self, uuid: str) -> None:
+        """A robot has no place any more."""
+        self._places.discard(uuid)
+        self._last_seen_at.discard(uuid)
 
     def _look_at(self, uuid: str, at_s: float) -> None:
         self._next_s[uuid] = at_s
@@ -227,6 +254,8 @@ class Presence:
         last = Last.GOING if goes and moved is not False else Last.ARRIVED if moved else Last.STANDING
         if last is Last.STANDING and goes:
             self._fading.changes.stopped.append(uuid)
+        if last is Last.GOING:
+            self._last_seen_at.put(uuid, place_of(forecast, pose_at(forecast, float(forecast.t_s[0])), robot.doubt_m))
         state = robot.batch.states[robot.row]
         is_blocked = is_standing and state in ("navigating", "manualOverride")
         datum = datum_of(self._live.floors, int(forecast.floor[0]))

@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import pytest
 
-from deconflict.advisory import Recommendation
+from deconflict.advisory import ConflictAdvisory, Recommendation
 from deconflict.heights import beside, most_beside
 from tests.deconflict.contention.scenes import Scene, Script, site
+from tests.saying import robot
 
 
 class Box(NamedTuple):
@@ -15,32 +16,47 @@ class Box(NamedTuple):
     top_m: float
 
 
-def crossing(z_m: float) -> tuple[Scene, list[Recommendation], int]:
-    """They cross after 10 s: the advice that was given until then, and how many near misses were noticed."""
+class Crossing(NamedTuple):
+    """What was told and noticed until two robots had crossed."""
+
+    scene: Scene
+    conflicts: list[ConflictAdvisory]
+    """Those of the pair that were open after each step."""
+    near_misses: int
+
+    @property
+    def advice(self) -> list[Recommendation]:
+        return [one.recommendation for one in self.conflicts if one.recommendation]
+
+
+def crossing(z_m: float) -> Crossing:
+    """They cross after 10 s."""
     robots = {
         "A": Script([(0, -10, 0), (20, 10, 0)]),
         "B": Script([(0, 0, -10), (20, 0, 10)], vendor="Corvid", z_m=z_m),
     }
-    scene = Scene(site(), robots)
-    advice, near_misses = list[Recommendation](), 0
+    scene, pair = Scene(site(), robots), {robot(name) for name in robots}
+    conflicts, near_misses = list[ConflictAdvisory](), 0
     for tick in range(48):
         scene.run((tick + 1) / 4, from_s=tick / 4)
-        advice += [one.recommendation for one in scene.engine.conflicts() if one.recommendation]
+        conflicts += [one for one in scene.engine.conflicts() if {*one.robots} == pair]
         near_misses += len(scene.engine.near_misses)
-    return scene, advice, near_misses
+    return Crossing(scene, conflicts, near_misses)
 
 
-def test_at_one_height_they_get_advice_and_nearly_collide() -> None:
-    _, advice, near_misses = crossing(0.0)
-    assert any(one.holds for one in advice)
-    assert near_misses == 1
+def test_at_one_height_they_are_warned_of_and_get_advice_and_nearly_collide() -> None:
+    met = crossing(0.0)
+    assert met.conflicts != []
+    assert any(one.holds for one in met.advice)
+    assert met.near_misses == 1
 
 
-def test_one_above_the_other_neither_should_wait_and_nothing_is_noticed() -> None:
-    scene, advice, near_misses = crossing(5.0)
-    assert not any(one.holds or one.note for one in advice)
-    assert near_misses == 0
-    assert scene.told == []
+def test_one_above_the_other_neither_is_warned_of_nor_should_wait_and_nothing_is_noticed() -> None:
+    met = crossing(5.0)
+    assert met.conflicts == []
+    assert met.near_misses == 0
+    assert met.scene.told == []
+    assert met.scene.engine.probabilities() == []
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """All figures of judged cases, by name."""
 
+from math import nan
+
 import numpy as np
 
 from benchmarks.planned_floors.scoring.calibration import calibration
@@ -13,12 +15,19 @@ def figures(cases: Cases) -> dict[str, Figure]:
     verdicts, alerts = cases.verdicts[:, 0], len(cases.verdicts)
     warned = {
         f"{what} {how}": share(rows[:, column])
-        for what, rows in (("stops", cases.stops), ("encounters", cases.encounters), ("silent", cases.silent))
+        for what, rows in (
+            ("stops", cases.stops),
+            ("encounters", cases.encounters),
+            ("silent", cases.silent),
+            ("silent standing", cases.standing),
+        )
         for column, how in enumerate([*(f"told {lead_s:g} s" for lead_s in LEADS_S), "any alert"])
     }
     judged = int(np.isin(verdicts, (Verdict.TRUE, Verdict.IN_VAIN)).sum())
     return {
         **warned,
+        "silent seconds there": _mean(cases.silent_seconds[:, 0]),
+        "silent seconds standing": _mean(cases.silent_seconds[:, 1]),
         "passes alerted": share(cases.passes[:, 0]),
         "alerts true": of_cases(cases.verdicts, _share_true, judged),
         "alert seconds true": of_cases(cases.seconds, _seconds_true, int(cases.seconds[:, : Verdict.UNKNOWN].sum())),
@@ -30,6 +39,11 @@ def figures(cases: Cases) -> dict[str, Figure]:
         **calibration(cases),
         "robot-hours": alone(float(cases.minutes[:, 2].sum()) / 3600, len(cases.minutes)),
     }
+
+
+def _mean(hits: Floats) -> Figure:
+    """A share without an interval: seconds of one silence are no independent cases."""
+    return alone(float(hits.mean()) if len(hits) else nan, len(hits))
 
 
 def _share_true(verdicts: Floats) -> Floats:

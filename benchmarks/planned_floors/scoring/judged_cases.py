@@ -4,7 +4,7 @@ from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from math import floor
+from math import ceil, floor, inf
 from typing import Self
 from zlib import crc32
 
@@ -51,6 +51,10 @@ class Cases:
     """(n, 5) the same of natural encounters."""
     silent: Floats
     """(n, 5) the same of outcomes with a robot that was there and had been silent for longer than its limit."""
+    standing: Floats
+    """(n, 5) of these, those with a silent robot that had stood since it made its last report."""
+    silent_seconds: Floats
+    """(n, 2) of each second of each silent robot, 1 where it was there; 1 where it had stood since its last report."""
     passes: Floats
     """(n, 1) 1 where two robots that passed each other had an alert."""
     verdicts: Floats
@@ -100,10 +104,15 @@ class Judge:
             for outcome in self._outcomes
             if any(self._silences.silent(robot, outcome.onset_s) for robot in outcome.pair)
         ]
+        standing = [
+            outcome for outcome in silent if any(self._stands_silent(robot, outcome.onset_s) for robot in outcome.pair)
+        ]
         return Cases(
             stops=self._warned([(stop.pair, stop.start_s) for stop in self._happened.stops], by_pair),
             encounters=self._warned([(met.pair, met.start_s) for met in self._happened.encounters], by_pair),
             silent=self._warned([(outcome.pair, outcome.onset_s) for outcome in silent], by_pair),
+            standing=self._warned([(outcome.pair, outcome.onset_s) for outcome in standing], by_pair),
+            silent_seconds=self._silent_seconds(),
             passes=_column(
                 [_alerted(passed, by_pair) for passed in self._happened.passes if passed.start_s >= self._from_s]
             ),
@@ -141,6 +150,23 @@ class Judge:
             self._silences.silent(robot, alert.raised_s) and not self._presence.there(robot, alert.raised_s)
             for robot in alert.pair
         )
+
+    def _stands_silent(self, robot: str, t_s: float) -> bool:
+        """Whether a robot is silent at a time, and has stood since it made its last report."""
+        heard_s = self._silences.heard_s(robot, t_s)
+        return heard_s < inf and self._presence.stands(robot, heard_s, t_s)
+
+    def _silent_seconds(self) -> Floats:
+        """(n, 2) as `Cases.silent_seconds`."""
+        motion = self._truth.motion
+        seconds = range(ceil(max(self._from_s, motion.start_s)), floor(motion.end_s) + 1)
+        rows = [
+            (self._presence.there(robot, second), self._stands_silent(robot, second))
+            for robot in self._silences.robots
+            for second in seconds
+            if self._silences.silent(robot, second)
+        ]
+        return np.array(rows, np.float64).reshape(-1, 2)
 
     def _minutes(self, alerts: list[Alert]) -> Floats:
         """(minutes, 3) as `Cases.minutes`."""

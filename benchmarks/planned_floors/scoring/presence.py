@@ -1,12 +1,16 @@
-"""Which robots were truly there, and which had been silent for long."""
+"""Which robots were truly there, which stood, and which had been silent for long."""
 
 from bisect import bisect_right
+from math import inf
 
 import numpy as np
 
 from benchmarks.planned_floors.logs.reports import Robot
 from benchmarks.planned_floors.truth.floor_truth import FloorTruth
 from benchmarks.planned_floors.truth.motion import STEP_S
+
+STOOD_M = 0.3
+"""A robot that moved no further stood."""
 
 
 class Presence:
@@ -28,15 +32,30 @@ class Presence:
         index = int(np.searchsorted(absent, self._motion.sample(t_s)))
         return self._motion.start_s + absent[index] * STEP_S if index < len(absent) else self._motion.end_s
 
+    def stands(self, robot: str, since_s: float, t_s: float) -> bool:
+        """Whether it was there at a time, and had stood where it was since another."""
+        column, motion = self._column[robot], self._motion
+        since, now = motion.sample(since_s), motion.sample(t_s) + 1
+        x_m, y_m = motion.x_m[since:now, column], motion.y_m[since:now, column]
+        moved_m = np.hypot(x_m - x_m[0], y_m - y_m[0])
+        return bool((moved_m <= STOOD_M).all())  # nan, where it was not there, is not
+
 
 class Silences:
     """Which robots had been silent for longer than their limit."""
 
     def __init__(self, robots: list[Robot]) -> None:
         self._received_s = {robot.uuid: [report.received_s for report in robot.reports] for robot in robots}
+        self._heard_s = {robot.uuid: [report.t_s for report in robot.reports] for robot in robots}
+        self.robots = sorted(self._received_s)
         self._limit_s = {robot.uuid: robot.silence_limit_s() for robot in robots}
 
     def silent(self, robot: str, t_s: float) -> bool:
+        return self.heard_s(robot, t_s) < inf
+
+    def heard_s(self, robot: str, t_s: float) -> float:
+        """When one that was silent at a time had made its last report; inf for one that was not."""
         received_s = self._received_s[robot]
         index = bisect_right(received_s, t_s) - 1
-        return index >= 0 and t_s - received_s[index] > self._limit_s[robot]
+        is_silent = index >= 0 and t_s - received_s[index] > self._limit_s[robot]
+        return self._heard_s[robot][index] if is_silent else inf

@@ -153,3 +153,19 @@ def test_robots_that_left_and_came_back_in_other_places_are_not_taken_for_each_o
     stage.foresight.receive(stage.batch(1.0))
     stage.foresight.look(NOW_S + 1, swept._replace(before=np.array([0])), 0.5)
     assert [pair for pair, _ in stage.foresight.probabilities()] == [("a", "b")]
+
+
+@pytest.mark.parametrize("silent", ["a", "b"])
+def test_whether_one_still_gives_way_is_not_known_once_one_of_the_two_is_silent(silent: str) -> None:
+    stage = Stage({"a": Walk((0.0, -9.6), (0.0, 1.0)), "b": Walk((-10.0, 0.0), (1.0, 0.0))})
+    stage.run(9)
+    stage.walks["a"] = Walk((0.0, -1.6), (0.0, 0.0), says=(0.0, 1.0))
+    for t_s in range(9, 12):
+        stage.second(t_s)
+    pairs = stage.foresight._pairs
+    assert pairs["gives_way"].tolist() == [True]
+    stage.foresight.fall_silent(["nobody"])
+    assert pairs["gives_way"].tolist() == [True]
+    stage.foresight.fall_silent([silent])
+    assert pairs["gives_way"].tolist() == [False]
+    assert pairs["gave_way_s"].tolist() == [-np.inf]

@@ -208,3 +208,25 @@ def test_what_became_of_pairs_is_the_same_pair_by_pair() -> None:
     told = (question.code.tolist(), fates.met.tolist(), fates.part.tolist(), fates.left.tolist())
     assert list(zip(*told, strict=True)) == expected
     assert 5 < fates.met.sum() < len(expected) < len(asked)
+
+
+@pytest.mark.parametrize("were_there", [True, False])
+def test_pairs_of_a_robot_that_was_driven_through_are_kept_apart_and_of_one_that_left_nothing_is_known(
+    were_there: bool,
+) -> None:
+    # robot 0 was heard until 3 s; with 1 it met at 2 s, with 2 it did not; 2 and 3 go on
+    every = pairs((0, 1), (0, 2), (2, 3))
+    every["started_s"][0], every["below_s"][0] = NOW_S + 2.0, NOW_S + 2.5
+    outcomes, heard = Outcomes(horizon_s=10.0), NOW_S + np.array([3.0, 6.0, 6.0, 6.0])
+    outcomes.ask(NOW_S, every["code"], every["seen"])
+    outcomes.settle(np.array([0]), every, lambda _: heard, were_there=were_there)
+    (known,) = outcomes.known(NOW_S + 7, every, lambda _: heard)
+    assert slots_of(known.code)[1].tolist() == [1, 2]
+    assert known.interacted.met.tolist() == known.touched.met.tolist() == [True, False]
+    assert known.interacted.part.tolist() == [2, 3 if were_there else STAYED]
+    assert known.interacted.left.tolist() == [False, were_there]
+    # by contact it counts as it always did
+    assert known.touched.left.tolist() == [False, True]
+    # another robot has the slot by the time that the others are known
+    (known,) = outcomes.known(NOW_S + 16, every, lambda _: heard + 10.0)
+    assert slots_of(known.code)[0].tolist() == [2]

@@ -115,6 +115,23 @@ def test_a_robot_that_was_to_drive_on_has_its_place_where_its_path_ends() -> Non
     assert is_off(watch)
 
 
+def test_a_robot_that_is_not_where_its_path_ends_is_believed_to_stand_where_it_was_heard_last() -> None:
+    watch = Watch()
+    for name in ("silent", "other"):
+        watch.identify(name, baseRobotEnvelope=SIZE)
+    watch.drive("silent", 0.0, seconds=5)
+    watch.wait(20.0)
+    watch.drive("other", 12.0, seconds=6)
+    assert not is_off(watch)
+    assert [one for changes in watch.changes for one in changes.stopped] == [robot("silent")]
+    watch.wait(30.0)
+    watch.drive("other", 13.0, seconds=4)
+    assert not is_off(watch)
+    watch.drive("other", 3.0, seconds=4)
+    assert is_off(watch)
+    assert watch.outcomes()["driven_through"] == 1
+
+
 def test_one_that_charges_is_taken_off_as_well() -> None:
     watch = with_silent(operationalState="charging")
     assert watch.there("silent") == 1.0

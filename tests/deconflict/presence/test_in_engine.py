@@ -103,6 +103,34 @@ def test_once_another_has_driven_through_its_place_it_is_nowhere(door: Mapping[s
     assert robot("first") in floor.engine.live.robots
 
 
+def followed(beside_m: float, path_s: int) -> tuple[Judged, dict[str, float]]:
+    """One drives up to the door, tells so much of its way and is not heard again; another follows it. What became of
+    their pair."""
+    floor = Judged()
+    for name in ("first", "second"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    for second in range(16):
+        if second < 8:
+            floor.say("first", DOOR_M - 4.0 + second / 2, 0.2, 0.5, path_s=path_s)
+        floor.say("second", DOOR_M - 13.5 + second, beside_m, 1.0)
+        floor.tick()
+        floor.wait(1.0)
+    floor.wait(20.0)
+    told = floor.measures.values["deconflict_probability_outcomes_total"]
+    return floor, {outcome: count for (outcome,), count in told.items()}
+
+
+def test_a_pair_was_kept_apart_where_one_was_silent_and_driven_through_and_is_unknown_otherwise() -> None:
+    _, unknown = followed(1.2, path_s=1)
+    assert unknown["passed"] == 0
+    # where its path ends, and where it was heard last
+    for path_s, is_off in ((1, True), (10, False)):
+        floor, known = followed(0.2, path_s)
+        assert (floor.presence.taken_off(robot("first")) is not None) == is_off
+        assert known["passed"] > 0
+        assert known["left"] < unknown["left"]
+
+
 def test_an_advisory_on_a_silent_robot_says_so() -> None:
     floor = Judged()
     for name in ("silent", "other"):

@@ -134,6 +134,21 @@ def test_meetings_with_silent_robots_are_scored_apart() -> None:
     assert cases.silent.tolist() == [[1, 1, 1, 1, 1]]
 
 
+def test_of_silent_robots_it_is_told_apart_who_stands_who_drove_on_and_who_is_gone() -> None:
+    motion = motion_of(200.0, **APART)
+    line(motion, B, 20.0, 24.0, 96.0, 100.0)  # drives on, and stands from 100 s on
+    motion.x_m[1500:, 2] = np.nan  # C stands until it is carried away after 150 s
+    robots = [every_second(A, 200), every_second(B, 95), every_second(C, 95)]
+    cases = judged([alert(118.0, 125.0, (A, C))], [stop(110.0), stop(120.0, A, C)], motion, robots)
+    assert cases.silent.tolist() == [[0, 0, 0, 0, 0], [1, 1, 0, 0, 1]]
+    assert cases.standing.tolist() == [[1, 1, 0, 0, 1]]
+    found = figures(cases)
+    assert found["silent standing told 2 s"]["value"] == 1.0
+    # B and C from 101 s to 200 s, C there until 149 s
+    assert found["silent seconds there"] == {"value": pytest.approx(149 / 200), "of": 200, "interval": None}
+    assert found["silent seconds standing"]["value"] == pytest.approx(49 / 200)
+
+
 def test_robots_that_pass_each_other_should_not_be_alerted() -> None:
     motion = motion_of(60.0, **{A: (0.0, 0.0), B: (20.0, 1.4)})
     line(motion, B, 20.0, -20.0, 0.0, 40.0)
