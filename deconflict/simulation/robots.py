@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.simulation.cast import Member
+from deconflict.simulation.driving.routes import SAMPLE_M
+from deconflict.simulation.driving.traffic import BACKING_MPS, MOVING_MPS, RIDE_S, Doing, World
+from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.layout import BayKind
-from deconflict.simulation.routes import SAMPLE_M
-from deconflict.simulation.traffic import BACKING_MPS, MOVING_MPS, RIDE_S, Doing, World
-from deconflict.simulation.trips import NOWHERE
 from ingest.seam import Floats, Ints
 
 WAITING_AFTER_S = 3.0

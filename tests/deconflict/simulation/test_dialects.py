@@ -13,9 +13,9 @@ from deconflict import site
 from deconflict.demo import demo_site
 from deconflict.simulation.cast import MAKES, VendorName, cast
 from deconflict.simulation.dialects import DIALECTS, SITE_MAPS
+from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.layout import layout_for
 from deconflict.simulation.robots import Plan, Robot, robots
-from deconflict.simulation.traffic import World
 from ingest.frames import Frames
 from ingest.messages import Identity, Status, read
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from deconflict.simulation.cast import cast
+from deconflict.simulation.driving.traffic import RIDE_S, Doing, World
+from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.layout import BayKind, layout_for
 from deconflict.simulation.robots import Plan, Robot, robots
-from deconflict.simulation.traffic import RIDE_S, Doing, World
-from deconflict.simulation.trips import NOWHERE
 
 STEP_S = 0.1
 STATES = {"navigating", "idle", "charging", "waitingHumanEvent", "waitingExternalEvent"}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from deconflict.simulation.cast import VendorName, cast
+from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.layout import layout_for
-from deconflict.simulation.traffic import World
 from deconflict.simulation.truth import near_pairs, true_encounters
 
 CLEARANCE_M = 0.3

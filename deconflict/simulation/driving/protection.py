@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from deconflict.simulation.tracks import Tracks
+from deconflict.simulation.driving.tracks import Tracks
 from ingest.seam import Floats, Ints
 
 LOOK_M = np.arange(0.0, 1.85, 0.2)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from deconflict.simulation.cast import ALDER
-from deconflict.simulation.crossings import Crossings, Passage, passages
+from deconflict.simulation.driving.crossings import Crossings, Passage, passages
+from deconflict.simulation.driving.routes import drive, lane
 from deconflict.simulation.layout import layout_for
-from deconflict.simulation.routes import drive, lane
 
 EAST, WEST, NORTH = (1, 0), (-1, 0), (0, 1)
 

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.simulation.cast import Body, Member
-from deconflict.simulation.crossings import Crossings, passages
+from deconflict.simulation.driving.crossings import Crossings, passages
+from deconflict.simulation.driving.protection import Traffic, centres, free_way
+from deconflict.simulation.driving.routes import drive, lane, standing
+from deconflict.simulation.driving.tracks import Tracks
+from deconflict.simulation.driving.trips import NOWHERE, Trips
 from deconflict.simulation.layout import Bay, BayKind, Layout
-from deconflict.simulation.protection import Traffic, centres, free_way
-from deconflict.simulation.routes import drive, lane, standing
-from deconflict.simulation.tracks import Tracks
-from deconflict.simulation.trips import NOWHERE, Trips
 from ingest.seam import Floats, Ints
 
 ARRIVED_M = 0.03

@@ -5,10 +5,10 @@ import pytest
 import shapely
 
 from deconflict.simulation.cast import ALDER, Make
+from deconflict.simulation.driving.protection import Traffic, free_way, gaps
+from deconflict.simulation.driving.routes import drive
+from deconflict.simulation.driving.tracks import Tracks
 from deconflict.simulation.layout import Place
-from deconflict.simulation.protection import Traffic, free_way, gaps
-from deconflict.simulation.routes import drive
-from deconflict.simulation.tracks import Tracks
 from deconflict.simulation.truth import corners
 
 Way = tuple[Place, Place]

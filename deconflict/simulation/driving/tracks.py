@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from deconflict.simulation.routes import Drive
+from deconflict.simulation.driving.routes import Drive
 from ingest.seam import Floats, Ints
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from deconflict.simulation.cast import cast
+from deconflict.simulation.driving.routes import drive
+from deconflict.simulation.driving.traffic import Doing, World
 from deconflict.simulation.layout import layout_for
-from deconflict.simulation.routes import drive
-from deconflict.simulation.traffic import Doing, World
 from deconflict.simulation.truth import near_pairs
 from ingest.seam import Floats
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deconflict.simulation.driving.routes import Drive
 from deconflict.simulation.layout import Layout
-from deconflict.simulation.routes import Drive
 from ingest.seam import Floats, Ints
 
 BEFORE_M, AFTER_M = 2.3, 2.0
