@@ -1,6 +1,6 @@
-"""Right of way at crossings, as by a hall's traffic lights: only ways that do not meet are open together.
+"""Right of way at crossings within a fleet: its manager opens only ways together that do not meet.
 
-Otherwise queues from four sides lock each other in. No forecast knows of it.
+Otherwise queues from four sides lock each other in. Fleets do not know of each other.
 """
 
 from collections.abc import Sequence
@@ -58,15 +58,21 @@ def _sign(value: float) -> int:
 
 
 class Crossings:
-    """Who is in which crossing, and where everybody else has to stop."""
+    """Who is in which crossing, and where everybody else of that fleet has to stop."""
 
-    def __init__(self, robots: int) -> None:
+    def __init__(self, fleet: Ints) -> None:
+        """`fleet` is that of each of n robots."""
+        robots = len(fleet)
+        self._fleet = fleet.tolist()
         self._ahead: list[list[Passage]] = [[] for _ in range(robots)]
-        self._inside: dict[int, dict[int, Passage]] = {}
+        self._inside: dict[tuple[int, int], dict[int, Passage]] = {}
+        """By fleet and crossing."""
         self.stop_m = np.full(robots, np.inf)
         """(n,) progress at which each has to stop."""
         self.waits_for = np.full(robots, NOBODY)
         """(n,) somebody in the crossing that a robot waits for."""
+        self.enter_m = np.full(robots, np.inf)
+        """(n,) progress at which each comes into the next crossing."""
         self._event_m = np.full(robots, np.inf)
         """(n,) progress from which there is something to decide."""
         self.back_to_m = np.zeros(robots)
@@ -81,7 +87,7 @@ class Crossings:
         """Let robots in and note who is out; `going` are the rows of those that drive."""
         for robot in going[progress_m[going] >= self._event_m[going]]:
             one = self._ahead[robot][0]
-            inside = self._inside.setdefault(one.node, {})
+            inside = self._holders(robot, one)
             if robot in inside:
                 del inside[robot], self._ahead[robot][0]
                 self.back_to_m[robot] = one.leave_m
@@ -95,9 +101,17 @@ class Crossings:
     def give_way(self, robot: int, progress_m: float) -> None:
         """A robot that has backed out of a crossing asks again."""
         if self._ahead[robot] and progress_m < self._ahead[robot][0].enter_m:
-            self._inside.get(self._ahead[robot][0].node, {}).pop(robot, None)
+            self._holders(robot, self._ahead[robot][0]).pop(robot, None)
             self._close(robot)
+
+    def next(self, robot: int) -> Passage:
+        """The crossing that a robot is in or comes to; there is one where `enter_m` is finite."""
+        return self._ahead[robot][0]
+
+    def _holders(self, robot: int, passage: Passage) -> dict[int, Passage]:
+        return self._inside.setdefault((self._fleet[robot], passage.node), {})
 
     def _close(self, robot: int) -> None:
         enter_m = self._ahead[robot][0].enter_m if self._ahead[robot] else np.inf
+        self.enter_m[robot] = enter_m
         self.stop_m[robot], self._event_m[robot], self.waits_for[robot] = enter_m, enter_m - ASK_M, NOBODY

@@ -1,10 +1,12 @@
-"""The robots' local protective stop: how far each can go before it would touch another.
+"""How far each robot can go on its way before its field would touch another, and who it would be.
 
-A robot looks along its own way. Everybody stops for where others are; of two, the one of the later rank also
-keeps off the way that the other takes in the next second and a half.
+A robot's field is its body, a little wider, along its own way. It has to stay clear of the bodies of others and of what
+they would still cover if they braked now: so two that both brake never touch. Of its own fleet, and if it is a person of
+everybody, a robot knows more: the one of the later rank also keeps off the way that the other takes in the next second
+and a half.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,27 +15,40 @@ from scipy.spatial import cKDTree
 from deconflict.simulation.driving.tracks import Tracks
 from ingest.seam import Floats, Ints
 
-LOOK_M = np.arange(0.0, 1.85, 0.2)
+NOBODY = -1
+LOOK_STEP_M = 0.2
+LOOK_M = np.arange(0.0, 3.05, LOOK_STEP_M)
 """Places along a robot's way that are tried."""
-AHEAD_S = np.array([0.0, 0.4, 0.9, 1.5])
-"""When the others' places are looked at."""
-MARGIN_M = 0.03
+BRAKING = np.array([0.0, 0.5, 1.0])
+"""Shares of the others' stopping distance at which their bodies are looked at."""
+AHEAD_S = np.array([0.4, 0.9, 1.5])
+"""When the others' places are looked at, where they are known."""
+MARGIN_M = 0.05
 """Envelopes are not brought nearer than this."""
-REACH_M = 4.8
+BESIDE_M = 0.05
+"""How much wider than its body a field is on each side."""
+SIDESTEP_M = 0.12
+"""Nobody goes sideways to where another would be nearer than this."""
+REACH_M = 7.0
 """Robots whose centres are further apart than this do not matter to each other."""
 FLOOR_M = 1e5
 """Apart by this, floors share one tree."""
 
+Bools = NDArray[np.bool_]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traffic:
-    """What the protective stop sees of n robots."""
+    """n robots as the others meet them."""
 
     tracks: Tracks
     progress_m: Floats
     speed_mps: Floats
     """Of progress; negative when backing."""
-    backing: NDArray[np.bool_]
+    brake_mps2: Floats
+    backing: Bools
+    going: Bools
+    """Who drives or backs: the others need no way."""
     aside_m: Floats
     """To the left of the way."""
     floor: Ints
@@ -41,8 +56,29 @@ class Traffic:
     width_m: Floats
     ahead_m: Floats
     """Centre of the envelope ahead of the location."""
+    fleet: Ints
+    """Robots of one fleet are told of each other."""
+    person: Bools
     rank: Ints
     """The lower of two goes first."""
+
+    def braking_m(self) -> Floats:
+        """(n,) progress until each would stand if it braked now; negative when backing."""
+        way_m: Floats = self.speed_mps * np.abs(self.speed_mps) / (2 * self.brake_mps2)
+        return way_m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Free:
+    """Metres of progress that are free ahead of each of n robots (behind, when it backs)."""
+
+    sensed_m: Floats
+    """(n,) before its field would touch somebody of another fleet; inf where nobody is near."""
+    sensed: Ints
+    """(n,) who that is; `NOBODY` where nobody is near."""
+    known_m: Floats
+    """(n,) the same of its own fleet; of everybody if it is a person."""
+    known: Ints
 
 
 def centres(traffic: Traffic, robots: Ints, progress_m: Floats) -> Floats:
@@ -53,46 +89,98 @@ def centres(traffic: Traffic, robots: Ints, progress_m: Floats) -> Floats:
     return np.stack([x + c * ahead_m - s * aside_m, y + s * ahead_m + c * aside_m, yaw])
 
 
-def free_way(traffic: Traffic) -> tuple[Floats, Ints]:
-    """(n,) metres of progress free ahead of each robot (behind, when it backs), inf where nothing is near; and
-    (n,) who is in the way, -1 for nobody.
-    """
+def free_ways(traffic: Traffic) -> Free:
+    """How far everybody that is going can go."""
     n = len(traffic.progress_m)
-    free_m, by = np.full(n, np.inf), np.full(n, -1, np.int64)
-    everyone = np.arange(n)
-    here = centres(traffic, everyone, traffic.progress_m)
+    free = Free(np.full(n, np.inf), np.full(n, NOBODY), np.full(n, np.inf), np.full(n, NOBODY))
+    who, whom = _near(traffic, traffic.going)
+    if not len(who):
+        return free
+    same_fleet = traffic.fleet[who] == traffic.fleet[whom]
+    knows = traffic.person[who] | same_fleet
+    looks = _looks(traffic, who, LOOK_M)
+    way_m = _way_m(traffic, who, whom, looks, _braking_places(traffic, whom))
+    foresees = knows & (traffic.rank[whom] < traffic.rank[who])
+    later = _places(traffic, whom[foresees], traffic.speed_mps[whom[foresees], None] * AHEAD_S)
+    foreseen_m = _way_m(traffic, who[foresees], whom[foresees], looks[:, foresees], later)
+    way_m[foresees] = np.minimum(way_m[foresees], foreseen_m)
+    for of_kind, free_m, by in ((~knows, free.sensed_m, free.sensed), (knows, free.known_m, free.known)):
+        _keep_nearest(who[of_kind], whom[of_kind], way_m[of_kind], free_m, by)
+    return free
+
+
+def may_sidestep(traffic: Traffic, aside_m: Floats) -> Bools:
+    """(n,) whether nobody is beside those who mean to be at `aside_m` next, on all the way that braking takes."""
+    movers = traffic.aside_m != aside_m
+    may = np.ones(len(movers), np.bool_)
+    who, whom = _near(traffic, movers)
+    if not len(who):
+        return may
+    along_m = traffic.braking_m()[who, None] * BRAKING
+    places = _braking_places(traffic, whom)
+    before, after = (
+        _gaps_m(one, who, whom, _places(one, who, along_m), places)
+        for one in (traffic, replace(traffic, aside_m=aside_m))
+    )
+    may[who[np.any((after < SIDESTEP_M) & (after < before), axis=(0, 2))]] = False
+    return may
+
+
+def _near(traffic: Traffic, asking: Bools) -> tuple[Ints, Ints]:
+    """Pairs (p,) of those who ask and others near them, both ways round."""
+    here = centres(traffic, np.arange(len(asking)), traffic.progress_m)
     tree = cKDTree(np.column_stack([here[0] + FLOOR_M * traffic.floor, here[1]]))
     pairs = tree.query_pairs(REACH_M, output_type="ndarray")
-    if not len(pairs):
-        return free_m, by
-    column = everyone[:, None]
-    direction = np.where(traffic.backing, -1.0, 1.0)[:, None]
-    looks = centres(traffic, column, traffic.progress_m[:, None] + direction * LOOK_M)
-    others = centres(traffic, column, traffic.progress_m[:, None] + traffic.speed_mps[:, None] * AHEAD_S)
-    in_order = traffic.rank[pairs[:, 0]] < traffic.rank[pairs[:, 1]]
-    first, second = np.where(in_order, pairs.T, pairs.T[::-1])
-    for who, whom, moments in ((first, second, 2), (second, first, len(AHEAD_S))):
-        way_m = _way(traffic, who, whom, looks, others[:, :, :moments])
-        order = np.lexsort((whom, way_m, who))
-        nearest = order[np.unique(who[order], return_index=True)[1]]
-        rows, way_m = who[nearest], way_m[nearest]
-        nearer = way_m < free_m[rows]
-        free_m[rows[nearer]], by[rows[nearer]] = way_m[nearer], whom[nearest][nearer]
-    return free_m, by
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    both = both[asking[both[:, 0]]]
+    return both[:, 0], both[:, 1]
 
 
-def _way(traffic: Traffic, who: Ints, whom: Ints, looks: Floats, others: Floats) -> Floats:
+def _looks(traffic: Traffic, who: Ints, along_m: Floats) -> Floats:
+    direction = np.where(traffic.backing, -1.0, 1.0)[who, None]
+    return _places(traffic, who, direction * along_m)
+
+
+def _braking_places(traffic: Traffic, whom: Ints) -> Floats:
+    return _places(traffic, whom, traffic.braking_m()[whom, None] * BRAKING)
+
+
+def _places(traffic: Traffic, robots: Ints, along_m: Floats) -> Floats:
+    """(3, p, k) centres of these robots so far along their ways from where they are; `along_m` is (p, k)."""
+    return centres(traffic, robots[:, None], traffic.progress_m[robots, None] + along_m)
+
+
+def _way_m(traffic: Traffic, who: Ints, whom: Ints, looks: Floats, places: Floats) -> Floats:
     """(p,) progress that `who` has before it would come within the margin of `whom`, and nearer than it is."""
-    gap_m = gaps(
-        looks[:, who, :, None],
-        others[:, whom, None, :],
-        (traffic.length_m[who, None, None], traffic.width_m[who, None, None]),
-        (traffic.length_m[whom, None, None], traffic.width_m[whom, None, None]),
+    gap_m = _gaps_m(traffic, who, whom, looks, places, BESIDE_M)
+    blocked: Bools = (gap_m < MARGIN_M) & (gap_m < gap_m[:1] - 0.01)
+    reached = np.argmax(blocked, axis=0)[None]
+    before, at = (np.take_along_axis(gap_m, np.maximum(rows, 0), axis=0)[0] for rows in (reached - 1, reached))
+    share = np.clip((before - MARGIN_M) / np.maximum(before - at, 1e-9), 0.0, 1.0)
+    way_m = LOOK_STEP_M * (np.maximum(reached[0] - 1, 0) + share)
+    nearest_m: Floats = np.where(np.any(blocked, axis=0), way_m, np.inf).min(axis=1)
+    return nearest_m
+
+
+def _gaps_m(
+    traffic: Traffic, who: Ints, whom: Ints, looks: Floats, places: Floats, beside_m: float = 0.0
+) -> Floats:
+    """(l, p, k) gaps of each look of `who`, which is (3, p, l), to each place of `whom`, (3, p, k)."""
+    return gaps(
+        looks.transpose(0, 2, 1)[:, :, :, None],
+        places[:, None],
+        (traffic.length_m[who, None], traffic.width_m[who, None] + 2 * beside_m),
+        (traffic.length_m[whom, None], traffic.width_m[whom, None]),
     )
-    nearer: NDArray[np.bool_] = (gap_m < MARGIN_M) & (gap_m < gap_m[:, :1] - 0.01)
-    blocked: NDArray[np.bool_] = np.any(nearer, axis=2)
-    reached = np.argmax(blocked, axis=1)
-    return np.where(np.any(blocked, axis=1), LOOK_M[np.maximum(reached - 1, 0)], np.inf)
+
+
+def _keep_nearest(who: Ints, whom: Ints, way_m: Floats, free_m: Floats, by: Ints) -> None:
+    """Write the shortest free way of each robot, and who ends it, into `free_m` and `by`."""
+    order = np.lexsort((whom, way_m, who))
+    rows, first = np.unique(who[order], return_index=True)
+    nearest = order[first]
+    free_m[rows] = way_m[nearest]
+    by[rows] = np.where(np.isfinite(way_m[nearest]), whom[nearest], NOBODY)
 
 
 def gaps(a: Floats, b: Floats, size_a: tuple[Floats, Floats], size_b: tuple[Floats, Floats]) -> Floats:

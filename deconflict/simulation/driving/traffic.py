@@ -1,7 +1,8 @@
 """The moving world: robots and people drive from bay to bay, stop for each other, and sort out mutual waits.
 
-A robot drives its own way and knows nothing of others' plans. Where two wait for each other, one of them backs
-off along the way it came and tries again. Time goes on only by `World.step`; all chance is the given generator's.
+A robot drives its own way and knows the plans of its own fleet alone. For others it has a protective stop. Where it has
+stood for another for long, it goes past it or backs off along the way it came. Time goes on only by `World.step`; all
+chance is the given generator's.
 """
 
 from collections.abc import Sequence
@@ -11,12 +12,15 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.simulation.cast import Body, Member
+from deconflict.simulation.cast import Body, Member, Protection, VendorName
 from deconflict.simulation.driving.crossings import Crossings, passages
-from deconflict.simulation.driving.protection import Traffic, centres, free_way
+from deconflict.simulation.driving.lines import Lines
+from deconflict.simulation.driving.passing import Passings
+from deconflict.simulation.driving.protection import NOBODY, Free, Traffic, centres, free_ways, may_sidestep
 from deconflict.simulation.driving.routes import drive, lane, standing
 from deconflict.simulation.driving.tracks import Tracks
 from deconflict.simulation.driving.trips import NOWHERE, Trips
+from deconflict.simulation.driving.waits import Waits
 from deconflict.simulation.layout import Bay, BayKind, Layout
 from ingest.seam import Floats, Ints
 
@@ -35,11 +39,22 @@ DETOUR = 0.6
 """Not everybody takes the shortest way: aisles seem up to this share longer to each."""
 BACKING_MPS = 0.35
 BACK_OFF_M = (1.2, 4.0)
-HOLD_S = (1.5, 4.0)
-PATIENCE_S = (2.0, 8.0)
-"""How long a robot takes part in a mutual wait before it backs off."""
-LONG_WAIT_S = 30.0
-"""And in any other."""
+HOLD_S = (2.0, 6.0)
+HELD_S = (0.8, 1.5)
+"""How long a robot's field must be clear before it goes on, by robot."""
+RESTART_M = 0.15
+"""A robot that stands goes on only where so much of its way is free."""
+GENTLY = 0.6
+"""Share of its greatest braking with which a robot slows down for what it sees or knows in time."""
+YIELDS_SHARE = 0.5
+"""A robot that goes no faster than this share of its pace for another gives way to it."""
+SWERVES_FROM_M = 2.0
+"""So far beyond its stopping distance a robot looks for one to go past."""
+SWERVE_AGAIN_S = 1.0
+SWERVING_MPS, WALKING_MPS = 0.7, 0.5
+"""The most at which a robot swerves, and at which it goes past one that it has stood for."""
+ASIDE_M = 0.1
+"""One that is further off its way than this may not come into a bend."""
 MOVING_MPS, NEARLY_M = 0.03, 0.02
 STUCK_EVERY_S, STUCK_S = 900.0, (8.0, 15.0)
 PAUSE_EVERY_S, PAUSE_S = 25.0, (1.0, 4.0)
@@ -74,30 +89,47 @@ class World:
         self.members, self._rng = tuple(members), rng
         n, makes = len(self.members), [member.make for member in self.members]
         self.t_s = 0.0
-        self.trips, self.tracks, self._crossings = Trips(layout, n, rng), Tracks(n), Crossings(n)
+        vendors = list(VendorName)
+        self.fleet: Ints = np.array([vendors.index(make.vendor) for make in makes])
+        """(n,) robots of one fleet are told of each other."""
+        self.trips, self.tracks, self.crossings = Trips(layout, n, rng), Tracks(n), Crossings(self.fleet)
         self.doing = np.full(n, int(Doing.STANDING))
         self.until_s = rng.uniform(0.0, 6.0, n)
         """When standing, holding or halting ends."""
         self.progress_m, self.speed_mps, self.aside_m = np.zeros(n), np.zeros(n), np.zeros(n)
-        self.waited_s = np.zeros(n)
-        """How long others have kept it from moving."""
+        self.yields_to: Ints = np.full(n, NOBODY)
+        """(n,) for whom each brakes, slows down or swerves that is not of its own fleet."""
         self.back_to_m = np.zeros(n)
         self.pace = np.ones(n)
         """Share of its greatest speed that it likes to go at."""
         self.person = np.array([make.person for make in makes], np.bool_)
         self.load_pct = np.where(rng.random(n) < 0.75, rng.integers(20, 90, n), 0) * ~self.person
         self.battery_pct = np.where(rng.random(n) < 0.15, rng.uniform(22.0, 28.0, n), rng.uniform(35.0, 98.0, n))
-        self._patience_s, self._blocker = rng.uniform(*PATIENCE_S, n), np.full(n, NOWHERE)
+        self.waits = Waits(n, rng)
+        self.lines = Lines(self.crossings, layout, n)
+        self.passings = Passings(np.array([make.lane_m for make in makes]))
+        self._held_s, self._held_until_s = rng.uniform(*HELD_S, n), np.zeros(n)
+        self._held_for: Ints = np.full(n, NOBODY)
+        self._swerve_at_s = np.zeros(n)
+        self._slows, self._swerves = (
+            np.array([make.protection in kinds for make in makes], np.bool_)
+            for kinds in ({Protection.SLOW}, {Protection.SWERVE, Protection.ATTEND})
+        )
         self._gain = np.array([make.gain_mps2 for make in makes])
         self._brake = np.array([make.brake_mps2 for make in makes])
         self._stop_gap_m = np.array([make.stop_gap_m for make in makes])
         self._bodies = np.array([[_sizes(make.body), _sizes(make.loaded)] for make in makes])
-        self._rank = np.argsort(np.lexsort((np.arange(n), ~self.person)))
+        self._rank = np.argsort(np.lexsort((np.arange(n), self.person)))
         for robot in range(n):
             self._put_in(self.trips.at(robot), robot)
 
     def __len__(self) -> int:
         return len(self.members)
+
+    @property
+    def waited_s(self) -> Floats:
+        """(n,) how long others have kept each from moving."""
+        return self.waits.waited_s
 
     @property
     def floor(self) -> Ints:
@@ -136,10 +168,10 @@ class World:
         self.t_s += dt_s
         self._end_waits()
         self._interrupt(dt_s)
-        self._stray(dt_s)
+        self._go_aside(dt_s)
         self._move(dt_s)
         self._arrive()
-        self._part_mutual_waits()
+        self._end_long_waits()
         self._use_batteries(dt_s)
 
     def _traffic(self) -> Traffic:
@@ -148,12 +180,16 @@ class World:
             tracks=self.tracks,
             progress_m=self.progress_m,
             speed_mps=self.speed_mps,
+            brake_mps2=self._brake,
             backing=self.doing == Doing.BACKING,
+            going=(self.doing == Doing.DRIVING) | (self.doing == Doing.BACKING),
             aside_m=self.aside_m,
             floor=self.floor,
             length_m=length_m,
             width_m=width_m,
             ahead_m=ahead_m,
+            fleet=self.fleet,
+            person=self.person,
             rank=self._rank,
         )
 
@@ -187,8 +223,10 @@ class World:
         nodes = layout.route(start.node, goal.node, detours)
         way = drive(lane(layout, nodes, make.lane_m), layout.heading_rad(start), make)
         self.tracks.put(robot, way)
-        self._crossings.put(robot, passages(layout, nodes, way))
-        self.progress_m[robot], self.doing[robot], self.waited_s[robot] = 0.0, Doing.DRIVING, 0.0
+        self.crossings.put(robot, passages(layout, nodes, way))
+        self.lines.leave(robot)
+        self.progress_m[robot], self.doing[robot] = 0.0, Doing.DRIVING
+        self.waits.begin_anew(robot)
 
     def _interrupt(self, dt_s: float) -> None:
         """Now and then a robot is stuck and a person pauses."""
@@ -198,32 +236,85 @@ class World:
             self.doing[robot] = Doing.HALTED
             self.until_s[robot] = self.t_s + self._rng.uniform(*(PAUSE_S if self.person[robot] else STUCK_S))
 
-    def _stray(self, dt_s: float) -> None:
-        """People change their pace, and do not walk in a straight line."""
+    def _go_aside(self, dt_s: float) -> None:
+        """People do not walk in a straight line; robots leave their way to go past others, where nobody is beside."""
+        seen = self._traffic()
+        self.passings.go_on(seen, self.t_s)
+        aside_m = self.passings.next_aside_m(seen, dt_s) + self._stray_m(dt_s)
+        may = may_sidestep(seen, aside_m)
+        self.aside_m = np.where(may, aside_m, self.aside_m)
+
+    def _stray_m(self, dt_s: float) -> Floats:
+        """(n,) how far people stray to the left; they change their pace too."""
         pushes = self._rng.normal(size=(2, len(self))) * np.sqrt(dt_s) * self.person
         self.pace = np.clip(self.pace + PACE_DRIFT * pushes[0], SLOWEST_PACE, 1.0)
-        walking = np.abs(self.speed_mps) > MOVING_MPS
-        change = SWAY_M * pushes[1] - self.aside_m * dt_s / SWAY_S
-        self.aside_m = np.clip(self.aside_m + walking * change, -SWAY_M, SWAY_M)
+        walking = self.person & (np.abs(self.speed_mps) > MOVING_MPS) & (np.abs(self.aside_m) <= SWAY_M)
+        walking &= self.passings.end_m == np.inf
+        change_m = SWAY_M * pushes[1] - self.aside_m * dt_s / SWAY_S
+        strayed_m: Floats = np.clip(self.aside_m + walking * change_m, -SWAY_M, SWAY_M) - self.aside_m
+        return np.where(walking, strayed_m, 0.0)
 
     def _move(self, dt_s: float) -> None:
-        everyone, backing = np.arange(len(self)), self.doing == Doing.BACKING
-        going = backing | (self.doing == Doing.DRIVING)
-        self._crossings.update(self.progress_m, np.flatnonzero(self.doing == Doing.DRIVING))
-        free_m, by = free_way(self._traffic())
-        to_crossing_m = np.where(backing, np.inf, self._crossings.stop_m - self.progress_m)
-        open_m = np.maximum(np.minimum(free_m - self._stop_gap_m, to_crossing_m), 0.0)
-        by = np.where(to_crossing_m < free_m - self._stop_gap_m, self._crossings.waits_for, by)
-        planned = self.pace * self.tracks.speed_mps(everyone, self.progress_m + self.speed_mps * dt_s)
-        wanted = np.minimum(np.where(backing, BACKING_MPS, planned), np.sqrt(2 * self._brake * open_m)) * going
-        signed = np.where(backing, -wanted, wanted)
+        seen = self._traffic()
+        self.crossings.update(self.progress_m, np.flatnonzero(self.doing == Doing.DRIVING))
+        free = free_ways(seen)
+        gap_m = np.where(seen.backing, self._stop_gap_m / 2, self._stop_gap_m)
+        sensed_m, known_m = (np.maximum(way_m - gap_m, 0.0) for way_m in (free.sensed_m, free.known_m))
+        known_m, known = self._own_order(known_m, free, seen)
+        line_m, in_crossing = self.lines.look(seen, self.doing == Doing.DRIVING, self.waited_s)
+        held = self._hold(sensed_m, free, seen.going, dt_s)
+        pace_mps = np.where(seen.backing, BACKING_MPS, self._pace_mps(dt_s))
+        slow_mps = np.where(self._slows, np.sqrt(2 * GENTLY * self._brake * sensed_m), np.inf)
+        open_m = np.minimum(known_m, line_m)
+        wanted_mps = np.minimum(pace_mps, np.sqrt(2 * GENTLY * self._brake * open_m))
+        wanted_mps = np.where(held | ~seen.going, 0.0, np.minimum(wanted_mps, slow_mps))
+        self._swerve(seen, free)
+        slows = seen.going & (slow_mps < YIELDS_SHARE * pace_mps)
+        waits_at_line = seen.going & (line_m < known_m) & (self.fleet[in_crossing] != self.fleet)
+        self.yields_to = np.select([held, slows, waits_at_line], [self._held_for, free.sensed, in_crossing], NOBODY)
+        self._drive(np.where(seen.backing, -wanted_mps, wanted_mps), dt_s)
+        kept = seen.going & (held | (open_m < NEARLY_M)) & (np.abs(self.speed_mps) < MOVING_MPS)
+        self.waits.keep(kept, np.select([held, line_m < known_m], [self._held_for, in_crossing], known), dt_s)
+
+    def _pace_mps(self, dt_s: float) -> Floats:
+        """(n,) how fast each would go if nobody were in its way."""
+        planned_mps = self.tracks.speed_mps(np.arange(len(self)), self.progress_m + self.speed_mps * dt_s)
+        pace_mps: Floats = self.pace * np.minimum(planned_mps, self.passings.top_mps)
+        return pace_mps
+
+    def _own_order(self, known_m: Floats, free: Free, seen: Traffic) -> tuple[Floats, Ints]:
+        """(n,) how far the own fleet lets each go, and (n,) for whom it keeps it."""
+        crossing_m = np.where(seen.backing, np.inf, self.crossings.stop_m - self.progress_m)
+        known = np.where(crossing_m < known_m, self.crossings.waits_for, free.known)
+        off_way = ~seen.backing & (np.abs(self.aside_m) > ASIDE_M)
+        bend_m = np.where(off_way, self.passings.end_m - self.progress_m, np.inf)
+        return np.maximum(np.minimum(np.minimum(known_m, crossing_m), bend_m), 0.0), known
+
+    def _hold(self, sensed_m: Floats, free: Free, going: NDArray[np.bool_], dt_s: float) -> NDArray[np.bool_]:
+        """(n,) who brakes, or stands, since somebody is or was a moment ago in its field."""
+        speed_mps = np.abs(self.speed_mps)
+        needed_m = np.where(speed_mps < MOVING_MPS, RESTART_M, speed_mps**2 / (2 * self._brake) + speed_mps * dt_s)
+        brakes = going & (sensed_m < needed_m)
+        self._held_until_s = np.where(brakes, self.t_s + self._held_s, self._held_until_s)
+        self._held_for = np.where(brakes, free.sensed, self._held_for)
+        held: NDArray[np.bool_] = going & (self.t_s < self._held_until_s)
+        return held
+
+    def _swerve(self, seen: Traffic, free: Free) -> None:
+        """Those that swerve look for a way past whoever comes near."""
+        others = np.where(self.person, free.known, free.sensed)
+        near = np.where(self.person, free.known_m, free.sensed_m) < seen.braking_m() + SWERVES_FROM_M
+        looks = near & self._swerves & (self.doing == Doing.DRIVING) & (self._swerve_at_s <= self.t_s)
+        for robot in np.flatnonzero(looks).tolist():
+            self._swerve_at_s[robot] = self.t_s + SWERVE_AGAIN_S
+            if robot not in self.passings:
+                self.passings.begin(seen, robot, int(others[robot]), self.t_s, SWERVING_MPS)
+
+    def _drive(self, signed_mps: Floats, dt_s: float) -> None:
         faster = np.where(self.speed_mps >= 0, self._gain, self._brake) * dt_s
         slower = np.where(self.speed_mps > 0, self._brake, self._gain) * dt_s
-        self.speed_mps = self.speed_mps + np.clip(signed - self.speed_mps, -slower, faster)
+        self.speed_mps = self.speed_mps + np.clip(signed_mps - self.speed_mps, -slower, faster)
         self.progress_m = np.clip(self.progress_m + self.speed_mps * dt_s, 0.0, self.tracks.length_m)
-        kept = going & (open_m < NEARLY_M) & (np.abs(self.speed_mps) < MOVING_MPS)
-        self._blocker = np.where(kept, by, NOWHERE)
-        self.waited_s = np.where(kept, self.waited_s + dt_s, 0.0)
 
     def _arrive(self) -> None:
         there = (self.doing == Doing.DRIVING) & (self.progress_m >= self.tracks.length_m - ARRIVED_M)
@@ -235,22 +326,23 @@ class World:
         done = back & ((self.progress_m <= self.back_to_m) | (self.waited_s > 0.5))
         for robot in np.flatnonzero(done):
             self.doing[robot] = Doing.HOLDING
-            self._crossings.give_way(int(robot), float(self.progress_m[robot]))
+            self.crossings.give_way(int(robot), float(self.progress_m[robot]))
             self.until_s[robot] = self.t_s + self._rng.uniform(*HOLD_S)
 
-    def _part_mutual_waits(self) -> None:
-        """Robots that wait, directly or through others, for one that waits for them back off one by one."""
-        nobody = len(self)
-        waits_for = np.append(np.where(self._blocker == NOWHERE, nobody, self._blocker), nobody)
-        for _ in range(6):
-            waits_for = waits_for[waits_for]
-        mutual = waits_for[:-1] != nobody
-        tired = (mutual & (self.waited_s > self._patience_s)) | (self.waited_s > LONG_WAIT_S)
-        for robot in np.flatnonzero(tired & (self.doing == Doing.DRIVING)):
-            self.doing[robot], self.waited_s[robot] = Doing.BACKING, 0.0
-            wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
-            self.back_to_m[robot] = max(self._crossings.back_to_m[robot], wanted_m)
-            self._patience_s[robot] = self._rng.uniform(*PATIENCE_S)
+    def _end_long_waits(self) -> None:
+        """Robots that have stood for others for long go past them or, of those that wait for each other, back off."""
+        seen = self._traffic()
+        for robot in self.waits.look_past(self.speed_mps, self.t_s):
+            past = int(self.waits.blocker[robot])
+            driving = self.doing[robot] == Doing.DRIVING and robot not in self.passings
+            if driving and self.passings.begin(seen, robot, past, self.t_s, WALKING_MPS):
+                self.waits.begin_anew(robot)
+        for robot in self.waits.tired():
+            if self.doing[robot] == Doing.DRIVING:
+                self.doing[robot] = Doing.BACKING
+                wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
+                self.back_to_m[robot] = max(self.crossings.back_to_m[robot], wanted_m)
+                self.waits.begin_anew(robot)
 
     def _use_batteries(self, dt_s: float) -> None:
         drain = np.where(self.person, 0.1, 1.0) * DRAIN_PER_S
