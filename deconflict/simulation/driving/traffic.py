@@ -92,7 +92,9 @@ class World:
         vendors = list(VendorName)
         self.fleet: Ints = np.array([vendors.index(make.vendor) for make in makes])
         """(n,) robots of one fleet are told of each other."""
-        self.trips, self.tracks, self.crossings = Trips(layout, n, rng), Tracks(n), Crossings(self.fleet)
+        self.person = np.array([make.person for make in makes], np.bool_)
+        self.trips, self.tracks = Trips(layout, n, rng), Tracks(n)
+        self.crossings = Crossings(np.where(self.person, -1 - np.arange(n), self.fleet))
         self.doing = np.full(n, int(Doing.STANDING))
         self.until_s = rng.uniform(0.0, 6.0, n)
         """When standing, holding or halting ends."""
@@ -102,7 +104,6 @@ class World:
         self.back_to_m = np.zeros(n)
         self.pace = np.ones(n)
         """Share of its greatest speed that it likes to go at."""
-        self.person = np.array([make.person for make in makes], np.bool_)
         self.load_pct = np.where(rng.random(n) < 0.75, rng.integers(20, 90, n), 0) * ~self.person
         self.battery_pct = np.where(rng.random(n) < 0.15, rng.uniform(22.0, 28.0, n), rng.uniform(35.0, 98.0, n))
         self.waits = Waits(n, rng)
@@ -339,7 +340,7 @@ class World:
                 self.waits.begin_anew(robot)
         for robot in self.waits.tired():
             if self.doing[robot] == Doing.DRIVING:
-                self.doing[robot] = Doing.BACKING
+                self.doing[robot], self._held_until_s[robot] = Doing.BACKING, self.t_s
                 wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
                 self.back_to_m[robot] = max(self.crossings.back_to_m[robot], wanted_m)
                 self.waits.begin_anew(robot)
