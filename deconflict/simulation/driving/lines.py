@@ -5,9 +5,10 @@ would leave it. Two that come to their lines at once do not see each other there
 """
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from deconflict.simulation.driving.crossings import Crossings
-from deconflict.simulation.driving.protection import NOBODY, Bools, Traffic, centres
+from deconflict.simulation.driving.protection import FLOOR_M, NOBODY, Bools, Traffic, centres
 from deconflict.simulation.layout import Layout
 from ingest.seam import Floats, Ints
 
@@ -17,6 +18,8 @@ EXIT_M, NEAR_EXIT_M = 0.7, 1.1
 """How far beyond the crossing a robot looks for room, and how near to there nobody may stand."""
 LOOKS_FROM_M, LOOKS_TO_M = 1.4, -0.05
 """A robot looks from so far before its line."""
+AROUND_M = 5.0
+"""Everybody in a crossing, or where a robot leaves it, is within this of its middle."""
 STANDING_MPS = 0.15
 ALONG_COS = 0.8
 """Who drives along, either way, is not in the way."""
@@ -41,33 +44,33 @@ class Lines:
         rows = np.flatnonzero(asks)
         if not len(rows):
             return line_m, waits_for
-        here = centres(seen, np.arange(len(driving)), seen.progress_m)
-        for robot in rows.tolist():
-            other = self._in_way(seen, here, robot)
-            if other == NOBODY:
-                continue
-            if waited_s[robot] > LONGEST_S:
-                self._passed_m[robot] = self._crossings.enter_m[robot]
-                continue
-            line_m[robot], waits_for[robot] = max(to_line_m[robot], 0.0), other
+        who, whom = self._in_way(seen, rows)
+        tired = waited_s[who] > LONGEST_S
+        self._passed_m[who[tired]] = self._crossings.enter_m[who[tired]]
+        waits_for[who[~tired]] = whom[~tired]
+        line_m[who[~tired]] = np.maximum(to_line_m[who[~tired]], 0.0)
         return line_m, waits_for
 
     def leave(self, robot: int) -> None:
         """A robot sets out on another drive."""
         self._passed_m[robot] = -np.inf
 
-    def _in_way(self, seen: Traffic, here: Floats, robot: int) -> int:
-        passage = self._crossings.next(robot)
-        x, y = self._places[passage.node]
-        apart_m = np.maximum(np.abs(here[0] - x), np.abs(here[1] - y))
-        speed_mps = np.abs(seen.speed_mps)
-        standing = speed_mps < STANDING_MPS
-        along = np.abs(np.cos(here[2] - here[2, robot])) > ALONG_COS
-        others = seen.fleet != seen.fleet[robot]
-        inside = (apart_m < BOX_M) & others & (standing | ~along)
-        out = seen.tracks.poses(np.array(robot), np.array(passage.leave_m + EXIT_M))
-        beyond = standing & (np.hypot(here[0] - out[0], here[1] - out[1]) < NEAR_EXIT_M)
-        in_way = (inside | beyond) & (seen.floor == seen.floor[robot])
-        in_way[robot] = False
-        found = np.flatnonzero(in_way)
-        return int(found[np.argmin(apart_m[found])]) if len(found) else NOBODY
+    def _in_way(self, seen: Traffic, rows: Ints) -> tuple[Ints, Ints]:
+        """Pairs (p,) of robots at their lines and others for whom they wait."""
+        ahead = [self._crossings.next(robot) for robot in rows.tolist()]
+        middle = self._places[[one.node for one in ahead]].T
+        out = seen.tracks.poses(rows, np.array([one.leave_m for one in ahead]) + EXIT_M)[:2]
+        here = centres(seen, np.arange(len(seen.floor)), seen.progress_m)
+        points = np.column_stack([here[0] + FLOOR_M * seen.floor, here[1]])
+        asked = np.column_stack([middle[0] + FLOOR_M * seen.floor[rows], middle[1]])
+        found = cKDTree(asked).query_ball_tree(cKDTree(points), AROUND_M)
+        which = np.repeat(np.arange(len(rows)), [len(one) for one in found])
+        whom = np.array([other for one in found for other in one], np.int64)
+        who = rows[which]
+        standing = np.abs(seen.speed_mps[whom]) < STANDING_MPS
+        along = np.abs(np.cos(here[2, whom] - here[2, who])) > ALONG_COS
+        dx_m, dy_m = here[:2, whom] - middle[:, which]
+        inside = (np.maximum(np.abs(dx_m), np.abs(dy_m)) < BOX_M) & (standing | ~along)
+        beyond = standing & (np.hypot(*(here[:2, whom] - out[:, which])) < NEAR_EXIT_M)
+        in_way = ((inside & (seen.fleet[whom] != seen.fleet[who])) | beyond) & (who != whom)
+        return who[in_way], whom[in_way]

@@ -31,6 +31,8 @@ SIDESTEP_M = 0.12
 """Nobody goes sideways to where another would be nearer than this."""
 REACH_M = 7.0
 """Robots whose centres are further apart than this do not matter to each other."""
+EARLY_M = 2.5
+"""How much further than its stopping distance a robot looks."""
 FLOOR_M = 1e5
 """Apart by this, floors share one tree."""
 
@@ -93,7 +95,7 @@ def free_ways(traffic: Traffic) -> Free:
     """How far everybody that is going can go."""
     n = len(traffic.progress_m)
     free = Free(np.full(n, np.inf), np.full(n, NOBODY), np.full(n, np.inf), np.full(n, NOBODY))
-    who, whom = _near(traffic, traffic.going)
+    who, whom = _near(traffic, traffic.going, EARLY_M)
     if not len(who):
         return free
     same_fleet = traffic.fleet[who] == traffic.fleet[whom]
@@ -113,7 +115,7 @@ def may_sidestep(traffic: Traffic, aside_m: Floats) -> Bools:
     """(n,) whether nobody is beside those who mean to be at `aside_m` next, on all the way that braking takes."""
     movers = traffic.aside_m != aside_m
     may = np.ones(len(movers), np.bool_)
-    who, whom = _near(traffic, movers)
+    who, whom = _near(traffic, movers, SIDESTEP_M)
     if not len(who):
         return may
     along_m = traffic.braking_m()[who, None] * BRAKING
@@ -126,14 +128,19 @@ def may_sidestep(traffic: Traffic, aside_m: Floats) -> Bools:
     return may
 
 
-def _near(traffic: Traffic, asking: Bools) -> tuple[Ints, Ints]:
-    """Pairs (p,) of those who ask and others near them, both ways round."""
+def _near(traffic: Traffic, asking: Bools, early_m: float) -> tuple[Ints, Ints]:
+    """Pairs (p,) of those who ask and others that they could come near to, both ways round."""
     here = centres(traffic, np.arange(len(asking)), traffic.progress_m)
     tree = cKDTree(np.column_stack([here[0] + FLOOR_M * traffic.floor, here[1]]))
     pairs = tree.query_pairs(REACH_M, output_type="ndarray")
     both = np.concatenate([pairs, pairs[:, ::-1]])
-    both = both[asking[both[:, 0]]]
-    return both[:, 0], both[:, 1]
+    who, whom = both[asking[both[:, 0]]].T
+    needs_m = np.hypot(traffic.length_m, traffic.width_m) / 2 + 1.5 * np.abs(traffic.braking_m())
+    foreseen_m = np.where(traffic.fleet[who] == traffic.fleet[whom], AHEAD_S[-1] * np.abs(traffic.speed_mps[whom]), 0.0)
+    foreseen_m[traffic.person[who]] = AHEAD_S[-1] * np.abs(traffic.speed_mps[whom[traffic.person[who]]])
+    apart_m = np.hypot(here[0, who] - here[0, whom], here[1, who] - here[1, whom])
+    near = apart_m < needs_m[who] + needs_m[whom] + foreseen_m + early_m
+    return who[near], whom[near]
 
 
 def _looks(traffic: Traffic, who: Ints, along_m: Floats) -> Floats:

@@ -10,13 +10,12 @@ from dataclasses import replace
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deconflict.simulation.cast import Body, Member, Protection, VendorName
 from deconflict.simulation.driving.crossings import Crossings, passages
 from deconflict.simulation.driving.lines import Lines
 from deconflict.simulation.driving.passing import Passings
-from deconflict.simulation.driving.protection import NOBODY, Free, Traffic, centres, free_ways, may_sidestep
+from deconflict.simulation.driving.protection import NOBODY, Bools, Free, Traffic, centres, free_ways, may_sidestep
 from deconflict.simulation.driving.routes import drive, lane, standing
 from deconflict.simulation.driving.tracks import Tracks
 from deconflict.simulation.driving.trips import NOWHERE, Trips
@@ -28,8 +27,8 @@ ARRIVED_M = 0.03
 RIDE_S = 6.0
 """In a lift."""
 DWELL_S = {
-    BayKind.DOCK: (4.0, 12.0),
-    BayKind.PARKING: (3.0, 8.0),
+    BayKind.DOCK: (10.0, 35.0),
+    BayKind.PARKING: (10.0, 60.0),
     BayKind.CHARGER: (15.0, 60.0),
     BayKind.LIFT: (RIDE_S, RIDE_S),
 }
@@ -44,6 +43,10 @@ HELD_S = (0.8, 1.5)
 """How long a robot's field must be clear before it goes on, by robot."""
 RESTART_M = 0.15
 """A robot that stands goes on only where so much of its way is free."""
+CREEPING_MPS, CREEPING_S, CREEPING_GAP_M = 0.25, 8.0, 0.05
+"""One that has stood for long creeps on for so long, with so short a field."""
+CREEPS_SHARE = 0.4
+"""Of those; the others back off."""
 GENTLY = 0.6
 """Share of its greatest braking with which a robot slows down for what it sees or knows in time."""
 YIELDS_SHARE = 0.5
@@ -110,6 +113,7 @@ class World:
         self.lines = Lines(self.crossings, layout, n)
         self.passings = Passings(np.array([make.lane_m for make in makes]))
         self._held_s, self._held_until_s = rng.uniform(*HELD_S, n), np.zeros(n)
+        self._creeps_until_s = np.zeros(n)
         self._held_for: Ints = np.full(n, NOBODY)
         self._swerve_at_s = np.zeros(n)
         self._slows, self._swerves = (
@@ -138,9 +142,9 @@ class World:
         return self.trips.floor
 
     @property
-    def charging(self) -> NDArray[np.bool_]:
+    def charging(self) -> Bools:
         """(n,)"""
-        standing: NDArray[np.bool_] = self.doing == Doing.STANDING
+        standing: Bools = self.doing == Doing.STANDING
         return standing & self.trips.standing_at(BayKind.CHARGER)
 
     def body(self, robot: int) -> Body:
@@ -259,12 +263,14 @@ class World:
         seen = self._traffic()
         self.crossings.update(self.progress_m, np.flatnonzero(self.doing == Doing.DRIVING))
         free = free_ways(seen)
-        gap_m = np.where(seen.backing, self._stop_gap_m / 2, self._stop_gap_m)
+        creeps = seen.backing | (self._creeps_until_s > self.t_s)
+        gap_m = np.where(creeps, CREEPING_GAP_M, self._stop_gap_m)
         sensed_m, known_m = (np.maximum(way_m - gap_m, 0.0) for way_m in (free.sensed_m, free.known_m))
         known_m, known = self._own_order(known_m, free, seen)
         line_m, in_crossing = self.lines.look(seen, self.doing == Doing.DRIVING, self.waited_s)
-        held = self._hold(sensed_m, free, seen.going, dt_s)
+        held = self._hold(sensed_m, free, seen.going, creeps, dt_s)
         pace_mps = np.where(seen.backing, BACKING_MPS, self._pace_mps(dt_s))
+        pace_mps = np.minimum(pace_mps, np.where(creeps & ~seen.backing, CREEPING_MPS, np.inf))
         slow_mps = np.where(self._slows, np.sqrt(2 * GENTLY * self._brake * sensed_m), np.inf)
         open_m = np.minimum(known_m, line_m)
         wanted_mps = np.minimum(pace_mps, np.sqrt(2 * GENTLY * self._brake * open_m))
@@ -291,14 +297,15 @@ class World:
         bend_m = np.where(off_way, self.passings.end_m - self.progress_m, np.inf)
         return np.maximum(np.minimum(np.minimum(known_m, crossing_m), bend_m), 0.0), known
 
-    def _hold(self, sensed_m: Floats, free: Free, going: NDArray[np.bool_], dt_s: float) -> NDArray[np.bool_]:
+    def _hold(self, sensed_m: Floats, free: Free, going: Bools, creeps: Bools, dt_s: float) -> Bools:
         """(n,) who brakes, or stands, since somebody is or was a moment ago in its field."""
         speed_mps = np.abs(self.speed_mps)
-        needed_m = np.where(speed_mps < MOVING_MPS, RESTART_M, speed_mps**2 / (2 * self._brake) + speed_mps * dt_s)
+        restart_m = np.where(creeps, CREEPING_GAP_M, RESTART_M)
+        needed_m = np.where(speed_mps < MOVING_MPS, restart_m, speed_mps**2 / (2 * self._brake) + speed_mps * dt_s)
         brakes = going & (sensed_m < needed_m)
         self._held_until_s = np.where(brakes, self.t_s + self._held_s, self._held_until_s)
         self._held_for = np.where(brakes, free.sensed, self._held_for)
-        held: NDArray[np.bool_] = going & (self.t_s < self._held_until_s)
+        held: Bools = going & (self.t_s < self._held_until_s)
         return held
 
     def _swerve(self, seen: Traffic, free: Free) -> None:
@@ -339,11 +346,16 @@ class World:
             if driving and self.passings.begin(seen, robot, past, self.t_s, WALKING_MPS):
                 self.waits.begin_anew(robot)
         for robot in self.waits.tired():
-            if self.doing[robot] == Doing.DRIVING:
-                self.doing[robot], self._held_until_s[robot] = Doing.BACKING, self.t_s
+            if self.doing[robot] != Doing.DRIVING:
+                continue
+            self._held_until_s[robot] = self.t_s
+            if self._rng.random() < CREEPS_SHARE:
+                self._creeps_until_s[robot] = self.t_s + CREEPING_S
+            else:
+                self.doing[robot] = Doing.BACKING
                 wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
                 self.back_to_m[robot] = max(self.crossings.back_to_m[robot], wanted_m)
-                self.waits.begin_anew(robot)
+            self.waits.begin_anew(robot)
 
     def _use_batteries(self, dt_s: float) -> None:
         drain = np.where(self.person, 0.1, 1.0) * DRAIN_PER_S
