@@ -58,7 +58,7 @@ class Make:
     """Turning in place."""
     protection: Protection
     tells_waiting: bool = False
-    """Whether one that others keep standing says so and tells no path; else it tells a path as if it went on at once."""
+    """Whether one that others keep standing says so; else it tells a path as if it went on at once."""
     report_every_s: float = 1.0
 
     @property

@@ -108,6 +108,10 @@ class Crossings:
         """The crossing that a robot is in or comes to; there is one where `enter_m` is finite."""
         return self._ahead[robot][0]
 
+    def out_m(self, robot: int) -> float:
+        """Progress at which a robot is out of the crossing that it is in or comes to."""
+        return self._ahead[robot][0].leave_m if self._ahead[robot] else 0.0
+
     def _holders(self, robot: int, passage: Passage) -> dict[int, Passage]:
         return self._inside.setdefault((self._fleet[robot], passage.node), {})
 

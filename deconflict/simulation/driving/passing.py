@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deconflict.simulation.driving.protection import Traffic, centres
-from ingest.seam import Floats
+from deconflict.simulation.driving.protection import NOBODY, Traffic, centres
+from ingest.seam import Floats, Ints
 
 GAP_M = 0.33
 """Between the bodies when they are beside each other."""
@@ -33,12 +33,12 @@ class Passing:
     """A robot that goes past another."""
 
     other: int
-    aside_m: float
-    """How far to the left of its way it means to be."""
     until_s: float
     """It gives up then."""
+    back_m: float
+    """Progress from which it means to come back to its way."""
     end_m: float
-    """Progress at which it must be back on its way."""
+    """Progress at which it must be there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +67,8 @@ class Passings:
         """(n,) how far to the left of its way each means to be."""
         self.top_mps = np.full(n, np.inf)
         """(n,) the most that each goes while it goes past another."""
+        self.past: Ints = np.full(n, NOBODY)
+        """(n,) whom each goes past."""
         self.end_m = np.full(n, np.inf)
         """(n,) progress at which each has to be back on its way."""
 
@@ -76,10 +78,13 @@ class Passings:
     def begin(self, traffic: Traffic, robot: int, other: int, now_s: float, top_mps: float) -> bool:
         """Go past another, no faster than `top_mps`; False where there is no room."""
         end_m = _straight_until_m(traffic, robot)
-        aside_m = _room_aside_m(traffic, robot, other, float(self._lane_m[robot]), end_m)
+        beside = _beside(traffic, robot)
+        aside_m = _room_aside_m(traffic, beside, robot, other, float(self._lane_m[robot]), end_m)
         if aside_m is None:
             return False
-        self._of[robot] = Passing(other, aside_m, now_s + LONGEST_S, end_m)
+        back_m = float(traffic.progress_m[robot]) + _past_m(traffic, beside, robot, other)
+        self.past[robot] = other
+        self._of[robot] = Passing(other, now_s + LONGEST_S, back_m, end_m)
         self.aside_to_m[robot], self.top_mps[robot], self.end_m[robot] = aside_m, top_mps, end_m
         return True
 
@@ -88,10 +93,19 @@ class Passings:
         for robot, one in list(self._of.items()):
             near_end = traffic.progress_m[robot] > one.end_m - BACK_STEEPNESS * abs(traffic.aside_m[robot])
             if now_s > one.until_s or near_end or _has_passed(traffic, robot, one.other):
-                self.aside_to_m[robot] = 0.0
+                self.aside_to_m[robot], self.past[robot] = 0.0, NOBODY
             if self.aside_to_m[robot] == 0.0 and abs(traffic.aside_m[robot]) < ON_ITS_WAY_M:
                 del self._of[robot]
                 self.top_mps[robot] = self.end_m[robot] = np.inf
+
+    def aside_ahead_m(self, robot: int, aside_m: float, progress_m: float, gone_m: Floats) -> Floats:
+        """(k,) how far to the left a robot means to be when it has gone so far from its present progress."""
+        one, to_m = self._of.get(robot), float(self.aside_to_m[robot])
+        out_m = _moved_m(aside_m, to_m, gone_m)
+        if one is None or to_m == 0.0:
+            return out_m
+        back_m = one.back_m - progress_m
+        return np.where(gone_m < back_m, out_m, _moved_m(to_m, 0.0, gone_m - back_m))
 
     def next_aside_m(self, traffic: Traffic, dt_s: float) -> Floats:
         """(n,) how far aside each robot means to be after `dt_s`; those that no longer drive stay where they are."""
@@ -99,6 +113,13 @@ class Passings:
         most_m = np.where(traffic.going & ~traffic.backing, sideways_mps * dt_s, 0.0)
         aside_m: Floats = traffic.aside_m + np.clip(self.aside_to_m - traffic.aside_m, -most_m, most_m)
         return np.where(np.isfinite(self.end_m), aside_m, traffic.aside_m)
+
+
+def _moved_m(from_m: float, to_m: float, along_m: Floats) -> Floats:
+    """How far to the left a robot is that sets out from `from_m` to `to_m` and goes so far along its way."""
+    most_m = np.maximum(along_m, 0.0) / BACK_STEEPNESS
+    moved_m: Floats = from_m + np.clip(to_m - from_m, -most_m, most_m)
+    return moved_m
 
 
 def _straight_until_m(traffic: Traffic, robot: int) -> float:
@@ -110,23 +131,30 @@ def _straight_until_m(traffic: Traffic, robot: int) -> float:
     return float(step_m * (first + bent[0] - 1 if len(bent) else len(yaw) - 1))
 
 
-def _room_aside_m(traffic: Traffic, robot: int, other: int, lane_m: float, end_m: float) -> float | None:
+def _past_m(traffic: Traffic, beside: Beside, robot: int, other: int) -> float:
+    """How far a robot goes until it is past another one that stands."""
+    return float(beside.ahead_m[other] + beside.along_m[other] + traffic.length_m[robot] / 2)
+
+
+def _room_aside_m(
+    traffic: Traffic, beside: Beside, robot: int, other: int, lane_m: float, end_m: float
+) -> float | None:
     """How far to the left of its way a robot can go past another; None where it can't.
 
     One that moves is gone past only where it comes towards the robot.
     """
-    beside, half_m = _beside(traffic, robot), traffic.width_m[robot] / 2
+    half_m = traffic.width_m[robot] / 2
     moves = abs(traffic.speed_mps[other]) > MOVING_MPS
     if beside.ahead_m[other] <= 0 or (moves and beside.oncoming[other] > ONCOMING_COS):
         return None
     away_m = beside.across_m[other] + half_m + GAP_M
     targets_m = sorted((beside.left_m[other] + away_m, beside.left_m[other] - away_m), key=abs)
-    until_m = beside.ahead_m[other] + beside.along_m[other] + traffic.length_m[robot] / 2 + BEYOND_M
+    until_m = _past_m(traffic, beside, robot, other) + BEYOND_M
     for target_m in targets_m:
         back_m = BACK_STEEPNESS * abs(target_m)
         within = -(HALF_AISLE_M - lane_m) <= target_m - half_m and target_m + half_m <= HALF_AISLE_M + lane_m
         straight = traffic.progress_m[robot] + until_m + back_m <= end_m
-        if within and straight and _is_free(traffic, beside, robot, other, float(target_m), float(until_m)):
+        if within and straight and _is_free(traffic, beside, robot, other, float(target_m), until_m):
             return float(target_m)
     return None
 

@@ -1,8 +1,8 @@
 """How far each robot can go on its way before its field would touch another, and who it would be.
 
 A robot's field is its body, a little wider, along its own way. It has to stay clear of the bodies of others and of what
-they would still cover if they braked now: so two that both brake never touch. Of its own fleet, and if it is a person of
-everybody, a robot knows more: the one of the later rank also keeps off the way that the other takes in the next second
+they would still cover if they braked now: so two that both brake never touch. Of its own fleet, or of everybody where it
+is a person, a robot knows more: the one of the later rank also keeps off the way that the other takes in the next second
 and a half.
 """
 
@@ -169,9 +169,7 @@ def _way_m(traffic: Traffic, who: Ints, whom: Ints, looks: Floats, places: Float
     return nearest_m
 
 
-def _gaps_m(
-    traffic: Traffic, who: Ints, whom: Ints, looks: Floats, places: Floats, beside_m: float = 0.0
-) -> Floats:
+def _gaps_m(traffic: Traffic, who: Ints, whom: Ints, looks: Floats, places: Floats, beside_m: float = 0.0) -> Floats:
     """(l, p, k) gaps of each look of `who`, which is (3, p, l), to each place of `whom`, (3, p, k)."""
     return gaps(
         looks.transpose(0, 2, 1)[:, :, :, None],

@@ -137,6 +137,13 @@ class World:
         return self.waits.waited_s
 
     @property
+    def top_mps(self) -> Floats:
+        """(n,) the most that each goes now, besides what its way allows; inf for most."""
+        creeps = self._creeps_until_s > self.t_s
+        tops_mps: Floats = np.where(creeps, CREEPING_MPS, self.passings.top_mps)
+        return tops_mps
+
+    @property
     def floor(self) -> Ints:
         """(n,)"""
         return self.trips.floor
@@ -270,7 +277,6 @@ class World:
         line_m, in_crossing = self.lines.look(seen, self.doing == Doing.DRIVING, self.waited_s)
         held = self._hold(sensed_m, free, seen.going, creeps, dt_s)
         pace_mps = np.where(seen.backing, BACKING_MPS, self._pace_mps(dt_s))
-        pace_mps = np.minimum(pace_mps, np.where(creeps & ~seen.backing, CREEPING_MPS, np.inf))
         slow_mps = np.where(self._slows, np.sqrt(2 * GENTLY * self._brake * sensed_m), np.inf)
         open_m = np.minimum(known_m, line_m)
         wanted_mps = np.minimum(pace_mps, np.sqrt(2 * GENTLY * self._brake * open_m))
@@ -278,7 +284,12 @@ class World:
         self._swerve(seen, free)
         slows = seen.going & (slow_mps < YIELDS_SHARE * pace_mps)
         waits_at_line = seen.going & (line_m < known_m) & (self.fleet[in_crossing] != self.fleet)
-        self.yields_to = np.select([held, slows, waits_at_line], [self._held_for, free.sensed, in_crossing], NOBODY)
+        passes = (self.passings.past != NOBODY) & (self.fleet[self.passings.past] != self.fleet)
+        self.yields_to = np.select(
+            [held, slows, waits_at_line, passes],
+            [self._held_for, free.sensed, in_crossing, self.passings.past],
+            NOBODY,
+        )
         self._drive(np.where(seen.backing, -wanted_mps, wanted_mps), dt_s)
         kept = seen.going & (held | (open_m < NEARLY_M)) & (np.abs(self.speed_mps) < MOVING_MPS)
         self.waits.keep(kept, np.select([held, line_m < known_m], [self._held_for, in_crossing], known), dt_s)
@@ -286,7 +297,7 @@ class World:
     def _pace_mps(self, dt_s: float) -> Floats:
         """(n,) how fast each would go if nobody were in its way."""
         planned_mps = self.tracks.speed_mps(np.arange(len(self)), self.progress_m + self.speed_mps * dt_s)
-        pace_mps: Floats = self.pace * np.minimum(planned_mps, self.passings.top_mps)
+        pace_mps: Floats = self.pace * np.minimum(planned_mps, self.top_mps)
         return pace_mps
 
     def _own_order(self, known_m: Floats, free: Free, seen: Traffic) -> tuple[Floats, Ints]:

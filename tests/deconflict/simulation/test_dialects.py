@@ -15,7 +15,8 @@ from deconflict.simulation.cast import MAKES, VendorName, cast
 from deconflict.simulation.dialects import DIALECTS, SITE_MAPS
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.layout import layout_for
-from deconflict.simulation.robots import Plan, Robot, robots
+from deconflict.simulation.plans import Plan
+from deconflict.simulation.robots import Robot, robots
 from ingest.frames import Frames
 from ingest.messages import Identity, Status, read
 

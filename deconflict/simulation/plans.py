@@ -1,0 +1,114 @@
+"""What robots mean to do, as their fleets know it: their own ways at their own pace, in the order of their own fleet.
+
+Nobody of another fleet is in a plan. One that stands for such a robot means to go on at once.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deconflict.simulation.driving.crossings import NOBODY
+from deconflict.simulation.driving.routes import SAMPLE_M
+from deconflict.simulation.driving.traffic import BACKING_MPS, MOVING_MPS, RIDE_S, Doing, World
+from deconflict.simulation.driving.trips import NOWHERE
+from deconflict.simulation.layout import BayKind
+from ingest.seam import Floats, Ints
+
+CROSSING_MPS = 0.7
+"""How fast a fleet takes the others of it to be through a crossing."""
+HELD_UP_M = 3.0
+"""A robot that goes slowly for a reason does so for this long."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """Where a robot means to be, others or not: linear between knots, and standing after the last."""
+
+    after_s: Floats
+    """(k,) from now, increasing; the first is 0."""
+    poses: Floats
+    """(k, 3) x, y, yaw of the location, yaw not wrapped."""
+    floors: Ints
+    """(k,) on which it is from that knot on."""
+
+    def at(self, after_s: Floats) -> tuple[Floats, Ints]:
+        """Poses (m, 3) and floors (m,) at these times from now."""
+        last = np.searchsorted(self.after_s, after_s, side="right") - 1
+        along = np.stack([np.interp(after_s, self.after_s, self.poses[:, column]) for column in range(3)], axis=-1)
+        changes = self.floors[np.minimum(last + 1, len(self.floors) - 1)] != self.floors[last]
+        return np.where(changes[:, None], self.poses[last], along), self.floors[last]
+
+
+def plan_of(world: World, row: int, floor: int, here: Floats) -> Plan:
+    """What a robot of the world, which is at `here`, means to do."""
+    doing, left_s = world.doing[row], float(world.until_s[row] - world.t_s)
+    if doing == Doing.DRIVING:
+        return _driving(world, row, floor, here)
+    if doing == Doing.BACKING:
+        return _backing(world, row, floor, here)
+    if doing == Doing.HOLDING and left_s > 0:
+        return _later(_driving(world, row, floor, here), left_s)
+    if doing == Doing.STANDING and world.trips.beyond[row] != NOWHERE:
+        return _riding(world, row, np.zeros(1), here[None, :], floor, left_s)
+    return Plan(np.zeros(1), here[None, :], np.array([floor]))
+
+
+def _later(plan: Plan, wait_s: float) -> Plan:
+    after_s = np.concatenate([[0.0], plan.after_s + wait_s])
+    return Plan(after_s, np.vstack([plan.poses[:1], plan.poses]), np.concatenate([plan.floors[:1], plan.floors]))
+
+
+def _driving(world: World, row: int, floor: int, here: Floats) -> Plan:
+    """To the end of its drive, catching up from its present speed to the one that its way allows."""
+    x, y, yaw, limit_mps = world.tracks.samples(row)
+    step_m, progress_m = world.tracks.step_m[row], world.progress_m[row]
+    ahead = int(progress_m / step_m) + 1
+    gaps_m = np.full(len(x) - ahead, step_m)
+    if not len(gaps_m):
+        return Plan(np.zeros(1), here[None, :], np.array([floor]))
+    gaps_m[0] = max(ahead * step_m - progress_m, 1e-6)
+    gone_m = np.cumsum(gaps_m)
+    gain = world.members[row].make.gain_mps2
+    now_mps = max(float(world.speed_mps[row]), MOVING_MPS)
+    most_mps = np.where(gone_m < HELD_UP_M, world.top_mps[row], np.inf)
+    speeds = np.minimum(limit_mps[ahead:] * world.pace[row], np.sqrt(now_mps**2 + 2 * gain * gone_m))
+    speeds = np.minimum(speeds, np.maximum(most_mps, MOVING_MPS))
+    mean_mps = (np.concatenate([[now_mps], speeds[:-1]]) + speeds) / 2
+    after_s = np.concatenate([[0.0], np.cumsum(gaps_m / mean_mps)])
+    after_s[1:] += (progress_m + gone_m > world.crossings.stop_m[row]) * _wait_s(world, row, after_s[1:], gone_m)
+    aside_m = world.passings.aside_ahead_m(row, float(world.aside_m[row]), float(progress_m), gone_m)
+    x, y = x[ahead:] - np.sin(yaw[ahead:]) * aside_m, y[ahead:] + np.cos(yaw[ahead:]) * aside_m
+    poses = np.vstack([here, np.column_stack([x, y, yaw[ahead:]])])
+    goal = world.trips.layout.bays[world.trips.goal[row]]
+    if goal.kind is BayKind.LIFT:
+        return _riding(world, row, after_s, poses, floor, float(after_s[-1]) + RIDE_S)
+    return Plan(after_s, poses, np.full(len(after_s), floor))
+
+
+def _wait_s(world: World, row: int, after_s: Floats, gone_m: Floats) -> float:
+    """How long it waits for the one of its own fleet that is in its next crossing."""
+    other = int(world.crossings.waits_for[row])
+    if other == NOBODY:
+        return 0.0
+    out_m = world.crossings.out_m(other) - float(world.progress_m[other])
+    there_s = float(np.interp(world.crossings.stop_m[row] - world.progress_m[row], gone_m, after_s))
+    return max(out_m / CROSSING_MPS - there_s, 0.0)
+
+
+def _riding(world: World, row: int, after_s: Floats, poses: Floats, floor: int, out_s: float) -> Plan:
+    """And then the lift, out of which it comes after `out_s`."""
+    out = world.trips.other_floor(row)
+    pose = [*out.place, world.trips.layout.heading_rad(out)]
+    floors = np.append(np.full(len(after_s), floor), out.floor)
+    return Plan(np.append(after_s, max(out_s, float(after_s[-1]) + 1e-3)), np.vstack([poses, pose]), floors)
+
+
+def _backing(world: World, row: int, floor: int, here: Floats) -> Plan:
+    back_m = max(float(world.progress_m[row] - world.back_to_m[row]), 0.0)
+    steps_m = np.linspace(0.0, back_m, max(2, int(back_m / SAMPLE_M)))
+    x, y, yaw = world.tracks.poses(np.array(row), world.progress_m[row] - steps_m)
+    aside_m = world.aside_m[row]
+    poses = np.column_stack([x - np.sin(yaw) * aside_m, y + np.cos(yaw) * aside_m, yaw])
+    poses[0] = here
+    after_s = np.linspace(0.0, max(back_m / BACKING_MPS, 1e-3), len(steps_m))
+    return Plan(after_s, poses, np.full(len(after_s), floor))
