@@ -25,11 +25,11 @@ def line(row: dict[str, Any]) -> str:
     open_s = "" if row["cleared_s"] is None else f"{row['cleared_s'] - row['raised_s']:.0f} s: "
     gap = "-" if row["gap_m"] is None else f"{row['gap_m']:.1f}"
     probability = "-" if row["probability"] is None else f"{row['probability']:.2f}"
-    return (
-        f"{clock}  {' + '.join(row['names']):31} {row['encounter_class']:19} p {probability} in "
-        f"{row['time_to_conflict_s']:4.1f} s, {gap:>4} m apart, stood {stood:>7} s | {row['became']}{onset} | "
-        f"{open_s}{row['ended'] or 'open'}{' | ' + ', '.join(row['odd']) if row['odd'] else ''}"
-    )
+    who, odd = " + ".join(row["names"]), " | " + ", ".join(row["odd"]) if row["odd"] else ""
+    foreseen = f"p {probability} in {row['time_to_conflict_s']:4.1f} s, {row['separation_m']:.1f} m"
+    now = f"now {gap:>4} m apart, stood {stood:>7} s"
+    came = f"{row['became']}{onset} | {open_s}{row['ended'] or 'open'}"
+    return f"{clock}  {who:31} {row['encounter_class']:19} {foreseen}; {now} | {came}{odd}"
 
 
 def main() -> None:

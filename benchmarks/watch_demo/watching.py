@@ -32,6 +32,8 @@ class Alert:
     encounter_class: str
     basis: tuple[str, ...]
     summary: str
+    separation_m: float | None
+    """The smallest that was predicted when it was raised."""
     gap_m: float
     """Between the first two's middles when it was raised; inf on different floors."""
     stood_s: tuple[float, ...]
@@ -93,18 +95,19 @@ class Watch:
         gap_m = inf
         if len(rows) > 1 and truth.floor[rows[0]] == truth.floor[rows[1]]:
             gap_m = hypot(*(truth.envelopes[rows[0]] - truth.envelopes[rows[1]])[:2])
-        is_conflict = isinstance(advisory, ConflictAdvisory)
+        conflict = advisory if isinstance(advisory, ConflictAdvisory) else None
         return Alert(
             kind=advisory.kind,
             names=advisory.names,
             vendors=advisory.vendors,
             rows=rows,
             raised_s=self.floor.world.t_s,
-            probability=getattr(advisory, "probability", None),
+            probability=conflict.probability if conflict else None,
             time_to_conflict_s=advisory.time_to_conflict_s,
-            encounter_class=advisory.encounter_class.value if is_conflict else "",
-            basis=advisory.basis if is_conflict else (),
+            encounter_class=conflict.encounter_class.value if conflict else "",
+            basis=conflict.basis if conflict else (),
             summary=advisory.summary,
+            separation_m=conflict.min_separation_m if conflict else None,
             gap_m=gap_m,
             stood_s=tuple(float(s) for s in np.round(truth.stood_s[list(rows)], 1)),
             stands_s=[0.0] * len(rows),

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deconflict.simulation.driving.braking import MOVING_MPS
 from deconflict.simulation.driving.crossings import NOBODY
 from deconflict.simulation.driving.routes import SAMPLE_M
-from deconflict.simulation.driving.traffic import BACKING_MPS, MOVING_MPS, RIDE_S, Doing, World
+from deconflict.simulation.driving.traffic import BACKING_MPS, RIDE_S, Doing, World
 from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.layout import BayKind
 from ingest.seam import Floats, Ints
@@ -70,7 +71,7 @@ def _driving(world: World, row: int, floor: int, here: Floats) -> Plan:
     gone_m = np.cumsum(gaps_m)
     gain = world.members[row].make.gain_mps2
     now_mps = max(float(world.speed_mps[row]), MOVING_MPS)
-    most_mps = np.where(gone_m < HELD_UP_M, world.top_mps[row], np.inf)
+    most_mps = np.where(gone_m < HELD_UP_M, world.braking.top_mps(world.t_s)[row], np.inf)
     speeds = np.minimum(limit_mps[ahead:] * world.pace[row], np.sqrt(now_mps**2 + 2 * gain * gone_m))
     speeds = np.minimum(speeds, np.maximum(most_mps, MOVING_MPS))
     mean_mps = (np.concatenate([[now_mps], speeds[:-1]]) + speeds) / 2

@@ -12,7 +12,7 @@ from deconflict.simulation.driving.routes import Drive
 from deconflict.simulation.layout import Layout
 from ingest.seam import Floats, Ints
 
-BEFORE_M, AFTER_M = 2.3, 2.0
+BEFORE_M, AFTER_M = 2.6, 2.2
 """A crossing is entered and left so far from its middle."""
 ASK_M = 2.5
 """A robot asks for its way so far ahead of a crossing."""

@@ -12,7 +12,7 @@ from deconflict.simulation.driving.protection import FLOOR_M, NOBODY, Bools, Tra
 from deconflict.simulation.layout import Layout
 from ingest.seam import Floats, Ints
 
-BOX_M = 1.7
+BOX_M = 1.9
 """Half of the square in which others are in the crossing."""
 EXIT_M, NEAR_EXIT_M = 0.7, 1.1
 """How far beyond the crossing a robot looks for room, and how near to there nobody may stand."""

@@ -9,7 +9,7 @@ from ingest.seam import Floats, Ints
 
 GAP_M = 0.33
 """Between the bodies when they are beside each other."""
-HALF_AISLE_M = 1.45
+HALF_AISLE_M = 1.75
 """From the middle of an aisle to where the robots in bays begin."""
 BEYOND_M = 0.6
 """So far beyond the other the way beside must be free."""
@@ -19,6 +19,8 @@ NEAR_M = 9.0
 BACK_STEEPNESS = 2.0
 """So many metres of its way a robot needs to come back by one."""
 STRAIGHT_RAD = 0.02
+SWERVING_MPS, WALKING_MPS = 0.7, 0.5
+"""The most at which a robot swerves, and at which it goes past one that it has stood for."""
 LONGEST_S = 20.0
 MOVING_MPS, ONCOMING_COS = 0.1, -0.7
 SIDEWAYS_MPS = (0.15, 0.4)

@@ -1,9 +1,9 @@
 """How far each robot can go on its way before its field would touch another, and who it would be.
 
-A robot's field is its body, a little wider, along its own way. It has to stay clear of the bodies of others and of what
-they would still cover if they braked now: so two that both brake never touch. Of its own fleet, or of everybody where it
-is a person, a robot knows more: the one of the later rank also keeps off the way that the other takes in the next second
-and a half.
+A field is the body, a little wider, along the robot's own way. It has to stay clear of the bodies of others, and of
+what they would still cover if they braked now: so two that both brake never touch. Of its own fleet, or of everybody
+if it is a person, a robot knows more: of two, the one of the later rank keeps off the way that the other takes in the
+next second and a half.
 """
 
 from dataclasses import dataclass, replace
@@ -25,6 +25,8 @@ AHEAD_S = np.array([0.4, 0.9, 1.5])
 """When the others' places are looked at, where they are known."""
 MARGIN_M = 0.05
 """Envelopes are not brought nearer than this."""
+NO_NEARER_M = 0.002
+"""Two that are nearer already may go on where they come no nearer than by this."""
 BESIDE_M = 0.05
 """How much wider than its body a field is on each side."""
 SIDESTEP_M = 0.12
@@ -160,7 +162,7 @@ def _places(traffic: Traffic, robots: Ints, along_m: Floats) -> Floats:
 def _way_m(traffic: Traffic, who: Ints, whom: Ints, looks: Floats, places: Floats) -> Floats:
     """(p,) progress that `who` has before it would come within the margin of `whom`, and nearer than it is."""
     gap_m = _gaps_m(traffic, who, whom, looks, places, BESIDE_M)
-    blocked: Bools = (gap_m < MARGIN_M) & (gap_m < gap_m[:1] - 0.01)
+    blocked: Bools = (gap_m < MARGIN_M) & (gap_m < gap_m[:1] - NO_NEARER_M)
     reached = np.argmax(blocked, axis=0)[None]
     before, at = (np.take_along_axis(gap_m, np.maximum(rows, 0), axis=0)[0] for rows in (reached - 1, reached))
     share = np.clip((before - MARGIN_M) / np.maximum(before - at, 1e-9), 0.0, 1.0)

@@ -11,11 +11,12 @@ from enum import IntEnum
 
 import numpy as np
 
-from deconflict.simulation.cast import Body, Member, Protection, VendorName
+from deconflict.simulation.cast import Body, Member, VendorName
+from deconflict.simulation.driving.braking import MOVING_MPS, Braking
 from deconflict.simulation.driving.crossings import Crossings, passages
 from deconflict.simulation.driving.lines import Lines
-from deconflict.simulation.driving.passing import Passings
-from deconflict.simulation.driving.protection import NOBODY, Bools, Free, Traffic, centres, free_ways, may_sidestep
+from deconflict.simulation.driving.passing import WALKING_MPS, Passings
+from deconflict.simulation.driving.protection import Bools, Traffic, centres, may_sidestep
 from deconflict.simulation.driving.routes import drive, lane, standing
 from deconflict.simulation.driving.tracks import Tracks
 from deconflict.simulation.driving.trips import NOWHERE, Trips
@@ -39,26 +40,8 @@ DETOUR = 0.6
 BACKING_MPS = 0.35
 BACK_OFF_M = (1.2, 4.0)
 HOLD_S = (2.0, 6.0)
-HELD_S = (0.8, 1.5)
-"""How long a robot's field must be clear before it goes on, by robot."""
-RESTART_M = 0.15
-"""A robot that stands goes on only where so much of its way is free."""
-CREEPING_MPS, CREEPING_S, CREEPING_GAP_M = 0.25, 8.0, 0.05
-"""One that has stood for long creeps on for so long, with so short a field."""
 CREEPS_SHARE = 0.4
-"""Of those; the others back off."""
-GENTLY = 0.6
-"""Share of its greatest braking with which a robot slows down for what it sees or knows in time."""
-YIELDS_SHARE = 0.5
-"""A robot that goes no faster than this share of its pace for another gives way to it."""
-SWERVES_FROM_M = 2.0
-"""So far beyond its stopping distance a robot looks for one to go past."""
-SWERVE_AGAIN_S = 1.0
-SWERVING_MPS, WALKING_MPS = 0.7, 0.5
-"""The most at which a robot swerves, and at which it goes past one that it has stood for."""
-ASIDE_M = 0.1
-"""One that is further off its way than this may not come into a bend."""
-MOVING_MPS, NEARLY_M = 0.03, 0.02
+"""Of robots that have stood for long; the others back off."""
 STUCK_EVERY_S, STUCK_S = 900.0, (8.0, 15.0)
 PAUSE_EVERY_S, PAUSE_S = 25.0, (1.0, 4.0)
 """Of people: they stop for a moment."""
@@ -102,8 +85,6 @@ class World:
         self.until_s = rng.uniform(0.0, 6.0, n)
         """When standing, holding or halting ends."""
         self.progress_m, self.speed_mps, self.aside_m = np.zeros(n), np.zeros(n), np.zeros(n)
-        self.yields_to: Ints = np.full(n, NOBODY)
-        """(n,) for whom each brakes, slows down or swerves that is not of its own fleet."""
         self.back_to_m = np.zeros(n)
         self.pace = np.ones(n)
         """Share of its greatest speed that it likes to go at."""
@@ -112,17 +93,9 @@ class World:
         self.waits = Waits(n, rng)
         self.lines = Lines(self.crossings, layout, n)
         self.passings = Passings(np.array([make.lane_m for make in makes]))
-        self._held_s, self._held_until_s = rng.uniform(*HELD_S, n), np.zeros(n)
-        self._creeps_until_s = np.zeros(n)
-        self._held_for: Ints = np.full(n, NOBODY)
-        self._swerve_at_s = np.zeros(n)
-        self._slows, self._swerves = (
-            np.array([make.protection in kinds for make in makes], np.bool_)
-            for kinds in ({Protection.SLOW}, {Protection.SWERVE, Protection.ATTEND})
-        )
+        self.braking = Braking(self.members, self.passings, rng)
         self._gain = np.array([make.gain_mps2 for make in makes])
         self._brake = np.array([make.brake_mps2 for make in makes])
-        self._stop_gap_m = np.array([make.stop_gap_m for make in makes])
         self._bodies = np.array([[_sizes(make.body), _sizes(make.loaded)] for make in makes])
         self._rank = np.argsort(np.lexsort((np.arange(n), self.person)))
         for robot in range(n):
@@ -137,11 +110,9 @@ class World:
         return self.waits.waited_s
 
     @property
-    def top_mps(self) -> Floats:
-        """(n,) the most that each goes now, besides what its way allows; inf for most."""
-        creeps = self._creeps_until_s > self.t_s
-        tops_mps: Floats = np.where(creeps, CREEPING_MPS, self.passings.top_mps)
-        return tops_mps
+    def yields_to(self) -> Ints:
+        """(n,) for whom each brakes, slows down or swerves that is not of its own fleet."""
+        return self.braking.yields_to
 
     @property
     def floor(self) -> Ints:
@@ -269,65 +240,15 @@ class World:
     def _move(self, dt_s: float) -> None:
         seen = self._traffic()
         self.crossings.update(self.progress_m, np.flatnonzero(self.doing == Doing.DRIVING))
-        free = free_ways(seen)
-        creeps = seen.backing | (self._creeps_until_s > self.t_s)
-        gap_m = np.where(creeps, CREEPING_GAP_M, self._stop_gap_m)
-        sensed_m, known_m = (np.maximum(way_m - gap_m, 0.0) for way_m in (free.sensed_m, free.known_m))
-        known_m, known = self._own_order(known_m, free, seen)
-        line_m, in_crossing = self.lines.look(seen, self.doing == Doing.DRIVING, self.waited_s)
-        held = self._hold(sensed_m, free, seen.going, creeps, dt_s)
-        pace_mps = np.where(seen.backing, BACKING_MPS, self._pace_mps(dt_s))
-        slow_mps = np.where(self._slows, np.sqrt(2 * GENTLY * self._brake * sensed_m), np.inf)
-        open_m = np.minimum(known_m, line_m)
-        wanted_mps = np.minimum(pace_mps, np.sqrt(2 * GENTLY * self._brake * open_m))
-        wanted_mps = np.where(held | ~seen.going, 0.0, np.minimum(wanted_mps, slow_mps))
-        self._swerve(seen, free)
-        slows = seen.going & (slow_mps < YIELDS_SHARE * pace_mps)
-        waits_at_line = seen.going & (line_m < known_m) & (self.fleet[in_crossing] != self.fleet)
-        passes = (self.passings.past != NOBODY) & (self.fleet[self.passings.past] != self.fleet)
-        self.yields_to = np.select(
-            [held, slows, waits_at_line, passes],
-            [self._held_for, free.sensed, in_crossing, self.passings.past],
-            NOBODY,
-        )
-        self._drive(np.where(seen.backing, -wanted_mps, wanted_mps), dt_s)
-        kept = seen.going & (held | (open_m < NEARLY_M)) & (np.abs(self.speed_mps) < MOVING_MPS)
-        self.waits.keep(kept, np.select([held, line_m < known_m], [self._held_for, in_crossing], known), dt_s)
-
-    def _pace_mps(self, dt_s: float) -> Floats:
-        """(n,) how fast each would go if nobody were in its way."""
+        line = self.lines.look(seen, self.doing == Doing.DRIVING, self.waited_s)
         planned_mps = self.tracks.speed_mps(np.arange(len(self)), self.progress_m + self.speed_mps * dt_s)
-        pace_mps: Floats = self.pace * np.minimum(planned_mps, self.top_mps)
-        return pace_mps
-
-    def _own_order(self, known_m: Floats, free: Free, seen: Traffic) -> tuple[Floats, Ints]:
-        """(n,) how far the own fleet lets each go, and (n,) for whom it keeps it."""
-        crossing_m = np.where(seen.backing, np.inf, self.crossings.stop_m - self.progress_m)
-        known = np.where(crossing_m < known_m, self.crossings.waits_for, free.known)
-        off_way = ~seen.backing & (np.abs(self.aside_m) > ASIDE_M)
-        bend_m = np.where(off_way, self.passings.end_m - self.progress_m, np.inf)
-        return np.maximum(np.minimum(np.minimum(known_m, crossing_m), bend_m), 0.0), known
-
-    def _hold(self, sensed_m: Floats, free: Free, going: Bools, creeps: Bools, dt_s: float) -> Bools:
-        """(n,) who brakes, or stands, since somebody is or was a moment ago in its field."""
-        speed_mps = np.abs(self.speed_mps)
-        restart_m = np.where(creeps, CREEPING_GAP_M, RESTART_M)
-        needed_m = np.where(speed_mps < MOVING_MPS, restart_m, speed_mps**2 / (2 * self._brake) + speed_mps * dt_s)
-        brakes = going & (sensed_m < needed_m)
-        self._held_until_s = np.where(brakes, self.t_s + self._held_s, self._held_until_s)
-        self._held_for = np.where(brakes, free.sensed, self._held_for)
-        held: Bools = going & (self.t_s < self._held_until_s)
-        return held
-
-    def _swerve(self, seen: Traffic, free: Free) -> None:
-        """Those that swerve look for a way past whoever comes near."""
-        others = np.where(self.person, free.known, free.sensed)
-        near = np.where(self.person, free.known_m, free.sensed_m) < seen.braking_m() + SWERVES_FROM_M
-        looks = near & self._swerves & (self.doing == Doing.DRIVING) & (self._swerve_at_s <= self.t_s)
-        for robot in np.flatnonzero(looks).tolist():
-            self._swerve_at_s[robot] = self.t_s + SWERVE_AGAIN_S
-            if robot not in self.passings:
-                self.passings.begin(seen, robot, int(others[robot]), self.t_s, SWERVING_MPS)
+        pace_mps = np.where(
+            seen.backing, BACKING_MPS, self.pace * np.minimum(planned_mps, self.braking.top_mps(self.t_s))
+        )
+        order = self.crossings.stop_m - self.progress_m, self.crossings.waits_for
+        course = self.braking.course(seen, pace_mps, order, line, self.t_s, dt_s)
+        self._drive(np.where(seen.backing, -course.wanted_mps, course.wanted_mps), dt_s)
+        self.waits.keep(course.kept & (np.abs(self.speed_mps) < MOVING_MPS), course.by, dt_s)
 
     def _drive(self, signed_mps: Floats, dt_s: float) -> None:
         faster = np.where(self.speed_mps >= 0, self._gain, self._brake) * dt_s
@@ -359,9 +280,9 @@ class World:
         for robot in self.waits.tired():
             if self.doing[robot] != Doing.DRIVING:
                 continue
-            self._held_until_s[robot] = self.t_s
+            self.braking.let_go(robot)
             if self._rng.random() < CREEPS_SHARE:
-                self._creeps_until_s[robot] = self.t_s + CREEPING_S
+                self.braking.creep(robot, self.t_s)
             else:
                 self.doing[robot] = Doing.BACKING
                 wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
