@@ -8,17 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.simulation.driving.braking import MOVING_MPS
-from deconflict.simulation.driving.crossings import NOBODY
+from deconflict.simulation.driving.protection import NOBODY
 from deconflict.simulation.driving.routes import SAMPLE_M
 from deconflict.simulation.driving.traffic import BACKING_MPS, RIDE_S, Doing, World
 from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.layout import BayKind
 from ingest.seam import Floats, Ints
 
-CROSSING_MPS = 0.7
-"""How fast a fleet takes the others of it to be through a crossing."""
+LEADER_MPS, ALONG_COS = 0.6, 0.7
+"""How fast at the least a fleet takes one to go on that another one of it drives behind."""
 HELD_UP_M = 3.0
 """A robot that goes slowly for a reason does so for this long."""
+
+Waits = list[tuple[float, float]]
+"""Where a robot waits for others of its fleet: progress in metres, and for how many seconds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,15 +43,15 @@ class Plan:
         return np.where(changes[:, None], self.poses[last], along), self.floors[last]
 
 
-def plan_of(world: World, row: int, floor: int, here: Floats) -> Plan:
+def plan_of(world: World, row: int, floor: int, here: Floats, waits: Waits) -> Plan:
     """What a robot of the world, which is at `here`, means to do."""
     doing, left_s = world.doing[row], float(world.until_s[row] - world.t_s)
     if doing == Doing.DRIVING:
-        return _driving(world, row, floor, here)
+        return _driving(world, row, floor, here, waits)
     if doing == Doing.BACKING:
         return _backing(world, row, floor, here)
     if doing == Doing.HOLDING and left_s > 0:
-        return _later(_driving(world, row, floor, here), left_s)
+        return _later(_driving(world, row, floor, here, waits), left_s)
     if doing == Doing.STANDING and world.trips.beyond[row] != NOWHERE:
         return _riding(world, row, np.zeros(1), here[None, :], floor, left_s)
     return Plan(np.zeros(1), here[None, :], np.array([floor]))
@@ -59,7 +62,7 @@ def _later(plan: Plan, wait_s: float) -> Plan:
     return Plan(after_s, np.vstack([plan.poses[:1], plan.poses]), np.concatenate([plan.floors[:1], plan.floors]))
 
 
-def _driving(world: World, row: int, floor: int, here: Floats) -> Plan:
+def _driving(world: World, row: int, floor: int, here: Floats, waits: Waits) -> Plan:
     """To the end of its drive, catching up from its present speed to the one that its way allows."""
     x, y, yaw, limit_mps = world.tracks.samples(row)
     step_m, progress_m = world.tracks.step_m[row], world.progress_m[row]
@@ -76,7 +79,7 @@ def _driving(world: World, row: int, floor: int, here: Floats) -> Plan:
     speeds = np.minimum(speeds, np.maximum(most_mps, MOVING_MPS))
     mean_mps = (np.concatenate([[now_mps], speeds[:-1]]) + speeds) / 2
     after_s = np.concatenate([[0.0], np.cumsum(gaps_m / mean_mps)])
-    after_s[1:] += (progress_m + gone_m > world.crossings.stop_m[row]) * _wait_s(world, row, after_s[1:], gone_m)
+    after_s[1:] = _in_order(world, row, after_s[1:], gone_m, waits)
     aside_m = world.passings.aside_ahead_m(row, float(world.aside_m[row]), float(progress_m), gone_m)
     x, y = x[ahead:] - np.sin(yaw[ahead:]) * aside_m, y[ahead:] + np.cos(yaw[ahead:]) * aside_m
     poses = np.vstack([here, np.column_stack([x, y, yaw[ahead:]])])
@@ -86,14 +89,22 @@ def _driving(world: World, row: int, floor: int, here: Floats) -> Plan:
     return Plan(after_s, poses, np.full(len(after_s), floor))
 
 
-def _wait_s(world: World, row: int, after_s: Floats, gone_m: Floats) -> float:
-    """How long it waits for the one of its own fleet that is in its next crossing."""
-    other = int(world.crossings.waits_for[row])
-    if other == NOBODY:
-        return 0.0
-    out_m = world.crossings.out_m(other) - float(world.progress_m[other])
-    there_s = float(np.interp(world.crossings.stop_m[row] - world.progress_m[row], gone_m, after_s))
-    return max(out_m / CROSSING_MPS - there_s, 0.0)
+def _in_order(world: World, row: int, after_s: Floats, gone_m: Floats, waits: Waits) -> Floats:
+    """(k,) when it will have gone so far, with the order of its own fleet."""
+    for at_m, wait_s in waits:
+        after_s = after_s + wait_s * (world.progress_m[row] + gone_m > at_m)
+    leader = int(world.braking.behind[row])
+    if leader == NOBODY or world.person[row] or not _leads(world, leader, row):
+        return after_s
+    leader_mps = max(float(world.speed_mps[leader]), LEADER_MPS)
+    behind_s: Floats = (gone_m - world.braking.behind_m[row]) / leader_mps
+    return np.maximum(after_s, behind_s)
+
+
+def _leads(world: World, leader: int, row: int) -> bool:
+    """Whether both drive the same way."""
+    yaw = world.tracks.poses(np.array([leader, row]), world.progress_m[[leader, row]])[2]
+    return bool(world.doing[leader] == Doing.DRIVING and np.cos(yaw[0] - yaw[1]) > ALONG_COS)
 
 
 def _riding(world: World, row: int, after_s: Floats, poses: Floats, floor: int, out_s: float) -> Plan:

@@ -9,6 +9,7 @@ from deconflict.simulation.driving.traffic import RIDE_S, Doing, World
 from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.layout import BayKind
 from deconflict.simulation.plans import Plan, plan_of
+from deconflict.simulation.schedule import Schedule
 from ingest.seam import Ints
 
 WAITING_AFTER_S = 3.0
@@ -54,10 +55,10 @@ def robots(world: World) -> tuple[Robot, ...]:
 def some_robots(world: World, rows: Ints) -> list[Robot]:
     """The robots of these rows of the world."""
     locations, velocities, floors = world.locations(), world.velocities(), world.floor
-    told = []
+    schedule, found = Schedule(world), []
     for row in rows.tolist():
-        plan = plan_of(world, row, int(floors[row]), locations[row])
-        told.append(
+        plan = plan_of(world, row, int(floors[row]), locations[row], schedule.waits(row))
+        found.append(
             Robot(
                 member=world.members[row],
                 t_s=world.t_s,
@@ -75,7 +76,7 @@ def some_robots(world: World, rows: Ints) -> list[Robot]:
                 destinations=_destinations(world, row, plan),
             )
         )
-    return told
+    return found
 
 
 def _destinations(world: World, row: int, plan: Plan) -> tuple[tuple[float, int, float, float, float], ...]:

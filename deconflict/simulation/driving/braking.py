@@ -49,6 +49,10 @@ class Braking:
         n, makes = len(members), [member.make for member in members]
         self.yields_to: Ints = np.full(n, NOBODY)
         """(n,) for whom each brakes, slows down or swerves that is not of its own fleet."""
+        self.behind: Ints = np.full(n, NOBODY)
+        """(n,) who of its own fleet is ahead of each, or in whose way it would come; of a person, anybody."""
+        self.behind_m = np.full(n, np.inf)
+        """(n,) how far each can go until then."""
         self._passings = passings
         self._stop_gap_m = np.array([make.stop_gap_m for make in makes])
         self._held_s, self._held_until_s = rng.uniform(*HELD_S, n), np.zeros(n)
@@ -84,6 +88,7 @@ class Braking:
         creeps = seen.backing | (self._creeps_until_s > now_s)
         gap_m = np.where(creeps, CREEPING_GAP_M, self._stop_gap_m)
         sensed_m, known_m = (np.maximum(way_m - gap_m, 0.0) for way_m in (free.sensed_m, free.known_m))
+        self.behind, self.behind_m = free.known, known_m
         self._swerve(seen, free, now_s)
         held = self._hold(seen, free, sensed_m, creeps, now_s, dt_s)
         slow_mps = np.where(self._slows, self._gently(seen, sensed_m), np.inf)

@@ -38,7 +38,7 @@ class Passage:
 
 def passages(layout: Layout, nodes: Sequence[int], drive: Drive) -> list[Passage]:
     """The crossings that a drive along `nodes` comes through, in order."""
-    found = []
+    found, leave = [], 0
     for before, node, after in zip(nodes, nodes[1:], nodes[2:], strict=False):
         if node not in layout.crossings:
             continue
@@ -46,6 +46,7 @@ def passages(layout: Layout, nodes: Sequence[int], drive: Drive) -> list[Passage
         inward, outward = (_sign(x - ax), _sign(y - ay)), (_sign(bx - x), _sign(by - y))
         dx, dy = drive.x_m - x, drive.y_m - y
         close = np.hypot(dx, dy) < 2 * BEFORE_M
+        close[:leave] = False
         enter = int(np.argmax(close & (dx * inward[0] + dy * inward[1] > -BEFORE_M)))
         leave = enter + int(np.argmax(close[enter:] & ((dx * outward[0] + dy * outward[1])[enter:] > AFTER_M)))
         left = inward[0] * outward[1] - inward[1] * outward[0] > 0
@@ -108,9 +109,13 @@ class Crossings:
         """The crossing that a robot is in or comes to; there is one where `enter_m` is finite."""
         return self._ahead[robot][0]
 
-    def out_m(self, robot: int) -> float:
-        """Progress at which a robot is out of the crossing that it is in or comes to."""
-        return self._ahead[robot][0].leave_m if self._ahead[robot] else 0.0
+    def ahead(self, robot: int) -> list[Passage]:
+        """The crossings that a robot is in or has still to come through, in order."""
+        return self._ahead[robot]
+
+    def is_inside(self, robot: int) -> bool:
+        """Whether its fleet has let a robot into the first of them."""
+        return bool(self._ahead[robot]) and robot in self._holders(robot, self._ahead[robot][0])
 
     def _holders(self, robot: int, passage: Passage) -> dict[int, Passage]:
         return self._inside.setdefault((self._fleet[robot], passage.node), {})
