@@ -30,7 +30,7 @@ def test_which_ways_meet(one: Passage, other: Passage, meet: bool) -> None:
 
 
 def test_the_second_waits_until_the_first_is_out() -> None:
-    crossings = Crossings(2)
+    crossings = Crossings(np.zeros(2, np.int64))
     for robot, inward in enumerate((EAST, NORTH)):
         crossings.put(robot, [passage(inward)])
     both = np.arange(2)
@@ -43,8 +43,16 @@ def test_the_second_waits_until_the_first_is_out() -> None:
     assert crossings.back_to_m[0] == 9.0
 
 
+def test_fleets_do_not_know_of_each_other() -> None:
+    crossings = Crossings(np.array([0, 1]))
+    for robot, inward in enumerate((EAST, NORTH)):
+        crossings.put(robot, [passage(inward)])
+    crossings.update(np.array([4.0, 4.0]), np.arange(2))
+    assert crossings.stop_m.tolist() == [np.inf, np.inf]
+
+
 def test_a_robot_that_has_backed_out_asks_again() -> None:
-    crossings = Crossings(2)
+    crossings = Crossings(np.zeros(2, np.int64))
     for robot, inward in enumerate((EAST, NORTH)):
         crossings.put(robot, [passage(inward)])
     crossings.update(np.array([4.0, 4.0]), np.arange(2))
