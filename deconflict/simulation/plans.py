@@ -15,8 +15,10 @@ from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.layout import BayKind
 from ingest.seam import Floats, Ints
 
-LEADER_MPS, ALONG_COS = 0.6, 0.7
-"""How fast at the least a fleet takes one to go on that another one of it drives behind."""
+FOLLOWS_S = 0.5
+"""How long after the one ahead of its own fleet a robot comes to where that was."""
+BACKS_S = 3.0
+"""How long at the least a robot that does not drive is taken to stand."""
 HELD_UP_M = 3.0
 """A robot that goes slowly for a reason does so for this long."""
 
@@ -94,17 +96,21 @@ def _in_order(world: World, row: int, after_s: Floats, gone_m: Floats, waits: Wa
     for at_m, wait_s in waits:
         after_s = after_s + wait_s * (world.progress_m[row] + gone_m > at_m)
     leader = int(world.braking.behind[row])
-    if leader == NOBODY or world.person[row] or not _leads(world, leader, row):
+    if leader == NOBODY or world.person[row]:
         return after_s
-    leader_mps = max(float(world.speed_mps[leader]), LEADER_MPS)
-    behind_s: Floats = (gone_m - world.braking.behind_m[row]) / leader_mps
-    return np.maximum(after_s, behind_s)
+    way_m = np.maximum(gone_m - world.braking.behind_m[row], 0.0)
+    return np.where(way_m > 0, np.maximum(after_s, _gone_s(world, leader, way_m) + FOLLOWS_S), after_s)
 
 
-def _leads(world: World, leader: int, row: int) -> bool:
-    """Whether both drive the same way."""
-    yaw = world.tracks.poses(np.array([leader, row]), world.progress_m[[leader, row]])[2]
-    return bool(world.doing[leader] == Doing.DRIVING and np.cos(yaw[0] - yaw[1]) > ALONG_COS)
+def _gone_s(world: World, robot: int, way_m: Floats) -> Floats:
+    """(k,) when a robot that is to go on will have gone so far, if it stands until it may."""
+    doing, make = world.doing[robot], world.members[robot].make
+    starts_s = 0.0 if doing == Doing.DRIVING else max(float(world.until_s[robot] - world.t_s), BACKS_S)
+    now_mps = max(float(world.speed_mps[robot]), 0.0)
+    gains_m = (make.max_speed_mps**2 - now_mps**2) / (2 * make.gain_mps2)
+    gaining_s = (np.sqrt(now_mps**2 + 2 * make.gain_mps2 * np.minimum(way_m, gains_m)) - now_mps) / make.gain_mps2
+    gone_s: Floats = starts_s + gaining_s + np.maximum(way_m - gains_m, 0.0) / make.max_speed_mps
+    return gone_s
 
 
 def _riding(world: World, row: int, after_s: Floats, poses: Floats, floor: int, out_s: float) -> Plan:

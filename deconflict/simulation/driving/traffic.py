@@ -28,11 +28,13 @@ ARRIVED_M = 0.03
 RIDE_S = 6.0
 """In a lift."""
 DWELL_S = {
-    BayKind.DOCK: (10.0, 35.0),
-    BayKind.PARKING: (10.0, 60.0),
+    BayKind.DOCK: (15.0, 50.0),
+    BayKind.PARKING: (15.0, 90.0),
     BayKind.CHARGER: (15.0, 60.0),
     BayKind.LIFT: (RIDE_S, RIDE_S),
 }
+SET_OUT_S = 12.0
+"""Everybody sets out within this."""
 FULL_BAYS_S = 2.0
 """How long a robot waits before it looks again for a bay to go to."""
 DETOUR = 0.6
@@ -82,7 +84,7 @@ class World:
         self.trips, self.tracks = Trips(layout, n, rng), Tracks(n)
         self.crossings = Crossings(np.where(self.person, -1 - np.arange(n), self.fleet))
         self.doing = np.full(n, int(Doing.STANDING))
-        self.until_s = rng.uniform(0.0, 6.0, n)
+        self.until_s = rng.uniform(0.0, SET_OUT_S, n)
         """When standing, holding or halting ends."""
         self.progress_m, self.speed_mps, self.aside_m = np.zeros(n), np.zeros(n), np.zeros(n)
         self.back_to_m = np.zeros(n)
