@@ -76,7 +76,7 @@ def _driving(world: World, row: int, floor: int, here: Floats, waits: Waits) -> 
     gone_m = np.cumsum(gaps_m)
     gain = world.members[row].make.gain_mps2
     now_mps = max(float(world.speed_mps[row]), MOVING_MPS)
-    most_mps = np.where(gone_m < HELD_UP_M, world.braking.top_mps(world.t_s)[row], np.inf)
+    most_mps = np.where(gone_m < HELD_UP_M, world.braking.top_of_mps(row, world.t_s), np.inf)
     speeds = np.minimum(limit_mps[ahead:] * world.pace[row], np.sqrt(now_mps**2 + 2 * gain * gone_m))
     speeds = np.minimum(speeds, np.maximum(most_mps, MOVING_MPS))
     mean_mps = (np.concatenate([[now_mps], speeds[:-1]]) + speeds) / 2

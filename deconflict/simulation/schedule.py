@@ -7,8 +7,8 @@ import numpy as np
 from deconflict.simulation.driving.crossings import Passage
 from deconflict.simulation.driving.traffic import Doing, World
 
-PASSAGES = 3
-"""So many crossings ahead are planned."""
+AHEAD_M = 18.0
+"""Crossings are planned so far ahead."""
 START_S = 0.8
 """What a robot that stands loses until it is at its pace."""
 
@@ -32,7 +32,13 @@ class Schedule:
         self._by_place: dict[tuple[int, int], list[Due]] = {}
         """By fleet and crossing."""
         rows = np.flatnonzero((world.doing == Doing.DRIVING) & ~world.person)
-        every = [(row, one) for row in rows.tolist() for one in world.crossings.ahead(row)[:PASSAGES]]
+        until_m = world.progress_m + AHEAD_M
+        every = [
+            (row, one)
+            for row, end_m in zip(rows.tolist(), until_m[rows].tolist(), strict=True)
+            for one in world.crossings.ahead(row)
+            if one.enter_m < end_m
+        ]
         if not every:
             return
         robots = np.array([row for row, _ in every])

@@ -69,6 +69,10 @@ class Braking:
         tops_mps: Floats = np.where(self._creeps_until_s > now_s, CREEPING_MPS, self._passings.top_mps)
         return tops_mps
 
+    def top_of_mps(self, robot: int, now_s: float) -> float:
+        """The same of one robot."""
+        return CREEPING_MPS if self._creeps_until_s[robot] > now_s else float(self._passings.top_mps[robot])
+
     def creep(self, robot: int, now_s: float) -> None:
         """A robot that has stood for long goes on slowly, and nearer to others."""
         self._creeps_until_s[robot] = now_s + CREEPING_S

@@ -100,13 +100,17 @@ def free_ways(traffic: Traffic) -> Free:
     who, whom = _near(traffic, traffic.going, EARLY_M)
     if not len(who):
         return free
-    same_fleet = traffic.fleet[who] == traffic.fleet[whom]
-    knows = traffic.person[who] | same_fleet
-    looks = _looks(traffic, who, LOOK_M)
-    way_m = _way_m(traffic, who, whom, looks, _braking_places(traffic, whom))
+    rows, at = np.unique(who, return_inverse=True)
+    looks, everyone = _looks(traffic, rows, LOOK_M), np.arange(n)
+    braking = _braking_places(traffic, everyone)
+    later = _places(traffic, everyone, traffic.speed_mps[:, None] * AHEAD_S)
+    meet = _boxes_meet(traffic, (rows[at], whom), looks[:, at], np.concatenate([braking, later], axis=2)[:, whom])
+    who, whom, at = who[meet], whom[meet], at[meet]
+    knows = traffic.person[who] | (traffic.fleet[who] == traffic.fleet[whom])
+    way_m = _way_m(traffic, who, whom, looks[:, at], braking[:, whom])
     foresees = knows & (traffic.rank[whom] < traffic.rank[who])
-    later = _places(traffic, whom[foresees], traffic.speed_mps[whom[foresees], None] * AHEAD_S)
-    foreseen_m = _way_m(traffic, who[foresees], whom[foresees], looks[:, foresees], later)
+    who_known, whom_known = who[foresees], whom[foresees]
+    foreseen_m = _way_m(traffic, who_known, whom_known, looks[:, at[foresees]], later[:, whom_known])
     way_m[foresees] = np.minimum(way_m[foresees], foreseen_m)
     for of_kind, free_m, by in ((~knows, free.sensed_m, free.sensed), (knows, free.known_m, free.known)):
         _keep_nearest(who[of_kind], whom[of_kind], way_m[of_kind], free_m, by)
@@ -143,6 +147,16 @@ def _near(traffic: Traffic, asking: Bools, early_m: float) -> tuple[Ints, Ints]:
     apart_m = np.hypot(here[0, who] - here[0, whom], here[1, who] - here[1, whom])
     near = apart_m < needs_m[who] + needs_m[whom] + foreseen_m + early_m
     return who[near], whom[near]
+
+
+def _boxes_meet(traffic: Traffic, pairs: tuple[Ints, Ints], looks: Floats, places: Floats) -> Bools:
+    """(p,) whether boxes around all that each of a pair may cover touch; `looks` and `places` are (3, p, k)."""
+    radius_m = np.hypot(traffic.length_m, traffic.width_m) / 2 + BESIDE_M + MARGIN_M
+    reach_m = radius_m[pairs[0]] + radius_m[pairs[1]]
+    before = looks[:2].min(axis=2) - reach_m < places[:2].max(axis=2)
+    beyond = looks[:2].max(axis=2) + reach_m > places[:2].min(axis=2)
+    meet: Bools = np.all(before & beyond, axis=0)
+    return meet
 
 
 def _looks(traffic: Traffic, who: Ints, along_m: Floats) -> Floats:
