@@ -20,7 +20,7 @@ def two_that_cross(second: Make) -> World:
     ways = (((0.0, 0.0), (30.0, 0.0), EAST), ((10.0, -11.4), (10.0, 20.0), NORTH))
     for robot, (start, end, inward) in enumerate(ways):
         make = one.members[robot].make
-        one.tracks.put(robot, drive([start, end], float(np.arctan2(*(end[k] - start[k] for k in (1, 0)))), make))
+        one.tracks.put(robot, drive([start, end], float(np.arctan2(end[1] - start[1], end[0] - start[0])), make))
         enter_m = 7.4 if robot == 0 else 8.8
         one.crossings.put(robot, [Passage(7, enter_m, enter_m + 4.8, inward, left=False)])
         one.trips.goal[robot] = one.trips.bay[robot]
