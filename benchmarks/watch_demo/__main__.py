@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.watch_demo.judging import rows_of, summary
+from benchmarks.watch_demo.judging import rows_of, stops_of, summary
 from benchmarks.watch_demo.watching import Watch
 
 
@@ -50,7 +50,9 @@ def main() -> None:
     print(f"{seconds / (time.perf_counter() - began):.0f} times real time", file=sys.stderr)
     print(json.dumps(figures, indent=2))
     if args.json:
-        args.json.write_text(json.dumps({"summary": figures, "advisories": rows}, indent=1) + "\n")
+        args.json.write_text(
+            json.dumps({"summary": figures, "advisories": rows, "stops": stops_of(watch, rows)}, indent=1) + "\n"
+        )
 
 
 if __name__ == "__main__":

@@ -109,6 +109,23 @@ def summary(watch: Watch, rows: list[dict[str, Any]], robots: int, seconds: floa
     }
 
 
+def stops_of(watch: Watch, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Every fresh stop, with how long before an advisory that stood at it had been raised; None where none did."""
+    found = []
+    for stop in watch.floor.stops:
+        if stop.counts:
+            leads_s = [
+                stop.start_s - row["raised_s"]
+                for row in rows
+                if row["kind"] == "conflict"
+                and {stop.robot, stop.other} == set(row["rows"])
+                and row["raised_s"] <= stop.start_s <= (row["cleared_s"] or stop.start_s)
+            ]
+            names = [watch.floor.members[robot].name for robot in (stop.robot, stop.other)]
+            found.append(asdict(stop) | {"names": names, "told_s": max(leads_s, default=None)})
+    return found
+
+
 def _lasted_s(row: dict[str, Any], end_s: float) -> float:
     return float((end_s if row["cleared_s"] is None else row["cleared_s"]) - row["raised_s"])
 
