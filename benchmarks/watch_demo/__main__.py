@@ -50,7 +50,8 @@ def main() -> None:
     print(f"{seconds / (time.perf_counter() - began):.0f} times real time", file=sys.stderr)
     print(json.dumps(figures, indent=2))
     if args.json:
-        args.json.write_text(
+        told = {"summary": figures, "advisories": rows, "stops": stops_of(watch, rows)}
+        args.json.write_text(json.dumps(told, indent=1) + "\n")
             json.dumps({"summary": figures, "advisories": rows, "stops": stops_of(watch, rows)}, indent=1) + "\n"
         )
 
