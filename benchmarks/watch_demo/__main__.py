@@ -52,8 +52,6 @@ def main() -> None:
     if args.json:
         told = {"summary": figures, "advisories": rows, "stops": stops_of(watch, rows)}
         args.json.write_text(json.dumps(told, indent=1) + "\n")
-            json.dumps({"summary": figures, "advisories": rows, "stops": stops_of(watch, rows)}, indent=1) + "\n"
-        )
 
 
 if __name__ == "__main__":
