@@ -31,9 +31,9 @@ from deconflict.live import Live
 from deconflict.presence.presence import Presence
 from deconflict.simulation.cast import cast
 from deconflict.simulation.dialects import DIALECTS
+from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.layout import layout_for
 from deconflict.simulation.robots import some_robots
-from deconflict.simulation.traffic import World
 from deconflict.site import Site, load
 from deconflict.sweeper import Sweeper
 from ingest import stamps

@@ -12,7 +12,8 @@ import numpy as np
 
 from deconflict.simulation.cast import Member, VendorName
 from deconflict.simulation.layout import GROUND, Place
-from deconflict.simulation.robots import Plan, Robot
+from deconflict.simulation.plans import Plan
+from deconflict.simulation.robots import Robot
 
 FEWEST = 16
 """A smaller cast has nobody to spare for the annex."""

@@ -15,6 +15,19 @@ class VendorName(StrEnum):
     WALKERS = "Walkers"
 
 
+class Protection(StrEnum):
+    """What a robot does about bodies on its way."""
+
+    STOP = "stop"
+    """It brakes, and stands until they are gone."""
+    SLOW = "slow"
+    """It goes the slower the nearer they are, and then stops."""
+    SWERVE = "swerve"
+    """It goes past them where there is room, and else stops."""
+    ATTEND = "attend"
+    """A person: it sees where others go, and keeps off their way."""
+
+
 @dataclass(frozen=True, slots=True)
 class Body:
     """An envelope: length along the heading, width across it, and its centre ahead of the reported location."""
@@ -38,17 +51,50 @@ class Make:
     """Greatest acceleration."""
     brake_mps2: float
     stop_gap_m: float
-    """Way left free before what the protective stop sees."""
+    """How much longer than its stopping distance the field of its protective stop is."""
     lane_m: float
     """How far right of the middle of an aisle it keeps."""
     turn_radps: float
     """Turning in place."""
+    protection: Protection
+    tells_waiting: bool = False
+    """Whether one that others keep standing says so; else it tells a path as if it went on at once."""
     report_every_s: float = 1.0
-    person: bool = False
+
+    @property
+    def person(self) -> bool:
+        return self.protection is Protection.ATTEND
 
 
-ALDER = Make(VendorName.ALDER, "A100", Body(1.0, 0.7), Body(1.0, 0.7), 0.4, 1.4, 0.8, 1.4, 0.45, 0.47, turn_radps=1.2)
-CORVID = Make(VendorName.CORVID, "C20", Body(1.4, 0.9), Body(1.4, 0.9), 2.1, 1.0, 0.5, 1.0, 0.5, 0.57, turn_radps=0.8)
+ALDER = Make(
+    VendorName.ALDER,
+    "A100",
+    Body(1.0, 0.7),
+    Body(1.0, 0.7),
+    0.4,
+    1.4,
+    0.8,
+    1.4,
+    0.45,
+    0.70,
+    turn_radps=1.2,
+    protection=Protection.STOP,
+)
+CORVID = Make(
+    VendorName.CORVID,
+    "C20",
+    Body(1.4, 0.9),
+    Body(1.4, 0.9),
+    2.1,
+    1.0,
+    0.5,
+    1.0,
+    0.5,
+    0.80,
+    turn_radps=0.8,
+    protection=Protection.SLOW,
+    tells_waiting=True,
+)
 BASALT = Make(
     VendorName.BASALT,
     "B7",
@@ -59,8 +105,9 @@ BASALT = Make(
     0.7,
     1.2,
     0.4,
-    0.67,
+    0.85,
     turn_radps=1.0,
+    protection=Protection.SWERVE,
 )
 """Its location is that of its drive axle, behind the middle of its envelope; a load juts out."""
 WALKER = Make(
@@ -73,10 +120,11 @@ WALKER = Make(
     1.5,
     2.5,
     0.3,
-    0.37,
+    0.60,
     turn_radps=2.5,
+    protection=Protection.ATTEND,
+    tells_waiting=True,
     report_every_s=2.0,
-    person=True,
 )
 MAKES = (ALDER, CORVID, BASALT, WALKER)
 

@@ -20,7 +20,8 @@ from ingest.seam import Floats
 GROUND_ID = "7d2b1c8e-3f64-4a95-9c1d-5e8f20a6b301"
 MEZZANINE_ID = "7d2b1c8e-3f64-4a95-9c1d-5e8f20a6b302"
 EVERY_SECOND_S = tuple(float(second) for second in range(1, 11))
-EVERY_TEN_S = (10.0, 20.0, 30.0, 40.0, 50.0)
+EVERY_TWO_S = tuple(2.0 * second for second in EVERY_SECOND_S)
+"""Fine enough for straight lines between the points not to cut corners."""
 PATH_OF_PEOPLE = 3
 """Of so many people one has a device that knows its way."""
 
@@ -164,7 +165,7 @@ DIALECTS = {
         stamp=_to_the_second,
         resolution_s=1.0,
         letters=str.upper,
-        path_s=EVERY_TEN_S,
+        path_s=EVERY_TWO_S,
         path_datum_key="planarDatum",
         path_names_datum=True,
     ),

@@ -13,7 +13,8 @@ import shapely
 
 from deconflict.simulation.cast import Member
 from deconflict.simulation.layout import GROUND
-from deconflict.simulation.robots import Plan, Robot
+from deconflict.simulation.plans import Plan
+from deconflict.simulation.robots import Robot
 
 PACE_MPS = 1.0
 TURN_RADPS = 1.5

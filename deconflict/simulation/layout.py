@@ -13,7 +13,7 @@ from math import atan2, ceil, inf
 from ingest.seam import Floats
 
 ROBOTS_PER_TILE = 24
-BAY_DEPTH_M = 2.2
+BAY_DEPTH_M = 2.5
 """From the middle of the aisle to the middle of the bay."""
 LONG_AISLE_M = 7.8
 """Aisles between two crossings that are at least this long have bays."""

@@ -15,9 +15,9 @@ from websockets.exceptions import ConnectionClosed, WebSocketException
 from deconflict.simulation.annex import Annex, split
 from deconflict.simulation.cast import Member, VendorName, cast
 from deconflict.simulation.dialects import DIALECTS
+from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.layout import layout_for
 from deconflict.simulation.robots import some_robots
-from deconflict.simulation.traffic import World
 from ingest.seam import Ints
 
 STEP_S = 0.1

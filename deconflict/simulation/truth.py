@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from deconflict.simulation.traffic import World
+from deconflict.simulation.driving.traffic import World
 from ingest.seam import Floats, Ints
 
 SAME_ENCOUNTER_S = 1.0

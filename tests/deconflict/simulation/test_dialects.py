@@ -13,9 +13,10 @@ from deconflict import site
 from deconflict.demo import demo_site
 from deconflict.simulation.cast import MAKES, VendorName, cast
 from deconflict.simulation.dialects import DIALECTS, SITE_MAPS
+from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.layout import layout_for
-from deconflict.simulation.robots import Plan, Robot, robots
-from deconflict.simulation.traffic import World
+from deconflict.simulation.plans import Plan
+from deconflict.simulation.robots import Robot, robots
 from ingest.frames import Frames
 from ingest.messages import Identity, Status, read
 
@@ -94,7 +95,7 @@ def test_corvid_speaks_as_the_sample_sender_does(told: list[Robot]) -> None:
         stamps = [said["timestamp"], *(point["timestamp"] for point in said["path"])]
         assert all(re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+0000", stamp) for stamp in stamps)
         after_s = [seconds(stamp) - seconds(stamps[0]) for stamp in stamps[1:]]
-        assert after_s == [10.0, 20.0, 30.0, 40.0, 50.0]
+        assert after_s == [2.0 * second for second in range(1, 11)]
         assert all("planarDatum" in point and "planarDatumUUID" not in point for point in said["path"])
         planned, _ = robot.plan.at(np.array(after_s) + np.floor(NOW_S) - NOW_S)
         assert np.array([(point["x"], point["y"]) for point in said["path"]]) == pytest.approx(planned[:, :2], abs=1e-3)

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from deconflict.simulation.cast import cast
+from deconflict.simulation.driving.traffic import RIDE_S, Doing, World
+from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.layout import BayKind, layout_for
-from deconflict.simulation.robots import Plan, Robot, robots
-from deconflict.simulation.traffic import RIDE_S, Doing, World
-from deconflict.simulation.trips import NOWHERE
+from deconflict.simulation.plans import Plan
+from deconflict.simulation.robots import Robot, robots
 
 STEP_S = 0.1
 STATES = {"navigating", "idle", "charging", "waitingHumanEvent", "waitingExternalEvent"}

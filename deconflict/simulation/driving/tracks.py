@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from deconflict.simulation.routes import Drive
+from deconflict.simulation.driving.routes import Drive
 from ingest.seam import Floats, Ints
 
 
@@ -10,8 +10,8 @@ class Tracks:
     """One drive a robot, in padded arrays (n, longest)."""
 
     def __init__(self, robots: int) -> None:
-        self._columns = np.zeros((4, robots, 64))
-        """x, y, yaw, greatest speed."""
+        self._columns = np.zeros((5, robots, 64))
+        """x, y, yaw, greatest speed, seconds from the start at that speed."""
         self.step_m = np.ones(robots)
         self.last = np.zeros(robots, np.int64)
         """Index of each drive's last sample."""
@@ -20,10 +20,12 @@ class Tracks:
         """Replace a robot's drive."""
         samples = len(drive.x_m)
         if samples > self._columns.shape[2]:
-            longer = np.zeros((4, len(self.last), 2 * samples))
+            longer = np.zeros((5, len(self.last), 2 * samples))
             longer[:, :, : self._columns.shape[2]] = self._columns
             self._columns = longer
-        self._columns[:, robot, :samples] = drive.x_m, drive.y_m, drive.yaw_rad, drive.speed_mps
+        mean_mps = (drive.speed_mps[1:] + drive.speed_mps[:-1]) / 2
+        seconds = np.concatenate([[0.0], np.cumsum(drive.step_m / mean_mps)])
+        self._columns[:, robot, :samples] = drive.x_m, drive.y_m, drive.yaw_rad, drive.speed_mps, seconds
         self.step_m[robot], self.last[robot] = drive.step_m, samples - 1
 
     @property
@@ -40,6 +42,11 @@ class Tracks:
         speeds: Floats = self._between(slice(3, 4), robots, progress_m)[0]
         return speeds
 
+    def seconds(self, robots: Ints, progress_m: Floats) -> Floats:
+        """From the start of its drive to there, for one that nobody is in the way of."""
+        seconds: Floats = self._between(slice(4, 5), robots, progress_m)[0]
+        return seconds
+
     def slope(self, robots: Ints, progress_m: Floats) -> Floats:
         """(2, ...) metres moved and radians turned a metre of progress."""
         low = np.clip((progress_m / self.step_m[robots]).astype(np.int64), 0, np.maximum(self.last[robots] - 1, 0))
@@ -48,7 +55,7 @@ class Tracks:
 
     def samples(self, robot: int) -> Floats:
         """(4, m) x, y, yaw and greatest speed of one robot's drive."""
-        drive: Floats = self._columns[:, robot, : self.last[robot] + 1]
+        drive: Floats = self._columns[:4, robot, : self.last[robot] + 1]
         return drive
 
     def _between(self, columns: slice, robots: Ints, progress_m: Floats) -> Floats:

@@ -1,7 +1,8 @@
 """The moving world: robots and people drive from bay to bay, stop for each other, and sort out mutual waits.
 
-A robot drives its own way and knows nothing of others' plans. Where two wait for each other, one of them backs
-off along the way it came and tries again. Time goes on only by `World.step`; all chance is the given generator's.
+A robot drives its own way and knows the plans of its own fleet alone. For others it has a protective stop. Where it has
+stood for another for long, it goes past it or backs off along the way it came. Time goes on only by `World.step`; all
+chance is the given generator's.
 """
 
 from collections.abc import Sequence
@@ -9,38 +10,40 @@ from dataclasses import replace
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deconflict.simulation.cast import Body, Member
-from deconflict.simulation.crossings import Crossings, passages
+from deconflict.simulation.cast import Body, Member, VendorName
+from deconflict.simulation.driving.braking import MOVING_MPS, Braking
+from deconflict.simulation.driving.crossings import Crossings, passages
+from deconflict.simulation.driving.lines import Lines
+from deconflict.simulation.driving.passing import WALKING_MPS, Passings
+from deconflict.simulation.driving.protection import Bools, Traffic, centres, may_sidestep
+from deconflict.simulation.driving.routes import drive, lane, standing
+from deconflict.simulation.driving.tracks import Tracks
+from deconflict.simulation.driving.trips import NOWHERE, Trips
+from deconflict.simulation.driving.waits import Waits
 from deconflict.simulation.layout import Bay, BayKind, Layout
-from deconflict.simulation.protection import Traffic, centres, free_way
-from deconflict.simulation.routes import drive, lane, standing
-from deconflict.simulation.tracks import Tracks
-from deconflict.simulation.trips import NOWHERE, Trips
 from ingest.seam import Floats, Ints
 
 ARRIVED_M = 0.03
 RIDE_S = 6.0
 """In a lift."""
 DWELL_S = {
-    BayKind.DOCK: (4.0, 12.0),
-    BayKind.PARKING: (3.0, 8.0),
+    BayKind.DOCK: (15.0, 50.0),
+    BayKind.PARKING: (15.0, 90.0),
     BayKind.CHARGER: (15.0, 60.0),
     BayKind.LIFT: (RIDE_S, RIDE_S),
 }
+SET_OUT_S = 12.0
+"""Everybody sets out within this."""
 FULL_BAYS_S = 2.0
 """How long a robot waits before it looks again for a bay to go to."""
 DETOUR = 0.6
 """Not everybody takes the shortest way: aisles seem up to this share longer to each."""
 BACKING_MPS = 0.35
 BACK_OFF_M = (1.2, 4.0)
-HOLD_S = (1.5, 4.0)
-PATIENCE_S = (2.0, 8.0)
-"""How long a robot takes part in a mutual wait before it backs off."""
-LONG_WAIT_S = 30.0
-"""And in any other."""
-MOVING_MPS, NEARLY_M = 0.03, 0.02
+HOLD_S = (2.0, 6.0)
+CREEPS_SHARE = 0.4
+"""Of robots that have stood for long; the others back off."""
 STUCK_EVERY_S, STUCK_S = 900.0, (8.0, 15.0)
 PAUSE_EVERY_S, PAUSE_S = 25.0, (1.0, 4.0)
 """Of people: they stop for a moment."""
@@ -74,25 +77,29 @@ class World:
         self.members, self._rng = tuple(members), rng
         n, makes = len(self.members), [member.make for member in self.members]
         self.t_s = 0.0
-        self.trips, self.tracks, self._crossings = Trips(layout, n, rng), Tracks(n), Crossings(n)
+        vendors = list(VendorName)
+        self.fleet: Ints = np.array([vendors.index(make.vendor) for make in makes])
+        """(n,) robots of one fleet are told of each other."""
+        self.person = np.array([make.person for make in makes], np.bool_)
+        self.trips, self.tracks = Trips(layout, n, rng), Tracks(n)
+        self.crossings = Crossings(np.where(self.person, -1 - np.arange(n), self.fleet))
         self.doing = np.full(n, int(Doing.STANDING))
-        self.until_s = rng.uniform(0.0, 6.0, n)
+        self.until_s = rng.uniform(0.0, SET_OUT_S, n)
         """When standing, holding or halting ends."""
         self.progress_m, self.speed_mps, self.aside_m = np.zeros(n), np.zeros(n), np.zeros(n)
-        self.waited_s = np.zeros(n)
-        """How long others have kept it from moving."""
         self.back_to_m = np.zeros(n)
         self.pace = np.ones(n)
         """Share of its greatest speed that it likes to go at."""
-        self.person = np.array([make.person for make in makes], np.bool_)
         self.load_pct = np.where(rng.random(n) < 0.75, rng.integers(20, 90, n), 0) * ~self.person
         self.battery_pct = np.where(rng.random(n) < 0.15, rng.uniform(22.0, 28.0, n), rng.uniform(35.0, 98.0, n))
-        self._patience_s, self._blocker = rng.uniform(*PATIENCE_S, n), np.full(n, NOWHERE)
+        self.waits = Waits(n, rng)
+        self.lines = Lines(self.crossings, layout, n)
+        self.passings = Passings(np.array([make.lane_m for make in makes]))
+        self.braking = Braking(self.members, self.passings, rng)
         self._gain = np.array([make.gain_mps2 for make in makes])
         self._brake = np.array([make.brake_mps2 for make in makes])
-        self._stop_gap_m = np.array([make.stop_gap_m for make in makes])
         self._bodies = np.array([[_sizes(make.body), _sizes(make.loaded)] for make in makes])
-        self._rank = np.argsort(np.lexsort((np.arange(n), ~self.person)))
+        self._rank = np.argsort(np.lexsort((np.arange(n), self.person)))
         for robot in range(n):
             self._put_in(self.trips.at(robot), robot)
 
@@ -100,14 +107,24 @@ class World:
         return len(self.members)
 
     @property
+    def waited_s(self) -> Floats:
+        """(n,) how long others have kept each from moving."""
+        return self.waits.waited_s
+
+    @property
+    def yields_to(self) -> Ints:
+        """(n,) for whom each brakes, slows down or swerves that is not of its own fleet."""
+        return self.braking.yields_to
+
+    @property
     def floor(self) -> Ints:
         """(n,)"""
         return self.trips.floor
 
     @property
-    def charging(self) -> NDArray[np.bool_]:
+    def charging(self) -> Bools:
         """(n,)"""
-        standing: NDArray[np.bool_] = self.doing == Doing.STANDING
+        standing: Bools = self.doing == Doing.STANDING
         return standing & self.trips.standing_at(BayKind.CHARGER)
 
     def body(self, robot: int) -> Body:
@@ -136,10 +153,10 @@ class World:
         self.t_s += dt_s
         self._end_waits()
         self._interrupt(dt_s)
-        self._stray(dt_s)
+        self._go_aside(dt_s)
         self._move(dt_s)
         self._arrive()
-        self._part_mutual_waits()
+        self._end_long_waits()
         self._use_batteries(dt_s)
 
     def _traffic(self) -> Traffic:
@@ -148,12 +165,16 @@ class World:
             tracks=self.tracks,
             progress_m=self.progress_m,
             speed_mps=self.speed_mps,
+            brake_mps2=self._brake,
             backing=self.doing == Doing.BACKING,
+            going=(self.doing == Doing.DRIVING) | (self.doing == Doing.BACKING),
             aside_m=self.aside_m,
             floor=self.floor,
             length_m=length_m,
             width_m=width_m,
             ahead_m=ahead_m,
+            fleet=self.fleet,
+            person=self.person,
             rank=self._rank,
         )
 
@@ -187,8 +208,10 @@ class World:
         nodes = layout.route(start.node, goal.node, detours)
         way = drive(lane(layout, nodes, make.lane_m), layout.heading_rad(start), make)
         self.tracks.put(robot, way)
-        self._crossings.put(robot, passages(layout, nodes, way))
-        self.progress_m[robot], self.doing[robot], self.waited_s[robot] = 0.0, Doing.DRIVING, 0.0
+        self.crossings.put(robot, passages(layout, nodes, way))
+        self.lines.leave(robot)
+        self.progress_m[robot], self.doing[robot] = 0.0, Doing.DRIVING
+        self.waits.begin_anew(robot)
 
     def _interrupt(self, dt_s: float) -> None:
         """Now and then a robot is stuck and a person pauses."""
@@ -198,32 +221,42 @@ class World:
             self.doing[robot] = Doing.HALTED
             self.until_s[robot] = self.t_s + self._rng.uniform(*(PAUSE_S if self.person[robot] else STUCK_S))
 
-    def _stray(self, dt_s: float) -> None:
-        """People change their pace, and do not walk in a straight line."""
+    def _go_aside(self, dt_s: float) -> None:
+        """People do not walk in a straight line; robots leave their way to go past others, where nobody is beside."""
+        seen = self._traffic()
+        self.passings.go_on(seen, self.t_s)
+        aside_m = self.passings.next_aside_m(seen, dt_s) + self._stray_m(dt_s)
+        may = may_sidestep(seen, aside_m)
+        self.aside_m = np.where(may, aside_m, self.aside_m)
+
+    def _stray_m(self, dt_s: float) -> Floats:
+        """(n,) how far people stray to the left; they change their pace too."""
         pushes = self._rng.normal(size=(2, len(self))) * np.sqrt(dt_s) * self.person
         self.pace = np.clip(self.pace + PACE_DRIFT * pushes[0], SLOWEST_PACE, 1.0)
-        walking = np.abs(self.speed_mps) > MOVING_MPS
-        change = SWAY_M * pushes[1] - self.aside_m * dt_s / SWAY_S
-        self.aside_m = np.clip(self.aside_m + walking * change, -SWAY_M, SWAY_M)
+        walking = self.person & (np.abs(self.speed_mps) > MOVING_MPS) & (np.abs(self.aside_m) <= SWAY_M)
+        walking &= self.passings.end_m == np.inf
+        change_m = SWAY_M * pushes[1] - self.aside_m * dt_s / SWAY_S
+        strayed_m: Floats = np.clip(self.aside_m + walking * change_m, -SWAY_M, SWAY_M) - self.aside_m
+        return np.where(walking, strayed_m, 0.0)
 
     def _move(self, dt_s: float) -> None:
-        everyone, backing = np.arange(len(self)), self.doing == Doing.BACKING
-        going = backing | (self.doing == Doing.DRIVING)
-        self._crossings.update(self.progress_m, np.flatnonzero(self.doing == Doing.DRIVING))
-        free_m, by = free_way(self._traffic())
-        to_crossing_m = np.where(backing, np.inf, self._crossings.stop_m - self.progress_m)
-        open_m = np.maximum(np.minimum(free_m - self._stop_gap_m, to_crossing_m), 0.0)
-        by = np.where(to_crossing_m < free_m - self._stop_gap_m, self._crossings.waits_for, by)
-        planned = self.pace * self.tracks.speed_mps(everyone, self.progress_m + self.speed_mps * dt_s)
-        wanted = np.minimum(np.where(backing, BACKING_MPS, planned), np.sqrt(2 * self._brake * open_m)) * going
-        signed = np.where(backing, -wanted, wanted)
+        seen = self._traffic()
+        self.crossings.update(self.progress_m, np.flatnonzero(self.doing == Doing.DRIVING))
+        line = self.lines.look(seen, self.doing == Doing.DRIVING, self.waited_s)
+        planned_mps = self.tracks.speed_mps(np.arange(len(self)), self.progress_m + self.speed_mps * dt_s)
+        pace_mps = np.where(
+            seen.backing, BACKING_MPS, self.pace * np.minimum(planned_mps, self.braking.top_mps(self.t_s))
+        )
+        order = self.crossings.stop_m - self.progress_m, self.crossings.waits_for
+        course = self.braking.course(seen, pace_mps, order, line, self.t_s, dt_s)
+        self._drive(np.where(seen.backing, -course.wanted_mps, course.wanted_mps), dt_s)
+        self.waits.keep(course.kept & (np.abs(self.speed_mps) < MOVING_MPS), course.by, dt_s)
+
+    def _drive(self, signed_mps: Floats, dt_s: float) -> None:
         faster = np.where(self.speed_mps >= 0, self._gain, self._brake) * dt_s
         slower = np.where(self.speed_mps > 0, self._brake, self._gain) * dt_s
-        self.speed_mps = self.speed_mps + np.clip(signed - self.speed_mps, -slower, faster)
+        self.speed_mps = self.speed_mps + np.clip(signed_mps - self.speed_mps, -slower, faster)
         self.progress_m = np.clip(self.progress_m + self.speed_mps * dt_s, 0.0, self.tracks.length_m)
-        kept = going & (open_m < NEARLY_M) & (np.abs(self.speed_mps) < MOVING_MPS)
-        self._blocker = np.where(kept, by, NOWHERE)
-        self.waited_s = np.where(kept, self.waited_s + dt_s, 0.0)
 
     def _arrive(self) -> None:
         there = (self.doing == Doing.DRIVING) & (self.progress_m >= self.tracks.length_m - ARRIVED_M)
@@ -235,22 +268,28 @@ class World:
         done = back & ((self.progress_m <= self.back_to_m) | (self.waited_s > 0.5))
         for robot in np.flatnonzero(done):
             self.doing[robot] = Doing.HOLDING
-            self._crossings.give_way(int(robot), float(self.progress_m[robot]))
+            self.crossings.give_way(int(robot), float(self.progress_m[robot]))
             self.until_s[robot] = self.t_s + self._rng.uniform(*HOLD_S)
 
-    def _part_mutual_waits(self) -> None:
-        """Robots that wait, directly or through others, for one that waits for them back off one by one."""
-        nobody = len(self)
-        waits_for = np.append(np.where(self._blocker == NOWHERE, nobody, self._blocker), nobody)
-        for _ in range(6):
-            waits_for = waits_for[waits_for]
-        mutual = waits_for[:-1] != nobody
-        tired = (mutual & (self.waited_s > self._patience_s)) | (self.waited_s > LONG_WAIT_S)
-        for robot in np.flatnonzero(tired & (self.doing == Doing.DRIVING)):
-            self.doing[robot], self.waited_s[robot] = Doing.BACKING, 0.0
-            wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
-            self.back_to_m[robot] = max(self._crossings.back_to_m[robot], wanted_m)
-            self._patience_s[robot] = self._rng.uniform(*PATIENCE_S)
+    def _end_long_waits(self) -> None:
+        """Robots that have stood for others for long go past them or, of those that wait for each other, back off."""
+        seen = self._traffic()
+        for robot in self.waits.look_past(self.speed_mps, self.t_s):
+            past = int(self.waits.blocker[robot])
+            driving = self.doing[robot] == Doing.DRIVING and robot not in self.passings
+            if driving and self.passings.begin(seen, robot, past, self.t_s, WALKING_MPS):
+                self.waits.begin_anew(robot)
+        for robot in self.waits.tired():
+            if self.doing[robot] != Doing.DRIVING:
+                continue
+            self.braking.let_go(robot)
+            if self._rng.random() < CREEPS_SHARE:
+                self.braking.creep(robot, self.t_s)
+            else:
+                self.doing[robot] = Doing.BACKING
+                wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
+                self.back_to_m[robot] = max(self.crossings.back_to_m[robot], wanted_m)
+            self.waits.begin_anew(robot)
 
     def _use_batteries(self, dt_s: float) -> None:
         drain = np.where(self.person, 0.1, 1.0) * DRAIN_PER_S

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from deconflict.simulation.cast import ALDER, CORVID, MAKES, Make
+from deconflict.simulation.driving.routes import CREEP_MPS, SIDEWAYS_MPS2, TURN_M, Drive, drive, lane, standing
 from deconflict.simulation.layout import Place, layout_for
-from deconflict.simulation.routes import CREEP_MPS, SIDEWAYS_MPS2, TURN_M, Drive, drive, lane, standing
 
 CORNERS: list[Place] = [(0.0, 0.0), (0.0, 2.0), (10.0, 2.0), (10.0, 12.0)]
 

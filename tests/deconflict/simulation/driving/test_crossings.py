@@ -1,12 +1,14 @@
 """Right of way: ways that meet are never open together."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from deconflict.simulation.cast import ALDER
-from deconflict.simulation.crossings import Crossings, Passage, passages
+from deconflict.simulation.driving.crossings import Crossings, Passage, passages
+from deconflict.simulation.driving.routes import drive, lane
 from deconflict.simulation.layout import layout_for
-from deconflict.simulation.routes import drive, lane
 
 EAST, WEST, NORTH = (1, 0), (-1, 0), (0, 1)
 
@@ -30,7 +32,7 @@ def test_which_ways_meet(one: Passage, other: Passage, meet: bool) -> None:
 
 
 def test_the_second_waits_until_the_first_is_out() -> None:
-    crossings = Crossings(2)
+    crossings = Crossings(np.zeros(2, np.int64))
     for robot, inward in enumerate((EAST, NORTH)):
         crossings.put(robot, [passage(inward)])
     both = np.arange(2)
@@ -43,8 +45,16 @@ def test_the_second_waits_until_the_first_is_out() -> None:
     assert crossings.back_to_m[0] == 9.0
 
 
+def test_fleets_do_not_know_of_each_other() -> None:
+    crossings = Crossings(np.array([0, 1]))
+    for robot, inward in enumerate((EAST, NORTH)):
+        crossings.put(robot, [passage(inward)])
+    crossings.update(np.array([4.0, 4.0]), np.arange(2))
+    assert crossings.stop_m.tolist() == [np.inf, np.inf]
+
+
 def test_a_robot_that_has_backed_out_asks_again() -> None:
-    crossings = Crossings(2)
+    crossings = Crossings(np.zeros(2, np.int64))
     for robot, inward in enumerate((EAST, NORTH)):
         crossings.put(robot, [passage(inward)])
     crossings.update(np.array([4.0, 4.0]), np.arange(2))
@@ -65,3 +75,23 @@ def test_a_drive_meets_the_crossings_of_its_way_in_order() -> None:
         inside = slice(round(one.enter_m / way.step_m), round(one.leave_m / way.step_m))
         assert np.hypot(way.x_m[inside] - x, way.y_m[inside] - y).min() < 1.5
         assert 2.5 < one.leave_m - one.enter_m < 6.0
+
+
+def test_a_way_that_comes_back_to_where_it_began_meets_its_crossings_in_order() -> None:
+    """A crossing near the start that is come through in the end is not taken for one at the start."""
+    layout = layout_for(24)
+    ways = 0
+    for start in layout.bays:
+        for goal in layout.bays:
+            if start.floor != goal.floor or start.node == goal.node:
+                continue
+            nodes = layout.route(start.node, goal.node, np.ones(len(layout.places)))
+            if sum(node in layout.crossings for node in nodes) < 3:
+                continue
+            way = drive(lane(layout, nodes, 0.7), layout.heading_rad(start), ALDER)
+            found = passages(layout, nodes, way)
+            assert all(before.leave_m <= after.enter_m + 0.2 for before, after in pairwise(found))
+            assert all(one.enter_m < one.leave_m for one in found)
+            ways += 1
+            break
+    assert ways > 20

@@ -1,0 +1,1 @@
+"""The demo's robots and the service in one process: what a person would have been told, and what came of it."""

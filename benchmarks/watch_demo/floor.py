@@ -1,0 +1,133 @@
+"""The demo's floor by a simulated clock: what its robots send, and what truly happens to them."""
+
+from bisect import insort
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deconflict.simulation.annex import split
+from deconflict.simulation.cast import Body, Member, VendorName, cast
+from deconflict.simulation.dialects import DIALECTS
+from deconflict.simulation.driving.stops import Stop, Stops
+from deconflict.simulation.driving.traffic import World
+from deconflict.simulation.layout import layout_for
+from deconflict.simulation.robots import Robot, some_robots
+from deconflict.simulation.senders import OWN_PATH
+from deconflict.simulation.truth import SAME_ENCOUNTER_S, Encounter, near_pairs
+from ingest.connection import Connection
+from ingest.seam import Floats, Ints
+
+STEP_S = 0.1
+DELIVERY_S = (0.03, 0.2)
+"""Of a message, at the least and at the most."""
+
+
+@dataclass(slots=True)
+class Truth:
+    """What happened so far; robots are rows, those of the annex after those of the halls."""
+
+    encounters: list[Encounter] = field(default_factory=list)
+    envelopes: Floats = field(default_factory=lambda: np.empty((0, 5)))
+    """(n, 5) x, y, yaw of each envelope's centre, its length and its width."""
+    floor: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    stood_s: Floats = field(default_factory=lambda: np.empty(0))
+    """(n,) how long each has stood."""
+    open: dict[tuple[int, int], Encounter] = field(default_factory=dict)
+
+
+class Floor:
+    """So many robots; `step` lets time pass. Time 0 is `start_s`, seconds since the epoch."""
+
+    def __init__(self, robots: int, seed: int, start_s: float, clearance_m: float) -> None:
+        rng = np.random.default_rng(seed)
+        members, self._annex = split(cast(robots))
+        self.world = World(layout_for(robots), members, rng)
+        self.members: tuple[Member, ...] = (*members, *self._annex.members)
+        self.rows = {member.uuid: row for row, member in enumerate(self.members)}
+        self._start_s, self._clearance_m = start_s, clearance_m
+        self._delays = np.random.default_rng(seed + 1)
+        self._every_s = np.array([member.make.report_every_s for member in self.members])
+        self._phase_s = self._every_s * (np.arange(len(self.members)) * 0.618 % 1.0)
+        self._introduced: set[int] = set()
+        self._stops = Stops(self.world)
+        self.truth = Truth(stood_s=np.zeros(len(self.members)))
+
+    @property
+    def now_s(self) -> float:
+        """Seconds since the epoch."""
+        return self._start_s + self.world.t_s
+
+    @property
+    def stops(self) -> list[Stop]:
+        return self._stops.found
+
+    def step(self) -> Iterator[tuple[float, bytes, Connection]]:
+        """Let a step pass; what is sent, and when it arrives."""
+        before = np.floor((self.world.t_s + self._phase_s) / self._every_s)
+        self.world.step(STEP_S)
+        self._stops.look(STEP_S)
+        self._look()
+        due = np.flatnonzero(np.floor((self.world.t_s + self._phase_s) / self._every_s) > before)
+        for row, robot in zip(due.tolist(), self._robots(due), strict=True):
+            vendor = robot.member.make.vendor
+            introduce = row not in self._introduced
+            self._introduced.add(row)
+            at_s = self.now_s + self._delays.uniform(*DELIVERY_S)
+            for raw in DIALECTS[vendor].messages(robot, self.now_s, introduce=introduce):
+                yield at_s, raw, _connection(row, vendor)
+
+    def _robots(self, rows: Ints) -> list[Robot]:
+        halls = len(self.world)
+        players = [self._annex.robot(row - halls, self.world.t_s) for row in rows.tolist() if row >= halls]
+        return [*some_robots(self.world, rows[rows < halls]), *players]
+
+    def _look(self) -> None:
+        """Take in where everybody is, and who is near whom."""
+        players = self._robots(np.arange(len(self.world), len(self.members)))
+        before, truth, t_s = self.truth.envelopes, self.truth, self.world.t_s
+        played = np.array([_envelope(one) for one in players]).reshape(-1, 5)
+        truth.envelopes = np.vstack([self.world.envelopes(), played])
+        truth.floor = np.concatenate([self.world.floor, np.array([one.floor for one in players], np.int64)])
+        if len(before):
+            moved: NDArray[np.bool_] = np.hypot(*(truth.envelopes - before)[:, :2].T) > 0.05 * STEP_S
+            truth.stood_s = np.where(moved, 0.0, truth.stood_s + STEP_S)
+        for pair, separation_m in near_pairs(truth.envelopes, truth.floor, self._clearance_m):
+            if pair not in truth.open:
+                truth.open[pair] = Encounter(pair, t_s, t_s, separation_m)
+                truth.encounters.append(truth.open[pair])
+            truth.open[pair].last_s = t_s
+            truth.open[pair].separation_m = min(truth.open[pair].separation_m, separation_m)
+        for pair in [pair for pair, one in truth.open.items() if t_s - one.last_s > SAME_ENCOUNTER_S]:
+            truth.open.pop(pair).ended = True
+
+
+def _envelope(robot: Robot) -> tuple[float, float, float, float, float]:
+    body: Body = robot.member.make.body
+    x_m = robot.x_m + body.ahead_m * np.cos(robot.yaw_rad)
+    y_m = robot.y_m + body.ahead_m * np.sin(robot.yaw_rad)
+    return x_m, y_m, robot.yaw_rad, body.length_m, body.width_m
+
+
+def _connection(row: int, vendor: VendorName) -> Connection:
+    number = 1000 if vendor is VendorName.BASALT else row + 1
+    path = f"/{vendor}" if vendor in OWN_PATH else "/"
+    return Connection(number, "", path, vendor.value if vendor in OWN_PATH else None)
+
+
+class Post:
+    """Messages on their way, by arrival."""
+
+    def __init__(self) -> None:
+        self._on_way: list[tuple[float, int, bytes, Connection]] = []
+        self._sent = 0
+
+    def put(self, arrival_s: float, raw: bytes, connection: Connection) -> None:
+        self._sent += 1
+        insort(self._on_way, (arrival_s, self._sent, raw, connection), key=lambda one: one[:2])
+
+    def arrived(self, now_s: float) -> Iterator[tuple[float, bytes, Connection]]:
+        while self._on_way and self._on_way[0][0] <= now_s:
+            at_s, _, raw, connection = self._on_way.pop(0)
+            yield at_s, raw, connection

@@ -1,0 +1,114 @@
+"""The service on the demo's floor: every advisory as a person sees it, with how things really stood."""
+
+from dataclasses import dataclass, field
+from math import hypot, inf
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.watch_demo.floor import STEP_S, Floor, Post
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.demo import demo_site
+from deconflict.engine import Engine
+from deconflict.roles.receiver import fleet_of
+from deconflict.site import load
+from ingest import quick
+from ingest.measures import Measures
+
+START_S = 1_790_000_000.0
+
+
+@dataclass(slots=True)
+class Alert:
+    """One advisory. Times are seconds after the start."""
+
+    kind: str
+    names: tuple[str, ...]
+    vendors: tuple[str, ...]
+    rows: tuple[int, ...]
+    raised_s: float
+    probability: float | None
+    time_to_conflict_s: float
+    encounter_class: str
+    basis: tuple[str, ...]
+    summary: str
+    separation_m: float | None
+    """The smallest that was predicted when it was raised."""
+    gap_m: float
+    """Between the first two's middles when it was raised; inf on different floors."""
+    stood_s: tuple[float, ...]
+    """How long each had stood then."""
+    cleared_s: float = inf
+    ended: str = ""
+    stands_s: list[float] = field(default_factory=list)
+    """For each robot, how long it stood in all while this was open."""
+    revisions: int = 1
+
+
+class Watch:
+    """A run, step by step."""
+
+    def __init__(self, robots: int, seed: int, site: Path | None = None) -> None:
+        quick.load()
+        self._site = load(site or demo_site())
+        self.clearance_m = self._site.conflict.clearance_m
+        self.floor = Floor(robots, seed, START_S, self.clearance_m)
+        self._fleet, self._engine, self._post = fleet_of(self._site, Measures()), Engine(self._site), Post()
+        self._everything = True
+        self.alerts: dict[str, Alert] = {}
+        self.most_open = 0
+        self.open_s = 0.0
+
+    def run(self, seconds: float) -> None:
+        while self.floor.world.t_s < seconds:
+            self.step()
+
+    def step(self) -> None:
+        """One step of the world, which is one tick of the service."""
+        for sent in self.floor.step():
+            self._post.put(*sent)
+        now_s = self.floor.now_s
+        for arrival_s, raw, connection in self._post.arrived(now_s):
+            self._fleet.receive(raw, arrival_s, connection)
+        self._engine.receive(self._fleet.cut(now_s, self._everything))
+        self._everything = False
+        for advisory in self._engine.step(now_s):
+            self._take(advisory)
+        standing = self.floor.truth.stood_s > 0
+        open_now = [one for one in self.alerts.values() if one.cleared_s == inf]
+        for one in open_now:
+            one.stands_s = [one.stands_s[k] + STEP_S * bool(standing[row]) for k, row in enumerate(one.rows)]
+        conflicts = sum(one.kind == "conflict" for one in open_now)
+        self.most_open, self.open_s = max(self.most_open, conflicts), self.open_s + STEP_S * conflicts
+
+    def _take(self, advisory: AnyAdvisory) -> None:
+        if advisory.id not in self.alerts:
+            self.alerts[advisory.id] = self._alert(advisory)
+        one = self.alerts[advisory.id]
+        one.revisions = advisory.revision
+        if advisory.state is AdvisoryState.CLEARED:
+            one.cleared_s, one.ended = self.floor.world.t_s, advisory.cleared_because or ""
+
+    def _alert(self, advisory: AnyAdvisory) -> Alert:
+        truth = self.floor.truth
+        rows = tuple(self.floor.rows[robot.lower()] for robot in advisory.robots)
+        gap_m = inf
+        if len(rows) > 1 and truth.floor[rows[0]] == truth.floor[rows[1]]:
+            gap_m = hypot(*(truth.envelopes[rows[0]] - truth.envelopes[rows[1]])[:2])
+        conflict = advisory if isinstance(advisory, ConflictAdvisory) else None
+        return Alert(
+            kind=advisory.kind,
+            names=advisory.names,
+            vendors=advisory.vendors,
+            rows=rows,
+            raised_s=self.floor.world.t_s,
+            probability=conflict.probability if conflict else None,
+            time_to_conflict_s=advisory.time_to_conflict_s,
+            encounter_class=conflict.encounter_class.value if conflict else "",
+            basis=conflict.basis if conflict else (),
+            summary=advisory.summary,
+            separation_m=conflict.min_separation_m if conflict else None,
+            gap_m=gap_m,
+            stood_s=tuple(float(s) for s in np.round(truth.stood_s[list(rows)], 1)),
+            stands_s=[0.0] * len(rows),
+        )

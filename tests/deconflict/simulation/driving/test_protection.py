@@ -1,0 +1,119 @@
+"""The protective stop: what is in whose way."""
+
+import numpy as np
+import pytest
+import shapely
+
+from deconflict.simulation.cast import ALDER
+from deconflict.simulation.driving.protection import NOBODY, Traffic, free_ways, gaps, may_sidestep
+from deconflict.simulation.driving.routes import drive
+from deconflict.simulation.driving.tracks import Tracks
+from deconflict.simulation.layout import Place
+from deconflict.simulation.truth import corners
+
+Way = tuple[Place, Place]
+
+
+def traffic(ways: list[Way], progress_m: list[float], speed_mps: list[float], fleet: list[int]) -> Traffic:
+    """Robots on straight ways, the first of highest rank."""
+    make = ALDER
+    tracks = Tracks(len(ways))
+    for row, (start, end) in enumerate(ways):
+        yaw = float(np.arctan2(end[1] - start[1], end[0] - start[0]))
+        tracks.put(row, drive([start, end], yaw, make))
+    n = len(ways)
+    return Traffic(
+        tracks=tracks,
+        progress_m=np.array(progress_m),
+        speed_mps=np.array(speed_mps),
+        brake_mps2=np.full(n, make.brake_mps2),
+        backing=np.zeros(n, np.bool_),
+        going=np.ones(n, np.bool_),
+        aside_m=np.zeros(n),
+        floor=np.zeros(n, np.int64),
+        length_m=np.full(n, make.body.length_m),
+        width_m=np.full(n, make.body.width_m),
+        ahead_m=np.zeros(n),
+        fleet=np.array(fleet),
+        person=np.zeros(n, np.bool_),
+        rank=np.arange(n),
+    )
+
+
+def test_gaps_tell_overlap_and_never_more_than_the_distance() -> None:
+    rng = np.random.default_rng(5)
+    n = 2000
+    a, b = (np.stack([*rng.uniform(-2, 2, (2, n)), rng.uniform(-4, 4, n)]) for _ in range(2))
+    size_a, size_b = (tuple(rng.uniform(0.3, 2.0, (2, n))) for _ in range(2))
+    found = gaps(a, b, (size_a[0], size_a[1]), (size_b[0], size_b[1]))
+    shapes_a, shapes_b = (
+        shapely.polygons(corners(np.column_stack([*pose, *size]))) for pose, size in ((a, size_a), (b, size_b))
+    )
+    distance_m = shapely.distance(shapes_a, shapes_b)
+    assert np.array_equal(found > 0, distance_m > 0)
+    assert np.all(found <= distance_m + 1e-9)
+    assert 100 < np.sum(found > 0) < n - 100
+
+
+AHEAD: list[Way] = [((0.0, 0.0), (20.0, 0.0)), ((2.5, 0.0), (2.5, 9.0))]
+CROSSING: list[Way] = [((0.0, 0.0), (20.0, 0.0)), ((10.0, -10.0), (10.0, 10.0))]
+
+
+def test_a_robot_sees_the_one_that_stands_in_its_way() -> None:
+    free = free_ways(traffic(AHEAD, [0.0, 0.0], [1.0, 0.0], [0, 1]))
+    gap_m = 2.5 - ALDER.body.length_m / 2 - ALDER.body.width_m / 2
+    assert free.sensed.tolist() == [1, NOBODY]
+    assert gap_m - 0.3 <= free.sensed_m[0] <= gap_m
+    assert free.sensed_m[1] == np.inf
+    assert free.known.tolist() == [NOBODY, NOBODY]
+
+
+def test_its_own_fleet_knows_of_it_instead() -> None:
+    free = free_ways(traffic(AHEAD, [0.0, 0.0], [1.0, 0.0], [0, 0]))
+    assert free.known.tolist() == [1, NOBODY]
+    assert free.sensed.tolist() == [NOBODY, NOBODY]
+
+
+def test_robots_that_pass_in_their_lanes_are_in_nobodys_way() -> None:
+    passing: list[Way] = [((0.0, -0.7), (20.0, -0.7)), ((20.0, 0.7), (0.0, 0.7))]
+    free = free_ways(traffic(passing, [9.0, 10.5], [1.4, 1.4], [0, 1]))
+    assert free.sensed_m.tolist() == [np.inf, np.inf]
+
+
+def test_of_two_of_one_fleet_that_cross_the_later_rank_keeps_clear_of_the_other() -> None:
+    free = free_ways(traffic(CROSSING, [7.8, 8.2], [1.4, 1.2], [0, 0]))
+    assert free.known.tolist() == [NOBODY, 0]
+    assert free.known_m[1] < 1.5
+
+
+def test_of_two_fleets_that_cross_nobody_knows_where_the_other_goes() -> None:
+    free = free_ways(traffic(CROSSING, [7.0, 6.0], [1.4, 1.2], [0, 1]))
+    assert free.sensed.tolist() == [NOBODY, NOBODY]
+
+
+def test_a_field_keeps_clear_of_what_the_other_covers_until_it_stands() -> None:
+    """The other is 2 m from the robot's way, and needs 0.7 m to stop."""
+    coming, standing = (traffic(CROSSING, [8.6, 7.8], [1.4, mps], [0, 1]) for mps in (1.4, 0.0))
+    coming.speed_mps[1] = 2.2
+    assert free_ways(coming).sensed[0] == 1
+    assert free_ways(standing).sensed[0] == NOBODY
+
+
+def test_a_robot_may_leave_one_that_it_is_too_near_to() -> None:
+    near: list[Way] = [((0.0, 0.0), (20.0, 0.0)), ((-1.01, 0.0), (-9.0, 0.0))]
+    free = free_ways(traffic(near, [0.0, 0.0], [0.0, 0.0], [0, 1]))
+    assert free.sensed_m.tolist() == [np.inf, np.inf]
+
+
+@pytest.mark.parametrize(("aside_m", "may"), [(0.3, True), (0.45, False)])
+def test_nobody_steps_aside_into_another(aside_m: float, may: bool) -> None:
+    beside: list[Way] = [((0.0, 0.0), (20.0, 0.0)), ((0.0, 1.2), (20.0, 1.2))]
+    seen = traffic(beside, [5.0, 5.0], [0.5, 0.0], [0, 1])
+    assert may_sidestep(seen, np.array([aside_m, 0.0])).tolist() == [may, True]
+
+
+@pytest.mark.parametrize("floors", [[0, 0], [0, 1]])
+def test_floors_are_apart(floors: list[int]) -> None:
+    seen = traffic(AHEAD, [0.0, 0.0], [1.0, 0.0], [0, 1])
+    seen.floor[:] = floors
+    assert np.isfinite(free_ways(seen).sensed_m[0]) == (floors == [0, 0])

@@ -1,0 +1,182 @@
+"""The moving world: the same for the same seed, nobody jumps, nobody is stuck for good, bodies never touch."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from deconflict.simulation.cast import cast
+from deconflict.simulation.driving.protection import gaps
+from deconflict.simulation.driving.routes import drive
+from deconflict.simulation.driving.stops import Stop, Stops
+from deconflict.simulation.driving.traffic import Doing, World
+from deconflict.simulation.layout import layout_for
+from deconflict.simulation.truth import near_pairs
+from ingest.seam import Floats
+
+STEP_S, MINUTES = 0.1, 10
+SLACK_MPS = 0.45
+"""On top of the greatest speed: a turning envelope's location, a person's sway, a step aside."""
+LONGEST_STILL_S = 90.0
+"""Robots that brake for others go on, or find another way, within this."""
+
+
+def world(seed: int, robots: int = 24) -> World:
+    return World(layout_for(robots), cast(robots), np.random.default_rng(seed))
+
+
+def states(one: World, seconds: float) -> Iterator[Floats]:
+    for _ in range(round(seconds / STEP_S)):
+        one.step(STEP_S)
+        yield np.column_stack([one.locations(), one.floor, one.battery_pct])
+
+
+def touching(one: World) -> list[tuple[int, int]]:
+    """Pairs whose bodies touch."""
+    x, y, yaw, length_m, width_m = one.envelopes().T
+    pairs = cKDTree(np.column_stack([x + 1e5 * one.floor, y])).query_pairs(2.0, output_type="ndarray")
+    a, b = pairs.T
+    poses = np.stack([x, y, yaw])
+    gap_m = gaps(poses[:, a], poses[:, b], (length_m[a], width_m[a]), (length_m[b], width_m[b]))
+    return [(int(one_row), int(other)) for one_row, other in pairs[gap_m <= 0.0]]
+
+
+@dataclass
+class Seen:
+    """What ten minutes of one world showed."""
+
+    robots: int
+    fastest_mps: Floats
+    still_s: Floats
+    trips: Floats
+    charged: set[int] = field(default_factory=set)
+    rode: set[int] = field(default_factory=set)
+    doing: set[Doing] = field(default_factory=set)
+    touched: list[tuple[int, int]] = field(default_factory=list)
+    stops: list[Stop] = field(default_factory=list)
+
+
+@pytest.fixture(scope="module", params=[(12, 2), (24, 1), (60, 1)], ids=str)
+def seen(request: pytest.FixtureRequest) -> Seen:
+    robots, seed = request.param
+    one = world(seed, robots)
+    found, stops = Seen(robots, np.zeros(robots), np.zeros(robots), np.zeros(robots)), Stops(one)
+    moved_s = np.zeros(robots)
+    for _ in range(round(MINUTES * 60 / STEP_S)):
+        before, floor, doing = one.locations(), one.floor, one.doing.copy()
+        one.step(STEP_S)
+        stops.look(STEP_S)
+        same = one.floor == floor
+        step_mps = np.hypot(*(one.locations() - before)[:, :2].T) / STEP_S
+        found.fastest_mps = np.maximum(found.fastest_mps, np.where(same, step_mps, 0.0))
+        moved_s[(np.abs(one.speed_mps) > 0.03) | (one.doing == Doing.STANDING)] = one.t_s
+        found.still_s = np.maximum(found.still_s, one.t_s - moved_s)
+        found.trips += (doing == Doing.DRIVING) & (one.doing == Doing.STANDING)
+        found.charged |= set(np.flatnonzero(one.charging).tolist())
+        found.rode |= set(np.flatnonzero(~same).tolist())
+        found.doing |= {Doing(code) for code in np.unique(one.doing)}
+        found.touched += touching(one)
+    found.stops = stops.found
+    return found
+
+
+def test_nobody_jumps(seen: Seen) -> None:
+    greatest = np.array([member.make.max_speed_mps for member in cast(seen.robots)])
+    assert np.all(seen.fastest_mps <= greatest + SLACK_MPS)
+    assert np.all(seen.fastest_mps > 0.5)
+
+
+def test_nobody_is_stuck_for_good(seen: Seen) -> None:
+    assert seen.still_s.max() < LONGEST_STILL_S
+    assert seen.trips.min() >= 2
+    assert seen.trips.mean() >= 5
+
+
+def test_bodies_never_touch(seen: Seen) -> None:
+    assert seen.touched == []
+
+
+def test_everything_that_robots_do_is_done(seen: Seen) -> None:
+    assert seen.doing >= {Doing.STANDING, Doing.DRIVING, Doing.HALTED}
+    assert seen.charged
+    assert seen.rode or seen.robots < 24
+
+
+def test_robots_give_way_to_other_fleets_now_and_then(seen: Seen) -> None:
+    """Traffic is mostly calm: each robot stops for one of another fleet every two to fifteen minutes."""
+    of_another = [stop for stop in seen.stops if stop.counts]
+    per_robot_hour = len(of_another) / (seen.robots * MINUTES / 60)
+    assert 4.0 <= per_robot_hour <= 30.0
+
+
+def test_the_same_seed_is_the_same_world() -> None:
+    first, second, other = (list(states(world(seed), 30.0)) for seed in (3, 3, 4))
+    assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
+    assert not np.array_equal(first[-1], other[-1])
+
+
+def test_no_two_robots_stop_in_one_bay() -> None:
+    one = world(2)
+    for _ in states(one, 120.0):
+        taken = one.trips.bay[one.doing == Doing.STANDING]
+        assert len(set(taken.tolist())) == len(taken)
+
+
+@pytest.mark.parametrize(("robots", "seed"), [(12, 3), (12, 4), (60, 2)])
+def test_on_other_seeds_too_bodies_never_touch_and_nobody_freezes(robots: int, seed: int) -> None:
+    one = world(seed, robots)
+    moved_s = np.zeros(robots)
+    for _ in states(one, 180.0):
+        moved_s[(np.abs(one.speed_mps) > 0.03) | (one.doing == Doing.STANDING)] = one.t_s
+        assert touching(one) == []
+        assert (one.t_s - moved_s).max() < LONGEST_STILL_S
+
+
+def head_on(seed: int) -> World:
+    """Two robots that drive at each other on one line."""
+    one = world(seed, 2)
+    for robot, (start, end) in enumerate((((0.0, 12.0), (30.0, 12.0)), ((30.0, 12.0), (0.0, 12.0)))):
+        yaw = float(np.arctan2(0.0, end[0] - start[0]))
+        one.tracks.put(robot, drive([start, end], yaw, one.members[robot].make))
+        one.trips.bay[robot] = 1
+    one.doing[:] = Doing.DRIVING
+    return one
+
+
+def test_two_that_drive_at_each_other_brake_apart() -> None:
+    one = head_on(1)
+    for _ in states(one, 15.0):
+        pass
+    [(_, gap_m)] = near_pairs(one.envelopes(), one.floor, 1.2)
+    assert gap_m > 0.4
+    assert np.all(np.abs(one.speed_mps) < 0.05)
+    assert one.yields_to.tolist() == [1, 0]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_of_two_that_wait_for_each_other_one_makes_room(seed: int) -> None:
+    one = head_on(seed)
+    through = np.zeros(2, np.bool_)
+    for _ in states(one, 120.0):
+        assert touching(one) == []
+        through |= one.progress_m > 17.0
+        if through.all():
+            return
+    pytest.fail("they stand in each other's way for good")
+
+
+def test_more_robots_than_bays_are_refused() -> None:
+    with pytest.raises(ValueError, match="use a larger layout"):
+        World(layout_for(24), cast(200), np.random.default_rng(1))
+
+
+@pytest.mark.parametrize("robots", [1, 4, 240])
+def test_any_number_of_robots_moves(robots: int) -> None:
+    one = world(1, robots)
+    began = one.locations()
+    for _ in states(one, 20.0):
+        pass
+    moved_m = np.hypot(*(one.locations() - began)[:, :2].T)
+    assert np.mean(moved_m > 1.0) > 0.7
