@@ -41,9 +41,9 @@ class Conflict(Section):
     """Envelopes that come nearer than this are in conflict. Too large floods people, too small warns late."""
     horizon_s: Seconds = 10.0
     """How far ahead conflicts are looked for, at most `reading.horizon_s`. Too short warns late."""
-    raise_probability: Annotated[float, Field(gt=0, le=1)] = 0.5
+    raise_probability: Annotated[float, Field(gt=0, le=1)] = 0.4
     """How likely a conflict must be for a person to be told. Low alerts early and often in vain, high late or never."""
-    confirm: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] = (2, 3)
+    confirm: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] = (3, 3)
     """An advisory is raised when so many of so many looks predict it. [1, 1] raises at the first, also false ones."""
     urgent_s: Seconds = 2.0
     """A conflict nearer than this needs no confirmation. Too long and single false looks raise advisories."""

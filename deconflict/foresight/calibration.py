@@ -29,7 +29,7 @@ class Prior(NamedTuple):
 CONTACT = Prior(np.array([0.07, 1.07, 0.2, -0.27, -0.74]), np.array([0.7, 0.3, 0.3, 0.7, 0.7]))
 """Of coming within the clearance: learned on recordings of people and of robots that avoid each other."""
 INTERACTION = Prior(
-    np.array([-0.3, 0.34, 0.02, -0.67, 0.0, -0.34, -0.85, -0.81, 0.45, -0.23]),
+    np.array([0.25, 0.3, 0.01, -0.6, 0.0, -0.34, -0.83, -0.81, 0.32, 0.3]),
     np.array([0.7, 0.3, 0.3, 0.7, 0.7, 0.7, 0.7, 0.7, 0.3, 0.3]),
     same_vendor=-1.5,
 )

@@ -25,9 +25,11 @@ from deconflict.foresight.heeded import Heeded
 from deconflict.foresight.ledger import Ledger
 from deconflict.foresight.measuring import measure
 from deconflict.foresight.pairs import (
+    DRIVEN,
     PAIR,
     PREEMPTED_S,
     SETTLED_S,
+    TOUCHING,
     Outcomes,
     Pairs,
     again,
@@ -38,7 +40,7 @@ from deconflict.foresight.pairs import (
     shown,
     slots_of,
 )
-from deconflict.foresight.rollout.rollout import NOBODY, ROLLED, Crowd, roll
+from deconflict.foresight.rollout.rollout import NOBODY, Crowd, roll
 from deconflict.foresight.rollout.rollouts import Rollouts
 from deconflict.foresight.rollout.samples import SAMPLES, START, key_of, quantiles
 from deconflict.foresight.starts import Starts
@@ -360,7 +362,7 @@ class Foresight:
             driven[slots] = True
             a, b = slots_of(self._pairs["code"])
             due = np.union1d(due, np.flatnonzero(driven[a] | driven[b]))
-        self._pairs["seen"][due, -ROLLED:] = self._rollouts.seen_of(self._pairs["code"][due])
+        self._pairs["seen"][due, DRIVEN] = self._rollouts.seen_of(self._pairs["code"][due])
 
     def _crowd(self, slots: Ints, now_s: float) -> Crowd:
         robots, seen = self._robots[slots], self._followed.seen[slots]
@@ -381,16 +383,13 @@ class Foresight:
         )
 
     def _estimate(self, pairs: Pairs) -> None:
-        """Set how likely the pairs are, from what is seen of them and of their robots' other pairs.
-
-        To come within the clearance is to get in each other's way: that is at least as likely.
-        """
+        """Set how likely the pairs are, from what is seen of them and of their robots' other pairs."""
         preempt(pairs, self._standing(slice(None)), self._rollouts.waits_for, self._looked_s, PREEMPTED_S, SETTLED_S)
         seen, vendors = np.ascontiguousarray(pairs["seen"]), self._vendors_of(pairs["code"])
+        contact, there = self.contact.estimate(contact_features(seen), vendors).probability, self._both_there(pairs)
+        seen[:, TOUCHING] = pairs["seen"][:, TOUCHING] = log_odds(contact)
         estimate = self.calibration.estimate(seen, vendors)
-        contact, there = self.contact.estimate(contact_features(seen), vendors), self._both_there(pairs)
-        at_least = [np.maximum(either, touch) for either, touch in zip(estimate, contact, strict=True)]
-        for name, column in zip(ESTIMATED, (*at_least, contact.probability), strict=True):
+        for name, column in zip(ESTIMATED, (*estimate, contact), strict=True):
             pairs[name] = column * there
 
     def _vendors_of(self, code: Ints) -> Ints:

@@ -20,17 +20,17 @@ from ingest.seam import Floats, Ints
 
 SLOT_BITS = 24
 SLOTS = (1 << SLOT_BITS) - 1
-FEATURES = 8 + ROLLED
+FEATURES = 9 + ROLLED
 """1; the log odds of the largest share of the error distribution that lies within the clearance, at any moment of the
 horizon and in its first fifth, over the times at which a waiting robot may start; how long the pair would need if it
 went straight for each other, in horizons and at most 1; 1 where either stands: it is seen, and gone around; 1 where
 both do; and the share of the horizon times how surely one of the two, and each of them, comes into conflict with
-another robot before: one that has stopped for somebody else does not come here. Last, what came of it when all
-robots near were driven on together, see `rollout.ROLLED`."""
+another robot before: one that has stopped for somebody else does not come here; what came of it when all robots near
+were driven on together, see `rollout.ROLLED`; and the log odds of coming within the clearance, as learned apart."""
 CONTACT_FEATURES = 5
 """The first of them tell how likely the envelopes come within the clearance."""
-PREEMPTED = slice(6, 8)
-"""Those of other robots that come first."""
+PREEMPTED, DRIVEN, TOUCHING = slice(6, 8), slice(8, 8 + ROLLED), FEATURES - 1
+"""Those of other robots that come first, of driving on together, and of contact."""
 REMEMBERED_S = 25.0
 CROWDED_M, LEAST_SHARE = 1.5, 0.01
 """Robots that come so near, or meet so likely by their forecasts, are driven on together."""

@@ -6,8 +6,7 @@ import numpy as np
 
 from deconflict.engine import Engine
 from deconflict.foresight.calibration import Calibration, Estimate
-from deconflict.foresight.pairs import PREEMPTED, Fates
-from deconflict.foresight.rollout.rollout import ROLLED
+from deconflict.foresight.pairs import DRIVEN, PREEMPTED, Fates
 from deconflict.foresight.starts import LATE_S, Starts
 from deconflict.motion import Bools
 from ingest.seam import Floats, Ints
@@ -60,7 +59,7 @@ class _NotDriven(Calibration):
 
 def _not_driven(seen: Floats) -> Floats:
     seen = seen.copy()
-    seen[:, -ROLLED:] = 0.0
+    seen[:, DRIVEN] = 0.0
     return seen
 
 

@@ -37,7 +37,6 @@ EDGE = np.dtype(
         ("other", np.int64),
         ("pair", np.int64),  # the edge of the same two, seen from the lower of them, which counts for both
         ("gave_way", np.float64),  # in how many samples they get in each other's way within the horizon
-        ("close", np.float64),  # in how many they come within the clearance
     ],
     align=True,
 )
@@ -219,11 +218,11 @@ def _mark(marked: Bools, edges: Edges, at: int) -> None:
 
 
 @inner
-def _mark_close(marked: Bools, close: Bools, bodies: Any, edges: Edges, half: Floats, grown_m: float) -> None:
+def _mark_close(marked: Bools, bodies: Any, edges: Edges, half: Floats, grown_m: float) -> None:
     """Count the pairs that are within the clearance, once in a sample."""
     for at in range(len(edges)):
         robot, beside = edges[at].robot, edges[at].other
-        if close[at] or edges[at].pair != at:
+        if marked[at] or edges[at].pair != at:
             continue
         one, other = bodies[robot], bodies[beside]
         dx, dy, reach = other.x - one.x, other.y - one.y, one.reach + other.reach
@@ -241,8 +240,6 @@ def _mark_close(marked: Bools, close: Bools, bodies: Any, edges: Edges, half: Fl
             half[0, beside] + grown_m,
             half[1, beside] + grown_m,
         ):
-            close[at] = True
-            edges[at].close += 1.0
             _mark(marked, edges, at)
 
 
@@ -329,10 +326,9 @@ def drive(
     """
     n, steps, legs = len(since_s), int(horizon_s / STEP_S), _legs_of(track)
     waits_for, bodies = np.full(n, -1), np.empty(n, BODY)
-    marked, close = np.empty(len(edges), np.bool_), np.empty(len(edges), np.bool_)
+    marked = np.empty(len(edges), np.bool_)
     for sample in range(len(starts_s)):
         marked[:] = False
-        close[:] = False
         for robot in range(n):
             body = bodies[robot]
             body.place_s, body.pace = since_s[robot], 0.0 if stands[robot] else 1.0
@@ -351,5 +347,5 @@ def drive(
                 _go_on(body, edge, now_s)
                 if body.edge >= 0 and body.since_s >= 0.0 and body.lost_s >= LOST_S:
                     _mark(marked, edges, edges[body.edge].pair)
-            _mark_close(marked, close, bodies, edges, half, clearance_m / 2)
+            _mark_close(marked, bodies, edges, half, clearance_m / 2)
     return waits_for

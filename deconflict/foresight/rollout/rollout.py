@@ -10,9 +10,8 @@ from deconflict.motion import Bools
 from ingest.seam import Floats, Ints
 
 NOBODY = -1
-ROLLED = 2
-"""Features of a pair: the log odds of getting in each other's way within the horizon, and of coming within the
-clearance."""
+ROLLED = 1
+"""Features of a pair: the log odds of getting in each other's way within the horizon."""
 PRIOR = 0.3
 """Samples that count for, and against, before any is driven."""
 
@@ -59,8 +58,8 @@ def roll(crowd: Crowd, horizon_s: float, clearance_m: float) -> Rolled:
     waiting = edge >= 0
     waits_for[waiting] = crowd.slot[edges["other"][edge[waiting]]]
     kept = edges[edges["pair"] == np.arange(len(edges))]
-    counts = np.column_stack([kept["gave_way"], kept["close"]])
-    return Rolled(crowd.slot[kept["robot"]], crowd.slot[kept["other"]], _log_odds(counts), waits_for)
+    seen = _log_odds(kept["gave_way"][:, None])
+    return Rolled(crowd.slot[kept["robot"]], crowd.slot[kept["other"]], seen, waits_for)
 
 
 def _log_odds(counts: Floats) -> Floats:

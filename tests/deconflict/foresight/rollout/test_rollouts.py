@@ -22,7 +22,7 @@ def slots(*numbers: int) -> Ints:
 
 
 def driven(made: Rollouts, a: int, b: int, now_s: float, waits_for: int = NOBODY) -> None:
-    rolled = Rolled(slots(a), slots(b), np.array([[3.0, -3.0]]), slots(waits_for, NOBODY))
+    rolled = Rolled(slots(a), slots(b), np.array([[3.0]]), slots(waits_for, NOBODY))
     made.take(slots(a, b), rolled, codes(slots(a), slots(b)), now_s)
 
 
@@ -32,7 +32,7 @@ def test_islands_take_turns_and_each_has_one_in_every_period() -> None:
         now_s = NOW_S + tick * EVERY_S / 10
         due = made.due(slots(0, 1, 3), slots(1, 2, 4), KEY, now_s)
         if len(due):
-            made.take(due, Rolled(due[:0], due[:0], np.zeros((0, 2)), np.full(len(due), NOBODY)), due[:0], now_s)
+            made.take(due, Rolled(due[:0], due[:0], np.zeros((0, 1)), np.full(len(due), NOBODY)), due[:0], now_s)
         turns.append(due.tolist())
     assert turns[0] == [0, 1, 2, 3, 4], "none was driven before"
     assert sorted(map(tuple, filter(None, turns[1:11]))) == [(0, 1, 2), (3, 4)]
@@ -44,9 +44,9 @@ def test_what_came_of_a_pair_stays_until_its_next_turn() -> None:
     driven(made, 1, 2, NOW_S)
     driven(made, 3, 4, NOW_S)
     asked = codes(slots(1, 0, 3), slots(2, 5, 4))
-    assert made.seen_of(asked).tolist() == [[3.0, -3.0], NEVER.tolist(), [3.0, -3.0]]
-    made.take(slots(1, 2), Rolled(slots(), slots(), np.zeros((0, 2)), slots(NOBODY, NOBODY)), slots(), NOW_S + 1)
-    assert made.seen_of(asked).tolist() == [NEVER.tolist(), NEVER.tolist(), [3.0, -3.0]]
+    assert made.seen_of(asked).tolist() == [[3.0], NEVER.tolist(), [3.0]]
+    made.take(slots(1, 2), Rolled(slots(), slots(), np.zeros((0, 1)), slots(NOBODY, NOBODY)), slots(), NOW_S + 1)
+    assert made.seen_of(asked).tolist() == [NEVER.tolist(), NEVER.tolist(), [3.0]]
 
 
 def test_one_that_comes_near_nobody_any_more_waits_for_nobody() -> None:
