@@ -73,7 +73,7 @@ class Prediction(NamedTuple):
     deciding: float = 1.0
     """What alerts are decided by: above the probability where evidence is thin."""
     still: bool = False
-    """Both stand, or one gives way to the other."""
+    """Both stay where they stand, or one gave way to the other lately."""
     there: float = 1.0
     """How likely both robots are still there."""
 

@@ -63,6 +63,8 @@ LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
 PAST_LOOKS: Floats = np.arange(1, 6) / 5
 MOST_GROWN_M = 0.75
 """An envelope is grown by its 80 % band at the horizon, but no more, to find the pairs to watch."""
+STAYS_S = 20.0
+"""A robot that has stood for so long is not expected to set out any moment."""
 DISTRUSTED = 2.0
 """A robot whose errors a second ahead are so many 90 % bands, faded over a few reports, contradicts its forecasts."""
 
@@ -110,7 +112,7 @@ class Foreseen(NamedTuple):
     deciding: Floats
     """What alerts are decided by."""
     still: Bools
-    """Both stand, or one gives way to the other: there is nothing to alert of."""
+    """Both stay where they stand, or one gave way to the other lately: there is nothing to alert of."""
 
 
 class Foresight:
@@ -384,7 +386,9 @@ class Foresight:
 
     def _estimate(self, pairs: Pairs) -> None:
         """Set how likely the pairs are, from what is seen of them and of their robots' other pairs."""
-        preempt(pairs, self._standing(slice(None)), self._rollouts.waits_for, self._looked_s, PREEMPTED_S, SETTLED_S)
+        stands, now_s = self._standing(slice(None)), self._looked_s
+        stays = self._robots["stays"] | (now_s - self._robots["stood_since_s"] >= STAYS_S)
+        preempt(pairs, stands, stays, self._rollouts.waits_for, now_s, PREEMPTED_S, SETTLED_S)
         seen, vendors = np.ascontiguousarray(pairs["seen"]), self._vendors_of(pairs["code"])
         contact, there = self.contact.estimate(contact_features(seen), vendors).probability, self._both_there(pairs)
         seen[:, TOUCHING] = pairs["seen"][:, TOUCHING] = log_odds(contact)

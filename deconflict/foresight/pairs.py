@@ -63,7 +63,7 @@ PAIR = np.dtype(
         ("inside", np.bool_),  # within the clearance, or not yet drawn apart from it
         ("gives_way", np.bool_),  # one gives way to the other now
         ("gave_way_s", np.float64),  # when one last gave way to the other, or stood and had to wait for it
-        ("still", np.bool_),  # both stand, or one gave way lately: nothing to alert of
+        ("still", np.bool_),  # both stay where they stand, or one gave way lately: nothing to alert of
     ],
     align=True,
 )
@@ -187,11 +187,13 @@ def shown(pairs: Pairs, first: Ints, likely: float) -> tuple[Ints, Ints]:
     return rows[:n].copy(), code[: n - len(first)].copy()
 
 
-@kernel(numba.void(_PAIRS, _BOOLS, _INTS, *[numba.float64] * 3))
-def preempt(pairs: Pairs, stands: Bools, waits_for: Ints, now_s: float, scale_s: float, settled_s: float) -> None:
+@kernel(numba.void(_PAIRS, *[_BOOLS] * 2, _INTS, *[numba.float64] * 3))
+def preempt(
+    pairs: Pairs, stands: Bools, stays: Bools, waits_for: Ints, now_s: float, scale_s: float, settled_s: float
+) -> None:
     """Set the features of the pairs under watch that hang on other pairs: how surely each robot comes into conflict
-    with another one before; and which pairs are `still`: both stand, or one gave way to the other in the last
-    `settled_s`. `stands`, and for whom a robot that stands has to wait, are by slot."""
+    with another one before; and which pairs are `still`: both stay where they stand, or one gave way to the other in
+    the last `settled_s`. Who `stands`, who `stays`, and for whom a robot that stands has to wait, are by slot."""
     slots = len(stands)
     first_s, second_s, first = np.full(slots, np.inf), np.full(slots, np.inf), np.full(slots, -1)
     for row, pair in enumerate(pairs):
@@ -215,7 +217,8 @@ def preempt(pairs: Pairs, stands: Bools, waits_for: Ints, now_s: float, scale_s:
         both = stands[a] and stands[b]
         if pair.gives_way or waits_for[a] == b or waits_for[b] == a:
             pair.gave_way_s = now_s
-        pair.seen[5], pair.still = 1.0 if both else 0.0, both or now_s - pair.gave_way_s <= settled_s
+        pair.seen[5] = 1.0 if both else 0.0
+        pair.still = (stays[a] and stays[b]) or now_s - pair.gave_way_s <= settled_s
 
 
 def crowded(pairs: Pairs, absence: Floats) -> Bools:

@@ -164,21 +164,30 @@ def test_robots_that_another_one_stops_first_are_marked() -> None:
     every["share"] = 1.0
     every["gave_way_s"] = -np.inf
     stands, waits_for = np.array([False, False, True, True, True]), np.full(5, -1)
-    preempt(every, stands, waits_for, NOW_S, 0.3, 10.0)
+    preempt(every, stands, stands, waits_for, NOW_S, 0.3, 10.0)
     assert every["seen"][:, 6] == pytest.approx([0.0, 1.0, 0.0], abs=0.01)
     assert every["seen"][:, 7] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
     assert every["still"].tolist() == [False, False, True]
+
+
+def test_robots_that_stand_and_may_set_out_are_not_still() -> None:
+    """One of them may be about to drive into the other."""
+    every, standing = pairs((0, 1)), np.ones(2, bool)
+    every["gave_way_s"] = -np.inf
+    preempt(every, standing, np.array([True, False]), np.full(2, -1), NOW_S, 0.3, 10.0)
+    assert every["still"].tolist() == [False]
+    assert every["seen"][0, 5] == 1.0
 
 
 def test_two_of_which_one_had_to_wait_for_the_other_are_still_for_a_while() -> None:
     every = pairs((0, 1), (2, 3))
     every["gave_way_s"] = -np.inf
     nobody, moving = np.full(4, -1), np.zeros(4, bool)
-    preempt(every, moving, np.array([-1, 0, -1, -1]), NOW_S, 0.3, 10.0)
+    preempt(every, moving, moving, np.array([-1, 0, -1, -1]), NOW_S, 0.3, 10.0)
     assert every["still"].tolist() == [True, False]
-    preempt(every, moving, nobody, NOW_S + 9.0, 0.3, 10.0)
+    preempt(every, moving, moving, nobody, NOW_S + 9.0, 0.3, 10.0)
     assert every["still"].tolist() == [True, False]
-    preempt(every, moving, nobody, NOW_S + 11.0, 0.3, 10.0)
+    preempt(every, moving, moving, nobody, NOW_S + 11.0, 0.3, 10.0)
     assert every["still"].tolist() == [False, False]
 
 
