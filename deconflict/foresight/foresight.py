@@ -356,6 +356,7 @@ class Foresight:
         a, b = slots_of(self._pairs["code"][crowded(self._pairs, self._absence)])
         slots = self._rollouts.due(a, b, self._key, now_s)
         if len(slots):
+            slots = slots[np.argsort(self._rank[slots])]  # so that the answer does not hang on who came first
             rolled = roll(self._crowd(slots, now_s), self._horizon_s, self._clearance_m)
             swap = self._rank[rolled.a] > self._rank[rolled.b]
             code = codes(np.where(swap, rolled.b, rolled.a), np.where(swap, rolled.a, rolled.b))

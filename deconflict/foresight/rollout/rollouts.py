@@ -41,7 +41,7 @@ class Rollouts:
             self._drop(slots)
 
     def due(self, a: Ints, b: Ints, key: Ints, now_s: float) -> Ints:
-        """Slots of the robots whose turn it is, ascending, where pairs `a`, `b` (p,) come near; `key` is by slot.
+        """Slots of the robots whose turn it is, where pairs `a`, `b` (p,) come near; `key` is by slot.
 
         A robot that comes near nobody waits for nobody, and is in nobody's way.
         """
@@ -53,10 +53,10 @@ class Rollouts:
             return slots
         graph = coo_array((np.ones(len(a)), (places[: len(a)], places[len(a) :])), (len(slots), len(slots)))
         islands, island = connected_components(graph, directed=False)
-        last_s, first = np.full(islands, np.inf), np.full(islands, len(slots))
+        last_s, lowest = np.full(islands, np.inf), np.full(islands, KEYS)
         np.minimum.at(last_s, island, self._rolled_s[slots])
-        np.minimum.at(first, island, np.arange(len(slots)))
-        turn_s = key[slots[first]] / KEYS * EVERY_S
+        np.minimum.at(lowest, island, key[slots])
+        turn_s = lowest / KEYS * EVERY_S
         is_due = np.floor((now_s + turn_s) / EVERY_S) > np.floor((last_s + turn_s) / EVERY_S)
         due: Ints = slots[is_due[island]]
         return due
