@@ -30,11 +30,11 @@ CONTACT = Prior(np.array([0.07, 1.07, 0.2, -0.27, -0.74]), np.array([0.7, 0.3, 0
 """Of coming within the clearance: learned on recordings of people and of robots that avoid each other."""
 INTERACTION = Prior(
     np.array([0.25, 0.3, 0.01, -0.6, 0.0, -0.34, -0.83, -0.81, 0.32, 0.3]),
-    np.array([0.7, 0.3, 0.3, 0.7, 0.7, 0.7, 0.7, 0.7, 0.3, 0.3]),
+    np.array([0.7, 0.15, 0.15, 0.7, 0.7, 0.7, 0.7, 0.7, 0.15, 0.15]),
     same_vendor=-1.5,
 )
 """Of getting in each other's way: learned on simulated floors of robots with plans."""
-OWN_SD = 1.0, 0.25
+OWN_SD = 1.0, 0.15
 """How far a pair of vendors may depart from the weights of all: the first weight, and the others."""
 OUTCOME_WEIGHT = 0.25
 """Outcomes of one pair in successive seconds say much the same."""
