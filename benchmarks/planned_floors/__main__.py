@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.planned_floors.comparison.compare import Plan, compared, log_cases, make
+from benchmarks.planned_floors.comparison.compare import Plan, compared, log_cases, make, site_with
+from benchmarks.planned_floors.comparison.found_interactions import finder_figures
 from benchmarks.planned_floors.comparison.service_parts import PARTS
 from benchmarks.planned_floors.floors.kinds import KINDS, made_of
 from benchmarks.planned_floors.scoring.all_figures import figures
@@ -24,6 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _add_make(commands.add_parser("make", help="simulate a floor: its log and its truth"))
     _add_score(commands.add_parser("score", help="advisories and the believer of paths against the truth of one log"))
     _add_replay(commands.add_parser("replay", help="one log through the service, scored the same way"))
+    _add_finder(commands.add_parser("finder", help="who gave way to whom, as the service finds it, against the truth"))
     _add_compare(commands.add_parser("compare", help="floors of several kinds and seeds through the service"))
     args = options.parse_args(arguments)
     args.run(args)
@@ -52,6 +54,12 @@ def _add_replay(command: argparse.ArgumentParser) -> None:
     command.set_defaults(run=_replay)
 
 
+def _add_finder(command: argparse.ArgumentParser) -> None:
+    _add_log(command)
+    _add_clearance_and_json(command)
+    command.set_defaults(run=_finder)
+
+
 def _add_compare(command: argparse.ArgumentParser) -> None:
     command.add_argument("--kinds", nargs="+", choices=KINDS, required=True, metavar="KIND")
     command.add_argument("--seeds", nargs="+", type=int, default=[1], metavar="N")
@@ -76,12 +84,16 @@ def _add_seconds(command: argparse.ArgumentParser) -> None:
     command.add_argument("--seconds", type=float, metavar="S", help="length of the log; the kind's own if not given")
 
 
-def _add_scoring(command: argparse.ArgumentParser) -> None:
+def _add_clearance_and_json(command: argparse.ArgumentParser) -> None:
     command.add_argument("--clearance", type=float, default=CLEARANCE_M, metavar="M")
+    command.add_argument("--json", type=Path, metavar="OUT.json")
+
+
+def _add_scoring(command: argparse.ArgumentParser) -> None:
+    _add_clearance_and_json(command)
     command.add_argument(
         "--after", type=float, default=0.0, metavar="S", help="score only what happens later than this"
     )
-    command.add_argument("--json", type=Path, metavar="OUT.json")
 
 
 def _add_parts(command: argparse.ArgumentParser) -> None:
@@ -102,6 +114,10 @@ def _score(args: argparse.Namespace) -> None:
 def _replay(args: argparse.Namespace) -> None:
     found = log_cases(args.log, args.truth, args.clearance, args.after, args.without)
     _show(args, {name: figures(cases) for name, cases in found.items()})
+
+
+def _finder(args: argparse.Namespace) -> None:
+    _show(args, {"finder": finder_figures(args.log, args.truth, site_with(args.clearance))})
 
 
 def _compare(args: argparse.Namespace) -> None:

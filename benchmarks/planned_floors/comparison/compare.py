@@ -18,7 +18,7 @@ from benchmarks.planned_floors.scoring.judged_cases import Cases
 from benchmarks.planned_floors.scoring.markdown import table
 from benchmarks.planned_floors.scoring.scored_floor import Floor
 from benchmarks.planned_floors.truth.floor_truth import LOG
-from deconflict.site import DEFAULT
+from deconflict.site import DEFAULT, Site
 
 ByService = dict[str, dict[str, Figure]]
 """By service, its figures."""
@@ -101,15 +101,19 @@ def floor_cases(plan: Plan, setting: Setting, seed: int) -> dict[str, Cases]:
     return log_cases(directory / LOG, directory, plan.clearance_m, plan.after_s, plan.parts)
 
 
+def site_with(clearance_m: float) -> Site:
+    """The defaults of the service, but for the clearance."""
+    return DEFAULT.model_copy(update={"conflict": DEFAULT.conflict.model_copy(update={"clearance_m": clearance_m})})
+
+
 def log_cases(
     log: Path, truth: Path, clearance_m: float, after_s: float = 0.0, parts: Sequence[str] = ()
 ) -> dict[str, Cases]:
     """By service, the judged cases of one log."""
     floor = Floor.read(log, truth, clearance_m, after_s)
-    site = DEFAULT.model_copy(update={"conflict": DEFAULT.conflict.model_copy(update={"clearance_m": clearance_m})})
     changes = {SERVICE: unchanged} | {f"without {name}": PARTS[name] for name in parts}
     found = {BELIEVER: floor.believer()}
-    for name, published in replayed(log, site, changes).items():
+    for name, published in replayed(log, site_with(clearance_m), changes).items():
         found[name] = floor.cases(alerts_of_revisions(published.revisions, floor.end_s), published.samples)
     return found
 

@@ -31,36 +31,33 @@ class _AllAlike(Calibration):
         Calibration.learn(self, seen, np.zeros_like(vendors), fates, now_s)
 
 
-class _Alone(Calibration):
+class _Blind(Calibration):
+    """Does not see some of the features."""
+
+    hidden: slice
+
+    def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
+        return Calibration.estimate(self, self._visible(seen), vendors)
+
+    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
+        Calibration.learn(self, self._visible(seen), vendors, fates, now_s)
+
+    def _visible(self, seen: Floats) -> Floats:
+        seen = seen.copy()
+        seen[:, self.hidden] = 0.0
+        return seen
+
+
+class _Alone(_Blind):
     """Knows nothing of the other conflicts of a robot."""
 
-    def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
-        return Calibration.estimate(self, _alone(seen), vendors)
-
-    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
-        Calibration.learn(self, _alone(seen), vendors, fates, now_s)
+    hidden = PREEMPTED
 
 
-def _alone(seen: Floats) -> Floats:
-    seen = seen.copy()
-    seen[:, PREEMPTED] = 0.0
-    return seen
-
-
-class _NotDriven(Calibration):
+class _NotDriven(_Blind):
     """Knows nothing of robots that are driven on together."""
 
-    def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
-        return Calibration.estimate(self, _not_driven(seen), vendors)
-
-    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
-        Calibration.learn(self, _not_driven(seen), vendors, fates, now_s)
-
-
-def _not_driven(seen: Floats) -> Floats:
-    seen = seen.copy()
-    seen[:, DRIVEN] = 0.0
-    return seen
+    hidden = DRIVEN
 
 
 class _AtOnce(Starts):

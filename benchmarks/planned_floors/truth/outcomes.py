@@ -30,6 +30,8 @@ class Happenings:
 
     outcomes: dict[Pair, list[Outcome]]
     """By onset; those of one pair do not overlap."""
+    met: list[Encounter]
+    """All encounters."""
     stops: list[Stop]
     """Fresh stops, which a warning should have told of."""
     encounters: list[Encounter]
@@ -55,7 +57,7 @@ def happenings(truth: FloorTruth, clearance_m: float, vendor_of: dict[str, str])
     spans = [Outcome(stop.pair, stop.start_s, stop.around_until_s) for stop in gave_way]
     outcomes = _joined(spans + [Outcome(encounter.pair, encounter.start_s, encounter.end_s) for encounter in met])
     return Happenings(
-        outcomes, fresh(truth.stops, half_width_m), natural(met, truth.stops), _passes(truth, outcomes, vendor_of)
+        outcomes, met, fresh(truth.stops, half_width_m), natural(met, truth.stops), _passes(truth, outcomes, vendor_of)
     )
 
 
