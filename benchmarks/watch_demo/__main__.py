@@ -50,8 +50,8 @@ def main() -> None:
     print(f"{seconds / (time.perf_counter() - began):.0f} times real time", file=sys.stderr)
     print(json.dumps(figures, indent=2))
     if args.json:
-        told = {"summary": figures, "advisories": rows, "stops": stops_of(watch, rows)}
-        args.json.write_text(json.dumps(told, indent=1) + "\n")
+        document = {"summary": figures, "advisories": rows, "stops": stops_of(watch, rows)}
+        args.json.write_text(json.dumps(document, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -87,9 +87,9 @@ class Floor:
         """Take in where everybody is, and who is near whom."""
         players = self._robots(np.arange(len(self.world), len(self.members)))
         before, truth, t_s = self.truth.envelopes, self.truth, self.world.t_s
-        played = np.array([_envelope(one) for one in players]).reshape(-1, 5)
+        played = np.array([_envelope(player) for player in players]).reshape(-1, 5)
         truth.envelopes = np.vstack([self.world.envelopes(), played])
-        truth.floor = np.concatenate([self.world.floor, np.array([one.floor for one in players], np.int64)])
+        truth.floor = np.concatenate([self.world.floor, np.array([player.floor for player in players], np.int64)])
         if len(before):
             moved: NDArray[np.bool_] = np.hypot(*(truth.envelopes - before)[:, :2].T) > 0.05 * STEP_S
             truth.stood_s = np.where(moved, 0.0, truth.stood_s + STEP_S)
@@ -99,7 +99,7 @@ class Floor:
                 truth.encounters.append(truth.open[pair])
             truth.open[pair].last_s = t_s
             truth.open[pair].separation_m = min(truth.open[pair].separation_m, separation_m)
-        for pair in [pair for pair, one in truth.open.items() if t_s - one.last_s > SAME_ENCOUNTER_S]:
+        for pair in [pair for pair, meeting in truth.open.items() if t_s - meeting.last_s > SAME_ENCOUNTER_S]:
             truth.open.pop(pair).ended = True
 
 
@@ -125,7 +125,7 @@ class Post:
 
     def put(self, arrival_s: float, raw: bytes, connection: Connection) -> None:
         self._sent += 1
-        insort(self._on_way, (arrival_s, self._sent, raw, connection), key=lambda one: one[:2])
+        insort(self._on_way, (arrival_s, self._sent, raw, connection), key=lambda message: message[:2])
 
     def arrived(self, now_s: float) -> Iterator[tuple[float, bytes, Connection]]:
         while self._on_way and self._on_way[0][0] <= now_s:

@@ -28,8 +28,8 @@ class Came:
 def came_of(watch: Watch) -> dict[Pair, list[Came]]:
     """By pair, all that happened, by onset."""
     found: dict[Pair, list[Came]] = {}
-    for one in watch.floor.truth.encounters:
-        found.setdefault(one.robots, []).append(Came(one.start_s, one.last_s, "met"))
+    for meeting in watch.floor.truth.encounters:
+        found.setdefault(meeting.robots, []).append(Came(meeting.start_s, meeting.last_s, "met"))
     for stop in watch.floor.stops:
         pair = (min(stop.robot, stop.other), max(stop.robot, stop.other))
         found.setdefault(pair, []).append(
@@ -41,13 +41,17 @@ def came_of(watch: Watch) -> dict[Pair, list[Came]]:
 def verdict(alert: Alert, came: list[Came], end_s: float) -> tuple[str, float | None]:
     """What became of an alert, and when that began."""
     until_s = min(alert.cleared_s, end_s) + WITHIN_S
-    true = [one for one in came if one.what != "ordered" and alert.raised_s <= one.onset_s <= until_s]
-    lasting = [one for one in came if one.what != "ordered" and one.onset_s < alert.raised_s <= one.end_s]
+    true = [event for event in came if event.what != "ordered" and alert.raised_s <= event.onset_s <= until_s]
+    lasting = [event for event in came if event.what != "ordered" and event.onset_s < alert.raised_s <= event.end_s]
     if lasting:
         return f"in progress ({lasting[0].what})", lasting[0].onset_s
     if true:
         return f"true ({true[0].what})", true[0].onset_s
-    ordered = [one for one in came if one.what == "ordered" and one.onset_s <= until_s and one.end_s >= alert.raised_s]
+    ordered = [
+        event
+        for event in came
+        if event.what == "ordered" and event.onset_s <= until_s and event.end_s >= alert.raised_s
+    ]
     if ordered:
         return "ordered", ordered[0].onset_s
     return ("unknown" if until_s > end_s else "in vain"), None
@@ -57,14 +61,14 @@ def rows_of(watch: Watch, end_s: float) -> list[dict[str, Any]]:
     """Every alert with what became of it and what is odd about it, as it was raised."""
     came, rows = came_of(watch), []
     before: dict[tuple[int, ...], list[float]] = {}
-    for alert in sorted(watch.alerts.values(), key=lambda one: one.raised_s):
+    for alert in sorted(watch.alerts.values(), key=lambda alert: alert.raised_s):
         pair = (min(alert.rows[:2]), max(alert.rows[:2]))
         became, onset_s = verdict(alert, came.get(pair, []), end_s) if alert.kind == "conflict" else ("", None)
         earlier = before.setdefault((*sorted(alert.rows), hash(alert.kind)), [])
         odd = _odd(alert, earlier) if alert.kind == "conflict" else []
         earlier.append(alert.raised_s)
-        told = asdict(alert) | {"became": became, "onset_s": onset_s, "odd": odd}
-        rows.append({name: None if value == inf else value for name, value in told.items()})
+        document = asdict(alert) | {"became": became, "onset_s": onset_s, "odd": odd}
+        rows.append({name: None if value == inf else value for name, value in document.items()})
     return rows
 
 
@@ -87,7 +91,7 @@ def summary(watch: Watch, rows: list[dict[str, Any]], robots: int, seconds: floa
     became = Counter(row["became"].split(" (")[0] for row in conflicts)
     hours, known = robots * seconds / 3600, became["true"] + became["in vain"] + became["ordered"]
     fresh = [stop for stop in watch.floor.stops if stop.counts]
-    told = [stop for stop in fresh if _is_told(stop.robot, stop.other, stop.start_s, conflicts)]
+    warned = [stop for stop in fresh if _is_told(stop.robot, stop.other, stop.start_s, conflicts)]
     return {
         "robots": robots,
         "seconds": seconds,
@@ -102,7 +106,7 @@ def summary(watch: Watch, rows: list[dict[str, Any]], robots: int, seconds: floa
         "other_kinds": dict(Counter(row["kind"] for row in rows if row["kind"] != "conflict")),
         "fresh_stops": len(fresh),
         "fresh_stops_per_robot_hour": round(len(fresh) / hours, 1),
-        "fresh_stops_told_2_s_ahead": round(len(told) / len(fresh), 2) if fresh else None,
+        "fresh_stops_told_2_s_ahead": round(len(warned) / len(fresh), 2) if fresh else None,
         "encounters": len(watch.floor.truth.encounters),
         "longest_alert_s": round(max((_lasted_s(row, seconds) for row in conflicts), default=0.0), 1),
         "shortest_gap_between_alerts_of_a_pair_s": _shortest_gap_s(conflicts),

@@ -75,19 +75,19 @@ class Watch:
         for advisory in self._engine.step(now_s):
             self._take(advisory)
         standing = self.floor.truth.stood_s > 0
-        open_now = [one for one in self.alerts.values() if one.cleared_s == inf]
-        for one in open_now:
-            one.stands_s = [one.stands_s[k] + STEP_S * bool(standing[row]) for k, row in enumerate(one.rows)]
-        conflicts = sum(one.kind == "conflict" for one in open_now)
+        open_now = [alert for alert in self.alerts.values() if alert.cleared_s == inf]
+        for alert in open_now:
+            alert.stands_s = [alert.stands_s[k] + STEP_S * bool(standing[row]) for k, row in enumerate(alert.rows)]
+        conflicts = sum(alert.kind == "conflict" for alert in open_now)
         self.most_open, self.open_s = max(self.most_open, conflicts), self.open_s + STEP_S * conflicts
 
     def _take(self, advisory: AnyAdvisory) -> None:
         if advisory.id not in self.alerts:
             self.alerts[advisory.id] = self._alert(advisory)
-        one = self.alerts[advisory.id]
-        one.revisions = advisory.revision
+        alert = self.alerts[advisory.id]
+        alert.revisions = advisory.revision
         if advisory.state is AdvisoryState.CLEARED:
-            one.cleared_s, one.ended = self.floor.world.t_s, advisory.cleared_because or ""
+            alert.cleared_s, alert.ended = self.floor.world.t_s, advisory.cleared_because or ""
 
     def _alert(self, advisory: AnyAdvisory) -> Alert:
         truth = self.floor.truth
