@@ -17,7 +17,7 @@ demo: $(READY)
 	$(BIN)/deconflict demo
 
 test: lint types
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff check .
