@@ -120,16 +120,23 @@ def test_without_ticks_lines_are_not_hoarded(tmp_path: Path) -> None:
     assert written >= FLUSH_BYTES
 
 
+ROUNDS = 5
+"""A busy system keeps pages that it uses just then; the next round lets go of them."""
+
+
 def test_what_was_recorded_long_ago_is_not_kept_in_memory(tmp_path: Path) -> None:
     if _is_in_memory(_synced(tmp_path / "probe", b"anything")):
         pytest.skip("this file system keeps all it has in memory")
     writer, _ = recorder(tmp_path / "log")
     _record(writer, 2 * KEPT_BYTES)
     (log,) = (tmp_path / "log").iterdir()
-    _synced(log)
-    _record(writer, KEPT_BYTES)
-    assert not _is_in_memory(log)
-    assert not _is_in_memory(log, KEPT_BYTES)
+    for _ in range(ROUNDS):
+        _synced(log)
+        _record(writer, KEPT_BYTES)
+        if not (_is_in_memory(log) or _is_in_memory(log, KEPT_BYTES)):
+            break
+    else:
+        pytest.fail("what was written long ago is still in memory")
     writer.close()
 
 
