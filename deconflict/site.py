@@ -47,6 +47,8 @@ class Conflict(Section):
     """An advisory is raised when so many of so many looks predict it. [1, 1] raises at the first, also false ones."""
     urgent_s: Seconds = 2.0
     """A conflict nearer than this needs no confirmation. Too long and single false looks raise advisories."""
+    evident_probability: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """A conflict more likely than this needs no confirmation. 1 has all confirmed, which warns a second later."""
     clear_after_s: Seconds = 3.0
     """An advisory is cleared when it has not been predicted for this long. Too short makes advisories flicker."""
     clear_margin_m: Metres = 0.1

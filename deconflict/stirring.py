@@ -43,17 +43,21 @@ ROW = np.dtype(
 
 
 BOUNDS = np.dtype(
-    [(name, np.float64) for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure", "left")]
+    [
+        (name, np.float64)
+        for name in ("clearance_m", "apart_m", "touching_m", "raises", "held", "sure", "evident", "left")
+    ]
     + [(name, np.float64) for name in ("urgent_s", "clear_after_s", "fades_s", "warning_s", "critical_s", "slack_s")]
     + [(name, np.float64) for name in ("gap_s", "likelier", "moved_s", "deeper_m")],
     align=True,
 )
 """What decides. Robots further apart than `apart_m` have drawn apart; a pair that begins nearer than `touching_m` is
 touching already. A prediction less likely than `raises` raises no advisory; one less likely than `sure` only where
-envelopes come within the clearance, and less severe a one; one less likely than `held` lets none stand, and is told of
-after `fades_s`, also within the clearance where it is less likely than `left` that both robots are there. Of one
-advisory there is a revision in `gap_s`, unless the severity rises. Changes of the probability,
-the time and the separation by no more than the last three are surely worth none."""
+envelopes come within the clearance, and less severe a one; one more likely than `evident`, or nearer than `urgent_s`,
+raises one at its first look; one less likely than `held` lets none stand, and is told of after `fades_s`, also within
+the clearance where it is less likely than `left` that both robots are there. Of one advisory there is a revision in
+`gap_s`, unless the severity rises. Changes of the probability, the time and the separation by no more than the last
+three are surely worth none."""
 
 
 NOTED, NEW, OVER, RAISES, UNLIKELY, STILL, NEWS, AS_TOLD, LIKELIHOOD = range(-1, 8)
@@ -136,10 +140,18 @@ def _look(
 
 @inner
 def _of_untold(
-    row: Any, is_new: bool, alerting: bool, contact_s: float, now_s: float, wanted_looks: int, urgent_s: float
+    row: Any,
+    is_new: bool,
+    alerting: bool,
+    contact_s: float,
+    deciding: float,
+    now_s: float,
+    wanted_looks: int,
+    bounds: Any,
 ) -> int:
     """What there is to do for a pair without an advisory."""
-    if alerting and (_is_confirmed(row.looks, wanted_looks) or contact_s - now_s <= urgent_s):
+    at_once = deciding > bounds.evident or contact_s - now_s <= bounds.urgent_s
+    if alerting and (at_once or _is_confirmed(row.looks, wanted_looks)):
         row.met, row.predicted_s, row.still_since_s = False, now_s, inf
         return RAISES
     if is_new:
@@ -275,7 +287,7 @@ def stirring(
             row, fresh[one], start_m[one], separation_m[one], likely, deciding[one], still[one], remembered, bound
         )
         if not before.stands:
-            reason = _of_untold(row, is_new, alerting, contact_s[one], now_s, wanted_looks, bound.urgent_s)
+            reason = _of_untold(row, is_new, alerting, contact_s[one], deciding[one], now_s, wanted_looks, bound)
         elif _has_been_still(row, still[one], now_s, bound.clear_after_s):
             reason = STILL
         elif deciding[one] < bound.held and not (row.inside and there[one] >= bound.left):

@@ -263,6 +263,7 @@ def _bounds(settings: Conflict) -> NDArray[Any]:
         "raises": settings.raise_probability,
         "held": held_probability(settings),
         "sure": SURE,
+        "evident": settings.evident_probability,
         "left": PROBABLY_LEFT,
         "urgent_s": settings.urgent_s,
         "clear_after_s": settings.clear_after_s,

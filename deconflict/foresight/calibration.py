@@ -9,11 +9,13 @@ little evidence: robots of one vendor keep an order among themselves that those 
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
 from deconflict.foresight.leaving import PARTS, counts, weights
 from deconflict.foresight.pairs import CONTACT_FEATURES, Fates, slots_of
 from deconflict.learned import Part, UnreadableError, numbers
+from ingest.compiled import kernel
 from ingest.seam import Floats, Ints
 
 
@@ -36,7 +38,7 @@ INTERACTION = Prior(
 """Of getting in each other's way: learned on simulated floors of robots with plans."""
 OWN_SD = 1.0, 0.15
 """How far a pair of vendors may depart from the weights of all: the first weight, and the others."""
-OUTCOME_WEIGHT = 0.25
+OUTCOME_WEIGHT = 0.1
 """Outcomes of one pair in successive seconds say much the same."""
 FADES_S = 900.0
 CERTAIN = 0.01
@@ -51,6 +53,27 @@ def log_odds(share: Floats) -> Floats:
     """As features of pairs have them, of shares of an error distribution."""
     odds: Floats = np.log((share + CERTAIN) / (1 + CERTAIN - share))
     return odds
+
+
+_FLOATS, _MATRIX, _CUBE = numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
+
+
+@kernel(
+    numba.types.Tuple((_FLOATS, _FLOATS))(_MATRIX, numba.int64[::1], _MATRIX, _CUBE)  # type: ignore[no-untyped-call]
+)
+def _scored(seen: Floats, model: Ints, coefficients: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    """(n,) scores of features `seen` (n, features), and their variances, each by the `model` (n,) that holds for it:
+    a row of `coefficients` (models, features) and of `covariance` (models, features, features)."""
+    score, variance = np.zeros(len(seen)), np.zeros(len(seen))
+    for row in range(len(seen)):
+        factor, spread = coefficients[model[row]], covariance[model[row]]
+        for i in range(seen.shape[1]):
+            score[row] += factor[i] * seen[row, i]
+            along = 0.0
+            for j in range(seen.shape[1]):
+                along += spread[i, j] * seen[row, j]
+            variance[row] += along * seen[row, i]
+    return score, variance
 
 
 class Estimate(NamedTuple):
@@ -78,12 +101,12 @@ class Posterior:
     def __post_init__(self) -> None:
         self.weights, self.information = self.prior.mean.copy(), self._prior_information()
 
-    def square(self, seen: Floats) -> Floats:
-        """(n,) variance of the score of features (n, features)."""
+    @property
+    def covariance(self) -> Floats:
+        """(features, features) of the weights."""
         if self._covariance is None:
             self._covariance = np.asarray(np.linalg.inv(self.information), np.float64)
-        square: Floats = ((seen @ self._covariance) * seen).sum(axis=1)
-        return square
+        return self._covariance
 
     def learn(self, seen: Floats, expected: Floats, came: Floats, weight: Floats, now_s: float) -> None:
         """One Newton step on n outcomes of features (n, features): what was expected, what `came` (n,), and what each
@@ -133,7 +156,8 @@ class Calibration:
 
     def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
         """For features (n, features) of pairs of those `vendors` (n,)."""
-        score, spread = self._score(seen, vendors), self._spread(seen, vendors)
+        score, variance = self._scores(seen, vendors)
+        spread = np.sqrt(variance)
         ends = _share(score - NINETY * spread), _share(score + NINETY * spread)
         return Estimate(_share(score), *ends, _share(score + CAUTION * spread))
 
@@ -144,7 +168,7 @@ class Calibration:
         self.ended = _kept(self.as_of_s, now_s) * self.ended + counts(fates.part, fates.left)
         self.as_of_s = now_s
         weight = OUTCOME_WEIGHT * np.where(fates.left, 0.0, weights(*self.ended)[fates.part])
-        expected, came = _share(self._score(seen, vendors)), fates.met.astype(np.float64)
+        expected, came = _share(self._scores(seen, vendors)[0]), fates.met.astype(np.float64)
         for code in np.unique(vendors).tolist():
             rows = vendors == code
             own = self._own(code)
@@ -155,26 +179,19 @@ class Calibration:
         if code not in self.by_vendors:
             features = len(self.prior.mean)
             mean, sd = np.zeros(features), np.full(features, OWN_SD[1])
-            one, other = slots_of(np.array([code]))
-            mean[0], sd[0] = self.prior.same_vendor if one == other else 0.0, OWN_SD[0]
+            vendor, other_vendor = slots_of(np.array([code]))
+            mean[0], sd[0] = self.prior.same_vendor if vendor == other_vendor else 0.0, OWN_SD[0]
             self.by_vendors[code] = Posterior(Prior(mean, sd))
         return self.by_vendors[code]
 
-    def _score(self, seen: Floats, vendors: Ints) -> Floats:
-        score: Floats = seen @ self.of_all.weights
-        for code in np.unique(vendors).tolist():
-            rows = vendors == code
-            score[rows] += seen[rows] @ self._own(code).weights
-        return score
-
-    def _spread(self, seen: Floats, vendors: Ints) -> Floats:
-        """(n,) standard deviation of the score."""
-        square = self.of_all.square(seen)
-        for code in np.unique(vendors).tolist():
-            rows = vendors == code
-            square[rows] += self._own(code).square(seen[rows])
-        spread: Floats = np.sqrt(square)
-        return spread
+    def _scores(self, seen: Floats, vendors: Ints) -> tuple[Floats, Floats]:
+        """(n,) scores, and their variances."""
+        features = len(self.prior.mean)
+        known, model = np.unique(vendors, return_inverse=True)
+        own = [self._own(code) for code in known.tolist()]
+        weights = np.array([self.of_all.weights + posterior.weights for posterior in own])
+        covariance = np.array([self.of_all.covariance + posterior.covariance for posterior in own])
+        return _scored(seen, model, weights.reshape(-1, features), covariance.reshape(-1, features, features))
 
     def learned(self) -> Part:
         """The weights, and the prior that they began with."""

@@ -35,6 +35,7 @@ from deconflict.foresight.pairs import (
     again,
     codes,
     crowded,
+    of_robots,
     open_rows,
     preempt,
     shown,
@@ -361,10 +362,7 @@ class Foresight:
             swap = self._rank[rolled.a] > self._rank[rolled.b]
             code = codes(np.where(swap, rolled.b, rolled.a), np.where(swap, rolled.a, rolled.b))
             self._rollouts.take(slots, rolled, code, now_s)
-            driven = np.zeros(len(self._robots), np.bool_)
-            driven[slots] = True
-            a, b = slots_of(self._pairs["code"])
-            due = np.union1d(due, np.flatnonzero(driven[a] | driven[b]))
+            due = np.union1d(due, np.flatnonzero(of_robots(self._pairs["code"], slots)))
         self._pairs["seen"][due, DRIVEN] = self._rollouts.seen_of(self._pairs["code"][due])
 
     def _crowd(self, slots: Ints, now_s: float) -> Crowd:
@@ -390,21 +388,23 @@ class Foresight:
         stands, now_s = self._standing(slice(None)), self._looked_s
         stays = self._robots["stays"] | (now_s - self._robots["stood_since_s"] >= STAYS_S)
         preempt(pairs, stands, stays, self._rollouts.waits_for, now_s, PREEMPTED_S, SETTLED_S)
-        seen, vendors = np.ascontiguousarray(pairs["seen"]), self._vendors_of(pairs["code"])
-        contact, there = self.contact.estimate(contact_features(seen), vendors).probability, self._both_there(pairs)
-        seen[:, TOUCHING] = pairs["seen"][:, TOUCHING] = log_odds(contact)
+        rows = np.flatnonzero(pairs["watched"])
+        seen, code = pairs["seen"][rows], pairs["code"][rows]
+        vendors, there = self._vendors_of(code), self._both_there(code)
+        contact = self.contact.estimate(contact_features(seen), vendors).probability
+        seen[:, TOUCHING] = pairs["seen"][rows, TOUCHING] = log_odds(contact)
         estimate = self.calibration.estimate(seen, vendors)
         for name, column in zip(ESTIMATED, (*estimate, contact), strict=True):
-            pairs[name] = column * there
+            pairs[name][rows] = column * there
 
     def _vendors_of(self, code: Ints) -> Ints:
         """(n,) one number for the vendors of each pair."""
         a, b = (self._vendor[slots] for slots in slots_of(code))
         return codes(np.minimum(a, b), np.maximum(a, b))
 
-    def _both_there(self, pairs: Pairs) -> Floats:
-        """(p,) how likely both robots of each pair are there."""
-        a, b = slots_of(pairs["code"])
+    def _both_there(self, code: Ints) -> Floats:
+        """(p,) how likely both robots of each pair `code` (p,) are there."""
+        a, b = slots_of(code)
         both: Floats = (1.0 - self._absence[a]) * (1.0 - self._absence[b])
         return both
 
@@ -497,8 +497,7 @@ class Foresight:
         """Robots are heard no more: whether one still gives way to another, or the other to it, is not known."""
         slots = np.array([self._slots[uuid] for uuid in uuids if uuid in self._slots], np.int64)
         if len(slots):
-            a, b = slots_of(self._pairs["code"])
-            theirs = np.isin(a, slots) | np.isin(b, slots)
+            theirs = of_robots(self._pairs["code"], slots)
             self._pairs["gives_way"][theirs], self._pairs["gave_way_s"][theirs] = False, -np.inf
 
     def _rank_anew(self) -> None:

@@ -86,6 +86,13 @@ def slots_of(code: Ints) -> tuple[Ints, Ints]:
     return code >> SLOT_BITS, code & SLOTS
 
 
+def of_robots(code: Ints, slots: Ints) -> Bools:
+    """(n,) whether each pair has a robot of `slots`."""
+    a, b = slots_of(code)
+    theirs: Bools = np.isin(a, slots) | np.isin(b, slots)
+    return theirs
+
+
 @kernel(
     numba.types.UniTuple(numba.int64, 2)(  # type: ignore[no-untyped-call]
         _PAIRS, *[_INTS] * 2, _BOOLS, *[numba.float64] * 2, _PAIRS, _BOOLS, *[_INTS] * 2
@@ -337,8 +344,7 @@ class Outcomes:
         not, since they were heard last, the two did not get in each other's way.
         """
         for question in self.open:
-            a, b = slots_of(question.code)
-            rows = np.isin(a, slots) | np.isin(b, slots)
+            rows = of_robots(question.code, slots)
             if rows.any():
                 settled = Question(question.t_s, question.code[rows], question.seen[rows])
                 self._settled.append(self._answered(settled, pairs, own_until_s(question.t_s), were_there))

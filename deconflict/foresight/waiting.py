@@ -50,8 +50,8 @@ def mixed(
     start.
 
     `share` (2, n) is that of the forecasts as told; which robots have to wait for another one is `blocked`, by slot;
-    `bounds` are the horizon in seconds and the clearance in metres. Of
-    pairs of which both wait, or neither, it is what it was.
+    `bounds` are the horizon in seconds and the clearance in metres. Of pairs of which both wait, or neither, it is what
+    it was.
     """
     waiting = waits(robots)
     rows = np.flatnonzero(waiting[a] ^ waiting[b])

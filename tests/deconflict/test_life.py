@@ -17,6 +17,7 @@ SETTINGS = Conflict(
     clearance_m=0.3,
     confirm=(2, 3),
     urgent_s=2.0,
+    evident_probability=1.0,
     clear_after_s=3.0,
     clear_margin_m=0.1,
     warning_s=5.0,
@@ -183,6 +184,13 @@ def test_an_old_forecast_repeated_confirms_nothing() -> None:
     story = Story()
     assert story.predicted(9) == []
     assert [story.predicted(8 - i, fresh=False) for i in range(5)] == [[]] * 5
+
+
+def test_an_evident_conflict_needs_no_confirmation() -> None:
+    settings = SETTINGS.model_copy(update={"evident_probability": 0.6})
+    assert Story(Lives(settings, ABSENT_AFTER_S)).predicted(9, probability=0.55) == []
+    (advisory,) = Story(Lives(settings, ABSENT_AFTER_S)).predicted(9, probability=0.65)
+    assert advisory.state is AdvisoryState.RAISED
 
 
 def test_an_urgent_conflict_needs_no_confirmation() -> None:

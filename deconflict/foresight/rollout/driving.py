@@ -1,4 +1,4 @@
-"""Robots driven on along their forecasts, each with a protective stop: who gives way to whom, and who comes close.
+"""Robots driven on along their forecasts, each with a protective stop: who gives way to whom, and who comes too close.
 
 Compiled. A robot goes on along its own track, and waits where another body is in its field: its own outline, longer in
 front by its braking distance and a margin. So one that waits for a third robot does not come to where it said.
@@ -315,7 +315,7 @@ def drive(
     horizon_s: float,
     clearance_m: float,
 ) -> Ints:
-    """Drive n robots through the horizon once a sample, and count in `edges` who gives way to whom.
+    """Drive n robots through the horizon once a sample, and count in `edges` who gets in whose way.
 
     Edges are as `edges_of` gives them; those of a robot begin at `first` (n + 1,). Each robot is `since_s` (n,) along
     its `track` (n, k, 4), sampled every second, and `stands` (n,) or goes as its track says. In sample s it starts at

@@ -9,10 +9,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from deconflict.foresight.rollout.rollout import NEVER, NOBODY, Rolled
+from deconflict.motion import Bools
 from ingest.seam import Floats, Ints
 
-EVERY_S = 0.5
+EVERY_S = 1.0
 """An island is driven on so often."""
+MOST = 200
+"""About how many robots one look drives on. The others wait; those that have waited longest come first."""
 KEYS = 1 << 24
 """A robot's key is below this."""
 
@@ -58,6 +61,7 @@ class Rollouts:
         np.minimum.at(lowest, island, key[slots])
         turn_s = lowest / KEYS * EVERY_S
         is_due = np.floor((now_s + turn_s) / EVERY_S) > np.floor((last_s + turn_s) / EVERY_S)
+        is_due[_postponed(is_due, np.bincount(island), last_s, lowest)] = False
         due: Ints = slots[is_due[island]]
         return due
 
@@ -86,3 +90,16 @@ class Rollouts:
         dropped[slots] = True
         kept = ~dropped[self._slots].any(axis=1)
         self._code, self._seen, self._slots = self._code[kept], self._seen[kept], self._slots[kept]
+
+
+def _postponed(is_due: Bools, robots: Ints, last_s: Floats, lowest: Ints) -> Ints:
+    """The due islands that wait for a later look. Arrays are (n,), by island.
+
+    Islands are taken until `MOST` robots are reached: first those whose last turn, `last_s`, is longest ago, and of
+    equals the one with the lowest key, `lowest`. `robots` is how many robots each island has.
+    """
+    due = np.flatnonzero(is_due)
+    due = due[np.lexsort((lowest[due], last_s[due]))]
+    before = np.cumsum(robots[due]) - robots[due]
+    waits: Ints = due[before >= MOST]
+    return waits

@@ -1,6 +1,7 @@
 """Whose turn it is to be driven on, and what came of it."""
 
 import numpy as np
+import pytest
 
 from deconflict.foresight.pairs import codes
 from deconflict.foresight.rollout.rollout import NEVER, NOBODY, Rolled
@@ -63,3 +64,16 @@ def test_another_robot_in_a_slot_begins_anew() -> None:
     driven(made, 1, 2, NOW_S, waits_for=2)
     made.forget(slots(2))
     assert made.seen_of(codes(slots(1), slots(2))).tolist() == [NEVER.tolist()]
+
+
+def test_where_many_are_due_some_wait_those_longest_that_were_driven_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deconflict.foresight.rollout.rollouts.MOST", 2)
+    made, pairs = rollouts(), (slots(0, 2, 4), slots(1, 3, 5))
+    driven_slots = []
+    for look in range(3):
+        due = made.due(*pairs, KEY, NOW_S + 10 * look)
+        driven_slots.append(due.tolist())
+        rolled = Rolled(slots(), slots(), np.zeros((0, 1)), np.full(len(due), NOBODY))
+        made.take(due, rolled, slots(), NOW_S + 10 * look)
+    assert sorted(slot for due in driven_slots for slot in due) == [0, 1, 2, 3, 4, 5]
+    assert made.due(*pairs, KEY, NOW_S + 30).tolist() == driven_slots[0]
