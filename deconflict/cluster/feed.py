@@ -75,12 +75,20 @@ async def until(stop: asyncio.Event, *chores: Coroutine[Any, Any, None]) -> None
             if task.done():
                 await task
     finally:
-        pending = set(tasks)
-        while pending:  # the NATS client may take a cancellation for a time-out of its own, so once is not enough
-            for task in pending:
-                task.cancel()
-            _, pending = await asyncio.wait(pending, timeout=AGAIN_S)
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end_tasks(*tasks)
+
+
+async def end_tasks(*tasks: asyncio.Task[Any]) -> None:
+    """Cancel tasks until every one has ended.
+
+    Once is not enough: the NATS client may take a cancellation for a time-out of its own.
+    """
+    pending = set(tasks)
+    while pending:
+        for task in pending:
+            task.cancel()
+        _, pending = await asyncio.wait(pending, timeout=AGAIN_S)
+    await asyncio.gather(*tasks, return_exceptions=True)
 
 
 class Feed:

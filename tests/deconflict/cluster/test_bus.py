@@ -13,7 +13,7 @@ from nats.js.api import ConsumerConfig
 
 from deconflict.advisory import AdvisoryState
 from deconflict.cluster.bus import FEED, Bus, OverruledError
-from deconflict.cluster.feed import connected
+from deconflict.cluster.feed import connected, end_tasks
 from deconflict.cluster.hearing import BUS_ERRORS, lately
 from deconflict.cluster.lines import key_of
 from deconflict.cluster.member import Member
@@ -177,8 +177,7 @@ async def test_a_question_that_fails_or_is_given_up_leaves_nothing_behind(tmp_pa
         given_up = asyncio.create_task(bus.ask("robots", 300.0))
         while await subscriptions(port) == before:
             await asyncio.sleep(0.05)
-        given_up.cancel()
-        await asyncio.gather(given_up, return_exceptions=True)
+        await end_tasks(given_up)
         while await subscriptions(port) > before:
             await asyncio.sleep(0.05)
 

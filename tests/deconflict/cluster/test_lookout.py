@@ -12,6 +12,7 @@ from deconflict.advice.answers import at_once
 from deconflict.advisory import AdvisoryState
 from deconflict.cluster.bus import Bus
 from deconflict.cluster.channels import EVERY
+from deconflict.cluster.feed import end_tasks
 from deconflict.cluster.lines import Line, Seen
 from deconflict.cluster.lookout import Lookout
 from deconflict.cluster.member import Member
@@ -107,7 +108,5 @@ async def test_a_lookout_goes_on_looking_while_nothing_can_be_told_and_tells_it_
         await bounded(bus, -1)
         while len(life := [one for one in told if one.advisory and one.advisory.kind == "contention"]) < 2:
             await asyncio.sleep(0.05)
-        for one in tasks:
-            one.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end_tasks(*tasks)
     assert [one.advisory and one.advisory.revision for one in life] == list(range(1, len(life) + 1))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.cluster.bus import Bus
-from deconflict.cluster.feed import connected
+from deconflict.cluster.feed import connected, end_tasks
 from deconflict.cluster.member import Member
 from deconflict.cluster.settings import Cluster
 from deconflict.reloading import SITE_FILE, write
@@ -92,8 +92,7 @@ async def test_channels_are_heard_once_each_though_one_of_those_that_were_begun_
             while not member._wanted <= member._listening.keys():
                 await asyncio.sleep(0.05)
     finally:
-        listening.cancel()
-        await asyncio.gather(listening, return_exceptions=True)
+        await end_tasks(listening)
         await bus.close()
         broker.kill()
     assert bus.begun == {"first": 1, "refused": REFUSALS + 1, "second": 1}

@@ -1,12 +1,12 @@
 """Revisions that wait to be told, with a real NATS server."""
 
 import asyncio
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from deconflict.cluster import outbox
+from deconflict.cluster.feed import end_tasks
 from deconflict.cluster.outbox import Outbox, UntoldError
 from deconflict.cluster.teller import Teller
 from tests.deconflict.cluster.made_cluster import Broker, buses, needs_server
@@ -30,9 +30,7 @@ async def test_what_waits_is_bounded_and_what_was_told_waits_no_more(
             one.put([(HOME, made(1, revision))], told.set)
             async with asyncio.timeout(PATIENCE_S):
                 await told.wait()
-        telling.cancel()
-        with suppress(asyncio.CancelledError):
-            await telling
+        await end_tasks(telling)
         one.put((HOME, made(2, revision, robots=PAIR)) for revision in range(1, 10))
         with pytest.raises(UntoldError, match="wait for a NATS server that takes none"):
             one.put([])

@@ -3,6 +3,7 @@
 import asyncio
 from pathlib import Path
 
+from deconflict.cluster.feed import end_tasks
 from deconflict.cluster.lines import key_of
 from deconflict.cluster.teller import Teller
 from tests.deconflict.cluster.made_cluster import Broker, buses, needs_server
@@ -57,8 +58,7 @@ async def test_what_is_open_is_told_again_to_a_server_that_lost_its_store_by_who
             while not all(bus.streams for bus in both) or not await both[1].last_told(key_of(made(1))):
                 await asyncio.sleep(0.05)
             assert await tellers[0].tell(HOME, cleared(1, revision=3)) is None
-            for one in kept:
-                one.cancel()
+            await end_tasks(*kept)
         told = [await both[0].last_told(key_of(one)) for one in (made(1), made(2, robots=OTHERS))]
     assert [one and (one.seq, one.advisory) for one in told] == [(2, cleared(1, revision=3)), None]
 
@@ -74,6 +74,6 @@ async def test_what_is_open_for_longer_than_is_kept_is_told_once_more_before_it_
             await asyncio.sleep(0.05)
         stands = await bus.last_told(key_of(made(1)))
         assert await teller.tell(HOME, made(1, revision=2)) is None
-        keeping.cancel()
+        await end_tasks(keeping)
     assert stands
     assert (stands.seq > 3, stands.advisory) == (True, made(1))
