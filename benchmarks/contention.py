@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.advice.slots import Queue, advise_slots
-from deconflict.contention.demand import Request
+from deconflict.contention.queues.queue_forecast import Request
+from deconflict.contention.queues.slot_scheduling import Queue, advise_slots
 
 NOW_S = 1_800_000_000.0
 RESOURCES = 50

@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import offer
-from deconflict.link import Caller, LinkDownError
-from deconflict.service import runtime_directory
-from deconflict.site import DEFAULT, Site
-from deconflict.supervisor import Supervisor
-from ingest.measures import Histogram
+from deconflict.roles.service import runtime_directory
+from deconflict.roles.supervisor import Supervisor
+from deconflict.runtime.rpc import Caller, LinkDownError
+from deconflict.settings.site import DEFAULT, Site
+from ingest.measures.measures import Histogram
 from ingest.settings import Datum, Vendor
 
 LATENCY = "deconflict_message_to_advisory_seconds"

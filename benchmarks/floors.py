@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ingest.seam import Floats, Forecasts, Ints
+from ingest.batch import Floats, Forecasts, Ints
 
 NOW_S = 1_790_000_000.0
 KNOTS = 11

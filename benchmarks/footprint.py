@@ -21,7 +21,7 @@ def peak_mb() -> float:
 
 def measured(robots: int) -> dict[str, float]:
     begin, numpy_mb = perf_counter(), peak_mb()
-    from deconflict.sweeper import Sweeper  # noqa: PLC0415 - its import is what is timed
+    from deconflict.sweep.incremental import Sweeper  # noqa: PLC0415 - its import is what is timed
 
     import_s, idle_mb = perf_counter() - begin, peak_mb()
     if robots:

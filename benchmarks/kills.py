@@ -24,8 +24,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from benchmarks.endtoend import Load, Running, service
-from deconflict.supervisor import Watched
-from ingest.playback import Reader, segments
+from deconflict.roles.supervisor import Watched
+from ingest.recording.log_reader import Reader, segments
 
 
 @dataclass

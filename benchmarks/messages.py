@@ -13,13 +13,13 @@ from time import process_time
 from timeit import repeat
 from typing import Any
 
-from deconflict.roles.receiver import fleet_of
-from deconflict.site import Site
-from ingest import quick
-from ingest.connection import Connection
-from ingest.measures import Measures
-from ingest.messages import document, read
-from ingest.reports import StatusReport
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import Site
+from ingest.fast_path import loader
+from ingest.languages.massrobotics.parser import document, read
+from ingest.languages.massrobotics.report_models import StatusReport
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
 from ingest.settings import Datum, ReferencePoint, Vendor, VendorMap
 
 T = "2023-11-14T22:13:{:02d}.250Z"
@@ -141,7 +141,7 @@ def main() -> None:
         "official dialect": (official(), None),
         "both": (official() | WRONG_TYPE, None),
     }
-    quick.load()
+    loader.load()
     plain = json.dumps(conforming()).encode()
     alone_us = us(partial(StatusReport.model_validate_json, plain))
     columns = f"{'read us':>10}{'ratio':>7}{'batch us':>10}{'ratio':>7}"

@@ -26,8 +26,8 @@ from uuid import UUID, uuid5
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.contention.resources import Resource, Zone
-from ingest.seam import Floats
+from deconflict.settings.shared_places import Resource, Zone
+from ingest.batch import Floats
 
 DATUM = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
 ROBOTS = UUID("3f0d9a52-9a64-4f55-8a3c-4a8f4d1f7b10")

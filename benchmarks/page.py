@@ -14,13 +14,13 @@ from pathlib import Path
 
 from playwright.async_api import Page, async_playwright
 
-from deconflict.roles.receiver import fleet_of
-from deconflict.site import Site
-from ingest.connection import Connection
-from ingest.fleet import Fleet
-from ingest.measures import Measures
-from tests.deconflict.served_face import Served, served
-from tests.saying import points, status
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import Site
+from ingest.fleet.fleet import Fleet
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from tests.deconflict.operator.http.served_face import Served, served
+from tests.helpers.saying import points, status
 
 TICK_S, TOLD, SECONDS = 0.1, 100, 12
 WATCH = """seconds => new Promise((done) => {

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.floors import World
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 HORIZON_S = 10.0
 STEP_S = 0.1

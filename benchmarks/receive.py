@@ -24,14 +24,14 @@ from subprocess import PIPE
 from uuid import UUID
 
 from benchmarks.messages import conforming
-from deconflict.roles.receiver import fleet_of
-from deconflict.site import Site
-from ingest import quick
-from ingest.connection import Connection
-from ingest.credentials import Credentials
-from ingest.measures import Measures
-from ingest.receiver import Receiver, descriptors
-from ingest.recording import Recorder, quantise
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import Site
+from ingest.fast_path import loader
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.port.receiver import Receiver, descriptors
+from ingest.recording.recorder import Recorder, quantise
+from ingest.security.vendor_credentials import Credentials
 from ingest.settings import Datum
 from ingest.settings import Receiver as Settings
 
@@ -206,7 +206,7 @@ def main() -> None:
         port, rate, connections, robots, seconds = args.send_to
         send(int(port), Load(int(rate), int(connections), int(robots), float(seconds)))
         return
-    quick.load()
+    loader.load()
     load = Load(args.rate, args.connections, args.robots, args.seconds)
     print(f"{load.rate} messages a second offered over {load.connections} connections by {load.robots} robots")
     print(f"{'':<36}{'messages/s':>12}{'us/message':>12}{'of a core':>11}")

@@ -21,29 +21,29 @@ from typing import Any, TextIO
 import numpy as np
 
 from benchmarks.offer import Circling
-from deconflict import demo
 from deconflict.__main__ import COLLECTED_EVERY
-from deconflict.advice.desk import Desk
-from deconflict.contention.watch import Contention
-from deconflict.foresight.foresight import Foresight
-from deconflict.life import Lives
-from deconflict.live import Live
-from deconflict.presence.presence import Presence
+from deconflict.advice.hold_desk import Desk
+from deconflict.advisories.conflict_lifecycle import Lives
+from deconflict.contention.contention import Contention
+from deconflict.foresight.presence.live_robots import Live
+from deconflict.foresight.presence.presence import Presence
+from deconflict.foresight.probability.estimator import Foresight
+from deconflict.settings.site import Site, load
+from deconflict.simulation import demo
 from deconflict.simulation.cast import cast
-from deconflict.simulation.dialects import DIALECTS
 from deconflict.simulation.driving.traffic import World
-from deconflict.simulation.layout import layout_for
-from deconflict.simulation.robots import some_robots
-from deconflict.site import Site, load
-from deconflict.sweeper import Sweeper
-from ingest import stamps
-from ingest.fleet import Fleet
-from ingest.playback import Reader
-from metrics import replay
-from metrics.arrivals import Arrivals
-from metrics.calibration import Calibration
-from metrics.forecasts import ForecastErrors
-from metrics.truth import Truth
+from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.robot_state import some_robots
+from deconflict.simulation.vendors.dialects import DIALECTS
+from deconflict.sweep.incremental import Sweeper
+from ingest.fleet.fleet import Fleet
+from ingest.languages.massrobotics import timestamps
+from ingest.recording.log_reader import Reader
+from metrics.replay import replay
+from metrics.scoring.arrival_scores import Arrivals
+from metrics.scoring.forecast_scores import ForecastErrors
+from metrics.scoring.warnings.calibration_scores import Calibration
+from metrics.truth.encounters import Truth
 
 START_S = 1_790_000_000.0
 STEP_S = 0.1
@@ -102,7 +102,7 @@ def write_circles(path: Path, robots: int, seconds: float) -> None:
 
 
 def _write(out: TextIO, received_s: float, message: str) -> None:
-    out.write(f'{{"received":"{stamps.write(received_s)}","message":{message}}}\n')
+    out.write(f'{{"received":"{timestamps.write(received_s)}","message":{message}}}\n')
 
 
 @contextmanager

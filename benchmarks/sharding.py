@@ -12,11 +12,11 @@ from operator import add
 import numpy as np
 
 from benchmarks.floors import NOW_S, crowd
-from deconflict.cluster.channels import EVERY, Extents, Sorter, reach_m
-from deconflict.cluster.ownership import Table, revised
-from deconflict.cluster.tiles import Area, Grid, Tile
-from deconflict.site import Conflict
-from ingest.seam import Basis, Batch, Destinations, Forecasts
+from deconflict.cluster.tiles.channels import EVERY, Extents, Sorter, reach_m
+from deconflict.cluster.tiles.tile_owners import Table, revised
+from deconflict.cluster.tiles.tiles import Area, Grid, Tile
+from deconflict.settings.site import Conflict
+from ingest.batch import Basis, Batch, Destinations, Forecasts
 
 FASTEST_MPS = 2.0
 TICKS_PER_S = 10

@@ -23,13 +23,13 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.silent_floor import GRACE_S, Meeting, SilentFloor
-from deconflict import engine
-from deconflict.presence.fading import Changes
-from deconflict.presence.presence import Presence
-from deconflict.site import Site
-from ingest.playback import Reader
-from ingest.seam import Batch
-from metrics.replay import replay
+from deconflict.engine import engine
+from deconflict.foresight.presence.lasting_silences import Changes
+from deconflict.foresight.presence.presence import Presence
+from deconflict.settings.site import Site
+from ingest.batch import Batch
+from ingest.recording.log_reader import Reader
+from metrics.replay.replay import replay
 
 TOLD_S = 2.0
 """An advisory is told in time so long before the meeting, if it stands then."""

@@ -20,18 +20,18 @@ from benchmarks.endtoend import benchmark_site
 from benchmarks.offer import ROBOTS_A_CONNECTION, Circling, vendor_of
 from benchmarks.replay import timed
 from deconflict.__main__ import COLLECTED_EVERY
-from deconflict.advice.desk import Desk
-from deconflict.contention.watch import Contention
-from deconflict.engine import Engine
-from deconflict.foresight.foresight import Foresight
-from deconflict.life import Lives
-from deconflict.roles.receiver import fleet_of
-from deconflict.sweeper import Sweeper
-from ingest import quick
-from ingest.connection import Connection
-from ingest.fleet import Fleet
-from ingest.measures import Measures
-from ingest.seam import Batch, Floats
+from deconflict.advice.hold_desk import Desk
+from deconflict.advisories.conflict_lifecycle import Lives
+from deconflict.contention.contention import Contention
+from deconflict.engine.engine import Engine
+from deconflict.foresight.probability.estimator import Foresight
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.sweep.incremental import Sweeper
+from ingest.batch import Batch, Floats
+from ingest.fast_path import loader
+from ingest.fleet.fleet import Fleet
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
 
 START_S = 1_790_000_000.0
 TICK_S = 0.1
@@ -104,7 +104,7 @@ def main() -> None:
     arguments.add_argument("--seconds", type=float, default=10.0)
     args = arguments.parse_args()
     gc.set_threshold(*COLLECTED_EVERY)
-    quick.load()
+    loader.load()
     measured(20, 2.0)
     sums = []
     for robots in args.robots:

@@ -24,10 +24,10 @@ from scipy.spatial import cKDTree
 
 from benchmarks.floors import NOW_S, World, crowd, lanes
 from benchmarks.peers import HORIZON_S, PEERS, Peer
-from deconflict.sweep import sweep
-from deconflict.sweeper import PairConflicts, Sweeper
-from ingest.seam import Ints
-from tests.oracle import truth
+from deconflict.sweep.incremental import PairConflicts, Sweeper
+from deconflict.sweep.one_shot import sweep
+from ingest.batch import Ints
+from tests.helpers.oracle import truth
 
 CLEARANCE_M = 0.3
 FLOORS = [(robots, area_m2) for area_m2 in (25.0, 8.0) for robots in (1_000, 3_000, 10_000)]

@@ -12,31 +12,33 @@ import threading
 from importlib.metadata import version
 from pathlib import Path
 
-from deconflict import access, demo, descriptions, schema, site
-from deconflict.blackbox.start import BoxError
-from deconflict.check import check
-from deconflict.importers import reading
-from deconflict.importers.plan import PlanError
-from deconflict.link import PortTakenError
-from deconflict.logs import FORMATS, VARIABLE
-from deconflict.logs import begin as begin_log
-from deconflict.notify import Notifier
-from deconflict.premises import DataTakenError, held
-from deconflict.service import cluster_problems, run_role, runtime_directory
-from deconflict.simulation.drills import DRILLS
-from deconflict.simulation.senders import simulate
-from deconflict.supervisor import PARTS, Supervisor
-from ingest.certificates import CertificateError
-from ingest.tokens import SecretError
+from deconflict.operator.blackbox.start_state import BoxError
+from deconflict.operator.http import access, api_descriptions, json_schemas
+from deconflict.roles.service import cluster_problems, run_role, runtime_directory
+from deconflict.roles.supervisor import PARTS, Supervisor
+from deconflict.runtime.data_lock import DataTakenError, held
+from deconflict.runtime.logging_setup import FORMATS, VARIABLE
+from deconflict.runtime.logging_setup import begin as begin_log
+from deconflict.runtime.rpc import PortTakenError
+from deconflict.runtime.systemd import Notifier
+from deconflict.settings import site
+from deconflict.settings.importers import plan_reader
+from deconflict.settings.importers.plan import PlanError
+from deconflict.settings.site_check import check
+from deconflict.simulation import demo
+from deconflict.simulation.drills.drill_scripts import DRILLS
+from deconflict.simulation.vendors.senders import simulate
+from ingest.security.certificates import CertificateError
+from ingest.security.tokens import SecretError
 from metrics import commands as logs
-from metrics import dashboards
-from metrics.exposition import render
+from metrics.monitoring import dashboards
+from metrics.monitoring.exposition import render
 
 FAILED, MISUSED = 1, 2
 COLLECTED_EVERY = (50_000, 20, 100)
 """Allocations between two searches for garbage in cycles, and searches between those of older objects. There are hardly
 any cycles, and of ten thousand robots a million objects, which Python's own 700 had searched a sixth of the time."""
-DESCRIBED = schema.SCHEMAS | {"openapi": descriptions.openapi, "asyncapi": descriptions.asyncapi}
+DESCRIBED = json_schemas.SCHEMAS | {"openapi": api_descriptions.openapi, "asyncapi": api_descriptions.asyncapi}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -108,7 +110,9 @@ def _add_site(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -
     plans = commands.add_parser("site", help="make parts of a site file").add_subparsers(dest="part", required=True)
     take = plans.add_parser("import", help="from an Open-RMF building file or an openTCS plant model, to paste")
     take.add_argument("file", type=Path, metavar="FILE")
-    take.add_argument("--width", type=float, default=reading.WIDTH_M, metavar="M", help="of lanes and places, metres")
+    take.add_argument(
+        "--width", type=float, default=plan_reader.WIDTH_M, metavar="M", help="of lanes and places, metres"
+    )
     take.set_defaults(run=_site_import)
 
     propose = plans.add_parser("suggest", help="resources where robots of a recorded log keep standing, to paste")
@@ -196,19 +200,19 @@ def _demo(args: argparse.Namespace) -> int:
 
 
 def _drill(args: argparse.Namespace) -> int:
-    from deconflict import drill  # noqa: PLC0415 - brings the engine, which most commands and roles do without
+    from deconflict.simulation.drills import drill_run  # noqa: PLC0415 - brings the engine
 
     drills = [one for one in DRILLS if one.name in (args.names or [one.name])]
-    return drill.drill(drills, render, ignored=args.ignore)
+    return drill_run.drill(drills, render, ignored=args.ignore)
 
 
 def _site_import(args: argparse.Namespace) -> int:
-    sys.stdout.write(reading.imported(args.file, args.width))
+    sys.stdout.write(plan_reader.imported(args.file, args.width))
     return 0
 
 
 def _site_suggest(args: argparse.Namespace) -> int:
-    from deconflict.contention.suggest import suggested  # noqa: PLC0415 - brings numba
+    from deconflict.contention.suggest_resources import suggested  # noqa: PLC0415 - brings numba
 
     logs.files_of(args.logs)
     sys.stdout.write(suggested(args.logs, site.load(args.site) if args.site else site.DEFAULT))

@@ -18,9 +18,9 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
 from deconflict.advisory import ADVISORY, AnyAdvisory
-from deconflict.store import Listing
-from deconflict.stream import AFTER_BEYOND_LAST
-from deconflict.vendor_health import VendorHealth, VendorList
+from deconflict.operator.live.advisory_stream import AFTER_BEYOND_LAST
+from deconflict.operator.store.store import Listing
+from deconflict.operator.vendor_health import VendorHealth, VendorList
 
 MOST_LISTED = 1000
 BACKOFF_S = (0.2, 10.0)

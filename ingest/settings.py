@@ -1,6 +1,6 @@
 """Settings of the receiving half: datums, vendors and their maps, sockets, clocks, recording.
 
-Each is a frozen section of the site file (`deconflict/site.py` composes and loads the file). An unknown key is
+Each is a frozen section of the site file (`deconflict/settings/site.py` composes and loads the file). An unknown key is
 an error. Every field has a unit in its name or a word on what it means.
 """
 

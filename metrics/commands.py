@@ -15,13 +15,14 @@ from typing import IO, TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from deconflict import site, whatif
-from deconflict.blackbox.start import Start, head_of, site_of, start_of
-from ingest.playback import UNREADABLE, Event, Reader, by_time
-from metrics import blackbox, compare, conform
+from deconflict.operator.blackbox.start_state import Start, head_of, site_of, start_of
+from deconflict.settings import overrides, site
+from ingest.recording.log_reader import UNREADABLE, Event, Reader, by_time
+from metrics.replay import blackbox_verify, conformance_counts
+from metrics.scoring import compare
 
 if TYPE_CHECKING:
-    from metrics.replay import Tell, Watch
+    from metrics.replay.replay import Tell, Watch
 
 TOLD_EVERY = 500
 """Lines between two looks at how far the progress bar has come."""
@@ -58,7 +59,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     _add_logs(alone, "+")
     alone.add_argument("--json", type=Path, metavar="OUT.json", help="write the counts here too")
     alone.set_defaults(run=_conform)
-    blackbox.add(commands)
+    blackbox_verify.add(commands)
 
 
 def _add_logs(command: argparse.ArgumentParser, count: str) -> None:
@@ -88,8 +89,8 @@ def _replay(args: argparse.Namespace) -> int:
     settings, logs = _settings(args), files_of(args.logs)
     _spared(logs, args.json, args.html, args.advisories, args.mcap)
 
-    from metrics import report  # noqa: PLC0415 - brings numba, which no other command needs
-    from metrics.replay import replay  # noqa: PLC0415 - the same
+    from metrics.replay.replay import replay  # noqa: PLC0415 - brings numba
+    from metrics.report import html_report  # noqa: PLC0415 - brings numba
 
     reader, clearances_m = Reader(), args.clearance or [settings.conflict.clearance_m]
     with ExitStack() as files:
@@ -101,7 +102,7 @@ def _replay(args: argparse.Namespace) -> int:
     _look_back(reader, args.logs, result)
     if args.html:
         title = f"Replay of {', '.join(one.name for one in args.logs)}"
-        _write(args.html, report.page(result, title))
+        _write(args.html, html_report.page(result, title))
     if args.json:
         _write(args.json, _text(result))
     elif not args.html:
@@ -112,12 +113,12 @@ def _replay(args: argparse.Namespace) -> int:
 def _spread(address: str, files: ExitStack) -> Callable[..., dict[str, Any]]:
     """The replay on a cluster that `files` lets go of."""
     try:
-        from metrics import spread  # noqa: PLC0415 - only where it is asked for
+        from metrics.replay import dask_replay  # noqa: PLC0415 - only where it is asked for
     except ImportError as error:
         raise LogError(f"--scheduler needs Dask ({error}): pip install '.[dask]'") from error
     try:
-        return partial(spread.replay, files.enter_context(spread.cluster(address)))
-    except spread.ClusterError as error:
+        return partial(dask_replay.replay, files.enter_context(dask_replay.cluster(address)))
+    except dask_replay.ClusterError as error:
         raise LogError(str(error)) from error
 
 
@@ -125,9 +126,9 @@ def _conform(args: argparse.Namespace) -> int:
     reader, settings, logs = Reader(), _settings(args), files_of(args.logs)
     _spared(logs, args.json)
     with _shown(reader, logs) as events:
-        result = conform.conform(reader, events, settings)
+        result = conformance_counts.conform(reader, events, settings)
     _look_back(reader, args.logs, result)
-    sys.stdout.write(conform.page(result))
+    sys.stdout.write(conformance_counts.page(result))
     if args.json:
         _write(args.json, _text(result))
     return 0
@@ -161,7 +162,7 @@ def _head(args: argparse.Namespace) -> dict[str, Any] | None:
 def _settings(args: argparse.Namespace) -> site.Site:
     head = None if args.site else _head(args)
     told = site_of(head) if head else site.load(args.site) if args.site else site.DEFAULT
-    return whatif.changed(told, args.changes) if args.changes else told
+    return overrides.changed(told, args.changes) if args.changes else told
 
 
 def _text(result: dict[str, Any]) -> str:
@@ -176,7 +177,7 @@ def _outputs(args: argparse.Namespace, files: ExitStack) -> "tuple[Tell | None, 
         lines = files.enter_context(_opened(args.advisories, "w"))
         tellers.append(lambda line: lines.writelines((json.dumps(line), "\n")))
     if args.mcap:
-        from metrics.mcap_export import Export  # noqa: PLC0415 - only where it is asked for
+        from metrics.report.mcap_export import Export  # noqa: PLC0415 - only where it is asked for
 
         export = Export(files.enter_context(_opened(args.mcap, "wb")))
         files.callback(export.finish)

@@ -1,6 +1,6 @@
 """Everything that is installed is pinned, and its licence written down."""
 
-from tests.dependencies import ROOT, licence, needed, page, pinned
+from tests.helpers.dependencies import ROOT, licence, needed, page, pinned
 
 CONTAGIOUS = ("GPL", "General Public")
 
@@ -11,7 +11,7 @@ def test_everything_that_is_installed_is_pinned() -> None:
 
 def test_the_page_of_licences_is_as_it_is_installed() -> None:
     kept = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
-    assert kept == page(), "write it anew: python -m tests.dependencies > docs/dependencies.md"
+    assert kept == page(), "write it anew: python -m tests.helpers.dependencies > docs/dependencies.md"
 
 
 def test_no_licence_is_unknown_and_none_asks_for_the_source_of_this() -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from deconflict.__main__ import parser
-from deconflict.site import DEFAULT
-from deconflict.supervisor import STOP_WITHIN_S
+from deconflict.roles.supervisor import STOP_WITHIN_S
+from deconflict.settings.site import DEFAULT
 
 ROOT = Path(__file__).parent.parent
 UNIT, CONTAINER = ROOT / "deploy" / "deconflict.service", ROOT / "Containerfile"

@@ -11,10 +11,10 @@ from typing import Any
 import trustme
 
 from deconflict.advisory import AnyAdvisory, Severity
-from deconflict.site import Person
+from deconflict.settings.site import Person
 from ingest.settings import Tls
-from tests.deconflict.made_advisories import cleared, made
-from tests.deconflict.served_face import Served, served, until
+from tests.deconflict.operator.http.served_face import Served, served, until
+from tests.helpers.made_advisories import cleared, made
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "site_service.py"
 SAID = "the-token-of-the-site-service"

@@ -19,7 +19,7 @@ FLOOR_FOLDERS = {
     "comparison": {"truth", "logs", "floors", "scoring"},
 }
 """By folder of the simulated floors, what it may import from."""
-CLUSTER_BUS = "deconflict/cluster/bus.py"
+CLUSTER_BUS = "deconflict/cluster/nats/bus.py"
 
 
 def imported_packages(source: str) -> set[str]:
@@ -80,9 +80,9 @@ def test_nothing_imports_the_composition_root() -> None:
 @pytest.mark.parametrize(
     ("library", "homes"),
     [
-        ("fcl", {"deconflict/exact.py"}),
-        ("prometheus_client", {"metrics/exposition.py"}),
-        ("nats", {"deconflict/cluster/bus.py", "deconflict/cluster/hearing.py"}),
+        ("fcl", {"deconflict/sweep/fcl_check.py"}),
+        ("prometheus_client", {"metrics/monitoring/exposition.py"}),
+        ("nats", {"deconflict/cluster/nats/bus.py", "deconflict/cluster/nats/subscriptions.py"}),
     ],
 )
 def test_a_library_with_traps_is_imported_in_one_place(library: str, homes: set[str]) -> None:

@@ -5,9 +5,9 @@ from math import hypot, inf, pi, sqrt
 import numpy as np
 import pytest
 
-from ingest.seam import Forecasts
-from tests.deconflict.made_encounters import HORIZON_S, NOW_S, encounters, robot, rows_of_pairs
-from tests.oracle import RESOLUTION_M, Truth, distance_at, rectangle_distance, truth
+from ingest.batch import Forecasts
+from tests.helpers.made_encounters import HORIZON_S, NOW_S, encounters, robot, rows_of_pairs
+from tests.helpers.oracle import RESOLUTION_M, Truth, distance_at, rectangle_distance, truth
 
 
 def of(*robots: Forecasts, clearance_m: float) -> Truth:

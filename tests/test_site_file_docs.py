@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 from pydantic_core import to_jsonable_python
 
-from deconflict import site
-from deconflict.check import report
-from deconflict.cluster.settings import Cluster
-from deconflict.contention import resources
-from deconflict.outlets import settings as outlets
+from deconflict.settings import outlet_settings as outlets
+from deconflict.settings import shared_places, site
+from deconflict.settings.cluster_settings import Cluster
+from deconflict.settings.site_check import report
 from ingest import settings
 
 DOC = (Path(__file__).parent.parent / "docs" / "site-file.md").read_text(encoding="utf-8")
@@ -22,9 +21,9 @@ SECTIONS: dict[str, type[settings.Section]] = {
     "`[[vendors]]`": settings.Vendor,
     "`[[vendors.maps]]`": settings.VendorMap,
     "`[vendors.models.MODEL]`": settings.Model,
-    "`[[resources]]`": resources.Resource,
-    "`[[resources.floors]]`": resources.Landing,
-    "`[[zones]]`": resources.Zone,
+    "`[[resources]]`": shared_places.Resource,
+    "`[[resources.floors]]`": shared_places.Landing,
+    "`[[zones]]`": shared_places.Zone,
     "`[[operator.people]]`": site.Person,
     "`[receiver.tls]`": settings.Tls,
     "`[[webhooks]]`": outlets.Webhook,

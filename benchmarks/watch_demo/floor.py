@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from deconflict.simulation.annex import split
 from deconflict.simulation.cast import Body, Member, VendorName, cast
-from deconflict.simulation.dialects import DIALECTS
-from deconflict.simulation.driving.stops import Stop, Stops
 from deconflict.simulation.driving.traffic import World
-from deconflict.simulation.layout import layout_for
-from deconflict.simulation.robots import Robot, some_robots
-from deconflict.simulation.senders import OWN_PATH
+from deconflict.simulation.driving.true_stops import Stop, Stops
+from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.robot_state import Robot, some_robots
 from deconflict.simulation.truth import SAME_ENCOUNTER_S, Encounter, near_pairs
-from ingest.connection import Connection
-from ingest.seam import Floats, Ints
+from deconflict.simulation.vendors.dialects import DIALECTS
+from deconflict.simulation.vendors.senders import OWN_PATH
+from ingest.batch import Floats, Ints
+from ingest.port.connection import Connection
 
 STEP_S = 0.1
 DELIVERY_S = (0.03, 0.2)

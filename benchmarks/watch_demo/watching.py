@@ -8,12 +8,12 @@ import numpy as np
 
 from benchmarks.watch_demo.floor import STEP_S, Floor, Post
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
-from deconflict.demo import demo_site
-from deconflict.engine import Engine
-from deconflict.roles.receiver import fleet_of
-from deconflict.site import load
-from ingest import quick
-from ingest.measures import Measures
+from deconflict.engine.engine import Engine
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import load
+from deconflict.simulation.demo import demo_site
+from ingest.fast_path import loader
+from ingest.measures.measures import Measures
 
 START_S = 1_790_000_000.0
 
@@ -49,7 +49,7 @@ class Watch:
     """A run, step by step."""
 
     def __init__(self, robots: int, seed: int, site: Path | None = None) -> None:
-        quick.load()
+        loader.load()
         self._site = load(site or demo_site())
         self.clearance_m = self._site.conflict.clearance_m
         self.floor = Floor(robots, seed, START_S, self.clearance_m)

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 
+from deconflict.advisories.finding_lifecycle import Finding
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
-from deconflict.contention.blockages import Blocked
-from deconflict.contention.charging import Shortage
-from deconflict.contention.deadlocks import Link
-from deconflict.contention.demand import Row, Turns
-from deconflict.contention.geometry import Geometry
-from deconflict.contention.seen import Seen
-from deconflict.contention.telling import Finding
+from deconflict.contention.queues.charger_forecast import Shortage
+from deconflict.contention.queues.queue_forecast import Row, Turns
+from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.contention.robots.robot_view import Seen
+from deconflict.contention.waiting.blockages import Blocked
+from deconflict.contention.waiting.deadlocks import Link
 
 QUIET_S = 30.0
 """A robot not heard of for this long is said to be so (standard 5.4)."""

@@ -11,9 +11,9 @@ from math import atan2, hypot, pi
 import numpy as np
 
 from deconflict.simulation.cast import Member, VendorName
-from deconflict.simulation.layout import GROUND, Place
-from deconflict.simulation.plans import Plan
-from deconflict.simulation.robots import Robot
+from deconflict.simulation.fleet_plans import Plan
+from deconflict.simulation.floor_layout import GROUND, Place
+from deconflict.simulation.robot_state import Robot
 
 FEWEST = 16
 """A smaller cast has nobody to spare for the annex."""

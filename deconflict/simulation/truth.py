@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from deconflict.simulation.driving.traffic import World
-from ingest.seam import Floats, Ints
+from ingest.batch import Floats, Ints
 
 SAME_ENCOUNTER_S = 1.0
 """A pair that comes within the clearance again this soon has not parted."""

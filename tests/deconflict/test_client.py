@@ -16,11 +16,11 @@ from deconflict.client import (
     PositionLostError,
     UntrustedError,
 )
-from deconflict.site import Person
+from deconflict.settings.site import Person
 from ingest.settings import Tls
-from tests.deconflict.made_advisories import cleared, made
-from tests.deconflict.served_face import Served, served
-from tests.patience import PATIENCE_S
+from tests.deconflict.operator.http.served_face import Served, served
+from tests.helpers.made_advisories import cleared, made
+from tests.helpers.patience import PATIENCE_S
 
 
 def client(service: Served, token: str | None = None) -> Client:

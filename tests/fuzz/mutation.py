@@ -7,7 +7,7 @@ from copy import deepcopy
 from random import Random
 from typing import Any
 
-from tests.deconflict.made_site import toml
+from tests.helpers.made_site import toml
 
 HOSTILE: tuple[Any, ...] = (
     None,

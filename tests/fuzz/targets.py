@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 
 from deconflict.advisory import ADVISORY
-from deconflict.engine import Engine
-from deconflict.site import Site, SiteError, parsed, problems
-from ingest.conformance import RULES
-from ingest.connection import Connection
-from ingest.fleet import Fleet
-from ingest.frames import Frames
-from ingest.measures import Measures
-from ingest.messages import Rejection, document, read
-from ingest.quarantine import Quarantine
-from ingest.seam import Batch, Floats
+from deconflict.engine.engine import Engine
+from deconflict.settings.site import Site, SiteError, parsed, problems
+from ingest.batch import Batch, Floats
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.vendor_registry import Vendors
+from ingest.frames.frame_registry import Frames
+from ingest.languages.massrobotics.conformance_rules import RULES
+from ingest.languages.massrobotics.parser import Rejection, document, read
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
 from ingest.settings import Datum, Reading, Vendor
-from ingest.vendors import Vendors
-from tests.deconflict.made_site import sound, toml
 from tests.fuzz.mutation import JSON, TOML, Format
-from tests.saying import HALL, LOFT, identity, points, robot, status
-from tests.vectors import VECTORS, T
+from tests.helpers.made_site import sound, toml
+from tests.helpers.saying import HALL, LOFT, identity, points, robot, status
+from tests.helpers.vectors import VECTORS, T
 
 SITE = Site(
     datums=(

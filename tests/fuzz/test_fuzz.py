@@ -6,7 +6,7 @@ from random import Random
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from ingest.messages import Rejection, read
+from ingest.languages.massrobotics.parser import Rejection, read
 from tests.fuzz.compiled import compiled_modules
 from tests.fuzz.mutation import mutated
 from tests.fuzz.targets import TARGETS

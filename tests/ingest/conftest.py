@@ -6,7 +6,7 @@ import pytest
 import trustme
 
 from ingest.settings import Tls
-from tests.ingest.made_tls import write
+from tests.ingest.security.made_tls import write
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from benchmarks.planned_floors.scoring.judged_cases import Cases
 from benchmarks.planned_floors.scoring.markdown import table
 from benchmarks.planned_floors.scoring.scored_floor import Floor
 from benchmarks.planned_floors.truth.floor_truth import LOG
-from deconflict.site import DEFAULT, Site
+from deconflict.settings.site import DEFAULT, Site
 
 ByService = dict[str, dict[str, Figure]]
 """By service, its figures."""

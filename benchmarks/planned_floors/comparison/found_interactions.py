@@ -10,12 +10,12 @@ from benchmarks.planned_floors.scoring.figure import Figure, alone, share
 from benchmarks.planned_floors.scoring.scored_floor import Floor
 from benchmarks.planned_floors.truth.floor_truth import Stop
 from benchmarks.planned_floors.truth.outcomes import Happenings
-from deconflict.interactions.finder import Outcome
-from deconflict.site import Site
-from ingest.playback import Reader
-from metrics.forecasts import ForecastErrors
-from metrics.interactions import GaveWay, Interactions
-from metrics.passes import Reading
+from deconflict.foresight.interactions.interaction_finder import Outcome
+from deconflict.settings.site import Site
+from ingest.recording.log_reader import Reader
+from metrics.replay.engine_passes import Reading
+from metrics.scoring.forecast_scores import ForecastErrors
+from metrics.truth.interactions import GaveWay, Interactions
 
 EARLY_S, LATE_S = 2.5, 1.0
 """An interaction belongs to a stop if it begins at most `EARLY_S` before the stop, or `LATE_S` after its end."""

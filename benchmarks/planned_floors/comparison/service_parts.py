@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from deconflict.engine import Engine
-from deconflict.foresight.calibration import Calibration, Estimate
-from deconflict.foresight.pairs import DRIVEN, PREEMPTED, Fates
-from deconflict.foresight.starts import LATE_S, Starts
-from deconflict.motion import Bools
-from ingest.seam import Floats, Ints
+from deconflict.engine.engine import Engine
+from deconflict.foresight.probability.calibration import Calibration, Estimate
+from deconflict.foresight.probability.pair_table import DRIVEN, PREEMPTED, Fates
+from deconflict.foresight.probability.start_times import LATE_S, Starts
+from deconflict.sweep.geometry.knots import Bools
+from ingest.batch import Floats, Ints
 
 Change = Callable[[Engine], None]
 

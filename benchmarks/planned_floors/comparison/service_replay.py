@@ -8,11 +8,11 @@ from typing import Any
 
 from benchmarks.planned_floors.comparison.service_parts import Change
 from benchmarks.planned_floors.scoring.judged_cases import Sample
-from deconflict.blackbox.start import Start
-from deconflict.site import Site
-from ingest.playback import Reader
-from metrics.passes import Pass, Reading
-from metrics.replay import Run, streamed
+from deconflict.operator.blackbox.start_state import Start
+from deconflict.settings.site import Site
+from ingest.recording.log_reader import Reader
+from metrics.replay.engine_passes import Pass, Reading
+from metrics.replay.replay import Run, streamed
 
 
 @dataclass(slots=True)

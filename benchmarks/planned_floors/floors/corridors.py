@@ -23,7 +23,7 @@ from benchmarks.planned_floors.logs.messages import (
 from benchmarks.planned_floors.logs.recording import Recording
 from benchmarks.planned_floors.truth.floor_truth import FloorTruth, Stop, lost_s
 from benchmarks.planned_floors.truth.motion import STEP_S, Bools, Motion
-from ingest.seam import Floats, Ints
+from ingest.batch import Floats, Ints
 
 LENGTH_M, WIDTH_M = 0.9, 0.7
 BRAKING_MPS2 = 1.0

@@ -20,7 +20,7 @@ from benchmarks.planned_floors.logs.messages import (
 from benchmarks.planned_floors.logs.recording import Recording
 from benchmarks.planned_floors.truth.floor_truth import FloorTruth, Silence
 from benchmarks.planned_floors.truth.motion import STEP_S, Motion
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 TOP_MPS = 1.8
 """What robots tell of themselves."""

@@ -21,7 +21,7 @@ from benchmarks.planned_floors.floors.planning.fleets import Fleets
 from benchmarks.planned_floors.floors.protection.protective_stops import Protection
 from benchmarks.planned_floors.floors.protection.scene import Scene
 from benchmarks.planned_floors.truth.motion import STEP_S, Bools
-from ingest.seam import Floats, Ints
+from ingest.batch import Floats, Ints
 
 NOMINAL_MPS = 1.5
 """What vendors take the speed of their robots for; each robot is up to a tenth faster or slower."""

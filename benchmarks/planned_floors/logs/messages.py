@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 START_S = 1_790_000_000.0
 """When every floor begins, seconds since the epoch."""

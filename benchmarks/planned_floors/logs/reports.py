@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.planned_floors.truth.motion import STEP_S, Motion
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 JOINED_S = 2.1
 """Two reports further apart than this are not joined."""

@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.planned_floors.scoring.calibration import calibration
 from benchmarks.planned_floors.scoring.figure import Figure, alone, of_cases, ratio, share
 from benchmarks.planned_floors.scoring.judged_cases import LEADS_S, Cases, Verdict
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 
 def figures(cases: Cases) -> dict[str, Figure]:

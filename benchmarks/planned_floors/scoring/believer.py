@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks.planned_floors.logs.reports import Report, Robot
 from benchmarks.planned_floors.scoring.alerts import Alert, alerts_of_seconds
 from benchmarks.planned_floors.truth.encounters import Pair
-from deconflict.sweep import sweep
-from ingest.seam import Floats, Forecasts
+from deconflict.sweep.one_shot import sweep
+from ingest.batch import Floats, Forecasts
 
 HORIZON_S = 10.0
 STRAIGHT_S = 120.0

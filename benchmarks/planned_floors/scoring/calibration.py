@@ -8,8 +8,8 @@ import numpy as np
 
 from benchmarks.planned_floors.scoring.figure import Figure, alone, of_cases, ratio, share
 from benchmarks.planned_floors.scoring.judged_cases import Cases
-from ingest.seam import Floats, Ints
-from metrics.bootstrap import DRAWS, SEED, Interval, middle
+from ingest.batch import Floats, Ints
+from metrics.scoring.bootstrap import DRAWS, SEED, Interval, middle
 
 BINS = 10
 LIKELY = 0.5

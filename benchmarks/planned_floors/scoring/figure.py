@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.planned_floors.truth.motion import Bools
-from ingest.seam import Floats
-from metrics.bootstrap import interval
+from ingest.batch import Floats
+from metrics.scoring.bootstrap import interval
 
 Figure = dict[str, Any]
 """`value`, None where it is not known; `of` so many cases; `interval`, two values or None."""

@@ -17,8 +17,8 @@ from benchmarks.planned_floors.truth.encounters import Encounter, Pair
 from benchmarks.planned_floors.truth.floor_truth import FloorTruth
 from benchmarks.planned_floors.truth.motion import STEP_S
 from benchmarks.planned_floors.truth.outcomes import Happenings
-from ingest.seam import Floats
-from metrics.bootstrap import GROUPS
+from ingest.batch import Floats
+from metrics.scoring.bootstrap import GROUPS
 
 WITHIN_S = 10.0
 """An alert is true where the outcome follows within this."""

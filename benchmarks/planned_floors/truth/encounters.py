@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.planned_floors.truth.motion import STEP_S, Motion, Near, near
-from ingest.seam import Ints
+from ingest.batch import Ints
 
 BRIDGED_SAMPLES = 11
 """Two runs are one encounter where their samples are no further apart than this: a gap of 1 s."""

@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.rectangles import signed_gap
-from ingest.seam import Floats, Ints
+from deconflict.sweep.geometry.rectangles import signed_gap
+from ingest.batch import Floats, Ints
 
 Bools = NDArray[np.bool_]
 

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.foresight.rollout.driving import drive, edges_of, reaches
-from deconflict.foresight.rollout.samples import SAMPLES, paces
-from deconflict.motion import Bools
-from ingest.seam import Floats, Ints
+from deconflict.foresight.rollout.drive_kernels import drive, edges_of, reaches
+from deconflict.foresight.rollout.start_samples import SAMPLES, paces
+from deconflict.sweep.geometry.knots import Bools
+from ingest.batch import Floats, Ints
 
 NOBODY = -1
 ROLLED = 1

@@ -8,7 +8,7 @@ import numpy as np
 from deconflict.simulation.cast import Member, Protection
 from deconflict.simulation.driving.passing import SWERVING_MPS, Passings
 from deconflict.simulation.driving.protection import NOBODY, Bools, Free, Traffic, free_ways
-from ingest.seam import Floats, Ints
+from ingest.batch import Floats, Ints
 
 HELD_S = (0.8, 1.5)
 """How long a robot's field must be clear before it goes on, by robot."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.simulation.driving.routes import Drive
-from deconflict.simulation.layout import Layout
-from ingest.seam import Floats, Ints
+from deconflict.simulation.floor_layout import Layout
+from ingest.batch import Floats, Ints
 
 BEFORE_M, AFTER_M = 2.6, 2.2
 """A crossing is entered and left so far from its middle."""

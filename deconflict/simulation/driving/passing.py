@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.simulation.driving.protection import NOBODY, Traffic, centres
-from ingest.seam import Floats, Ints
+from ingest.batch import Floats, Ints
 
 GAP_M = 0.33
 """Between the bodies when they are beside each other."""

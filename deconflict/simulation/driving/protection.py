@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from deconflict.simulation.driving.tracks import Tracks
-from ingest.seam import Floats, Ints
+from deconflict.simulation.driving.drive_table import Tracks
+from ingest.batch import Floats, Ints
 
 NOBODY = -1
 LOOK_STEP_M = 0.2

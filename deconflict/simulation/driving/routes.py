@@ -12,8 +12,8 @@ from math import atan2, ceil, cos, hypot, pi, sin, sqrt, tan
 import numpy as np
 
 from deconflict.simulation.cast import Make
-from deconflict.simulation.layout import Layout, Place
-from ingest.seam import Floats
+from deconflict.simulation.floor_layout import Layout, Place
+from ingest.batch import Floats
 
 SAMPLE_M = 0.1
 TURN_M = 0.5

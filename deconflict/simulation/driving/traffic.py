@@ -13,16 +13,16 @@ import numpy as np
 
 from deconflict.simulation.cast import Body, Member, VendorName
 from deconflict.simulation.driving.braking import MOVING_MPS, Braking
+from deconflict.simulation.driving.crossing_entry import Lines
 from deconflict.simulation.driving.crossings import Crossings, passages
-from deconflict.simulation.driving.lines import Lines
+from deconflict.simulation.driving.drive_table import Tracks
+from deconflict.simulation.driving.mutual_waits import Waits
 from deconflict.simulation.driving.passing import WALKING_MPS, Passings
 from deconflict.simulation.driving.protection import Bools, Traffic, centres, may_sidestep
 from deconflict.simulation.driving.routes import drive, lane, standing
-from deconflict.simulation.driving.tracks import Tracks
 from deconflict.simulation.driving.trips import NOWHERE, Trips
-from deconflict.simulation.driving.waits import Waits
-from deconflict.simulation.layout import Bay, BayKind, Layout
-from ingest.seam import Floats, Ints
+from deconflict.simulation.floor_layout import Bay, BayKind, Layout
+from ingest.batch import Floats, Ints
 
 ARRIVED_M = 0.03
 RIDE_S = 6.0

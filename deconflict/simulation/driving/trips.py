@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.simulation.layout import Bay, BayKind, Layout
-from ingest.seam import Ints
+from deconflict.simulation.floor_layout import Bay, BayKind, Layout
+from ingest.batch import Ints
 
 TRIP_M = (12.0, 70.0)
 """Shortest and longest way between two stops, along aisles."""

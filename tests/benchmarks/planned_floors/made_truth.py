@@ -5,7 +5,7 @@ import numpy as np
 from benchmarks.planned_floors.logs.reports import Report, Robot
 from benchmarks.planned_floors.truth.floor_truth import Stop
 from benchmarks.planned_floors.truth.motion import STEP_S, Motion
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 START_S = 1_790_000_000.0
 A, B, C = "a", "b", "c"

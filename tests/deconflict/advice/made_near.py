@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from deconflict.advice.delays import Mover, Near
-from deconflict.sweeper import Sweeper
-from ingest.seam import Forecasts
+from deconflict.advice.delay_windows import Mover, Near
+from deconflict.sweep.incremental import Sweeper
+from ingest.batch import Forecasts
 
 
 class Seen(NamedTuple):

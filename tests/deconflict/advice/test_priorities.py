@@ -4,13 +4,13 @@ import pytest
 
 from deconflict.advice.priorities import Priorities
 from deconflict.advisory import ContentionAdvisory
-from deconflict.contention.resources import Resource
-from deconflict.engine import Engine
+from deconflict.engine.engine import Engine
+from deconflict.settings.shared_places import Resource
 from ingest.settings import Model, Vendor
-from tests.deconflict.advice.test_desk import until_advised
+from tests.deconflict.advice.test_hold_desk import until_advised
 from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
-from tests.deconflict.test_engine import SITE, Floor, eastward, northward
-from tests.saying import robot
+from tests.deconflict.engine.test_engine import SITE, Floor, eastward, northward
+from tests.helpers.saying import robot
 
 
 @pytest.mark.parametrize(

@@ -13,21 +13,21 @@ from typing import Any
 
 import pytest
 
-from deconflict.cluster.bus import Bus
-from deconflict.cluster.feed import Feed, connected
-from deconflict.cluster.follower import Follower
-from deconflict.cluster.member import LISTEN_S
-from deconflict.cluster.ownership import Table
-from deconflict.cluster.settings import Cluster
-from deconflict.reloading import SITE_FILE
-from deconflict.roles.operator import OperatorRole
-from deconflict.roles.receiver import ReceiverRole
-from deconflict.service import Runs, runtime_directory
-from deconflict.site import Operator, Site
+from deconflict.cluster.engine_member import LISTEN_S
+from deconflict.cluster.ingest_feed import Feed, connected
+from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.store_follower import Follower
+from deconflict.cluster.tiles.tile_owners import Table
+from deconflict.roles.operator_role import OperatorRole
+from deconflict.roles.receiver_role import ReceiverRole
+from deconflict.roles.service import Runs, runtime_directory
+from deconflict.settings.cluster_settings import Cluster
+from deconflict.settings.hot_reload import SITE_FILE
+from deconflict.settings.site import Operator, Site
 from ingest.settings import Receiver
-from metrics.exposition import render
-from tests.deconflict.test_supervisor import free_ports
-from tests.patience import PATIENCE_S
+from metrics.monitoring.exposition import render
+from tests.deconflict.roles.test_supervisor import free_ports
+from tests.helpers.patience import PATIENCE_S
 
 SERVER = shutil.which("nats-server", path=os.environ.get("PATH", "") + os.pathsep + "/usr/sbin")
 needs_server = pytest.mark.skipif(SERVER is None, reason="needs nats-server, which Debian has as a package")

@@ -7,20 +7,20 @@ from typing import Any
 from numpy.random import Generator
 
 from deconflict.advisory import ConflictAdvisory
-from deconflict.cluster.channels import Floors, Sorter, reach_m
-from deconflict.cluster.shard import Shard, Told, judging
-from deconflict.cluster.tiles import Grid, Place, Tile
-from deconflict.engine import Engine
-from deconflict.site import Conflict, Site
-from ingest.connection import Connection
-from ingest.fleet import Fleet
-from ingest.frames import Frames
-from ingest.measures import Measures
-from ingest.quarantine import Quarantine
-from ingest.seam import Batch
+from deconflict.cluster.judging.shard import Shard, Told, judging
+from deconflict.cluster.tiles.channels import Floors, Sorter, reach_m
+from deconflict.cluster.tiles.tiles import Grid, Place, Tile
+from deconflict.engine.engine import Engine
+from deconflict.settings.site import Conflict, Site
+from ingest.batch import Batch
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.vendor_registry import Vendors
+from ingest.frames.frame_registry import Frames
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
 from ingest.settings import Datum
-from ingest.vendors import Vendors
-from tests.saying import HALL, LOFT, identity, points, status
+from tests.helpers.saying import HALL, LOFT, identity, points, status
 
 SITE = Site(
     datums=(Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft")),

@@ -11,8 +11,8 @@ import httpx
 
 from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory
 from tests.deconflict.cluster.made_cluster import cluster, needs_server
-from tests.deconflict.test_service import Course, drive
-from tests.patience import PATIENCE_S
+from tests.deconflict.roles.test_service import Course, drive
+from tests.helpers.patience import PATIENCE_S
 
 PAIRS = 6
 pytestmark = needs_server

@@ -6,18 +6,18 @@ from math import atan2, hypot
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
-from deconflict.contention.resources import Resource, Zone
-from deconflict.engine import Engine
-from deconflict.site import Site
-from ingest.connection import Connection
-from ingest.fleet import Fleet
-from ingest.frames import Frames
-from ingest.measures import Measures
-from ingest.quarantine import Quarantine
-from ingest.seam import Batch
+from deconflict.engine.engine import Engine
+from deconflict.settings.shared_places import Resource, Zone
+from deconflict.settings.site import Site
+from ingest.batch import Batch
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.vendor_registry import Vendors
+from ingest.frames.frame_registry import Frames
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
 from ingest.settings import Datum
-from ingest.vendors import Vendors
-from tests.saying import HALL, LOFT, identity, points, status
+from tests.helpers.saying import HALL, LOFT, identity, points, status
 
 NOW_S = 1_790_000_000.0
 LINE = Connection(1)

@@ -3,9 +3,9 @@
 import pytest
 
 from deconflict.advisory import AnyAdvisory, ContentionAdvisory
-from deconflict.contention.resources import Resource, Zone
+from deconflict.settings.shared_places import Resource, Zone
 from tests.deconflict.contention.scenes import Scene, Script, aisle, raised, resource, site
-from tests.saying import robot
+from tests.helpers.saying import robot
 
 ABOVE_M = 5.0
 LEVEL = pytest.mark.parametrize(("z_m", "met"), [(0.0, True), (ABOVE_M, False)])

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from deconflict.advisory import BlockageAdvisory, ContentionAdvisory, DeadlockAdvisory
-from deconflict.contention.resources import Zone
+from deconflict.settings.shared_places import Zone
 from tests.deconflict.contention.scenes import (
     NOW_S,
     Scene,
@@ -20,7 +20,7 @@ from tests.deconflict.contention.scenes import (
     resource,
     site,
 )
-from tests.saying import HALL, robot
+from tests.helpers.saying import HALL, robot
 
 
 def waits(*_: float) -> str:

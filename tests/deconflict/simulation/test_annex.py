@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
-from deconflict.demo import demo_site
-from deconflict.engine import Engine
-from deconflict.roles.receiver import fleet_of
+from deconflict.engine.engine import Engine
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import load
 from deconflict.simulation.annex import CHARGER, FEWEST, ROLES, split
 from deconflict.simulation.cast import cast
-from deconflict.simulation.dialects import DIALECTS
+from deconflict.simulation.demo import demo_site
 from deconflict.simulation.truth import near_pairs
-from deconflict.site import load
-from ingest.connection import Connection
-from ingest.measures import Measures
+from deconflict.simulation.vendors.dialects import DIALECTS
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
 
 NOW_S = 1_790_000_000.0
 

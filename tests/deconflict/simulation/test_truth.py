@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from deconflict.simulation.cast import VendorName, cast
-from deconflict.simulation.driving.stops import Stops
 from deconflict.simulation.driving.traffic import World
-from deconflict.simulation.layout import layout_for
+from deconflict.simulation.driving.true_stops import Stops
+from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.truth import near_pairs, true_encounters
 
 CLEARANCE_M = 0.3

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from benchmarks.planned_floors.floors.driving.grid import CELL_M as _CELL_M
 from benchmarks.planned_floors.truth.motion import STEP_S as _STEP_S
-from ingest.compiled import inner, kernel
-from ingest.seam import Floats, Ints
+from ingest.batch import Floats, Ints
+from ingest.kernels import inner, kernel
 
 CELL_M, STEP_S = float(_CELL_M), float(_STEP_S)
 ACCELERATION_MPS2 = 1.0

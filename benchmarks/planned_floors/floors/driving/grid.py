@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from benchmarks.planned_floors.truth.motion import Bools
-from ingest.seam import Ints
+from ingest.batch import Ints
 
 CELL_M = 1.5
 RACK_CELLS = 4

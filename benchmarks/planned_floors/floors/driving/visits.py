@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.planned_floors.floors.driving.driving import VISIT, Ways
 from benchmarks.planned_floors.floors.driving.grid import Grid, Step
-from ingest.seam import Ints
+from ingest.batch import Ints
 
 NOBODY = -1
 

@@ -7,7 +7,7 @@ from benchmarks.planned_floors.floors.driving.grid import Grid
 from benchmarks.planned_floors.floors.driving.visits import Visits
 from benchmarks.planned_floors.floors.planning.planner import Planner
 from benchmarks.planned_floors.truth.motion import Bools
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 LEAST_ERRAND_CELLS = 5
 PLANNED_AHEAD = 14

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.planned_floors.truth.motion import Bools
-from ingest.compiled import inner, kernel
-from ingest.seam import Floats, Ints
+from ingest.batch import Floats, Ints
+from ingest.kernels import inner, kernel
 
 NOBODY = -1
 

@@ -14,7 +14,7 @@ from benchmarks.planned_floors.floors.protection.scene import HALF_M, Scene
 from benchmarks.planned_floors.floors.protection.stop_notes import StopNote
 from benchmarks.planned_floors.floors.protection.swerving import has_passed, next_aside_m, room_aside_m
 from benchmarks.planned_floors.truth.motion import STEP_S, Bools
-from ingest.seam import Floats, Ints
+from ingest.batch import Floats, Ints
 
 TURNING_M = float(np.hypot(*HALF_M)) + 0.02
 """A robot that turns keeps this free around its middle."""

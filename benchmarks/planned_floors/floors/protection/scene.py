@@ -9,7 +9,7 @@ from benchmarks.planned_floors.floors.driving.driving import Driving
 from benchmarks.planned_floors.floors.driving.grid import Grid
 from benchmarks.planned_floors.floors.driving.visits import Visits
 from benchmarks.planned_floors.truth.motion import Bools
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 LENGTH_M, WIDTH_M = 0.9, 0.7
 HALF_M: Floats = np.array([LENGTH_M / 2, WIDTH_M / 2])

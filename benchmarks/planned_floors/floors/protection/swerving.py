@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.planned_floors.floors.protection.fields import FIELD, Fields, occupied
 from benchmarks.planned_floors.floors.protection.scene import HALF_M, Scene
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 GAP_M = 0.15
 """Between the bodies, when they are beside each other."""

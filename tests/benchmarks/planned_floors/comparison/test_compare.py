@@ -10,7 +10,7 @@ from benchmarks.planned_floors.floors.kinds import KINDS, made_of
 from benchmarks.planned_floors.scoring.alerts import BELIEVER, SERVICE
 from benchmarks.planned_floors.scoring.all_figures import figures
 from benchmarks.planned_floors.truth.floor_truth import LOG, STOPS
-from deconflict.engine import Engine
+from deconflict.engine.engine import Engine
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from benchmarks.planned_floors.truth.encounters import encounters
 from benchmarks.planned_floors.truth.floor_truth import LOG, Stop, load
 from benchmarks.planned_floors.truth.motion import STEP_S, Motion
 from benchmarks.planned_floors.truth.outcomes import FRESH_MPS, natural
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 BLIND = GridFloor(
     "blind", tuple(Habits(vendor, 5) for vendor in ("Alder", "Birch", "Corvid")), seconds=90.0, width=14, height=14

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.planned_floors.scoring.calibration import calibration
 from benchmarks.planned_floors.scoring.judged_cases import Cases, Verdict
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 GROUPS, EACH = 20, 50
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.rollout.rollout import NOBODY, Crowd, Rolled, roll
-from deconflict.foresight.rollout.samples import SAMPLES, key_of, paces, quantiles
+from deconflict.foresight.rollout.start_samples import SAMPLES, key_of, paces, quantiles
 
 HORIZON_S, CLEARANCE_M = 10.0, 0.3
 Way = tuple[tuple[float, float], tuple[float, float]]

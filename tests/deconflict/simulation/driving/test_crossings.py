@@ -8,7 +8,7 @@ import pytest
 from deconflict.simulation.cast import ALDER
 from deconflict.simulation.driving.crossings import Crossings, Passage, passages
 from deconflict.simulation.driving.routes import drive, lane
-from deconflict.simulation.layout import layout_for
+from deconflict.simulation.floor_layout import layout_for
 
 EAST, WEST, NORTH = (1, 0), (-1, 0), (0, 1)
 

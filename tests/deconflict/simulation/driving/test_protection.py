@@ -5,10 +5,10 @@ import pytest
 import shapely
 
 from deconflict.simulation.cast import ALDER
+from deconflict.simulation.driving.drive_table import Tracks
 from deconflict.simulation.driving.protection import NOBODY, Traffic, free_ways, gaps, may_sidestep
 from deconflict.simulation.driving.routes import drive
-from deconflict.simulation.driving.tracks import Tracks
-from deconflict.simulation.layout import Place
+from deconflict.simulation.floor_layout import Place
 from deconflict.simulation.truth import corners
 
 Way = tuple[Place, Place]

@@ -7,7 +7,7 @@ import pytest
 
 from deconflict.simulation.cast import ALDER, CORVID, MAKES, Make
 from deconflict.simulation.driving.routes import CREEP_MPS, SIDEWAYS_MPS2, TURN_M, Drive, drive, lane, standing
-from deconflict.simulation.layout import Place, layout_for
+from deconflict.simulation.floor_layout import Place, layout_for
 
 CORNERS: list[Place] = [(0.0, 0.0), (0.0, 2.0), (10.0, 2.0), (10.0, 12.0)]
 

@@ -10,11 +10,11 @@ from scipy.spatial import cKDTree
 from deconflict.simulation.cast import cast
 from deconflict.simulation.driving.protection import gaps
 from deconflict.simulation.driving.routes import drive
-from deconflict.simulation.driving.stops import Stop, Stops
 from deconflict.simulation.driving.traffic import Doing, World
-from deconflict.simulation.layout import layout_for
+from deconflict.simulation.driving.true_stops import Stop, Stops
+from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.truth import near_pairs
-from ingest.seam import Floats
+from ingest.batch import Floats
 
 STEP_S, MINUTES = 0.1, 10
 SLACK_MPS = 0.45

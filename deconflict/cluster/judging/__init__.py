@@ -1,0 +1,1 @@
+"""One engine's share of a cluster, and what one engine judges for all."""

@@ -1,0 +1,1 @@
+"""NATS: connection, subscriptions and records. Nothing outside this folder imports the library."""

@@ -1,0 +1,1 @@
+"""Floors cut into tiles, their owners, and the channel of each robot."""

@@ -1,0 +1,134 @@
+"""Floors cut into square tiles, and those that are too busy into quarters, as often as it takes.
+
+Every place lies in exactly one tile of a tiling, so whoever owns that tile owns the place.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import product
+from math import floor, inf
+from typing import NamedTuple
+
+import numpy as np
+
+from deconflict.sweep.geometry.knots import Bools
+from ingest.batch import Floats
+
+QUARTERS = "0123"
+"""South-west, south-east, north-west, north-east."""
+
+
+class Place(NamedTuple):
+    """A point of a floor, metres in its frame."""
+
+    datum: str
+    x_m: float
+    y_m: float
+
+
+class Tile(NamedTuple):
+    """A square of a floor: column and row of the grid, and below that one quarter of a quarter of it."""
+
+    datum: str
+    column: int
+    row: int
+    path: str = ""
+    """A digit of `QUARTERS` for each halving."""
+
+    @property
+    def root(self) -> "Tile":
+        return self._replace(path="")
+
+    def quarters(self) -> list["Tile"]:
+        return [self._replace(path=self.path + quarter) for quarter in QUARTERS]
+
+    def __str__(self) -> str:
+        return f"{self.datum}/{self.column}/{self.row}/{self.path}"
+
+    @classmethod
+    def named(cls, name: str) -> "Tile":
+        """The tile that `str` wrote."""
+        datum, column, row, path = name.rsplit("/", 3)
+        return cls(datum, int(column), int(row), path)
+
+
+class Square(NamedTuple):
+    """Metres; it holds its west and south edges, not the others."""
+
+    west_m: float
+    south_m: float
+    side_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Tiles of one size before any is split."""
+
+    side_m: float
+
+    def root(self, place: Place) -> Tile:
+        """The tile of the grid that holds a place."""
+        return Tile(place.datum, floor(place.x_m / self.side_m), floor(place.y_m / self.side_m))
+
+    def square(self, tile: Tile) -> Square:
+        west_m, south_m, side_m = tile.column * self.side_m, tile.row * self.side_m, self.side_m
+        for quarter in map(QUARTERS.index, tile.path):
+            side_m /= 2
+            west_m += side_m * (quarter & 1)
+            south_m += side_m * (quarter >> 1)
+        return Square(west_m, south_m, side_m)
+
+    def chain(self, place: Place, depth: int) -> Iterator[Tile]:
+        """The tile of the grid that holds a place, then its quarter that does, and so on."""
+        tile = self.root(place)
+        yield tile
+        for _ in range(depth):
+            west_m, south_m, side_m = self.square(tile)
+            east, north = place.x_m >= west_m + side_m / 2, place.y_m >= south_m + side_m / 2
+            tile = tile._replace(path=tile.path + QUARTERS[east + 2 * north])
+            yield tile
+
+    def roots_near(self, place: Place, reach_m: float) -> set[Tile]:
+        """The tiles of the grid that come within a reach of a place."""
+        spans = [
+            range(floor((at_m - reach_m) / self.side_m), floor((at_m + reach_m) / self.side_m) + 1)
+            for at_m in place[1:]
+        ]
+        return {Tile(place.datum, column, row) for column, row in product(*spans)}
+
+
+class Area:
+    """Some tiles, of which none lies in another."""
+
+    def __init__(self, grid: Grid, tiles: Iterable[Tile]) -> None:
+        self.grid, self.tiles = grid, frozenset(tiles)
+        self._depth = max((len(tile.path) for tile in self.tiles), default=0)
+        self._squares: dict[str, list[Square]] = {}
+        for tile in sorted(self.tiles):
+            self._squares.setdefault(tile.datum, []).append(grid.square(tile))
+
+    def tile_of(self, place: Place) -> Tile | None:
+        """The tile of the area that holds a place."""
+        return next((tile for tile in self.grid.chain(place, self._depth) if tile in self.tiles), None)
+
+    def __contains__(self, place: Place) -> bool:
+        return self.tile_of(place) is not None
+
+    def within(self, datum: str, low: Floats, high: Floats, reach_m: Floats | float) -> Bools:
+        """(n,) whether boxes of a floor, corners (n, 2), come within a reach of the area."""
+        gap_m = np.full(len(low), inf)
+        for west_m, south_m, side_m in self._squares.get(datum, []):
+            corner = np.array([west_m, south_m])
+            away = np.maximum(np.maximum(corner - high, low - (corner + side_m)), 0.0)
+            gap_m = np.minimum(gap_m, np.hypot(away[:, 0], away[:, 1]))
+        near: Bools = gap_m <= reach_m
+        return near
+
+    def roots_near(self, reach_m: float) -> set[Tile]:
+        """The tiles of the grid that come within a reach of the area."""
+        found = set()
+        for datum, squares in self._squares.items():
+            for west_m, south_m, side_m in squares:
+                middle = Place(datum, west_m + side_m / 2, south_m + side_m / 2)
+                found |= self.grid.roots_near(middle, side_m / 2 + reach_m)
+        return found

@@ -1,0 +1,1 @@
+"""Where robots stand and where they go, as contention needs it."""

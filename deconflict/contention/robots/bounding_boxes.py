@@ -1,0 +1,40 @@
+"""Boxes around what may meet: what is asked of a few numbers first need not be asked of shapes."""
+
+import numba
+import numpy as np
+
+from ingest.batch import Floats, Ints
+from ingest.kernels import kernel
+
+ROUNDING_M = 1e-6
+"""So much more around what is as far away as it may be."""
+
+_BOXES = numba.types.Array(numba.float64, 2, "C", readonly=True)
+
+
+@kernel(numba.int64[:, ::1](_BOXES, _BOXES))
+def touching(boxes: Floats, others: Floats) -> Ints:
+    """(k, 2) which of (n, 4) boxes touch which of (m, 4) others, by the first; each is west, south, east and north."""
+    order = np.argsort(others[:, 0])
+    ranked, west_m = others[order], others[order, 0]
+    widest_m = (others[:, 2] - others[:, 0]).max() if len(others) else 0.0
+    found, k = np.empty((len(boxes), 2), np.int64), 0
+    for row in range(len(boxes)):
+        west, south, east, north = boxes[row]
+        for at in range(np.searchsorted(west_m, west - widest_m), len(west_m)):
+            if west_m[at] > east:
+                break
+            if ranked[at, 2] >= west and ranked[at, 1] <= north and ranked[at, 3] >= south:
+                if k == len(found):
+                    found = np.concatenate((found, np.empty_like(found)))
+                found[k, 0], found[k, 1] = row, order[at]
+                k += 1
+    return found[:k].copy()
+
+
+def grown(boxes_m: Floats, by_m: Floats) -> Floats:
+    """(n, 4) boxes around all that is within `by_m` (n,) of boxes."""
+    return boxes_m + (by_m + ROUNDING_M)[:, None] * _OUTWARDS
+
+
+_OUTWARDS: Floats = np.array([-1.0, -1.0, 1.0, 1.0])

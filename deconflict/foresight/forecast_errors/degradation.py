@@ -1,0 +1,132 @@
+"""Whether a vendor's forecasts have become worse, since when, and by how much.
+
+Errors of its moving robots three seconds ahead are gathered for two minutes; the size within which four in five of them
+lie is one value for the test of `ingest.measures.change_detection`, as a logarithm, so that a vendor is held to its own
+usual errors.
+"""
+
+from collections.abc import Iterable, Mapping
+from math import exp, inf, log
+
+import numba
+import numpy as np
+
+from deconflict.foresight.forecast_errors.grades import GRADED_S
+from deconflict.foresight.forecast_errors.ledger import Kind
+from deconflict.foresight.forecast_errors.quantile_sketch import BINS, quantiles
+from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
+from deconflict.runtime.learned_state import Part, UnreadableError
+from ingest.batch import Basis, Floats, Ints
+from ingest.kernels import kernel
+from ingest.measures.change_detection import Change, Level, Limits
+
+GATHERED_S, FEWEST = 120.0, 20
+"""A value is of so long, and of so many errors."""
+SHARE: Floats = np.array([0.8])
+FINE_M = 0.2
+"""Errors smaller than this hardly differ."""
+LIMITS = Limits(least_spread=0.15, least_change=0.4, rises_only=True)
+"""Of logarithms: a change by less than half as much again is none."""
+
+
+@kernel(
+    numba.int64(
+        numba.float64[::1],
+        numba.float64[:, ::1],
+        numba.int64[::1],
+        numba.from_dtype(ERROR)[::1],
+        *[numba.int64] * 2,
+        *[numba.float64] * 3,
+    )
+)
+def _gather(
+    since_s: Floats,
+    counts: Floats,
+    vendor_of: Ints,
+    errors: Errors,
+    graded_s: int,
+    first: int,
+    now_s: float,
+    lasts_s: float,
+    fewest: float,
+) -> int:
+    """Add the errors so far ahead of kinds from `first` on to the `counts` (vendors, BINS) of their vendors, gathered
+    `since_s` (vendors,). The first kind after which those of its vendor are a value; -1 where none is.
+
+    `vendor_of` (kinds,) is -1 for kinds that do not count.
+    """
+    last, before = np.full(len(vendor_of), -1), np.empty(len(errors), np.int64)
+    for at, error in enumerate(errors):
+        if error.horizon_s == graded_s:
+            before[at], last[error.kind] = last[error.kind], at
+    for kind in range(first, len(vendor_of)):
+        vendor, at = vendor_of[kind], last[kind]
+        if vendor < 0 or at < 0:
+            continue
+        while at >= 0:
+            counts[vendor, errors[at].radial_bin] += 1.0
+            at = before[at]
+        since_s[vendor] = min(since_s[vendor], now_s)
+        if now_s - since_s[vendor] >= lasts_s and counts[vendor].sum() >= fewest:
+            return kind
+    return -1
+
+
+class ForecastChanges:
+    """By vendor."""
+
+    def __init__(self) -> None:
+        self._vendors: dict[str, int] = {}
+        self._vendor_of: Ints = np.zeros(0, np.int64)
+        """Of kinds, by their rows in the ledger; -1 for robots that stand."""
+        self._since_s = np.zeros(0)
+        """Of errors gathered, by vendor; inf where there are none."""
+        self._counts = np.zeros((0, BINS))
+        self._levels: dict[str, Level] = {}
+
+    def take(self, errors: Errors, kinds: Mapping[Kind, int], now_s: float) -> None:
+        """Take in errors of robots; `kinds` are those of the ledger, in the order of their rows."""
+        if len(kinds) > len(self._vendor_of):
+            self._know(kinds)
+        kind = self._gather(errors, 0, now_s)
+        while kind >= 0:
+            self._value(int(self._vendor_of[kind]))
+            kind = self._gather(errors, kind + 1, now_s)
+
+    def changed(self) -> dict[str, Change]:
+        """By how many metres forecasts three seconds ahead are further off than they were, of vendors that changed."""
+        return {
+            vendor: Change(level.change.since_s, exp(level.usual + level.change.by) - exp(level.usual))
+            for vendor, level in self._levels.items()
+            if level.change
+        }
+
+    def learned(self) -> Part:
+        return {vendor: level.learned() for vendor, level in self._levels.items()}
+
+    def resume(self, part: Part) -> None:
+        """Go on with what `learned` told. Raises `UnreadableError`."""
+        try:
+            self._levels = {vendor: Level.resumed(LIMITS, told) for vendor, told in part.items()}
+        except ValueError as error:
+            raise UnreadableError(str(error)) from error
+        self._vendor_of = np.zeros(0, np.int64)
+
+    def _gather(self, errors: Errors, first: int, now_s: float) -> int:
+        gathered = (self._since_s, self._counts, self._vendor_of)
+        return _gather(*gathered, errors, GRADED_S, first, now_s, GATHERED_S, FEWEST)
+
+    def _value(self, row: int) -> None:
+        """Hold what was gathered of a vendor against what is usual, and gather anew."""
+        size_m = float(quantiles(self._counts[row], SHARE)[0])
+        level = self._levels.setdefault(list(self._vendors)[row], Level(LIMITS))
+        level.take(log(size_m + FINE_M), float(self._since_s[row]))
+        self._since_s[row], self._counts[row] = inf, 0.0
+
+    def _know(self, kinds: Iterable[Kind]) -> None:
+        moving = [kind.vendor if kind.basis is not Basis.STATIONARY else None for kind in kinds]
+        rows = [-1 if vendor is None else self._vendors.setdefault(vendor, len(self._vendors)) for vendor in moving]
+        more = len(self._vendors) - len(self._since_s)
+        self._vendor_of = np.array(rows)
+        self._since_s = np.concatenate([self._since_s, np.full(more, inf)])
+        self._counts = np.concatenate([self._counts, np.zeros((more, BINS))])

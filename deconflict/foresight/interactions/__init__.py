@@ -1,0 +1,1 @@
+"""Which robot gave way to which, found from reports."""

@@ -1,0 +1,195 @@
+"""Where silent robots are believed to stand, and who has driven through such a place."""
+
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from deconflict.foresight.presence.report_intervals import Legs
+from deconflict.sweep.geometry.knots import Bools
+from deconflict.sweep.geometry.pose import Pose
+from deconflict.sweep.geometry.rectangles import signed_gap
+from ingest.batch import Batch, Floats, Forecasts, Ints
+from ingest.frames.angles import turn_between
+
+INNER = 0.5
+"""A robot has driven through a place where the two outlines, scaled down to this, overlap: that is no mere touch."""
+MOVED_M = 0.1
+"""One that has moved less has driven through nothing."""
+JOINED_S = 2.1
+"""Between reports further apart the way is not known; only where the robot is in the end."""
+STEP_M = 0.2
+CELL_M = 3.0
+"""Most legs reach no further than this from their middle, so that most are beside no place at a glance."""
+NONE: Ints = np.empty(0, np.int64)
+MOST_STEPS = 64
+"""A leg is looked at in steps of this, but no more of them."""
+
+
+class Place(NamedTuple):
+    """An outline on a floor."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    floor: int
+    half_length_m: float
+    half_width_m: float
+    bottom_m: float
+    top_m: float
+    doubt_m: float
+    """How far off its position may be."""
+
+
+def place_of(forecast: Forecasts, pose: Pose, doubt_m: float = 0.0) -> Place:
+    """The outline of a robot, of that forecast, at a pose."""
+    halves_m = float(forecast.length_m[0]) / 2, float(forecast.width_m[0]) / 2
+    heights_m = float(forecast.bottom_m[0]), float(forecast.top_m[0])
+    return Place(pose.x_m, pose.y_m, pose.yaw_rad, pose.floor, *halves_m, *heights_m, doubt_m)
+
+
+class Approach(NamedTuple):
+    """A robot has come near the place of another one."""
+
+    silent: str
+    other: str
+    at_s: float
+    """When first."""
+
+
+class Places:
+    """By robot. What is asked costs nothing where there are none. A robot that reports has no place any more."""
+
+    def __init__(self) -> None:
+        self._places: dict[str, Place] = {}
+        self._names: list[str] = []
+        self._columns: Floats = np.empty((9, 0))
+        """(9, n) of the places, in the order of their names."""
+        self._cells: Ints = np.empty(0, np.int64)
+        """Of a grid, around the places, in ascending order."""
+        self._tree: cKDTree | None = None
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def get(self, uuid: str) -> Place | None:
+        return self._places.get(uuid)
+
+    def put(self, uuid: str, place: Place) -> None:
+        if self._places.get(uuid) != place:
+            self._places[uuid], self._tree = place, None
+
+    def discard(self, uuid: str) -> None:
+        if self._places.pop(uuid, None):
+            self._tree = None
+
+    def driven_through(self, batch: Batch, legs: Legs) -> dict[str, int]:
+        """The robots through whose places others of the batch have driven, and the row of who did so first."""
+        found: dict[str, int] = {}
+        if self._places:
+            near = self._near(batch, legs, 0.0)
+            for leg, place in zip(*(one[self._is_through(batch, legs, near)].tolist() for one in near), strict=True):
+                found.setdefault(self._names[place], int(legs.rows[leg]))
+        return found
+
+    def approached(self, batch: Batch, legs: Legs, within_m: float) -> list[Approach]:
+        """Who of the batch has come within a distance of whose place, and when first."""
+        if not self._places:
+            return []
+        leg, place = near = self._near(batch, legs, within_m)
+        apart_m, shares = self._apart_m(batch, legs, near, 1.0)
+        comes = (apart_m <= within_m) & self._is_beside(batch, legs, near)[:, None]
+        found = []
+        for row in np.flatnonzero(comes.any(axis=1)).tolist():
+            first, of = int(comes[row].argmax()), int(legs.rows[leg[row]])
+            took_s = float(legs.took_s[leg[row]])
+            at_s = float(batch.event_s[of]) - (1.0 - float(shares[row, first])) * took_s
+            found.append(Approach(self._names[place[row]], batch.robots[of], at_s))
+        return found
+
+    def _near(self, batch: Batch, legs: Legs, beyond_m: float) -> tuple[Ints, Ints]:
+        """Legs and places on one floor that may come within a distance: (n,) of each."""
+        tree = self._indexed()
+        radius_m = float(np.hypot(self._columns[4], self._columns[5]).max())
+        long_m = np.hypot(*(np.diff(column)[:, 0] for column in (legs.x_m, legs.y_m)))
+        is_joined = _is_joined(legs)
+        own_m = np.hypot(batch.forecasts.length_m[legs.rows], batch.forecasts.width_m[legs.rows]) / 2
+        reach_m = np.where(is_joined, long_m / 2, 0.0) + own_m + radius_m + beyond_m
+        columns = [np.where(is_joined, at[:, 0] + at[:, 1], 2 * at[:, 1]) / 2 for at in (legs.x_m, legs.y_m)]
+        cells = _cells(legs.floor[:, 1], *(np.floor(column / CELL_M) for column in columns))
+        beside = (reach_m > CELL_M) | np.isin(cells, self._cells)
+        some = np.flatnonzero(beside & (long_m > MOVED_M) & np.isfinite(legs.took_s))
+        if not len(some):
+            return NONE, NONE
+        near = tree.query_ball_point(np.stack(columns, axis=1)[some], reach_m[some])
+        leg = np.repeat(some, [len(one) for one in near])
+        place = np.array([one for some in near for one in some], np.int64)
+        beside = legs.floor[leg, 1] == self._columns[3][place]
+        return leg[beside], place[beside]
+
+    def _is_beside(self, batch: Batch, legs: Legs, near: tuple[Ints, Ints]) -> Bools:
+        """(n,) whether robots are at the height of places."""
+        leg, place = near
+        told, rows = batch.forecasts, legs.rows[leg]
+        bottom_m, top_m = self._columns[6:8, place]
+        beside: Bools = (told.bottom_m[rows] < top_m) & (told.top_m[rows] > bottom_m)
+        return beside
+
+    def _is_through(self, batch: Batch, legs: Legs, near: tuple[Ints, Ints]) -> Bools:
+        """(n,) whether robots drove through places: at their height, and well into the outline."""
+        leg, place = near
+        halves_m, doubt_m = INNER * self._columns[4:6, place], self._columns[8, place] + batch.doubt_m[legs.rows[leg]]
+        apart_m, _ = self._apart_m(batch, legs, near, INNER, doubt_m)
+        through: Bools = (apart_m < 0.0).any(axis=1) & (halves_m > doubt_m).all(axis=0)
+        return through & self._is_beside(batch, legs, near)
+
+    def _apart_m(
+        self, batch: Batch, legs: Legs, near: tuple[Ints, Ints], scale: float, doubt_m: Floats | float = 0.0
+    ) -> tuple[Floats, Floats]:
+        """(n, m) distances of the outlines, scaled, and those of the places smaller by a doubt, along the legs; and at
+        which parts of them."""
+        leg, place = near
+        if not len(leg):
+            return np.empty((0, 1)), np.empty((0, 1))
+        told, rows = batch.forecasts, legs.rows[leg]
+        x_m, y_m, yaw_rad, _, *half_m = self._columns[:6, place]
+        own_m = scale * np.stack([told.length_m[rows], told.width_m[rows]]) / 2
+        others_m = np.maximum(scale * np.stack(half_m) - doubt_m, 0.0)
+        shares, at_x_m, at_y_m, at_yaw_rad = _sampled(legs, leg)
+        yaws_rad = np.broadcast_to(yaw_rad[:, None], at_yaw_rad.shape)
+        between_m = x_m[:, None] - at_x_m, y_m[:, None] - at_y_m
+        return signed_gap(*between_m, at_yaw_rad, yaws_rad, own_m, others_m), shares
+
+    def _indexed(self) -> cKDTree:
+        if self._tree is None:
+            self._names = list(self._places)
+            self._columns = np.array(list(self._places.values()), np.float64).T
+            self._tree = cKDTree(self._columns[:2].T)
+            x, y = np.floor(self._columns[:2] / CELL_M)
+            around = ((x + right, y + up) for right in (-1, 0, 1) for up in (-1, 0, 1))
+            self._cells = np.unique([_cells(self._columns[3], *at) for at in around])
+        return self._tree
+
+
+def _cells(floor: Floats | Ints, x: Floats, y: Floats) -> Ints:
+    """(n,) one number for each cell of a grid."""
+    cells: Ints = (np.asarray(floor, np.int64) << 48) + (x.astype(np.int64) << 24) + y.astype(np.int64)
+    return cells
+
+
+def _is_joined(legs: Legs) -> Bools:
+    joined: Bools = (legs.took_s <= JOINED_S) & (legs.floor[:, 0] == legs.floor[:, 1])
+    return joined
+
+
+def _sampled(legs: Legs, leg: Ints) -> tuple[Floats, Floats, Floats, Floats]:
+    """(n, m) parts of legs, and poses there; all at the end of one whose way is not known."""
+    x_m, y_m, yaw_rad = legs.x_m[leg], legs.y_m[leg], legs.yaw_rad[leg]
+    is_joined = _is_joined(legs)[leg][:, None]
+    longest_m = float(np.where(is_joined, np.hypot(np.diff(x_m), np.diff(y_m)), 0.0).max())
+    shares = np.linspace(0.0, 1.0, min(ceil(longest_m / STEP_M), MOST_STEPS - 1) + 1)
+    shares = np.where(is_joined, shares, 1.0)
+    turns = np.array([turn_between(*one) for one in yaw_rad.tolist()])
+    at = [column[:, :1] + shares * np.diff(column) for column in (x_m, y_m)]
+    return shares, at[0], at[1], yaw_rad[:, :1] + shares * turns[:, None]

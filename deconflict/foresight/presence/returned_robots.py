@@ -1,0 +1,28 @@
+"""Whether a robot that reports again after a silence is where it was, or was believed to be."""
+
+from collections.abc import Sequence
+from math import hypot
+
+from deconflict.sweep.geometry.pose import pose_at
+from ingest.batch import Batch, Forecasts
+
+BACK_M = 1.0
+"""A robot that comes back within its own size and this of where it was believed to be was there."""
+
+
+def was_there(before: Forecasts, floors: Sequence[str], batch: Batch, row: int) -> bool:
+    """Whether the robot of a row has come back where its forecast from `before`, a single one, put it at that time, or
+    where it was heard last. `floors` are those of that forecast."""
+    told, knot = batch.forecasts, int(batch.forecasts.start[row])
+    x_m, y_m, datum = float(told.x_m[knot]), float(told.y_m[knot]), datum_of(batch.floors, int(told.floor[knot]))
+    within_m = BACK_M + hypot(float(told.length_m[row]), float(told.width_m[row]))
+    for at_s in (float(told.t_s[knot]), float(before.t_s[0])):
+        pose = pose_at(before, at_s)
+        if hypot(pose.x_m - x_m, pose.y_m - y_m) <= within_m and datum_of(floors, pose.floor) == datum:
+            return True
+    return False
+
+
+def datum_of(floors: Sequence[str], floor: int) -> str:
+    """The id of a floor; "" for what is compared with nothing."""
+    return floors[floor] if floor >= 0 else ""

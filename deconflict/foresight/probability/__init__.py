@@ -1,0 +1,1 @@
+"""The probability that a pair of robots gets in each other's way."""

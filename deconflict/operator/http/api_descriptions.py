@@ -1,0 +1,143 @@
+"""The whole interface in the two languages that tools read: OpenAPI for what is asked, AsyncAPI for what is sent."""
+
+from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from deconflict.advisory import ADVISORY
+from deconflict.operator.http.api import DESCRIPTION, SourceUnavailableError, create_app
+from deconflict.operator.store.store import Store
+from deconflict.settings.outlet_settings import Mqtt
+from deconflict.settings.site import Operator, Site
+from ingest.batch import Batch
+
+Document = dict[str, Any]
+REVISION = {"$ref": "#/components/messages/revision"}
+SIGNATURE = ("webhook-id", "webhook-timestamp", "webhook-signature")
+
+
+class _Nobody:
+    """Sources of an application that is described and never asked."""
+
+    async def robots(self) -> list[Document]:
+        return []
+
+    async def quarantine(self) -> list[Document]:
+        return []
+
+    async def measures(self) -> list[Document]:
+        return []
+
+    async def health(self) -> Document:
+        return {}
+
+    async def reload(self) -> Document:
+        return {}
+
+    async def pulse(self) -> Document:
+        return {}
+
+    async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
+        return number, False, None
+
+    async def floor_at(self, at_s: float) -> str:
+        raise SourceUnavailableError(f"recording of {at_s}")
+
+    def recorded(self) -> tuple[float, float] | None:
+        return None
+
+    def still_there(self) -> Document:
+        return {}
+
+    def blackboxes(self) -> list[Document]:
+        return []
+
+    def blackbox(self, file: str) -> Path | None:
+        return None if file else Path()
+
+
+def openapi() -> Document:
+    """OpenAPI 3.1, as the service has it at `/openapi.json`."""
+    with TemporaryDirectory() as folder:
+        store = Store(Path(folder))
+        try:
+            return create_app(store, _Nobody(), lambda _: (b"", ""), Site()).openapi()
+        finally:
+            store.close()
+
+
+def asyncapi() -> Document:
+    """AsyncAPI 3.0: the stream, the webhooks and the broker's topics. The message is the same on all."""
+    schema = ADVISORY.json_schema(mode="serialization", ref_template="#/components/schemas/{model}")
+    schemas = schema.pop("$defs")
+    return {
+        "asyncapi": "3.0.0",
+        "info": {"title": "amr-deconflict", "version": version("amr-deconflict"), "description": DESCRIPTION},
+        "defaultContentType": "application/json",
+        "servers": {
+            "operator": {"host": f"127.0.0.1:{Operator().port}", "protocol": "ws"},
+            "broker": {"host": "broker.example:1883", "protocol": "mqtt", "protocolVersion": "3.1.1"},
+            "site": {"host": "mes.example", "protocol": "https"},
+        },
+        "channels": {"stream": _stream(), "webhook": _webhook(), "retained": _retained(), "service": _service()},
+        "operations": {
+            f"send_{channel}": {"action": "send", "channel": {"$ref": f"#/channels/{channel}"}}
+            for channel in ("stream", "webhook", "retained", "service")
+        },
+        "components": {
+            "messages": {
+                "revision": {
+                    "title": "One revision of an advisory",
+                    "contentType": "application/json",
+                    "payload": {"$ref": "#/components/schemas/AnyAdvisory"},
+                },
+                "presence": {"contentType": "text/plain", "payload": {"type": "string", "enum": ["online", "offline"]}},
+            },
+            "schemas": {"AnyAdvisory": schema, **schemas},
+        },
+    }
+
+
+def _stream() -> Document:
+    query = {"after": {"type": "integer", "minimum": 0, "description": "the `seq` seen last; absent, the next one is"}}
+    return {
+        "address": "/advisories/stream",
+        "servers": [{"$ref": "#/servers/operator"}],
+        "description": "Every revision in order; with `after` first those that were missed.",
+        "bindings": {"ws": {"method": "GET", "query": {"type": "object", "properties": query}}},
+        "messages": {"revision": REVISION},
+    }
+
+
+def _webhook() -> Document:
+    headers = {"type": "object", "required": SIGNATURE, "properties": {name: {"type": "string"} for name in SIGNATURE}}
+    return {
+        "address": "/",
+        "servers": [{"$ref": "#/servers/site"}],
+        "description": "POST to each address of the site file; signed as Standard Webhooks 1.0 says.",
+        "messages": {"revision": {**_inlined(), "headers": headers, "bindings": {"http": {}}}},
+    }
+
+
+def _inlined() -> Document:
+    return {"contentType": "application/json", "payload": {"$ref": "#/components/schemas/AnyAdvisory"}}
+
+
+def _retained() -> Document:
+    return {
+        "address": f"{Mqtt.model_fields['topic'].default}/advisories/{{id}}",
+        "servers": [{"$ref": "#/servers/broker"}],
+        "parameters": {"id": {"description": "of the advisory"}},
+        "description": "Retained while the advisory is open; emptied after the revision that clears it.",
+        "messages": {"revision": REVISION},
+    }
+
+
+def _service() -> Document:
+    return {
+        "address": f"{Mqtt.model_fields['topic'].default}/service",
+        "servers": [{"$ref": "#/servers/broker"}],
+        "description": "Retained: whether the service is there.",
+        "messages": {"presence": {"$ref": "#/components/messages/presence"}},
+    }

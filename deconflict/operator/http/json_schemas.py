@@ -1,0 +1,15 @@
+"""JSON Schemas of what the service publishes and reads."""
+
+from collections.abc import Callable
+from typing import Any
+
+from deconflict.advisory import ADVISORY
+from deconflict.settings.site import Site
+from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
+
+SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
+    "advisory": lambda: ADVISORY.json_schema(mode="serialization"),
+    "identity": IdentityReport.model_json_schema,
+    "site": Site.model_json_schema,
+    "status": StatusReport.model_json_schema,
+}

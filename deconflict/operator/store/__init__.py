@@ -1,0 +1,1 @@
+"""Advisories on disk, and publishing them."""

@@ -1,0 +1,122 @@
+"""How revisions lie in the tables of the store."""
+
+import sqlite3
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, closing
+from datetime import datetime
+from pathlib import Path
+
+from deconflict.advice.burden import yielded_s
+from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.operator.store.pending_writes import LOOK_BACK_S
+
+
+class StoreError(Exception):
+    """The advisories can't be read or written; the message says what to do about it."""
+
+
+def last_seq(db: sqlite3.Connection) -> int:
+    row = db.execute("SELECT seq FROM sqlite_sequence WHERE name = 'revisions'").fetchone()
+    return int(row[0]) if row else 0
+
+
+def stored_revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> AnyAdvisory | None:
+    row = db.execute(
+        "SELECT document FROM revisions WHERE id = ? AND revision = ? ORDER BY seq LIMIT 1", (advisory_id, revision)
+    ).fetchone()
+    return advisory_of(row[0]) if row else None
+
+
+def open_at(db: sqlite3.Connection, now_s: float) -> list[AnyAdvisory]:
+    """The newest revision by then of each advisory that changed in the `LOOK_BACK_S` before, if it was open."""
+    rows = db.execute(
+        "SELECT document FROM revisions WHERE json_extract(document, '$.state') <> ? AND seq IN "
+        "(SELECT max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id) ORDER BY seq",
+        (AdvisoryState.CLEARED, now_s - LOOK_BACK_S, now_s),
+    ).fetchall()
+    return [advisory_of(document) for (document,) in rows]
+
+
+def between(db: sqlite3.Connection, since_s: float, until_s: float) -> list[AnyAdvisory]:
+    """Every revision decided after `since_s` and by `until_s`, ascending; without those that only answer."""
+    rows = db.execute(
+        "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
+        (since_s, until_s),
+    )
+    return [advisory_of(document) for (document,) in rows]
+
+
+def for_reading(path: Path) -> AbstractContextManager[sqlite3.Connection]:
+    """The file, for another process than the store's. Raises `sqlite3.Error`."""
+    return closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True))
+
+
+def answers_of(db: sqlite3.Connection, advisory_id: str) -> tuple[int, Acknowledgement | None]:
+    """How often an advisory was acknowledged, and the newest of it."""
+    row = db.execute("SELECT answers, acknowledgement FROM advisories WHERE id = ?", (advisory_id,)).fetchone()
+    count, newest = row or (0, None)
+    return count, Acknowledgement.model_validate_json(newest) if newest else None
+
+
+def insert(db: sqlite3.Connection, advisory: AnyAdvisory, answers: int, at: datetime) -> None:
+    db.execute(
+        "INSERT INTO revisions (seq, id, revision, answers, updated_s, document) VALUES (?, ?, ?, ?, ?, ?)",
+        (advisory.seq, advisory.id, advisory.revision, answers, at.timestamp(), advisory.model_dump_json()),
+    )
+    db.execute(
+        """INSERT INTO advisories (id, revision, seq, open, updated_s, kind) VALUES (?, ?, ?, ?, ?, ?)
+        ON CONFLICT (id) DO UPDATE SET
+            revision = excluded.revision, seq = excluded.seq, open = excluded.open, updated_s = excluded.updated_s
+        WHERE excluded.revision >= revision""",
+        (
+            advisory.id,
+            advisory.revision,
+            advisory.seq,
+            advisory.state is not AdvisoryState.CLEARED,
+            advisory.updated_at.timestamp(),
+            advisory.kind,
+        ),
+    )
+    parties = zip(advisory.robots, advisory.vendors, strict=True)
+    db.executemany("INSERT OR IGNORE INTO parties VALUES (?, ?, ?)", [(advisory.id, *party) for party in parties])
+    if isinstance(advisory, ConflictAdvisory):
+        count_encounter(db, advisory)
+
+
+def charge(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
+    db.executemany(
+        """INSERT INTO burdens VALUES (?, ?)
+        ON CONFLICT (vendor) DO UPDATE SET yielded_s = yielded_s + excluded.yielded_s""",
+        list(yielded_s(advisory).items()),
+    )
+
+
+def count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:
+    db.execute(
+        """INSERT INTO encounters VALUES (?, ?, ?)
+        ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = max(ordinal, excluded.ordinal)""",
+        (*advisory.robots, advisory.encounter),
+    )
+
+
+def position(db: sqlite3.Connection, outlet: str) -> int | None:
+    row = db.execute("SELECT seq FROM positions WHERE outlet = ?", (outlet,)).fetchone()
+    return int(row[0]) if row else None
+
+
+def put(db: sqlite3.Connection, positions: Mapping[str, int]) -> None:
+    """Outlets at where they are, never back."""
+    db.executemany(
+        "INSERT INTO positions VALUES (?, ?) ON CONFLICT (outlet) DO UPDATE SET seq = max(seq, excluded.seq)",
+        list(positions.items()),
+    )
+
+
+def advisory_of(document: str) -> AnyAdvisory:
+    try:
+        return ADVISORY.validate_json(document)
+    except ValueError as error:
+        raise StoreError(
+            f"a stored advisory is not readable by this release ({error}): run the release that wrote it, "
+            "or move the file aside to start a new one"
+        ) from error

@@ -1,1 +1,0 @@
-"""Who is still there of the robots that have fallen silent."""

@@ -1,0 +1,1 @@
+"""Processes, logs and calls between processes. Nothing here knows of robots."""

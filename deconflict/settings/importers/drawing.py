@@ -1,0 +1,137 @@
+"""From a plan to the datums, resources and zones of a site file.
+
+A resource is a square around its point; a two-way lane is an aisle, since two robots on it can't pass each other; lanes
+of which only one robot may use any are a crossing. One-way lanes need no section: nobody meets on them head-on.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import cos, dist, sin
+from uuid import UUID, uuid5
+
+import shapely
+
+from deconflict.settings.importers.plan import Level, Lift, Node, Plan, Spot
+from deconflict.settings.shared_places import Landing, Point, Polygon, Resource, Zone
+from ingest.settings import Datum
+
+IMPORTED = UUID("7f1f6a54-3f0e-5d0c-9d55-0c6c0a3c9a10")
+"""Namespace of the ids of imported floors."""
+DOOR_DEPTH_M = 1.0
+DIGITS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """The sections of a site file that a plan gives."""
+
+    name: str
+    datums: tuple[Datum, ...]
+    resources: tuple[Resource, ...]
+    zones: tuple[Zone, ...]
+
+
+@dataclass(slots=True)
+class Names:
+    """Ids that are given once: a name that is taken gets a number."""
+
+    given: Counter[str] = field(default_factory=Counter)
+
+    def new(self, *parts: str) -> str:
+        slug = re.sub(r"[^a-z0-9]+", "-", " ".join(parts).casefold()).strip("-") or "place"
+        self.given[slug] += 1
+        return slug if self.given[slug] == 1 else self.new(slug, str(self.given[slug]))
+
+
+def drawn(plan: Plan, width_m: float) -> Drawn:
+    """`width_m` is the side of a resource's square and the width of a lane, metres."""
+    names = Names()
+    ids = {level.name: str(uuid5(IMPORTED, f"{plan.name} {level.name}")) for level in plan.levels}
+    datums = tuple(Datum(id=ids[level.name], name=level.name, level=row) for row, level in enumerate(plan.levels))
+    resources = [one for level in plan.levels for one in _resources(level, ids[level.name], width_m, names)]
+    resources += [_lift(lift, plan.levels, ids, names) for lift in plan.lifts]
+    zones = [one for level in plan.levels for one in _zones(level, ids[level.name], width_m, names)]
+    return Drawn(plan.name, datums, tuple(resources), tuple(zones))
+
+
+def _resources(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Resource]:
+    for node in level.nodes:
+        if node.use:
+            yield Resource(
+                kind=node.use,
+                id=names.new(level.name, node.name or f"{node.use} {node.id}"),
+                name=node.name,
+                datum=datum,
+                polygon=_square(node.at, width_m),
+            )
+
+
+def _lift(lift: Lift, levels: tuple[Level, ...], ids: dict[str, str], names: Names) -> Resource:
+    """On its own floor where its cabin is; on others around the point that lies in the cabin."""
+    middles = {level.name: _cabin(level.nodes, lift.name) for level in levels} | {lift.level: lift.at}
+    return Resource(
+        kind="lift",
+        id=names.new(lift.name),
+        name=lift.name,
+        datum=ids[lift.level],
+        polygon=_turned(lift.at, lift.yaw_rad, lift.size_m),
+        floors=tuple(
+            Landing(datum=ids[level], polygon=_turned(at, lift.yaw_rad, lift.size_m))
+            for level, at in middles.items()
+            if at is not None and level != lift.level
+        ),
+    )
+
+
+def _cabin(nodes: tuple[Node, ...], lift: str) -> Spot | None:
+    return next((node.at for node in nodes if node.lift == lift), None)
+
+
+def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Zone]:
+    for door in level.doors:
+        outline = _along(door.ends, DOOR_DEPTH_M)
+        yield Zone(kind="door", id=names.new(level.name, door.name), name=door.name, datum=datum, polygon=outline)
+    at = {node.id: node.at for node in level.nodes}
+    for block in level.blocks:
+        corners = shapely.MultiPoint([at[end] for lane in block.lanes for end in lane if end in at])
+        if corners.is_empty:
+            continue  # it is on another floor
+        outline = _corners(corners.convex_hull.buffer(width_m / 2, cap_style="square", join_style="mitre"))
+        yield Zone(kind="crossing", id=names.new(level.name, block.name), name=block.name, datum=datum, polygon=outline)
+    for lane in level.lanes:
+        ends = (at[lane.start], at[lane.end])
+        if not lane.two_way or dist(*ends) <= 2 * width_m:
+            continue  # two robots do not fit between its ends
+        yield Zone(
+            kind="aisle",
+            id=names.new(level.name, "lane", lane.start, lane.end),
+            datum=datum,
+            polygon=_along(ends, width_m),
+            axis=(_rounded(ends[0]), _rounded(ends[1])),
+        )
+
+
+def _square(at: Spot, side_m: float) -> Polygon:
+    return _turned(at, 0.0, (side_m, side_m))
+
+
+def _turned(at: Spot, yaw_rad: float, size_m: tuple[float, float]) -> Polygon:
+    """A rectangle around a point, its first side along the yaw."""
+    ahead, aside = (cos(yaw_rad), sin(yaw_rad)), (-sin(yaw_rad), cos(yaw_rad))
+    half = [(size_m[0] / 2 * along, size_m[1] / 2 * across) for along, across in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    return tuple(_rounded((at[0] + a * ahead[0] + b * aside[0], at[1] + a * ahead[1] + b * aside[1])) for a, b in half)
+
+
+def _along(ends: tuple[Spot, Spot], width_m: float) -> Polygon:
+    """The band along a line, ending where the line ends."""
+    return _corners(shapely.LineString(ends).buffer(width_m / 2, cap_style="flat"))
+
+
+def _corners(shape: shapely.Polygon) -> Polygon:
+    return tuple(_rounded((x, y)) for x, y in shapely.normalize(shape).exterior.coords[:-1])
+
+
+def _rounded(spot: Spot) -> Point:
+    return round(spot[0], DIGITS) + 0.0, round(spot[1], DIGITS) + 0.0

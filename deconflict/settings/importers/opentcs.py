@@ -1,0 +1,84 @@
+"""openTCS plant models (`NAME.xml`), coordinates in millimetres.
+
+Written to the plant model's schema of releases 4 to 6: positions are `positionX` or, before release 6, `xPosition`.
+"""
+
+from collections.abc import Iterator, Mapping
+from xml.etree.ElementTree import Element
+
+from deconflict.settings.importers.plan import Block, Lane, Level, Node, Plan, PlanError, Use
+
+SINGLE = "SINGLE_VEHICLE_ONLY"
+CHARGING = ("charg", "recharg")
+"""Parts of the operations and location types that mean energy."""
+LOADING = ("load", "transfer", "goods", "storage", "drop", "pick")
+
+
+def plant(model: Element) -> Plan:
+    """Raises `PlanError` where a position is missing."""
+    uses = dict(_uses(model))
+    nodes = tuple(_node(point, uses) for point in model.iter("point"))
+    ends = {
+        path.attrib["name"]: (path.attrib["sourcePoint"], path.attrib["destinationPoint"])
+        for path in model.iter("path")
+    }
+    ends |= {node.id: (node.id, node.id) for node in nodes}
+    blocks = (
+        Block(
+            block.attrib["name"],
+            tuple(ends[name] for one in block.iter("member") if (name := one.get("name", "")) in ends),
+        )
+        for block in model.iter("block")
+        if block.get("type", SINGLE) == SINGLE
+    )
+    level = Level("0", nodes, _lanes(model), blocks=tuple(block for block in blocks if block.lanes))
+    return Plan(model.get("name", "site"), (level,))
+
+
+def _lanes(model: Element) -> tuple[Lane, ...]:
+    """A path that may be driven backwards, or has another one against it, is two-way."""
+    ways = {
+        (path.attrib["sourcePoint"], path.attrib["destinationPoint"]): float(path.get("maxReverseVelocity", 0)) > 0
+        for path in model.iter("path")
+    }
+    return tuple(
+        Lane(start, end, back or (end, start) in ways)
+        for (start, end), back in ways.items()
+        if start <= end or (end, start) not in ways
+    )
+
+
+def use_of(words: str) -> Use:
+    """What robots do at a location whose type and operations are so called."""
+    words = words.casefold()
+    if any(part in words for part in CHARGING):
+        return "charger"
+    return "dock" if any(part in words for part in LOADING) else "station"
+
+
+def _uses(model: Element) -> Iterator[tuple[str, tuple[Use, str]]]:
+    """Each point that a location is reached from: what for, and the location's name."""
+    operations = {
+        kind.attrib["name"]: " ".join(one.get("name", "") for one in kind.iter("allowedOperation"))
+        for kind in model.iter("locationType")
+    }
+    for location in model.iter("location"):
+        kind = location.get("type", "")
+        for link in location.iter("link"):
+            yield link.attrib["point"], (use_of(f"{kind} {operations.get(kind, '')}"), location.attrib["name"])
+
+
+def _node(point: Element, uses: Mapping[str, tuple[Use, str]]) -> Node:
+    name = point.attrib["name"]
+    at = (_metres(point, "positionX", "xPosition"), _metres(point, "positionY", "yPosition"))
+    use, label = uses.get(name, (None, name))
+    if use is None and point.get("type") == "PARK_POSITION":
+        use = "parking"
+    return Node(name, at, label, use)
+
+
+def _metres(point: Element, *keys: str) -> float:
+    for key in keys:
+        if key in point.attrib:
+            return float(point.attrib[key]) / 1000.0
+    raise PlanError(f"point {point.get('name')!r} has no {keys[0]}; save the model with positions")

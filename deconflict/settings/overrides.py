@@ -1,0 +1,59 @@
+"""A site with some of its settings changed: `clearance=0.4`, `conflict.warning_s=6`, `reading.forget_after_s=120`."""
+
+import tomllib
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from deconflict.settings.site import Site, SiteError, from_told
+
+UNITS = ("_m", "_s", "_mps", "_rad", "_pct", "_bytes", "_days")
+
+
+def changed(site: Site, changes: Iterable[str]) -> Site:
+    """The site with each `KEY=VALUE` in place of what it says.
+
+    A key is a path as in the site file, or its last part, with or without the unit, where only one key ends so; a
+    value is TOML. Raises `SiteError` that says what to change.
+    """
+    told = site.model_dump(mode="json", exclude_unset=True)
+    for change in changes:
+        name, equals, text = (part.strip() for part in change.partition("="))
+        if not equals:
+            raise SiteError([f"{change!r}: expected KEY=VALUE, such as clearance=0.4"])
+        path = _path(name)
+        inner = told
+        for part in path[:-1]:
+            inner = inner.setdefault(part, {})
+        inner[path[-1]] = _value(name, text)
+    return from_told(told)
+
+
+def _path(name: str) -> tuple[str, ...]:
+    keys = list(_keys())
+    path = tuple(name.split("."))
+    if len(path) > 1:
+        return path
+    found = [key for key in keys if name in (key[-1], _without_unit(key[-1]))]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise SiteError([f"{name}: may be {' or '.join('.'.join(key) for key in found)}; give the whole key"])
+    raise SiteError([f"{name}: no setting is called so; docs/site-file.md lists every key"])
+
+
+def _keys() -> Iterator[tuple[str, str]]:
+    """Section and key of every setting that a section holds."""
+    for section, field in Site.model_fields.items():
+        for key in getattr(field.annotation, "model_fields", {}):
+            yield section, key
+
+
+def _without_unit(key: str) -> str:
+    return next((key.removesuffix(unit) for unit in UNITS if key.endswith(unit)), key)
+
+
+def _value(name: str, text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError as error:
+        raise SiteError([f"{name}: {text!r} is no TOML value ({error}); texts take quotes"]) from error

@@ -1,0 +1,270 @@
+"""The demo: the whole service, four simulated vendors that talk to it over real sockets, and a live table."""
+
+import asyncio
+import json
+import signal
+import socket
+import sys
+import threading
+from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed
+
+from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
+from deconflict.roles.service import runtime_directory
+from deconflict.roles.supervisor import Supervisor
+from deconflict.runtime.rpc import AsyncCaller, LinkDownError
+from deconflict.settings.site import Site
+from deconflict.simulation.vendors.senders import simulate
+from ingest.measures.measures import Histogram, joined_values
+
+ROBOTS = 24
+SECONDS_WITHOUT_TERMINAL = 60.0
+START_WITHIN_S = 30.0
+REFRESH_S = 0.5
+COLOURS = {Severity.CAUTION: "cyan", Severity.WARNING: "yellow", Severity.CRITICAL: "bold red"}
+
+
+def demo_site() -> Path:
+    """The bundled site file."""
+    return Path(__file__).parents[1] / "settings" / "sites" / "demo.toml"
+
+
+@dataclass(slots=True, eq=False)
+class Picture:
+    """What a person is shown: open advisories from the stream, counts from the service's own measures."""
+
+    open: dict[str, AnyAdvisory] = field(default_factory=dict)
+    kinds: Counter[str] = field(default_factory=Counter)
+    """Advisories told of, by kind."""
+    encounters: set[tuple[str, str, int]] = field(default_factory=set)
+    """Pairs and ordinals of the conflicts told of."""
+    raised: int = 0
+    cleared: int = 0
+    values: dict[str, dict[tuple[str, ...], float]] = field(default_factory=dict)
+    latency_p99_s: float = 0.0
+
+    def take(self, advisory: AnyAdvisory) -> None:
+        if isinstance(advisory, ConflictAdvisory):
+            self.encounters.add((*advisory.robots, advisory.encounter))
+        if advisory.state is AdvisoryState.CLEARED:
+            self.cleared += 1
+            self.open.pop(advisory.id, None)
+            return
+        if advisory.state is AdvisoryState.RAISED and advisory.acknowledgement is None:
+            self.raised += 1
+            self.kinds[advisory.kind] += 1
+        self.open[advisory.id] = advisory
+
+    def measure(self, documents: list[dict[str, Any]]) -> None:
+        self.values = joined_values(documents)
+        for document in documents:
+            if waits := document["histograms"].get("deconflict_message_to_advisory_seconds"):
+                self.latency_p99_s = Histogram.joined(waits).quantile(0.99)
+
+    def total(self, name: str, *, label: str | None = None) -> int:
+        return round(sum(value for labels, value in self.values.get(name, {}).items() if label in (None, *labels)))
+
+    def by_vendor(self, name: str) -> dict[str, float]:
+        sums: dict[str, float] = {}
+        for labels, value in self.values.get(name, {}).items():
+            sums[labels[0]] = sums.get(labels[0], 0.0) + value
+        return sums
+
+    def result(self) -> dict[str, float]:
+        """The figures that the demo ends with."""
+        return {
+            "messages": self.total("deconflict_messages_total"),
+            "rejected": self.total("deconflict_messages_total", label="rejected"),
+            "robots": self.total("deconflict_robots"),
+            "conflicts": len(self.encounters),
+            "queues": self.kinds["contention"],
+            "deadlocks": self.kinds["deadlock"],
+            "blockages": self.kinds["blockage"],
+            "advisories_raised": self.raised,
+            "advisories_cleared": self.cleared,
+            "latency_p99_ms": round(self.latency_p99_s * 1000, 1),
+        }
+
+
+def demo(site: Site, robots: int, seconds: float | None, seed: int, data: Path | None) -> int:
+    """Run the demo; ends by itself after `seconds`, or after a minute where there is no terminal."""
+    console = Console()
+    if seconds is None and not console.is_terminal:
+        seconds = SECONDS_WITHOUT_TERMINAL
+    site = _on_free_ports(site, console)
+    with TemporaryDirectory(prefix="deconflict-demo-") as discarded, runtime_directory() as runtime:
+        kept = data or Path(discarded)
+        kept.mkdir(parents=True, exist_ok=True)
+        stop = threading.Event()
+        supervisor = threading.Thread(target=Supervisor(site, kept, Path(runtime)).run, args=(stop,))
+        supervisor.start()
+        try:
+            picture = asyncio.run(_show(site, Path(runtime), console, robots, seconds, seed))
+        finally:
+            stop.set()
+            supervisor.join()
+    sys.stdout.write(json.dumps(picture.result()) + "\n")
+    return 0
+
+
+def _on_free_ports(site: Site, console: Console) -> Site:
+    """The site with any port that is taken replaced by a free one, and said so."""
+    changed = {}
+    for name in ("receiver", "operator"):
+        section = getattr(site, name)
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((section.host, section.port))
+                port = probe.getsockname()[1]
+            except OSError:
+                probe.bind((section.host, 0))
+                port = probe.getsockname()[1]
+                console.print(f"Port {section.port} is taken; the {name} listens on {port} instead.")
+        changed[name] = section.model_copy(update={"port": port})
+    return site.model_copy(update=changed)
+
+
+async def _show(site: Site, runtime: Path, console: Console, robots: int, seconds: float | None, seed: int) -> Picture:
+    stop, loop, picture = asyncio.Event(), asyncio.get_running_loop(), Picture()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    operator = AsyncCaller(runtime, "operator")
+    await _until_up(operator)
+    _tell_where(site, console, robots)
+    async with _background(_follow(site, picture, console), _measure(operator, picture)):
+        simulating = asyncio.create_task(simulate(_robots_url(site), robots, seconds, seed, stop=stop))
+        if console.is_terminal:
+            with Live(console=console, screen=False, auto_refresh=False) as live:
+                while not simulating.done():
+                    live.update(_tables(picture), refresh=True)
+                    await asyncio.wait({simulating}, timeout=REFRESH_S)
+        await simulating
+        await asyncio.sleep(site.engine.tick_s)
+        picture.measure(json.loads(await operator.call("measures")))
+    return picture
+
+
+@asynccontextmanager
+async def _background(*work: Any) -> AsyncIterator[None]:
+    tasks = [asyncio.create_task(one) for one in work]
+    try:
+        yield
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _until_up(operator: AsyncCaller) -> None:
+    """Until every role answers, so that no message waits for an engine that is still starting."""
+    async with asyncio.timeout(START_WITHIN_S):
+        while True:
+            with suppress(LinkDownError):
+                if json.loads(await operator.call("health"))["status"] == "ok":
+                    return
+            await asyncio.sleep(0.05)
+
+
+def _robots_url(site: Site) -> str:
+    return f"ws://{site.receiver.host}:{site.receiver.port}"
+
+
+def _tell_where(site: Site, console: Console, robots: int) -> None:
+    face = f"{site.operator.host}:{site.operator.port}"
+    console.print(f"{site.name}: {robots} simulated robots of four vendors talk to {_robots_url(site)}")
+    console.print(f"Open http://{face}/ to see the floor and what is predicted", style="bold")
+    console.print(f"Advisories  http://{face}/advisories   stream ws://{face}/advisories/stream")
+    console.print(f"Robots      http://{face}/robots       metrics http://{face}/metrics")
+
+
+async def _follow(site: Site, picture: Picture, console: Console) -> None:
+    """Follow the stream as a site service would: from the last number seen, again after every loss."""
+    seen = 0
+    while True:
+        url = f"ws://{site.operator.host}:{site.operator.port}/advisories/stream?after={seen}"
+        try:
+            async with connect(url) as stream:
+                async for message in stream:
+                    advisory = ADVISORY.validate_json(message)
+                    seen = advisory.seq
+                    picture.take(advisory)
+                    if not console.is_terminal and advisory.state is not AdvisoryState.UPDATED:
+                        console.print(_line(advisory), soft_wrap=True)
+        except (OSError, ConnectionClosed):
+            await asyncio.sleep(REFRESH_S)
+
+
+async def _measure(operator: AsyncCaller, picture: Picture) -> None:
+    while True:
+        with suppress(LinkDownError):
+            picture.measure(json.loads(await operator.call("measures")))
+        await asyncio.sleep(2 * REFRESH_S)
+
+
+def _line(advisory: AnyAdvisory) -> str:
+    if advisory.state is AdvisoryState.CLEARED:
+        return f"cleared  {' and '.join(advisory.names)}: {advisory.cleared_because}"
+    return f"{advisory.state.value:8} {advisory.summary}"
+
+
+def _tables(picture: Picture) -> Group:
+    result = picture.result()
+    counts = Text(
+        f"{result['robots']} robots   {result['messages']} messages ({result['rejected']} rejected)   "
+        f"{picture.raised} advisories raised, {picture.cleared} cleared   "
+        f"message to advisory p99 {result['latency_p99_ms']:.0f} ms"
+    )
+    return Group(counts, _advisories(picture), _vendors(picture), Text("Advisory, not safety rated. Ctrl-C ends."))
+
+
+def _advisories(picture: Picture) -> Table:
+    table = Table(title="Open advisories", expand=True)
+    for column in ("severity", "in", "what", "separation", "vendors"):
+        table.add_column(column)
+    for one in sorted(picture.open.values(), key=lambda advisory: advisory.predicted_at):
+        severity = Text(one.severity.value, style=COLOURS[one.severity])
+        table.add_row(
+            severity,
+            f"{one.time_to_conflict_s:.0f} s",
+            one.summary,
+            f"{one.min_separation_m:.2f} m" if isinstance(one, ConflictAdvisory) else "",
+            " / ".join(one.vendors),
+        )
+    if not picture.open:
+        table.add_row("", "", "none", "", "")
+    return table
+
+
+def _vendors(picture: Picture) -> Table:
+    table = Table(title="Vendors", expand=True)
+    for column in ("vendor", "robots", "messages", "deviations", "clock", "forecast age"):
+        table.add_column(column)
+    messages, deviations = (
+        picture.by_vendor("deconflict_messages_total"),
+        picture.by_vendor("deconflict_deviations_total"),
+    )
+    robots, clocks = picture.by_vendor("deconflict_robots"), picture.by_vendor("deconflict_clock_offset_seconds")
+    ages = picture.by_vendor("deconflict_forecast_age_seconds")
+    for vendor in sorted(robots):
+        table.add_row(
+            vendor,
+            f"{robots[vendor]:.0f}",
+            f"{messages.get(vendor, 0):.0f}",
+            f"{deviations.get(vendor, 0):.0f}",
+            f"{0.0 - clocks.get(vendor, 0):+.1f} s",
+            f"{ages.get(vendor, 0):.1f} s",
+        )
+    return table

@@ -1,0 +1,1 @@
+"""Scripted situations, each of which leads to one kind of advisory."""

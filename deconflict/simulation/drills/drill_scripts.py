@@ -1,0 +1,174 @@
+"""Drills: short scripts, each of which leads to one kind of advisory, all at once on a floor of their own.
+
+Each lies in its own part of the demo's ground hall datum, south of the hall, out of reach of the others.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from deconflict.advisory import Kind
+from deconflict.settings.shared_places import Resource, Zone
+from deconflict.settings.site import Site, load
+from deconflict.simulation.cast import ALDER, BASALT, CORVID, WALKER, Make, Member
+from deconflict.simulation.demo import demo_site
+from deconflict.simulation.drills.errands import Errand, Party, Visit
+from deconflict.simulation.vendors.dialects import GROUND_ID
+
+APART_M = 50.0
+"""From one drill's origin to the next one's."""
+NORTH_M = -60.0
+FIRST_NUMBER = 60
+"""Numbers of the robots begin here; a person whose number is a multiple of three has a device that knows its way."""
+
+EARLY = {"confirm": (2, 3), "raise_probability": 0.3}
+"""Drills tell early of conflicts, so that there is time to do as advised."""
+
+Spot = tuple[float, float]
+
+
+@dataclass
+class Stage:
+    """One drill as it is set up: places and robots around an origin."""
+
+    origin: Spot
+    number: int
+    ignored: bool = False
+    """Whether nobody does as advised."""
+    resources: list[Resource] = field(default_factory=list)
+    zones: list[Zone] = field(default_factory=list)
+    errands: list[Errand] = field(default_factory=list)
+
+    def at(self, x: float, y: float) -> Spot:
+        return self.origin[0] + x, self.origin[1] + y
+
+    def resource(self, place: str, x: float, y: float, kind: str, size: Spot = (2.0, 2.0), **told: object) -> None:
+        polygon = self._box(x, y, size)
+        whole = {"id": place, "datum": GROUND_ID, "kind": kind, "polygon": polygon} | told
+        self.resources.append(Resource.model_validate(whole))
+
+    def aisle(self, place: str, west: float, east: float) -> None:
+        polygon = self._box((west + east) / 2, 0.0, (east - west, 1.8))
+        axis = (self.at(west, 0.0), self.at(east, 0.0))
+        self.zones.append(Zone(id=place, datum=GROUND_ID, kind="aisle", polygon=polygon, axis=axis, capacity=2))
+
+    def robot(self, make: Make, start: Spot, *visits: Visit, deaf: bool = False) -> None:
+        moved = [Visit(*self.at(one.x_m, one.y_m), one.place, one.stay_s, one.state) for one in visits]
+        member = Member(self.number + len(self.errands), make)
+        self.errands.append(Errand(member, self.at(*start), moved, deaf=deaf or self.ignored))
+
+    def _box(self, x: float, y: float, size: Spot) -> tuple[Spot, Spot, Spot, Spot]:
+        w, d = size[0] / 2, size[1] / 2
+        return self.at(x - w, y - d), self.at(x + w, y - d), self.at(x + w, y + d), self.at(x - w, y + d)
+
+
+def aisle_head_on(stage: Stage) -> None:
+    """Two come into a single lane from both ends."""
+    stage.aisle("aisle", 0.0, 8.0)
+    stage.robot(ALDER, (-8, 0), Visit(17, 0))
+    stage.robot(BASALT, (16, -8), Visit(9.2, 0), Visit(-3, 0))
+
+
+def swap(stage: Stage) -> None:
+    """Two at docks, each of which wants the other one's; there is parking nearby."""
+    stage.resource("swap-west", 0, 0, "dock")
+    stage.resource("swap-east", 12, 0, "dock")
+    stage.resource("swap-parking", 6, -7, "parking")
+    stage.robot(ALDER, (0, 0), Visit(0, 0, "swap-west", 14), Visit(12, 0, "swap-east", 2))
+    stage.robot(BASALT, (12, 0), Visit(12, 0, "swap-east", 14), Visit(0, 0, "swap-west", 2))
+
+
+def ring_of_three(stage: Stage) -> None:
+    """Three at docks, each of which wants the next one's; there is parking nearby."""
+    spots = ((0.0, 0.0), (14.0, 0.0), (7.0, 11.0))
+    for row, (x, y) in enumerate(spots):
+        stage.resource(f"ring-{row}", x, y, "dock")
+    stage.resource("ring-parking", 7, -8, "parking")
+    for row, make in enumerate((ALDER, BASALT, ALDER)):
+        after = (row + 1) % 3
+        stage.robot(make, spots[row], Visit(*spots[row], f"ring-{row}", 14), Visit(*spots[after], f"ring-{after}", 2))
+
+
+def lift_with_a_twin(stage: Stage) -> None:
+    """One comes to a lift that is taken; its twin stands free."""
+    stage.resource("lift-west", 0, 0, "lift", group="lifts", service_s=30.0)
+    stage.resource("lift-east", 6, 0, "lift", group="lifts", service_s=30.0)
+    stage.robot(ALDER, (0, 0), Visit(0, 0, "lift-west", 30), Visit(-8, 0))
+    stage.robot(BASALT, (3, -12), Visit(0, 0, "lift-west", 10), Visit(3, -12))
+
+
+def charger_queue(stage: Stage) -> None:
+    """Two come to a charger that is taken, the one that stays longer first."""
+    stage.resource("charger", 0, 0, "charger", service_s=12.0)
+    stage.robot(ALDER, (0, 0), Visit(0, 0, "charger", 15, "charging"), Visit(0, 7))
+    stage.robot(BASALT, (-13, 0), Visit(0, 0, "charger", 12, "charging"), Visit(-4, -5))
+    stage.robot(ALDER, (15, 0), Visit(0, 0, "charger", 4, "charging"), Visit(0, -7))
+
+
+def dock_taken(stage: Stage) -> None:
+    """One comes to a dock where another one still stands."""
+    stage.resource("dock", 0, 0, "dock", size=(6.0, 3.0))
+    stage.robot(ALDER, (-1.5, 0), Visit(-1.5, 0, "dock", 24), Visit(-1.5, 7))
+    stage.robot(BASALT, (14, 0), Visit(1.5, 0, "dock", 5), Visit(1.5, -5))
+
+
+def crossing_of_four(stage: Stage) -> None:
+    """Robots of three vendors and a person come to one crossing from four sides at the same time."""
+    for make, x, y in ((ALDER, -1, 0), (CORVID, 1, 0), (BASALT, 0, -1), (WALKER, 0, 1)):
+        stage.robot(make, (13 * x + y, 13 * y - x), Visit(y - 13 * x, -x - 13 * y))
+
+
+def deaf_robot(stage: Stage) -> None:
+    """Two cross; they are told who should wait, and do not."""
+    stage.robot(ALDER, (-13, 0), Visit(13, 0), deaf=True)
+    stage.robot(BASALT, (0, -13), Visit(0, 13), deaf=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Drill:
+    """One script, and what it is told about it."""
+
+    name: str
+    kind: Kind
+    """Of the advisory that it leads to."""
+    script: Callable[[Stage], None]
+    heeds: bool = True
+    """Whether its robots do as they are advised."""
+
+
+DRILLS = (
+    Drill("aisle head-on", "deadlock", aisle_head_on),
+    Drill("swap", "deadlock", swap),
+    Drill("ring of three", "deadlock", ring_of_three),
+    Drill("lift with a twin standing free", "contention", lift_with_a_twin),
+    Drill("charger queue", "contention", charger_queue),
+    Drill("dock taken", "contention", dock_taken),
+    Drill("crossing of four vendors", "conflict", crossing_of_four),
+    Drill("robots that ignore advice", "conflict", deaf_robot, heeds=False),
+)
+
+
+def staged(drills: Sequence[Drill] = DRILLS, *, ignored: bool = False) -> tuple[Site, list[Stage]]:
+    """The demo's site on any free ports, with the places of these drills instead of its own, and the drills on it.
+
+    With `ignored` nobody does as advised.
+    """
+    stages = []
+    for row, drill in enumerate(drills):
+        origin = (APART_M * (row % 4) - APART_M, NORTH_M - APART_M * (row // 4))
+        stage = Stage(origin, FIRST_NUMBER + 6 * row, ignored)
+        drill.script(stage)
+        stages.append(stage)
+    site = load(demo_site())
+    instead = {
+        "conflict": site.conflict.model_copy(update=EARLY),
+        "resources": tuple(one for stage in stages for one in stage.resources),
+        "zones": tuple(one for stage in stages for one in stage.zones),
+        "receiver": site.receiver.model_copy(update={"port": 0}),
+        "operator": site.operator.model_copy(update={"port": 0}),
+    }
+    return site.model_copy(update=instead), stages
+
+
+def party(stages: Sequence[Stage]) -> Party:
+    """Everybody in these drills."""
+    return Party([one for stage in stages for one in stage.errands])

@@ -1,0 +1,76 @@
+"""What a robot looks at before it comes into a crossing: who is in it, and whether there is room beyond.
+
+It waits at the line for somebody who stands in the crossing, or drives across it, and while somebody stands where it
+would leave it. Two that come to their lines at once do not see each other there.
+"""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from deconflict.simulation.driving.crossings import Crossings
+from deconflict.simulation.driving.protection import FLOOR_M, NOBODY, Bools, Traffic, centres
+from deconflict.simulation.floor_layout import Layout
+from ingest.batch import Floats, Ints
+
+BOX_M = 1.9
+"""Half of the square in which others are in the crossing."""
+EXIT_M, NEAR_EXIT_M = 0.7, 1.1
+"""How far beyond the crossing a robot looks for room, and how near to there nobody may stand."""
+LOOKS_FROM_M, LOOKS_TO_M = 1.4, -0.05
+"""A robot looks from so far before its line."""
+AROUND_M = 5.0
+"""Everybody in a crossing, or where a robot leaves it, is within this of its middle."""
+STANDING_MPS = 0.15
+ALONG_COS = 0.8
+"""Who drives along, either way, is not in the way."""
+LONGEST_S = 12.0
+"""A robot that has stood at its line for so long comes in."""
+
+
+class Lines:
+    """Where robots wait before crossings."""
+
+    def __init__(self, crossings: Crossings, layout: Layout, robots: int) -> None:
+        self._crossings, self._places = crossings, np.array(layout.places)
+        self._passed_m = np.full(robots, -np.inf)
+        """(n,) the line that each has waited at for long enough."""
+
+    def look(self, seen: Traffic, driving: Bools, waited_s: Floats) -> tuple[Floats, Ints]:
+        """(n,) how far each may go, inf where its crossing is clear, and (n,) for whom it waits."""
+        line_m, waits_for = np.full(len(driving), np.inf), np.full(len(driving), NOBODY)
+        to_line_m = self._crossings.enter_m - seen.progress_m
+        asks = driving & (to_line_m <= LOOKS_FROM_M) & (to_line_m >= LOOKS_TO_M)
+        asks &= self._passed_m != self._crossings.enter_m
+        rows = np.flatnonzero(asks)
+        if not len(rows):
+            return line_m, waits_for
+        who, whom = self._in_way(seen, rows)
+        tired = waited_s[who] > LONGEST_S
+        self._passed_m[who[tired]] = self._crossings.enter_m[who[tired]]
+        waits_for[who[~tired]] = whom[~tired]
+        line_m[who[~tired]] = np.maximum(to_line_m[who[~tired]], 0.0)
+        return line_m, waits_for
+
+    def leave(self, robot: int) -> None:
+        """A robot sets out on another drive."""
+        self._passed_m[robot] = -np.inf
+
+    def _in_way(self, seen: Traffic, rows: Ints) -> tuple[Ints, Ints]:
+        """Pairs (p,) of robots at their lines and others for whom they wait."""
+        ahead = [self._crossings.next(robot) for robot in rows.tolist()]
+        middle = self._places[[one.node for one in ahead]].T
+        out = seen.tracks.poses(rows, np.array([one.leave_m for one in ahead]) + EXIT_M)[:2]
+        here = centres(seen, np.arange(len(seen.floor)), seen.progress_m)
+        points = np.column_stack([here[0] + FLOOR_M * seen.floor, here[1]])
+        asked = np.column_stack([middle[0] + FLOOR_M * seen.floor[rows], middle[1]])
+        found = cKDTree(asked).query_ball_tree(cKDTree(points), AROUND_M)
+        which = np.repeat(np.arange(len(rows)), [len(one) for one in found])
+        whom = np.array([other for one in found for other in one], np.int64)
+        who = rows[which]
+        standing = np.abs(seen.speed_mps[whom]) < STANDING_MPS
+        along = np.abs(np.cos(here[2, whom] - here[2, who])) > ALONG_COS
+        dx_m, dy_m = here[:2, whom] - middle[:, which]
+        inside = (np.maximum(np.abs(dx_m), np.abs(dy_m)) < BOX_M) & (standing | ~along)
+        beyond = standing & (np.hypot(*(here[:2, whom] - out[:, which])) < NEAR_EXIT_M)
+        in_way = ((inside & (seen.fleet[whom] != seen.fleet[who])) | beyond) & (who != whom)
+        return who[in_way], whom[in_way]

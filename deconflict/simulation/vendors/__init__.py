@@ -1,0 +1,1 @@
+"""How simulated vendors speak and send."""

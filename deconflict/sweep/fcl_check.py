@@ -1,0 +1,105 @@
+"""FCL, where advancement leaves a pair open. The only file that imports it.
+
+`fcl.collide` of two boxes is exact; `continuousCollide` and `distance` are not to be relied on (docs/sweep.md). Two
+boxes and two objects are made once and moved, since each object leaks a little; only return values are read.
+"""
+
+from math import cos, hypot, inf, sin
+from typing import Any
+
+import fcl
+import numpy as np
+
+from deconflict.sweep.narrowphase import MOTION, Motions
+
+HEIGHT_M = 1.0
+"""Of both boxes: the question is one of the plan, and heights must be equal for FCL to answer it exactly."""
+
+_BOXES = (fcl.Box(1.0, 1.0, HEIGHT_M), fcl.Box(1.0, 1.0, HEIGHT_M))
+_OBJECTS = tuple(fcl.CollisionObject(box, fcl.Transform()) for box in _BOXES)
+_REQUEST = fcl.CollisionRequest()
+
+
+class Decider:
+    """First contact by halving, FCL excluding what it can."""
+
+    def __init__(self, target_m: float, tolerance_m: float) -> None:
+        self._target_m, self._tolerance_m = target_m, tolerance_m
+        self.calls = 0
+        """Of FCL."""
+
+    def first_contact(self, motions: Motions, from_t: float) -> float:
+        """The first time after `from_t` within the target, to the tolerance; inf for none. Motions are in order."""
+        return next((t for motion in motions if (t := self._in_one(_Pair(motion), from_t)) < inf), inf)
+
+    def _in_one(self, one: "_Pair", from_t: float) -> float:
+        """Over [a, b] no point of B moves further from where it is at the middle, as A sees it, than
+        R = (|v| + |w| r)(b - a) / 2. If A grown by R and the target is clear of B there, so is all of [a, b].
+        """
+        stack: list[tuple[float, float]] = [(max(from_t, one.begin), one.end)] if from_t <= one.end else []
+        while stack:
+            a, b = stack.pop()
+            middle, reach = (a + b) / 2, one.speed * (b - a) / 2
+            self.calls += 1
+            if not one.touches(middle, self._target_m + reach):
+                continue
+            apart_m = one.distance(middle) if self._target_m else 0.0
+            if apart_m > self._target_m + reach:
+                continue
+            if reach <= 0.35 * self._tolerance_m:
+                return a
+            stack += [(middle, b), (a, middle)]
+        return inf
+
+
+class _Pair:
+    """One `MOTION` in plain numbers."""
+
+    def __init__(self, motion: Any) -> None:
+        m = dict(zip(MOTION.names or (), motion.item(), strict=True))
+        self.begin: float = m["begin"]
+        self.end: float = m["end"]
+        self.dx, self.dy, self.vx, self.vy = m["dx"], m["dy"], m["vx"], m["vy"]
+        self.yaws, self.turns = (m["yaw_a"], m["yaw_b"]), (m["turn_a"], m["turn_b"])
+        self.halves = (m["length_a"], m["width_a"]), (m["length_b"], m["width_b"])
+        radii = [hypot(*half) for half in self.halves]
+        self.speed = hypot(self.vx, self.vy) + sum(abs(w) * r for w, r in zip(self.turns, radii, strict=True))
+
+    def touches(self, t: float, grow_m: float) -> bool:
+        """Whether A, its sides grown by `grow_m`, meets B at `t`."""
+        into = t - self.begin
+        for box, half, grown in zip(_BOXES, self.halves, (grow_m, 0.0), strict=True):
+            box.side = np.array([2 * (half[0] + grown), 2 * (half[1] + grown), HEIGHT_M])
+        yaw_a, yaw_b = self._yaws(into)
+        _move(_OBJECTS[0], 0.0, 0.0, yaw_a)
+        _move(_OBJECTS[1], self.dx + self.vx * into, self.dy + self.vy * into, yaw_b)
+        return bool(fcl.collide(*_OBJECTS, _REQUEST, fcl.CollisionResult()))
+
+    def distance(self, t: float) -> float:
+        """Distance at `t` of rectangles that do not overlap, of any of their corners to the other; see `gap`."""
+        into = t - self.begin
+        x, y = self.dx + self.vx * into, self.dy + self.vy * into
+        (yaw_a, yaw_b), (a, b) = self._yaws(into), self.halves
+        return min(_corner_distance(x, y, yaw_a, yaw_b, a, b), _corner_distance(-x, -y, yaw_b, yaw_a, b, a))
+
+    def _yaws(self, into: float) -> tuple[float, float]:
+        return self.yaws[0] + self.turns[0] * into, self.yaws[1] + self.turns[1] * into
+
+
+def _move(moved: fcl.CollisionObject, x: float, y: float, yaw: float) -> None:
+    moved.setTranslation(np.array([x, y, 0.0]))
+    moved.setQuatRotation(np.array([cos(yaw / 2), 0.0, 0.0, sin(yaw / 2)]))
+
+
+def _corner_distance(
+    x: float, y: float, yaw: float, other_yaw: float, half: tuple[float, ...], other: tuple[float, ...]
+) -> float:
+    """From the rectangle at the origin to the nearest corner of the other, at (x, y)."""
+    c, s = cos(yaw), sin(yaw)
+    cx, cy = c * x + s * y, c * y - s * x
+    c, s = cos(other_yaw - yaw), sin(other_yaw - yaw)
+    corners = ((i * other[0], j * other[1]) for i in (1, -1) for j in (1, -1))
+    return min(
+        hypot(max(abs(cx + u * c - w * s) - half[0], 0.0), max(abs(cy + u * s + w * c) - half[1], 0.0))
+        for u, w in corners
+    )

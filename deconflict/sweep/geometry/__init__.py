@@ -1,0 +1,1 @@
+"""Forecasts as moving rectangles: knots, poses, distances, heights and encounter classes."""

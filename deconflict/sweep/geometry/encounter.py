@@ -1,0 +1,248 @@
+"""What a predicted encounter is like: where, how fast it closes, and of which class."""
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, inf, isnan, nan, pi, sin
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from deconflict.advisory import EncounterClass
+from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
+from deconflict.sweep.geometry.pose import envelope, pose_at
+from ingest.batch import Floats, Forecasts, Ints
+from ingest.kernels import inner, kernel
+
+STANDING_MPS = 0.05
+FOLLOWING_RAD = pi / 4
+"""Headings of travel nearer than this follow each other; within the same of opposite they meet head-on."""
+SAME_M = 1e-9
+"""Distances that differ by less are the same."""
+
+Row = tuple[Forecasts, int]
+"""One robot's forecast, among others."""
+Box = tuple[float, float, float, float, float, float]
+"""A rectangle: its centre, cosine and sine of its heading, half its length and half its width."""
+Moving = tuple[float, float, float, float, float, int]
+"""Where a robot is: x, y and yaw; its velocity along x and y; its floor."""
+
+_STANDING, _FOLLOWING, _CROSSING, _HEAD_ON = range(4)
+CLASSES = (
+    EncounterClass.STATIONARY_OBSTACLE,
+    EncounterClass.FOLLOWING,
+    EncounterClass.CROSSING,
+    EncounterClass.HEAD_ON,
+)
+ENCOUNTER = np.dtype([(name, np.float64) for name in ("x", "y")] + [(name, np.int64) for name in ("kind", "floor")])
+"""Where two meet, nan where it is not known; the class by its place among `CLASSES`; and the floor of the first."""
+
+Encounters = NDArray[Any]
+"""Of `ENCOUNTER`."""
+
+_REAL = numba.types.Array(numba.float64, 1, "A", readonly=True)
+_WHOLE = numba.types.Array(numba.int64, 1, "A", readonly=True)
+_ROBOT = (_WHOLE, *[_REAL] * 4, _WHOLE, *[_REAL] * 2, numba.int64)
+"""Of `Forecasts` what tells where a robot is, and its row."""
+
+
+_KNOWN = (*(numba.from_dtype(one)[::1] for one in (ROBOT, KNOT)), numba.float64[::1])
+"""Robots and knots by slot, and how much longer and wider each robot is there than reported."""
+
+
+@dataclass(frozen=True, slots=True)
+class Encounter:
+    """The moment two envelopes first come within the clearance."""
+
+    encounter_class: EncounterClass
+    closing_speed_mps: float
+    """Of the centres; negative where they draw apart."""
+    x_m: float
+    y_m: float
+    floor: int
+
+
+def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
+    """How two robots meet at `contact_s`; the place is midway between where their envelopes are nearest there.
+
+    Where more than one place is, or where they overlap, it is the middle of those; where they overlap without a corner
+    in the other, the middle of what they share.
+    """
+    _, x_m, y_m, closing_mps, kind, floor, _ = _met(*_columns(a), *_columns(b), contact_s)
+    if isnan(x_m):
+        x_m, y_m = _shared(a, b, contact_s)
+    return Encounter(CLASSES[kind], closing_mps, x_m, y_m, floor)
+
+
+def separation_m(a: Row, b: Row, t_s: float) -> float | None:
+    """Distance of the two envelopes at `t_s`, 0 where they overlap; None where they are on different floors."""
+    distance_m, *_, floor, other = _met(*_columns(a), *_columns(b), t_s)
+    return None if floor != other or floor < 0 else distance_m
+
+
+def _columns(robot: Row) -> tuple[Ints, Floats, Floats, Floats, Floats, Ints, Floats, Floats, int]:
+    f, row = robot
+    return f.start, f.t_s, f.x_m, f.y_m, f.yaw_rad, f.floor, f.length_m, f.width_m, row
+
+
+def _shared(a: Row, b: Row, t_s: float) -> tuple[float, float]:
+    """The middle of what two envelopes share."""
+    one, other = (envelope(robot, pose_at(robot, t_s)) for robot in (told.one(row) for told, row in (a, b)))
+    middle = one.intersection(other).centroid
+    return middle.x, middle.y
+
+
+@inner
+def _moving(
+    start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, floor: Ints, row: int, at_s: float
+) -> Moving:
+    """As `Forecasts` reads between knots; before the first knot, at the first."""
+    knot, end = start[row], start[row + 1]
+    while knot + 1 < end and t_s[knot + 1] <= at_s:
+        knot += 1
+    x, y, yaw, following = x_m[knot], y_m[knot], yaw_rad[knot], knot + 1
+    if following >= end or at_s < t_s[knot] or floor[following] != floor[knot]:
+        return x, y, yaw, 0.0, 0.0, floor[knot]
+    span_s = t_s[following] - t_s[knot]
+    share = (at_s - t_s[knot]) / span_s
+    dx, dy = x_m[following] - x, y_m[following] - y
+    turn = (yaw_rad[following] - yaw + pi) % (2 * pi) - pi
+    return x + share * dx, y + share * dy, yaw + share * turn, dx / span_s, dy / span_s, floor[knot]
+
+
+@inner
+def _from_corner(one: Box, other: Box, corner: int) -> tuple[float, float, float, float, float, float]:
+    """A corner of `other` along the axes of `one`, from its centre; the way from there to `one`, along the same axes;
+    and the place midway."""
+    x, y, c, s, half_length, half_width = other
+    along = half_length if corner in (0, 3) else -half_length
+    across = half_width if corner in (0, 1) else -half_width
+    corner_x, corner_y = x + c * along - s * across, y + s * along + c * across
+    x, y, c, s, half_length, half_width = one
+    dx, dy = corner_x - x, corner_y - y
+    u, v = c * dx + s * dy, c * dy - s * dx
+    du = min(max(u, -half_length), half_length) - u
+    dv = min(max(v, -half_width), half_width) - v
+    return u, v, du, dv, corner_x + (c * du - s * dv) / 2, corner_y + (s * du + c * dv) / 2
+
+
+@inner
+def _apart(one: Box, other: Box) -> bool:
+    """Whether a side of `one` parts it from all of `other`."""
+    right = left = ahead = behind = 0
+    for corner in range(4):
+        u, v, _, _, _, _ = _from_corner(one, other, corner)
+        ahead, behind = ahead + (u > one[4]), behind + (u < -one[4])
+        left, right = left + (v > one[5]), right + (v < -one[5])
+    return max(ahead, behind, left, right) == 4
+
+
+@inner
+def _nearest(a: Box, b: Box) -> tuple[float, float, float]:
+    """Their distance, 0 where they overlap, and the middle of the places midway between where they are that near; nan
+    where they overlap without a corner in the other."""
+    distance = 0.0
+    if _apart(a, b) or _apart(b, a):
+        distance = inf
+        for one, other in ((a, b), (b, a)):
+            for corner in range(4):
+                _, _, du, dv, _, _ = _from_corner(one, other, corner)
+                distance = min(distance, hypot(du, dv))
+    places, x, y = 0, 0.0, 0.0
+    for one, other in ((a, b), (b, a)):
+        for corner in range(4):
+            _, _, du, dv, at_x, at_y = _from_corner(one, other, corner)
+            if hypot(du, dv) <= distance + SAME_M:
+                places, x, y = places + 1, x + at_x, y + at_y
+    return (distance, x / places, y / places) if places else (distance, nan, nan)
+
+
+@inner
+def _class_of(a: Moving, b: Moving) -> int:
+    """By the angle between the directions of travel, as surrogate safety measures do (SSAM, SUMO)."""
+    if min(hypot(a[3], a[4]), hypot(b[3], b[4])) < STANDING_MPS:
+        return _STANDING
+    angle = abs((atan2(b[4], b[3]) - atan2(a[4], a[3]) + pi) % (2 * pi) - pi)
+    if angle < FOLLOWING_RAD:
+        return _FOLLOWING
+    return _HEAD_ON if angle > pi - FOLLOWING_RAD else _CROSSING
+
+
+@inner
+def _closing_mps(a: Moving, b: Moving) -> float:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    distance_m = hypot(dx, dy)
+    if distance_m == 0:
+        return 0.0
+    return -(dx * (b[3] - a[3]) + dy * (b[4] - a[4])) / distance_m
+
+
+@kernel(
+    numba.types.Tuple((*[numba.float64] * 4, *[numba.int64] * 3))(  # type: ignore[no-untyped-call]
+        *_ROBOT, *_ROBOT, numba.float64
+    )
+)
+def _met(
+    start_a: Ints,
+    t_a: Floats,
+    x_a: Floats,
+    y_a: Floats,
+    yaw_a: Floats,
+    floor_a: Ints,
+    length_a: Floats,
+    width_a: Floats,
+    row_a: int,
+    start_b: Ints,
+    t_b: Floats,
+    x_b: Floats,
+    y_b: Floats,
+    yaw_b: Floats,
+    floor_b: Ints,
+    length_b: Floats,
+    width_b: Floats,
+    row_b: int,
+    at_s: float,
+) -> tuple[float, float, float, float, int, int, int]:
+    """How far apart two envelopes are at a moment, the place between them, how fast their centres close, the class, and
+    the floor of each."""
+    a = _moving(start_a, t_a, x_a, y_a, yaw_a, floor_a, row_a, at_s)
+    b = _moving(start_b, t_b, x_b, y_b, yaw_b, floor_b, row_b, at_s)
+    box_a = a[0], a[1], cos(a[2]), sin(a[2]), length_a[row_a] / 2, width_a[row_a] / 2
+    box_b = b[0], b[1], cos(b[2]), sin(b[2]), length_b[row_b] / 2, width_b[row_b] / 2
+    return *_nearest(box_a, box_b), _closing_mps(a, b), _class_of(a, b), a[5], b[5]
+
+
+@inner
+def _moving_there(robot: Any, knots: Knots, at_s: float) -> Moving:
+    """As `_moving`, of a robot in slots."""
+    knot, last = robot.first, robot.first + robot.count - 1
+    while knot < last and knots[knot + 1].t <= at_s:
+        knot += 1
+    one, since_s = knots[knot], at_s - knots[knot].t
+    if since_s < 0:
+        return one.x, one.y, one.yaw, 0.0, 0.0, one.floor
+    return one.x + since_s * one.vx, one.y + since_s * one.vy, one.yaw + since_s * one.turn, one.vx, one.vy, one.floor
+
+
+@inner
+def _box_of(at: Moving, robot: Any, widened_m: float) -> Box:
+    half_m = widened_m / 2
+    return at[0], at[1], cos(at[2]), sin(at[2]), robot.half_length - half_m, robot.half_width - half_m
+
+
+@kernel(numba.from_dtype(ENCOUNTER)[::1](*_KNOWN, numba.int64[::1], numba.float64[::1]))
+def encounters(robots: Robots, knots: Knots, widened_m: Floats, slots: Ints, at_s: Floats) -> Encounters:
+    """(n,) of `ENCOUNTER`: how two robots meet at each of the times `at_s` (n,), to within a rounding error of
+    `encounter`. `slots` (2 n,) are theirs, one after the other, -1 for none; where the two overlap without a corner in
+    the other, or one has no slot, the place is not known."""
+    met = np.empty(len(at_s), ENCOUNTER)
+    for row in range(len(at_s)):
+        slot_a, slot_b, one = slots[2 * row], slots[2 * row + 1], met[row]
+        one.x, one.y, one.kind, one.floor = nan, nan, -1, -1
+        if slot_a >= 0 and slot_b >= 0:
+            robot_a, robot_b = robots[slot_a], robots[slot_b]
+            a, b = _moving_there(robot_a, knots, at_s[row]), _moving_there(robot_b, knots, at_s[row])
+            box_a, box_b = _box_of(a, robot_a, widened_m[slot_a]), _box_of(b, robot_b, widened_m[slot_b])
+            _, one.x, one.y = _nearest(box_a, box_b)
+            one.kind, one.floor = _class_of(a, b), a[5]
+    return met

@@ -1,0 +1,40 @@
+"""Heights: robots of which one passes above the other are not in each other's way.
+
+Heights are a bottom and a top in metres, -inf and inf where they are unknown: such a robot is beside every other.
+"""
+
+from collections.abc import Sequence
+from typing import Protocol, TypeVar
+
+from deconflict.sweep.geometry.knots import Bools
+from ingest.batch import Floats
+
+
+class Tall(Protocol):
+    """What reaches from one height to another."""
+
+    @property
+    def bottom_m(self) -> float: ...
+    @property
+    def top_m(self) -> float: ...
+
+
+T = TypeVar("T", bound=Tall)
+
+
+def beside(one: Tall, other: Tall) -> bool:
+    """Whether neither passes above the other, as the sweep decides it."""
+    return one.bottom_m <= other.top_m and other.bottom_m <= one.top_m
+
+
+def beside_each(bottom_m: Floats, top_m: Floats, other_bottom_m: Floats, other_top_m: Floats) -> Bools:
+    """(n,) the same of n pairs."""
+    found: Bools = (bottom_m <= other_top_m) & (other_bottom_m <= top_m)
+    return found
+
+
+def most_beside(robots: Sequence[T]) -> list[T]:
+    """The most of them that all reach a common height, in the order given; the lowest such group where several are."""
+    bottoms_m = sorted({one.bottom_m for one in robots})
+    groups = [[one for one in robots if one.bottom_m <= height_m <= one.top_m] for height_m in bottoms_m]
+    return max(groups, key=len, default=[])

@@ -1,0 +1,280 @@
+"""Forecasts as knots with the rates at which each robot goes on from there: straight, evenly turning motion.
+
+A slab is one whole second of absolute time. What a robot does in a slab follows from its knots and the slab alone,
+whichever pass asks. Times within a slab count from its start: small numbers that keep their digits, whatever the date.
+"""
+
+from math import pi, sqrt
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.batch import Floats, Forecasts, Ints
+from ingest.kernels import inner, kernel, ready
+
+Bools = NDArray[np.bool_]
+Knots = NDArray[Any]
+"""Of `KNOT`."""
+
+KNOT = np.dtype(
+    [(name, np.float64) for name in ("t", "x", "y", "yaw", "vx", "vy", "turn", "told_yaw")] + [("floor", np.int64)],
+    align=True,
+)
+"""Time, envelope centre and heading, rates a second until the next knot, the heading as it was told, and floor. Rates
+are 0 after the last."""
+
+Robots = NDArray[Any]
+"""Of `ROBOT`."""
+
+ROBOT = np.dtype(
+    [(name, np.float64) for name in ("half_length", "half_width", "radius", "bottom", "top", "appears")]
+    + [("first", np.int64), ("count", np.int64)],
+    align=True,
+)
+"""Half sides and circumscribed radius of the envelope, height range, time of the first knot, and which knots are its:
+`first` to `first + count - 1`."""
+
+_KNOT, _ROBOT = (numba.from_dtype(one) for one in (KNOT, ROBOT))
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
+
+FARTHEST_M, LATEST_S, MOST_TURNED_RAD = 1e8, 1e11, 1e6
+"""Numbers beyond these are no places, times or headings, and their differences would lose their digits."""
+UNSOUND = -1
+SAME_S = 1e-6
+"""A knot so soon after a forecast is cut is left out for it."""
+
+
+@inner
+def _is_sound(
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    length_m: Floats,
+    width_m: Floats,
+    bottom_m: Floats,
+    top_m: Floats,
+) -> bool:
+    """Whether `faults` finds none. A comparison with nan is false."""
+    for row in range(len(start) - 1):
+        if start[row + 1] <= start[row] or not bottom_m[row] <= top_m[row]:
+            return False
+        if not (0.0 < length_m[row] <= FARTHEST_M and 0.0 < width_m[row] <= FARTHEST_M):
+            return False
+        for k in range(start[row], start[row + 1]):
+            if not (abs(x_m[k]) <= FARTHEST_M and abs(y_m[k]) <= FARTHEST_M):
+                return False
+            if not (abs(t_s[k]) <= LATEST_S and abs(yaw_rad[k]) <= MOST_TURNED_RAD):
+                return False
+            if k > start[row] and not t_s[k] > t_s[k - 1]:
+                return False
+    return True
+
+
+@kernel(numba.boolean(_INTS, *[_FLOATS] * 8))
+def _sound(
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    length_m: Floats,
+    width_m: Floats,
+    bottom_m: Floats,
+    top_m: Floats,
+) -> bool:
+    return _is_sound(start, t_s, x_m, y_m, yaw_rad, length_m, width_m, bottom_m, top_m)
+
+
+def faults(forecasts: Forecasts) -> dict[int, str]:
+    """Row to the reason why that robot can't be swept. The others may be."""
+    f = forecasts
+    by_knot, by_robot = (f.t_s, f.x_m, f.y_m, f.yaw_rad), (f.length_m, f.width_m, f.bottom_m, f.top_m)
+    sound = _sound(ready(f.start, np.int64), *(ready(column) for column in (*by_knot, *by_robot)))
+    return {} if sound else _reasons(forecasts)
+
+
+def _reasons(forecasts: Forecasts) -> dict[int, str]:
+    found: dict[int, str] = {}
+    sizes = np.column_stack([forecasts.length_m, forecasts.width_m])
+    heights_wrong = np.isnan(forecasts.bottom_m) | np.isnan(forecasts.top_m) | (forecasts.bottom_m > forecasts.top_m)
+    counts = np.diff(forecasts.start)
+    finite = np.isfinite(forecasts.t_s) & np.isfinite(forecasts.x_m)
+    finite &= np.isfinite(forecasts.y_m) & np.isfinite(forecasts.yaw_rad)
+    near = (np.abs(forecasts.x_m) <= FARTHEST_M) & (np.abs(forecasts.y_m) <= FARTHEST_M)
+    near &= (np.abs(forecasts.t_s) <= LATEST_S) & (np.abs(forecasts.yaw_rad) <= MOST_TURNED_RAD)
+    robots = np.arange(len(forecasts))
+    owner = np.repeat(robots, counts)
+    later = np.ones(len(owner), bool)
+    later[1:] = (forecasts.t_s[1:] > forecasts.t_s[:-1]) | (owner[1:] != owner[:-1])
+    for wrong, whose, reason in (
+        (heights_wrong, robots, "heights-not-ordered"),
+        (~later, owner, "times-not-increasing"),
+        ((sizes > FARTHEST_M).any(axis=1), robots, "out-of-range"),
+        (~near, owner, "out-of-range"),
+        (~finite, owner, "not-finite"),
+        (~(sizes > 0).all(axis=1), robots, "size-not-positive"),
+        (~np.isfinite(sizes).all(axis=1), robots, "size-not-finite"),
+        (counts < 1, robots, "no-knots"),
+    ):
+        if wrong.any():
+            found |= dict.fromkeys(whose[wrong].tolist(), reason)
+    return found
+
+
+@inner
+def _wrapped(yaw: float) -> float:
+    """The same heading within [-pi, pi): sines of large angles lose digits."""
+    turned = yaw + pi
+    return (turned if 0.0 <= turned < 2 * pi else turned % (2 * pi)) - pi
+
+
+@inner
+def _write_knots(
+    knots: Knots, first: Ints, start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, on_floor: Ints
+) -> None:
+    """The knots of row i from `first[i]` on."""
+    for row in range(len(first)):
+        for k in range(start[row], start[row + 1]):
+            knot = knots[first[row] + k - start[row]]
+            knot.t, knot.x, knot.y, knot.yaw, knot.floor = t_s[k], x_m[k], y_m[k], _wrapped(yaw_rad[k]), on_floor[k]
+            knot.vx, knot.vy, knot.turn, knot.told_yaw = 0.0, 0.0, 0.0, yaw_rad[k]
+            if k + 1 < start[row + 1] and on_floor[k + 1] == on_floor[k]:
+                span = t_s[k + 1] - t_s[k]
+                knot.vx, knot.vy = (x_m[k + 1] - x_m[k]) / span, (y_m[k + 1] - y_m[k]) / span
+                knot.turn = _wrapped(yaw_rad[k + 1] - yaw_rad[k]) / span
+
+
+@inner
+def _set_robot(
+    robot: Any, first: int, count: int, appears: float, length_m: float, width_m: float, bottom_m: float, top_m: float
+) -> None:
+    half_length, half_width = length_m / 2, width_m / 2
+    robot.half_length, robot.half_width = half_length, half_width
+    robot.radius = sqrt(half_length * half_length + half_width * half_width)
+    robot.bottom, robot.top, robot.appears, robot.first, robot.count = bottom_m, top_m, appears, first, count
+
+
+@kernel(
+    numba.int64(*(_ROBOT[::1], _KNOT[::1], numba.int64[::1], numba.int64), _INTS, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 4)
+)
+def _replace(
+    robots: Robots,
+    knots: Knots,
+    slots: Ints,
+    used: int,
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    on_floor: Ints,
+    length_m: Floats,
+    width_m: Floats,
+    bottom_m: Floats,
+    top_m: Floats,
+) -> int:
+    if not _is_sound(start, t_s, x_m, y_m, yaw_rad, length_m, width_m, bottom_m, top_m):
+        return UNSOUND
+    first, end = np.empty(len(slots), np.int64), used
+    for row in range(len(slots)):
+        robot, count = robots[slots[row]], start[row + 1] - start[row]
+        if robot.count == count:
+            first[row] = robot.first
+        else:
+            first[row] = end
+            end += count
+    if end <= len(knots):
+        for row in range(len(slots)):
+            sizes_m = length_m[row], width_m[row], bottom_m[row], top_m[row]
+            count, appears = start[row + 1] - start[row], t_s[start[row]]
+            _set_robot(robots[slots[row]], first[row], count, appears, *sizes_m)
+        _write_knots(knots, first, start, t_s, x_m, y_m, yaw_rad, on_floor)
+    return end
+
+
+def replace(robots: Robots, knots: Knots, slots: Ints, used: int, forecasts: Forecasts) -> int:
+    """Write forecasts into the `robots` of `slots` (n,) and their knots into `knots`: in place of the old ones where
+    they are as many, else from `used` on. Where those in use end then; nothing is written where that is beyond `knots`,
+    or where `faults` finds any: `UNSOUND`."""
+    f, where = forecasts, (robots, knots, slots, used)
+    t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
+    sizes_m = (ready(column) for column in (f.length_m, f.width_m, f.bottom_m, f.top_m))
+    return _replace(*where, ready(f.start, np.int64), t_s, x_m, y_m, yaw_rad, ready(f.floor, np.int64), *sizes_m)
+
+
+_SWEPT = numba.types.Tuple((_ROBOT[::1], _KNOT[::1]))  # type: ignore[no-untyped-call]
+
+
+@kernel(_SWEPT(_ROBOT[::1], _KNOT[::1], numba.int64[::1]))
+def taken(robots: Robots, knots: Knots, slots: Ints) -> tuple[Robots, Knots]:
+    """A copy of the robots of `slots` (n,), in that order, and of their knots; for slot -1 one without knots."""
+    some, n = np.zeros(len(slots), ROBOT), 0
+    for row in range(len(slots)):
+        if slots[row] >= 0:
+            some[row] = robots[slots[row]]
+            n += some[row].count
+    own, n = np.empty(n, KNOT), 0
+    for row in range(len(some)):
+        first, count = some[row].first, some[row].count
+        own[n : n + count] = knots[first : first + count]
+        some[row].first, n = n, n + count
+    return some, own
+
+
+@kernel(_SWEPT(_ROBOT[::1], _KNOT[::1], numba.int64[::1], numba.float64[::1], *[numba.float64] * 4))
+def delayed(
+    robots: Robots,
+    knots: Knots,
+    rows: Ints,
+    hold_s: Floats,
+    leaves_s: float,
+    horizon_s: float,
+    short_s: float,
+    beyond_s: float,
+) -> tuple[Robots, Knots]:
+    """The robots of `rows` (n,), each held for `hold_s` (n,) at `leaves_s`, and their knots: where each is then and
+    when its hold ends, what it does later, and a last one in line with the two before it `beyond_s` after its horizon,
+    unless it ends sooner than `short_s` before that. A robot without knots stays so."""
+    held, begins, most = robots[rows], np.zeros(len(rows) + 1, np.int64), 0
+    for robot in held:
+        most += robot.count + 3
+    t, x, y, yaw, on_floor = np.empty(most), np.empty(most), np.empty(most), np.empty(most), np.empty(most, np.int64)
+    n = 0
+    for at in range(len(held)):
+        begins[at + 1] = begin = n
+        first, end, hold = held[at].first, held[at].first + held[at].count, hold_s[at]
+        if first == end:
+            continue
+        ahead = first
+        while ahead < end and knots[ahead].t <= leaves_s:
+            ahead += 1
+        one, other, share, turn = knots[max(ahead - 1, first)], knots[min(ahead, end - 1)], 0.0, 0.0
+        if first < ahead < end and other.floor == one.floor:
+            share, turn = (leaves_s - one.t) / (other.t - one.t), _wrapped(other.told_yaw - one.told_yaw)
+        else:
+            other = one
+        for _ in range(1 if hold == 0.0 else 2):
+            t[n], on_floor[n] = leaves_s + hold * (n - begin), one.floor
+            x[n], y[n] = one.x + share * (other.x - one.x), one.y + share * (other.y - one.y)
+            yaw[n] = one.told_yaw + share * turn
+            n += 1
+        for k in range(ahead, end):
+            if knots[k].t > leaves_s + SAME_S:
+                t[n], x[n], y[n] = knots[k].t + hold, knots[k].x, knots[k].y
+                yaw[n], on_floor[n] = knots[k].told_yaw, knots[k].floor
+                n += 1
+        a, b, ends = n - 2, n - 1, leaves_s + horizon_s + hold
+        if a >= begin and ends - short_s <= t[b] < ends + beyond_s and on_floor[a] == on_floor[b]:
+            t[n], on_floor[n], yaw[n] = ends + beyond_s, on_floor[b], yaw[b]
+            share = (t[n] - t[b]) / (t[b] - t[a])
+            x[n], y[n] = x[b] + share * (x[b] - x[a]), y[b] + share * (y[b] - y[a])
+            n += 1
+        begins[at + 1] = n
+        held[at].first, held[at].count, held[at].appears = begin, n - begin, t[begin]
+    late = np.empty(n, KNOT)
+    _write_knots(late, begins[:-1], begins, t, x, y, yaw, on_floor)
+    return held, late

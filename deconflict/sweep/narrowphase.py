@@ -1,0 +1,466 @@
+"""Two robots in one slab: the first contact of their envelopes, and their smallest separation.
+
+First contact is by certified advancement: along a direction n that is held, the gap closes at no more than
+-v.n + |wA| rA + |wB| rB, so for (gap - target) over that there is no contact (the idea of conservative advancement,
+Mirtich 1996, with a directional bound). Any n may be taken: the axes of the sides are cheap and settle most pairs at
+once, the direction between the closest features, in which the gap is the distance, settles what they leave. The
+smallest separation is found by branch and bound with the same bound.
+"""
+
+from math import copysign, cos, floor, inf, sin, sqrt
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from deconflict.sweep.broadphase import BOX, PAIR, Pairs
+from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
+from ingest.batch import Floats, Ints
+from ingest.kernels import inner, kernel
+
+TINY_MPS = 1e-12
+NEAR_M = 0.02
+"""So near the target, the distance itself is looked at."""
+MOST_HALVINGS = 40
+BLOCK = 32
+"""So many pairs have their first knots read together, so that the waits for memory overlap."""
+CLEAR, MET, OPEN = 0, 1, 2
+
+_MOTION_FIELDS = (
+    *("begin", "end", "dx", "dy", "vx", "vy", "yaw_a", "yaw_b", "turn_a", "turn_b"),
+    *("cos_a", "sin_a", "cos_b", "sin_b", "length_a", "width_a", "length_b", "width_b", "swing"),
+)
+MOTION = np.dtype([(name, np.float64) for name in _MOTION_FIELDS], align=True)
+"""A rectangle B that moves past another, A, straight and turning evenly. `begin` and `end` are seconds into the slab;
+B's centre from A's, and the headings, are those at `begin`; lengths and widths are half sides. `swing` is the fastest
+that turning alone can close a gap, metres a second."""
+
+FOUND = np.dtype([(name, np.float64) for name in ("contact", "separation", "separation_at", "open")], align=True)
+"""First contact, inf for none; smallest separation where there is contact, and when; from when on contact is left
+open, inf where it is not. Times are seconds into the slab."""
+
+PLACE = np.dtype([(name, np.float64) for name in ("t", "x", "y", "cos", "sin")] + [("floor", np.int64)], align=True)
+"""Where a robot's centre is at `t`, its heading, and on which floor."""
+
+Motions = NDArray[Any]
+"""Of `MOTION`."""
+Two = tuple[float, float]
+Span = Two
+"""Times since the epoch, from and until."""
+Found = NDArray[Any]
+"""Of `FOUND`."""
+
+_BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR))
+_TWO = numba.types.UniTuple(numba.float64, 2)  # type: ignore[no-untyped-call]
+_MOTION, _FOUND = numba.from_dtype(MOTION), numba.from_dtype(FOUND)
+
+
+@inner
+def _nearest_corner(
+    cx: float, cy: float, c: float, s: float, length: float, width: float, other_length: float, other_width: float
+) -> tuple[float, float, float]:
+    """The corner of a rectangle at (cx, cy), turned by (c, s), that is nearest to the upright other one.
+
+    Squared distance, and the vector from the upright rectangle to the corner, in its frame.
+    """
+    best, best_x, best_y = inf, 0.0, 0.0
+    for i in (length, -length):
+        for j in (width, -width):
+            px, py = cx + i * c - j * s, cy + i * s + j * c
+            ex = copysign(max(abs(px) - other_length, 0.0), px)
+            ey = copysign(max(abs(py) - other_width, 0.0), py)
+            squared = ex * ex + ey * ey
+            if squared < best:
+                best, best_x, best_y = squared, ex, ey
+    return best, best_x, best_y
+
+
+@inner
+def _turned(m: Any, into: float) -> tuple[float, float, float, float]:
+    """Cosine and sine of A's heading, and of B's, so long after `begin`."""
+    ca, sa, cb, sb = m.cos_a, m.sin_a, m.cos_b, m.sin_b
+    if m.turn_a != 0.0:
+        yaw = m.yaw_a + m.turn_a * into
+        ca, sa = cos(yaw), sin(yaw)
+    if m.turn_b != 0.0:
+        yaw = m.yaw_b + m.turn_b * into
+        cb, sb = cos(yaw), sin(yaw)
+    return ca, sa, cb, sb
+
+
+@inner
+def _between(
+    dx: float, dy: float, facing_a: Two, facing_b: Two, half_a: Two, half_b: Two
+) -> tuple[float, float, float]:
+    """The distance of rectangle B from A, and the unit direction between the closest features; all 0 for an overlap.
+
+    (dx, dy) is from centre to centre; of each its heading's cosine and sine, and its half sides. Two convex polygons
+    that do not overlap are closest at a corner of one of them; whether they overlap is told by the four axes of their
+    sides (Gottschalk, Lin and Manocha 1996, in the plane).
+    """
+    (ca, sa), (cb, sb), (length_a, width_a), (length_b, width_b) = facing_a, facing_b, half_a, half_b
+    c, s = ca * cb + sa * sb, ca * sb - sa * cb
+    ax, ay = ca * dx + sa * dy, ca * dy - sa * dx
+    bx, by = -(cb * dx + sb * dy), -(cb * dy - sb * dx)
+    if (
+        abs(ax) <= length_a + length_b * abs(c) + width_b * abs(s)
+        and abs(ay) <= width_a + length_b * abs(s) + width_b * abs(c)
+        and abs(bx) <= length_b + length_a * abs(c) + width_a * abs(s)
+        and abs(by) <= width_b + length_a * abs(s) + width_a * abs(c)
+    ):
+        return 0.0, 0.0, 0.0
+    of_b, px, py = _nearest_corner(ax, ay, c, s, length_b, width_b, length_a, width_a)
+    of_a, qx, qy = _nearest_corner(bx, by, c, -s, length_a, width_a, length_b, width_b)
+    distance = sqrt(min(of_b, of_a))
+    if distance == 0.0:
+        return 0.0, 0.0, 0.0
+    if of_b <= of_a:
+        return distance, (ca * px - sa * py) / distance, (sa * px + ca * py) / distance
+    return distance, -(cb * qx - sb * qy) / distance, -(sb * qx + cb * qy) / distance
+
+
+@inner
+def gap(m: Any, t: float) -> tuple[float, float, float]:
+    """The distance at `t`, and the unit direction between the closest features, from A to B; all 0 for an overlap."""
+    into = t - m.begin
+    ca, sa, cb, sb = _turned(m, into)
+    half_a, half_b = (m.length_a, m.width_a), (m.length_b, m.width_b)
+    return _between(m.dx + m.vx * into, m.dy + m.vy * into, (ca, sa), (cb, sb), half_a, half_b)
+
+
+@inner
+def _along(
+    m: Any, dx: float, dy: float, ux: float, uy: float, near: float, far: float, target_m: float
+) -> tuple[float, float]:
+    """The gap along (ux, uy), where the rectangles reach so far from their centres, and how long the target holds."""
+    at = ux * dx + uy * dy
+    gap_m = abs(at) - near - far
+    closing = m.swing - copysign(1.0, at) * (ux * m.vx + uy * m.vy)
+    return gap_m, (gap_m - target_m) / max(closing, TINY_MPS)
+
+
+@inner
+def apart(m: Any, t: float, target_m: float) -> tuple[float, float]:
+    """The widest gap at `t` along any of the sides' axes, and for how long the distance surely stays above the target.
+
+    The gap is never more than the distance, and negative for an overlap; seconds are 0 where no axis shows any.
+    """
+    into = t - m.begin
+    dx, dy = m.dx + m.vx * into, m.dy + m.vy * into
+    ca, sa, cb, sb = _turned(m, into)
+    c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
+    one = _along(m, dx, dy, ca, sa, m.length_a, m.length_b * c + m.width_b * s, target_m)
+    two = _along(m, dx, dy, -sa, ca, m.width_a, m.length_b * s + m.width_b * c, target_m)
+    three = _along(m, dx, dy, cb, sb, m.length_b, m.length_a * c + m.width_a * s, target_m)
+    four = _along(m, dx, dy, -sb, cb, m.width_b, m.length_a * s + m.width_a * c, target_m)
+    return max(one[0], two[0], three[0], four[0]), max(one[1], two[1], three[1], four[1], 0.0)
+
+
+@inner
+def nearest_centres(m: Any) -> tuple[float, float]:
+    """When the centres are nearest to each other, and their distance then."""
+    speed_squared = m.vx * m.vx + m.vy * m.vy
+    into = -(m.dx * m.vx + m.dy * m.vy) / speed_squared if speed_squared > 0.0 else 0.0
+    into = min(max(into, 0.0), m.end - m.begin)
+    x, y = m.dx + m.vx * into, m.dy + m.vy * into
+    return m.begin + into, sqrt(x * x + y * y)
+
+
+@inner
+def first_contact(m: Any, target_m: float, tolerance_m: float, rounds: int) -> tuple[float, int]:
+    """`MET` and the first time within the target, to the tolerance and never late; `CLEAR`; `OPEN` and from when on."""
+    aim_m, close_m, t = target_m + tolerance_m / 4, target_m + tolerance_m / 2, m.begin
+    for _ in range(rounds):
+        widest, step = apart(m, t, aim_m)
+        if widest <= 0.0:
+            return t, MET
+        if widest <= close_m + NEAR_M and t + step <= m.end:
+            distance, nx, ny = gap(m, t)
+            if distance <= close_m:
+                return t, MET
+            step = max(step, (distance - aim_m) / max(m.swing - (m.vx * nx + m.vy * ny), TINY_MPS))
+        t += step
+        if t > m.end:
+            return t, CLEAR
+    return t, OPEN
+
+
+@inner
+def _smallest_of_one(
+    m: Any, best: float, when: float, accuracy_m: float, lows: Floats, highs: Floats
+) -> tuple[float, float]:
+    """The smallest distance and when, if below `best`, which was found before; `lows` and `highs` are to write in."""
+    lows[0], highs[0], depth = m.begin, m.end, 1
+    while depth and best > 0.0:
+        depth -= 1
+        low, high = lows[depth], highs[depth]
+        middle, half = (low + high) / 2, (high - low) / 2
+        distance, nx, ny = gap(m, middle)
+        if distance < best:
+            best, when = distance, middle
+        opening = m.vx * nx + m.vy * ny
+        for begin, end, closing in ((middle, high, m.swing - opening), (low, middle, m.swing + opening)):
+            if distance - max(closing, 0.0) * half < best - accuracy_m and depth < len(lows):
+                lows[depth], highs[depth] = begin, end
+                depth += 1
+    return best, when
+
+
+@inner
+def smallest(motions: Motions, accuracy_m: float, lows: Floats, highs: Floats) -> tuple[float, float]:
+    """The smallest distance over all of `motions`, to the accuracy, and when; 0 where the rectangles overlap.
+
+    `lows` and `highs`, of `MOST_HALVINGS`, are to write in.
+    """
+    best, when = inf, 0.0
+    for m in motions:
+        t, _ = nearest_centres(m)
+        distance, _, _ = gap(m, t)
+        if distance < best:
+            best, when = distance, t
+        if best == 0.0:
+            return best, when
+    for m in motions:
+        for t in (m.begin, m.end):
+            distance, _, _ = gap(m, t)
+            if distance < best:
+                best, when = distance, t
+    for m in motions:
+        best, when = _smallest_of_one(m, best, when, accuracy_m, lows, highs)
+    return best, when
+
+
+@inner
+def _until(knots: Knots, k: int, end: int, slab: int) -> float:
+    """When knot `k` stops to hold, or the slab ends."""
+    return min(knots[k + 1].t - slab, 1.0) if k + 1 < end else 1.0
+
+
+@inner
+def _set_motion(
+    m: Any, a: Any, b: Any, of_a: Any, of_b: Any, slab: int, begin: float, end: float, within_m: float
+) -> bool:
+    """Robot `b` past robot `a` from their knots `of_b` and `of_a` on; A's centre is subtracted before anything else.
+
+    False, and not all is set, where their circles stay further apart than `within_m`.
+    """
+    into_a, into_b = (slab - of_a.t) + begin, (slab - of_b.t) + begin
+    m.begin, m.end = begin, end
+    m.dx = (of_b.x - of_a.x) + (of_b.vx * into_b - of_a.vx * into_a)
+    m.dy = (of_b.y - of_a.y) + (of_b.vy * into_b - of_a.vy * into_a)
+    m.vx, m.vy = of_b.vx - of_a.vx, of_b.vy - of_a.vy
+    if nearest_centres(m)[1] > a.radius + b.radius + within_m:
+        return False
+    m.yaw_a, m.yaw_b = of_a.yaw + of_a.turn * into_a, of_b.yaw + of_b.turn * into_b
+    m.turn_a, m.turn_b = of_a.turn, of_b.turn
+    m.cos_a, m.sin_a, m.cos_b, m.sin_b = cos(m.yaw_a), sin(m.yaw_a), cos(m.yaw_b), sin(m.yaw_b)
+    m.length_a, m.width_a, m.length_b, m.width_b = a.half_length, a.half_width, b.half_length, b.half_width
+    m.swing = abs(of_a.turn) * a.radius + abs(of_b.turn) * b.radius
+    return True
+
+
+@inner
+def _both_there(boxes: NDArray[Any], robots: Robots, knots: Knots, pair: Any) -> float:
+    """From when on the knots that begin the slab of a pair hold for both of its robots, or the slab begins."""
+    box_a, box_b = boxes[pair.ring, pair.a], boxes[pair.ring, pair.b]
+    of_a, of_b = knots[robots[pair.a].first + box_a.knot], knots[robots[pair.b].first + box_b.knot]
+    return float(max(of_a.t - box_a.slab, of_b.t - box_a.slab, 0.0))
+
+
+@inner
+def _motions(
+    boxes: NDArray[Any],
+    robots: Robots,
+    knots: Knots,
+    pair: Any,
+    there: float,
+    span: Span,
+    within_m: float,
+    motions: Motions,
+) -> tuple[Motions, int, int]:
+    """The motions of a pair in its slab from `there` on and in `span`, in order, whose circles come within `within_m`.
+
+    They are written to `motions`, which may grow; how many they are, and how many there would be of any distance.
+    """
+    box_a, box_b, a, b = boxes[pair.ring, pair.a], boxes[pair.ring, pair.b], robots[pair.a], robots[pair.b]
+    slab, n, looked_at = box_a.slab, 0, 0
+    low, high = span[0] - slab, span[1] - slab
+    ka, kb, end_a, end_b = a.first + box_a.knot, b.first + box_b.knot, a.first + a.count, b.first + b.count
+    t = there
+    while t < 1.0:
+        while _until(knots, ka, end_a, slab) <= t:
+            ka += 1
+        while _until(knots, kb, end_b, slab) <= t:
+            kb += 1
+        until = min(_until(knots, ka, end_a, slab), _until(knots, kb, end_b, slab))
+        begin, end, on_floor = max(t, low), min(until, high), knots[ka].floor
+        if begin <= end and on_floor >= 0 and on_floor == knots[kb].floor:
+            if n == len(motions):
+                motions = np.concatenate((motions, np.empty(n, MOTION)))
+            looked_at += 1
+            n += _set_motion(motions[n], a, b, knots[ka], knots[kb], slab, begin, end, within_m)
+        t = until
+    return motions, n, looked_at
+
+
+@inner
+def _first_of(motions: Motions, target_m: float, tolerance_m: float, rounds: int) -> Two:
+    """The first contact of motions in order, inf for none, or from when on it is left open, inf where it is not."""
+    for m in motions:
+        t, state = first_contact(m, target_m, tolerance_m, rounds)
+        if state == MET:
+            return t, inf
+        if state == OPEN:
+            return inf, t
+    return inf, inf
+
+
+_OF_PAIRS = (_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
+
+
+@kernel(
+    numba.types.Tuple((_FOUND[::1], *[numba.int64] * 3))(  # type: ignore[no-untyped-call]
+        *_OF_PAIRS, _TWO, *[numba.float64] * 3, numba.int64
+    )
+)
+def meet(
+    pairs: Pairs,
+    boxes: NDArray[Any],
+    robots: Robots,
+    knots: Knots,
+    span: Span,
+    target_m: float,
+    tolerance_m: float,
+    accuracy_m: float,
+    rounds: int,
+) -> tuple[Found, int, int, int]:
+    """What becomes of each pair of boxes within `span`, and how many are left open; how many motions were looked at,
+    and those whose circles come near enough for a closer look.
+    """
+    found, opened, looked_at, advanced = np.empty(len(pairs), FOUND), 0, 0, 0
+    motions, lows, highs = np.empty(16, MOTION), np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS)
+    there = np.empty(BLOCK)
+    for at in range(len(pairs)):
+        if at % BLOCK == 0:
+            for ahead in range(min(BLOCK, len(pairs) - at)):
+                there[ahead] = _both_there(boxes, robots, knots, pairs[at + ahead])
+        motions, n, near_or_far = _motions(
+            boxes, robots, knots, pairs[at], there[at % BLOCK], span, target_m + tolerance_m, motions
+        )
+        looked_at, advanced = looked_at + near_or_far, advanced + n
+        meeting = found[at]
+        meeting.contact, meeting.open = _first_of(motions[:n], target_m, tolerance_m, rounds)
+        opened += meeting.open < inf
+        if meeting.contact < inf:
+            meeting.separation, meeting.separation_at = smallest(motions[:n], accuracy_m, lows, highs)
+    return found, opened, looked_at, advanced
+
+
+@kernel(_MOTION[::1](_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1], _TWO))
+def motions_of(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, span: Span) -> Motions:
+    """The motions of the one pair that `pairs` holds, within `span`."""
+    there = _both_there(boxes, robots, knots, pairs[0])
+    motions, n, _ = _motions(boxes, robots, knots, pairs[0], there, span, inf, np.empty(16, MOTION))
+    return motions[:n].copy()
+
+
+@kernel(_TWO(_MOTION[::1], numba.float64))
+def smallest_of(motions: Motions, accuracy_m: float) -> tuple[float, float]:
+    """See `smallest`."""
+    return smallest(motions, accuracy_m, np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS))
+
+
+@inner
+def _set_place(place: Any, box: Any, robot: Any, knots: Knots, t: float) -> None:
+    """Where a robot is at `t`, in the slab of `box`."""
+    k, last = robot.first + box.knot, robot.first + robot.count - 1
+    while k < last and knots[k + 1].t <= t:
+        k += 1
+    knot, into = knots[k], t - knots[k].t
+    yaw = knot.yaw + knot.turn * into
+    place.t, place.floor = t, knot.floor
+    place.x, place.y, place.cos, place.sin = knot.x + knot.vx * into, knot.y + knot.vy * into, cos(yaw), sin(yaw)
+
+
+@inner
+def _start_distance(
+    a: int, b: int, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float, places: NDArray[Any]
+) -> float:
+    """How far two robots are apart at `now_s`, or when the later of them appears; inf on different floors.
+
+    A robot that is at its place in `places` by then is not placed again.
+    """
+    one, two = robots[a], robots[b]
+    t = max(now_s, one.appears, two.appears)
+    for slot in (a, b):
+        if places[slot].t != t:
+            _set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
+    p, q = places[a], places[b]
+    if p.floor < 0 or p.floor != q.floor:
+        return inf
+    half_a, half_b = (one.half_length, one.half_width), (two.half_length, two.half_width)
+    return _between(q.x - p.x, q.y - p.y, (p.cos, p.sin), (q.cos, q.sin), half_a, half_b)[0]
+
+
+@kernel(numba.float64[::1](numba.int64[::1], numba.int64[::1], *_OF_PAIRS[1:], numba.float64))
+def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float) -> Floats:
+    """(p,) how far the robots `a` (p,) and `b` (p,) are apart at `now_s`, or when the later of each two appears.
+
+    inf on different floors. A robot's place is worked out once for all its pairs, in the order of slots.
+    """
+    apart_m, places, wanted = np.empty(len(a)), np.empty(len(robots), PLACE), np.zeros(len(robots), np.bool_)
+    for at in range(len(a)):
+        wanted[a[at]] = wanted[b[at]] = True
+    for slot in np.flatnonzero(wanted):
+        t = max(now_s, robots[slot].appears)
+        _set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
+    for at in range(len(a)):
+        apart_m[at] = _start_distance(a[at], b[at], boxes, robots, knots, now_s, places)
+    return apart_m
+
+
+@kernel(
+    numba.types.Tuple((*[numba.float64[::1]] * 3, numba.int64))(  # type: ignore[no-untyped-call]
+        _OF_PAIRS[0],
+        numba.int64[::1],
+        *_OF_PAIRS[1:],
+        numba.float64,
+        numba.float64[::1],
+        *[numba.float64] * 2,
+        numba.int64,
+    )
+)
+def first_of_chosen(
+    pairs: Pairs,
+    pair_of: Ints,
+    boxes: NDArray[Any],
+    robots: Robots,
+    knots: Knots,
+    now_s: float,
+    until_s: Floats,
+    target_m: float,
+    tolerance_m: float,
+    rounds: int,
+) -> tuple[Floats, Floats, Floats, int]:
+    """(p,) when each pair first meets in [`now_s`, `until_s` (p,)], and how far apart it is at `now_s` if it may; (n,)
+    from when on boxes are left open, and how many are. inf where it does not, and they are not.
+
+    `pair_of` (n,) says of which pair the boxes `pairs` (n,) are; those after its first contact are not looked at.
+    """
+    contact_s, start_m, open_ = np.full(len(until_s), inf), np.full(len(until_s), inf), np.full(len(pairs), inf)
+    motions, places, opened = np.empty(16, MOTION), np.empty(len(robots), PLACE), 0
+    for slot in range(len(places)):
+        places[slot].t = inf
+    for at in range(len(pairs)):
+        pair, of = pairs[at], pair_of[at]
+        if contact_s[of] < inf:
+            continue
+        there, span = _both_there(boxes, robots, knots, pair), (now_s, until_s[of])
+        motions, n, _ = _motions(boxes, robots, knots, pair, there, span, target_m + tolerance_m, motions)
+        t, open_[at] = _first_of(motions[:n], target_m, tolerance_m, rounds)
+        opened += open_[at] < inf
+        if t < inf or open_[at] < inf:
+            contact_s[of] = max(boxes[pair.ring, pair.a].slab + t, now_s)
+            start_m[of] = _start_distance(pair.a, pair.b, boxes, robots, knots, now_s, places)
+    return contact_s, start_m, open_, opened

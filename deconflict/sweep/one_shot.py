@@ -1,0 +1,99 @@
+"""The sweep: which envelopes come within the clearance in the horizon, when first, and how close.
+
+Usable by itself: arrays in, arrays out. `sweep` looks once at a whole floor; `deconflict.sweep.incremental.Sweeper`
+keeps what has not changed from one pass to the next and gives the same answer. Method and limits: docs/sweep.md.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deconflict.sweep.broadphase import of_chosen
+from deconflict.sweep.fcl_check import Decider
+from deconflict.sweep.geometry.knots import Knots, Robots
+from deconflict.sweep.incremental import ROUNDS, TOLERANCE_M, Sweeper
+from deconflict.sweep.narrowphase import first_of_chosen, motions_of
+from ingest.batch import Floats, Forecasts, Ints
+
+
+@dataclass(frozen=True, slots=True)
+class Invalid:
+    """A robot that was left out."""
+
+    robot: int
+    """Row of the forecasts."""
+    reason: str
+    """A word of `deconflict.sweep.geometry.knots.faults`, such as `not-finite` or `times-not-increasing`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conflicts:
+    """c pairs of robots that come within the clearance, ascending by rows."""
+
+    pairs: Ints
+    """(c, 2) rows, the lower first."""
+    contact_s: Floats
+    """(c,) first time within the clearance, to a millimetre and never late; `now_s` where they begin so."""
+    separation_m: Floats
+    """(c,) smallest distance of the envelopes over the horizon, to a millimetre; 0 where they overlap."""
+    separation_at_s: Floats
+    """(c,) a time at which it is reached."""
+    start_separation_m: Floats
+    """(c,) distance at `now_s`, or when the later of the two appears."""
+    invalid: tuple[Invalid, ...]
+
+
+def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, clearance_m: float) -> Conflicts:
+    """All conflicts of a floor in [`now_s`, `now_s + horizon_s`].
+
+    Takes the forecasts of n robots (see `ingest.batch.Forecasts`), times in seconds since one epoch. Robots that can't
+    be swept are left out and named in `invalid`; nothing is raised for them. Raises `ValueError` for a negative
+    clearance or a horizon that is not above 0.
+    """
+    sweeper = Sweeper(clearance_m=clearance_m, horizon_s=horizon_s)
+    order = _order(forecasts)
+    keys = [f"{rank:012d}" for rank in np.argsort(order)]
+    invalid = sorted((int(order[int(key)]), reason) for key, reason in sweeper.update(keys, forecasts))
+    found = sweeper.step(now_s)
+    ranks = np.array([(int(a), int(b)) for a, b in found.pairs], np.int64).reshape(-1, 2)
+    rows = np.sort(order[ranks], axis=1)
+    by_row = np.lexsort((rows[:, 1], rows[:, 0]))
+    return Conflicts(
+        rows[by_row],
+        found.contact_s[by_row],
+        found.separation_m[by_row],
+        found.separation_at_s[by_row],
+        found.start_separation_m[by_row],
+        tuple(Invalid(row, reason) for row, reason in invalid),
+    )
+
+
+def first_meetings(
+    robots: Robots, knots: Knots, a: Ints, b: Ints, *, now_s: float, until_s: Floats, clearance_m: float
+) -> tuple[Floats, Floats]:
+    """Of the pairs of rows `a` (p,) and `b` (p,) of `robots` alone, when each first comes within the clearance by
+    `until_s` (p,), to a millimetre and never late, inf where it does not; and how far those that do are apart at
+    `now_s`, (p,). Robots without knots meet nobody.
+    """
+    boxes, pairs, pair_of = of_chosen(robots, knots, a, b, now_s, until_s, clearance_m / 2 + TOLERANCE_M)
+    where = (boxes, robots, knots)
+    contact_s, start_m, open_, opened = first_of_chosen(
+        pairs, pair_of, *where, now_s, until_s, clearance_m, TOLERANCE_M, ROUNDS
+    )
+    for row in np.flatnonzero(open_ < np.inf).tolist() if opened else ():
+        pair, one, decider = pair_of[row], pairs[row : row + 1], Decider(clearance_m, TOLERANCE_M)
+        met = decider.first_contact(motions_of(one, *where, (now_s, until_s[pair])), float(open_[row]))
+        contact_s[pair] = min(contact_s[pair], max(boxes["slab"][one["ring"][0], one["a"][0]] + met, now_s))
+    return contact_s, start_m
+
+
+def _order(forecasts: Forecasts) -> Ints:
+    """Rows by what they say, so that the order in which they are told makes no difference to the last digit."""
+    counts = np.diff(forecasts.start)
+    knot = np.minimum(forecasts.start[:-1], max(len(forecasts.t_s) - 1, 0))
+    first = [
+        np.where(counts > 0, column[knot], 0.0) if len(column) else np.zeros(len(forecasts))
+        for column in (forecasts.t_s, forecasts.yaw_rad, forecasts.y_m, forecasts.x_m)
+    ]
+    order: Ints = np.lexsort((counts, forecasts.width_m, forecasts.length_m, *first))
+    return order

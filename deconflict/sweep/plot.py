@@ -1,0 +1,80 @@
+"""A picture of two swept envelopes and their first contact. Needs matplotlib: `pip install amr-deconflict[plot]`."""
+
+from itertools import pairwise
+from math import ceil
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import nearest_points
+from shapely.plotting import plot_polygon
+
+from deconflict.sweep.geometry.pose import Pose, envelope, pose_at
+from deconflict.sweep.one_shot import Conflicts
+from ingest.batch import Forecasts
+
+COLOURS = ("#2563a8", "#d9732b")
+STEP_S = 0.05
+OUTLINE_S = 1.0
+
+
+def draw(
+    forecasts: Forecasts,
+    found: Conflicts,
+    row: int,
+    *,
+    now_s: float,
+    horizon_s: float = 10.0,
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw conflict `row` of `found`, which `sweep` gave for `forecasts`, `now_s` and `horizon_s`.
+
+    Shaded is what each envelope covers on the floor of the contact, with its outline at each second; bold are both at
+    first contact. Without `axes` a figure is made. Raises `IndexError` where there is no such conflict.
+    """
+    pair = found.pairs[row].tolist()
+    robots = [forecasts.one(one) for one in pair]
+    contact_s = float(found.contact_s[row])
+    axes = Figure(figsize=(7.0, 5.0), layout="constrained").add_subplot() if axes is None else axes
+    floor = pose_at(robots[0], contact_s).floor
+    for number, robot, colour in zip(pair, robots, COLOURS, strict=True):
+        area = _swept(robot, floor, now_s, horizon_s)
+        plot_polygon(
+            area, axes, add_points=False, facecolor=colour, edgecolor="none", alpha=0.2, label=f"robot {number}"
+        )
+        for pose in _poses(robot, now_s, horizon_s, OUTLINE_S):
+            if pose.floor == floor:
+                axes.plot(*envelope(robot, pose).exterior.xy, color=colour, linewidth=0.6, alpha=0.6)
+    touching = [envelope(robot, pose_at(robot, contact_s)) for robot in robots]
+    for one, colour in zip(touching, COLOURS, strict=True):
+        axes.plot(*one.exterior.xy, color=colour, linewidth=2.0)
+    spot = shapely.MultiPoint(nearest_points(*touching)).centroid
+    axes.plot(spot.x, spot.y, marker="o", color="black", linestyle="none", markersize=5)
+    axes.annotate(
+        f"first contact, {contact_s - now_s:.2f} s",
+        (spot.x, spot.y),
+        xytext=(-60, -70),
+        textcoords="offset points",
+        arrowprops={"arrowstyle": "-", "linewidth": 0.8},
+    )
+    axes.set(aspect="equal", xlabel="x, m", ylabel="y, m")
+    axes.legend(frameon=False)
+    return axes
+
+
+def _poses(robot: Forecasts, now_s: float, horizon_s: float, step_s: float) -> list[Pose]:
+    times = np.linspace(now_s, now_s + horizon_s, ceil(horizon_s / step_s) + 1)
+    return [pose_at(robot, t_s) for t_s in times[times >= robot.t_s[0]].tolist()]
+
+
+def _swept(robot: Forecasts, floor: int, now_s: float, horizon_s: float) -> BaseGeometry:
+    poses = _poses(robot, now_s, horizon_s, STEP_S)
+    return shapely.union_all(
+        [
+            envelope(robot, one).union(envelope(robot, following)).convex_hull
+            for one, following in pairwise(poses)
+            if one.floor == following.floor == floor
+        ]
+    )

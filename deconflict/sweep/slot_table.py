@@ -1,0 +1,103 @@
+"""The robots on a floor: a slot for each, and what their newest forecasts say, in arrays."""
+
+from collections.abc import Iterable, Sequence
+from itertools import repeat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deconflict.sweep.geometry.knots import KNOT, ROBOT, UNSOUND, Knots, Robots, replace, taken
+from ingest.batch import Floats, Forecasts, Ints
+
+FEWEST_KNOTS = 10_000
+
+
+class Roster:
+    """Keys and forecasts by slot. A robot keeps its slot until it leaves; another may then have it."""
+
+    def __init__(self) -> None:
+        self.slots: dict[str, int] = {}
+        self.keys: NDArray[np.object_] = np.zeros(0, object)
+        """By slot, and some to spare; "" for a free one."""
+        self.robots: Robots = np.zeros(0, ROBOT)
+        """By slot, and some to spare; a free one has no knots."""
+        self.knots: Knots = np.zeros(0, KNOT)
+        self.widened_m: Floats = np.zeros(0)
+        """By slot, and some to spare: how much longer and wider than reported the envelope is."""
+        self._used = 0
+        self._free: list[int] = []
+        self._ranks: Ints | None = None
+
+    def __len__(self) -> int:
+        """Slots, free ones included."""
+        return len(self.slots) + len(self._free)
+
+    def put(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | float = 0.0) -> Ints | None:
+        """Replace the forecasts of `keys`, which are all different, and whose envelopes are so much longer and wider
+        than reported; their slots. None, and the forecasts are as they were, where any of the new ones can't be swept.
+        """
+        slots = np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys))
+        unknown = np.flatnonzero(slots < 0)
+        if len(unknown):
+            slots[unknown] = self._new_slots([keys[row] for row in unknown.tolist()])
+        used = replace(self.robots, self.knots, slots, self._used, forecasts)
+        if used > len(self.knots):
+            self.robots["count"][slots] = 0
+            self._pack(len(forecasts.t_s))
+            used = replace(self.robots, self.knots, slots, self._used, forecasts)
+        if used == UNSOUND:
+            return None
+        self._used, self.widened_m[slots] = used, widened_m
+        return slots
+
+    def discard(self, keys: Iterable[str]) -> list[int]:
+        """Take robots off the floor; the slots that they leave."""
+        left = [self.slots.pop(key) for key in keys if key in self.slots]
+        for slot in left:
+            self.keys[slot] = ""
+            self.robots["count"][slot] = 0
+        self._free += left
+        if left:
+            self._ranks = None
+        return left
+
+    def swept(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
+        """A copy of the robots of `keys`, in that order, and of their knots; one that has no slot has no knots."""
+        return taken(self.robots, self.knots, np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys)))
+
+    def present(self, slots: Ints) -> Ints:
+        """Those of `slots` that a robot has."""
+        there: Ints = slots[self.robots["count"][slots] > 0]
+        return there
+
+    def ranks(self) -> Ints:
+        """(slots,) the place of each slot's key among all, in order."""
+        if self._ranks is None:
+            self._ranks = np.zeros(len(self), np.int64)
+            by_key = np.fromiter((self.slots[key] for key in sorted(self.slots)), np.int64, len(self.slots))
+            self._ranks[by_key] = np.arange(len(by_key))
+        return self._ranks
+
+    def _new_slots(self, keys: Sequence[str]) -> list[int]:
+        self._ranks = None
+        freed = [self._free.pop() for _ in range(min(len(keys), len(self._free)))]
+        slots = freed + list(range(len(self) + len(freed), len(self) + len(keys)))
+        self.slots.update(zip(keys, slots, strict=True))
+        if len(self.robots) < len(self):
+            spare = len(self) + len(self) // 8 - len(self.robots)
+            columns = self.robots, self.keys, self.widened_m
+            self.robots, self.keys, self.widened_m = (np.pad(column, (0, spare)) for column in columns)
+        self.keys[slots] = keys
+        return slots
+
+    def _pack(self, spare: int) -> None:
+        """Leave out the knots of forecasts that were replaced, and make room for `spare` more."""
+        slots = np.flatnonzero(self.robots["count"])
+        counts = self.robots["count"][slots]
+        start = np.cumsum(counts) - counts
+        self._used = int(counts.sum())
+        kept = self.knots[np.repeat(self.robots["first"][slots] - start, counts) + np.arange(self._used)]
+        needed = self._used + spare
+        self.knots = np.zeros(max(needed + needed // 4, FEWEST_KNOTS), KNOT)
+        self.knots[: self._used] = kept
+        self.robots["first"][slots] = start

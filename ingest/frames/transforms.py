@@ -1,0 +1,263 @@
+"""Maps of the plane: an affine one, and one corrected by a triangulation, as ESRI's ADJUST transformation is.
+
+ADJUST takes each reference point exactly to its place and is linear in each triangle of them. ESRI leaves open what
+holds outside the triangles; here it is the correction at the nearest point of their rim. Flat triangles at the rim,
+such as three points along a wall make, are left out: across their little height the residuals of their points would
+turn headings about.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from math import atan2, cos, inf, sin
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay
+
+from ingest.batch import Floats, Ints
+from ingest.fast_path import loader
+
+WITHIN = 1e-12
+"""Share of a triangle's height by which a point beyond it still counts as on its side."""
+FLAT_SHARE = 0.1
+"""A triangle whose height is less than this share of its longest side is flat."""
+
+
+Placed = tuple[float, float, float, float, float, float]
+"""Where a point comes to lie, x and y, and the linear part there by rows."""
+
+
+class _Map(ABC):
+    """Points one at a time, since messages bring few at once; arrays of them for those that have many."""
+
+    @abstractmethod
+    def at(self, x: float, y: float) -> Placed: ...
+
+    @property
+    @abstractmethod
+    def table(self) -> Floats:
+        """For compiled code (1 + t + e, 12): map by rows, shift, middle and t (9); triangles; the rim (e, 9)."""
+
+    def pose(self, x: float, y: float, yaw_rad: float) -> tuple[float, float, float]:
+        """Where a pose comes to lie. Its heading goes through the linear part there; an unknown one stays nan."""
+        if loader.placed is not None:
+            return loader.placed(x, y, yaw_rad, self.table)
+        to_x, to_y, a, b, c, d = self.at(x, y)
+        along, across = cos(yaw_rad), sin(yaw_rad)
+        return to_x, to_y, atan2(c * along + d * across, a * along + b * across)
+
+    def __call__(self, points: Floats) -> Floats:
+        """`(p, 2)` to `(p, 2)`."""
+        return self.place(points)[0]
+
+    def place(self, points: Floats) -> tuple[Floats, Floats]:
+        """Where `points` (p, 2) come to lie (p, 2), and the linear part at each (p, 2, 2)."""
+        placed = np.array([self.at(x, y) for x, y in points.tolist()], np.float64).reshape(-1, 6)
+        return placed[:, :2], placed[:, 2:].reshape(-1, 2, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Affine(_Map):
+    """x -> matrix x + shift."""
+
+    matrix: Floats
+    """(2, 2)"""
+    shift: Floats
+    """(2,)"""
+
+    def at(self, x: float, y: float) -> Placed:
+        a, b, c, d, shift_x, shift_y = self._numbers
+        return a * x + b * y + shift_x, c * x + d * y + shift_y, a, b, c, d
+
+    @cached_property
+    def table(self) -> Floats:
+        return np.array([[*self._numbers, *[0.0] * 6]])
+
+    @property
+    def mirrored(self) -> bool:
+        a, b, c, d, *_ = self._numbers
+        return a * d < b * c
+
+    @cached_property
+    def _numbers(self) -> tuple[float, float, float, float, float, float]:
+        """The matrix by rows, and the shift."""
+        a, b, c, d = self.matrix.ravel().tolist()
+        return a, b, c, d, float(self.shift[0]), float(self.shift[1])
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Along the vendor's x axis and along its y axis."""
+        along_x, along_y = np.hypot(self.matrix[0], self.matrix[1])
+        return float(along_x), float(along_y)
+
+    @property
+    def distortion(self) -> float:
+        """By what share the direction stretched most exceeds the one stretched least; 0 for a similarity."""
+        large, small = np.linalg.svd(self.matrix, compute_uv=False)
+        return float(large / small - 1) if small > 0 else inf
+
+    @property
+    def rotation_rad(self) -> float:
+        """Of the vendor's x axis, anticlockwise from the floor's."""
+        return float(np.arctan2(self.matrix[1, 0], self.matrix[0, 0]))
+
+    @property
+    def shear_rad(self) -> float:
+        """How far the vendor's axes are from square on the floor; 0 for a similarity."""
+        along_x, along_y = self.scales
+        return float(np.arcsin(np.clip(self.matrix[:, 0] @ self.matrix[:, 1] / (along_x * along_y), -1, 1)))
+
+
+class Adjusted(_Map):
+    """A global fit, its residuals corrected by triangles of the reference points.
+
+    Continuous, but for steps where two sides of a notch left by a flat triangle are equally near; each is smaller
+    than what the correction changes by along the notch.
+    """
+
+    def __init__(self, base: Affine, readings: Floats, residuals: Floats) -> None:
+        """`residuals` (points, 2) are what `base` misses at `readings` (points, 2), in the site's frame."""
+        self._base = base
+        middle = readings.mean(axis=0)
+        self._middle = float(middle[0]), float(middle[1])
+        self._triangles = Delaunay(readings - middle)
+        self._kept, rim = _without_flat_rim(self._triangles)
+        kept = self._triangles.simplices[self._kept]
+        points, missed = self._triangles.points[kept], residuals[kept]
+        shares = _shares(points)
+        self._slopes = np.einsum("tij,tik->tjk", missed[:, :2] - missed[:, 2:], shares)
+        flat = (part.reshape(-1, part[0].size) for part in (shares, points[:, 2], missed[:, 2], self._slopes))
+        self._inner = [_Triangle(*row) for row in np.hstack(list(flat)).tolist()]
+        starts, ends = self._triangles.points[rim[:, 0]], self._triangles.points[rim[:, 1]]
+        changes = residuals[rim[:, 1]] - residuals[rim[:, 0]]
+        along = ends - starts
+        length2 = along[:, :1] * along[:, :1] + along[:, 1:] * along[:, 1:]
+        rows = np.hstack([starts, along, length2, residuals[rim[:, 0]], changes])
+        self._rim = [_Edge(*row) for row in rows.tolist()]
+
+    def at(self, x: float, y: float) -> Placed:
+        to_x, to_y, a, b, c, d = self._base.at(x, y)
+        by_x, by_y, more_a, more_b, more_c, more_d = self._correction(x - self._middle[0], y - self._middle[1])
+        return to_x + by_x, to_y + by_y, a + more_a, b + more_b, c + more_c, d + more_d
+
+    def _correction(self, x: float, y: float) -> Placed:
+        """By how much a point moves, and the slope of that; outside, what holds at the nearest point of the rim."""
+        for t00, t01, t10, t11, corner_x, corner_y, by_x, by_y, a, b, c, d in self._inner:
+            dx, dy = x - corner_x, y - corner_y
+            first, second = t00 * dx + t01 * dy, t10 * dx + t11 * dy
+            if not (first < -WITHIN or second < -WITHIN or first + second > 1 + WITHIN):
+                return by_x + a * dx + b * dy, by_y + c * dx + d * dy, a, b, c, d
+        return self._beside(x, y)
+
+    def _beside(self, x: float, y: float) -> Placed:
+        """The correction at the nearest point of the rim and its slope: that along its edge, none at its ends."""
+        least, at, nearest = inf, 0.0, self._rim[0]
+        for edge in self._rim:
+            edge_x, edge_y, dx, dy, length2, _, _, _, _ = edge
+            share = ((x - edge_x) * dx + (y - edge_y) * dy) / length2
+            share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
+            away_x, away_y = x - edge_x - share * dx, y - edge_y - share * dy
+            distance2 = away_x * away_x + away_y * away_y
+            if distance2 < least:
+                least, at, nearest = distance2, share, edge
+        _, _, dx, dy, length2, by_x, by_y, more_x, more_y = nearest
+        by_x, by_y = by_x + at * more_x, by_y + at * more_y
+        if at in {0.0, 1.0}:
+            return by_x, by_y, 0.0, 0.0, 0.0, 0.0
+        u, v = dx / length2, dy / length2
+        return by_x, by_y, more_x * u, more_x * v, more_y * u, more_y * v
+
+    @cached_property
+    def table(self) -> Floats:
+        first = [*self._base.table[0, :6], *self._middle, len(self._inner), 0.0, 0.0, 0.0]
+        return np.array([first, *self._inner, *((*edge, 0.0, 0.0, 0.0) for edge in self._rim)])
+
+    @property
+    def mirrored(self) -> bool:
+        return self._base.mirrored
+
+    def bend(self) -> tuple[float, tuple[int, ...]]:
+        """The largest share by which the correction of a triangle changes a length or, in radians, a heading.
+
+        With it the rows of that triangle's points. Reaches 1 where the correction folds the map.
+        """
+        bends = np.linalg.norm(np.linalg.inv(self._base.matrix) @ self._slopes, ord=2, axis=(1, 2))
+        worst = int(np.argmax(bends))
+        return float(bends[worst]), tuple(self._triangles.simplices[self._kept][worst].tolist())
+
+
+class _Triangle(NamedTuple):
+    """A triangle of reference points, about their middle: its barycentric map, its last corner, its correction."""
+
+    t00: float
+    t01: float
+    t10: float
+    t11: float
+    corner_x: float
+    corner_y: float
+    by_x: float
+    by_y: float
+    a: float
+    b: float
+    c: float
+    d: float
+
+
+class _Edge(NamedTuple):
+    """An edge of the rim, about the middle of the points, the correction at its start and how it changes along it."""
+
+    x: float
+    y: float
+    dx: float
+    dy: float
+    length2: float
+    """Squared."""
+    by_x: float
+    by_y: float
+    more_x: float
+    more_y: float
+
+
+Transform = Affine | Adjusted
+
+
+def _shares(corners: Floats) -> Floats:
+    """What takes a point, about the last of a triangle's `corners` (t, 3, 2), to its shares in the other two (t, 2, 2).
+
+    `Delaunay` knows it too, but to be asked for it wakes threads of LAPACK that then spin for a tenth of a second.
+    """
+    first, second = corners[:, 0] - corners[:, 2], corners[:, 1] - corners[:, 2]
+    # elimination by the side that is longer along x, as LAPACK does it
+    swapped = np.abs(second[:, :1]) > np.abs(first[:, :1])
+    (x, y), (other_x, other_y) = np.where(swapped, second, first).T, np.where(swapped, first, second).T
+    per_x = 1 / x
+    slant = other_x * per_x
+    per_y = 1 / (other_y - slant * y)
+    drop = slant * per_y
+    own = np.stack([(1 + y * drop) * per_x, -drop], axis=1)
+    others = np.stack([-y * per_y * per_x, per_y], axis=1)
+    return np.stack([np.where(swapped, others, own), np.where(swapped, own, others)], axis=1)
+
+
+def _without_flat_rim(triangles: Delaunay) -> tuple[NDArray[np.bool_], Ints]:
+    """Which triangles to keep (t,), and the edges round them as rows of two points (e, 2).
+
+    A flat triangle goes if only its longest side is at the rim: each of its points then belongs to another.
+    """
+    corners = triangles.points[triangles.simplices]
+    sides = np.stack([corners[:, k - 2] - corners[:, k - 1] for k in range(3)], axis=1)
+    lengths = np.hypot(sides[..., 0], sides[..., 1])
+    area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+    flat = area < FLAT_SHARE * lengths.max(axis=1) ** 2
+    rows, longest = np.arange(len(flat)), lengths.argmax(axis=1)
+    kept = np.ones(len(flat), bool)
+    while True:
+        at_rim = (triangles.neighbors < 0) | ~kept[triangles.neighbors]
+        loose = np.flatnonzero(kept & flat & at_rim[rows, longest] & (at_rim.sum(axis=1) == 1))
+        if not len(loose):
+            break
+        kept[loose[0]] = False
+    row, side = np.nonzero(at_rim & kept[:, None])
+    return kept, np.column_stack([triangles.simplices[row, side - 2], triangles.simplices[row, side - 1]])

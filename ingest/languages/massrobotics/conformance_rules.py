@@ -1,0 +1,200 @@
+"""Every way in which a message departs from the standard, by code.
+
+A rule that rejects means that the message could not be understood; any other was read as its sentence says, and
+counted. Codes are label values of metrics: they do not change. `python -m
+ingest.languages.massrobotics.conformance_rules` writes the table of docs/conformance.md.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+Findings = dict[str, None]
+"""Codes of the rules that a message broke, each once, in the order they were found."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One deviation: what was seen, and how it was read."""
+
+    code: str
+    sentence: str
+    clause: str
+    """Of the standard, or `schema` for its published JSON schema."""
+    rejects: bool = False
+    alone: bool = True
+    """Whether one message by itself shows it; what does not takes the robot's history, the site or the socket."""
+
+
+class RejectedError(ValueError):
+    """A message that can't be understood: the rule it broke, and what the sender should change."""
+
+    def __init__(self, rule: str, reason: str, said_uuid: object = None) -> None:
+        super().__init__(f"{rule}: {reason}")
+        self.rule, self.reason, self.said_uuid = rule, reason, said_uuid
+
+
+def _rejecting(code: str, sentence: str, clause: str) -> Rule:
+    return Rule(code, sentence, clause, rejects=True)
+
+
+def _in_context(code: str, sentence: str, clause: str) -> Rule:
+    return Rule(code, sentence, clause, alone=False)
+
+
+_REJECTING = (
+    _rejecting("not-utf8", "Not UTF-8; send JSON text in UTF-8.", "6.2"),
+    _rejecting("not-json", "Not JSON; send one JSON object a message.", "6.2"),
+    _rejecting("too-deep", "Nested more than 200 deep; no report is.", "6.2"),
+    _rejecting("not-object", "JSON, but no object; send one report a message.", "6.2"),
+    _rejecting("number-not-finite", "A number is NaN or infinite; leave out what is not known.", "6.2"),
+    _rejecting("report-unknown", "Neither an identity nor a status report by its keys.", "schema"),
+    _rejecting("key-missing", "A required key is missing.", "schema"),
+    _rejecting("type-wrong", "A required value can't be read as what belongs there.", "schema"),
+    _rejecting("uuid-unreadable", "The UUID is none, and the vendor is not set to use names.", "2.13"),
+    _rejecting("stamp-unreadable", "The message's own timestamp can't be read; send RFC 3339 in UTC.", "5.1.2"),
+    _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "5.1.2"),
+    _rejecting("position-absurd", "The location lies more than ten thousand kilometres out.", "3.3"),
+    _rejecting("envelope-not-positive", "The envelope's length or width is not above zero.", "4.1.6"),
+    _rejecting("envelope-absurd", "The envelope is longer, wider or higher than 100 m.", "4.1.6"),
+    Rule(
+        "uuid-of-another-vendor",
+        "The robot belongs to another vendor: the site file says so, or that vendor spoke for it first.",
+        "2.13",
+        rejects=True,
+        alone=False,
+    ),
+    Rule(
+        "robots-too-many",
+        "A new UUID beyond the robots that the site allows a vendor.",
+        "2.13",
+        rejects=True,
+        alone=False,
+    ),
+    Rule("message-too-large", "Larger than the receiver's limit.", "6.1", rejects=True, alone=False),
+)
+_WHO = (
+    Rule("uuid-upper-case", "The UUID has upper-case letters; folded to lower case.", "2.13"),
+    Rule("uuid-no-dashes", "The UUID lacks dashes, or has braces, `urn:uuid:` or spaces about it; read.", "2.13"),
+    Rule("uuid-not-rfc4122", "The UUID's version or variant is none of RFC 4122; used as it is.", "2.13"),
+    Rule("uuid-is-name", "A name stands where a UUID belongs; the robot has a UUID derived from it.", "2.13"),
+    _in_context("identity-missing", "A status before any identity; the default envelope is used.", "4.4"),
+    _in_context("identity-changed", "The robot now names another maker, model, serial number or envelope.", "4.4"),
+    Rule("text-too-long", "A name or model is longer than 100 letters; cut.", "4.1"),
+    Rule("text-empty", "A required text or an error code is empty; kept, the error code left out.", "4.1"),
+)
+_KEYS_AND_TYPES = (
+    Rule("byte-order-mark", "A byte order mark comes before the JSON; skipped.", "6.2"),
+    Rule("key-unknown", "A key that the standard does not have; shown, not used.", "schema"),
+    Rule("null-value", "A key has the value null; read as left out.", "schema"),
+    Rule("number-as-text", "A number was sent as text; read as the number.", "schema"),
+    Rule("text-as-number", "A text was sent as a number; read as text.", "schema"),
+    Rule("single-not-list", "One value stands where a list belongs; read as a list of one.", "schema"),
+    Rule("duplicate-items", "A list that should hold different items repeats one; kept.", "schema"),
+    Rule("value-unreadable", "An optional value can't be read as what belongs there; left out.", "schema"),
+)
+_WHEN = (
+    Rule("stamp-offset-no-colon", "A timestamp's offset has no colon or no minutes; read.", "5.1.2"),
+    Rule("stamp-not-utc", "A timestamp has an offset other than UTC; converted.", "5.1.2"),
+    Rule("stamp-no-offset", "A timestamp has no offset; read as UTC.", "5.1.2"),
+    Rule("stamp-spelling", "A timestamp has a space for T, a lower-case letter, a comma or spaces; read.", "5.1.2"),
+    Rule("stamp-epoch", "A timestamp counts from 1970; read as seconds, ms, us or ns by its size.", "5.1.2"),
+    _in_context("stamp-not-increasing", "Older than a status already had; the newer one holds.", "5.1.2"),
+    _in_context("stamp-stale", "Took two seconds longer than others to arrive; used as of when it was sent.", "5.1.2"),
+    _in_context("clock-off", "The sender's clock is off; corrected by the estimate.", "5.1.2"),
+    _in_context("status-too-frequent", "More than one status a second; used.", "5.4"),
+    _in_context("status-too-rare", "More than thirty seconds since the last status.", "5.4"),
+)
+_STATE = (
+    Rule("state-alias", "The state is spelt otherwise than in the schema; read as the state meant.", "5.1.3"),
+    Rule("state-unknown", "No state of the standard; kept as text, present and not navigating.", "5.1.3"),
+    Rule("state-offline", "A robot says that it is offline; it counts as present and standing.", "5.1.3.4"),
+)
+_WHERE = (
+    Rule("datum-upper-case", "The datum has upper-case letters; folded to lower case.", "3.3.1"),
+    Rule("datum-key", "The datum is under the key of the other kind of location; read.", "schema"),
+    Rule("datum-missing", "The location's datum is absent, empty or nil; compared with nothing.", "3.3.1"),
+    Rule("datum-empty", "A point's datum is empty or nil; read as the robot's own.", "3.3.1"),
+    Rule("datum-not-uuid", "The datum is no UUID; used as a name, in lower case.", "3.2.1"),
+    _in_context("datum-unknown", "The site file has no such datum; a floor of its own.", "3.3.1"),
+    _in_context("datum-too-many", "The vendor has named fifty unknown datums before; compared with nothing.", "3.3.1"),
+    Rule("angle-missing", "A location has no angle; heading unknown.", "3.3.5"),
+    Rule("angle-zero", "A quaternion is all zeros; heading unknown.", "3.3.5"),
+    Rule("angle-not-unit", "A quaternion is not of unit length; normalised.", "3.3.5"),
+    _in_context("heading-contradicts-motion", "The robot moves across its heading; kept.", "3.3.5"),
+    _in_context(
+        "turn-rate-contradicts-motion", "The headings do not bear out the angular velocity; set aside.", "5.2.2"
+    ),
+    _in_context("speed-sign-lost", "The robot backs up with a positive speed; taken as negative.", "5.2.1"),
+)
+_AMOUNTS = (
+    Rule("battery-out-of-range", "The battery is not within 0 to 100 %; clamped.", "5.3.1"),
+    Rule("battery-fraction", "The battery lies between 0 and 1, perhaps a fraction; read as percent.", "5.3.1"),
+    Rule("run-time-negative", "A run time is negative; read as zero.", "5.3.2"),
+    Rule("load-out-of-range", "The load is not within 0 to 100 %; clamped.", "5.3.4"),
+    Rule("load-used-key", "The load used is told, not what is left; read where that is missing.", "5.3.4"),
+    Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "5.2.1"),
+    Rule("speed-limit-not-positive", "The greatest speed is not above zero; ignored.", "4.2.1"),
+)
+_WHERE_TO = (
+    Rule("destinations-too-many", "More than ten destinations; the first two hundred used.", "5.2.3"),
+    Rule("destinations-too-far", "A destination beyond fifteen minutes; kept, not used yet.", "5.2.3"),
+    Rule("destinations-past", "Every destination's time is over; kept.", "5.2.3"),
+    Rule("destinations-unsorted", "Destinations are not in the order of their times; sorted.", "5.2.3"),
+    Rule("path-too-many", "More than ten points; the first two hundred used.", "5.3.3"),
+    Rule("path-too-far", "A point beyond ten seconds; used when the horizon reaches it.", "5.3.3"),
+    Rule("path-past", "Every point's time is over; kept, for new times by speed.", "5.3.3"),
+    Rule("path-partly-past", "Some points' times are over; the others are used.", "5.3.3"),
+    Rule("path-times-1970", "The points' times lie at the beginning of 1970; kept, for new times.", "5.3.3"),
+    Rule("path-times-equal", "Two points have the same time; kept, for new times by speed.", "5.3.3"),
+    Rule("path-unordered", "Points are not in the order of their times; kept, for new times.", "5.3.3"),
+    _in_context("path-retimed", "The path was given new times by the robot's speed.", "5.3.3"),
+    _in_context("path-contradicts-motion", "The path jumps further than the robot can go; used up to there.", "5.3.3"),
+    Rule("point-unreadable", "A point's time or position can't be read; the point is left out.", "3.3"),
+    Rule("point-absurd", "A point lies beyond 10,000 km, before 1970 or after 2100; left out.", "3.3"),
+)
+
+CHAPTERS = {
+    "What can't be understood": _REJECTING,
+    "Who": _WHO,
+    "Keys and types": _KEYS_AND_TYPES,
+    "When": _WHEN,
+    "State": _STATE,
+    "Where": _WHERE,
+    "Amounts": _AMOUNTS,
+    "Where to": _WHERE_TO,
+}
+RULES = {rule.code: rule for rules in CHAPTERS.values() for rule in rules}
+
+
+def page() -> str:
+    """The text of docs/conformance.md."""
+    return "\n".join([*_INTRODUCTION, *_tables(), ""])
+
+
+_INTRODUCTION = (
+    "# Departures from the standard",
+    "",
+    "Every rule a message can break. A message that breaks a rule of the first table is rejected and kept in the",
+    "quarantine; any other is read as the sentence says, and counted by vendor and rule in",
+    "`deconflict_deviations_total`. *Clause* is that of the MassRobotics AMR Interoperability Standard 1.0, or",
+    "`schema` for its published JSON schema. Rules marked \\* take more than the message itself: the robot's history,",
+    "the site file or the socket.",
+    "",
+    "Not a departure, and therefore no rule: whole seconds in a timestamp (its resolution is estimated), a height",
+    "`z` left out, an empty list, keys repeated within one object (the last one holds).",
+    "",
+    "Written by `python -m ingest.languages.massrobotics.conformance_rules`.",
+)
+
+
+def _tables() -> Iterator[str]:
+    for title, rules in CHAPTERS.items():
+        yield from ("", f"## {title}", "", "| rule | seen, and how it is read | clause |", "| --- | --- | --- |")
+        for rule in rules:
+            mark = "" if rule.alone else " \\*"
+            yield f"| `{rule.code}`{mark} | {rule.sentence} | {rule.clause} |"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())

@@ -1,0 +1,247 @@
+"""Timed poses of a message: its path, its destinations, and the heading of a quaternion."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import atan2, nan
+from operator import le, lt
+
+import msgspec
+
+from ingest.batch import Floats
+from ingest.languages.massrobotics import timestamps, vocabulary
+from ingest.languages.massrobotics.conformance_rules import Findings
+from ingest.languages.massrobotics.report_models import PredictedLocation, Quaternion
+from ingest.settings import NIL_DATUM
+
+MAX_POSITION = 1e7
+"""Metres, or degrees: beyond it a location is absurd."""
+PATH_S, DESTINATIONS_S = 10.0, 900.0
+"""How far ahead the standard lets a path and destinations reach."""
+MOST_POINTS = 10
+MOST_POINTS_USED = 200
+SLACK_S = 1.0
+"""How far a time may lie beyond a limit before it is a finding: stamps are rounded."""
+UNSET_CLOCK_S = 366 * 86400.0
+"""Times before this, in 1970, come of a clock that was never set or counts from the start of something."""
+
+
+Row = tuple[float, float, float, float]
+"""t_s, x, y, yaw_rad, nan where the heading is unknown."""
+
+
+class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """Timed poses as sent."""
+
+    poses: tuple[Row, ...] | Floats
+    """(p, 4); an array where compiled code has read it."""
+    datums: tuple[str, ...]
+    """(p,) lower case; "" is the robot's own."""
+    in_order: bool
+    """Whether each is later than the one before."""
+    ends_s: tuple[float, float]
+    """The first time and the last; nan of no pose."""
+
+    @property
+    def rows(self) -> Sequence[Row]:
+        """The poses, row by row."""
+        return self.poses if isinstance(self.poses, tuple) else self.poses.tolist()
+
+    @property
+    def times(self) -> list[float]:
+        return [row[0] for row in self.poses] if isinstance(self.poses, tuple) else self.poses[:, 0].tolist()
+
+
+class Points(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """A path or destinations as compiled code reads them: in order, on one datum, and all is well but what is told."""
+
+    path: Path
+    findings: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.path.datums)
+
+
+NO_PATH = Path((), (), in_order=True, ends_s=(nan, nan))
+
+
+def absurd(x: float, y: float, z: float) -> bool:
+    """Whether a position lies off any site."""
+    return not (abs(x) <= MAX_POSITION and abs(y) <= MAX_POSITION and abs(z) <= MAX_POSITION)
+
+
+def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
+    """Rotation about the vertical, -pi to pi; nan where there is none.
+
+    atan2(2 (wz + xy), w^2 + x^2 - y^2 - z^2): the direction of the turned x axis, whatever the quaternion's length.
+    """
+    if angle is None:
+        findings["angle-missing"] = None
+        return nan
+    x, y, z, w = angle.x, angle.y, angle.z, angle.w
+    square = x * x + y * y + z * z + w * w
+    if not 0.99 < square < 1.01:
+        largest = max(abs(x), abs(y), abs(z), abs(w))
+        if largest < 1e-6:
+            findings["angle-zero"] = None
+            return nan
+        findings["angle-not-unit"] = None
+        x, y, z, w = x / largest, y / largest, z / largest, w / largest
+    return atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+def path(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, findings: Findings) -> Path:
+    """The path in the order sent, whatever its times. `ingest/fleet/forecast.py` replaces times that can't be used."""
+    read = _read(points, findings)
+    return read if points is None else checked_path(read, len(points), stamp_s, findings)
+
+
+def checked_path(read: Path, sent: int, stamp_s: float, findings: Findings) -> Path:
+    """A path that was read, of so many points sent, once it is noted what is wrong with their number and times."""
+    if read is NO_PATH:
+        return read
+    ends_s = read.ends_s
+    if not read.in_order:
+        times = read.times
+        _note_disorder(times, findings)
+        ends_s = min(times), max(times)
+    judge_path(sent, ends_s, stamp_s, findings)
+    return read
+
+
+def judge_path(sent: int, ends_s: tuple[float, float], stamp_s: float, findings: Findings) -> None:
+    """Note what is wrong with the number of a path's points and their first and last times."""
+    first_s, last_s = ends_s
+    if sent > MOST_POINTS:
+        findings["path-too-many"] = None
+    if last_s > stamp_s + PATH_S + SLACK_S:
+        findings["path-too-far"] = None
+    if first_s < stamp_s - SLACK_S:
+        findings[_past(last_s, stamp_s)] = None
+
+
+def _in_order(times: list[float]) -> bool:
+    return all(map(lt, times, times[1:]))
+
+
+def _note_disorder(times: list[float], findings: Findings) -> None:
+    if len(set(times)) < len(times):
+        findings["path-times-equal"] = None
+    if any(later < earlier for earlier, later in pairwise(times)):
+        findings["path-unordered"] = None
+
+
+def _past(last_s: float, stamp_s: float) -> str:
+    if last_s < UNSET_CLOCK_S <= stamp_s:
+        return "path-times-1970"
+    return "path-past" if last_s <= stamp_s else "path-partly-past"
+
+
+def destinations(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, findings: Findings) -> Path:
+    """The destinations in the order of their times."""
+    read = _read(points, findings)
+    return read if points is None else checked_destinations(read, len(points), stamp_s, findings)
+
+
+def checked_destinations(read: Path, sent: int, stamp_s: float, findings: Findings) -> Path:
+    """Destinations that were read, as `checked_path`, in the order of their times."""
+    if read is NO_PATH:
+        return read
+    judge_destinations(sent, read.ends_s[1] if read.in_order else max(read.times), stamp_s, findings)
+    if read.in_order:
+        return read
+    times = read.times
+    if all(map(le, times, times[1:])):
+        return read
+    findings["destinations-unsorted"] = None
+    order = sorted(range(len(times)), key=times.__getitem__)
+    rows = read.rows
+    poses, datums = tuple(rows[row] for row in order), tuple(read.datums[row] for row in order)
+    return Path(poses, datums, len(set(times)) == len(times), (times[order[0]], times[order[-1]]))
+
+
+def judge_destinations(sent: int, latest_s: float, stamp_s: float, findings: Findings) -> None:
+    """Note what is wrong with the number of destinations and the latest of their times."""
+    if sent > MOST_POINTS:
+        findings["destinations-too-many"] = None
+    if latest_s > stamp_s + DESTINATIONS_S + SLACK_S:
+        findings["destinations-too-far"] = None
+    if latest_s < stamp_s - SLACK_S:
+        findings["destinations-past"] = None
+
+
+def _read(points: Sequence[PredictedLocation] | Points | None, findings: Findings) -> Path:
+    if isinstance(points, Points):
+        if points.findings:
+            findings.update(dict.fromkeys(points.findings))
+        return points.path
+    if not points:
+        return NO_PATH
+    points = points[:MOST_POINTS_USED]
+    rows = _conforming(points, findings)
+    if rows is None:
+        rows, points = _one_by_one(points, findings)
+    if not rows:
+        return NO_PATH
+    datums = _datums(points, findings)
+    in_order = _in_order([row[0] for row in rows])
+    if not in_order:
+        heights = [point.z for point in points]
+        if len(set(zip(rows, datums, heights, strict=True))) < len(rows):
+            findings["duplicate-items"] = None
+    return Path(tuple(rows), datums, in_order, (rows[0][0], rows[-1][0]))
+
+
+def _conforming(points: Sequence[PredictedLocation], findings: Findings) -> list[Row] | None:
+    """The points (p, 4) where none has a finding except of timestamps, as is usual; otherwise None."""
+    read = timestamps.plain_seconds([point.timestamp for point in points])
+    if read is None:
+        return None
+    rows, most, (times, of_stamps) = [], MAX_POSITION, read
+    for t_s, point in zip(times, points, strict=True):
+        angle, at_x, at_y = point.angle, point.x, point.y
+        if angle is None or not (-most <= at_x <= most and -most <= at_y <= most and -most <= point.z <= most):
+            return None
+        x, y, z, w = angle.x, angle.y, angle.z, angle.w
+        square_x, square_y, square_z, square_w = x * x, y * y, z * z, w * w
+        if not 0.99 < square_x + square_y + square_z + square_w < 1.01:
+            return None
+        rows.append((t_s, at_x, at_y, atan2(2.0 * (w * z + x * y), square_w + square_x - square_y - square_z)))
+    if of_stamps:
+        findings.update(dict.fromkeys(of_stamps))
+    return rows
+
+
+def _one_by_one(
+    points: Sequence[PredictedLocation], findings: Findings
+) -> tuple[list[Row], Sequence[PredictedLocation]]:
+    """The points (p, 4) that can be read, and which they are."""
+    rows, read = [], []
+    for point in points:
+        stamp = timestamps.parse(point.timestamp)
+        if stamp is None:
+            findings["point-unreadable"] = None
+        elif not timestamps.plausible(stamp.t_s) or absurd(point.x, point.y, point.z):
+            findings["point-absurd"] = None
+        else:
+            findings.update(dict.fromkeys(stamp.findings))
+            rows.append((stamp.t_s, point.x, point.y, yaw_rad(point.angle, findings)))
+            read.append(point)
+    return rows, read
+
+
+def _datums(points: Sequence[PredictedLocation], findings: Findings) -> tuple[str, ...]:
+    """(p,) of each point. Most points of a path name the datum of the one before."""
+    first = points[0]
+    right, other = first.planarDatumUUID, first.planarDatum
+    for point in points:
+        if point.planarDatumUUID != right or point.planarDatum != other:
+            return tuple(datum(each.planarDatumUUID, each.planarDatum, findings) for each in points)
+    return (datum(right, other, findings),) * len(points)
+
+
+def datum(right: str | None, other: str | None, findings: Findings) -> str:
+    """Of a point, from the key where it belongs or from the other; "" is the robot's own."""
+    if right is None and other is None:
+        return ""
+    said = vocabulary.datum(right, other, findings, empty="datum-empty")
+    return "" if said == NIL_DATUM else said

@@ -1,0 +1,165 @@
+"""Repairs a report whose types are wrong but whose meaning is clear. Each repair is a rule of `conformance_rules`."""
+
+from collections.abc import Callable
+from math import isfinite
+from typing import Any
+
+from pydantic import ValidationError
+
+from ingest.languages.massrobotics.conformance_rules import Findings
+from ingest.languages.massrobotics.path_points import MOST_POINTS_USED
+from ingest.languages.massrobotics.report_models import (
+    Extent,
+    Location,
+    PredictedLocation,
+    Quaternion,
+    Report,
+    Velocity,
+)
+
+_POINT_LISTS = ("destinations", "path")
+_OBJECTS: dict[str, type[Report]] = {
+    "location": Location,
+    "angle": Quaternion,
+    "angular": Quaternion,
+    "velocity": Velocity,
+    "baseRobotEnvelope": Extent,
+    "cargoMaxVolume": Extent,
+}
+_NUMBERS = frozenset(
+    (
+        "x",
+        "y",
+        "z",
+        "w",
+        "linear",
+        "maxSpeed",
+        "maxRunTime",
+        "batteryPercentage",
+        "remainingRunTime",
+        "loadPercentageStillAvailable",
+    )
+)
+
+
+def mend(told: dict[str, Any], model: type[Report], findings: Findings) -> dict[str, Any]:
+    """The report as it was meant, a new object; what is not plain stays as it is."""
+    known = model.model_fields
+    mended: dict[str, Any] = {}
+    for key, value in told.items():
+        if value is None:
+            findings["null-value"] = None
+        else:
+            mended[key] = _value(key, value, findings) if key in known else value
+    return mended
+
+
+def without_misfits(mended: dict[str, Any], model: type[Report], findings: Findings) -> dict[str, Any]:
+    """The report without the optional values and the points that do not fit `model`; required ones stay."""
+    kept = dict(mended)
+    for key in _misfits(mended, model):
+        fitting = _fitting(key, mended[key], findings) if key in mended else None
+        if fitting is not None:
+            kept[key] = fitting
+        elif not model.model_fields[key].is_required():
+            findings["value-unreadable"] = None
+            del kept[key]
+    return kept
+
+
+def finite(value: Any) -> bool:
+    """Whether every number in a value of JSON is finite."""
+    if isinstance(value, float):
+        return isfinite(value)
+    if isinstance(value, dict):
+        return all(map(finite, value.values()))
+    return not isinstance(value, list) or all(map(finite, value))
+
+
+def _value(key: str, value: Any, findings: Findings) -> Any:
+    if key in _POINT_LISTS:
+        return _each(value, _point, findings)
+    if key == "errorCodes":
+        return _each(value, _text, findings)
+    if key in _NUMBERS:
+        return number(value, findings)
+    if key not in _OBJECTS:
+        return _stamp(value) if key == "timestamp" else _text(value, findings)
+    return mend(value, _OBJECTS[key], findings) if isinstance(value, dict) else value
+
+
+def _each(value: Any, mend_one: Callable[[Any, Findings], Any], findings: Findings) -> list[Any]:
+    if not isinstance(value, list):
+        findings["single-not-list"] = None
+        value = [value]
+    if None in value:
+        findings["null-value"] = None
+    return [mend_one(one, findings) for one in value if one is not None]
+
+
+def _point(value: Any, findings: Findings) -> Any:
+    return mend(value, PredictedLocation, findings) if isinstance(value, dict) else value
+
+
+def number(value: Any, findings: Findings) -> Any:
+    """The number that a text says; anything else as it is."""
+    if not isinstance(value, str):
+        return value
+    try:
+        said = float(value)
+    except ValueError:
+        return value
+    findings["number-as-text"] = None
+    return said
+
+
+def _text(value: Any, findings: Findings) -> Any:
+    if not is_number(value):
+        return value
+    findings["text-as-number"] = None
+    return _digits(value)
+
+
+def _stamp(value: Any) -> Any:
+    """A time sent as a number, which `stamps.parse` reads and counts."""
+    return _digits(value) if is_number(value) else value
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value of JSON is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and finite(value)
+
+
+def _digits(value: float) -> str:
+    return str(int(value)) if isinstance(value, int) or value.is_integer() else repr(value)
+
+
+def _misfits(value: dict[str, Any], model: type[Report]) -> list[str]:
+    """Keys whose values do not fit the model, or that it misses."""
+    try:
+        model.model_validate(value)
+    except ValidationError as error:
+        errors = error.errors(include_url=False, include_context=False, include_input=False)
+        return list(dict.fromkeys(str(one["loc"][0]) for one in errors))
+    return []
+
+
+def _fitting(key: str, value: Any, findings: Findings) -> Any:
+    """What can be kept of a value that does not fit, or None."""
+    if key in _POINT_LISTS:
+        fitting = (_fitting_object(point, PredictedLocation, findings) for point in value[:MOST_POINTS_USED])
+        points = [point for point in fitting if point is not None]
+        if len(points) < min(len(value), MOST_POINTS_USED):
+            findings["point-unreadable"] = None
+        return points
+    if key == "errorCodes":
+        findings["value-unreadable"] = None
+        return [code for code in value if isinstance(code, str)]
+    return _fitting_object(value, _OBJECTS[key], findings) if key in _OBJECTS else None
+
+
+def _fitting_object(value: Any, model: type[Report], findings: Findings) -> dict[str, Any] | None:
+    if not isinstance(value, dict):
+        return None
+    kept = without_misfits(value, model, findings)
+    return None if _misfits(kept, model) else kept

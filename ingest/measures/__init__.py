@@ -1,0 +1,1 @@
+"""Counters of the receiving half, and detection of changes in what is measured."""

@@ -1,0 +1,148 @@
+"""Counts, levels and distributions that a role keeps of itself, by metric name.
+
+State lives here once; `metrics/monitoring/exposition.py` derives the Prometheus text from it. A role sends its measures
+to another process as the dictionary of `as_document`.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+Labels = tuple[str, ...]
+
+LATENCY_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.75, 1.0, 2.5, 5.0, 10.0)
+
+LARGEST = frozenset(
+    {
+        "deconflict_clock_delay_seconds",
+        "deconflict_forecast_age_seconds",
+        "deconflict_datum_drift_metres",
+        "deconflict_changed_since_timestamp_seconds",
+        "deconflict_forecast_change_metres",
+        "deconflict_datum_change_metres",
+        "deconflict_forecast_error_metres",
+        "deconflict_forecast_band_coverage_ratio",
+        "deconflict_forecast_grade",
+        "deconflict_robots_distrusted",
+        "deconflict_arrival_time_ratio",
+        "deconflict_arrival_error_seconds",
+        "deconflict_arrivals_late_ratio",
+        "deconflict_role_up",
+        "deconflict_engine_effort_reduced",
+        "deconflict_build_info",
+    }
+)
+"""Levels that are not shares of a whole: of what several roles or machines tell, the largest is meant."""
+FURTHEST = frozenset(
+    {"deconflict_clock_offset_seconds", "deconflict_clock_change_seconds", "deconflict_host_clock_off_seconds"}
+)
+"""Those of either sign: the one furthest from 0. All else adds up."""
+
+
+class Histogram:
+    """Observations counted by upper bound, as Prometheus counts them."""
+
+    def __init__(self, bounds: tuple[float, ...] = LATENCY_BOUNDS_S) -> None:
+        self.bounds = bounds
+        self.counts = [0] * (len(bounds) + 1)
+        self.total = 0.0
+
+    @classmethod
+    def joined(cls, rows: Sequence[Sequence[Any]]) -> Self:
+        """The rows of one name in `Measures.as_document`, at least one, together."""
+        histogram = cls(tuple(rows[0][1]))
+        histogram.counts = [sum(counts) for counts in zip(*(row[2] for row in rows), strict=True)]
+        histogram.total = sum(row[3] for row in rows)
+        return histogram
+
+    def observe(self, values: ArrayLike) -> None:
+        """Count each of n values, (n,)."""
+        values = np.asarray(values, np.float64)
+        bounds = np.searchsorted(self.bounds, values)
+        self.counts = (self.counts + np.bincount(bounds, minlength=len(self.counts))).tolist()
+        self.total += float(values.sum())
+
+    def quantile(self, share: float) -> float:
+        """The `share` quantile, interpolated within its bucket; the last bound where it lies beyond."""
+        wanted, seen, low = share * sum(self.counts), 0, 0.0
+        for bound, count in zip(self.bounds, self.counts, strict=False):
+            if count and seen + count >= wanted:
+                return low + (bound - low) * (wanted - seen) / count
+            seen, low = seen + count, bound
+        return low
+
+
+def together(name: str, one: float, other: float) -> float:
+    """What two roles or machines come to that tell the same series of a count or level."""
+    if name in FURTHEST:
+        return max(one, other, key=abs)
+    return max(one, other) if name in LARGEST else one + other
+
+
+def joined_values(documents: Iterable[dict[str, Any]]) -> dict[str, dict[Labels, float]]:
+    """The counts and levels of several roles' `Measures.as_document`, by name and labels."""
+    values: dict[str, dict[Labels, float]] = {}
+    for document in documents:
+        for name, rows in document["values"].items():
+            series = values.setdefault(name, {})
+            for told, value in rows:
+                labels = tuple(told)
+                series[labels] = together(name, series[labels], value) if labels in series else value
+    return values
+
+
+class Measures:
+    """One role's measures. Label values are bounded sets: vendors, rules, states, never robots."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, dict[Labels, float]] = defaultdict(dict)
+        self.histograms: dict[str, dict[Labels, Histogram]] = defaultdict(dict)
+        self._asked: list[Callable[[], None]] = []
+
+    def ask(self, tell: Callable[[], None]) -> None:
+        """Have `tell` bring its levels up to date each time that the measures are told of."""
+        self._asked.append(tell)
+
+    def count(self, name: str, *labels: str, by: float = 1) -> None:
+        series = self.values[name]
+        series[labels] = series.get(labels, 0) + by
+
+    def count_each(self, name: str, label: str, others: Iterable[str]) -> None:
+        """Count by one label and each of some others."""
+        series = self.values[name]
+        for other in others:
+            labels = label, other
+            series[labels] = series.get(labels, 0) + 1
+
+    def begin(self, *names: str) -> None:
+        """Count from 0: a counter that first appears with its first event can't be seen to rise."""
+        for name in names:
+            self.count(name, by=0)
+
+    def level(self, name: str, series: dict[Labels, float]) -> None:
+        """Replace every series of a gauge, so that what no longer exists is no longer shown."""
+        self.values[name] = dict(series)
+
+    def observe(self, name: str, values: ArrayLike, *labels: str) -> None:
+        self.histograms[name].setdefault(labels, Histogram()).observe(values)
+
+    def as_document(self) -> dict[str, Any]:
+        """JSON-ready: `values` and `histograms`, each name to a list of `[labels, ...]` rows."""
+        for tell in self._asked:
+            tell()
+        return {
+            "values": {
+                name: [[list(labels), value] for labels, value in sorted(series.items())]
+                for name, series in sorted(self.values.items())
+            },
+            "histograms": {
+                name: [
+                    [list(labels), list(one.bounds), list(one.counts), one.total]
+                    for labels, one in sorted(series.items())
+                ]
+                for name, series in sorted(self.histograms.items())
+            },
+        }

@@ -1,0 +1,1 @@
+"""The robots' port: sockets, queueing and rate limits."""

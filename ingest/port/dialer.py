@@ -1,0 +1,80 @@
+"""Dial out to a fleet manager's server, again and again, and receive from it as from those who connect to us."""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from random import Random
+from typing import cast
+
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidHandshake, InvalidURI
+
+from ingest.port.frame_cutter import Listened, ListenedClient
+from ingest.port.receiver import CLOSE_TIMEOUT_S, Receiver
+
+log = logging.getLogger(__name__)
+
+STEADY_S = 30.0
+"""A connection that lasted this long starts the back-off afresh."""
+
+
+class Dialer:
+    """One address of one vendor. Proxies that the environment names are not used: the other end is on the floor."""
+
+    def __init__(
+        self,
+        receiver: Receiver,
+        url: str,
+        vendor: str,
+        clock: Callable[[], float],
+        random: Random,
+    ) -> None:
+        self._receiver = receiver
+        self._url, self._vendor = url, vendor
+        self._clock, self._random = clock, random
+        self.failures = 0
+        """Attempts in a row that reached nobody, or nobody for long."""
+
+    async def run(self) -> None:
+        """Dial until cancelled, or at once give up on an address that is none."""
+        while True:
+            began_s = self._clock()
+            try:
+                await self._converse()
+            except (OSError, TimeoutError, InvalidHandshake) as error:
+                self._tell(error)
+            except InvalidURI as error:
+                log.error("%s; mend the dial address of %s", error, self._vendor)
+                return
+            except Exception:
+                log.exception("the conversation with %s at %s failed; dialling again", self._vendor, self._url)
+            self.failures = 0 if self._clock() - began_s > STEADY_S else self.failures + 1
+            await asyncio.sleep(self.wait_s())
+
+    def wait_s(self) -> float:
+        """Twice as long after each failure, within bounds, less a random share, so that many do not come at once."""
+        least_s, most_s = self._receiver.settings.dial_backoff_s
+        full_s = min(least_s * 2.0 ** min(max(self.failures - 1, 0), 30), most_s)
+        return full_s * self._random.uniform(0.5, 1.0)
+
+    async def _converse(self) -> None:
+        async with connect(
+            self._url,
+            compression=None,
+            proxy=None,
+            max_size=self._receiver.settings.max_message_bytes,
+            open_timeout=self._receiver.settings.open_timeout_s,
+            close_timeout=CLOSE_TIMEOUT_S,
+            ping_interval=None,
+            create_connection=ListenedClient,
+            logger=logging.getLogger("websockets.robots"),
+        ) as socket:
+            log.info("connected to %s at %s", self._vendor, self._url)
+            await self._receiver.listen(
+                cast(Listened, socket), self._receiver.new_connection(self._url, "/", self._vendor)
+            )
+
+    def _tell(self, error: Exception) -> None:
+        """Once, not at every attempt."""
+        if self.failures == 0:
+            log.warning("%s at %s can't be reached: %s; trying until it answers", self._vendor, self._url, error)

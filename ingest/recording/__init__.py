@@ -1,0 +1,1 @@
+"""The message log: written, rotated and read back."""

@@ -1,0 +1,249 @@
+"""Prometheus rules to record and to alert, from the catalogue. `docs/runbook.md` says what to do about each alert."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from metrics.monitoring.promql import increase, level, rate, share_within, time_share
+
+OBJECTIVE_S = 0.25
+"""A valid status is reflected in the advisories within this time (`docs/metrics.md`)."""
+OBJECTIVE_SHARE = 0.99
+"""Of all valid statuses, over 30 days."""
+RUNBOOK = "docs/runbook.md"
+
+VENDOR = ["vendor"]
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A query that is evaluated all the time, under a name of its own."""
+
+    name: str
+    query: str
+
+
+@dataclass(frozen=True, slots=True)
+class Alert:
+    """A condition that a person should know of. Summary and description are templates of Prometheus."""
+
+    name: str
+    query: str
+    lasting: str
+    """How long the condition must hold."""
+    severity: Literal["page", "ticket"]
+    summary: str
+    description: str
+
+    @property
+    def section(self) -> str:
+        """Where the runbook says what to do."""
+        return f"{RUNBOOK}#{self.name.lower()}"
+
+
+def _within(window: str) -> Recorded:
+    name = f"vendor:deconflict_within_objective:ratio_rate{window}"
+    return Recorded(name, share_within(OBJECTIVE_S, "deconflict_message_to_advisory_seconds", window, VENDOR))
+
+
+def _burning(long: str, short: str, times: float) -> str:
+    """Both windows miss the objective so often that the month's allowance goes `times` too fast.
+
+    Multiwindow burn rates: Google, The Site Reliability Workbook, chapter 5.
+    """
+    bound = round(1 - times * (1 - OBJECTIVE_SHARE), 6)
+    return " and ".join(f"vendor:deconflict_within_objective:ratio_rate{window} < {bound}" for window in (long, short))
+
+
+def _late(window: str) -> str:
+    return (
+        "Only {{ $value | humanizePercentage }} of the valid messages of {{ $labels.vendor }} were reflected within "
+        f"{OBJECTIVE_S * 1000:.0f} ms in the last {window}; the objective is {OBJECTIVE_SHARE:.0%} over a month."
+    )
+
+
+_MESSAGES = rate("deconflict_messages_total", "15m", VENDOR)
+_ENDED = "deconflict_conflicts_ended_total"
+_OFFSET = "deconflict_clock_offset_seconds"
+
+RECORDED = (
+    Recorded(
+        "vendor:deconflict_accepted:rate5m",
+        rate("deconflict_messages_total", "5m", VENDOR, where={"result": "accepted"}),
+    ),
+    Recorded(
+        "vendor:deconflict_deviations_per_message:ratio_rate15m",
+        f"{rate('deconflict_deviations_total', '15m', VENDOR)} / {_MESSAGES}",
+    ),
+    Recorded(
+        "vendor:deconflict_rejected:ratio_rate15m",
+        f"({rate('deconflict_messages_total', '15m', VENDOR, where={'result': 'rejected'})} or 0 * {_MESSAGES})"
+        f" / {_MESSAGES}",
+    ),
+    *(_within(window) for window in ("5m", "30m", "1h", "6h")),
+    Recorded(
+        "vendor:deconflict_nuisance:ratio_increase1h",
+        f"{increase(_ENDED, '1h', VENDOR, where={'outcome': 'not_met'})} / {increase(_ENDED, '1h', VENDOR)}",
+    ),
+    Recorded("deconflict:engine_busy:ratio_rate5m", time_share("deconflict_sweep_duration_seconds", "5m")),
+)
+
+ALERTS = (
+    Alert(
+        "DeconflictAbsent",
+        "absent(deconflict_build_info)",
+        "1m",
+        "page",
+        "The deconfliction service is not there",
+        "Prometheus has read nothing from the service for a minute. Nobody is told of conflicts.",
+    ),
+    Alert(
+        "DeconflictRoleDown",
+        f"{level('deconflict_role_up', ['role'], over='min')} == 0",
+        "1m",
+        "page",
+        "The {{ $labels.role }} of the deconfliction service is down",
+        "The {{ $labels.role }} has not answered for a minute. Without receiver or engine no advisory changes.",
+    ),
+    Alert(
+        "DeconflictVendorSilent",
+        f"{level('deconflict_robots', VENDOR)} > 0 unless on (vendor) vendor:deconflict_accepted:rate5m > 0",
+        "1m",
+        "page",
+        "No robot of {{ $labels.vendor }} reports",
+        "{{ $value }} robots of {{ $labels.vendor }} are on the floor and none has sent a valid message for five "
+        "minutes. They are treated as obstacles where they were last seen.",
+    ),
+    Alert(
+        "DeconflictConformanceWorsening",
+        "vendor:deconflict_rejected:ratio_rate15m > 0.05 or vendor:deconflict_deviations_per_message:ratio_rate15m"
+        " > 0.2 + 1.5 * avg_over_time(vendor:deconflict_deviations_per_message:ratio_rate15m[1d] offset 30m)",
+        "10m",
+        "ticket",
+        "Messages of {{ $labels.vendor }} conform less than they did",
+        '{{ $labels.vendor }} now has {{ printf "%.2f" $value }} rejections or deviations a message: more than one '
+        "message in twenty is rejected, or there are half as many deviations again as on the day before.",
+    ),
+    Alert(
+        "DeconflictClockDrift",
+        f"max_over_time({_OFFSET}[1h]) - min_over_time({_OFFSET}[1h]) > 0.5",
+        "5m",
+        "ticket",
+        "The clocks of {{ $labels.vendor }} drift",
+        'The estimated clock offset of {{ $labels.vendor }} has moved by {{ printf "%.2f" $value }} s within an hour. '
+        "A steady offset is corrected; one that moves makes forecasts early or late.",
+    ),
+    Alert(
+        "DeconflictDatumDrift",
+        f"{level('deconflict_datum_drift_metres', VENDOR, over='max')} > 0.2",
+        "30m",
+        "ticket",
+        "The frame of {{ $labels.vendor }} has drifted",
+        'Robots of {{ $labels.vendor }} now come to rest at docks and chargers {{ printf "%.2f" $value }} m from where '
+        "they did at first. Their positions, and forecasts, are off by as much.",
+    ),
+    Alert(
+        "DeconflictForecastsWorse",
+        level("deconflict_forecast_change_metres", VENDOR, over="max") + " > 0",
+        "10m",
+        "ticket",
+        "Forecasts of {{ $labels.vendor }} are worse than they were",
+        'Forecasts of {{ $labels.vendor }} 3 s ahead are {{ printf "%.2f" $value }} m further off than usual. '
+        "Its conflicts are told with wider errors: later, or needlessly.",
+    ),
+    Alert(
+        "DeconflictNuisanceRate",
+        f"vendor:deconflict_nuisance:ratio_increase1h > 0.5 and on (vendor) ({increase(_ENDED, '1h', VENDOR)} > 10)",
+        "15m",
+        "ticket",
+        "Most conflicts told of {{ $labels.vendor }} do not come about",
+        "{{ $value | humanizePercentage }} of the conflicts with robots of {{ $labels.vendor }} that ended in the "
+        "last hour were cleared without the robots coming within the clearance.",
+    ),
+    Alert(
+        "DeconflictLatencyBurnFast",
+        _burning("1h", "5m", 14.4),
+        "2m",
+        "page",
+        "Advisories lag behind the messages of {{ $labels.vendor }}",
+        _late("hour"),
+    ),
+    Alert(
+        "DeconflictLatencyBurnSlow",
+        _burning("6h", "30m", 6.0),
+        "15m",
+        "ticket",
+        "Advisories lag behind the messages of {{ $labels.vendor }} again and again",
+        _late("six hours"),
+    ),
+    Alert(
+        "DeconflictEngineOverload",
+        "deconflict:engine_busy:ratio_rate5m > 0.8",
+        "5m",
+        "page",
+        "The engine hardly keeps up",
+        "The engine computes {{ $value | humanizePercentage }} of the time; near 100 % its passes come late and "
+        "messages are replaced before they are read.",
+    ),
+    Alert(
+        "DeconflictOutletStuck",
+        f"{rate('deconflict_outlet_failures_total', '5m', ['outlet'])} > 0"
+        f" unless on (outlet) {rate('deconflict_outlet_deliveries_total', '5m', ['outlet'])} > 0",
+        "5m",
+        "ticket",
+        "The outlet {{ $labels.outlet }} takes no advisories",
+        "Nothing has been delivered to {{ $labels.outlet }} for five minutes and attempts fail; advisories wait.",
+    ),
+    Alert(
+        "DeconflictDeadlockAhead",
+        f"{level('deconflict_advisories_open', where={'kind': 'deadlock'})} > 0",
+        "0s",
+        "page",
+        "Robots block each other, or will",
+        "{{ $value }} deadlock advisories are open. GET /advisories?kind=deadlock names the robots and "
+        "who waits for whom.",
+    ),
+    Alert(
+        "DeconflictForeignClaim",
+        f"{level('deconflict_advisories_open', where={'kind': 'foreign_claim'})} > 0",
+        "0s",
+        "ticket",
+        "A vendor reports robots of another",
+        "{{ $value }} times a vendor reports robots that belong to another. Its reports are refused and change "
+        "no forecast. GET /advisories?kind=foreign_claim names both vendors and the robots.",
+    ),
+    Alert(
+        "DeconflictTwoPlaces",
+        f"{level('deconflict_advisories_open', where={'kind': 'two_places'})} > 0",
+        "0s",
+        "page",
+        "A robot is reported from two places at once",
+        "Robots of {{ $value }} vendors are reported where they can't have come from. The newest report counts, and "
+        "nobody is warned of them at the other place. GET /advisories?kind=two_places names the robots.",
+    ),
+)
+
+
+def rules_file() -> str:
+    """The rules as a file for Prometheus. Its strings are quoted as JSON, which YAML reads as the same."""
+    return "\n".join(["# Written by `deconflict dashboards`.", "groups:", *_groups()]) + "\n"
+
+
+def _groups() -> Iterator[str]:
+    yield "  - name: deconflict-recorded"
+    yield "    rules:"
+    for one in RECORDED:
+        yield f"      - record: {one.name}"
+        yield f"        expr: {json.dumps(one.query)}"
+    yield "  - name: deconflict-alerts"
+    yield "    rules:"
+    for alert in ALERTS:
+        yield f"      - alert: {alert.name}"
+        yield f"        expr: {json.dumps(alert.query)}"
+        yield f"        for: {alert.lasting}"
+        yield f"        labels: {{severity: {alert.severity}}}"
+        yield "        annotations:"
+        yield f"          summary: {json.dumps(alert.summary)}"
+        yield f"          description: {json.dumps(alert.description)}"
+        yield f"          runbook_url: {json.dumps(alert.section)}"

@@ -1,0 +1,65 @@
+"""The Grafana dashboards and the Prometheus rules, as files.
+
+Every metric of the catalogue is in one of the dashboards: what `pages` and `health` do not place gets a panel of its
+own, in the last row of the third.
+"""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from metrics.monitoring.alert_rules import rules_file
+from metrics.monitoring.exposition import CATALOGUE, Entry
+from metrics.monitoring.health_page import ENGINE
+from metrics.monitoring.panels import Dashboard, Panel, Query, Row, as_json, names_in
+from metrics.monitoring.promql import level, quantile, rate
+from metrics.monitoring.site_pages import SITE, VENDORS, WINDOW
+
+
+def dashboards() -> list[Dashboard]:
+    """All of them, the third with a panel for each metric that none has placed."""
+    placed = [SITE, VENDORS, ENGINE]
+    shown = {name for one in placed for _, query in one.queries() for name in names_in(query.promql)}
+    rest = tuple(_plain(name, entry) for name, entry in CATALOGUE.items() if name not in shown)
+    if rest:
+        placed[-1] = replace(ENGINE, rows=(*ENGINE.rows, Row("More", rest)))
+    return placed
+
+
+def _plain(name: str, entry: Entry) -> Panel:
+    """A panel with nothing but the metric, by all of its labels."""
+    title = name.removeprefix("deconflict_").removesuffix("_total").replace("_", " ").capitalize()
+    legend = " ".join(f"{{{{{label}}}}}" for label in entry.labels)
+    if entry.kind == "histogram":
+        return Panel(title, "s", (Query(quantile(0.99, name, WINDOW, entry.labels), legend or "p99"),))
+    if entry.kind == "counter":
+        return Panel(title, "ops", (Query(f"{rate(name, WINDOW, entry.labels)} or vector(0)", legend),))
+    unit = "s" if name.endswith("_seconds") else "short"
+    return Panel(title, unit, (Query(f"{level(name, entry.labels, over='max')} or vector(0)", legend),))
+
+
+PROVIDER = """# Written by `deconflict dashboards`. Put it into Grafana's provisioning/dashboards/ and set the path.
+apiVersion: 1
+providers:
+  - name: deconflict
+    folder: deconflict
+    type: file
+    options: {path: /etc/grafana/dashboards/deconflict}
+"""
+
+
+def files() -> dict[str, str]:
+    """Everything for Grafana and Prometheus: file name to content."""
+    pages = {f"grafana/{one.uid}.json": json.dumps(as_json(one), indent=1) + "\n" for one in dashboards()}
+    return pages | {"grafana/provider.yml": PROVIDER, "prometheus/deconflict.rules.yml": rules_file()}
+
+
+def write(folder: Path) -> list[Path]:
+    """Write every file below `folder`; what was written."""
+    written = []
+    for name, content in files().items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content, encoding="utf-8")
+        written.append(path)
+    return written

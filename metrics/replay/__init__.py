@@ -1,0 +1,1 @@
+"""A recorded log through the live engine, and its scores."""

@@ -1,0 +1,1 @@
+"""A replay's result as a page, as drawings and as an MCAP file."""

@@ -1,0 +1,122 @@
+"""The drawings of a replay's report, each from a part of the result of `metrics/replay/replay.py`."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from math import cos, hypot, sin, sqrt
+from typing import Any
+
+from metrics.report.svg import Chart, Point, fitted
+
+Part = Mapping[str, Any]
+COLOURS = 6
+"""Lines that can be told apart."""
+SCALES_M = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2)
+"""Lengths of a scale bar."""
+LEADS_S = 12
+"""Whole seconds of lead time that have a bar; the last holds what is longer."""
+
+
+def reliability(bins: Sequence[Part]) -> str:
+    """What was said against what came true; the area of a dot is its share of the samples."""
+    chart = Chart((0.0, 1.0), (0.0, 1.0))
+    chart.axes("probability published", "share that came true")
+    chart.line([(0.0, 0.0), (1.0, 1.0)], "ideal")
+    most = max((one["samples"] for one in bins), default=1)
+    chart.line([(one["probability"], one["came_true"]) for one in bins], "line c0")
+    for one in bins:
+        title = f"said {one['probability']:.2f}, came true {one['came_true']:.2f}, {one['samples']} samples"
+        chart.dot((one["probability"], one["came_true"]), 3 + 5 * sqrt(one["samples"] / most), "dot c0", title)
+    return chart.drawn("Reliability diagram")
+
+
+def lead_times(leads_s: Sequence[float]) -> str:
+    """How many encounters were foreseen how long before."""
+    counts = Counter(min(max(int(lead), 0), LEADS_S - 1) for lead in leads_s)
+    chart = Chart((0.0, LEADS_S), (0.0, max(counts.values(), default=1) * 1.05))
+    chart.axes("lead time, seconds", "encounters")
+    for second, count in sorted(counts.items()):
+        name = f"{second} s and more" if second == LEADS_S - 1 else f"{second} to {second + 1} s"
+        chart.box((second + 0.08, 0.0), (second + 0.92, count), "bar", f"{name}: {count}")
+    return chart.drawn("Distribution of lead times")
+
+
+def errors(models: Sequence[Part]) -> str:
+    """Median (line) and p90 (dashes) of the distance by horizon, a colour for each vendor and model."""
+    shown = models[:COLOURS]
+    values = [row["distance_p90_m"] or 0.0 for model in shown for row in model["horizons"]]
+    chart = Chart((0.0, 10.0), (0.0, max(values, default=1.0) or 1.0))
+    chart.axes("seconds ahead", "metres off")
+    for number, model in enumerate(shown):
+        for share, style in (("median", "line"), ("p90", "dashes")):
+            name = f"distance_{share}_m"
+            points = [(row["horizon_s"], row[name]) for row in model["horizons"] if row[name] is not None]
+            chart.line([(0.0, 0.0), *points], f"{style} c{number}")
+    return chart.drawn("Forecast error by horizon")
+
+
+def heat(alerts: Sequence[tuple[Point, str]]) -> str:
+    """Where conflicts were predicted, a metre or more a cell: darker is more, the title says how many came true."""
+    xs, ys = [x for (x, _), _ in alerts], [y for (_, y), _ in alerts]
+    reach = max(max(xs) - min(xs), max(ys) - min(ys), 8.0)
+    cell = next(size for size in (0.5, 1.0, 2.0, 5.0, 10.0, 50.0, reach) if reach / size <= 60)
+    found: dict[tuple[int, int], Counter[str]] = {}
+    for (x, y), outcome in alerts:
+        found.setdefault((int(x // cell), int(y // cell)), Counter())[outcome] += 1
+    low = (min(xs) - cell, min(ys) - cell)
+    high = (max(xs) + cell, max(ys) + cell)
+    width = round(min(max(380 * (high[0] - low[0]) / (high[1] - low[1]), 200), 700)) + 80
+    chart = fitted([low, high], width, 460, 40)
+    chart.axes("metres", "metres")
+    most = max(sum(counts.values()) for counts in found.values())
+    for (column, row), counts in sorted(found.items()):
+        total = sum(counts.values())
+        title = f"({column * cell:g}, {row * cell:g}): {total} alerts, {counts['y']} came true"
+        corner = (column * cell, row * cell)
+        chart.box(corner, (corner[0] + cell, corner[1] + cell), "heat", title, 0.15 + 0.85 * total / most)
+    return chart.drawn("Where conflicts were predicted")
+
+
+def scene(one: Part) -> str:
+    """Two robots around the moment they were nearest: their ways, an outline every second, the nearest filled."""
+    tracks = [_track(text) for text in one["tracks"]]
+    sizes = [(float(length), float(width)) for length, width in one["sizes_m"]]
+    room = [
+        (x + sign * hypot(*size) / 2, y + sign * hypot(*size) / 2)
+        for track, size in zip(tracks, sizes, strict=True)
+        for x, y, _ in track
+        for sign in (-1, 1)
+    ]
+    chart = fitted(room, 200, 200, 16)
+    for number, (track, size) in enumerate(zip(tracks, sizes, strict=True)):
+        chart.line([(x, y) for x, y, _ in track], f"line c{number}")
+        for pose in track[one["nearest"] % 5 :: 5]:
+            chart.polygon(_corners(pose, size), f"outline c{number}")
+    for number, (track, size) in enumerate(zip(tracks, sizes, strict=True)):
+        chart.polygon(_corners(track[one["nearest"]], size), f"envelope c{number}", one["robots"][number])
+    _scale(chart)
+    return chart.drawn("Two envelopes where they were nearest")
+
+
+def _scale(chart: Chart) -> None:
+    """A bar of a round length in the lower left corner, and how long it is."""
+    metre = chart.at(1.0, 0.0)[0] - chart.at(0.0, 0.0)[0]
+    length_m = next((one for one in SCALES_M if one * metre <= 0.35 * chart.width), SCALES_M[-1])
+    end = 8 + length_m * metre
+    y = chart.height - 6
+    chart.marks.append(f'<path class="scale" d="M8 {y - 4}V{y}H{end:.1f}V{y - 4}"/>')
+    chart.text(end + 4, y, f"{length_m:g} m", "tick", "start")
+
+
+def _track(text: str) -> list[tuple[float, float, float]]:
+    poses = []
+    for pose in text.split(";"):
+        x, y, yaw = map(float, pose.split())
+        poses.append((x, y, yaw))
+    return poses
+
+
+def _corners(pose: tuple[float, float, float], size: tuple[float, float]) -> list[Point]:
+    x, y, yaw = pose
+    c, s, length, width = cos(yaw), sin(yaw), size[0] / 2, size[1] / 2
+    signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    return [(x + c * i * length - s * j * width, y + s * i * length + c * j * width) for i, j in signs]

@@ -1,0 +1,194 @@
+"""A replay as an MCAP file for the robot viewers that people use: envelopes and forecasts drawn, advisories as a log.
+
+Messages are JSON in Foxglove's well-known schemas `foxglove.SceneUpdate` and `foxglove.Log`, of which the schemas
+written here hold the fields that are used. Frames are floors.
+"""
+
+import json
+from datetime import datetime
+from typing import IO, Any
+from zlib import crc32
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+
+from ingest.batch import Batch
+
+Message = dict[str, Any]
+
+SCENE, LOG = "foxglove.SceneUpdate", "foxglove.Log"
+UNKNOWN_HEIGHT_M = 1.0
+"""Drawn for a robot whose height nobody told."""
+LEVELS = {"caution": 2, "warning": 3, "critical": 4}
+"""Severities as levels of a foxglove.Log: info, warning, error."""
+COLOURS = ((0.12, 0.44, 0.70), (0.76, 0.25, 0.05), (0.18, 0.49, 0.20), (0.48, 0.25, 0.63), (0.54, 0.43, 0.0))
+
+
+class Export:
+    """Writes one replay to a file."""
+
+    def __init__(self, out: IO[bytes]) -> None:
+        self._writer = Writer(out, compression=CompressionType.ZSTD)
+        self._writer.start(profile="", library="amr-deconflict")
+        self._scene = self._channel("/robots", SCENE, _SCENE_SCHEMA)
+        self._log = self._channel("/advisories", LOG, _LOG_SCHEMA)
+
+    def watch(self, now_s: float, batch: Batch) -> None:
+        """Draw the robots of a batch, each in place of what was drawn of it before."""
+        if len(batch) or batch.gone:
+            entities = [_entity(batch, row) for row in range(len(batch)) if _floor(batch, row) >= 0]
+            gone = [{"timestamp": _stamp(now_s), "type": 0, "id": uuid} for uuid in batch.gone]
+            self._write(self._scene, now_s, {"deletions": gone, "entities": entities})
+
+    def tell(self, line: Message) -> None:
+        """Log one revision of an advisory, a line of `replay --advisories`."""
+        at_s = datetime.fromisoformat(line["at"]).timestamp()
+        message = f"{line['event']}: {line['summary']}"
+        said = {
+            "timestamp": _stamp(at_s),
+            "level": LEVELS[line["severity"]],
+            "message": message if line["probability"] is None else f"{message} (probability {line['probability']:.2f})",
+            "name": f"clearance {line['clearance_m']:g} m",
+            "file": line["id"],
+            "line": 0,
+        }
+        self._write(self._log, at_s, said)
+
+    def finish(self) -> None:
+        """Write the index; without it viewers read the file slowly."""
+        self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _channel(self, topic: str, name: str, schema: Message) -> int:
+        data = json.dumps({"title": name, **schema}).encode()
+        schema_id = self._writer.register_schema(name=name, encoding="jsonschema", data=data)
+        return self._writer.register_channel(topic=topic, message_encoding="json", schema_id=schema_id)
+
+    def _write(self, channel: int, at_s: float, message: Message) -> None:
+        at_ns = round(at_s * 1e9)
+        self._writer.add_message(channel, log_time=at_ns, publish_time=at_ns, data=json.dumps(message).encode())
+
+
+def _floor(batch: Batch, row: int) -> int:
+    return int(batch.forecasts.floor[batch.forecasts.start[row]])
+
+
+def _entity(batch: Batch, row: int) -> Message:
+    """One robot: its envelope where it is, its name, and the way that it says it will go on this floor."""
+    one = batch.forecasts.one(row)
+    tall = np.isfinite(one.top_m[0])
+    height_m = float(one.top_m[0] - one.bottom_m[0]) if tall else UNKNOWN_HEIGHT_M
+    middle_m = height_m / 2
+    colour = _colour(batch.vendors[row])
+    x, y, yaw = float(one.x_m[0]), float(one.y_m[0]), float(one.yaw_rad[0])
+    here = one.floor == one.floor[0]
+    way = [_vector(px, py, 0.0) for px, py in zip(one.x_m[here].tolist(), one.y_m[here].tolist(), strict=True)]
+    return {
+        "timestamp": _stamp(float(batch.event_s[row])),
+        "frame_id": batch.floors[_floor(batch, row)],
+        "id": batch.robots[row],
+        "lifetime": {"sec": 0, "nsec": 0},
+        "frame_locked": True,
+        "metadata": [
+            {"key": "vendor", "value": batch.vendors[row]},
+            {"key": "state", "value": batch.states[row]},
+        ],
+        "arrows": [],
+        "cubes": [
+            {
+                "pose": _pose(x, y, middle_m, yaw),
+                "size": _vector(float(one.length_m[0]), float(one.width_m[0]), height_m),
+                "color": colour,
+            }
+        ],
+        "spheres": [],
+        "cylinders": [],
+        "lines": [
+            {
+                "type": 0,
+                "pose": _pose(0.0, 0.0, 0.0, 0.0),
+                "thickness": 0.05,
+                "scale_invariant": False,
+                "points": way,
+                "color": colour,
+                "colors": [],
+                "indices": [],
+            }
+        ]
+        if len(way) > 1
+        else [],
+        "triangles": [],
+        "texts": [
+            {
+                "pose": _pose(x, y, height_m + 0.3, 0.0),
+                "billboard": True,
+                "font_size": 0.3,
+                "scale_invariant": False,
+                "color": colour,
+                "text": batch.names[row],
+            }
+        ],
+        "models": [],
+    }
+
+
+def _pose(x: float, y: float, z: float, yaw: float) -> Message:
+    turn = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))}
+    return {"position": _vector(x, y, z), "orientation": turn}
+
+
+def _vector(x: float, y: float, z: float) -> Message:
+    return {"x": round(x, 4), "y": round(y, 4), "z": round(z, 4)}
+
+
+def _colour(vendor: str) -> Message:
+    red, green, blue = COLOURS[crc32(vendor.encode()) % len(COLOURS)]
+    return {"r": red, "g": green, "b": blue, "a": 0.8}
+
+
+def _stamp(t_s: float) -> Message:
+    sec, nsec = divmod(round(t_s * 1e9), 10**9)
+    return {"sec": sec, "nsec": nsec}
+
+
+def _object(**properties: Message) -> Message:
+    return {"type": "object", "properties": properties}
+
+
+def _list(of: Message) -> Message:
+    return {"type": "array", "items": of}
+
+
+_TEXT, _NUMBER, _WHOLE, _FLAG = ({"type": name} for name in ("string", "number", "integer", "boolean"))
+_TIME = _object(sec=_WHOLE, nsec=_WHOLE)
+_XYZ = _object(x=_NUMBER, y=_NUMBER, z=_NUMBER)
+_POSE = _object(position=_XYZ, orientation=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER))
+_COLOUR = _object(r=_NUMBER, g=_NUMBER, b=_NUMBER, a=_NUMBER)
+_LINE = _object(
+    type=_WHOLE,
+    pose=_POSE,
+    thickness=_NUMBER,
+    scale_invariant=_FLAG,
+    points=_list(_XYZ),
+    color=_COLOUR,
+    colors=_list(_COLOUR),
+    indices=_list(_WHOLE),
+)
+_WORDS = _object(pose=_POSE, billboard=_FLAG, font_size=_NUMBER, scale_invariant=_FLAG, color=_COLOUR, text=_TEXT)
+_SCENE_SCHEMA = _object(
+    deletions=_list(_object(timestamp=_TIME, type=_WHOLE, id=_TEXT)),
+    entities=_list(
+        _object(
+            timestamp=_TIME,
+            frame_id=_TEXT,
+            id=_TEXT,
+            lifetime=_TIME,
+            frame_locked=_FLAG,
+            metadata=_list(_object(key=_TEXT, value=_TEXT)),
+            cubes=_list(_object(pose=_POSE, size=_XYZ, color=_COLOUR)),
+            lines=_list(_LINE),
+            texts=_list(_WORDS),
+            **{name: _list(_object()) for name in ("arrows", "spheres", "cylinders", "triangles", "models")},
+        )
+    ),
+)
+_LOG_SCHEMA = _object(timestamp=_TIME, level=_WHOLE, message=_TEXT, name=_TEXT, file=_TEXT, line=_WHOLE)

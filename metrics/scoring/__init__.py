@@ -1,0 +1,1 @@
+"""Advisories, probabilities and forecasts held against the truth."""

@@ -1,0 +1,113 @@
+"""Compares two results of `metrics/replay/replay.py`, figure by figure, with intervals.
+
+Over the same log both hold the same encounters and the same groups of pairs, so each is compared with itself (a paired
+bootstrap); alerts differ, and are drawn on either side.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ingest.batch import Floats
+from metrics.scoring.bootstrap import DRAWS, GROUPS, SEED, Interval, middle
+from metrics.scoring.summaries import brier, brier_skill, mean, median
+
+Score = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One figure before and after."""
+
+    figure: str
+    before: float | None
+    after: float | None
+    interval: Interval
+    """Of the difference."""
+
+    @property
+    def told(self) -> str:
+        """What a person may make of it."""
+        if self.interval is None:
+            return ""
+        low, high = self.interval
+        return "no change that shows" if low <= 0 <= high else "higher" if low > 0 else "lower"
+
+
+FIGURES: dict[str, tuple[str, Callable[[Floats], float | None]]] = {
+    "recall": ("recalled", mean),
+    "recall_any": ("recalled_any", mean),
+    "lead_time_s": ("lead_time_s", median),
+    "start_error_s": ("start_error_s", median),
+    "precision": ("came_true", mean),
+}
+BY_ENCOUNTER = ("recall", "recall_any", "lead_time_s", "start_error_s")
+
+
+def page(a: Mapping[str, Any], b: Mapping[str, Any]) -> str:
+    """The comparison for a person: A before, B after, the difference and where it lies with 95 %."""
+    return "\n".join([*_lines(a, b), ""])
+
+
+def changes(a: Score, b: Score, same_log: bool) -> Iterator[Change]:
+    """Every figure of one clearance in two results."""
+    for name, (key, figure) in FIGURES.items():
+        before, after = _values(a["cases"][key]), _values(b["cases"][key])
+        paired = same_log and name in BY_ENCOUNTER and len(before) == len(after)
+        yield Change(name, figure(before), figure(after), _difference(before, after, figure, paired))
+    before, after = (np.array(one["cases"]["probabilities"], np.float64).reshape(-1, 3) for one in (a, b))
+    paired = same_log and len(before) == len(after) == GROUPS
+    of_a, of_b = before[:, 0] > 0, after[:, 0] > 0
+    before, after = (before[of_a | of_b], after[of_a | of_b]) if paired else (before[of_a], after[of_b])
+    for name, told in (("brier", brier), ("brier_skill", brier_skill)):
+        yield Change(name, a[name], b[name], _difference(before, after, told, paired))
+    for name in ("ece", "alerts_per_robot_hour"):
+        yield Change(name, a[name], b[name], None)
+
+
+def _lines(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
+    same_log = all(a[name] == b[name] for name in ("messages", "robots", "span_s"))
+    if not same_log:
+        yield "The logs differ: differences are of the logs as much as of the versions."
+    for one, other in _matched(a["scores"], b["scores"]):
+        what = " and ".join(dict.fromkeys(f"{score['clearance_m']} m" for score in (one, other)))
+        yield f"clearance {what}: {one['foreseeable']} and {other['foreseeable']} foreseeable encounters"
+        yield f"{'':<22}{'A':>9}{'B':>9}{'B - A':>9}   95 %"
+        yield from map(_row, changes(one, other, same_log))
+
+
+def _matched(a: Sequence[Score], b: Sequence[Score]) -> list[tuple[Score, Score]]:
+    """Those of one clearance, or in order where none is in both: a clearance may be what changed."""
+    of_a = {one["clearance_m"]: one for one in a}
+    found = [(of_a[one["clearance_m"]], one) for one in b if one["clearance_m"] in of_a]
+    return found or list(zip(a, b, strict=False))
+
+
+def _row(change: Change) -> str:
+    difference = None if change.before is None or change.after is None else change.after - change.before
+    interval = "" if change.interval is None else f"{change.interval[0]:+.3f} to {change.interval[1]:+.3f}"
+    cells = "".join(f"{'-' if value is None else f'{value:.3f}':>9}" for value in (change.before, change.after))
+    step = "-" if difference is None else f"{difference:+.3f}"
+    return f"{change.figure:<22}{cells}{step:>9}   {interval:<20} {change.told}".rstrip()
+
+
+def _values(listed: str) -> Floats:
+    """What `cases` lists: y and n, or numbers; nan for -."""
+    if " " in listed or "." in listed:
+        return np.array([np.nan if value == "-" else float(value) for value in listed.split()])
+    return np.array([{"y": 1.0, "n": 0.0}.get(letter, np.nan) for letter in listed])
+
+
+def _difference(before: Floats, after: Floats, figure: Callable[[Floats], float | None], paired: bool) -> Interval:
+    if not len(before) or not len(after):
+        return None
+    rng, found = np.random.default_rng(SEED), []
+    for _ in range(DRAWS):
+        rows = rng.integers(0, len(before), len(before))
+        of_a = figure(before[rows])
+        of_b = figure(after[rows if paired else rng.integers(0, len(after), len(after))])
+        if of_a is not None and of_b is not None:
+            found.append(of_b - of_a)
+    return middle(found)

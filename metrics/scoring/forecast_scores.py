@@ -1,0 +1,226 @@
+"""How far robots were from where their forecasts had put them, 1 to 10 s ahead, by vendor and model.
+
+The truth is the recorded motion of `metrics/truth/recorded_motion.py`. Along and across are those of the heading that
+was forecast.
+"""
+
+from collections.abc import Sequence
+from math import cos, hypot, isfinite, sin
+from typing import Any
+
+import numba
+import numpy as np
+
+from ingest.batch import Floats, Forecasts, Ints
+from ingest.kernels import kernel, ready
+from metrics.scoring.length_quantiles import BINS, bins_of, quantile
+from metrics.truth.encounters import LAG_S
+from metrics.truth.recorded_motion import JOINED_S
+
+HORIZONS_S = np.arange(1.0, 11.0)
+BANDS = (0.5, 0.8, 0.9)
+KINDS = ("distance", "along", "across")
+USUAL, FEWEST_CASES = 0.9, 100
+"""Forecasts of a kind are usually no further off than this share of them; it is not known of fewer."""
+GATHERED_S = 5.0
+"""Forecasts of so long are held against the motion together."""
+
+Maker = tuple[str, str]
+"""Vendor and model."""
+
+
+class ForecastErrors:
+    """Forecasts that wait for the motion they foretold, and counts of their errors."""
+
+    def __init__(self) -> None:
+        self._counts: Ints = np.zeros((len(KINDS), 0, len(HORIZONS_S), BINS), np.int64)
+        """By maker in the second dimension."""
+        self._inside: Ints = np.zeros((0, len(HORIZONS_S), len(BANDS) + 1), np.int64)
+        """By maker: how many lay within each band, and of how many bands are known."""
+        self._index: dict[str, int] = {}
+        self._makers: dict[Maker, int] = {}
+        self._usually_aside_m: Floats = np.zeros((0, len(HORIZONS_S)))
+        """By maker: how far aside of their headings its robots usually come to be."""
+        self._waiting: list[tuple[Ints, Ints, Floats, Forecasts]] = []
+        """Robot, maker, bands, forecast."""
+        self._since_s: float | None = None
+        """When the first of those that wait was made."""
+
+    def take(
+        self, robots: Sequence[str], makers: Sequence[Maker], forecasts: Forecasts, bands_m: Floats | None = None
+    ) -> None:
+        """Take the forecasts of robots that have reported; their first knots are where they were.
+
+        `bands_m` (n, horizons, bands) are the radii within which each is said to come true, with the probabilities of
+        `BANDS`; nan where none are.
+        """
+        if not len(robots):
+            return
+        rows = [self._index.setdefault(robot, len(self._index)) for robot in robots]
+        if bands_m is None:
+            bands_m = np.full((len(rows), len(HORIZONS_S), len(BANDS)), np.nan)
+        self._waiting.append((np.array(rows), self._rows(makers), bands_m, forecasts))
+        if self._since_s is None:
+            self._since_s = float(forecasts.t_s[forecasts.start[:-1]].min())
+
+    def advance(self, now_s: float) -> None:
+        """Count what can be told of all forecasts that were made long enough ago."""
+        if self._since_s is not None and now_s >= self._since_s + GATHERED_S + HORIZONS_S[-1] + LAG_S:
+            self._count(self._since_s + GATHERED_S)
+
+    def finish(self) -> None:
+        if self._since_s is not None:
+            self._count(np.inf)
+
+    def usually_aside_m(self, makers: Sequence[Maker]) -> Floats:
+        """(n, horizons) how far aside of their headings the robots of makers (n,) usually come to be, so many whole
+        seconds ahead, as far as it is known; 0 where it is not."""
+        return self._usually_aside_m[self._rows(makers)]
+
+    def figures(self) -> dict[str, Any]:
+        """Median and p90 by horizon, of all, by vendor, and by vendor and model."""
+        rows_of: dict[str, list[int]] = {}
+        for (vendor, _), row in sorted(self._makers.items()):
+            rows_of.setdefault(vendor, []).append(row)
+        return {
+            "all": _by_horizon(self._counts.sum(axis=1), self._inside.sum(axis=0)),
+            "by_vendor": [
+                {
+                    "vendor": vendor,
+                    "horizons": _by_horizon(self._counts[:, rows].sum(axis=1), self._inside[rows].sum(axis=0)),
+                }
+                for vendor, rows in rows_of.items()
+            ],
+            "by_model": [
+                {"vendor": vendor, "model": model, "horizons": _by_horizon(self._counts[:, row], self._inside[row])}
+                for (vendor, model), row in sorted(self._makers.items())
+            ],
+        }
+
+    def _rows(self, makers: Sequence[Maker]) -> Ints:
+        """The rows of makers (n,) in what is counted."""
+        new = [maker for maker in dict.fromkeys(makers) if maker not in self._makers]
+        if new:
+            self._makers |= {maker: row for row, maker in enumerate(new, len(self._makers))}
+            self._counts = np.pad(self._counts, ((0, 0), (0, len(new)), (0, 0), (0, 0)))
+            self._inside = np.pad(self._inside, ((0, len(new)), (0, 0), (0, 0)))
+            self._usually_aside_m = np.pad(self._usually_aside_m, ((0, len(new)), (0, 0)))
+        return np.array([self._makers[maker] for maker in makers], np.int64)
+
+    def _count(self, until_s: float) -> None:
+        robot, maker, bands_m = (np.concatenate([waiting[n] for waiting in self._waiting]) for n in range(3))
+        told = Forecasts.joined(waiting[3] for waiting in self._waiting)
+        made_s = told.t_s[told.start[:-1]]
+        columns = (told.t_s, told.x_m, told.y_m, told.yaw_rad, ready(told.floor, np.int64), bands_m)
+        order = np.lexsort((made_s, robot))
+        errors, at = _held(order, robot, maker, told.start, *columns, until_s, HORIZONS_S, JOINED_S, self._inside)
+        for counts, bins in zip(self._counts, bins_of(errors), strict=True):
+            np.add.at(counts.reshape(-1), at * BINS + bins, 1)
+        self._learn_usual()
+        rows = np.flatnonzero(made_s >= until_s)
+        self._keep(robot[rows], maker[rows], bands_m[rows], told.take(rows))
+
+    def _learn_usual(self) -> None:
+        for maker, horizon in np.argwhere(self._counts[KINDS.index("across")].sum(axis=2) >= FEWEST_CASES).tolist():
+            counts = self._counts[KINDS.index("across"), maker, horizon]
+            self._usually_aside_m[maker, horizon] = quantile(counts, USUAL) or 0.0
+
+    def _keep(self, robot: Ints, maker: Ints, bands_m: Floats, rest: Forecasts) -> None:
+        self._waiting, self._since_s = [], None
+        if len(robot):
+            self._waiting = [(robot, maker, bands_m, rest)]
+            self._since_s = float(rest.t_s[rest.start[:-1]].min())
+
+
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
+
+
+@kernel(
+    numba.types.Tuple((numba.float64[:, ::1], numba.int64[::1]))(  # type: ignore[no-untyped-call]
+        *[_INTS] * 4,
+        *[_FLOATS] * 4,
+        _INTS,
+        numba.types.Array(numba.float64, 3, "C", readonly=True),
+        numba.float64,
+        _FLOATS,
+        numba.float64,
+        numba.int64[:, :, ::1],
+    )
+)
+def _held(
+    order: Ints,
+    robot: Ints,
+    maker: Ints,
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    floor: Ints,
+    bands_m: Floats,
+    until_s: float,
+    horizons_s: Floats,
+    joined_s: float,
+    inside: Ints,
+) -> tuple[Floats, Ints]:
+    """Forecasts made before `until_s`, held against the motion; `order` is by robot and by when they were made.
+
+    (kinds, m) errors and (m,) maker and horizon of each, as an index into (makers, horizons); adds to `inside` (makers,
+    horizons, bands + 1) how many lie within each band, and of how many all are known.
+    """
+    n, horizons, bands, m = len(order), len(horizons_s), bands_m.shape[2], 0
+    errors, at = np.empty((3, n * horizons)), np.empty(n * horizons, np.int64)
+    for place in range(n):
+        row = order[place]
+        knot, end, made_s, before = start[row], start[row + 1], t_s[start[row]], place
+        if made_s >= until_s:
+            continue
+        for column in range(horizons):
+            ahead_s = horizons_s[column]
+            while before + 1 < n and robot[order[before + 1]] == robot[row]:
+                if t_s[start[order[before + 1]]] - made_s > ahead_s:
+                    break
+                before += 1
+            b, share = start[order[before]], 0.0
+            x, y, since_s = x_m[b], y_m[b], ahead_s - (t_s[b] - made_s)
+            a = start[order[before + 1]] if before + 1 < n and robot[order[before + 1]] == robot[row] else b
+            gap_s = t_s[a] - t_s[b]
+            if 0.0 < gap_s <= joined_s and floor[a] == floor[b]:
+                share = since_s / gap_s
+                x, y = x + share * (x_m[a] - x), y + share * (y_m[a] - y)
+            elif 0.0 < gap_s <= joined_s or since_s != 0.0:
+                continue
+            while knot + 1 < end and t_s[knot + 1] - made_s <= ahead_s:
+                knot += 1
+            if floor[knot] != floor[b]:
+                continue
+            dx, dy, following = x - x_m[knot], y - y_m[knot], min(knot + 1, end - 1)
+            if following > knot and floor[following] == floor[knot]:
+                share = (ahead_s - (t_s[knot] - made_s)) / (t_s[following] - t_s[knot])
+                dx = x - (x_m[knot] + share * (x_m[following] - x_m[knot]))
+                dy = y - (y_m[knot] + share * (y_m[following] - y_m[knot]))
+            c, s = cos(yaw_rad[knot]), sin(yaw_rad[knot])
+            errors[0, m], errors[1, m], errors[2, m] = hypot(dx, dy), abs(c * dx + s * dy), abs(c * dy - s * dx)
+            at[m] = maker[row] * horizons + column
+            within, known = inside[maker[row], column], True
+            for band in range(bands):
+                within[band] += errors[0, m] <= bands_m[row, column, band]
+                known &= isfinite(bands_m[row, column, band])
+            within[bands] += known
+            m += 1
+    return errors[:, :m].copy(), at[:m].copy()
+
+
+def _by_horizon(counts: Ints, inside: Ints) -> list[dict[str, Any]]:
+    rows = []
+    for column, horizon_s in enumerate(HORIZONS_S.tolist()):
+        row: dict[str, Any] = {"horizon_s": horizon_s, "cases": int(counts[0, column].sum())}
+        for kind, name in enumerate(KINDS):
+            for share, label in ((0.5, "median"), (0.9, "p90")):
+                row[f"{name}_{label}_m"] = quantile(counts[kind, column], share)
+        *within, banded = inside[column].tolist()
+        row["banded"] = banded
+        for band, count in zip(BANDS, within, strict=True):
+            row[f"covered_{band:.0%}".rstrip("%")] = count / banded if banded else None
+        rows.append(row)
+    return rows

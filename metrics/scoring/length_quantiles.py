@@ -1,0 +1,24 @@
+"""Quantiles of many lengths or times in bounded memory: bins that grow by 2 % (after DDSketch, Masson 2019)."""
+
+import numpy as np
+
+from ingest.batch import Floats, Ints
+
+LEAST_M, GROWTH, BINS = 1e-3, 1.02, 700
+"""From a millimetre to a kilometre; what lies beyond counts as that."""
+
+
+def bins_of(lengths_m: Floats) -> Ints:
+    """The bin of each length."""
+    steps = np.log(np.maximum(lengths_m, LEAST_M) / LEAST_M) / np.log(GROWTH)
+    rows: Ints = np.minimum(np.rint(steps).astype(np.int64), BINS - 1)
+    return rows
+
+
+def quantile(counts: Ints, share: float) -> float | None:
+    """The `share` quantile of what (BINS,) counts, within 1 %; 0 below a millimetre and None of nothing."""
+    total = int(counts.sum())
+    if not total:
+        return None
+    row = int(np.searchsorted(np.cumsum(counts), share * total))
+    return float(f"{LEAST_M * GROWTH**row:.3g}") if row else 0.0

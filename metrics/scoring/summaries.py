@@ -1,0 +1,84 @@
+"""What many cases come to: a figure over nothing is None.
+
+Each is worked out of many samples at once, for a bootstrap draws hundreds: nan there where it is a figure over nothing.
+"""
+
+from math import isnan
+
+import numpy as np
+
+from ingest.batch import Floats
+
+
+def means(values: Floats) -> Floats:
+    """(d,) of the values of each row (d, n) that are known, which is not nan."""
+    known = ~np.isnan(values)
+    return _shares(np.where(known, values, 0.0).sum(axis=1), known.sum(axis=1))
+
+
+def medians(values: Floats) -> Floats:
+    """(d,) of the values of each row (d, n) that are known."""
+    if not values.shape[1]:
+        return np.full(len(values), np.nan)
+    rows, known = np.arange(len(values)), np.count_nonzero(~np.isnan(values), axis=1)
+    ranked = np.sort(values, axis=1)
+    middle: Floats = (ranked[rows, (known - 1) // 2] + ranked[rows, known // 2]) / 2
+    return middle
+
+
+def briers(groups: Floats) -> Floats:
+    """(d,) mean squared errors of probabilities; `groups` (d, n, 3): samples, those that came true, squared errors."""
+    count, _, squared = groups.sum(axis=1).T
+    return _shares(squared, count)
+
+
+def brier_skills(groups: Floats) -> Floats:
+    """(d,) the share by which each is less than the error of always saying the base rate."""
+    count, came_true, squared = groups.sum(axis=1).T
+    return 1 - _shares(squared * count, came_true * (count - came_true))
+
+
+def ratios(rows: Floats) -> Floats:
+    """(d,) the sum of the first column over that of the second, of each of `rows` (d, n, 2)."""
+    above, below = rows.sum(axis=1).T
+    return _shares(above, below)
+
+
+def ratio(rows: Floats) -> float | None:
+    return _one(ratios(rows[None]))
+
+
+def mean(values: Floats) -> float | None:
+    return _one(means(values[None]))
+
+
+def median(values: Floats) -> float | None:
+    return _one(medians(values[None]))
+
+
+def brier(groups: Floats) -> float | None:
+    return _one(briers(groups[None]))
+
+
+def brier_skill(groups: Floats) -> float | None:
+    return _one(brier_skills(groups[None]))
+
+
+def spread(values: Floats) -> dict[str, float] | None:
+    """Median, p10 and p90 of the values that are known."""
+    known = values[~np.isnan(values)]
+    if not len(known):
+        return None
+    p10, middle, p90 = np.percentile(known, (10, 50, 90))
+    return {"median": float(middle), "p10": float(p10), "p90": float(p90)}
+
+
+def _shares(parts: Floats, wholes: Floats) -> Floats:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares: Floats = np.where(wholes == 0, np.nan, parts / wholes)
+    return shares
+
+
+def _one(figures: Floats) -> float | None:
+    value = float(figures[0])
+    return None if isnan(value) else value

@@ -1,0 +1,98 @@
+"""How each vendor did as a log went on: what the live service's `/vendors` would have said, looked at once a minute."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from itertools import islice
+from typing import Any
+
+from deconflict.operator.vendor_health import Flag, VendorHealth, vendor_health
+from ingest.measures.measures import joined_values
+
+LOOK_S = 60.0
+MOST_FLAGS = 100
+"""Of one vendor that are kept, the newest."""
+KEPT = {
+    "grade",
+    "grade_words",
+    "coverage",
+    "clock_s",
+    "delay_s",
+    "messages",
+    "rejected",
+    "rejections_by_rule",
+    "deviations",
+    "deviations_by_rule",
+}
+"""What `/vendors` says that is told as it was at the end of the log."""
+DISTRUSTED = "deconflict_forecasts_distrusted_total"
+
+
+Changed = tuple[str, datetime]
+"""What is no longer as it was, and since when."""
+
+
+@dataclass(slots=True)
+class Raised:
+    """A flag as it was when its change was largest."""
+
+    flag: Flag
+    until_s: float | None = None
+    """When a look first found it gone; None while it stands."""
+
+    def document(self) -> dict[str, Any]:
+        until = None if self.until_s is None else datetime.fromtimestamp(self.until_s, UTC)
+        return {**self.flag.model_dump(mode="json"), "until": until and until.isoformat().replace("+00:00", "Z")}
+
+
+@dataclass(slots=True)
+class Record:
+    """One vendor so far."""
+
+    health: VendorHealth
+    flags: dict[Changed, Raised] = field(default_factory=dict)
+    distrusted: int = 0
+    """The most robots at one look that did other than they said."""
+    forecasts_distrusted: int = 0
+
+    def look(self, health: VendorHealth, forecasts_distrusted: float, now_s: float) -> None:
+        self.health, self.forecasts_distrusted = health, int(forecasts_distrusted)
+        self.distrusted = max(self.distrusted, health.distrusted)
+        standing: dict[Changed, Flag] = {(one.what, one.since): one for one in health.flags}
+        for key, flag in standing.items():
+            raised = self.flags.setdefault(key, Raised(flag))
+            if abs(flag.by) > abs(raised.flag.by):
+                raised.flag = flag
+        for key in [known for known, one in self.flags.items() if one.until_s is None and known not in standing]:
+            self.flags[key].until_s = now_s
+        for key in [*islice(self.flags, max(len(self.flags) - MOST_FLAGS, 0))]:
+            del self.flags[key]
+
+
+class VendorRecords:
+    """Every vendor that was heard, from the measures that the roles of the live service keep."""
+
+    def __init__(self) -> None:
+        self._of: dict[str, Record] = {}
+
+    def look(self, now_s: float, documents: Iterable[dict[str, Any]]) -> None:
+        """Take in the measures, as documents, that receiver and engine have at a time."""
+        told = [*documents]
+        distrusted = joined_values(told).get(DISTRUSTED, {})
+        for health in vendor_health(told):
+            record = self._of.setdefault(health.name, Record(health))
+            record.look(health, distrusted.get((health.name,), 0), now_s)
+
+    def figures(self, ece: Mapping[str, float | None]) -> list[dict[str, Any]]:
+        """By name; `ece` is the calibration error where a robot of the vendor took part."""
+        return [
+            {
+                "vendor": name,
+                **record.health.model_dump(mode="json", include=KEPT),
+                "flags": [one.document() for one in record.flags.values()],
+                "distrusted": record.distrusted,
+                "forecasts_distrusted": record.forecasts_distrusted,
+                "ece": ece.get(name),
+            }
+            for name, record in sorted(self._of.items())
+        ]

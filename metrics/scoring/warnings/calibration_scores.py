@@ -1,0 +1,269 @@
+"""Whether published probabilities mean what they say: calibration error, Brier score and skill, reliability diagram.
+
+A sample is a pair and a second for which a probability was published. It came true where what it foretells (see
+`metrics/scoring/warnings/outcomes_by_moment.py`) began within the next 10 s. Pairs that are at it already are left out.
+So are those of which a robot left before anything happened: nobody knows what would have. Those that are known stand
+for them (`deconflict.foresight.probability.censoring`). Those of which a robot waited as advised are counted apart, as
+are those that may have waited by an order of their fleet.
+"""
+
+from collections import defaultdict, deque
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
+from math import floor, inf, pi
+from typing import Any, NamedTuple
+from zlib import crc32
+
+import numba
+import numpy as np
+
+from deconflict.foresight.probability.censoring import PARTS, STAYED, part_of, weights
+from deconflict.sweep.geometry.knots import Bools
+from ingest.batch import Floats, Ints
+from ingest.kernels import kernel
+from metrics.scoring.bootstrap import GROUPS, Interval, interval
+from metrics.scoring.summaries import brier, brier_skill, brier_skills, briers
+from metrics.scoring.warnings.likely_pairs import Likely
+from metrics.scoring.warnings.outcomes_by_moment import HORIZON_S, Fates
+from metrics.truth.advised_waits import Waits
+from metrics.truth.encounters import Pair
+
+SETTLED_S = 120.0
+"""The first minutes, in which probabilities rest on what was known before the log began."""
+BINS = 10
+"""Of the reliability diagram, as many samples in each as can be."""
+FINE = 1000
+"""Steps of the arcsine of the root of a probability, so that small ones and those near 1 are told apart too."""
+
+_STEPS = np.sin((np.arange(FINE) + 0.5) / FINE * (pi / 2)) ** 2
+"""Where one step of probability ends and the next begins."""
+
+LEFT = PARTS + 1
+"""In place of a part, for a sample of which a robot left before anything happened."""
+EACH_ONCE = np.append(np.ones(PARTS + 1), 0.0)
+"""Weights that leave out what is left out, without making up for it."""
+EVERY = np.ones(PARTS + 2)
+"""Weights that take all who left to have not met."""
+
+Vendors = tuple[str, str]
+
+
+class Samples(NamedTuple):
+    """What was said of pairs, and what came of it. Arrays are (n,)."""
+
+    group: Ints
+    step: Ints
+    """Of the probability."""
+    probability: Floats
+    squared: Floats
+    """Errors."""
+    part: Ints
+    """Of the horizon in which it came true or a robot left; `STAYED` where neither did."""
+    known: Bools
+    """Whether no robot left before."""
+
+    @classmethod
+    def of(cls, group: Ints, probability: Floats, part: Ints, known: Bools) -> "Samples":
+        squared = [off**2 for off in (probability - (part < STAYED)).tolist()]
+        return cls(group, np.searchsorted(_STEPS, probability), probability, np.array(squared), part, known)
+
+
+class Tally:
+    """Samples counted by what became of them, by probability and by group of pairs: bounded however long a log is."""
+
+    def __init__(self) -> None:
+        self.fine = np.zeros((2, PARTS + 2, FINE + 1))
+        """Samples and sum of probabilities, by when they became known (`leaving`), or `LEFT`, and its step."""
+        self.groups = np.zeros((2, PARTS + 2, GROUPS))
+        """Samples and sum of squared errors, by when it became known, or `LEFT`, and group."""
+        self.left = np.zeros(PARTS + 1)
+        """Samples of which a robot left before anything happened, by when it did."""
+
+    def add(self, samples: Samples, rows: Ints) -> None:
+        """Count the samples of `rows` (m,)."""
+        _count(rows, *samples, self.fine, self.groups, self.left)
+
+    @classmethod
+    def joined(cls, parts: Iterable["Tally"]) -> "Tally":
+        whole = cls()
+        for part in parts:
+            whole.fine += part.fine
+            whole.groups += part.groups
+            whole.left += part.left
+        return whole
+
+    def weights(self) -> Floats:
+        """(PARTS + 2,) what a sample counts, by when it became known; those of `LEFT` nothing."""
+        return np.append(weights(self.known().sum(axis=1), self.left), 0.0)
+
+    def known(self) -> Floats:
+        """(PARTS + 1, FINE + 1) samples of which it is known what followed."""
+        return self.fine[0, :LEFT]
+
+    def bins(self, weights: Floats | None = None) -> Floats:
+        """(b, 3) samples, mean probability and share that came true; at most `BINS`, of equal mass as far as equal
+        probabilities are not torn apart."""
+        weights = self.weights() if weights is None else weights
+        counts, probabilities = np.tensordot(weights, self.fine, (0, 1))
+        total = counts.sum()
+        if not total:
+            return np.empty((0, 3))
+        middle = np.cumsum(counts) - counts / 2
+        bin_of = np.minimum((middle * BINS / total).astype(np.int64), BINS - 1)
+        true = weights[:STAYED] @ self.fine[0, :STAYED]
+        sums = np.stack([np.bincount(bin_of, row, BINS) for row in (counts, probabilities, true)], axis=1)
+        sums = sums[sums[:, 0] > 0]
+        return np.column_stack([sums[:, 0], sums[:, 1:] / sums[:, :1]])
+
+    def by_group(self, weights: Floats | None = None) -> Floats:
+        """(g, 3) samples, those that came true and squared errors of each group of pairs that has any."""
+        every = self.every_group(weights)
+        return every[every[:, 0] > 0]
+
+    def every_group(self, weights: Floats | None = None) -> Floats:
+        """(GROUPS, 3) as `by_group`, of all: the same pairs are in the same row of any tally."""
+        samples, squared = self.groups
+        weights = self.weights() if weights is None else weights
+        came_true = samples * (np.arange(PARTS + 2) < STAYED)[:, None]
+        every: Floats = (weights @ np.stack([samples, came_true, squared])).T
+        return every
+
+    def ece(self, weights: Floats | None = None) -> float | None:
+        """Expected calibration error: mean distance of probability and share over the bins, by samples."""
+        bins = self.bins(weights)
+        return float(np.average(np.abs(bins[:, 1] - bins[:, 2]), weights=bins[:, 0])) if len(bins) else None
+
+    def figures(self) -> dict[str, Any]:
+        return {
+            "samples": int(self.known().sum()),
+            "ece": self.ece(),
+            "brier": brier(self.by_group()),
+            "brier_skill": brier_skill(self.by_group()),
+            "ece_unweighted": self.ece(EACH_ONCE),
+            "brier_skill_unweighted": brier_skill(self.by_group(EACH_ONCE)),
+            "ece_all": self.ece(EVERY),
+            "brier_skill_all": brier_skill(self.by_group(EVERY)),
+            "reliability": [
+                {"samples": round(count), "probability": probability, "came_true": share}
+                for count, probability, share in self.bins().tolist()
+            ],
+        }
+
+    def intervals(self) -> dict[str, Interval]:
+        """Of the Brier score and its skill, by drawing groups of pairs."""
+        groups = self.by_group()
+        return {"brier": interval(groups, briers), "brier_skill": interval(groups, brier_skills)}
+
+
+class Calibration:
+    """Probabilities of one kind, sampled at whole seconds and told apart by pair of vendors."""
+
+    def __init__(self, waits: Waits) -> None:
+        """`waits` tell when robots waited as advised."""
+        self._waits = waits
+        self._waiting: deque[tuple[float, Sequence[tuple[Pair, float]]]] = deque()
+        self._second = -1
+        self._settled_from_s = inf
+        self.by_vendors: defaultdict[Vendors, Tally] = defaultdict(Tally)
+        self.settled = Tally()
+        """What was said after the first minutes."""
+        self.likely = Likely()
+        self.heeded = 0
+        """Samples of which a robot waited as advised before anything happened."""
+        self.doubted = 0
+        """Samples of which a robot waited, and it is not known whether its fleet had ordered it."""
+
+    def sample(self, now_s: float, probabilities: Sequence[tuple[Pair, float]]) -> None:
+        """Take what is published at the first pass of each second."""
+        if floor(now_s) == self._second:
+            return
+        self._second = floor(now_s)
+        self._settled_from_s = min(self._settled_from_s, now_s + SETTLED_S)
+        if probabilities:
+            self._waiting.append((now_s, probabilities))
+            self.likely.publish(now_s, probabilities)
+
+    def resolve(self, fates: Fates, vendor_of: Mapping[str, str]) -> None:
+        """Count every sample of which it is known what followed."""
+        due: list[tuple[float, Sequence[tuple[Pair, float]]]] = []
+        while self._waiting and self._waiting[0][0] + HORIZON_S <= fates.until_s:
+            due.append(self._waiting.popleft())
+        if due:
+            at_s = np.repeat([at_s for at_s, _ in due], [len(told) for _, told in due])
+            pairs, said = zip(*chain.from_iterable(told for _, told in due), strict=True)
+            self._judge(at_s, pairs, np.array(said), fates, vendor_of)
+
+    def whole(self) -> Tally:
+        return Tally.joined(self.by_vendors.values())
+
+    def _judge(
+        self, at_s: Floats, pairs: Sequence[Pair], said: Floats, fates: Fates, vendor_of: Mapping[str, str]
+    ) -> None:
+        """Count samples (n,), but for those that were said within what they foretell."""
+        index: dict[Pair, int] = {}
+        which = np.array([index.setdefault(pair, len(index)) for pair in pairs])
+        every = list(index)
+        began_s, left_s, doubted = fates.of(every, which, at_s)
+        waited_s = self._waited_s(every, which, at_s)
+        outside, heeded = began_s != at_s, waited_s < began_s
+        self.heeded += int((outside & heeded).sum())
+        self.doubted += int((outside & ~heeded & doubted).sum())
+        came = began_s < inf
+        part = part_of(np.where(came, began_s, left_s) - at_s, HORIZON_S)
+        part = np.where(came, np.minimum(part, STAYED - 1), part)
+        group = np.array([crc32("".join(pair).encode()) % GROUPS for pair in every])[which]
+        samples = Samples.of(group, said, part, came | (part == STAYED))
+        rows = np.flatnonzero(outside & ~heeded & ~doubted)
+        vendors = [_sorted(vendor_of[a], vendor_of[b]) for a, b in every]
+        self._add(samples, rows, [vendors[one] for one in which[rows].tolist()])
+        self.settled.add(samples, rows[at_s[rows] >= self._settled_from_s])
+        known = rows[samples.known[rows]]
+        self.likely.add(said[known], came[known], group[known])
+
+    def _waited_s(self, every: Sequence[Pair], which: Ints, at_s: Floats) -> Floats:
+        """(n,) when one of each pair first waited as advised within the horizon; inf where neither did."""
+        waited_s = np.full(len(which), inf)
+        for row in np.flatnonzero(np.array([pair in self._waits for pair in every])[which]).tolist():
+            waited_s[row] = self._waits.began_s(every[which[row]], at_s[row], at_s[row] + HORIZON_S)
+        return waited_s
+
+    def _add(self, samples: Samples, rows: Ints, vendors: Sequence[Vendors]) -> None:
+        """Count the samples of `rows` (m,), each of two vendors."""
+        chosen: dict[Vendors, list[int]] = {}
+        for row, both in zip(rows.tolist(), vendors, strict=True):
+            chosen.setdefault(both, []).append(row)
+        for both, some in chosen.items():
+            self.by_vendors[both].add(samples, np.array(some))
+
+
+_FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
+
+
+@kernel(numba.void(*[_INTS] * 3, *[_FLOATS] * 2, _INTS, numba.boolean[::1], *[numba.float64[:, :, ::1]] * 2, _FLOATS))
+def _count(
+    rows: Ints,
+    group: Ints,
+    step: Ints,
+    probability: Floats,
+    squared: Floats,
+    part: Ints,
+    known: Bools,
+    fine: Floats,
+    groups: Floats,
+    left: Floats,
+) -> None:
+    """Add the chosen samples to what is counted."""
+    for row in rows:
+        at = part[row]
+        error = squared[row]
+        if not known[row]:
+            left[at] += 1.0
+            at, error = LEFT, probability[row] ** 2
+        fine[0, at, step[row]] += 1.0
+        fine[1, at, step[row]] += probability[row]
+        groups[0, at, group[row]] += 1.0
+        groups[1, at, group[row]] += error
+
+
+def _sorted(a: str, b: str) -> Vendors:
+    return (a, b) if a <= b else (b, a)

@@ -1,0 +1,96 @@
+"""The plain believer of paths, for comparison: it alerts of pairs whose forecasts as told come within the clearance.
+
+It has no memory and no probability. It looks once a second, and does not believe robots that are silent.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from math import floor
+
+import numpy as np
+
+from deconflict.sweep.geometry.encounter import CLASSES
+from deconflict.sweep.incremental import PairConflicts, Sweeper
+from ingest.batch import Batch, Ints
+from metrics.scoring.warnings.alert_scores import Alert
+from metrics.truth.encounters import Pair
+
+HORIZON_S = 10.0
+LOOK_S = 1.0
+
+
+@dataclass(slots=True)
+class Standing:
+    """An alert that has not been cleared."""
+
+    alert: Alert
+    looked_s: float
+    """The last look at which it stood."""
+
+    def over(self) -> Alert:
+        return replace(self.alert, cleared_s=self.looked_s + LOOK_S)
+
+
+class Believer:
+    """One clearance's alerts: each a run of whole seconds at which a conflict of its pair is predicted within 10 s."""
+
+    def __init__(self, clearance_m: float) -> None:
+        self._clearance_m = clearance_m
+        self._sweeper = Sweeper(clearance_m=clearance_m, horizon_s=HORIZON_S)
+        self._vendor_of: dict[str, str] = {}
+        """By robot that has reported."""
+        self._standing: dict[Pair, Standing] = {}
+        self._over: list[Alert] = []
+        self._second: int | None = None
+
+    def take(self, batch: Batch) -> None:
+        """Take in the robots of a batch that have reported; not those of which an older report is told again."""
+        if batch.gone:
+            self._sweeper.discard(batch.gone)
+        if not len(batch):
+            return
+        reported = batch.statuses > 0
+        if not reported.all():
+            reported |= np.array([robot not in self._vendor_of for robot in batch.robots])
+            batch = batch.take(np.flatnonzero(reported))
+        self._vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
+        self._sweeper.update(batch.robots, batch.forecasts)
+
+    def look(self, now_s: float, fallen_silent: Iterable[str]) -> None:
+        """Look, at the first pass of each second; these robots have fallen silent since the last."""
+        before, self._second = self._second, floor(now_s)
+        if before == self._second:
+            return
+        self._sweeper.discard(fallen_silent)
+        standing = self._standing if before is not None and before + 1 == self._second else {}
+        found = self._sweeper.step(now_s)
+        ahead = np.flatnonzero(found.start_separation_m > self._clearance_m)
+        pairs = [found.pairs[row] for row in ahead.tolist()]
+        new = [at for at, pair in enumerate(pairs) if pair not in standing]
+        alerts = self._raised(found, ahead[new], now_s)
+        stays = {pair: Standing(standing[pair].alert, now_s) for pair in pairs if pair in standing}
+        self._over += [one.over() for pair, one in self._standing.items() if pair not in stays]
+        self._standing = stays | {alert.pair: Standing(alert, now_s) for alert in alerts}
+
+    def alerts(self) -> list[Alert]:
+        """Those that are over, and those that stand."""
+        return [*self._over, *(one.over() for one in self._standing.values())]
+
+    def _raised(self, found: PairConflicts, rows: Ints, now_s: float) -> list[Alert]:
+        """New alerts of the conflicts of `rows` (n,)."""
+        if not len(rows):
+            return []
+        pairs, contact_s = [found.pairs[row] for row in rows.tolist()], found.contact_s[rows]
+        kinds = self._sweeper.encounters(pairs, contact_s)["kind"].tolist()
+        return [
+            Alert(
+                pair,
+                (self._vendor_of[pair[0]], self._vendor_of[pair[1]]),
+                raised_s=now_s,
+                cleared_s=now_s + LOOK_S,
+                predicted_s=predicted_s,
+                left_s=np.inf,
+                encounter_class=CLASSES[kind].value,
+            )
+            for pair, predicted_s, kind in zip(pairs, contact_s.tolist(), kinds, strict=True)
+        ]

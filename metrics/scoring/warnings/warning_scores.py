@@ -1,0 +1,157 @@
+"""How true warnings are, and how many of those that matter are given, by what came of each pair.
+
+The terms are those of `metrics/truth/pair_outcomes.py`. The same figures are told of the service and of the believer of
+paths.
+"""
+
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations_with_replacement
+from math import floor
+from typing import Any
+
+import numpy as np
+
+from ingest.batch import Floats
+from metrics.scoring.bootstrap import interval
+from metrics.scoring.summaries import mean, means, ratio, ratios
+from metrics.scoring.warnings.alert_scores import Presence
+from metrics.scoring.warnings.calibration_scores import Vendors
+from metrics.scoring.warnings.judged_alerts import LEADS_S, Cases, Judged, Onset
+from metrics.truth.pair_outcomes import IN_VAIN, Verdict
+from metrics.truth.silences import MINUTE_S
+
+TOLD = (*(f"told_{lead_s:g}_s" for lead_s in LEADS_S), "told_at_any_time")
+"""What each of `Onset.told` is called."""
+HOUR_S = 3600.0
+
+
+def figures(cases: Cases, there: Presence, by_minute_s: Mapping[int, float]) -> dict[str, Any]:
+    """The figures in all, with intervals, by class of encounter and by pair of vendors; a share over nothing is None.
+
+    `by_minute_s` is how long robots were there in all, by minute since the epoch.
+    """
+    kinds = sorted({one.alert.encounter_class for one in cases.alerts})
+    of_kinds = ((kind, [one for one in cases.alerts if one.alert.encounter_class == kind]) for kind in kinds)
+    return {
+        **_figures(cases, there.hours()),
+        "intervals": _intervals(cases, by_minute_s),
+        "by_class": [{"encounter_class": kind, **_counts(alerts)} for kind, alerts in of_kinds],
+        "by_vendor_pair": list(_by_vendor_pair(cases, there)),
+        "cases": _listed(cases),
+    }
+
+
+def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
+    stood_s = sum(one.stood_s for one in cases.alerts)
+    return {
+        **_counts(cases.alerts),
+        "robot_hours": robot_hours,
+        "alerts_per_robot_hour": len(cases.alerts) / robot_hours if robot_hours else None,
+        "alert_minutes_per_robot_hour": stood_s / 60 / robot_hours if robot_hours else None,
+        "stops": _told(_stops(cases)),
+        "encounters": _told(_encounters(cases)),
+    }
+
+
+def _counts(alerts: Sequence[Judged]) -> dict[str, Any]:
+    """What came of alerts, and of the whole seconds at which they stood."""
+    found, seconds = Counter(one.verdict for one in alerts), _seconds(alerts)
+    return {
+        "alerts": len(alerts),
+        "true": found[Verdict.TRUE],
+        "in_vain": sum(found[verdict] for verdict in IN_VAIN),
+        "ordered": found[Verdict.ORDERED],
+        "repeated": found[Verdict.REPEATED],
+        "heeded": found[Verdict.HEEDED],
+        "unknown": found[Verdict.UNKNOWN],
+        "in_progress": found[Verdict.IN_PROGRESS],
+        "precision": mean(_came_true(alerts)),
+        "seconds_judged": int(seconds[:, 1].sum()),
+        "seconds_true": ratio(seconds),
+    }
+
+
+def _told(onsets: Sequence[Onset]) -> dict[str, Any]:
+    rows = _told_rows(onsets)
+    return {"fresh": len(onsets), **{name: mean(rows[:, column]) for column, name in enumerate(TOLD)}}
+
+
+def _by_vendor_pair(cases: Cases, there: Presence) -> Iterator[dict[str, Any]]:
+    parts: dict[Vendors, Cases] = {}
+    for alert in cases.alerts:
+        parts.setdefault(alert.vendors, Cases([], [])).alerts.append(alert)
+    for onset in cases.onsets:
+        parts.setdefault(onset.vendors, Cases([], [])).onsets.append(onset)
+    names = sorted(set(there.vendor_of.values()))
+    for pair in combinations_with_replacement(names, 2):
+        if pair in parts:
+            yield {"vendors": list(pair), **_figures(parts[pair], there.hours(pair))}
+
+
+def _intervals(cases: Cases, by_minute_s: Mapping[int, float]) -> dict[str, Any]:
+    """The middle 95 % of each figure over alerts, onsets or minutes drawn again."""
+    minutes = _minutes(cases, by_minute_s)
+    told = {"stops": _told_rows(_stops(cases)), "encounters": _told_rows(_encounters(cases))}
+    return {
+        "precision": interval(_came_true(cases.alerts), means),
+        "seconds_true": interval(_seconds(cases.alerts), ratios),
+        "alerts_per_robot_hour": interval(minutes[:, [0, 2]], ratios),
+        "alert_minutes_per_robot_hour": interval(minutes[:, [1, 2]], ratios),
+        **{
+            what: {name: interval(rows[:, column], means) for column, name in enumerate(TOLD)}
+            for what, rows in told.items()
+        },
+    }
+
+
+def _listed(cases: Cases) -> dict[str, Any]:
+    """Every case in short, for comparisons: a letter each, in the order they began."""
+    stops, encounters = _told_rows(_stops(cases)), _told_rows(_encounters(cases))
+    return {
+        "came_true": "".join("-" if np.isnan(value) else "ny"[int(value)] for value in _came_true(cases.alerts)),
+        **{f"stops_{name}": _letters(stops[:, column]) for column, name in enumerate(TOLD)},
+        **{f"encounters_{name}": _letters(encounters[:, column]) for column, name in enumerate(TOLD)},
+    }
+
+
+def _letters(values: Floats) -> str:
+    return "".join("ny"[int(value)] for value in values)
+
+
+def _stops(cases: Cases) -> list[Onset]:
+    return [one for one in cases.onsets if one.is_stop]
+
+
+def _encounters(cases: Cases) -> list[Onset]:
+    return [one for one in cases.onsets if not one.is_stop]
+
+
+def _came_true(alerts: Sequence[Judged]) -> Floats:
+    """(n,) 1 for a true alert, 0 for one in vain, nan for one that can't be told."""
+    value_of = {Verdict.TRUE: 1.0} | dict.fromkeys(IN_VAIN, 0.0)
+    return np.array([value_of.get(one.verdict, np.nan) for one in alerts], np.float64)
+
+
+def _seconds(alerts: Sequence[Judged]) -> Floats:
+    """(n, 2) of each alert the whole seconds that were true, and those that were true or in vain."""
+    counts = np.array([one.seconds for one in alerts], np.float64).reshape(-1, len(Verdict))
+    true = counts[:, Verdict.TRUE]
+    return np.stack([true, true + counts[:, list(IN_VAIN)].sum(axis=1)], axis=1)
+
+
+def _told_rows(onsets: Sequence[Onset]) -> Floats:
+    """(n, told) 1 where an onset was told of, 0 where not."""
+    return np.array([onset.told for onset in onsets], np.float64).reshape(-1, len(TOLD))
+
+
+def _minutes(cases: Cases, by_minute_s: Mapping[int, float]) -> Floats:
+    """(m, 3) of each minute the alerts raised in it, the minutes for which these stood, and the robot-hours."""
+    minutes = sorted(by_minute_s)
+    rows = np.zeros((len(minutes), 3))
+    rows[:, 2] = [by_minute_s[minute] / HOUR_S for minute in minutes]
+    for one in cases.alerts if minutes else ():
+        row = bisect_left(minutes, floor(one.alert.raised_s / MINUTE_S))
+        rows[min(row, len(minutes) - 1), :2] += 1.0, one.stood_s / 60
+    return rows

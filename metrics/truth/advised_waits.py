@@ -1,0 +1,40 @@
+"""When robots waited because they were advised to: what became of them then is no measure of what was foretold."""
+
+from collections.abc import Iterable
+from math import inf
+
+from metrics.truth.encounters import Pair
+
+ONE_WAIT_S = 2.5
+"""A robot that is seen to wait again within this time waited throughout."""
+
+
+class Waits:
+    """By robot, from when to when it waited, in order."""
+
+    def __init__(self) -> None:
+        self._of: dict[str, list[tuple[float, float]]] = {}
+
+    def __contains__(self, pair: Pair) -> bool:
+        """Whether one of a pair has ever waited."""
+        return not self._of.keys().isdisjoint(pair)
+
+    def see(self, now_s: float, waiting: Iterable[str]) -> None:
+        """These robots wait now."""
+        for robot in waiting:
+            spans = self._of.setdefault(robot, [])
+            if spans and now_s - spans[-1][1] <= ONE_WAIT_S:
+                spans[-1] = (spans[-1][0], now_s)
+            else:
+                spans.append((now_s, now_s))
+
+    def began_s(self, pair: Pair, from_s: float, to_s: float) -> float:
+        """When one of a pair first waited between two times; inf where neither did."""
+        first_s = inf
+        for robot in pair:
+            for began_s, ended_s in reversed(self._of.get(robot, ())):
+                if ended_s < from_s:
+                    break
+                if began_s <= to_s:
+                    first_s = min(first_s, max(began_s, from_s))
+        return first_s

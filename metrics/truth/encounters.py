@@ -1,0 +1,169 @@
+"""What happened: encounters of the recorded motion, found as a log is read, in bounded memory.
+
+Truth is each robot's reported positions on its floor, joined linearly at 10 Hz where two reports are at most 2.1 s
+apart; separation of two robots is that of their oriented envelopes. An encounter is a maximal run of one pair below a
+threshold; two runs are one where the gap is at most 1 s or the pair never drew further apart than it and 0.1 m. It is
+foreseeable where both robots were present for at least 2 s before its start.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import floor, inf
+
+import numpy as np
+
+from ingest.batch import Forecasts, Ints
+from metrics.truth.nearest_scenes import Scenes
+from metrics.truth.recorded_motion import Motion
+from metrics.truth.separations import Separations, separations
+from metrics.truth.silences import Silences
+
+STEP_S = 0.1
+BRIDGED = 11
+"""Steps from the last sample of one run to the first of another that is the same encounter: 1 s lies between."""
+DRAWN_APART_M = 0.1
+FORESEEABLE_S = 2.0
+LAG_S = 3.0
+"""How long after a moment all reports about it have come."""
+STRETCH = 50
+"""Samples that are looked at together."""
+
+Pair = tuple[str, str]
+
+
+@dataclass(slots=True, eq=False)
+class Encounter:
+    """One encounter of a pair below one threshold."""
+
+    pair: Pair
+    start_s: float
+    end_s: float
+    foreseeable: bool
+
+
+class Truth:
+    """Encounters below each of some thresholds, as reports come in."""
+
+    def __init__(self, thresholds_m: Sequence[float]) -> None:
+        self.motion = Motion()
+        self.scenes = Scenes(STEP_S)
+        self.silences = Silences()
+        self._below = {threshold_m: Below(threshold_m) for threshold_m in thresholds_m}
+        self._next: int | None = None
+        """The next sample, in steps since the epoch."""
+        self._finished = False
+
+    @property
+    def until_s(self) -> float:
+        """Everything up to here has been looked at."""
+        if self._finished:
+            return inf
+        return -inf if self._next is None else (self._next - 1) * STEP_S
+
+    def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
+        """Take the present poses, the first knots, of robots that have reported."""
+        self.motion.report(robots, forecasts)
+        self.silences.report(robots, forecasts)
+        if self._next is None and len(robots):
+            self._next = floor(float(forecasts.t_s[forecasts.start[:-1]].min()) / STEP_S) + 1
+
+    def advance(self, now_s: float) -> None:
+        """Look at every stretch of samples that all reports have come for."""
+        while self._next is not None and (self._next + STRETCH - 1) * STEP_S <= now_s - LAG_S:
+            self._look(STRETCH)
+
+    def finish(self) -> None:
+        """Look at what is left, and end every encounter."""
+        last_s = self.motion.newest_s
+        self.advance(last_s + LAG_S)
+        if self._next is not None:
+            self._look(floor(last_s / STEP_S) - self._next + 1)
+        self._finished = True
+        self.silences.finish()
+        for below in self._below.values():
+            below.finish()
+
+    def encounters(self, threshold_m: float) -> list[Encounter]:
+        """Those that have ended, by start."""
+        return sorted(self._below[threshold_m].closed, key=lambda one: (one.start_s, one.pair))
+
+    def by_pair(self, threshold_m: float) -> Mapping[Pair, Sequence[Encounter]]:
+        """Those of each pair as far as has been looked, by start; the last may go on."""
+        return self._below[threshold_m].of_pair
+
+    def _look(self, samples: int) -> None:
+        if self._next is None or samples <= 0:
+            return
+        first, self._next = self._next, self._next + samples
+        stretch = self.motion.stretch(first, samples, STEP_S)
+        near = separations(stretch, max(self._below) + DRAWN_APART_M)
+        for below in self._below.values():
+            below.follow(near, first, self._next - 1, self.motion)
+        self.scenes.look(stretch, near, self.motion)
+        self.silences.look(stretch)
+
+
+class Below:
+    """The encounters below one threshold."""
+
+    def __init__(self, threshold_m: float) -> None:
+        self.threshold_m = threshold_m
+        self.closed: list[Encounter] = []
+        self.of_pair: dict[Pair, list[Encounter]] = {}
+        self._open: dict[Pair, Encounter] = {}
+        self._together: dict[Pair, int] = {}
+        """Pairs that have not drawn apart at the last sample, and the sample since when they have not."""
+
+    def follow(self, near: Separations, first: int, last: int, motion: Motion) -> None:
+        """Go on with the samples from `first` to `last`."""
+        near = near.take(np.flatnonzero(near.separation_m <= self.threshold_m + DRAWN_APART_M))
+        spans, span_of = _runs(near)
+        before, self._together = self._together, {}
+        since = near.sample[spans[:, 0]]
+        for row, (begin, end) in enumerate(spans.tolist()):
+            pair = motion.pair(int(near.a[begin]), int(near.b[begin]))
+            if near.sample[begin] == first:
+                since[row] = before.get(pair, first)
+            if near.sample[end] == last:
+                self._together[pair] = int(since[row])
+        low = near.separation_m < self.threshold_m if self.threshold_m else near.separation_m <= 0
+        rows = np.flatnonzero(low)
+        runs, _ = _runs(near.take(rows))
+        for begin, end in rows[runs].tolist():
+            pair = motion.pair(int(near.a[begin]), int(near.b[begin]))
+            self._meet(pair, near, begin, end, int(since[span_of[begin]]))
+        self._close(last)
+
+    def finish(self) -> None:
+        self.closed += self._open.values()
+        self._open.clear()
+
+    def _meet(self, pair: Pair, near: Separations, begin: int, end: int, together_since: int) -> None:
+        """A run of the pair below the threshold, rows `begin` to `end`."""
+        start, end_s = int(near.sample[begin]), int(near.sample[end]) * STEP_S
+        known = self._open.get(pair)
+        if known is not None:
+            last = round(known.end_s / STEP_S)
+            if start - last <= BRIDGED or together_since <= last:
+                known.end_s = end_s
+                return
+            self.closed.append(known)
+        foreseeable = start * STEP_S - float(near.since_s[begin]) >= FORESEEABLE_S
+        encounter = self._open[pair] = Encounter(pair, start * STEP_S, end_s, foreseeable)
+        self.of_pair.setdefault(pair, []).append(encounter)
+
+    def _close(self, last: int) -> None:
+        for pair, encounter in list(self._open.items()):
+            end = round(encounter.end_s / STEP_S)
+            if last - end >= BRIDGED and self._together.get(pair, last + 1) > end:
+                self.closed.append(self._open.pop(pair))
+
+
+def _runs(near: Separations) -> tuple[Ints, Ints]:
+    """(r, 2) first and last row of each run of one pair at samples without a gap, and (m,) the run of each row."""
+    if not len(near.a):
+        return np.empty((0, 2), np.int64), np.empty(0, np.int64)
+    new = np.ones(len(near.a), bool)
+    new[1:] = (np.diff(near.a) != 0) | (np.diff(near.b) != 0) | (np.diff(near.sample) != 1)
+    first = np.flatnonzero(new)
+    return np.column_stack([first, np.append(first[1:], len(new)) - 1]), np.cumsum(new) - 1

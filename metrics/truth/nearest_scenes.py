@@ -1,0 +1,142 @@
+"""The moments at which robots came nearest to each other in a log, with the motion around them."""
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ingest.batch import Floats, Ints
+from metrics.truth.recorded_motion import Motion, Stretch
+from metrics.truth.separations import Separations
+
+KEPT = 10
+BEFORE_S, AFTER_S = 6.0, 3.0
+APART_S = 15.0
+"""Two near moments of one pair nearer in time than this are one scene."""
+STRETCHES = 5
+"""Stretches of motion that are held, enough for the time before and after."""
+
+
+@dataclass(slots=True)
+class Scene:
+    """Two robots at the moment they were nearest."""
+
+    pair: tuple[str, str]
+    at_s: float
+    separation_m: float
+    closeness: float
+    """Distance of the centres over the sum of the radii: tells overlaps apart."""
+    tracks: list[Floats] = field(default_factory=list)
+    """One of each robot: (k, 3) x, y and yaw at even steps of time; empty until its time has come."""
+    sizes: list[tuple[float, float]] = field(default_factory=list)
+    """Length and width of each envelope."""
+    nearest: int = 0
+    """The step at which they were nearest."""
+    floor: int = -1
+    """Index of the floor on which they were."""
+    x_m: float = 0.0
+    y_m: float = 0.0
+    """Between their middles, then."""
+
+    @property
+    def rank(self) -> tuple[float, float, float, tuple[str, str]]:
+        return self.separation_m, self.closeness, self.at_s, self.pair
+
+    def document(self) -> dict[str, Any]:
+        return {
+            "robots": list(self.pair),
+            "at_s": round(self.at_s, 1),
+            "separation_m": round(self.separation_m, 3),
+            "x_m": round(self.x_m, 2),
+            "y_m": round(self.y_m, 2),
+            "nearest": self.nearest,
+            "sizes_m": [list(size) for size in self.sizes],
+            "tracks": [";".join(f"{x:.2f} {y:.2f} {yaw:.3f}" for x, y, yaw in track.tolist()) for track in self.tracks],
+        }
+
+
+class Scenes:
+    """The nearest `KEPT` so far."""
+
+    def __init__(self, step_s: float) -> None:
+        self._step_s = step_s
+        self._held: deque[Stretch] = deque(maxlen=STRETCHES)
+        self._kept: list[Scene] = []
+
+    def look(self, stretch: Stretch, near: Separations, motion: Motion) -> None:
+        """Go on with a stretch of motion and those that were near in it."""
+        self._held.append(stretch)
+        if len(self._kept) == KEPT:
+            near = near.take(np.flatnonzero(near.separation_m <= self._kept[-1].separation_m))
+        for row in _nearest_rows(near).tolist():
+            pair = motion.pair(int(near.a[row]), int(near.b[row]))
+            at_s = int(near.sample[row]) * self._step_s
+            self._offer(Scene(pair, at_s, float(near.separation_m[row]), float(near.closeness[row])))
+        until = stretch.first + stretch.x_m.shape[1]
+        self._draw(motion, until - round(AFTER_S / self._step_s))
+
+    def finish(self, motion: Motion) -> list[Scene]:
+        """All of them, the nearest first."""
+        if self._held:
+            self._draw(motion, self._held[-1].first + self._held[-1].x_m.shape[1])
+        return self._kept
+
+    def _offer(self, scene: Scene) -> None:
+        same = [one for one in self._kept if one.pair == scene.pair and abs(one.at_s - scene.at_s) < APART_S]
+        if any(one.rank < scene.rank for one in same):
+            return
+        self._kept = [one for one in self._kept if one not in same]
+        self._kept = sorted([*self._kept, scene], key=lambda one: one.rank)[:KEPT]
+
+    def _draw(self, motion: Motion, until: int) -> None:
+        for scene in self._kept:
+            middle = round(scene.at_s / self._step_s)
+            if not scene.tracks and middle <= until:
+                self._track(scene, motion, middle)
+
+    def _track(self, scene: Scene, motion: Motion, middle: int) -> None:
+        first, last = middle - round(BEFORE_S / self._step_s), middle + round(AFTER_S / self._step_s)
+        parts = [_part(stretch, [motion.row(robot) for robot in scene.pair], first, last) for stretch in self._held]
+        sample = np.concatenate([samples for samples, _ in parts])
+        poses = np.concatenate([pose for _, pose in parts], axis=1)
+        there = np.flatnonzero(~np.isnan(poses[:, :, 0]).any(axis=0))
+        there = there[(sample[there] - middle) % 2 == 0]
+        if not len(there):
+            return
+        scene.nearest = int(np.argmin(np.abs(sample[there] - middle)))
+        scene.tracks = [poses[row, there, :3] for row in (0, 1)]
+        then = poses[:, there[scene.nearest]]
+        scene.sizes = [(float(2 * length), float(2 * width)) for length, width in then[:, 3:5]]
+        scene.x_m, scene.y_m = then[:, :2].mean(axis=0).tolist()
+        scene.floor = int(then[0, 5])
+
+
+def _nearest_rows(near: Separations) -> Ints:
+    """The row of each pair in which it was nearest, of the `KEPT` nearest pairs."""
+    order = np.lexsort((near.sample, near.closeness, near.separation_m))
+    key = near.a[order] * (int(near.b.max(initial=0)) + 1) + near.b[order]
+    _, first = np.unique(key, return_index=True)
+    rows: Ints = order[np.sort(first)[:KEPT]]
+    return rows
+
+
+def _part(stretch: Stretch, robots: list[int], first: int, last: int) -> tuple[Ints, Floats]:
+    """The samples of a stretch from `first` to `last`, and (2, k, 6) pose, half sizes and floor of both robots."""
+    samples = np.arange(max(first, stretch.first), min(last + 1, stretch.first + stretch.x_m.shape[1]))
+    poses = np.full((2, len(samples), 6), np.nan)
+    for which, robot in enumerate(robots):
+        row = int(np.searchsorted(stretch.robot, robot))
+        if row < len(stretch.robot) and stretch.robot[row] == robot:
+            columns = samples - stretch.first
+            poses[which] = np.stack(
+                [
+                    stretch.x_m[row, columns],
+                    stretch.y_m[row, columns],
+                    stretch.yaw_rad[row, columns],
+                    *stretch.half_m[:, row, columns],
+                    stretch.floor[row, columns],
+                ],
+                axis=1,
+            )
+    return samples, poses

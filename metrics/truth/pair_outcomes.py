@@ -1,0 +1,140 @@
+"""What came of pairs: whether two robots got in each other's way within 10 s of a moment.
+
+They do where they meet, which is an encounter at one clearance, or where one yields to the other. Spans of one pair
+that overlap are one outcome.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from math import inf
+from typing import NamedTuple
+
+from deconflict.foresight.interactions.interaction_finder import Outcome
+from metrics.truth.encounters import Encounter, Pair, Truth
+from metrics.truth.interactions import GaveWay, Interactions
+
+WITHIN_S = 10.0
+"""A warning is true where the outcome follows within this."""
+FRESH_S = 15.0
+"""An onset is fresh where the pair had not been in each other's way so shortly before."""
+
+
+class Verdict(IntEnum):
+    """What came of an alert, or of a second of it."""
+
+    TRUE = 0
+    """The pair got in each other's way."""
+    KEPT_APART = 1
+    ORDERED = 2
+    """One of the pair waited for the other by an order of their fleet."""
+    REPEATED = 3
+    """What happened credits another alert of the pair."""
+    HEEDED = 4
+    """One of the pair waited as advised."""
+    UNKNOWN = 5
+    """A robot left before anything could be seen, or it is not known whether their fleet had ordered a wait."""
+    IN_PROGRESS = 6
+    """The pair was in each other's way already."""
+
+
+IN_VAIN = (Verdict.KEPT_APART, Verdict.ORDERED, Verdict.REPEATED)
+
+
+class Span(NamedTuple):
+    """A time in which two robots are in each other's way, or one waits for the other."""
+
+    onset_s: float
+    end_s: float
+
+
+@dataclass(slots=True, eq=False)
+class PairOutcomes:
+    """What came of one pair. All are by onset."""
+
+    spans: list[Span] = field(default_factory=list)
+    """In which the two were in each other's way; no two overlap."""
+    ordered: list[Span] = field(default_factory=list)
+    doubted: list[Span] = field(default_factory=list)
+    """In which one waited, and it is not known whether their fleet had ordered it."""
+    stops_s: list[float] = field(default_factory=list)
+    """Fresh onsets of yielding."""
+    meetings_s: list[float] = field(default_factory=list)
+    """Fresh onsets of foreseeable encounters."""
+
+    @classmethod
+    def of(cls, gave_way: Iterable[GaveWay], encounters: Iterable[Encounter]) -> "PairOutcomes":
+        by_outcome: dict[Outcome, list[Span]] = {outcome: [] for outcome in Outcome}
+        for one in gave_way:
+            by_outcome[one.outcome].append(Span(one.onset_s, one.end_s))
+        pair = cls(ordered=by_outcome[Outcome.ORDERED], doubted=by_outcome[Outcome.UNKNOWN])
+        stops = [(span, pair.stops_s) for span in by_outcome[Outcome.YIELDED]]
+        meetings = [
+            (Span(one.start_s, one.end_s), pair.meetings_s if one.foreseeable else list[float]()) for one in encounters
+        ]
+        for span, fresh_s in sorted([*stops, *meetings], key=lambda one: one[0]):
+            if not pair.spans or span.onset_s - pair.spans[-1].end_s > FRESH_S:
+                fresh_s.append(span.onset_s)
+            pair._add(span)
+        return pair
+
+    def _add(self, span: Span) -> None:
+        if self.spans and span.onset_s <= self.spans[-1].end_s:
+            before = self.spans.pop()
+            span = Span(before.onset_s, max(before.end_s, span.end_s))
+        self.spans.append(span)
+
+    def began_s(self, at_s: float) -> float:
+        """When the two next get in each other's way within `WITHIN_S`; `at_s` where they are already, inf where they
+        do not."""
+        after = bisect_right(self.spans, (at_s, inf))
+        if after and self.spans[after - 1].end_s >= at_s:
+            return at_s
+        is_soon = after < len(self.spans) and self.spans[after].onset_s <= at_s + WITHIN_S
+        return self.spans[after].onset_s if is_soon else inf
+
+    def is_doubted(self, at_s: float) -> bool:
+        """Whether one waits within `WITHIN_S` and it is not known why."""
+        return _touches(self.doubted, at_s)
+
+    def verdict(self, at_s: float, left_s: float) -> Verdict:
+        """What came of the pair after a moment, one of which left at `left_s`."""
+        began_s = self.began_s(at_s)
+        if began_s < inf:
+            return Verdict.IN_PROGRESS if began_s == at_s else Verdict.TRUE
+        if self.is_doubted(at_s):
+            return Verdict.UNKNOWN
+        if _touches(self.ordered, at_s):
+            return Verdict.ORDERED
+        return Verdict.UNKNOWN if left_s < at_s + WITHIN_S else Verdict.KEPT_APART
+
+
+NOTHING = PairOutcomes()
+"""Of a pair that neither met nor waited."""
+
+
+class Outcomes:
+    """What came of all pairs at one clearance, as far as reports have shown."""
+
+    def __init__(self, truth: Truth, interactions: Interactions, clearance_m: float) -> None:
+        self._truth, self._interactions, self._clearance_m = truth, interactions, clearance_m
+
+    def of(self, pair: Pair) -> PairOutcomes:
+        gave_way = self._interactions.by_pair.get(pair, ())
+        encounters = self._truth.by_pair(self._clearance_m).get(pair, ())
+        return PairOutcomes.of(gave_way, encounters) if gave_way or encounters else NOTHING
+
+    def every(self) -> dict[Pair, PairOutcomes]:
+        """Of each pair that met or waited."""
+        pairs = {*self._interactions.by_pair, *self._truth.by_pair(self._clearance_m)}
+        return {pair: self.of(pair) for pair in sorted(pairs)}
+
+    def left_s(self, pair: Pair, from_s: float) -> float:
+        """When one of a pair left, see `Silences.left_s`."""
+        return min(self._truth.silences.left_s(robot, from_s) for robot in pair)
+
+
+def _touches(spans: Sequence[Span], at_s: float) -> bool:
+    """Whether any of the spans lies at a moment or begins within `WITHIN_S` after it."""
+    return any(span.onset_s <= at_s + WITHIN_S and span.end_s >= at_s for span in spans)

@@ -1,0 +1,163 @@
+"""What the finder of interactions finds where there is nothing to find.
+
+For an interaction that was found, the same robot drives once more, and all others are where they were a minute before,
+but for those that have hardly moved since. Whoever is found in its way then is there by chance.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from deconflict.foresight.interactions.interaction_finder import Finder, Interaction, Reports
+from deconflict.foresight.interactions.progress_kernels import AHEAD_S
+from deconflict.sweep.geometry.knots import Bools
+from ingest.batch import Floats, Ints
+
+SHIFT_S = 60.0
+OWN_S = 20.0
+"""The robot drives for so long up to where it is seen to give way."""
+NEAR_M = 20.0
+"""Robots that were further from the robot than this are left out."""
+MOVED_M = 3.0
+"""As are those that are not so far from where they were: they are in its way as much as they were."""
+FORECAST = 3
+"""Samples of a forecast that are kept of others: the report, and two seconds after it."""
+TURN_S = 0.5
+"""The reports of so long are taken in together, of each robot the newest."""
+EVERY = 4
+"""One interaction in so many is looked at again."""
+NOBODY = Reports(
+    np.empty(0, np.int64),
+    np.empty(0),
+    np.empty((0, FORECAST, 4)),
+    np.empty(0, np.bool_),
+    np.empty((0, AHEAD_S)),
+)
+
+
+class Placebo:
+    """Reports of the last minutes, and how many of the interactions looked at are found with others by chance."""
+
+    def __init__(self) -> None:
+        self._newest: list[Reports] = []
+        """Of the last `OWN_S`."""
+        self._older: list[Reports] = []
+        """Those before, with shorter forecasts."""
+        self._first_s = np.inf
+        self._offered = 0
+        self._looked_at = self._any = 0
+        self._same_looked_at = self._same = 0
+
+    def keep(self, reports: Reports) -> None:
+        """Keep the reports of a batch, and let go of those that nobody asks for any more."""
+        now_s = float(reports.event_s.max())
+        self._first_s = min(self._first_s, now_s)
+        self._newest.append(reports)
+        while self._newest and self._newest[0].event_s.max() < now_s - OWN_S - 2.0:
+            old = self._newest.pop(0)
+            self._older.append(old._replace(track=old.track[:, :FORECAST].copy()))
+        while self._older and self._older[0].event_s.max() < now_s - SHIFT_S - OWN_S - 2.0:
+            del self._older[0]
+
+    def forget(self, slots: Sequence[int]) -> None:
+        """Other robots have these slots from now on."""
+        for kept in (self._newest, self._older):
+            kept[:] = [_rows(one, ~np.isin(one.slot, slots)) for one in kept]
+            kept[:] = [one for one in kept if len(one.slot)]
+
+    def look(self, interaction: Interaction, half_m: Floats, levels_m: Floats) -> None:
+        """Look for an interaction that was found just now again, with all others where they were a minute before."""
+        now = _joined(self._newest)
+        own = _rows(now, now.slot == interaction.robot)
+        until_s = float(own.event_s[-1])
+        if until_s - self._first_s < SHIFT_S + OWN_S:
+            return
+        self._offered += 1
+        if (self._offered - 1) % EVERY:
+            return
+        others = _elsewhere(self._a_minute_before(until_s), now)
+        found = again(interaction, own, _near(others, own.track[-1, 0]), half_m, levels_m)
+        self._looked_at += 1
+        self._any += found >= 0
+        if interaction.other in others.slot:
+            self._same_looked_at += 1
+            self._same += found == interaction.other
+
+    def figures(self) -> dict[str, Any]:
+        """How many interactions were looked at, and the share that was found again, with anybody; and the same of those
+        whose other robot was elsewhere a minute before, with that one."""
+        return {
+            "looked_at": self._looked_at,
+            "any_robot": self._any / self._looked_at if self._looked_at else None,
+            "same_looked_at": self._same_looked_at,
+            "same_robot": self._same / self._same_looked_at if self._same_looked_at else None,
+        }
+
+    def _a_minute_before(self, until_s: float) -> Reports:
+        """The reports of the minute before, as if they had come a minute later."""
+        begin_s, end_s = until_s - SHIFT_S - OWN_S, until_s - SHIFT_S
+        then = _joined([one for one in self._older if one.event_s.max() >= begin_s and one.event_s.min() <= end_s])
+        then = _rows(then, (then.event_s >= begin_s) & (then.event_s <= end_s))
+        return then._replace(event_s=then.event_s + SHIFT_S, explained=np.ones(len(then.slot), np.bool_))
+
+
+def again(interaction: Interaction, own: Reports, others: Reports, half_m: Floats, levels_m: Floats) -> int:
+    """The slot of the robot to which one gives way that drives as `own` among `others`, as it did in an interaction
+    that was found; -1 where it gives way to nobody. `half_m` and `levels_m` are (2, slots)."""
+    slots = np.unique(np.concatenate([own.slot, others.slot]))
+    finder, vendor = Finder(), np.arange(len(slots))
+    finder.grow(len(slots))
+    of_slots = np.ascontiguousarray(half_m[:, slots]), levels_m[:, slots], vendor
+    for reports in _turns(own, others):
+        for found in finder.receive(reports._replace(slot=np.searchsorted(slots, reports.slot)), *of_slots):
+            if slots[found.robot] == interaction.robot and abs(found.onset_s - interaction.onset_s) < TURN_S:
+                return int(slots[found.other])
+    return -1
+
+
+def _elsewhere(then: Reports, now: Reports) -> Reports:
+    """The reports of `then`, but for robots whose last place in it is within `MOVED_M` of their place `now`."""
+    (slots_then, rows_then), (slots_now, rows_now) = _last_rows(then), _last_rows(now)
+    slots, of_then, of_now = np.intersect1d(slots_then, slots_now, assume_unique=True, return_indices=True)
+    moves_m = then.track[rows_then[of_then], 0, :2] - now.track[rows_now[of_now], 0, :2]
+    return _rows(then, ~np.isin(then.slot, slots[np.hypot(*moves_m.T) <= MOVED_M]))
+
+
+def _last_rows(reports: Reports) -> tuple[Ints, Ints]:
+    """The slots of reports, and the last row of each."""
+    slots, from_end = np.unique(reports.slot[::-1], return_index=True)
+    return slots, len(reports.slot) - 1 - from_end
+
+
+def _near(reports: Reports, pose: Floats) -> Reports:
+    """Those that were near where a robot is, `pose` (4,)."""
+    return _rows(reports, np.hypot(*(reports.track[:, 0, :2] - pose[:2]).T) < NEAR_M)
+
+
+def _turns(own: Reports, others: Reports) -> list[Reports]:
+    """The reports of all, in the order of their times, as many at once as there is one of each robot in `TURN_S`."""
+    every = _joined([_lengthened(one) for one in (own, others)])
+    turn = np.floor(every.event_s / TURN_S).astype(np.int64)
+    order = np.lexsort((every.event_s, every.slot, turn))
+    turn, slot = turn[order], every.slot[order]
+    is_newest = np.append((turn[1:] != turn[:-1]) | (slot[1:] != slot[:-1]), [True] * min(len(turn), 1))
+    rows, turn = order[is_newest], turn[is_newest]
+    return [_rows(every, part) for part in np.split(rows, np.flatnonzero(np.diff(turn)) + 1) if len(part)]
+
+
+def _joined(parts: Sequence[Reports]) -> Reports:
+    return Reports._make(map(np.concatenate, zip(*parts, strict=True))) if parts else NOBODY
+
+
+def _rows(reports: Reports, rows: Ints | Bools) -> Reports:
+    return Reports._make(column[rows] for column in reports)
+
+
+def _lengthened(reports: Reports) -> Reports:
+    """With forecasts as long as the finder takes them, standing at their end."""
+    missing = AHEAD_S + 1 - reports.track.shape[1]
+    if missing <= 0:
+        return reports
+    last = np.repeat(reports.track[:, -1:], missing, axis=1)
+    return reports._replace(track=np.concatenate([reports.track, last], axis=1))

@@ -1,0 +1,172 @@
+"""The recorded motion: reported positions joined linearly where two reports are at most 2.1 s apart."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, floor, inf, nan, pi
+
+import numba
+import numpy as np
+
+from ingest.batch import Floats, Forecasts, Ints
+from ingest.kernels import kernel, ready
+
+JOINED_S = 2.1
+
+_SIZE = ("length", "width", "bottom", "top")
+_LEG = ("robot", "begin_s", "end_s", "x0", "y0", "yaw0", "x1", "y1", "yaw1", "floor", "since_s", *_SIZE)
+_LAST = ("t_s", "x", "y", "yaw", "floor", "since_s", "present_s", *_SIZE)
+_PRESENT = _LAST.index("present_s")
+
+_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """Where the r robots that are there at some time of a stretch of s samples are; nan while they are not."""
+
+    first: int
+    """The first sample, in steps since the epoch."""
+    robot: Ints
+    """(r,) index into `Motion.names`, ascending by name of the robot within what `Motion` knows."""
+    x_m: Floats
+    """(r, s)"""
+    y_m: Floats
+    yaw_rad: Floats
+    half_m: Floats
+    """(2, r, s) half length and half width."""
+    height_m: Floats
+    """(2, r, s) heights from which and to which it reaches; -inf and inf where they are unknown."""
+    floor: Floats
+    """(r, s)"""
+    since_s: Floats
+    """(r, s) since when it has been there without a break."""
+
+
+class Motion:
+    """Every robot's newest report, and the legs between reports that have not been looked at yet."""
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+        """By index."""
+        self._index: dict[str, int] = {}
+        self._last = np.empty((0, len(_LAST)))
+        self._told: list[Floats] = []
+        """(n, 15) legs."""
+
+    def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
+        """Join each robot's first knot to the one before, if it is newer."""
+        for robot in robots:
+            if robot not in self._index:
+                self._add(robot)
+        rows = np.array([self._index[robot] for robot in robots], np.int64)
+        told = (forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.yaw_rad, ready(forecasts.floor, np.int64))
+        sizes = (forecasts.length_m, forecasts.width_m, forecasts.bottom_m, forecasts.top_m)
+        legs = _legs(rows, forecasts.start, *told, *sizes, self._last)
+        if len(legs):
+            self._told.append(legs)
+
+    @property
+    def newest_s(self) -> float:
+        return float(self._last[:, 0].max(initial=-inf))
+
+    def last_seen_s(self, robot: str) -> float:
+        return float(self._last[self._index[robot], 0]) if robot in self._index else -inf
+
+    def present_s(self) -> dict[str, float]:
+        """How long each robot was there."""
+        return dict(zip(self.names, self._last[: len(self.names), _PRESENT].tolist(), strict=True))
+
+    def stretch(self, first: int, samples: int, step_s: float) -> Stretch:
+        """The motion at so many samples from `first` on; forgets what lies before their end."""
+        legs = np.concatenate([np.empty((0, len(_LEG))), *self._told])
+        self._told = [legs[np.floor(legs[:, 2] / step_s) >= first + samples]]
+        robot, there = _joined(legs, len(self.names), first, samples, step_s)
+        x_m, y_m, yaw_rad, floor, since_s = there[:5]
+        return Stretch(first, robot, x_m, y_m, yaw_rad, there[5:7] / 2, there[7:], floor, since_s)
+
+    def row(self, robot: str) -> int:
+        """The index of a robot that has reported."""
+        return self._index[robot]
+
+    def pair(self, a: int, b: int) -> tuple[str, str]:
+        """The names of two, in ascending order."""
+        first, second = sorted((self.names[a], self.names[b]))
+        return first, second
+
+    def _add(self, robot: str) -> None:
+        row = self._index[robot] = len(self.names)
+        self.names.append(robot)
+        if row == len(self._last):
+            more = np.full((max(row, 64), len(_LAST)), -np.inf)
+            more[:, _PRESENT] = 0.0
+            self._last = np.concatenate([self._last, more])
+
+
+@kernel(numba.float64[:, ::1](*[_INTS] * 2, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 4, numba.float64[:, ::1]))
+def _legs(
+    rows: Ints,
+    start: Ints,
+    t_s: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    yaw_rad: Floats,
+    floor: Ints,
+    length_m: Floats,
+    width_m: Floats,
+    bottom_m: Floats,
+    top_m: Floats,
+    last: Floats,
+) -> Floats:
+    """(n, 15) what leads each robot that has news to its first knot, which then is the `last` of its row.
+
+    Sizes and heights are those at the begin of a leg.
+    """
+    legs, n = np.empty((len(rows), 15)), 0
+    for one in range(len(rows)):
+        knot, before, leg = start[one], last[rows[one]], legs[n]
+        gap_s = t_s[knot] - before[0]
+        if not gap_s > 0.0:
+            continue
+        since_s, present_s = before[5] if gap_s <= JOINED_S else t_s[knot], before[6]
+        joins = gap_s <= JOINED_S and before[4] == floor[knot]
+        if joins:
+            leg[1], leg[3:6], leg[11:15] = before[0], before[1:4], before[7:11]
+            present_s += gap_s
+        before[0], before[1], before[2], before[3] = t_s[knot], x_m[knot], y_m[knot], yaw_rad[knot]
+        before[4], before[5], before[6] = floor[knot], since_s, present_s
+        before[7], before[8], before[9], before[10] = length_m[one], width_m[one], bottom_m[one], top_m[one]
+        if not joins:
+            leg[1], leg[3:6], leg[11:15] = before[0], before[1:4], before[7:11]
+        leg[0], leg[2], leg[6:9], leg[9], leg[10] = rows[one], before[0], before[1:4], before[4], since_s
+        n += 1
+    return legs[:n].copy()
+
+
+@kernel(
+    numba.types.Tuple((numba.int64[::1], numba.float64[:, :, ::1]))(  # type: ignore[no-untyped-call]
+        numba.float64[:, ::1], numba.int64, numba.int64, numba.int64, numba.float64
+    )
+)
+def _joined(legs: Floats, robots: int, first: int, samples: int, step_s: float) -> tuple[Ints, Floats]:
+    """(r,) who is there at some time of a stretch, and (9, r, samples) x, y, yaw, floor, since when, length, width,
+    bottom and top; nan where it is not."""
+    begins, ends = np.empty(len(legs), np.int64), np.empty(len(legs), np.int64)
+    row_of = np.full(robots, -1)
+    for leg in range(len(legs)):
+        begin_s, end_s = legs[leg, 1], legs[leg, 2]
+        begin = floor(begin_s / step_s) + 1 if begin_s < end_s else ceil(end_s / step_s)
+        begins[leg], ends[leg] = max(begin, first), min(floor(end_s / step_s), first + samples - 1)
+        if begins[leg] <= ends[leg]:
+            row_of[int(legs[leg, 0])] = 0
+    robot = np.flatnonzero(row_of == 0)
+    row_of[robot] = np.arange(len(robot))
+    there = np.full((9, len(robot), samples), np.nan)
+    for leg in range(len(legs)):
+        who, begin_s, end_s, x0, y0, yaw0, x1, y1, yaw1, on, since_s = legs[leg, :11]
+        row, turn = row_of[int(who)], (yaw1 - yaw0 + pi) % (2 * pi) - pi
+        for sample in range(begins[leg], ends[leg] + 1):
+            share = (sample * step_s - begin_s) / (end_s - begin_s) if end_s > begin_s else 0.0
+            at = there[:, row, sample - first]
+            at[0], at[1], at[2] = x0 + share * (x1 - x0), y0 + share * (y1 - y0), yaw0 + share * turn
+            at[3], at[4], at[5:9] = nan if on < 0 else on, since_s, legs[leg, 11:15]
+    return robot, there

@@ -1,0 +1,326 @@
+"""What robots did at the places of a site, by their reports alone: where they stood, what was full, who waited for it.
+
+A robot has a resource while the middle of its envelope is inside, and is in a zone while its envelope touches it. It
+stands from when it came to where it is, within 0.1 m, for at least 3 s. It waited for a place if it stood outside of
+every resource for at least 5 s while the place was full, and had told it as its destination all that time, or stood
+within 10 m of it and then entered it. Those that pass above or below it make no place full for it.
+"""
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from math import hypot, inf
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from deconflict.contention.robots.bounding_boxes import grown, touching
+from deconflict.contention.robots.lookahead import corners
+from deconflict.settings.shared_places import Place, Resource, Zone, outlines
+from deconflict.sweep.geometry.heights import beside, most_beside
+from ingest.batch import Batch, Floats, Ints
+
+STANDS_M, STOOD_S = 0.1, 3.0
+WAITED_S, WAITED_M = 5.0, 10.0
+JOINED_S, STILL_S = 5.0, 35.0
+"""A robot that is silent for longer is not known to have stood; nor for longer than the second where it is afterwards
+where it was: reports may be 30 s apart."""
+MOST_PENDING = 32
+"""Stops of one robot that are kept until it enters a place."""
+NOWHERE = frozenset[str]()
+
+
+class Span(NamedTuple):
+    """From when to when."""
+
+    from_s: float
+    to_s: float
+
+    def within(self, other: "Span") -> "Span":
+        """What the two have in common; ends before it begins where that is nothing."""
+        return Span(max(self.from_s, other.from_s), min(self.to_s, other.to_s))
+
+    @property
+    def lasts_s(self) -> float:
+        return self.to_s - self.from_s
+
+
+class Stand(NamedTuple):
+    """A robot stood, outside of every resource or in one."""
+
+    span: Span
+    floor: str
+    x_m: float
+    y_m: float
+    outside: bool
+    goals: dict[str, float]
+    """Resources that it had told as destinations, and since when."""
+    bottom_m: float
+    """Heights that it reached from and to."""
+    top_m: float
+
+    def since(self, t_s: float) -> "Stand":
+        """What is left of it after a time."""
+        return self._replace(span=self.span.within(Span(t_s, inf)))
+
+
+class Stay(NamedTuple):
+    """A robot was in a place."""
+
+    span: Span
+    bottom_m: float
+    top_m: float
+
+
+class Wait(NamedTuple):
+    """A robot waited for a place."""
+
+    place: str
+    robot: str
+    span: Span
+
+
+class Entry(NamedTuple):
+    """A robot that was outside of a place came into it."""
+
+    place: str
+    robot: str
+    t_s: float
+    known_s: float
+    """Since when the robot was heard."""
+
+
+class _Report(NamedTuple):
+    t_s: float
+    floor: str
+    x_m: float
+    y_m: float
+    places: frozenset[str]
+    outside: bool
+    goals: frozenset[str]
+    bottom_m: float
+    top_m: float
+
+
+@dataclass(slots=True, eq=False)
+class _Seen:
+    floor: str
+    x_m: float
+    y_m: float
+    came_s: float
+    seen_s: float
+    places: frozenset[str]
+    outside: bool
+    goals: dict[str, float]
+    """Resources that it tells as destinations, and since when."""
+    bottom_m: float
+    top_m: float
+    pending: list[Stand] = field(default_factory=list)
+
+
+class Conduct:
+    """Robots as they report; what is kept is each stop, and when each place was full."""
+
+    def __init__(self, resources: Iterable[Resource], zones: Iterable[Zone]) -> None:
+        places: list[Place] = [*resources, *zones]
+        self._capacity = {one.id: one.capacity for one in places}
+        self._resources, self._zones = _Outlines(resources), _Outlines(zones)
+        self._inside: dict[str, dict[str, Stay]] = {place: {} for place in self._capacity}
+        """By place and robot, the stays that have not ended."""
+        self._stays: dict[str, list[Stay]] = {place: [] for place in self._capacity}
+        """By place, those that have, in the order in which they did."""
+        self._crowded_s: dict[str, float] = {}
+        """Since when more robots are in a place than it takes."""
+        self._robots: dict[str, _Seen] = {}
+        self.stands: dict[str, list[Stand]] = {}
+        """By robot."""
+        self.waits: list[Wait] = []
+        self.crowds: dict[str, list[Span]] = {place: [] for place in self._capacity}
+        """By place, when more robots were in it than it takes."""
+        self._entries: list[Entry] = []
+        """Those that nobody has asked for yet."""
+        self.last_seen_s: dict[str, float] = {}
+        self._known_s: dict[str, float] = {}
+        """By robot, since when it was heard."""
+
+    def take(self, batch: Batch) -> None:
+        """Robots that have reported, and those that are gone."""
+        for robot, report in zip(batch.robots, self._reports(batch), strict=True):
+            self._see(robot, report)
+        for robot in batch.gone:
+            self._leave(robot)
+
+    def finish(self) -> None:
+        """End what goes on."""
+        for robot in list(self._robots):
+            self._leave(robot)
+
+    def _see(self, robot: str, new: "_Report") -> None:
+        one = self._robots.get(robot)
+        known_s = self._known_s.setdefault(robot, new.t_s)
+        if one and new.t_s >= one.seen_s:
+            entered = new.places - one.places
+            self._entries += [Entry(place, robot, new.t_s, known_s) for place in sorted(entered)]
+        if one and new.t_s - one.seen_s > (STILL_S if _is_at(one, new) else JOINED_S):
+            self._leave(robot)
+            one = None
+        if one is None:
+            one = self._robots[robot] = _Seen(
+                floor=new.floor,
+                x_m=new.x_m,
+                y_m=new.y_m,
+                came_s=new.t_s,
+                seen_s=new.t_s,
+                places=NOWHERE,
+                outside=new.outside,
+                goals={},
+                bottom_m=new.bottom_m,
+                top_m=new.top_m,
+            )
+        if new.t_s < one.seen_s:
+            return
+        if not _is_at(one, new):
+            self._move(robot, one)
+            one.floor, one.x_m, one.y_m, one.came_s = *new[1:4], new.t_s
+        one.seen_s = self.last_seen_s[robot] = new.t_s
+        one.goals = {place: one.goals.get(place, new.t_s) for place in new.goals}
+        one.outside, one.bottom_m, one.top_m = new.outside, new.bottom_m, new.top_m
+        self._occupy(robot, one, new.places, new.t_s)
+
+    def new_entries(self) -> list[Entry]:
+        """Those since this was asked last."""
+        entries, self._entries = self._entries, []
+        return entries
+
+    def stays_s(self, place: str) -> Floats:
+        """(n, 2) from when to when robots were in a place, as far as they have left it."""
+        return np.array([stay.span for stay in self._stays[place]]).reshape(-1, 2)
+
+    def _move(self, robot: str, one: _Seen) -> None:
+        """It stands no longer where it stood."""
+        span = Span(one.came_s, one.seen_s)
+        if span.lasts_s >= STOOD_S:
+            stand = Stand(span, one.floor, one.x_m, one.y_m, one.outside, one.goals, one.bottom_m, one.top_m)
+            self.stands.setdefault(robot, []).append(stand)
+            one.pending = [*one.pending[1 - MOST_PENDING :], stand]
+
+    def _occupy(self, robot: str, one: _Seen, places: frozenset[str], t_s: float) -> None:
+        if places == one.places:
+            return
+        for place in one.places - places:
+            stay = self._inside[place].pop(robot)
+            self._stays[place].append(stay._replace(span=Span(stay.span.from_s, t_s)))
+            self._count(place, t_s)
+        entered = places - one.places
+        if entered:
+            self._waited(robot, one, entered)
+        for place in entered:
+            self._inside[place][robot] = Stay(Span(t_s, inf), one.bottom_m, one.top_m)
+            self._count(place, t_s)
+        one.places = places
+
+    def _leave(self, robot: str) -> None:
+        one = self._robots.pop(robot, None)
+        if one:
+            self._move(robot, one)
+            self._waited(robot, one, frozenset())
+            self._occupy(robot, one, frozenset(), one.seen_s)
+
+    def _count(self, place: str, t_s: float) -> None:
+        """Follow whether more robots are in a place than it takes."""
+        inside, capacity = self._inside[place], self._capacity[place]
+        if len(inside) > capacity and len(most_beside([*inside.values()])) > capacity:
+            self._crowded_s.setdefault(place, t_s)
+        elif place in self._crowded_s:
+            self.crowds[place].append(Span(self._crowded_s.pop(place), t_s))
+
+    def _waited(self, robot: str, one: _Seen, entered: frozenset[str]) -> None:
+        """It has entered places, or is gone: which of its stops were waits."""
+        for stand in one.pending:
+            near = {place for one in (self._resources, self._zones) for place in entered if one.is_near(place, stand)}
+            wanted_s = stand.goals | dict.fromkeys(near, stand.span.from_s)
+            for place in sorted(wanted_s) if stand.outside else ():
+                waited = list(self._full_during(place, stand.since(wanted_s[place])))
+                if sum(span.lasts_s for span in waited) >= WAITED_S:
+                    self.waits.append(Wait(place, robot, Span(waited[0].from_s, waited[-1].to_s)))
+        one.pending = []
+
+    def _full_during(self, place: str, stood: Stand) -> Iterator[Span]:
+        """When the place was full for a robot that stood, in order."""
+        ended = self._stays[place]
+        first = bisect_right(ended, stood.span.from_s, key=lambda stay: stay.span.to_s)
+        stays = [stay for stay in (*ended[first:], *self._inside[place].values()) if beside(stay, stood)]
+        changes = [change for stay in stays for change in ((stay.span.from_s, 1), (stay.span.to_s, -1))]
+        inside, since_s = 0, -inf
+        for t_s, change in sorted(changes):
+            full = Span(since_s, t_s).within(stood.span)
+            if inside >= self._capacity[place] and full.lasts_s > 0:
+                yield full
+            inside, since_s = inside + change, t_s
+
+    def _reports(self, batch: Batch) -> "Iterator[_Report]":
+        """One of each robot of the batch."""
+        first, told = batch.forecasts.start[:-1], batch.forecasts
+        floors = batch.datums(told.floor[first])
+        x_m, y_m = told.x_m[first], told.y_m[first]
+        middles = np.stack([x_m, y_m, x_m, y_m], axis=1)
+        resources = self._resources.touched(floors, middles, lambda rows: shapely.points(middles[rows, :2]))
+        poses = (x_m, y_m, told.yaw_rad[first], told.length_m, told.width_m)
+        boxes_m = grown(middles, np.hypot(told.length_m, told.width_m) / 2)
+        zones = self._zones.touched(
+            floors, boxes_m, lambda rows: shapely.polygons(corners(*(one[rows] for one in poses)))
+        )
+        heights_m = told.bottom_m.tolist(), told.top_m.tolist()
+        columns = (batch.event_s.tolist(), floors, x_m.tolist(), y_m.tolist(), self._goals(batch), *heights_m)
+        for row, (t_s, floor, x, y, goals, *height_m) in enumerate(zip(*columns, strict=True)):
+            kept = resources.get(row, NOWHERE)
+            yield _Report(t_s, floor, x, y, kept | zones.get(row, NOWHERE), kept is NOWHERE, goals, *height_m)
+
+    def _goals(self, batch: Batch) -> list[frozenset[str]]:
+        """By robot, the resources that it says it goes to."""
+        told, goals = batch.destinations, [NOWHERE] * len(batch)
+        spots = np.stack([told.x_m, told.y_m], axis=1)
+        boxes_m = np.concatenate([spots, spots], axis=1)
+        found = self._resources.touched(batch.datums(told.floor), boxes_m, lambda rows: shapely.points(spots[rows]))
+        robot = np.repeat(np.arange(len(batch)), np.diff(told.start))
+        for row, places in found.items():
+            goals[robot[row]] |= places
+        return goals
+
+
+def _is_at(one: _Seen, new: _Report) -> bool:
+    """Whether a robot is where it was."""
+    return new.floor == one.floor and hypot(new.x_m - one.x_m, new.y_m - one.y_m) <= STANDS_M
+
+
+class _Outlines:
+    """Places, to ask which of them something touches on its floor."""
+
+    def __init__(self, places: Iterable[Place]) -> None:
+        drawn = [(datum, place.id, outline) for place in places for datum, outline in outlines(place)]
+        self._datums, self._places = [datum for datum, _, _ in drawn], [place for _, place, _ in drawn]
+        self._shapes = np.array([shapely.Polygon(outline) for _, _, outline in drawn])
+        self._boxes_m = shapely.bounds(self._shapes).reshape(-1, 4)
+
+    def is_near(self, place: str, stood: Stand) -> bool:
+        """Whether a place is no farther than `WAITED_M` from where a robot stood."""
+        here = shapely.Point(stood.x_m, stood.y_m)
+        return any(
+            shapely.dwithin(shape, here, WAITED_M)
+            for datum, name, shape in zip(self._datums, self._places, self._shapes, strict=True)
+            if name == place and datum == stood.floor
+        )
+
+    def touched(
+        self, datums: Sequence[str], boxes_m: Floats, shapes: Callable[[Ints], Any]
+    ) -> dict[int, frozenset[str]]:
+        """By row, the places that what is in a box (n, 4) touches; `shapes` makes it of the rows that may touch any."""
+        pairs = touching(boxes_m, self._boxes_m).tolist()
+        near = np.array([pair for pair in pairs if datums[pair[0]] == self._datums[pair[1]]], np.int64).reshape(-1, 2)
+        found: dict[int, frozenset[str]] = {}
+        if len(near):
+            touches = shapely.intersects(shapes(near[:, 0]), self._shapes[near[:, 1]])
+            for row, place in near[touches].tolist():
+                found[row] = found.get(row, frozenset()) | {self._places[place]}
+        return found

@@ -1,0 +1,251 @@
+"""Holds that clear a group of conflicts: swept again they do, and nothing that can be tried is cheaper."""
+
+from dataclasses import replace
+from functools import partial
+from itertools import combinations, product
+from math import cos, pi, sin
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from deconflict.advice import exhaustive_search, hold_planner
+from deconflict.advice.delay_windows import STEP_S, Delays, Pair, Window
+from deconflict.advice.exhaustive_search import UNKNOWN
+from deconflict.advice.hold_planner import advise_holds
+from deconflict.advisory import Hold, Recommendation
+from tests.deconflict.advice.made_near import Seen, near
+from tests.helpers.made_encounters import NOW_S, robot
+
+WINDOW = Window(NOW_S, 10.0, 0.3, 6.0)
+B_WAITS = Hold(robot="b", hold_s=2.0)
+
+
+def through(
+    name: str,
+    yaw_rad: float,
+    *,
+    before_m: float = 5.0,
+    speed_mps: float = 1.0,
+    vendor: str = "acme",
+    priority: float = 1.0,
+) -> Seen:
+    """Goes straight through the origin."""
+    reach_m = 10 * speed_mps - before_m
+    along = [-before_m, reach_m]
+    x, y = [m * cos(yaw_rad) for m in along], [m * sin(yaw_rad) for m in along]
+    return Seen(name, robot([0, 10], x, y, yaw_rad, (1.0, 0.6)), vendor, priority=priority)
+
+
+def standing(name: str, x_m: float, y_m: float = 0.0) -> Seen:
+    return Seen(name, robot([0], [x_m], [y_m], 0.0, (1.0, 0.6)), holdable=False)
+
+
+def pairs_of(movers: list[Seen]) -> list[Pair]:
+    return [(a.robot, b.robot) for a, b in combinations(movers, 2)]
+
+
+def held_s(advice: Recommendation) -> dict[str, float]:
+    return {one.robot: one.hold_s for one in advice.holds}
+
+
+def met(robots: list[Seen], window: Window, held_s: dict[str, float]) -> dict[Pair, float]:
+    return Delays(near(robots), window).meetings(held_s, [one.robot for one in robots])
+
+
+def cheapest_s(movers: list[Seen], window: Window) -> float | None:
+    """The least weighted waiting over every choice of holds, each swept as it is; None where none is clear."""
+
+    def cost(holds: tuple[float, ...]) -> float:
+        return sum(one.priority * hold_s for one, hold_s in zip(movers, holds, strict=True))
+
+    grid = [k * STEP_S for k in range(window.steps + 1)]
+    choices = sorted(product(*(grid if one.holdable else [0.0] for one in movers)), key=cost)
+    delays, names = Delays(near(movers), window), [one.robot for one in movers]
+    return next(
+        (cost(holds) for holds in choices if not delays.meetings(dict(zip(names, holds, strict=True)), names)),
+        None,
+    )
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.floats(-pi, pi), st.floats(2.5, 6.0), st.floats(0.5, 1.5), st.sampled_from([0.5, 1.0, 10.0])),
+        min_size=2,
+        max_size=3,
+    )
+)
+def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, float, float]]) -> None:
+    window = Window(NOW_S, 10.0, 0.3, 4.0)
+    movers = [
+        through(str(row), yaw, before_m=m, speed_mps=v, priority=weight)
+        for row, (yaw, m, v, weight) in enumerate(courses)
+    ]
+    found = met(movers, window, {})
+    assume(found)
+    apart = all(
+        min(abs(a.forecast.x_m[0] - b.forecast.x_m[0]), 9.0) + abs(a.forecast.y_m[0] - b.forecast.y_m[0]) > 2.0
+        for a, b in combinations(movers, 2)
+    )
+    assume(apart)
+    advice = advise_holds(near(movers), pairs_of(movers), window)
+    assert advice == advise_holds(near(movers), pairs_of(movers), window)
+    cheapest = cheapest_s(movers, window)
+    if cheapest is None:
+        assert "needs another route" in advice.note
+        return
+    assert advice.cost_s == cheapest
+    assert advice.proven_optimal
+    assert met(movers, window, held_s(advice)) == {}
+    assert advice.first_come_cost_s is None or advice.cost_s <= advice.first_come_cost_s
+
+
+@pytest.mark.parametrize("robots", [2, 3, 4])
+def test_few_robots_are_planned_as_by_folding_them_up_or_the_solver(
+    monkeypatch: pytest.MonkeyPatch, robots: int
+) -> None:
+    rng, told = Random(3), []
+    for _ in range(24 // robots):
+        movers = [
+            through(
+                name,
+                rng.uniform(-pi, pi),
+                before_m=rng.uniform(3, 6),
+                speed_mps=rng.uniform(0.5, 1.5),
+                vendor=rng.choice(["acme", "bolt"]),
+                priority=rng.choice([0.5, 1.0, 10.0]),
+            )
+            for name in "abcd"[:robots]
+        ]
+        question = partial(advise_holds, near(movers), pairs_of(movers), WINDOW, burdens_s={"bolt": 5.0})
+        alone = question()
+        again = partial(question, standing=alone.model_copy(update={"holds": (Hold(robot="a", hold_s=2.0),)}))
+        tried = [counted(alone, movers), counted(again(), movers)]
+        with monkeypatch.context() as patched:
+            for leaves_it in ("least", "folded"):
+                patched.setattr(hold_planner, leaves_it, lambda *_: (UNKNOWN, None))
+                assert tried == [counted(question(), movers), counted(again(), movers)]
+        told.append(bool(alone.holds))
+    assert sum(told) > 3
+
+
+def counted(advice: Recommendation, movers: list[Seen]) -> tuple[float, int, float, str]:
+    """What a plan is chosen by: its cost, how many it holds, and how long the burdened wait."""
+    vendor_of = {one.robot: one.vendor for one in movers}
+    burdened_s = sum(one.hold_s for one in advice.holds if vendor_of[one.robot] == "bolt")
+    return advice.cost_s, len(advice.holds), burdened_s, advice.note
+
+
+def test_advice_that_stands_tells_whether_another_would_be_cheaper() -> None:
+    pair = [through("a", 0.0, before_m=5.3), through("b", pi / 2)]
+    fresh = advise_holds(near(pair), [("a", "b")], WINDOW)
+    kept = advise_holds(near(pair), [("a", "b")], WINDOW, standing=fresh.model_copy(update={"holds": (B_WAITS,)}))
+    assert kept.holds == (Hold(robot="b", hold_s=2.5),)
+    assert (kept.bound_s, kept.proven_optimal) == (fresh.cost_s, False)
+    same = advise_holds(near(pair), [("a", "b")], WINDOW, standing=fresh)
+    assert (same.holds, same.bound_s, same.proven_optimal) == (fresh.holds, fresh.cost_s, True)
+
+
+def test_where_the_cheapest_takes_too_long_to_find_advice_that_stands_claims_no_bound(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pair, most = [through("a", 0.0, before_m=5.3), through("b", pi / 2)], iter((exhaustive_search.MOST_TRIED, 1))
+    before = advise_holds(near(pair), [("a", "b")], WINDOW)
+    monkeypatch.setattr(
+        hold_planner, "least", lambda choice, budget: exhaustive_search.least(choice, budget, next(most))
+    )
+    again = advise_holds(near(pair), [("a", "b")], WINDOW, standing=before)
+    assert again.holds == before.holds
+    assert (again.bound_s, again.proven_optimal) == (0.0, False)
+
+
+def test_differences_are_those_at_which_the_sweep_finds_nothing() -> None:
+    a, b = through("a", 0.0), through("b", 1.2, before_m=4.0)
+    (allowed,) = Delays(near([a, b]), WINDOW).allowed([("a", "b")])
+    swept = [
+        step
+        for step in range(-WINDOW.steps, WINDOW.steps + 1)
+        if not met([a, b], WINDOW, {"a": max(step, 0) * STEP_S, "b": max(-step, 0) * STEP_S})
+    ]
+    assert (np.flatnonzero(allowed) - WINDOW.steps).tolist() == swept
+    assert 0 < len(swept) < 2 * WINDOW.steps + 1
+
+
+def test_a_held_robot_that_stands_in_the_way_is_no_help() -> None:
+    ahead, behind = through("ahead", 0.0, before_m=2.0, speed_mps=0.5), through("behind", 0.0, before_m=5.5)
+    advice = advise_holds(near([ahead, behind]), [("ahead", "behind")], WINDOW)
+    assert {one.robot for one in advice.holds} == {"behind"}
+
+
+def test_head_on_in_one_lane_needs_another_route() -> None:
+    advice = advise_holds(near([through("east", 0.0), through("west", pi)]), [("east", "west")], WINDOW)
+    assert advice.holds == ()
+    assert advice.note == "no hold keeps east and west apart: one of them needs another route"
+
+
+def test_a_robot_that_stands_is_not_told_to_wait() -> None:
+    advice = advise_holds(near([standing("parked", 0.0), through("a", 0.0)]), [("a", "parked")], WINDOW)
+    assert advice.holds == ()
+    assert "needs another route" in advice.note
+
+
+def test_no_hold_brings_another_pair_together() -> None:
+    """C comes up close behind A and would meet it if A waited: of two equal holds B's is the one that works."""
+    a, b = through("a", 0.0, vendor="bolt"), through("b", pi / 2)
+    tail = Seen("c", robot([0, 10], [-7.0, 3.0], [0.0, 0.0], 0.0, (1.0, 0.6)), holdable=False)
+    burdens_s = {"acme": 60.0}
+    alone = advise_holds(near([a, b]), [("a", "b")], WINDOW, burdens_s=burdens_s)
+    assert [one.robot for one in alone.holds] == ["a"]
+    movers = [a, b, tail]
+    advice = advise_holds(near(movers), [("a", "b")], WINDOW, burdens_s=burdens_s)
+    assert [one.robot for one in advice.holds] == ["b"]
+    before = met(movers, WINDOW, {})
+    assert set(met(movers, WINDOW, held_s(advice))) <= set(before) - {("a", "b")}
+
+
+@pytest.mark.parametrize(("burdened", "yields"), [("acme", "b"), ("bolt", "a")])
+def test_a_tie_goes_against_the_least_burdened(burdened: str, yields: str) -> None:
+    pair = [through("a", 0.0, vendor="acme"), through("b", pi / 2, vendor="bolt")]
+    advice = advise_holds(near(pair), [("a", "b")], WINDOW, burdens_s={burdened: 60.0})
+    assert [one.robot for one in advice.holds] == [yields]
+
+
+def test_who_holds_changes_only_for_what_the_change_is_worth() -> None:
+    pair = [through("a", 0.0, before_m=5.3, vendor="bolt"), through("b", pi / 2)]
+    question = partial(advise_holds, near(pair), [("a", "b")], WINDOW, burdens_s={"bolt": 60.0})
+    fresh = question()
+    assert fresh.holds == (Hold(robot="a", hold_s=2.0),)
+    before = fresh.model_copy(update={"holds": (B_WAITS,)})
+    assert question(standing=before).holds == (Hold(robot="b", hold_s=2.5),)
+    assert question(standing=before, switch_s=0.25).holds == fresh.holds
+
+
+def test_where_each_pair_can_be_cleared_but_not_all_the_ring_is_named() -> None:
+    """Each two of a, b and c keep apart if one waits 2 s; three would need 4 s, and nobody may wait longer than 3 s.
+
+    d only meets a, which both waiting d and waiting a would clear.
+    """
+    window = replace(WINDOW, longest_hold_s=3.0)
+    ring = [through(name, row * 2 * pi / 3) for row, name in enumerate("abc")]
+    for two in combinations(ring, 2):
+        alone = advise_holds(near(list(two)), pairs_of(list(two)), window)
+        assert alone.holds, f"{two[0].robot} and {two[1].robot} alone"
+    other = Seen("d", robot([0, 10], [-4.0, -4.0], [-6.0, 4.0], pi / 2, (1.0, 0.6)))
+    movers = [*ring, other]
+    assert cheapest_s(movers, window) is None
+    met = [pair for pair in pairs_of(movers) if set(pair) <= set("abc") or pair == ("a", "d")]
+    advice = advise_holds(near(movers), met, window)
+    assert advice.holds == ()
+    assert advice.note == "no hold works for a, b and c: one of them needs another route"
+
+
+def test_four_ways_at_one_crossing() -> None:
+    movers = [through(name, row * pi / 4, before_m=5.0) for row, name in enumerate("abcd")]
+    advice = advise_holds(near(movers), pairs_of(movers), WINDOW)
+    assert advice.proven_optimal
+    assert met(movers, WINDOW, held_s(advice)) == {}
+    assert advice.first_come_cost_s is not None
+    assert advice.cost_s <= advice.first_come_cost_s

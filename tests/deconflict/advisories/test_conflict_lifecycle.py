@@ -1,0 +1,419 @@
+from dataclasses import dataclass, field
+from math import hypot
+from uuid import uuid5
+
+import pytest
+
+from deconflict.advisories.conflict_lifecycle import Lives
+from deconflict.advisories.conflict_wording import ADVISORIES, Pair, Party, Prediction, Scene
+from deconflict.advisories.watched_pairs import HELD_SHARE
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
+from deconflict.settings.site import Conflict
+from deconflict.sweep.geometry.encounter import Encounter
+from tests.helpers.made_predictions import each, in_columns
+
+PAIR: Pair = ("a", "b")
+SETTINGS = Conflict(
+    clearance_m=0.3,
+    confirm=(2, 3),
+    urgent_s=2.0,
+    evident_probability=1.0,
+    clear_after_s=3.0,
+    clear_margin_m=0.1,
+    warning_s=5.0,
+    critical_s=2.0,
+)
+ABSENT_AFTER_S = 60.0
+UNLIKELY = round(SETTINGS.raise_probability * HELD_SHARE / 2, 3)
+"""What an advisory tells of a conflict that is not likely enough to stand."""
+
+
+@dataclass
+class Story:
+    """Two robots, told pass by pass, a second apart."""
+
+    lives: Lives = field(default_factory=lambda: Lives(SETTINGS, ABSENT_AFTER_S))
+    now_s: float = 1000.0
+    apart_m: float | None = 5.0
+    floor: dict[str, Party] = field(
+        default_factory=lambda: {
+            "a": Party("Alder 1", "Alder", "path", standing=False),
+            "b": Party("Corvid 2", "Corvid", "path", standing=False),
+        }
+    )
+    x_m: float = 3.0
+
+    def scene(self) -> Scene:
+        def meet(*_: object) -> Encounter:
+            return Encounter(EncounterClass.CROSSING, 1.2, self.x_m, 4.0, 0)
+
+        return Scene(
+            here=self.floor.__contains__,
+            absence=lambda _: None,
+            party=self.floor.__getitem__,
+            stands=lambda uuid: uuid in self.floor and self.floor[uuid].standing,
+            meet=meet,
+            encounters=each(meet),
+            separation_m=lambda _, __: self.apart_m,
+            datum=lambda _: "datum-1",
+            places=lambda met: ["in Aisle 4 on Hall"] * len(met),
+        )
+
+    def quiet(self, told: bool = True) -> list[ConflictAdvisory]:
+        """A pass in which no conflict is predicted."""
+        return self._step([], told)
+
+    def predicted(
+        self,
+        in_s: float,
+        separation_m: float = 0.0,
+        start_m: float = 5.0,
+        fresh: bool = True,
+        probability: float = 1.0,
+        still: bool = False,
+    ) -> list[ConflictAdvisory]:
+        self.apart_m = start_m
+        one = Prediction(PAIR, self.now_s + 1 + in_s, separation_m, start_m, fresh, probability, still=still)
+        return self._step([one], fresh)
+
+    def _step(self, predictions: list[Prediction], told: bool) -> list[ConflictAdvisory]:
+        self.now_s += 1.0
+        return self.lives.step(self.now_s, in_columns(predictions), {"a"} if told else set(), self.scene())
+
+    def raised(self, in_s: float = 8.0) -> ConflictAdvisory:
+        self.predicted(in_s)
+        (advisory,) = self.predicted(in_s - 1)
+        assert advisory.state is AdvisoryState.RAISED
+        return advisory
+
+
+def test_what_is_no_longer_predicted_tells_how_likely_it_is_until_it_is_cleared() -> None:
+    story = Story()
+    raised = story.raised(12)
+    told = [story.quiet() for _ in range(2)]
+    assert [[(one.state, one.probability, one.severity) for one in each] for each in told] == [
+        [(AdvisoryState.UPDATED, UNLIKELY, raised.severity)],
+        [],
+    ]
+    (back,) = story.predicted(9, probability=0.9)
+    assert (back.state, back.probability) == (AdvisoryState.UPDATED, 0.9)
+
+
+def test_what_has_begun_tells_how_likely_it_is() -> None:
+    story = Story()
+    story.raised(3)
+    story.predicted(0)
+    told = [story.predicted(-1, start_m=0.35, probability=probability) for probability in (0.95, 0.3, 0.3, 0.1)]
+    assert [[(one.time_to_conflict_s, one.probability) for one in each] for each in told] == [
+        [],
+        [(0.0, 0.3)],
+        [],
+        [(0.0, 0.1)],
+    ]
+
+
+def test_two_that_draw_apart_without_news_may_come_together_again() -> None:
+    story = Story()
+    assert story.predicted(0, separation_m=0.2, start_m=0.2) == []
+    assert story.predicted(0, separation_m=0.2, start_m=0.5, fresh=False) == []
+    (advisory,) = story.predicted(1, separation_m=0.2, start_m=0.35)
+    assert advisory.state is AdvisoryState.RAISED
+
+
+def test_what_had_begun_and_is_to_come_again_is_told_without_news_too() -> None:
+    story = Story()
+    story.raised(3)
+    (begun,) = story.predicted(0)
+    assert begun.time_to_conflict_s == 0
+    assert story.predicted(0, fresh=False) == []
+    (later,) = story.predicted(3, fresh=False)
+    assert later.time_to_conflict_s == 3.0
+
+
+def cleared(story: Story) -> None:
+    """Neither robot says anything until the advisory is cleared."""
+    while not any(one.state is AdvisoryState.CLEARED for one in story.quiet(told=False)):
+        pass
+
+
+def test_looks_at_what_has_begun_count_when_it_is_over() -> None:
+    story = Story()
+    story.raised(3)
+    assert story.predicted(0)
+    assert story.predicted(0) == []
+    assert story.predicted(0) == []
+    cleared(story)
+    assert story.predicted(9) == []
+    assert story.predicted(8)
+
+
+def test_looks_at_what_is_not_to_be_told_again_yet_count_when_it_is_over() -> None:
+    story = Story()
+    story.raised(8)
+    story.now_s -= 0.5
+    assert story.predicted(7) == []
+    cleared(story)
+    assert story.predicted(9, probability=0.0) == []
+    assert story.predicted(8)
+
+
+def test_an_id_is_the_uuid_of_the_pair_and_the_moment() -> None:
+    for n in range(40):
+        story = Story(now_s=1_790_000_000.0 + n / 7)
+        advisory = story.raised()
+        assert advisory.id == str(uuid5(ADVISORIES, f"a b {round(story.now_s * 1e6)}"))
+
+
+def test_two_looks_of_three_raise() -> None:
+    story = Story()
+    assert story.predicted(9) == []
+    assert story.quiet() == []
+    (advisory,) = story.predicted(7)
+    assert advisory.state is AdvisoryState.RAISED
+    assert advisory.robots == PAIR
+    assert advisory.time_to_conflict_s == pytest.approx(7)
+    assert advisory.summary == "Alder 1 and Corvid 2 cross in 7 s, in Aisle 4 on Hall"
+
+
+def test_one_look_of_three_does_not() -> None:
+    story = Story()
+    assert [*story.predicted(9), *story.quiet(), *story.quiet(), *story.predicted(9)] == []
+
+
+def test_an_old_forecast_repeated_confirms_nothing() -> None:
+    story = Story()
+    assert story.predicted(9) == []
+    assert [story.predicted(8 - i, fresh=False) for i in range(5)] == [[]] * 5
+
+
+def test_an_evident_conflict_needs_no_confirmation() -> None:
+    settings = SETTINGS.model_copy(update={"evident_probability": 0.6})
+    assert Story(Lives(settings, ABSENT_AFTER_S)).predicted(9, probability=0.55) == []
+    (advisory,) = Story(Lives(settings, ABSENT_AFTER_S)).predicted(9, probability=0.65)
+    assert advisory.state is AdvisoryState.RAISED
+
+
+def test_an_urgent_conflict_needs_no_confirmation() -> None:
+    (advisory,) = Story().predicted(1.5)
+    assert advisory.severity is Severity.CRITICAL
+
+
+def test_a_pair_that_begins_close_and_draws_apart_does_not_alert() -> None:
+    story = Story()
+    for _ in range(5):
+        assert story.predicted(0, separation_m=0.2, start_m=0.2) == []
+
+
+def test_a_pair_that_begins_close_and_is_about_to_touch_does() -> None:
+    (advisory,) = Story().predicted(0, separation_m=0.0, start_m=0.25)
+    assert advisory.state is AdvisoryState.RAISED
+
+
+def test_hovering_at_the_clearance_is_one_encounter() -> None:
+    story = Story()
+    story.predicted(0, separation_m=0.2, start_m=0.2)
+    for start_m in (0.35, 0.25, 0.35, 0.38):
+        assert story.predicted(0.5, separation_m=0.2, start_m=start_m) == []
+
+
+def test_severity_rises_as_the_conflict_nears_and_is_said_at_once() -> None:
+    story = Story()
+    assert story.raised().severity is Severity.CAUTION
+    told = [one for in_s in (6, 5, 4, 3, 2, 1) for one in story.predicted(in_s)]
+    assert [one.severity for one in told] == [Severity.WARNING, Severity.CRITICAL]
+    assert [one.revision for one in told] == [2, 3]
+
+
+def test_a_pass_with_room_to_spare_is_one_level_lower() -> None:
+    story = Story()
+    story.predicted(8, separation_m=0.25)
+    (advisory,) = story.predicted(4, separation_m=0.25)
+    assert advisory.severity is Severity.CAUTION
+
+
+def test_an_unchanged_prediction_is_not_repeated() -> None:
+    story = Story()
+    story.raised(9)
+    assert story.predicted(7) == []
+    assert story.predicted(6.2) == []
+
+
+@pytest.mark.parametrize(("in_s", "x_m", "separation_m"), [(9.0, 3.0, 0.0), (6.0, 4.5, 0.0), (6.0, 3.0, 0.2)])
+def test_a_changed_prediction_is_an_update(in_s: float, x_m: float, separation_m: float) -> None:
+    story = Story()
+    first = story.raised()
+    story.x_m = x_m
+    (update,) = story.predicted(in_s, separation_m=separation_m)
+    assert update.state is AdvisoryState.UPDATED
+    assert (update.id, update.raised_at, update.revision) == (first.id, first.raised_at, 2)
+
+
+def test_it_clears_when_not_predicted_for_long_enough() -> None:
+    story = Story()
+    first = story.raised()
+    told = [story.quiet() for _ in range(3)]
+    assert [[one.state for one in each] for each in told[:2]] == [[AdvisoryState.UPDATED], []]
+    (cleared,) = told[2]
+    assert (cleared.id, cleared.state, cleared.cleared_because) == (
+        first.id,
+        AdvisoryState.CLEARED,
+        "no longer predicted",
+    )
+    assert cleared.cleared_at is not None
+    assert story.lives.told == {}
+
+
+def test_a_prediction_that_comes_back_keeps_the_advisory() -> None:
+    story = Story()
+    story.raised(12)
+    faded, *back = [*story.quiet(), *story.quiet(), *story.predicted(8.2, fresh=False)]
+    assert [(one.id, one.state, one.probability) for one in (faded, *back)] == [
+        (faded.id, AdvisoryState.UPDATED, UNLIKELY),
+        (faded.id, AdvisoryState.UPDATED, 1.0),
+    ]
+    assert len(story.lives.told) == 1
+
+
+def test_it_stays_until_they_have_drawn_apart() -> None:
+    story = Story()
+    story.raised()
+    story.predicted(0, start_m=0.1)
+    story.apart_m = 0.35
+    (faded,) = [one for _ in range(6) for one in story.quiet()]
+    assert (faded.state, faded.probability) == (AdvisoryState.UPDATED, UNLIKELY)
+    story.apart_m = 0.45
+    (cleared,) = story.quiet()
+    assert cleared.cleared_because == "they have passed each other"
+
+
+def test_what_becomes_unlikely_stands_for_a_while() -> None:
+    story = Story()
+    story.raised(12)
+    told = [story.predicted(10, probability=0.0) for _ in range(3)]
+    assert [[one.cleared_because for one in each] for each in told] == [[None], [], ["no longer predicted"]]
+    assert told[0][0].probability == UNLIKELY
+
+
+def test_a_pair_that_touches_as_it_begins_does_not_alert() -> None:
+    story = Story()
+    assert [story.predicted(0.5, start_m=0.05) for _ in range(4)] == [[]] * 4
+    assert story.predicted(0.5, start_m=0.2)
+
+
+def test_having_met_before_the_advisory_is_not_having_passed_each_other() -> None:
+    story = Story()
+    story.predicted(0, separation_m=0.2, start_m=0.2)
+    story.raised()
+    story.apart_m = 5.0
+    told = [one for _ in range(4) for one in story.quiet()]
+    assert [one.cleared_because for one in told] == [None, "no longer predicted"]
+
+
+def test_a_second_encounter_is_a_new_advisory_with_the_next_ordinal() -> None:
+    story = Story()
+    first = story.raised()
+    while story.lives.told:
+        story.quiet()
+    second = story.raised()
+    assert (first.encounter, second.encounter) == (1, 2)
+    assert first.id != second.id
+
+
+def test_two_that_met_and_both_stand_are_cleared_and_not_raised_again_when_they_part() -> None:
+    story = Story()
+    story.raised()
+    story.predicted(0, start_m=0.1)
+    for uuid, party in story.floor.items():
+        story.floor[uuid] = Party(party.name, party.vendor, "stationary", standing=True)
+    revisions = [story.predicted(0, separation_m=0.1, start_m=0.1, still=True) for _ in range(6)]
+    assert [[one.cleared_because for one in each] for each in revisions] == [[], [], [], ["both stand still"], [], []]
+    assert [one for _ in range(4) for one in story.predicted(0, separation_m=0.1, start_m=0.1)] == []
+
+
+def test_two_of_which_one_gives_way_are_cleared_and_say_so() -> None:
+    story = Story()
+    story.raised()
+    revisions = [one for _ in range(5) for one in story.predicted(0, separation_m=0.6, start_m=0.6, still=True)]
+    assert [one.cleared_because for one in revisions if one.cleared_because] == ["one gave way to the other"]
+
+
+def test_two_that_stand_raise_nothing_however_likely() -> None:
+    story = Story()
+    assert [one for _ in range(6) for one in story.predicted(1.5, still=True)] == []
+
+
+def test_a_pair_within_the_clearance_that_is_unlikely_to_touch_raises_nothing() -> None:
+    assert Story().predicted(0, separation_m=0.0, start_m=0.25, probability=0.05) == []
+
+
+def test_a_robot_that_left_the_floor_ends_the_advisory() -> None:
+    story = Story()
+    story.raised()
+    del story.floor["b"]
+    (cleared,) = story.quiet()
+    assert cleared.cleared_because == "Corvid 2 left the floor"
+
+
+def test_a_restored_advisory_waits_for_its_robots_and_keeps_its_id() -> None:
+    first = Story().raised()
+    later = Story(lives=Lives(SETTINGS, ABSENT_AFTER_S, {PAIR: 1}), now_s=1100.0)
+    later.lives.restore([first])
+    known, later.floor = later.floor, {}
+    assert [one for _ in range(50) for one in later.quiet()] == []
+    later.floor = known
+    (update,) = later.predicted(4)
+    assert (update.id, update.revision, update.encounter) == (first.id, 2, 1)
+
+
+def test_a_restored_advisory_whose_robots_never_return_is_cleared_in_time() -> None:
+    later = Story(lives=Lives(SETTINGS, ABSENT_AFTER_S), now_s=1100.0, floor={})
+    later.lives.restore([Story().raised()])
+    told = [one for _ in range(70) for one in later.quiet(told=False)]
+    assert [one.state for one in told] == [AdvisoryState.CLEARED]
+
+
+def test_pairs_no_longer_of_interest_are_forgotten() -> None:
+    story = Story()
+    story.predicted(9)
+    for _ in range(3):
+        story.quiet()
+    assert len(story.lives.tracks) == 0
+
+
+def test_the_same_story_gives_the_same_advisories() -> None:
+    def tell() -> list[ConflictAdvisory]:
+        story = Story()
+        return [one for in_s in (9, 8, 6, 3, 2, 1) for one in story.predicted(in_s)]
+
+    assert tell() == tell()
+    assert hypot(tell()[0].location.x, tell()[0].location.y) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    ("probability", "separation_m", "raises"),
+    [(0.3, 0.0, False), (0.6, 0.0, True), (0.6, 0.5, False), (0.9, 0.5, True)],
+)
+def test_it_is_raised_by_how_likely_it_is_and_more_is_asked_of_forecasts_that_miss(
+    probability: float, separation_m: float, raises: bool
+) -> None:
+    story = Story()
+    told = [one for in_s in (8, 7, 6) for one in story.predicted(in_s, separation_m, probability=probability)]
+    assert [one.state for one in told] == [AdvisoryState.RAISED] * raises
+
+
+def test_it_stands_until_it_has_become_unlikely() -> None:
+    story = Story()
+    story.raised()
+    held = SETTINGS.raise_probability * HELD_SHARE
+    assert all(
+        one.state is AdvisoryState.UPDATED for n in range(5) for one in story.predicted(6 - n / 2, probability=held)
+    )
+    told = [one for n in range(5) for one in story.predicted(4 - n / 2, probability=held - 0.01)]
+    assert [one.cleared_because for one in told] == ["no longer predicted"]
+
+
+def test_a_conflict_that_may_well_not_happen_is_one_level_lower() -> None:
+    story = Story()
+    story.predicted(5, probability=0.7)
+    (advisory,) = story.predicted(4, probability=0.7)
+    assert (advisory.severity, advisory.probability) == (Severity.CAUTION, 0.7)

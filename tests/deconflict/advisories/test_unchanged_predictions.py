@@ -1,0 +1,141 @@
+"""Predictions that say nothing new are left alone: what is told is the same as if each were weighed anew."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from deconflict.advisories.conflict_lifecycle import Lives
+from deconflict.advisories.conflict_wording import Pair, Party, Prediction, Predictions, Scene
+from deconflict.advisories.watched_pairs import Stirring, Tracks
+from deconflict.advisory import ConflictAdvisory, EncounterClass
+from deconflict.settings.site import Conflict
+from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter
+from tests.helpers.made_predictions import each, in_columns
+
+SETTINGS = Conflict(clearance_m=0.3, clear_after_s=1.0, clear_margin_m=0.1, warning_s=5.0, critical_s=2.0)
+PAIRS: tuple[Pair, ...] = tuple(("a", f"b{n}") for n in range(20))
+PASSES = 150
+
+
+NOWHERE = np.array((np.nan, np.nan, -1, -1), ENCOUNTER)
+
+
+class Every(Tracks):
+    """Leaves no advisory alone that stands: not for what was weighed or asked, nor for the time since it was told, nor
+    for how the two meet."""
+
+    def __init__(self, settings: Conflict) -> None:
+        super().__init__(settings)
+        self._bounds["gap_s"] = -np.inf
+
+    def stirring(self, predictions: Predictions, now_s: float, _: object) -> Stirring:
+        self._rows["until_s"] = -np.inf
+        return super().stirring(predictions, now_s, lambda pairs, _: np.full(len(pairs), NOWHERE))
+
+
+class Thorough(Lives):
+    """Weighs everything anew."""
+
+    def __post_init__(self) -> None:
+        self.tracks = Every(self.settings)
+
+
+@dataclass
+class Meeting:
+    """What two robots' newest forecasts say."""
+
+    contact_s: float
+    separation_m: float
+    x_m: float
+    probability: float
+    encounter_class: EncounterClass = EncounterClass.CROSSING
+    floor: int = 0
+
+
+@dataclass
+class Floor:
+    """Pairs that draw near while their probabilities shift; some of them with news at a pass."""
+
+    seed: int
+    now_s: float = 1_790_000_000.0
+    meetings: dict[Pair, Meeting] = field(default_factory=dict)
+    standing: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng(self.seed)
+
+    def scene(self) -> Scene:
+        def meet(pair: Pair, _: float) -> Encounter:
+            one = self.meetings[pair]
+            return Encounter(one.encounter_class, 1.2, one.x_m, 4.0, one.floor)
+
+        return Scene(
+            here=lambda _: True,
+            absence=lambda _: None,
+            party=lambda uuid: Party(uuid, "Alder", "path", standing=False),
+            stands=self.standing.__contains__,
+            meet=meet,
+            encounters=each(meet),
+            separation_m=lambda *_: 5.0,
+            datum=lambda met: f"datum-{met.floor}",
+            places=lambda met: ["in Aisle 4"] * len(met),
+        )
+
+    def tick(self) -> tuple[list[Prediction], set[str]]:
+        """What is predicted, and the robots that have something new to say."""
+        self.now_s += 0.1
+        shift = self.rng.normal(0, 0.2 if self.rng.random() < 0.1 else 0.01)
+        found, heard = [], set[str]()
+        before = self.standing
+        if self.rng.random() < 0.1:
+            self.standing = {uuid for pair in PAIRS for uuid in pair if self.rng.random() < 0.7}
+        for pair in PAIRS:
+            fresh = pair not in self.meetings or bool(self.rng.random() < 0.1)
+            fresh |= not (before ^ self.standing).isdisjoint(pair)
+            if fresh:
+                self.meetings[pair] = self._heard(self.meetings.get(pair))
+                heard.update(pair)
+            if self.now_s < self.meetings[pair].contact_s + 0.5 and self.rng.random() < 0.95:
+                found.append(self._prediction(pair, fresh, shift))
+        return found, heard
+
+    def _heard(self, before: Meeting | None) -> Meeting:
+        if before is None or before.contact_s < self.now_s - 2:
+            in_s, separation_m, x_m = (
+                self.rng.uniform(0, 10),
+                float(self.rng.choice([0.0, 0.1, 0.25])),
+                self.rng.uniform(0, 9),
+            )
+            return Meeting(self.now_s + in_s, separation_m, x_m, self._share())
+        moved_m, later_s = self.rng.normal(0, 0.8), float(self.rng.choice([0.0, self.rng.normal(0, 0.4)]))
+        probability = self._share() if self.rng.random() < 0.2 else before.probability
+        encounter_class, floor = before.encounter_class, before.floor
+        if self.rng.random() < 0.05:
+            encounter_class, floor = CLASSES[self.rng.integers(len(CLASSES))], int(self.rng.integers(2))
+        x_m, contact_s = before.x_m + moved_m, before.contact_s + later_s
+        return Meeting(contact_s, before.separation_m, x_m, probability, encounter_class, floor)
+
+    def _share(self) -> float:
+        return float(self.rng.choice([0.07, 0.3, 0.5, 0.7, 0.95]))
+
+    def _prediction(self, pair: Pair, fresh: bool, shift: float) -> Prediction:
+        one = self.meetings[pair]
+        if self.rng.random() < 0.01:
+            one.separation_m = float(self.rng.choice([0.0, 0.1, 0.25]))
+        start_m = 0.3 * max(one.contact_s - self.now_s, 0.0) + one.separation_m + float(self.rng.uniform(0, 0.15))
+        probability = float(np.clip(one.probability + shift, 0, 1))
+        return Prediction(pair, max(one.contact_s, self.now_s), one.separation_m, start_m, fresh, probability)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_left_alone_would_have_told_nothing(seed: int) -> None:
+    floor, lives, thorough = Floor(seed), Lives(SETTINGS, 60.0), Thorough(SETTINGS, 60.0)
+    told: list[ConflictAdvisory] = []
+    for _ in range(PASSES):
+        found, heard = floor.tick()
+        now = lives.step(floor.now_s, in_columns(found), heard, floor.scene())
+        assert now == thorough.step(floor.now_s, in_columns(found), heard, floor.scene())
+        told += now
+    assert len({one.state for one in told}) == 3
+    assert len(told) > 2 * len(PAIRS)

@@ -1,0 +1,112 @@
+"""What is not of one place, in a cluster with a real NATS server: told by one engine for all, whichever that is."""
+
+import asyncio
+import time
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+from websockets.asyncio.client import connect
+
+from deconflict.advice.async_answers import at_once
+from deconflict.advisory import AdvisoryState
+from deconflict.cluster.engine_member import Member
+from deconflict.cluster.ingest_feed import end_tasks
+from deconflict.cluster.judging.global_engine import Lookout
+from deconflict.cluster.judging.stream_writer import Teller
+from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.stream_records import Line, Seen
+from deconflict.cluster.tiles.channels import EVERY
+from ingest.measures.measures import joined_values
+from ingest.port.connection import Connection
+from tests.deconflict.cluster.judging.test_global_judge import fleet
+from tests.deconflict.cluster.made_cluster import Broker, buses, cluster, ingest, needs_server, running, table
+from tests.deconflict.cluster.test_cluster import lives, until
+from tests.deconflict.contention.scenes import Script
+from tests.deconflict.roles.test_contention_in_service import SITE, scripts
+from tests.helpers.saying import identity
+
+pytestmark = needs_server
+
+
+async def drive(urls: list[str], robots: dict[str, Script]) -> None:
+    """Everybody reports twice a second until cancelled, each to one of the ingests; more may come."""
+    start_s, known = time.time(), set[str]()
+    async with AsyncExitStack() as stack:
+        sockets = [await stack.enter_async_context(connect(url)) for url in urls]
+        while True:
+            for number, (name, one) in enumerate(robots.items()):
+                socket = sockets[number % len(sockets)]
+                if name not in known:
+                    await socket.send(identity(name, start_s, manufacturerName=one.vendor))
+                    known.add(name)
+                await socket.send(one.says(name, time.time() - start_s, start_s))
+            await asyncio.sleep(0.5)
+
+
+def by_kind(listed: dict[str, Any]) -> dict[str, Any]:
+    return {one["kind"]: one for one in listed["advisories"] if one["kind"] != "conflict"}
+
+
+async def test_a_queue_is_told_once_and_goes_on_under_its_id_where_the_engine_that_watched_dies(tmp_path: Path) -> None:
+    async with cluster(tmp_path, SITE) as (machines, operator), AsyncExitStack() as stack:
+        base, robots = f"http://127.0.0.1:{operator.port}", scripts()
+        urls = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]
+        members = [Member(machines.site(), machines.settings, tmp_path) for _ in range(2)]
+        tasks = {one.name: await stack.enter_async_context(running(one)) for one in members}
+        driving = asyncio.create_task(drive(urls, robots))
+        found = by_kind(await until(base, "/advisories", lambda listed: by_kind(listed).keys() >= {"contention"}))
+        assert (found["contention"]["resource"], found["contention"]["queue_length"]) == ("c1", 2)
+        document = await table(machines.settings)
+        tasks[document["watch"]].cancel()
+        robots["F"] = Script([(0, 30, 60)], [(80, 0, 40)], state=lambda _: "waitingExternalEvent")
+        await until(base, "/advisories", lambda listed: by_kind(listed)["contention"]["queue_length"] == 3)
+        driving.cancel()
+        (told,) = [life for life in await lives(base) if life[0].kind == "contention"]
+        assert told[0].id == found["contention"]["id"]
+        assert [one.revision for one in told] == list(range(1, len(told) + 1))
+        assert (await table(machines.settings))["watch"] in tasks.keys() - {document["watch"]}
+
+
+async def feed(bus: Bus, robots: dict[str, Script]) -> None:
+    """As an ingest whose robots report twice a second, until cancelled; more may come."""
+    start_s, one, line = time.time(), fleet(), Connection(1)
+    while True:
+        now_s = time.time()
+        for name, script in robots.items():
+            one.receive(identity(name, start_s, manufacturerName=script.vendor), now_s, line)
+            one.receive(script.says(name, now_s - start_s, start_s), now_s, line)
+        await bus.send_rows(EVERY, one.cut(now_s).to_bytes())
+        await asyncio.sleep(0.5)
+
+
+def counted(lookout: Lookout, state: AdvisoryState) -> float:
+    """Revisions of queues so far."""
+    return joined_values(lookout.measured).get("deconflict_advisories_total", {}).get(("contention", state.value), 0)
+
+
+async def bounded(bus: Bus, bytes_a_message: int) -> None:
+    """Let the stream of what is told take messages of no more than that; -1 of any size."""
+    kept = (await bus._js.stream_info(f"{bus.name}-told")).config
+    await bus._js.update_stream(kept, max_msg_size=bytes_a_message)
+
+
+async def test_a_lookout_goes_on_looking_while_nothing_can_be_told_and_tells_it_all_later(tmp_path: Path) -> None:
+    async with buses(Broker(tmp_path), 1) as (bus,), asyncio.timeout(300):
+        told: list[Line] = []
+        await bus.hear_told(told.append, after=Seen(0, "", 0))
+        await bounded(bus, 1)
+        lookout, robots = Lookout(SITE, bus, Teller(bus), at_once), scripts()
+        chores = (lookout.run(lambda: True), lookout.outbox.run(), feed(bus, robots))
+        tasks = [asyncio.create_task(one) for one in chores]
+        while not counted(lookout, AdvisoryState.RAISED):
+            await asyncio.sleep(0.05)
+        robots["F"] = Script([(0, 30, 60)], [(80, 0, 40)], state=lambda _: "waitingExternalEvent")
+        while not counted(lookout, AdvisoryState.UPDATED):
+            await asyncio.sleep(0.05)
+        assert not told
+        await bounded(bus, -1)
+        while len(life := [one for one in told if one.advisory and one.advisory.kind == "contention"]) < 2:
+            await asyncio.sleep(0.05)
+        await end_tasks(*tasks)
+    assert [one.advisory and one.advisory.revision for one in life] == list(range(1, len(life) + 1))

@@ -1,0 +1,156 @@
+"""What is not of one place: one engine for all floors tells what the engine of one machine tells."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from deconflict.advisories.finding_lifecycle import Told
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
+from deconflict.cluster.judging.global_judge import Commons
+from deconflict.engine.engine import Engine
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import Site
+from ingest.batch import Batch
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.ownership_claims import HELD_S
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from tests.deconflict.contention.scenes import NOW_S, Script
+from tests.deconflict.roles.test_contention_in_service import SITE, scripts
+from tests.helpers.saying import identity, robot, status
+
+TICKS = 4
+"""A second."""
+
+
+def fleet(site: Site = SITE) -> Fleet:
+    return fleet_of(site, Measures())
+
+
+@dataclass
+class Floor:
+    """The robots of a script at one ingest, and shared by two."""
+
+    robots: dict[str, Script]
+    whole: Fleet = field(default_factory=fleet)
+    parts: tuple[Fleet, Fleet] = field(default_factory=lambda: (fleet(), fleet()))
+
+    def tick(self, tick: int) -> tuple[Batch, list[Batch]]:
+        """What the one tells of this tick, and each of the two."""
+        t, line = tick / TICKS, Connection(1)
+        for number, (name, one) in enumerate(self.robots.items()):
+            for told in (self.whole, self.parts[number % 2]):
+                if tick == 0:
+                    told.receive(identity(name, NOW_S, manufacturerName=one.vendor), NOW_S, line)
+                if tick % TICKS == 0:
+                    told.receive(one.says(name, t), NOW_S + t, line)
+        return self.whole.cut(NOW_S + t), [one.cut(NOW_S + t) for one in self.parts]
+
+
+def others(told: list[AnyAdvisory]) -> list[Told]:
+    return [one for one in told if not isinstance(one, ConflictAdvisory)]
+
+
+def test_it_tells_what_the_engine_of_one_machine_tells_whichever_ingest_hears_a_robot() -> None:
+    floor, engine, commons = Floor(scripts()), Engine(SITE), Commons(SITE)
+    counted: Counter[tuple[str, str]] = Counter()
+    for tick in range(TICKS * 70):
+        whole, shared = floor.tick(tick)
+        engine.receive(whole)
+        commons.receive([Batch.from_bytes(one.to_bytes()) for one in shared])
+        told = others(engine.step(NOW_S + tick / TICKS))
+        assert commons.step(NOW_S + tick / TICKS) == told
+        counted.update((one.kind, one.state.value) for one in told)
+    assert {("deadlock", "raised"), ("contention", "raised"), ("deadlock", "cleared")} <= counted.keys()
+    assert commons.measures.values["deconflict_advisories_total"] == counted
+
+
+def test_who_takes_over_goes_on_with_what_is_open_and_is_told_of_what_others_decided() -> None:
+    floor, first, second = Floor(scripts()), Commons(SITE), Commons(SITE)
+    told: list[Told] = []
+    for tick in range(TICKS * 70):
+        now_s = NOW_S + tick / TICKS
+        _, shared = floor.tick(tick)
+        if tick == TICKS * 8:
+            assert {one.kind for one in first.open()} == {"deadlock", "contention"}
+            second = Commons(SITE, first.open())
+            second.receive([one.whole(now_s) for one in floor.parts])
+        commons = first if tick < TICKS * 8 else second
+        commons.receive(shared)
+        fresh = commons.step(now_s)
+        for one in fresh:
+            commons.hear(one)
+        told += fresh
+    lives: dict[str, list[Told]] = {}
+    for one in told:
+        lives.setdefault(one.id, []).append(one)
+    assert Counter(life[0].kind for life in lives.values()) == {"deadlock": 1, "contention": 1}
+    for life in lives.values():
+        assert [one.revision for one in life] == list(range(1, len(life) + 1))
+
+
+def test_what_another_told_in_its_place_stands() -> None:
+    floor, one, other = Floor(scripts()), Commons(SITE), Commons(SITE)
+    mine: list[Told] = []
+    theirs: list[Told] = []
+    for tick in range(TICKS * 6):
+        _, shared = floor.tick(tick)
+        one.receive(shared)
+        mine += one.step(NOW_S + tick / TICKS)
+        if tick > TICKS:
+            other.receive(shared)
+            theirs += other.step(NOW_S + tick / TICKS)
+    assert {each.kind for each in mine} == {each.kind for each in theirs}
+    assert not {each.id for each in mine} & {each.id for each in theirs}
+    for each in theirs:
+        one.hear(each, overruled=True)
+    assert {each.id for each in one.open()} == {each.id for each in other.open()}
+
+
+def claimed(at: dict[int, list[bytes]], seconds: float) -> list[ClaimAdvisory]:
+    """What two ingests come to where every second each hears what it is given, as of its start."""
+    commons, fleets, told = Commons(SITE), (fleet(), fleet()), []
+    for tick in range(round(TICKS * seconds)):
+        now_s = NOW_S + tick / TICKS
+        for number, said in at.items():
+            for raw in said if tick % TICKS == number else ():
+                fleets[number].receive(raw, now_s, Connection(1))
+        commons.receive([one.cut(now_s) for one in fleets])
+        told += commons.step(now_s)
+    return [one for one in told if isinstance(one, ClaimAdvisory)]
+
+
+def test_a_robot_that_two_vendors_report_at_ingests_of_their_own_is_told_of() -> None:
+    said = {
+        number: [identity("A", NOW_S, manufacturerName=vendor), status("A", NOW_S, 3.0, number)]
+        for number, vendor in enumerate(("Alder", "Mallory"))
+    }
+    (raised,) = claimed(said, 8)
+    assert (raised.kind, raised.owner, raised.claimant) == ("foreign_claim", "Alder", "Mallory")
+    assert raised.robots == (robot("A"),)
+    assert raised.location
+    assert (raised.location.x, raised.location.y) == (3.0, 0.0)
+
+
+def test_a_robot_that_has_come_to_an_ingest_that_does_not_know_it_yet_is_nobodys_claim() -> None:
+    said = {0: [identity("A", NOW_S), status("A", NOW_S, 3.0)], 1: [status("A", NOW_S, 3.0)]}
+    assert claimed(said, 8) == []
+
+
+def test_a_robot_that_is_in_two_places_by_two_ingests_is_told_of() -> None:
+    said = {number: [identity("A", NOW_S), status("A", NOW_S, 60.0 * number)] for number in range(2)}
+    (raised,) = claimed(said, 8)
+    assert (raised.kind, raised.owner) == ("two_places", "Alder")
+
+
+def test_a_claim_that_one_ingest_tells_stands_as_long_as_there() -> None:
+    ingest, commons, told = fleet(), Commons(SITE), []
+    owner, other = Connection(1, vendor="Alder"), Connection(2, vendor="Mallory")
+    ingest.receive(identity("A", NOW_S), NOW_S, owner)
+    ingest.receive(status("A", NOW_S), NOW_S, owner)
+    assert ingest.receive(status("A", NOW_S + 1), NOW_S + 1, other) == "uuid-of-another-vendor"
+    for tick in range(TICKS * round(HELD_S + 10)):
+        now_s = NOW_S + 1 + tick / TICKS
+        commons.receive([ingest.cut(now_s)])
+        told += commons.step(now_s)
+    assert [one.state for one in told] == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
+    assert 0 <= told[1].updated_at.timestamp() - NOW_S - 1 - HELD_S <= 8

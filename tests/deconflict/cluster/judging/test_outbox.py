@@ -1,0 +1,36 @@
+"""Revisions that wait to be told, with a real NATS server."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from deconflict.cluster.ingest_feed import end_tasks
+from deconflict.cluster.judging import outbox
+from deconflict.cluster.judging.outbox import Outbox, UntoldError
+from deconflict.cluster.judging.stream_writer import Teller
+from tests.deconflict.cluster.made_cluster import Broker, buses, needs_server
+from tests.deconflict.cluster.nats.test_bus import HOME
+from tests.helpers.made_advisories import made
+from tests.helpers.patience import PATIENCE_S
+
+pytestmark = needs_server
+PAIR = ("0c5b4a7e-0000-4000-8000-00000000000a", "0c5b4a7e-0000-4000-8000-00000000000b")
+
+
+async def test_what_waits_is_bounded_and_what_was_told_waits_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(outbox, "MOST_WAITING", 10)
+    async with buses(Broker(tmp_path), 1) as (bus,):
+        one = Outbox(Teller(bus))
+        telling = asyncio.create_task(one.run())
+        for revision in range(1, 25):
+            told = asyncio.Event()
+            one.put([(HOME, made(1, revision))], told.set)
+            async with asyncio.timeout(PATIENCE_S):
+                await told.wait()
+        await end_tasks(telling)
+        one.put((HOME, made(2, revision, robots=PAIR)) for revision in range(1, 10))
+        with pytest.raises(UntoldError, match="wait for a NATS server that takes none"):
+            one.put([])

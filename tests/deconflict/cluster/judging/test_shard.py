@@ -1,0 +1,177 @@
+"""Shards tell what one engine would tell, whatever the tiling."""
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from deconflict.advisories.advisory_counts import NEAR_MISSES
+from deconflict.advisory import AdvisoryState, ConflictAdvisory
+from deconflict.cluster.tiles.tiles import Grid, Tile
+from deconflict.foresight.forecast_errors.ledger import Ledger
+from deconflict.foresight.probability.calibration import Calibration
+from metrics.monitoring.exposition import combine
+from tests.deconflict.cluster.made_shards import NOW_S, REACH_M, TICKS, Course, Ingests, Shards, Single, crossing
+from tests.helpers.saying import HALL, LOFT
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _untaught() -> Iterable[None]:
+    """Each engine learns from the robots that it sees; without learning the figures are the same everywhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Ledger, "record", lambda *_: None)
+        patch.setattr(Calibration, "learn", lambda *_: None)
+        yield
+
+
+def by_id(advisories: Iterable[ConflictAdvisory]) -> dict[str, list[ConflictAdvisory]]:
+    told = defaultdict(list)
+    for one in advisories:
+        told[one.id].append(one)
+    return dict(told)
+
+
+def compared(courses: dict[str, Course], datums: dict[str, str], shards: Shards, seconds: int) -> Counter[str]:
+    """Runs both; how often each thing happened, once they are seen to be equal."""
+    ingests, single = Ingests(courses, datums), Single()
+    whole: list[ConflictAdvisory] = []
+    parts: list[ConflictAdvisory] = []
+    for tick in range(TICKS * seconds):
+        batches = ingests.batches(tick)
+        whole += single.step(tick, batches)
+        parts += [one.advisory for one in shards.step(tick, batches)]
+        assert sorted(parts, key=lambda one: (one.updated_at, one.robots, one.revision)) == sorted(
+            whole, key=lambda one: (one.updated_at, one.robots, one.revision)
+        )
+    near = single.engine.measures.values[NEAR_MISSES]
+    assert joined_sum(shards, NEAR_MISSES) == near
+    return Counter(one.state.value for one in whole) | Counter({NEAR_MISSES: int(near[()])})
+
+
+def joined_sum(shards: Shards, name: str) -> dict[tuple[str, ...], float]:
+    """What all shards measure together."""
+    return combine([one for shard in shards.shards for one in shard.measured()]).values[name]
+
+
+def strips(grid: Grid, count: int, half_m: float) -> Callable[[Tile], int]:
+    """Owners side by side from west to east."""
+
+    def owner(tile: Tile) -> int:
+        west_m, _, side_m = grid.square(tile)
+        return min(max(int((west_m + side_m / 2 + half_m) / (2 * half_m) * count), 0), count - 1)
+
+    return owner
+
+
+@settings(max_examples=6, derandomize=True, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@given(
+    seed=st.integers(0, 10_000),
+    side_m=st.sampled_from([6.0, 12.5, 25.0, 40.0]),
+    count=st.integers(2, 4),
+    halvings=st.integers(0, 2),
+    mixed=st.booleans(),
+)
+def test_shards_tell_what_one_engine_tells_whatever_the_tiling(
+    seed: int, side_m: float, count: int, halvings: int, mixed: bool
+) -> None:
+    rng, grid = np.random.default_rng(seed), Grid(side_m)
+    courses = {"X": crossing_at(0.0, 9.0, 0.0), "Y": crossing_at(0.0, 0.0, 9.0)}
+    courses |= {f"R-{number}": crossing(rng, (90.0, 12.0)) for number in range(22)}
+    datums = {name: str(rng.choice([HALL, LOFT], p=[0.8, 0.2])) for name in courses if "R" in name}
+    split = {Tile(HALL, column, row) for column in range(-20, 20) for row in range(-4, 4) if rng.random() < 0.3}
+    if halvings > 1:
+        split |= {tile.quarters()[1] for tile in split}
+    shards = Shards(grid, count, split if halvings else ())
+    shards.cover((HALL, LOFT), 100.0, (lambda _: int(rng.integers(count))) if mixed else strips(grid, count, 90.0))
+    told = compared(courses, datums, shards, 16)
+    assert told.pop(NEAR_MISSES) > 0
+    counted = joined_sum(shards, "deconflict_advisories_total")
+    assert counted == {("conflict", state): float(count) for state, count in told.items()}
+    assert told[AdvisoryState.RAISED.value] > 0
+    assert mixed or shards.heard < 0.9 * count * shards.rows
+
+
+def behind(t: float) -> tuple[float, float, float]:
+    """Comes up to the robot in front of it, stays close for half a minute, and falls back."""
+    return -21.0 + 1.6 * t + 0.1 * min(t, 20.0) - 0.3 * max(t - 50.0, 0.0), 0.0, 0.0
+
+
+def halves(shards: Shards) -> Shards:
+    """The west of the hall is the first shard's."""
+    shards.cover((HALL, LOFT), 200.0, lambda tile: int(tile.column >= 0))
+    return shards
+
+
+def test_two_in_a_row_stay_with_the_owner_who_raised_them_however_far_they_go() -> None:
+    """A pair that leaves its owner's reach with its advisory open, into a shard that never saw it begin."""
+    courses: dict[str, Course] = {"A": behind, "B": lambda t: (-18.8 + 1.6 * t, 0.0, 0.0)}
+    shards = halves(Shards(Grid(20.0), 2))
+    compared(courses, {}, shards, 65)
+    raised, *_, cleared = shards.told
+    assert raised.home == cleared.home
+    assert raised.home.x_m < 0
+    cleared_s = cleared.advisory.updated_at.timestamp() - NOW_S
+    assert behind(cleared_s)[0] > 20.0 + REACH_M
+
+
+def test_a_robot_that_appears_elsewhere_leaves_no_shadow_behind() -> None:
+    courses: dict[str, Course] = {
+        "A": lambda t: (-60.0 + t, 0.0, 0.0),
+        "B": lambda t: (-33.0 - t, 0.0, pi),
+        "C": lambda t: (20.0 + t, 8.0, 0.0),
+    }
+    ingests, single, shards = Ingests(courses), Single(), halves(Shards(Grid(20.0), 2))
+    whole: list[ConflictAdvisory] = []
+    for tick in range(TICKS * 40):
+        if tick == TICKS * 8:
+            courses["A"] = lambda t: (60.0 - t, 8.0, pi)
+        batches = ingests.batches(tick)
+        whole += single.step(tick, batches)
+        shards.step(tick, batches)
+    lives = [
+        [(one.robots, one.state) for one in told if one.state is not AdvisoryState.UPDATED]
+        for told in (whole, [one.advisory for one in shards.told])
+    ]
+    assert lives[0] == lives[1]
+    assert len(lives[0]) == 4
+
+
+def test_a_robot_quicker_than_the_site_says_is_heard_by_its_whole_floor() -> None:
+    courses: dict[str, Course] = {
+        "A": lambda t: (-110.0 + 5.0 * t, 0.0, 0.0),
+        "B": lambda t: (6.0, -6.0 + 0.3 * t, 1.57),
+    }
+    assert compared(courses, {}, halves(Shards(Grid(20.0), 2)), 30)[AdvisoryState.RAISED.value] == 1
+
+
+@pytest.mark.parametrize("told_in_time", [True, False])
+def test_a_shard_that_takes_tiles_over_goes_on_with_their_advisories(told_in_time: bool) -> None:
+    """The west's owner dies, once as all that it decided is told, once before its last revisions are."""
+    courses = {"A": crossing_at(-12.0, 14.0, 0.0), "B": crossing_at(-12.0, 0.0, 14.0)}
+    ingests, single, shards = Ingests(courses), Single(), halves(Shards(Grid(20.0), 2))
+    whole: list[ConflictAdvisory] = []
+    parts: list[ConflictAdvisory] = []
+    for tick in range(TICKS * 25):
+        batches = ingests.batches(tick)
+        whole += single.step(tick, batches)
+        if tick == TICKS * 8:
+            assert {one.state for one in parts} <= {AdvisoryState.RAISED, AdvisoryState.UPDATED}
+            shards.owners = dict.fromkeys(shards.owners, 1)
+            shards.allot()
+            shards.shards[0].own(())
+        parts += [one.advisory for one in shards.step(tick, batches, lost=not told_in_time and tick < TICKS * 8)]
+    assert [one.id for one in parts] == [whole[0].id] * len(parts)
+    assert [one.revision for one in parts] == list(range(1, len(parts) + 1))
+    assert parts[-1].state is AdvisoryState.CLEARED
+    assert not told_in_time or parts == whole
+
+
+def crossing_at(x_m: float, west_m: float, south_m: float) -> Course:
+    """Comes to (x_m, 0) from the west or from the south."""
+    if south_m:
+        return lambda t: (x_m, t - south_m, pi / 2)
+    return lambda t: (x_m + t - west_m, 0.0, 0.0)

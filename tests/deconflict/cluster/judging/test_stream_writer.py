@@ -1,0 +1,79 @@
+"""What is told where the durable stream has lost what it had, with a real NATS server."""
+
+import asyncio
+from pathlib import Path
+
+from deconflict.cluster.ingest_feed import end_tasks
+from deconflict.cluster.judging.stream_writer import Teller
+from deconflict.cluster.nats.stream_records import key_of
+from tests.deconflict.cluster.made_cluster import Broker, buses, needs_server
+from tests.deconflict.cluster.nats.test_bus import HOME
+from tests.helpers.made_advisories import cleared, made
+
+pytestmark = needs_server
+KEPT_S = 2.0
+OTHERS = ("0c5b4a7e-0000-4000-8000-00000000000a", "0c5b4a7e-0000-4000-8000-00000000000b")
+
+
+async def test_a_pair_that_meets_again_after_its_last_advisory_is_no_longer_kept_is_told_of(tmp_path: Path) -> None:
+    async with buses(Broker(tmp_path), 1, KEPT_S / 86400) as (bus,), asyncio.timeout(300):
+        teller = Teller(bus)
+        assert await teller.tell(HOME, made(1)) is None
+        assert await teller.tell(HOME, cleared(1, revision=2)) is None
+        while await bus.last_told(key_of(made(1))):
+            await asyncio.sleep(0.1)
+        assert await teller.tell(HOME, made(2)) is None
+        stands = await bus.last_told(key_of(made(2)))
+    assert stands
+    assert stands.advisory == made(2)
+
+
+async def test_what_a_server_that_lost_its_store_has_not_is_told_anew(tmp_path: Path) -> None:
+    broker = Broker(tmp_path / "nats")
+    async with buses(broker, 1) as (bus,), asyncio.timeout(300):
+        teller = Teller(bus)
+        assert await teller.tell(HOME, made(1)) is None
+        broker.empty()
+        assert await teller.tell(HOME, made(1, revision=2)) is None
+        stands = await bus.last_told(key_of(made(1)))
+    assert stands
+    assert (stands.seq, stands.advisory) == (1, made(1, revision=2))
+
+
+async def test_what_is_open_is_told_again_to_a_server_that_lost_its_store_by_whoever_knows_it(tmp_path: Path) -> None:
+    broker = Broker(tmp_path / "nats")
+    async with buses(broker, 2) as both, asyncio.timeout(300):
+        tellers = [Teller(bus) for bus in both]
+        for bus, teller in zip(both, tellers, strict=True):
+            await bus.hear_told(teller.know)
+        async with asyncio.TaskGroup() as keeping:
+            kept = [keeping.create_task(one.keep()) for one in tellers]
+            assert await tellers[0].tell(HOME, made(1)) is None
+            assert await tellers[0].tell(HOME, made(1, revision=2)) is None
+            assert await tellers[0].tell(HOME, made(2, robots=OTHERS)) is None
+            assert await tellers[0].tell(HOME, cleared(2, robots=OTHERS)) is None
+            while tellers[1].open() != [made(1, revision=2)]:
+                await asyncio.sleep(0.05)
+            broker.empty()
+            while not all(bus.streams for bus in both) or not await both[1].last_told(key_of(made(1))):
+                await asyncio.sleep(0.05)
+            assert await tellers[0].tell(HOME, cleared(1, revision=3)) is None
+            await end_tasks(*kept)
+        told = [await both[0].last_told(key_of(one)) for one in (made(1), made(2, robots=OTHERS))]
+    assert [one and (one.seq, one.advisory) for one in told] == [(2, cleared(1, revision=3)), None]
+
+
+async def test_what_is_open_for_longer_than_is_kept_is_told_once_more_before_it_is_forgotten(tmp_path: Path) -> None:
+    async with buses(Broker(tmp_path), 1, KEPT_S / 86400) as (bus,), asyncio.timeout(300):
+        teller = Teller(bus)
+        keeping = asyncio.create_task(teller.keep())
+        assert await teller.tell(HOME, made(1)) is None
+        assert await teller.tell(HOME, made(2, robots=OTHERS)) is None
+        assert await teller.tell(HOME, cleared(2, robots=OTHERS)) is None
+        while await bus.last_told(key_of(made(2, robots=OTHERS))):
+            await asyncio.sleep(0.05)
+        stands = await bus.last_told(key_of(made(1)))
+        assert await teller.tell(HOME, made(1, revision=2)) is None
+        await end_tasks(keeping)
+    assert stands
+    assert (stands.seq > 3, stands.advisory) == (True, made(1))

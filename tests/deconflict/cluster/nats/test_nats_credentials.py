@@ -1,0 +1,93 @@
+"""A NATS server that asks who is there."""
+
+import asyncio
+import logging
+from pathlib import Path
+
+import pytest
+import trustme
+
+from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.nats_credentials import credentials
+from deconflict.settings.cluster_settings import Cluster
+from deconflict.settings.site import SiteError, from_told
+from ingest.security.certificates import CertificateError
+from ingest.security.tokens import SecretError
+from tests.deconflict.cluster.made_cluster import Broker, needs_server
+
+SECRET, OTHER = "correct-horse-battery", "another-horse-battery"
+
+
+async def reaches(broker: Broker, **told: str) -> bool:
+    """Whether a bus opens, and reads the table."""
+    bus = Bus(Cluster(nats=(broker.address,), **told), 1.0)
+    async with asyncio.timeout(300):
+        await bus.open()
+        table = await bus.table()
+    await bus.close()
+    return table == (0, None)
+
+
+@needs_server
+async def test_a_server_that_asks_for_a_token_is_given_it_and_no_other_gets_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    broker = Broker(tmp_path / "nats", "--auth", SECRET)
+    try:
+        monkeypatch.setenv("NATS_TOKEN", SECRET)
+        assert await reaches(broker, token="env:NATS_TOKEN")
+        (tmp_path / "token").write_text(OTHER)
+        opening = asyncio.create_task(reaches(broker, token=f"file:{tmp_path / 'token'}"))
+        with caplog.at_level(logging.WARNING):
+            async with asyncio.timeout(300):
+                while "uthorization" not in caplog.text:
+                    await asyncio.sleep(0.05)
+        assert not opening.done()
+        (tmp_path / "token").write_text(SECRET)
+        assert await opening, "a secret that was put right takes no restart"
+        assert SECRET not in caplog.text
+    finally:
+        broker.kill()
+
+
+@needs_server
+async def test_a_server_that_asks_for_a_user_and_shows_a_certificate_is_signed_in_to(tmp_path: Path) -> None:
+    authority = trustme.CA()
+    server, client = authority.issue_cert("127.0.0.1"), authority.issue_cert("engine")
+    files = {name: str(tmp_path / name) for name in ("ca", "server", "key", "client", "password")}
+    authority.cert_pem.write_to_path(files["ca"])
+    server.cert_chain_pems[0].write_to_path(files["server"])
+    server.private_key_pem.write_to_path(files["key"])
+    client.private_key_and_cert_chain_pem.write_to_path(files["client"])
+    Path(files["password"]).write_text(SECRET)
+    tls = ["--tlsverify", "--tlscacert", files["ca"], "--tlscert", files["server"], "--tlskey", files["key"]]
+    broker = Broker(tmp_path / "nats", "--user", "ada", "--pass", SECRET, *tls)
+    try:
+        known = {"user": "ada", "password": f"file:{files['password']}"}
+        assert await reaches(broker, **known, ca=files["ca"], certificate=files["client"])
+    finally:
+        broker.kill()
+
+
+def test_what_is_missing_is_said_before_anything_starts(tmp_path: Path) -> None:
+    here = {"nats": ("nats://127.0.0.1",)}
+    with pytest.raises(SecretError, match="NO_SUCH_TOKEN"):
+        credentials(Cluster(**here, token="env:NO_SUCH_TOKEN"))
+    with pytest.raises(CertificateError, match="no-such"):
+        credentials(Cluster(**here, ca=str(tmp_path / "no-such.pem")))
+    assert credentials(Cluster(**here)) == {}
+
+
+@pytest.mark.parametrize(
+    ("told", "says"),
+    [
+        ({"token": "env:A", "user": "ada", "password": "env:B"}, "one or the other"),
+        ({"user": "ada"}, "cluster.password"),
+        ({"password": "env:B"}, "cluster.user"),
+        ({"certificate": "engine.pem"}, "over TLS alone"),
+        ({"token": "hunter2"}, "not the secret itself"),
+    ],
+)
+def test_credentials_that_cannot_be_name_the_key(told: dict[str, str], says: str) -> None:
+    with pytest.raises(SiteError, match=says):
+        from_told({"cluster": {"nats": ["nats://a"], **told}})

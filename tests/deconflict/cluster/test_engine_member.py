@@ -1,0 +1,103 @@
+"""An engine of a cluster over its own end and over a changed site file, with a real NATS server."""
+
+import asyncio
+import time
+from contextlib import AsyncExitStack
+from math import sin
+from pathlib import Path
+from typing import Any
+
+from deconflict.cluster.engine_member import Member
+from deconflict.cluster.ingest_feed import connected, end_tasks
+from deconflict.cluster.nats.bus import Bus
+from deconflict.settings.cluster_settings import Cluster
+from deconflict.settings.hot_reload import SITE_FILE, write
+from deconflict.settings.site import Site
+from ingest.measures.measures import joined_values
+from tests.deconflict.cluster.made_cluster import (
+    REFUSALS,
+    Broker,
+    Faltering,
+    Machines,
+    cluster,
+    ingest,
+    needs_server,
+    running,
+)
+from tests.deconflict.cluster.test_cluster import until
+from tests.deconflict.roles.test_service import Course, drive
+
+pytestmark = needs_server
+
+
+TO_AND_FRO: dict[str, Course] = {
+    "A": lambda t: (6.0 * sin(t / 6.0), 0.0, 0.0),
+    "B": lambda t: (-6.0 * sin(t / 6.0), 2.0, 0.0),
+}
+"""Two that pass each other every nineteen seconds, 1.5 m apart."""
+
+
+async def measured(machines: Machines, member: Member, name: str) -> dict[tuple[str, ...], float]:
+    """What a member says of a measure, once it does."""
+    bus = Bus(machines.settings, 1.0)
+    await bus.open()
+    async with asyncio.timeout(300):
+        while True:
+            said: dict[str, Any] = bus.members().get(member.name, {})
+            if told := joined_values(said.get("measures", ())).get(name):
+                await bus.close()
+                return told
+            await asyncio.sleep(0.2)
+
+
+async def test_a_new_engine_knows_what_one_that_ended_has_learned(tmp_path: Path) -> None:
+    name = "deconflict_forecast_error_metres"
+    async with cluster(tmp_path) as (machines, _):
+        first, second = (Member(machines.site(), machines.settings, tmp_path) for _ in range(2))
+        async with ingest(machines, tmp_path / "ingest") as url, running(first):
+            driving = asyncio.create_task(drive(url, TO_AND_FRO, 300, time.time()))
+            learned = await measured(machines, first, name)
+            driving.cancel()
+        async with running(second):
+            again = await measured(machines, second, name)
+    assert again.keys() == learned.keys()
+
+
+async def test_a_changed_site_file_is_taken_up_by_an_engine_that_runs(tmp_path: Path) -> None:
+    async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
+        base, site = f"http://127.0.0.1:{operator.port}", machines.site()
+        url = await stack.enter_async_context(ingest(machines, tmp_path / "ingest"))
+        member = Member(site, machines.settings, tmp_path)
+        await stack.enter_async_context(running(member))
+        driving = asyncio.create_task(drive(url, TO_AND_FRO, 300, time.time()))
+        await measured(machines, member, "deconflict_forecast_error_metres")
+        await until(base, "/advisories?state=all", lambda listed: listed["advisories"] == [])
+        changed = site.model_copy(update={"conflict": site.conflict.model_copy(update={"clearance_m": 1.6})})
+        write(tmp_path / SITE_FILE, Site.model_dump_json(changed))
+        listed = await until(base, "/advisories", lambda listed: listed["advisories"])
+        driving.cancel()
+    assert {one["clearance_m"] for one in listed["advisories"]} == {1.6}
+
+
+async def test_channels_are_heard_once_each_though_one_of_those_that_were_begun_with_them_is_refused(
+    tmp_path: Path,
+) -> None:
+    broker = Broker(tmp_path)
+    settings = Cluster(nats=(broker.address,))
+    bus, member = Faltering(settings), Member(Site(), settings, tmp_path)
+    member._bus, member._wanted = bus, {"first", "refused", "second"}
+    listening = asyncio.create_task(_listening(bus, member))
+    try:
+        async with asyncio.timeout(300):
+            while not member._wanted <= member._listening.keys():
+                await asyncio.sleep(0.05)
+    finally:
+        await end_tasks(listening)
+        await bus.close()
+        broker.kill()
+    assert bus.begun == {"first": 1, "refused": REFUSALS + 1, "second": 1}
+
+
+async def _listening(bus: Bus, member: Member) -> None:
+    assert await connected(bus, asyncio.Event())
+    await member._listen()

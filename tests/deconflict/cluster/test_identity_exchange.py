@@ -1,0 +1,128 @@
+"""A robot may say who it is to one ingest and where it is to another, with a real NATS server."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+from websockets.asyncio.client import connect
+
+from deconflict.roles.receiver_role import fleet_of, recover
+from deconflict.settings.site import Site
+from ingest.measures.measures import Measures
+from ingest.recording.log_reader import segments
+from ingest.settings import Reading
+from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server
+from tests.deconflict.cluster.test_cluster import until
+from tests.deconflict.roles.test_supervisor import free_ports
+from tests.helpers.saying import identity, robot, status
+
+LARGE = {"x": 2.0, "y": 1.0, "z": 0.4}
+pytestmark = needs_server
+
+
+async def say(url: str, *messages: bytes) -> None:
+    async with connect(url) as socket:
+        for message in messages:
+            await socket.send(message)
+
+
+async def report(url: str, name: str) -> None:
+    """Where a robot is, twice a second, and nothing else."""
+    async with connect(url) as socket:
+        while True:
+            await socket.send(status(name, time.time()))
+            await asyncio.sleep(0.5)
+
+
+def sized(**lengths_m: float) -> Callable[[dict[str, Any]], bool]:
+    """Whether these robots are somewhere and known by name, and how long they are."""
+
+    def found(told: dict[str, Any]) -> bool:
+        known = [one for one in told.get("robots", ()) if one["identified"] and one["envelope"]]
+        return {one["name"]: one["envelope"]["length_m"] for one in known} == {
+            f"Alder {name}": length_m for name, length_m in lengths_m.items()
+        }
+
+    return found
+
+
+async def test_what_a_robot_says_of_itself_to_one_ingest_holds_where_its_statuses_come_to_another(
+    tmp_path: Path,
+) -> None:
+    async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
+        west, east = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]
+        robots = f"http://127.0.0.1:{operator.port}", "/robots"
+        await say(west, identity("A", time.time()), identity("B", time.time()))
+        reporting = [asyncio.create_task(report(east, "B"))]
+        await until(*robots, sized(B=1.0))  # so the east has heard of A as well
+        reporting.append(asyncio.create_task(report(east, "A")))
+        await until(*robots, sized(A=1.0, B=1.0))
+        await say(west, identity("A", time.time(), baseRobotEnvelope=LARGE))
+        await until(*robots, sized(A=2.0, B=1.0))
+        for one in reporting:
+            one.cancel()
+    again = fleet_of(machines.site(), Measures())
+    recover(again, segments(tmp_path / "east" / "log"), time.time())
+    assert sized(A=2.0, B=1.0)({"robots": again.documents(time.time())})
+
+
+async def test_ingests_of_one_machine_share_a_port(tmp_path: Path) -> None:
+    names = [f"A-{number}" for number in range(24)]
+    async with cluster(tmp_path, share_port=True) as (machines, operator), AsyncExitStack() as stack:
+        (port,) = free_ports(1)
+        heard: list[set[str]] = []
+        for one in ("first", "second"):
+            role = await stack.enter_async_context(ingest(machines, tmp_path / one, port))
+            assert role == f"ws://127.0.0.1:{port}"
+        async with asyncio.TaskGroup() as saying:
+            for name in names:
+                now_s = time.time()
+                saying.create_task(say(f"ws://127.0.0.1:{port}", identity(name, now_s), status(name, now_s)))
+        base, every = f"http://127.0.0.1:{operator.port}", {robot(name) for name in names}
+        await until(base, "/robots", lambda told: {one["uuid"] for one in told.get("robots", ())} == every)
+    for one in ("first", "second"):
+        fleet = fleet_of(machines.site(), Measures())
+        recover(fleet, segments(tmp_path / one / "log"), time.time())
+        heard.append(set(fleet.robots))
+    assert heard[0] | heard[1] == every
+    assert not heard[0] & heard[1]
+    assert all(heard)
+
+
+async def test_the_first_vendor_to_identify_a_robot_keeps_it(tmp_path: Path) -> None:
+    async with (
+        cluster(tmp_path) as (machines, operator),
+        ingest(machines, tmp_path / "west") as west,
+        ingest(machines, tmp_path / "east") as east,
+        ingest(machines, tmp_path / "south") as south,
+    ):
+        robots = f"http://127.0.0.1:{operator.port}", "/robots"
+        await say(west, identity("A", time.time()), identity("B", time.time()))
+        beside = asyncio.create_task(report(south, "B"))
+        await until(*robots, sized(B=1.0))  # so all have heard of A as well
+        await say(east, identity("A", time.time(), manufacturerName="Corvid"), identity("C", time.time()))
+        reporting = [asyncio.create_task(report(south, "C"))]
+        await until(*robots, sized(B=1.0, C=1.0))
+        reporting.append(asyncio.create_task(report(south, "A")))
+        await until(*robots, sized(A=1.0, B=1.0, C=1.0))
+        for one in (beside, *reporting):
+            one.cancel()
+
+
+async def test_a_robot_that_was_forgotten_and_comes_back_is_known_again(tmp_path: Path) -> None:
+    site = Site(reading=Reading(forget_after_s=2.0, silent_after_s=1.0, quiet_after_s=0.5))
+    async with (
+        cluster(tmp_path, site) as (machines, operator),
+        ingest(machines, tmp_path / "west") as west,
+        ingest(machines, tmp_path / "east") as east,
+    ):
+        robots = f"http://127.0.0.1:{operator.port}", "/robots"
+        await say(west, identity("A", time.time()))
+        for _ in range(2):
+            reporting = asyncio.create_task(report(east, "A"))
+            await until(*robots, sized(A=1.0))
+            reporting.cancel()
+            await until(*robots, sized())

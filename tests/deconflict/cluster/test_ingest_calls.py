@@ -1,0 +1,85 @@
+"""An operator face of a cluster shows the robots of every ingest, with a real NATS server."""
+
+import asyncio
+import json
+import time
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+import httpx
+from websockets.asyncio.client import connect
+
+from deconflict.cluster.ingest_calls import Ingests
+from deconflict.cluster.ingest_feed import connected
+from deconflict.cluster.tiles.channels import EVERY
+from deconflict.settings.cluster_settings import Cluster
+from tests.deconflict.cluster.made_cluster import Broker, Faltering, cluster, ingest, needs_server
+from tests.deconflict.cluster.test_cluster import until
+from tests.deconflict.roles.test_service import drive
+from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import robot
+
+pytestmark = needs_server
+
+
+async def test_a_face_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
+    async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
+        base = f"http://127.0.0.1:{operator.port}"
+        urls = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]
+        told = zip(urls, ({"A": lambda _: (1.0, 2.0, 0.0)}, {"B": lambda _: (9.0, 2.0, 0.0)}), strict=True)
+        driving = [asyncio.create_task(drive(url, courses, 300, time.time())) for url, courses in told]
+        both = {robot("A"), robot("B")}
+        listed = await until(base, "/robots", lambda told: {one["uuid"] for one in told.get("robots", ())} == both)
+        assert {one["presence"] for one in listed["robots"]} == {"present"}
+        await until(
+            base, "/vendors", lambda told: [(one["name"], one["robots"]) for one in told["vendors"]] == [("Alder", 2)]
+        )
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+            assert "deconflict_messages_total" in (await client.get(f"{base}/metrics")).text
+            one = await client.get(f"{base}/robots/{robot('B')}")
+        assert one.json()["uuid"] == robot("B")
+        seen: dict[str, set[float]] = {}
+        async with connect(f"ws://127.0.0.1:{operator.port}/live") as page, asyncio.timeout(300):
+            while seen.keys() != both or min(map(len, seen.values())) < 2:
+                for row in json.loads(await page.recv())["floor"]["robots"]:
+                    seen.setdefault(row[0], set()).add(row[6])
+        for each in driving:
+            each.cancel()
+
+
+async def test_the_floor_is_heard_once_though_who_asks_asks_again_before_it_is(tmp_path: Path) -> None:
+    broker = Broker(tmp_path)
+    bus = Faltering(Cluster(nats=(broker.address,)))
+    try:
+        assert await connected(bus, asyncio.Event())
+        follow = Ingests(bus).calls()["follow"]
+        await asyncio.gather(*(follow(b"0") for _ in range(3)))
+    finally:
+        await bus.close()
+        broker.kill()
+    assert bus.begun == {EVERY: 1}
+
+
+async def test_health_says_that_no_ingest_is_there_and_then_that_no_server_is(tmp_path: Path) -> None:
+    async with cluster(tmp_path) as (machines, operator):
+        base = f"http://127.0.0.1:{operator.port}"
+        async with ingest(machines, tmp_path / "ingest"):
+            await until(base, "/healthz", roles(nats="up", ingest="up"))
+        health = await until(base, "/healthz", roles(nats="up", ingest="down"))
+        assert health["status"] == "degraded"
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+            for path in ("/robots", "/quarantine"):
+                answer = await client.get(base + path)
+                told = {"detail": "the ingest does not answer; try again shortly, or see /healthz", "role": "ingest"}
+                assert (answer.status_code, answer.json()) == (503, told)
+            assert 'deconflict_role_up{role="ingest"} 0.0' in (await client.get(f"{base}/metrics")).text
+        machines.broker.kill()
+        await until(base, "/healthz", roles(nats="down", ingest="down"))
+        assert "NATS server" in (await until(base, "/robots", lambda told: told["role"] != "ingest"))["detail"]
+
+
+def roles(**wanted: str) -> Callable[[dict[str, Any]], bool]:
+    """Whether health says so of these."""
+    return lambda health: health["roles"].items() >= wanted.items()

@@ -1,0 +1,38 @@
+"""Chores of a role end with it."""
+
+import asyncio
+
+import pytest
+
+from deconflict.cluster.ingest_feed import until
+from tests.helpers.patience import PATIENCE_S
+
+
+async def test_a_chore_that_takes_one_cancellation_for_its_own_ends_all_the_same() -> None:
+    cancelled = 0
+
+    async def stubborn() -> None:
+        nonlocal cancelled
+        while cancelled < 2:
+            try:
+                await asyncio.sleep(3600)
+            except asyncio.CancelledError:
+                cancelled += 1
+
+    stop = asyncio.Event()
+    stop.set()
+    async with asyncio.timeout(PATIENCE_S):
+        await until(stop, stubborn())
+    assert cancelled == 2
+
+
+async def test_a_chore_that_fails_ends_the_others_and_raises() -> None:
+    async def fails() -> None:
+        raise ValueError("no more")
+
+    async def waits() -> None:
+        await asyncio.sleep(3600)
+
+    async with asyncio.timeout(PATIENCE_S):
+        with pytest.raises(ValueError, match="no more"):
+            await until(asyncio.Event(), fails(), waits())

@@ -1,0 +1,123 @@
+"""Which stream an operator face follows, with a real NATS server."""
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+
+from deconflict.advisory import AnyAdvisory
+from deconflict.client import Client, PositionLostError
+from deconflict.cluster.judging.stream_writer import Teller
+from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.stream_records import Seen
+from deconflict.operator.store.store import FILE_NAME, Store
+from tests.deconflict.cluster.made_cluster import Broker, Machines, buses, face, needs_server
+from tests.deconflict.cluster.nats.test_bus import HOME
+from tests.deconflict.cluster.test_cluster import until
+from tests.deconflict.roles.test_supervisor import Served, healthy
+from tests.helpers.made_advisories import cleared, made
+from tests.helpers.patience import PATIENCE_S
+
+pytestmark = needs_server
+OTHERS = ("0c5b4a7e-0000-4000-8000-00000000000a", "0c5b4a7e-0000-4000-8000-00000000000b")
+
+
+async def stored(machines: Machines, data: Path, wanted: list[AnyAdvisory]) -> None:
+    """Wait until a face that goes on with these data has exactly these advisories."""
+    async with face(machines, data) as operator:
+        states = [(one.id, one.state) for one in reversed(wanted)]
+        await until(
+            f"http://127.0.0.1:{operator.port}",
+            "/advisories?state=all",
+            lambda listed: [(one["id"], one["state"]) for one in listed["advisories"]] == states,
+        )
+
+
+async def set_aside(data: Path) -> Store:
+    """What a face has set aside, once it has."""
+    async with asyncio.timeout(300):
+        while not (found := [*data.glob("advisories-*.db")]) or (data / FILE_NAME).exists():
+            await asyncio.sleep(0.05)
+    (data / "aside").mkdir()
+    found[0].rename(data / "aside" / FILE_NAME)
+    return Store(data / "aside")
+
+
+async def test_a_face_whose_server_lost_its_store_begins_anew_and_keeps_the_old_one(tmp_path: Path) -> None:
+    broker, data = Broker(tmp_path / "nats"), tmp_path / "face"
+    machines = Machines(tmp_path, broker)
+    async with buses(broker, 1) as (bus,), asyncio.timeout(300):
+        teller = Teller(bus)
+        async with face(machines, data) as operator:
+            base = f"http://127.0.0.1:{operator.port}"
+            for one in (made(1), cleared(1), made(2)):
+                assert await teller.tell(HOME, one) is None
+            await until(base, "/advisories", lambda listed: listed["seq"] == 3)
+            async with Client(base) as client:
+                following = client.follow(after=2)
+                assert (await anext(following)).seq == 3
+                broker.empty()
+                with pytest.raises(PositionLostError, match="begin anew"):
+                    await anext(following)
+            aside = await set_aside(data)
+        assert [one.id for one in aside.latest("all").advisories] == ["advisory-2", "advisory-1"]
+        aside.close()
+        assert await teller.tell(HOME, cleared(2)) is None
+        assert await teller.tell(HOME, made(3)) is None
+        await stored(machines, data, [cleared(2), made(3)])
+
+
+async def test_a_face_does_not_take_the_numbers_of_a_single_machine_for_those_of_a_stream(tmp_path: Path) -> None:
+    broker, data = Broker(tmp_path / "nats"), tmp_path / "face"
+    machines = Machines(tmp_path, broker)
+    single = Store(data)
+    single.append([made(1), cleared(1), made(2)])
+    single.close()
+    async with buses(broker, 1) as (bus,), asyncio.timeout(300):
+        teller = Teller(bus)
+        for number in range(3, 8):
+            assert await teller.tell(HOME, made(number)) is None
+            assert await teller.tell(HOME, cleared(number)) is None
+        async with face(machines, data):
+            aside = await set_aside(data)
+        assert [one.id for one in aside.open()] == ["advisory-2"]
+        aside.close()
+        await stored(machines, data, [cleared(number) for number in range(3, 8)])
+
+
+async def test_what_is_open_is_shown_again_after_a_server_lost_its_store(tmp_path: Path) -> None:
+    broker, site = Broker(tmp_path / "nats"), tmp_path / "site.toml"
+    site.write_text(f'[cluster]\nnats = ["{broker.address}"]\n')
+    service, data = Served(tmp_path / "data", site), tmp_path / "data"
+    try:
+        with service.running():
+            await service.until("/healthz", healthy)
+            async with service.with_robots(time.time() - 15.0):
+                before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
+                broker.empty()
+                async with asyncio.timeout(PATIENCE_S):
+                    while not [*data.glob("advisories-*.db")]:
+                        await asyncio.sleep(0.1)
+                after = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
+                await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
+    finally:
+        broker.kill()
+    assert after["advisories"][0]["id"] == before["advisories"][0]["id"]
+
+
+async def test_what_was_seen_shows_whether_a_stream_goes_on_from_it(tmp_path: Path) -> None:
+    broker = Broker(tmp_path / "nats")
+    async with buses(broker, 1) as (bus,):
+        teller = Teller(bus)
+        for one in (made(1), made(1, revision=2), cleared(1, revision=3)):
+            assert await teller.tell(HOME, one) is None
+        seen = [Seen(0, "", 0), Seen(2, "advisory-1", 2), Seen(3, "advisory-1", 3), Seen(2, "", 0), Seen(3, "", 0)]
+        assert await going_on(bus, seen) == [True] * 5
+        assert await going_on(bus, [Seen(2, "advisory-1", 1), Seen(3, "advisory-2", 3), Seen(4, "", 0)]) == [False] * 3
+        await bus._js.purge_stream(f"{bus.name}-told")
+        assert await going_on(bus, seen) == [True, False, True, False, True]
+
+
+async def going_on(bus: Bus, seen: list[Seen]) -> list[bool]:
+    return [await bus.goes_on_from(one) for one in seen]

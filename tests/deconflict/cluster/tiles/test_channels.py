@@ -1,0 +1,86 @@
+"""Who is told of a robot."""
+
+import numpy as np
+import pytest
+
+from deconflict.cluster.tiles.channels import EVERY, GONE, MOST_BYTES, Floors, Sorter, channel, pieces, wide_channel
+from deconflict.cluster.tiles.tiles import Grid, Tile
+from ingest.batch import Batch
+from tests.deconflict.cluster.made_shards import REACH_M, SITE, Course, Ingests
+from tests.helpers.saying import HALL, LOFT, robot
+
+
+def sorter() -> Sorter:
+    return Sorter(Grid(20.0), SITE.conflict, REACH_M)
+
+
+def batch_at(tick: int, **courses: Course) -> Batch:
+    first, second = Ingests(courses).batches(tick)
+    return first if len(first) else second
+
+
+def test_a_robot_is_told_of_where_it_is_and_once_more_where_it_was() -> None:
+    one = sorter()
+    west, east = batch_at(0, A=lambda _: (19.0, 5.0, 0.0)), batch_at(0, A=lambda _: (21.0, 5.0, 0.0))
+    there, here = (channel(Tile(HALL, column, 0)) for column in (0, 1))
+    assert set(one.sort(west)) == {there, EVERY}
+    assert set(one.sort(east)) == {there, here, EVERY}
+    assert set(one.sort(east)) == {here, EVERY}
+
+
+def test_a_robot_that_may_get_further_than_engines_listen_is_told_to_its_floor() -> None:
+    told = sorter().sort(batch_at(0, A=lambda t: (7.0 * t, 5.0, 0.0)))
+    assert set(told) == {channel(Tile(HALL, 0, 0)), wide_channel(HALL), EVERY}
+    assert wide_channel(LOFT) not in told
+
+
+def test_a_reach_that_shrinks_is_held_to_at_once() -> None:
+    one, batch = sorter(), batch_at(0, A=lambda t: (1.5 * t, 5.0, 0.0))
+    assert wide_channel(HALL) not in one.sort(batch)
+    one.renew(SITE.conflict, 10.0)
+    assert wide_channel(HALL) in one.sort(batch)
+
+
+def test_what_is_gone_is_told_to_everybody_and_no_more() -> None:
+    one, batch = sorter(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
+    one.sort(batch)
+    told = one.sort(batch.take(np.zeros(0, np.int64), (robot("A"),)))
+    assert {name: part.gone for name, part in told.items()} == dict.fromkeys((GONE, EVERY), (robot("A"),))
+    assert one.roots() == set()
+
+
+def test_a_tile_is_asked_for_where_two_may_meet_though_no_robot_is_in_it() -> None:
+    """Two that come to a corner of the grid along its lines meet on the other side of them."""
+    one = sorter()
+    one.sort(batch_at(0, A=lambda t: (t - 8.0, 0.0, 0.0)))
+    assert Tile(HALL, -1, -1) in one.roots()
+
+
+def test_a_large_batch_comes_in_pieces_that_a_server_takes() -> None:
+    some = batch_at(0, **{f"R-{number}": (lambda _: (0.0, 0.0, 0.0)) for number in range(40)})
+    large = Batch.joined([some] * (4 * MOST_BYTES // len(some.to_bytes())))
+    told = pieces(large.take(np.arange(len(large)), ("gone",)))
+    assert len(told) >= 3
+    assert max(map(len, told)) <= MOST_BYTES
+    parts = [Batch.from_bytes(one) for one in told]
+    assert Batch.joined(parts).robots == large.robots
+    assert [one.gone for one in parts] == [("gone",)] + [()] * (len(parts) - 1)
+
+
+def test_nobody_is_told_of_nothing() -> None:
+    assert sorter().sort(batch_at(0, A=lambda _: (0.0, 0.0, 0.0)).take(np.zeros(0, np.int64))) == {}
+
+
+@pytest.mark.parametrize("name", ["a.b", "a b", "*", ">", "ä/1"])
+def test_any_name_of_a_floor_makes_one_part_of_a_subject(name: str) -> None:
+    datum, column, row = channel(Tile(name, -3, 4)).split(".")
+    assert (column, row) == ("-3", "4")
+    assert not set(datum) & set("*> ")
+
+
+def test_floors_that_two_ingests_number_otherwise_are_the_same() -> None:
+    floors, hall = Floors(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
+    (loft, _) = Ingests({"A": lambda _: (1.0, 1.0, 0.0)}, {"A": LOFT}).batches(0)
+    told = [floors.renumbered(one) for one in (hall, loft, hall)]
+    assert [one.floors[one.forecasts.floor[0]] for one in told] == [HALL, LOFT, HALL]
+    assert hall.forecasts.floor[0] == loft.forecasts.floor[0]

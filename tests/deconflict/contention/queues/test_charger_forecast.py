@@ -1,0 +1,214 @@
+"""Robots that will need a charger, on a small made-up floor."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deconflict.advisory import ContentionAdvisory
+from deconflict.contention.queues.charger_forecast import AHEAD_S, Need, more_than, pools, shortages
+from deconflict.contention.queues.queue_forecast import Row, first_come
+from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.settings.shared_places import Resource
+from tests.deconflict.contention.scenes import NOW_S, Scene, Script, raised, resource, site
+from tests.helpers.saying import robot
+
+Levels = Callable[[float], float]
+
+
+def charger(place: str, x: float, y: float = 0.0, **told: Any) -> Resource:
+    return resource(place, x, y, kind="charger", service_s=900.0, **told)
+
+
+def at(level_pct: float, drain_pct_per_s: float = 0.0) -> Levels:
+    return lambda t: level_pct - drain_pct_per_s * t
+
+
+@dataclass
+class Driver(Script):
+    """A robot that tells the level of its battery, and for how long that lasts."""
+
+    level: Levels = lambda _: 80.0
+    lasts_s: float | None = None
+
+    def says(self, name: str, t: float, start_s: float = NOW_S) -> bytes:
+        told = b'{"batteryPercentage":%g,' % self.level(t)
+        if self.lasts_s:
+            told += b'"remainingRunTime":%g,' % (self.lasts_s / 3600)
+        return told + super().says(name, t, start_s)[1:]
+
+
+def stands(x: float, level: Levels, lasts_s: float | None = None, state: str = "idle", **told: Any) -> Driver:
+    return Driver([(0, x, 20)], state=lambda _: state, level=level, lasts_s=lasts_s, **told)
+
+
+def inside(place: Resource, level_pct: float = 50.0) -> Driver:
+    """It is at a charger."""
+    (x0, y0), _, (x1, y1), _ = place.polygon
+    return Driver([(0, (x0 + x1) / 2, (y0 + y1) / 2)], state=lambda _: "charging", level=at(level_pct))
+
+
+def needed(scene: Scene) -> dict[str, float]:
+    """By robot, how likely it is to need a charger within a quarter of an hour."""
+    contention = scene.engine._contention
+    return {need.robot: round(float(need.likely[-1]), 2) for need in contention.needs}
+
+
+C1, C2 = charger("c1", 0.0), charger("c2", 6.0)
+
+
+def test_a_robot_whose_battery_will_be_low_is_expected_at_a_charger_before_it_says_so() -> None:
+    robots: dict[str, Script] = {
+        "A": stands(20, at(30.0), 1800.0),
+        "B": stands(30, at(80.0), 1800.0),
+        "C": stands(40, at(60.0), 900.0),
+    }
+    scene = Scene(site(C1), robots)
+    scene.run(15)
+    # A falls to 15 % within a quarter of an hour, B to 40 %, and C is empty by then
+    assert needed(scene) == {robot("A"): 1.0, robot("C"): 1.0}
+    scene.engine.measures.as_document()
+    assert scene.engine.measures.values["deconflict_resource_expected_demand"] == {("c1",): 2.0}
+
+
+def test_nobody_is_who_has_a_charger_goes_to_one_does_not_go_anywhere_or_is_far_below_where_others_come() -> None:
+    robots: dict[str, Script] = {
+        "A": inside(C1, 24.0),
+        "B": Driver([(0, 60, 0), (60, 0, 0)], [(60, 0, 0)], level=at(24.0), lasts_s=600.0),
+        "C": stands(30, at(24.0), 600.0, state="offline"),
+        "D": stands(40, at(5.0), 600.0),
+        "E": stands(50, at(24.0), 600.0),
+    }
+    scene = Scene(site(C1), robots)
+    scene.run(15)
+    assert needed(scene) == {robot("E"): 1.0}
+
+
+def test_where_there_is_no_charger_nobody_needs_one() -> None:
+    scene = Scene(site(resource("d1", 0, 0)), {"A": stands(20, at(24.0), 600.0)})
+    scene.run(15)
+    assert needed(scene) == {}
+
+
+def test_how_fast_a_level_falls_counts_more_than_what_is_said_of_it() -> None:
+    scene = Scene(site(C1), {"A": stands(20, at(45.0, 0.025), 36000.0)})
+    scene.run(15)
+    assert needed(scene) == {}
+    scene.run(620, from_s=15)
+    # at 29.5 %, and 7 % in a quarter of an hour by its run time; 22.5 % by how it fell
+    assert needed(scene) == {robot("A"): pytest.approx(1.0, abs=0.01)}
+
+
+def told_of(scene: Scene, until_s: float) -> list[ContentionAdvisory]:
+    return [one for one in raised(scene.run(until_s), "contention") if isinstance(one, ContentionAdvisory)]
+
+
+def test_a_charger_that_is_taken_will_be_full_for_one_that_needs_it() -> None:
+    scene = Scene(site(C1), {"A": inside(C1), "B": stands(20, at(24.0), 600.0)})
+    (one,) = told_of(scene, 15)
+    assert (one.resource, one.resources, one.expected, one.demand, one.queue_length) == ("c1", ("c1",), 1, 2, 1)
+    assert one.probability is not None
+    assert one.probability >= 0.8
+    assert set(one.robots) == {robot("A"), robot("B")}
+    assert one.severity == "caution"
+    assert 60 <= one.time_to_conflict_s <= 900
+    assert one.wait_s > 10
+    assert "will probably be full" in one.summary
+    assert "Alder B 24 %" in one.summary
+    assert one.recommendation is None
+
+
+def test_one_that_has_said_that_it_comes_is_no_more_expected_besides() -> None:
+    b = Driver([(0, 60, 0), (60, 0, 0)], [(60, 0, 0)], level=at(24.0), lasts_s=600.0)
+    (one,) = told_of(Scene(site(C1), {"A": inside(C1), "B": b}), 15)
+    assert (one.expected, one.probability, one.resources) == (0, None, ())
+
+
+@pytest.mark.parametrize("level_pct", [35.0, 60.0])
+def test_a_charger_is_not_told_of_for_one_that_may_need_it_or_not(level_pct: float) -> None:
+    robots: dict[str, Script] = {"A": inside(C1), "B": stands(20, at(level_pct), 36.0 * level_pct * 2)}
+    assert told_of(Scene(site(C1), robots), 30) == []
+
+
+def test_nor_where_there_is_room_for_all() -> None:
+    assert told_of(Scene(site(C1, C2), {"A": inside(C1), "B": stands(20, at(24.0), 600.0)}), 30) == []
+
+
+def test_where_a_vendor_is_charged_at_one_of_two_it_needs_that_one() -> None:
+    scene = Scene(site(C1, C2), {"A": inside(C1), "B": stands(20, at(24.0), 600.0)})
+    batteries = scene.engine._contention.robots.batteries
+    scene.run(1)
+    slot = scene.engine._contention.robots._slots[robot("A")]
+    batteries.came(slot, 24.0)
+    batteries.left(slot, "Alder", "c1", 90.0)
+    (one,) = told_of(scene, 30)
+    assert one.resources == ("c1",)
+
+
+def test_it_stands_until_the_need_is_over_and_is_told_once() -> None:
+    b = Driver([(0, 20, 20)], state=lambda t: "idle" if t < 60 else "disabled", level=at(24.0), lasts_s=600.0)
+    scene = Scene(site(C1), {"A": inside(C1), "B": b})
+    told = [one for one in scene.run(100) if one.kind == "contention"]
+    assert [one.state for one in told if one.state != "updated"] == ["raised", "cleared"]
+    assert scene.engine.open() == []
+
+
+@pytest.mark.parametrize("likely", [(), (0.3,), (0.9, 0.9), (0.2, 0.5, 0.8, 1.0)])
+def test_how_likely_more_than_some_are_is_what_all_cases_tell(likely: tuple[float, ...]) -> None:
+    for count in range(len(likely) + 1):
+        cases = product((0, 1), repeat=len(likely))
+        expected = sum(
+            np.prod([one if came else 1 - one for came, one in zip(case, likely, strict=True)])
+            for case in cases
+            if sum(case) > count
+        )
+        assert more_than(count, np.array(likely)) == pytest.approx(expected)
+
+
+def need(name: str, likely: float, *chargers: str) -> Need:
+    return Need(name, 25.0, frozenset(chargers), np.full(len(AHEAD_S), likely))
+
+
+def test_chargers_among_which_some_robot_may_choose_are_one_pool() -> None:
+    geometry = Geometry([charger(name, 6.0 * row) for row, name in enumerate("abcd")], ())
+    assert pools([need("r", 1.0, "a", "c"), need("s", 1.0, "b")], geometry) == [("a", "c"), ("b",)]
+    assert pools([need("r", 1.0, "d", "c"), need("s", 1.0, "b"), need("t", 1.0, "b", "c")], geometry) == [
+        ("b", "c", "d")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("robots", "likely", "told"), [(2, 0.99, False), (3, 0.99, True), (3, 0.8, False), (8, 0.6, True)]
+)
+def test_many_that_may_come_fill_chargers_as_likely_as_more_of_them_come_than_there_is_room_for(
+    robots: int, likely: float, told: bool
+) -> None:
+    geometry = Geometry([C1, C2], ())
+    found = [need(f"r{number}", likely, "c1", "c2") for number in range(robots)]
+    shortage = shortages(found, {}, geometry, 0.0, {"c1": 900.0, "c2": 900.0})
+    assert bool(shortage) is told
+    if shortage:
+        (one,) = shortage
+        assert (one.capacity, one.from_s, one.wait_s, len(one.needs)) == (2, 60.0, 900.0, robots)
+
+
+def test_those_who_say_that_they_come_take_room_until_they_leave() -> None:
+    geometry = Geometry([C1], ())
+    found = [need("r", 0.9, "c1")]
+    leaving = first_come({"c1": [Row(False, -9.0, "s", 30.0, 0.0)]}, geometry, 0.0)
+    staying = first_come({"c1": [Row(False, -9.0, "s", 400.0, 0.0)]}, geometry, 0.0)
+    assert shortages(found, leaving, geometry, 0.0, {"c1": 900.0}) == []
+    (one,) = shortages(found, staying, geometry, 0.0, {"c1": 900.0})
+    assert (one.there, one.wait_s) == (("s",), 340.0)
+
+
+def test_what_was_told_of_stands_while_it_is_still_likely() -> None:
+    geometry = Geometry([C1], ())
+    turns = first_come({"c1": [Row(False, -9.0, "s", 400.0, 0.0)]}, geometry, 0.0)
+    for likely, anew, still in ((0.85, True, True), (0.7, False, True), (0.5, False, False)):
+        found = [need("r", likely, "c1")]
+        assert bool(shortages(found, turns, geometry, 0.0, {"c1": 900.0})) is anew
+        assert bool(shortages(found, turns, geometry, 0.0, {"c1": 900.0}, ["c1"])) is still

@@ -1,0 +1,78 @@
+"""Slots are worked out aside: asked for at one look, given at the next, and waited for by nobody."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from threading import Event
+
+import pytest
+
+from deconflict.advice.async_answers import Answer, at_once
+from deconflict.advisory import AnyAdvisory, Recommendation
+from deconflict.contention.queues.queue_advice import MOST_SOLVED
+from deconflict.engine.engine import Engine
+from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
+from tests.helpers.patience import PATIENCE_S
+
+
+def waits(_: float) -> str:
+    return "waitingExternalEvent"
+
+
+def queues(chargers: int = 1) -> Scene:
+    """At each charger one waits for another one to leave."""
+    places, robots = [], {}
+    for row in range(chargers):
+        y = 40.0 * row
+        places.append(resource(f"c{row}", 0, y, kind="charger", service_s=100.0))
+        robots[f"A{row}"] = Script([(0, 0, y)], state=lambda _: "charging")
+        robots[f"B{row}"] = Script([(0, 30, y + 10)], [(60, 0, y)], state=waits)
+    return Scene(site(*places), robots)
+
+
+def test_an_answer_of_a_thread_is_given_at_the_same_look() -> None:
+    def in_time(work: Callable[[], Recommendation]) -> Answer:
+        answer = pool.submit(work)
+        answer.result()
+        return answer
+
+    with ThreadPoolExecutor(1) as pool:
+        threaded = queues()
+        threaded.engine = Engine(threaded.site, submit=in_time)
+        assert threaded.run(20) == queues().run(20)
+
+
+def test_an_answer_that_is_late_holds_no_look_up_and_is_told_when_it_is_there() -> None:
+    free = Event()
+
+    def slow(work: Callable[[], Recommendation]) -> Answer:
+        return pool.submit(lambda: (free.wait(PATIENCE_S), work())[1])
+
+    with ThreadPoolExecutor(1) as pool:
+        scene = queues()
+        scene.engine = Engine(scene.site, submit=slow)
+        (one,) = raised(scene.run(8), "contention")
+        assert one.recommendation is None
+        assert scene.engine.measures.values["deconflict_advice_late_total"] == {(): 1}
+        free.set()
+        wait([pool.submit(lambda: None)])
+        told = scene.run(12, 8)
+    assert any(later.id == one.id and later.recommendation for later in told)
+
+
+@pytest.mark.parametrize("chargers", [MOST_SOLVED, 3 * MOST_SOLVED])
+def test_where_many_places_are_contended_each_gets_its_advice_in_turn(chargers: int) -> None:
+    asked = [0]
+
+    def counted(work: Callable[[], Recommendation]) -> Answer:
+        asked[-1] += 1
+        return at_once(work)
+
+    scene = queues(chargers)
+    scene.engine = Engine(scene.site, submit=counted)
+    told: list[AnyAdvisory] = []
+    for second in range(12):
+        asked.append(0)
+        told += scene.run(second + 1, second)
+    assert max(asked) == MOST_SOLVED
+    advised = {one.id for one in told if one.recommendation}
+    assert len(advised) == chargers == len(raised(told, "contention"))

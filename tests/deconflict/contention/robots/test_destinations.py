@@ -1,0 +1,50 @@
+"""Where the robots of a batch go: what they are at, and when they can be at the rest."""
+
+import pytest
+
+from deconflict.contention.robots.batch_merging import Gathering
+from deconflict.contention.robots.destinations import QUICKEST_MPS, Stop
+from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.contention.robots.robot_table import Robots
+from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, Spot, resource, site
+
+DOCK = resource("d1", 40, 0)
+
+
+def told(at: Spot, *stops: tuple[float, float, float]) -> tuple[Stop, ...]:
+    """By one robot that stands at `at`, beside one that tells nothing."""
+    scene = Scene(site(DOCK), {"a": Script([(0, *at)], stops), "b": Script([(0, 90, 90)])})
+    for name, script in scene.robots.items():
+        scene.fleet.receive(script.says(name, 0.0), NOW_S, LINE)
+    robots, gathering = Robots(Geometry([DOCK], ())), Gathering()
+    for due in [*gathering.put(scene.fleet.cut(NOW_S)), *gathering.rest()]:
+        robots.look(due)
+    one, other = sorted(robots.values(), key=lambda seen: seen.y_m)
+    assert other.stops == ()
+    return one.stops
+
+
+def test_what_a_robot_is_at_already_is_not_ahead_of_it() -> None:
+    assert [one.x_m for one in told((0, 0), (5, 0.6, 0), (60, 40, 0), (90, 9, 0))] == [40, 9]
+
+
+def test_nor_is_the_resource_that_it_has_however_far_from_its_middle() -> None:
+    assert [one.x_m for one in told((39.1, 0), (5, 40.9, 0), (60, 9, 0))] == [9]
+    assert [one.x_m for one in told((39.1, 0), (5, 40.9, 0), (50, 39.2, 0), (60, 9, 0), (70, 40, 0))] == [9, 40]
+    assert [one.x_m for one in told((38.9, 0), (5, 40.9, 0), (60, 9, 0))] == [40.9, 9]
+
+
+def test_a_stop_is_expected_as_told_but_no_sooner_than_the_robot_can_be_there() -> None:
+    late, soon = told((0, 0), (60, 40, 0), (61, 300, 0))
+    assert (late.t_s, late.resource) == (NOW_S + 60, "d1")
+    assert late.spread_s == pytest.approx(12.0)
+    assert soon.t_s == pytest.approx(NOW_S + 300 / QUICKEST_MPS)
+    assert soon.resource is None
+
+
+def test_of_more_stops_than_any_robot_has_told_before_all_are_kept() -> None:
+    assert len(told((0, 0), *((60.0 + t, 9.0 + t, 30.0) for t in range(40)))) == 40
+
+
+def test_where_nobody_tells_anything_there_is_nowhere_to_go() -> None:
+    assert told((0, 0)) == ()

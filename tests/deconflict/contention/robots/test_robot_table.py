@@ -1,0 +1,114 @@
+"""Robots as contention keeps them: what is written by kernels, a batch or many at once, against plain reckoning."""
+
+from dataclasses import fields
+from math import hypot
+
+import numpy as np
+
+from deconflict.contention.robots.batch_merging import Gathered
+from deconflict.contention.robots.bounding_boxes import ROUNDING_M
+from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.contention.robots.record_kernels import LEAST_M, STANDS_M, STANDS_S, WAY_M, around
+from deconflict.contention.robots.robot_table import RESTING, Robots
+from ingest.batch import Basis, Batch
+from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, aisle, resource, site
+
+DOCK, LANE = resource("d1", 20, 0), aisle("lane", 30, 50)
+
+
+def script(rng: np.random.Generator, number: int, seconds: int) -> Script:
+    """A robot that goes and halts, creeps on, and says now and then that it rests."""
+    t_s, x_m, y_m = 0.0, float(rng.uniform(0, 40)), float(number % 3 - 1)
+    knots = [(t_s, x_m, y_m)]
+    while t_s < seconds:
+        far_m = 0.3 if rng.random() < 0.3 else 9.0
+        t_s, x_m = t_s + float(rng.uniform(2, 9)), x_m + float(rng.uniform(-far_m, far_m))
+        halted_s = float(rng.choice([0.1, rng.uniform(3, 9)]))
+        knots += [(t_s, x_m, y_m), (t_s + halted_s, x_m, y_m)]
+        t_s += halted_s
+    said = rng.choice(["navigating", "navigating", "waiting", "idle"], seconds).tolist()
+    stops = [(float(seconds), 20.5, 0.0), (seconds + 9.0, 70.0, 0.0)][number % 3 :]
+    return Script(knots, stops, lambda t: str(said[int(t)]))
+
+
+def batches(seconds: int) -> list[Batch]:
+    """Of robots in and out of a dock and a lane."""
+    rng = np.random.default_rng(3)
+    scene = Scene(site(DOCK, LANE), {f"r{number}": script(rng, number, seconds) for number in range(12)})
+    found = []
+    for t in range(seconds):
+        for name, one in scene.robots.items():
+            scene.fleet.receive(one.says(name, float(t)), NOW_S + t, LINE)
+        found.append(scene.fleet.cut(NOW_S + t))
+    return found
+
+
+def gathered(parts: list[Batch]) -> Gathered:
+    return Gathered(Batch.joined(parts), np.repeat([one.now_s for one in parts], [len(one) for one in parts]))
+
+
+def known(robots: Robots) -> dict[str, list[str]]:
+    """All that is told of each robot, and the way that it has left."""
+    told = {uuid: [repr(getattr(one, each.name)) for each in fields(one)] for uuid, one in robots.items()}
+    waiting = np.flatnonzero(robots.records["waits"]).tolist()
+    left = zip(waiting, robots.ways(waiting), strict=True)
+    return {uuid: list(one) for uuid, one in told.items()} | {
+        f"way of {robots.uuids[slot]}": [way.wkt] for slot, way in left
+    }
+
+
+def test_batches_taken_in_together_leave_what_they_leave_one_by_one() -> None:
+    said, waited = batches(60), 0
+    each, many = (Robots(Geometry([DOCK], [LANE])) for _ in range(2))
+    for first in range(0, 60, 5):
+        left = [one for part in said[first : first + 5] for one in each.look(gathered([part]))]
+        assert sorted(left) == sorted(many.look(gathered(said[first : first + 5])))
+        assert known(each) == known(many)
+        waited += sum("way" in name for name in known(each))
+    assert waited > 10
+
+
+def test_who_stands_and_since_when_is_as_its_reports_tell() -> None:
+    robots = Robots(Geometry([DOCK], [LANE]))
+    stood: dict[str, tuple[float, float, float]] = {}
+    stands = 0
+    for batch in batches(60):
+        robots.look(gathered([batch]))
+        first = batch.forecasts.start[:-1]
+        poses = zip(batch.robots, batch.forecasts.x_m[first], batch.forecasts.y_m[first], batch.event_s, strict=True)
+        for row, (uuid, x_m, y_m, event_s) in enumerate(poses):
+            at_x_m, at_y_m, _ = stood.get(uuid, (np.inf, np.inf, 0.0))
+            if hypot(x_m - at_x_m, y_m - at_y_m) > STANDS_M:
+                stood[uuid] = x_m, y_m, event_s
+            one = robots[uuid]
+            assert one.goes == (batch.basis[row] != Basis.STATIONARY and one.way_m > WAY_M)
+            assert (one.stood_s, one.stands) == (stood[uuid][2], not one.goes or event_s - stood[uuid][2] >= STANDS_S)
+            assert (one.here == "d1") == (abs(one.x_m - 20) <= 1 and abs(one.y_m) <= 1)
+            waits = robots.records["waits"][robots.uuids.index(uuid)]
+            assert not waits or not (one.goes or one.state in RESTING)
+            stands += one.stands
+    assert stands > 100
+
+
+def test_what_is_asked_of_shapes_lies_in_boxes_around_those_that_stand_and_go() -> None:
+    robots = Robots(Geometry([DOCK], [LANE]))
+    for batch in batches(30):
+        robots.look(gathered([batch]))
+    ends_m, standing_m, going_m, ends, standing, going = around(robots.records, robots.stops, ROUNDING_M)
+    uuid = robots.uuids.__getitem__
+    told = [(one.uuid, number) for one in robots.values() for number, stop in enumerate(one.stops) if not stop.resource]
+    assert sorted((uuid(slot), number) for slot, number in ends.tolist()) == sorted(told)
+    assert {uuid(slot) for slot in standing.tolist()} == {one.uuid for one in robots.values() if one.stands}
+    assert {uuid(slot) for slot in going.tolist()} >= {one.uuid for one in robots.values() if one.goes}
+    for box_m, (slot, number) in zip(ends_m.tolist(), ends.tolist(), strict=True):
+        stop = robots[uuid(slot)].stops[number]
+        assert box_m == [stop.x_m, stop.y_m] * 2
+    for box_m, slot in zip(standing_m, standing.tolist(), strict=True):
+        one = robots[uuid(slot)]
+        by_m = hypot(one.length_m, one.width_m) / 2 + ROUNDING_M
+        np.testing.assert_allclose(box_m, [one.x_m - by_m, one.y_m - by_m, one.x_m + by_m, one.y_m + by_m])
+    for box_m, slot, way in zip(going_m, going.tolist(), robots.ways(going.tolist()), strict=True):
+        by_m = robots[uuid(slot)].width_m / 2 + LEAST_M
+        west, south, east, north = way.bounds
+        assert (box_m[:2] < [west - by_m, south - by_m]).all()
+        assert (box_m[2:] > [east + by_m, north + by_m]).all()

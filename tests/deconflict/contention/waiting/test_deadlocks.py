@@ -1,0 +1,84 @@
+"""Rings of waits, held against brute force."""
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from deconflict.contention.waiting.deadlocks import Link, Node, Want, rings
+
+ROBOTS = [(name, 0) for name in "abcdef"]
+
+
+def want(waiter: str, *holders: str, at_s: float = 0.0) -> Want:
+    return Want((waiter, 0), tuple((one, 0) for one in holders), "path", at_s)
+
+
+def who(found: list[tuple[Link, ...]]) -> list[str]:
+    return ["".join(link.waiter for link in ring) for ring in found]
+
+
+def test_two_that_want_each_others_are_a_ring_and_a_follower_is_not_in_it() -> None:
+    assert who(rings([want("a", "b"), want("b", "a"), want("c", "a")])) == ["ab"]
+
+
+def test_a_chain_is_no_ring() -> None:
+    assert rings([want("a", "b"), want("b", "c")]) == []
+
+
+def test_one_of_several_places_that_comes_free_is_enough() -> None:
+    assert rings([want("a", "b", "c"), want("b", "a")]) == []
+    assert who(rings([want("a", "b", "c"), want("b", "a"), want("c", "a")])) == ["ab"]
+
+
+def test_everything_that_a_robot_wants_has_to_come_free() -> None:
+    assert who(rings([want("a", "c"), want("a", "b"), want("b", "a")])) == ["ab"]
+
+
+def test_two_rings_are_told_apart() -> None:
+    found = rings([want("a", "b"), want("b", "a"), want("d", "e"), want("e", "f"), want("f", "d")])
+    assert who(found) == ["ab", "def"]
+
+
+wants = st.lists(
+    st.builds(
+        lambda waiter, holders: Want(waiter, tuple(sorted(holders - {waiter})) or (("z", 0),), "path", 0.0),
+        st.sampled_from(ROBOTS),
+        st.frozensets(st.sampled_from(ROBOTS), min_size=1, max_size=3),
+    ),
+    max_size=12,
+)
+
+
+def free(given: list[Want]) -> set[Node]:
+    """Who goes on, one after the other."""
+    gone = {("z", 0)} | {one for one in ROBOTS if all(want.waiter != one for want in given)}
+    while True:
+        more = {
+            one
+            for one in ROBOTS
+            if one not in gone and all(gone & set(want.holders) for want in given if want.waiter == one)
+        }
+        if not more:
+            return gone
+        gone |= more
+
+
+@given(wants)
+def test_there_is_a_ring_just_where_somebody_can_never_go_on(given: list[Want]) -> None:
+    locked = set(ROBOTS) - free(given)
+    found = rings(given)
+    assert bool(found) == bool(locked)
+    seen: set[str] = set()
+    for ring in found:
+        members = {link.waiter for link in ring}
+        assert {(one, 0) for one in members} <= locked
+        assert not members & seen
+        seen |= members
+        assert all(a.holder == b.waiter for a, b in pairwise((*ring, ring[0])))
+        assert ring[0].waiter == min(members)
+        for link in ring:
+            assert any(
+                want.waiter[0] == link.waiter and (link.holder, 0) in want.holders and set(want.holders) <= locked
+                for want in given
+            )

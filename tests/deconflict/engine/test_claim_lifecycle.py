@@ -1,0 +1,105 @@
+"""Claims through fleet and engine: what people are told of them, and for how long."""
+
+from dataclasses import dataclass, field
+
+from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ClaimAdvisory
+from deconflict.engine.engine import Engine
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import Site
+from ingest.batch import Batch
+from ingest.fleet.ownership_claims import HELD_S, NAMED_ROBOTS
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.settings import Datum, Vendor
+from tests.helpers.saying import HALL, identity, robot, status
+
+NOW_S = 1_790_000_000.0
+SITE = Site(
+    datums=(Datum(id=HALL, name="Hall"),),
+    vendors=(Vendor(name="Alder", robots=tuple(robot(f"A-{i}") for i in range(40))), Vendor(name="Mallory")),
+)
+ALDER, MALLORY = Connection(1, vendor="Alder"), Connection(2, vendor="Mallory")
+
+
+@dataclass
+class Service:
+    """A fleet and an engine that steps twice a second."""
+
+    now_s: float = NOW_S
+    engine: Engine = field(default_factory=lambda: Engine(SITE))
+
+    def __post_init__(self) -> None:
+        self.fleet = fleet_of(SITE, Measures())
+
+    def said(self, raw: bytes, connection: Connection) -> str | None:
+        return self.fleet.receive(raw, self.now_s, connection)
+
+    def goes_on(self, for_s: float) -> list[ClaimAdvisory]:
+        told: list[AnyAdvisory] = []
+        until_s = self.now_s + for_s
+        while self.now_s < until_s:
+            self.now_s += 0.5
+            self.engine.receive(Batch.from_bytes(self.fleet.cut(self.now_s).to_bytes()))
+            told += self.engine.step(self.now_s)
+        assert all(ADVISORY.validate_json(one.model_dump_json()) == one for one in told)
+        return [one for one in told if isinstance(one, ClaimAdvisory)]
+
+
+def test_a_report_of_anothers_robot_is_told_of_until_it_ceases() -> None:
+    service = Service()
+    service.said(identity("A-1", NOW_S), ALDER)
+    service.said(status("A-1", NOW_S, 3.0, 4.0), ALDER)
+    assert service.goes_on(5) == []
+    assert service.said(status("A-1", service.now_s, 90.0, 90.0), MALLORY) == "uuid-of-another-vendor"
+    told = service.goes_on(HELD_S + 10)
+    assert [one.state for one in told] == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
+    raised = told[0]
+    assert (raised.kind, raised.owner, raised.claimant, raised.claimed) == ("foreign_claim", "Alder", "Mallory", 1)
+    assert (raised.robots, raised.names, raised.vendors) == ((robot("A-1"),), ("Alder A-1",), ("Alder",))
+    assert raised.location
+    assert (raised.location.datum, raised.location.x, raised.location.y) == (HALL, 3.0, 4.0)
+    assert "Mallory reports Alder A-1" in raised.summary
+
+
+def test_a_robot_that_was_never_seen_is_claimed_at_no_place() -> None:
+    service = Service()
+    assert service.said(identity("A-1", NOW_S), MALLORY) == "uuid-of-another-vendor"
+    (raised,) = service.goes_on(5)
+    assert (raised.location, raised.names) == (None, (f"Alder {robot('A-1')[:8]}",))
+
+
+def test_however_many_robots_are_claimed_it_is_one_advisory_with_few_revisions() -> None:
+    service, told = Service(), []
+    for i in range(60):
+        service.said(status(f"A-{i % 40}", service.now_s), MALLORY)
+        told += service.goes_on(1)
+    assert len({one.id for one in told}) == 1
+    assert len(told) <= NAMED_ROBOTS + 3
+    assert (len(told[-1].robots), told[-1].claimed >= 20) == (NAMED_ROBOTS, True)
+    service.engine.measures.as_document()
+    assert len(service.engine.measures.values["deconflict_advisories_open"]) == 1
+
+
+def test_a_robot_in_two_places_is_told_of_until_one_falls_silent() -> None:
+    service, told = Service(), []
+    other = Connection(3, vendor="Alder")
+    for i in range(12):
+        service.said(status("A-1", service.now_s, 0.0 + i / 2), ALDER)
+        told += service.goes_on(0.5)
+        service.said(status("A-1", service.now_s, 80.0), other)
+        told += service.goes_on(0.5)
+    assert [(one.kind, one.state.value, one.robots) for one in told] == [("two_places", "raised", (robot("A-1"),))]
+    for i in range(int(HELD_S) + 10):
+        service.said(status("A-1", service.now_s, 6.0 + i / 2), ALDER)
+        told += service.goes_on(1)
+    assert [one.state.value for one in told] == ["raised", "cleared"]
+
+
+def test_a_restored_claim_goes_on_under_its_id() -> None:
+    service = Service()
+    service.said(status("A-1", NOW_S), MALLORY)
+    (before,) = service.goes_on(5)
+    again = Service(service.now_s, Engine(SITE, [before]))
+    again.said(status("A-1", again.now_s), MALLORY)
+    told = again.goes_on(HELD_S + 20)
+    assert [(one.id, one.state.value) for one in told] == [(before.id, "cleared")]

@@ -1,0 +1,50 @@
+import pytest
+
+from deconflict.engine.place_names import Landmarks, Spot
+from deconflict.settings.shared_places import Resource, Zone
+from ingest.settings import Datum, ReferencePoint
+
+HALL = Datum(
+    id="hall",
+    name="Ground hall",
+    reference_points=(ReferencePoint(id="p1", name="Column A1", x=0.0, y=0.0), ReferencePoint(id="p2", x=30.0, y=0.0)),
+)
+ABROAD = Datum(
+    id="abroad",
+    name="Yard",
+    coordinates="latlon",
+    reference_location=(48.0, 11.0),
+    reference_points=(ReferencePoint(id="p3", name="Gate", x=48.0, y=11.0),),
+)
+AISLE = Zone(
+    id="a4",
+    name="Aisle 4",
+    kind="aisle",
+    datum="hall",
+    polygon=((20, 0), (40, 0), (40, 6), (20, 6)),
+    axis=((20, 3), (40, 3)),
+)
+DOCK = Resource(id="d1", name="Dock 1", kind="dock", datum="hall", polygon=((30, 2), (34, 2), (34, 4), (30, 4)))
+LANDMARKS = Landmarks((HALL, ABROAD), (DOCK, AISLE))
+
+
+SAID = [
+    (Spot("hall", 22.0, 1.0), "in Aisle 4 on Ground hall"),
+    (Spot("hall", 31.0, 3.0), "at Dock 1 on Ground hall"),
+    (Spot("hall", 3.0, 4.0), "5 m from Column A1 on Ground hall"),
+    (Spot("hall", 0.5, 0.5), "at Column A1 on Ground hall"),
+    (Spot("hall", 30.0, 9.0), "3 m from Aisle 4 on Ground hall"),
+    (Spot("abroad", 48.0, 11.0), "near (48.0, 11.0) on Yard"),
+    (Spot("hall", 0.0, -40.0), "near (0.0, -40.0) on Ground hall"),
+    (Spot("nowhere", 1.0, 2.0), "near (1.0, 2.0) on nowhere"),
+]
+
+
+@pytest.mark.parametrize(("spot", "said"), SAID)
+def test_a_point_is_told_by_what_a_person_knows_on_the_floor(spot: Spot, said: str) -> None:
+    assert LANDMARKS.places([spot]) == [said]
+
+
+def test_many_points_are_told_each_as_it_is_alone() -> None:
+    assert LANDMARKS.places([spot for spot, _ in SAID * 2]) == [said for _, said in SAID * 2]
+    assert LANDMARKS.places([]) == []

@@ -1,0 +1,227 @@
+"""What the engine tells of robots that have fallen silent."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.cluster.judging.global_judge import Commons
+from deconflict.engine.engine import Engine
+from deconflict.foresight.presence.lasting_silences import Changes
+from deconflict.runtime.learned_state import Part
+from deconflict.settings.site import Conflict, Site
+from ingest.batch import Batch
+from ingest.measures.measures import Measures
+from tests.deconflict.foresight.presence.made_watch import DATUMS, NOW_S, Watch
+from tests.deconflict.foresight.presence.test_presence import DOOR_M, leave
+from tests.helpers.saying import points, robot
+
+SITE = Site(name="Test floor", datums=DATUMS, conflict=Conflict(clearance_m=0.3, confirm=(2, 3)))
+SIZE = {"x": 1.0, "y": 0.6, "z": 0.4}
+
+
+class Judged(Watch):
+    """The same floor, judged by an engine."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.engine = Engine(SITE, learned=Engine(SITE).learned() | self.learned if self.learned else None)
+        self.live, self.presence, self.measures = self.engine.live, self.engine.presence, self.engine.measures
+        self.told: list[AnyAdvisory] = []
+
+    def take(self, batch: Batch) -> None:
+        self.engine.receive(batch)
+
+    def tick(self, everything: bool = False) -> Changes:
+        self.take(self.fleet.cut(NOW_S + self.now_s, everything))
+        self.told += self.engine.step(NOW_S + self.now_s)
+        return Changes()
+
+    def conflicts(self, state: AdvisoryState | None = None) -> list[ConflictAdvisory]:
+        return [one for one in self.told if isinstance(one, ConflictAdvisory) and state in (None, one.state)]
+
+    def blockages(self) -> list[AnyAdvisory]:
+        return [one for one in self.told if one.kind == "blockage"]
+
+
+@pytest.fixture(scope="module")
+def door() -> Mapping[str, Part]:
+    """Robots leave at the door."""
+    watch = Watch()
+    leave(watch, 12)
+    watch.wait(60.0)
+    return watch.presence.learned()
+
+
+def at_the_door(learned: Mapping[str, Part] | None) -> Judged:
+    """A robot drives up to the door and is not heard again; another one follows ten seconds later."""
+    floor = Judged(learned=dict(learned) if learned else None)
+    for name in ("first", "second"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    arrive(floor)
+    floor.wait(10.0)
+    floor.drive("second", DOOR_M - 12.0, 0.2, seconds=8)
+    return floor
+
+
+def arrive(floor: Watch) -> None:
+    for second in range(8):
+        floor.say("first", DOOR_M - 8.0 + second, 0.2, 1.0, path_s=8 - second)
+        floor.tick()
+        floor.wait(1.0)
+    floor.say("first", DOOR_M, 0.2, operationalState="idle")
+    floor.tick()
+
+
+def test_nobody_is_warned_of_a_robot_that_has_left_by_an_exit(door: Mapping[str, Part]) -> None:
+    assert at_the_door(None).conflicts(AdvisoryState.RAISED) != []
+    floor = at_the_door(door)
+    assert floor.conflicts(AdvisoryState.RAISED) == []
+    assert floor.presence.has_probably_left(robot("first"))
+
+
+def test_a_robot_that_has_probably_left_is_still_an_obstacle(door: Mapping[str, Part]) -> None:
+    floor = at_the_door(door)
+    assert robot("first") in floor.engine.live.robots
+    robots, _ = floor.engine._sweeper.swept([robot("first")])
+    assert robots["count"].tolist() == [1]
+
+
+def test_once_another_has_driven_through_its_place_it_is_nowhere(door: Mapping[str, Part]) -> None:
+    floor = at_the_door(None)
+    (raised,) = floor.conflicts(AdvisoryState.RAISED)
+    floor.drive("second", DOOR_M - 3.0, 0.2, seconds=4)
+    (cleared,) = floor.conflicts(AdvisoryState.CLEARED)
+    assert cleared.id == raised.id
+    assert cleared.cleared_because == "Alder first is not there: Alder second has driven through its place"
+    robots, _ = floor.engine._sweeper.swept([robot("first")])
+    assert robots["count"].tolist() == [0]
+    assert floor.engine.probabilities() == []
+    floor.wait(60.0)
+    floor.say("first", 0.0)
+    floor.tick()
+    assert robot("first") in floor.engine.live.robots
+
+
+def followed(beside_m: float, path_s: int) -> tuple[Judged, dict[str, float]]:
+    """One drives up to the door, tells so much of its way and is not heard again; another follows it. What became of
+    their pair."""
+    floor = Judged()
+    for name in ("first", "second"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    for second in range(16):
+        if second < 8:
+            floor.say("first", DOOR_M - 4.0 + second / 2, 0.2, 0.5, path_s=path_s)
+        floor.say("second", DOOR_M - 13.5 + second, beside_m, 1.0)
+        floor.tick()
+        floor.wait(1.0)
+    floor.wait(20.0)
+    told = floor.measures.values["deconflict_probability_outcomes_total"]
+    return floor, {outcome: count for (outcome,), count in told.items()}
+
+
+def test_a_pair_was_kept_apart_where_one_was_silent_and_driven_through_and_is_unknown_otherwise() -> None:
+    _, unknown = followed(1.2, path_s=1)
+    assert unknown["passed"] == 0
+    # where its path ends, and where it was heard last
+    for path_s, is_off in ((1, True), (10, False)):
+        floor, known = followed(0.2, path_s)
+        assert (floor.presence.taken_off(robot("first")) is not None) == is_off
+        assert known["passed"] > 0
+        assert known["left"] < unknown["left"]
+
+
+def test_an_advisory_on_a_silent_robot_says_so() -> None:
+    floor = Judged()
+    for name in ("silent", "other"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    floor.stand("silent", 20.0)
+    floor.wait(30.0)
+    floor.drive("other", 8.0, seconds=6)
+    (raised,) = floor.conflicts(AdvisoryState.RAISED)
+    assert "Alder other reaches Alder silent, silent for 3" in raised.summary
+    assert dict(zip(raised.names, raised.basis, strict=True))["Alder silent"] == "stationary (silent)"
+
+
+def test_an_advisory_says_so_as_soon_as_its_robot_falls_silent() -> None:
+    floor = Judged()
+    for name in ("silent", "other"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    for second in range(14):
+        floor.say("other", 6.0 + second * 0.5, speed_mps=0.5)
+        if second < 6:
+            floor.say("silent", 14.0, operationalState="idle")
+        floor.tick()
+        floor.wait(1.0)
+    first, *others = floor.conflicts()
+    assert "silent for" not in first.summary
+    (told,) = [one for one in others if one.summary.count("Alder silent, silent for 5 s,")][:1]
+    assert told.state is AdvisoryState.UPDATED
+    assert len({one.id for one in floor.conflicts()}) == 1
+
+
+def test_a_robot_that_stood_and_told_a_path_is_believed_to_stand_there_once_it_is_silent() -> None:
+    floor = Judged()
+    for name in ("waits", "other"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    for _ in range(4):
+        at_s = NOW_S + floor.now_s
+        floor.say("waits", 20.0, path=points((at_s + 8, 20.0, 0.0, 0.0), (at_s + 10, 22.0, 5.0, 0.0)))
+        floor.tick()
+        floor.wait(1.0)
+    floor.wait(20.0)
+    floor.drive("other", 10.0, seconds=5)
+    assert floor.conflicts(AdvisoryState.RAISED) != []
+    assert floor.engine.live.robots[robot("waits")].forecast.x_m.tolist() == [20.0]
+
+
+def blocked(floor: Watch) -> None:
+    """A robot drives up to the door and is not heard again; another one waits behind, with a path through its place."""
+    for name in ("first", "second"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    arrive(floor)
+    for _ in range(40):
+        floor.say("second", DOOR_M - 3.0, 0.2, 0.5)
+        floor.tick()
+        floor.wait(1.0)
+
+
+def test_who_has_left_is_in_nobodys_way(door: Mapping[str, Part]) -> None:
+    floor = Judged()
+    blocked(floor)
+    assert floor.blockages() != []
+    floor = Judged(learned=dict(door))
+    blocked(floor)
+    assert floor.blockages() == []
+
+
+class Watched(Watch):
+    """The same floor, watched by what several machines have for all of it."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        empty = Commons(SITE).learned()
+        self.commons = Commons(SITE, learned=empty | self.learned if self.learned else None)
+        self.told: list[AnyAdvisory] = []
+
+    def tick(self, everything: bool = False) -> Changes:
+        self.commons.receive([self.fleet.cut(NOW_S + self.now_s, everything)])
+        self.told += self.commons.step(NOW_S + self.now_s)
+        return Changes()
+
+
+def test_of_several_machines_the_one_that_watches_queues_knows_who_has_left(door: Mapping[str, Part]) -> None:
+    for learned, is_told in ((None, True), (dict(door), False)):
+        floor = Watched(learned=learned)
+        blocked(floor)
+        assert any(one.kind == "blockage" for one in floor.told) == is_told
+
+
+def test_measures_tell_how_silences_ended_and_who_has_probably_left(door: Mapping[str, Part]) -> None:
+    floor = at_the_door(door)
+    measures: Measures = floor.engine.measures
+    assert measures.as_document()["values"]["deconflict_robots_probably_left"] == [[["Alder"], 1]]
+    floor.drive("second", DOOR_M - 3.0, 0.2, seconds=4)
+    values = measures.as_document()["values"]
+    assert values["deconflict_robots_probably_left"] == [[["Alder"], 0]]
+    assert values["deconflict_silences_total"] == [[["Alder", "driven_through"], 1]]

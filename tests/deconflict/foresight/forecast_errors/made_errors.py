@@ -1,0 +1,17 @@
+"""Errors of forecasts as tests make them up."""
+
+import numpy as np
+
+from deconflict.foresight.forecast_errors.quantile_sketch import bins
+from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
+from ingest.batch import Floats
+
+
+def off(kind: int, horizon_s: int, along_m: Floats, across_m: Floats, bands_m: Floats) -> Errors:
+    """Errors (n,) of n robots, so far ahead; `bands_m` are (3,) or (n, 3)."""
+    errors = np.zeros(len(along_m), ERROR)
+    errors["kind"], errors["robot"], errors["horizon_s"] = kind, np.arange(len(along_m)), horizon_s
+    errors["bands_m"] = bands_m
+    for name, size_m in (("radial", np.hypot(along_m, across_m)), ("along", along_m), ("across", across_m)):
+        errors[f"{name}_m"], errors[f"{name}_bin"] = size_m, bins(np.abs(size_m))
+    return errors

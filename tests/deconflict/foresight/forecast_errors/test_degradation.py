@@ -1,0 +1,77 @@
+"""A vendor's errors by the second, over hours."""
+
+import numpy as np
+import pytest
+from numpy.random import Generator, default_rng
+
+from deconflict.foresight.forecast_errors.degradation import ForecastChanges
+from deconflict.foresight.forecast_errors.ledger import Kind
+from deconflict.foresight.forecast_errors.track_kernels import Errors
+from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
+from ingest.batch import Basis
+from ingest.measures.change_detection import Change
+from tests.deconflict.foresight.forecast_errors.made_errors import off
+
+NOW_S = 1_790_000_000.0
+KINDS = {
+    Kind("Alder", "A-7", Basis.PATH): 0,
+    Kind("Alder", "A-7", Basis.STATIONARY): 1,
+    Kind("Corvid", "C", Basis.PATH): 2,
+}
+
+
+def errors(rng: Generator, kind: int, robots: int, size_m: float) -> Errors:
+    """Of a few robots three seconds ahead, heavy in the tails as real ones are."""
+    along_m, across_m = size_m * rng.standard_t(3, (2, robots))
+    return off(kind, 3, along_m, across_m, np.zeros(3))
+
+
+def run(
+    changes: ForecastChanges, begin_s: int, end_s: int, size_m: float, kind: int = 0, seed: int = 1
+) -> list[dict[str, Change]]:
+    """What is told each minute while a vendor's robots are off by so much."""
+    rng, told = default_rng(seed), []
+    for second in range(begin_s, end_s):
+        changes.take(errors(rng, kind, 3, size_m), KINDS, NOW_S + second)
+        if second % 60 == 0:
+            told.append(changes.changed())
+    return told
+
+
+def test_forecasts_that_become_worse_are_told_of_with_since_when_until_they_are_as_before() -> None:
+    changes = ForecastChanges()
+    assert not any(run(changes, 0, 7200, 0.1))
+    flagged = run(changes, 7200, 10_800, 0.5)[-1]["Alder"]
+    assert abs(flagged.since_s - (NOW_S + 7200)) <= 360
+    # four in five are within 0.27 m, and then within 1.35 m
+    assert flagged.by == pytest.approx(1.1, abs=0.25)
+    assert run(changes, 10_800, 14_400, 0.1)[-1] == {}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_steady_vendor_is_never_flagged_in_a_day(seed: int) -> None:
+    changes, rng = ForecastChanges(), default_rng(seed)
+    told = []
+    for step in range(0, 86_400, 10):
+        busy = 1 + 0.2 * np.sin(2 * np.pi * step / 86_400)
+        changes.take(errors(rng, 0, 10, 0.2 * busy), KINDS, NOW_S + step)
+        told.append(changes.changed())
+    assert not any(told)
+
+
+def test_each_vendor_is_held_to_its_own_and_robots_that_stand_do_not_count() -> None:
+    changes = ForecastChanges()
+    run(changes, 0, 7200, 1.5, kind=2)
+    run(changes, 0, 7200, 0.1)
+    run(changes, 7200, 9000, 1.5, kind=2)
+    run(changes, 7200, 9000, 1.5, kind=1)
+    assert run(changes, 7200, 9000, 0.1)[-1] == {}
+
+
+def test_what_was_usual_is_known_after_a_restart() -> None:
+    changes, resumed = ForecastChanges(), ForecastChanges()
+    run(changes, 0, 7200, 0.1)
+    resumed.resume(unpacked(packed({"changes": changes.learned()}))["changes"])
+    assert "Alder" in run(resumed, 7200, 9000, 0.5)[-1]
+    with pytest.raises(UnreadableError):
+        resumed.resume({"Alder": 3})

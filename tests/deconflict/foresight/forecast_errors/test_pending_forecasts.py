@@ -1,0 +1,174 @@
+"""Forecasts against the next reports of the same robot."""
+
+from dataclasses import replace
+from itertools import combinations
+from math import pi
+
+import numpy as np
+import pytest
+
+from deconflict.foresight.forecast_errors.ledger import HORIZONS
+from deconflict.foresight.forecast_errors.pending_forecasts import TRACK_LOOKS, TRACK_S, Followed, Reports
+from deconflict.foresight.forecast_errors.pose_sampling import poses_at
+from deconflict.foresight.forecast_errors.quantile_sketch import BINS, bins
+from deconflict.foresight.forecast_errors.track_kernels import ROBOT, Errors
+from ingest.batch import Forecasts
+from tests.helpers.made_encounters import NOW_S, robot
+
+BANDS_M = np.ones((1, HORIZONS, 3))
+
+
+def straight(t_s: float, x_m: float, y_m: float, speed_mps: float, yaw_rad: float = 0.0) -> Forecasts:
+    """A robot that says that it will go straight for 20 s."""
+    far = (x_m + 20 * speed_mps * np.cos(yaw_rad), y_m + 20 * speed_mps * np.sin(yaw_rad))
+    return robot([t_s - NOW_S, t_s - NOW_S + 20], [x_m, far[0]], [y_m, far[1]], yaw_rad, (1.0, 0.5))
+
+
+def take(followed: Followed, forecast: Forecasts, slot: int = 0) -> Errors:
+    followed.grow(slot + 1)
+    event_s = forecast.t_s[:1]
+    sizes_m = (np.zeros(1), forecast.length_m, forecast.width_m)
+    reports = Reports(np.array([slot]), np.array([0]), event_s, *sizes_m, poses_at(forecast, event_s, TRACK_LOOKS))
+    errors, _ = followed.take(np.zeros(slot + 1, ROBOT), np.zeros((2, slot + 1)), reports, BANDS_M)
+    return errors
+
+
+def run(course: list[tuple[float, float]], says_mps: float, yaw_rad: float = 0.0, every_s: float = 1.0) -> list[Errors]:
+    followed = Followed()
+    return [
+        take(followed, straight(NOW_S + n * every_s, x_m, y_m, says_mps, yaw_rad))
+        for n, (x_m, y_m) in enumerate(course)
+    ]
+
+
+def test_a_robot_that_does_what_it_says_has_no_error() -> None:
+    told = run([(0.8 * n, 0.0) for n in range(14)], 0.8)
+    assert len(told[0]) == 0
+    assert [len(one) for one in told[1:]] == [min(n, HORIZONS) for n in range(1, 14)]
+    assert max(one["radial_m"].max() for one in told[1:]) < 1e-6
+
+
+def test_one_that_is_slower_falls_behind_along_its_heading_by_the_horizon() -> None:
+    last = run([(0.0, 0.5 * n) for n in range(12)], 0.8, yaw_rad=pi / 2)[-1]
+    assert sorted(last["horizon_s"].tolist()) == list(range(1, HORIZONS + 1))
+    assert last["along_m"] == pytest.approx(-0.3 * last["horizon_s"])
+    assert last["across_m"] == pytest.approx(0, abs=1e-6)
+
+
+def test_one_that_veers_to_the_left_is_off_across() -> None:
+    last = run([(0.8 * n, 0.1 * n) for n in range(4)], 0.8)[-1]
+    assert last["across_m"] == pytest.approx(0.1 * last["horizon_s"])
+
+
+def test_sizes_are_counted_in_the_bins_of_the_sketch() -> None:
+    rng = np.random.default_rng(6)
+    course = np.cumsum(rng.normal(0, 1, (60, 2)) * np.geomspace(1e-5, 1e3, 60)[:, None], axis=0)
+    shown = np.concatenate(run([(x_m, y_m) for x_m, y_m in course.tolist()], 0.0))
+    assert shown["radial_m"] == pytest.approx(np.hypot(shown["along_m"], shown["across_m"]))
+    for name in ("radial", "along", "across"):
+        assert shown[f"{name}_bin"].tolist() == bins(np.abs(shown[f"{name}_m"])).tolist()
+    assert set(shown["radial_bin"].tolist()) > set(range(0, BINS, BINS - 1))
+
+
+def test_who_stands_by_its_forecast_or_its_last_two_reports_is_told() -> None:
+    """And a track that does not say where its robot will be is left out."""
+    followed, robots = Followed(), np.zeros(3, ROBOT)
+    followed.grow(3)
+    told = []
+    for n in range(2):
+        forecasts = [
+            straight(NOW_S + n, 0.0, 0.0, 0.8),
+            straight(NOW_S + n, 0.8 * n, 0.0, 0.0),
+            straight(NOW_S + n, 0.8 * n, 0.0, 0.8),
+        ]
+        since_s = np.array([NOW_S + n] * 3)
+        track = poses_at(Forecasts.joined(forecasts), since_s, TRACK_LOOKS)
+        alike = np.ones(3)
+        reports = Reports(np.arange(3), np.array([0, 0, 0]), since_s, alike / 5, alike, alike / 2, track)
+        half = np.zeros((2, 3))
+        told.append(followed.take(robots, half, reports, BANDS_M)[1].tolist())
+        assert half.tolist() == [[0.5] * 3, [0.25] * 3]
+    assert told == [[False, True, False], [True, True, False]]
+    assert robots["rests"].tolist() == [False, True, False]
+    track[:, 5, 0] = np.nan
+    _, stands = followed.take(robots, half, reports._replace(event_s=since_s + 1, track=track), BANDS_M)
+    assert not stands.any()
+    assert followed.heard_s.tolist() == since_s.tolist()
+
+
+def test_reports_between_whole_seconds_are_joined() -> None:
+    told = run([(0.7 * n, 0.0) for n in range(10)], 1.0, every_s=0.7)
+    assert sum(map(len, told)) > 8
+    for one in told:
+        assert one["along_m"] == pytest.approx(0, abs=1e-6)
+
+
+def test_a_gap_in_the_reports_tells_nothing() -> None:
+    followed = Followed()
+    take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
+    assert len(take(followed, straight(NOW_S + 5, 2.0, 0.0, 1.0))) == 0
+
+
+def test_a_report_told_again_counts_once() -> None:
+    followed = Followed()
+    take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
+    again = straight(NOW_S + 1, 1.0, 0.0, 1.0)
+    assert [len(take(followed, again)), len(take(followed, again))] == [1, 0]
+
+
+def test_a_report_that_is_older_than_the_newest_is_left_out() -> None:
+    followed, punctual = Followed(), Followed()
+    told = [straight(NOW_S + n, 0.8 * n, 0.0, 1.0) for n in range(5)]
+    for one in told[:4]:
+        take(followed, one)
+        take(punctual, one)
+    assert len(take(followed, straight(NOW_S + 1.5, 9.0, 9.0, 1.0))) == 0
+    assert followed.heard_s[0] == NOW_S + 3
+    late, expected = take(followed, told[4]), take(punctual, told[4])
+    assert len(expected) == 4
+    for name in ("along_m", "horizon_s"):
+        assert late[name].tolist() == expected[name].tolist()
+
+
+def test_a_slot_that_another_robot_has_now_does_not_remember() -> None:
+    followed = Followed()
+    take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
+    followed.forget(np.array([0]))
+    assert len(take(followed, straight(NOW_S + 1, 9.0, 0.0, 1.0))) == 0
+
+
+def test_who_comes_near_at_a_whole_second_is_found_once() -> None:
+    """Whatever way robots go and however old their reports are."""
+    followed, rng, robots = Followed(), np.random.default_rng(4), 60
+    t_s, forecasts = [float(n) for n in range(0, 24, 2)], []
+    for slot in range(robots):
+        x_m, y_m = (np.cumsum(rng.normal(0, 1.5, (2, len(t_s))), axis=1) + rng.uniform(-25, 25, (2, 1))).tolist()
+        forecasts.append(robot([t - slot % 5 for t in t_s], x_m, y_m, 0.0, (1.0, 0.5)))
+        take(followed, forecasts[-1], slot)
+    slots, told, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
+    rank = rng.permutation(robots)
+    found = followed.nearing(told, slots, rank, reach_m, NOW_S + 1.3, 10.0)
+    until_s = np.array([one.t_s[0] for one in forecasts])[:, None] + TRACK_S
+    at_s = np.minimum(NOW_S + 1.3 + np.arange(11.0), until_s)
+    way = np.concatenate([poses_at(one, s[:1], s - s[0]) for one, s in zip(forecasts, at_s, strict=True)])[..., :2]
+    step_m = np.hypot(*np.diff(way, axis=1).transpose(2, 0, 1)).max(axis=1)
+    near = {
+        (a, b)
+        for a, b in combinations(slots.tolist(), 2)
+        if (told[a] or told[b])
+        and (np.hypot(*(way[a] - way[b]).T) <= reach_m[a] + reach_m[b] + (step_m[a] + step_m[b]) / 2).any()
+    }
+    assert sorted((min(pair), max(pair)) for pair in found.tolist()) == sorted(near)
+    assert np.all(rank[found[:, 0]] < rank[found[:, 1]])
+    assert 20 < len(near) < robots * robots / 5
+
+
+def test_who_is_on_another_floor_does_not_come_near() -> None:
+    followed = Followed()
+    for slot, floor in enumerate((0, 1, -1, -1)):
+        there = straight(NOW_S, 0.0, 0.0, 0.0)
+        take(followed, replace(there, floor=np.full(2, floor)), slot)
+    args = (np.ones(4, bool), np.arange(4), np.arange(4), np.ones(4), NOW_S, 10.0)
+    assert followed.nearing(*args).tolist() == []
+    take(followed, straight(NOW_S + 1, 0.0, 0.0, 0.0), 1)
+    assert sorted(followed.nearing(*args)[0].tolist()) == [0, 1]

@@ -1,0 +1,120 @@
+"""Robots held to the ways that they tell."""
+
+import numpy as np
+import pytest
+
+from deconflict.foresight.forecast_errors.self_contradiction import (
+    AHEAD_S,
+    KEEPS,
+    MOVES_MPS,
+    SLACK_M,
+    SLACK_SHARE,
+    hold_to_word,
+    straight_on,
+    unheard,
+)
+from ingest.batch import Basis, Forecasts, Ints
+from tests.deconflict.foresight.probability.test_estimator import Stage, Walk
+from tests.helpers.made_encounters import robot
+
+SLOT = np.array([1])
+
+
+def held(words: np.ndarray, told: Forecasts) -> Ints:
+    f = told
+    return hold_to_word(words, SLOT, f.start, f.t_s, f.x_m, f.y_m, f.floor)
+
+
+def forecast(t_s: float, x_m: float, y_m: float, says: tuple[float, float], every_s: float = 1.0) -> Forecasts:
+    ahead_s = np.arange(0.0, 11.0, every_s)
+    return robot(
+        (t_s + ahead_s).tolist(),
+        (x_m + ahead_s * says[0]).tolist(),
+        (y_m + ahead_s * says[1]).tolist(),
+        0.0,
+        (1.0, 0.5),
+    )
+
+
+def walked(does: tuple[float, float], says: tuple[float, float], seconds: int, every_s: float = 1.0) -> list[bool]:
+    """Whether the robot's forecast is set aside, report by report."""
+    words = unheard(3)
+    times_s = np.arange(0.0, seconds, every_s).tolist()
+    return [len(held(words, forecast(t_s, does[0] * t_s, does[1] * t_s, says))) > 0 for t_s in times_s]
+
+
+@pytest.mark.parametrize("every_s", [0.1, 1.0, 2.0])
+@pytest.mark.parametrize("says", [(0.0, 0.0), (-1.0, 0.0), (0.0, 1.0)])
+def test_one_that_goes_elsewhere_is_set_aside_after_a_few_reports_however_often_it_reports(
+    says: tuple[float, float], every_s: float
+) -> None:
+    aside = walked((1.0, 0.0), says, 12, every_s)
+    assert not any(aside[: int(2 / every_s) + 1])
+    assert all(aside[int(8 / every_s) :])
+
+
+@pytest.mark.parametrize(
+    ("does", "says"),
+    [((1.0, 0.0), (1.0, 0.0)), ((0.4, 0.0), (1.5, 0.0)), ((1.5, 0.0), (0.8, 0.0)), ((1.0, 0.3), (1.0, 0.0))],
+    ids=["true", "slow", "fast", "beside"],
+)
+def test_one_on_its_way_is_believed_whatever_its_time(does: tuple[float, float], says: tuple[float, float]) -> None:
+    assert not any(walked(does, says, 30))
+
+
+def test_nobody_is_held_to_the_way_between_points_that_are_far_apart() -> None:
+    words = unheard(2)
+    aside = [len(held(words, forecast(float(t), float(t), 0.0, (-1.0, 0.0)))) for t in range(8)]
+    assert aside[-1] == 1
+    aside = [len(held(words, forecast(float(t), float(t), 0.0, (-1.0, 0.0), every_s=5.0))) for t in range(8, 16)]
+    assert aside == [1, 1, 0, 0, 0, 0, 0, 0]
+    standing = [len(held(words, forecast(float(t), float(t), 0.0, (0.0, 0.0), every_s=5.0))) for t in range(16, 24)]
+    assert standing[-1] == 1
+
+
+def test_one_that_waits_where_it_says_that_it_goes_is_believed() -> None:
+    assert not any(walked((0.0, 0.0), (1.0, 0.0), 30))
+
+
+def test_a_contradiction_is_the_distance_from_the_way_told_over_what_is_allowed() -> None:
+    words = unheard(2)
+    turning = robot([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 1.0, 1.0], [0.0, 0.0, 1.0, 2.0], 0.0, (1.0, 0.5))
+    held(words, turning)
+    held(words, forecast(1.0, 1.3, 0.6, (0.0, 1.0)))
+    allowed_m = SLACK_M + SLACK_SHARE * np.hypot(1.3, 0.6)
+    assert words["contradicts"][1] == pytest.approx((1 - KEEPS) * 0.3 / allowed_m)
+    assert words["way_m"][1, :, 1] == pytest.approx(0.6 + np.array(AHEAD_S))
+    assert (words["x_mps"][1], words["y_mps"][1]) == pytest.approx((1.3, 0.6))
+    assert np.isneginf(words["at_s"][0])
+
+
+def test_one_that_stands_or_was_away_is_taken_at_its_word_again() -> None:
+    words = unheard(2)
+    aside = [len(held(words, forecast(float(t), float(t), 0.0, (-1.0, 0.0)))) for t in range(8)]
+    assert aside[-1] == 1
+    slow_m = 7.0 + 0.9 * MOVES_MPS
+    assert len(held(words, forecast(8.0, slow_m, 0.0, (-1.0, 0.0)))) == 0
+    assert len(held(words, forecast(9.0, slow_m + 1.0, 0.0, (-1.0, 0.0)))) == 1
+    assert len(held(words, forecast(60.0, 70.0, 0.0, (-1.0, 0.0)))) == 0
+
+
+def test_what_is_set_aside_goes_straight_on_and_the_others_as_they_say() -> None:
+    stage = Stage({"a": Walk((0.0, 0.0), (1.0, 0.0)), "b": Walk((0.0, 9.0), (0.5, 0.0), (-0.5, 0.0))})
+    batch = stage.batch(0.0)
+    words = unheard(2)
+    words["x_mps"][1], words["y_mps"][1] = 0.5, 0.25
+    believed = straight_on(batch, np.array([1]), np.array([1]), words, 10.0)
+    assert believed.basis.tolist() == [Basis.PATH, Basis.VELOCITY]
+    a, b, told = believed.forecasts.one(0), believed.forecasts.one(1), batch.forecasts
+    assert a.x_m.tolist() == told.one(0).x_m.tolist()
+    assert (b.x_m.tolist(), b.y_m.tolist()) == ([0.0, 5.0], [9.0, 11.5])
+    assert (b.t_s - told.one(1).t_s[0]).tolist() == [0.0, 10.0]
+    assert (b.length_m.tolist(), b.yaw_rad.tolist()) == (told.one(1).length_m.tolist(), [told.one(1).yaw_rad[0]] * 2)
+
+
+def test_two_that_say_they_stand_and_do_not_are_foreseen_and_called_distrusted() -> None:
+    stage = Stage({"a": Walk((-12.0, 0.0), (1.0, 0.0), (0.0, 0.0)), "b": Walk((12.0, 0.0), (-1.0, 0.0), (0.0, 0.0))})
+    told = stage.run(9)
+    assert told[2].get(("a", "b"), 0.0) < 0.1
+    assert told[8]["a", "b"] > 0.5
+    assert [name for name in ("a", "b") if stage.foresight.distrusted(name)] == ["a", "b"]

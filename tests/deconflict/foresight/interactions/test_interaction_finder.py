@@ -1,0 +1,94 @@
+"""Who gave way to whom: each class of what happens between robots, by a small named case."""
+
+import numpy as np
+import pytest
+
+from deconflict.foresight.interactions.interaction_finder import Outcome
+from tests.deconflict.foresight.interactions.made_reports import NOW_S, Robot, blind, drives, found, stops
+
+
+def test_two_that_drive_head_on_and_brake_have_given_way() -> None:
+    # 20 m apart at 1 m/s each; both stop 0.6 m apart after 9.2 s
+    pair = [blind(stops(0.0, 1.0, 9.2), 1.0), blind(stops(20.0, -1.0, 9.2), -1.0, vendor=1)]
+    first = found(pair, 14.0)[0]
+    assert (first.outcome, {first.robot, first.other}, first.swerved) == (Outcome.YIELDED, {0, 1}, False)
+    assert first.onset_s - NOW_S == pytest.approx(9.2, abs=1.0)
+
+
+def test_two_that_pass_with_room_have_not() -> None:
+    assert found([Robot(drives(0.0, 1.0)), Robot(drives(20.0, -1.0, y_m=1.4), vendor=1)], 20.0) == []
+
+
+def test_a_robot_that_stalls_with_nobody_near_has_given_way_to_nobody() -> None:
+    assert found([blind(stops(0.0, 1.0, 9.0), 1.0), Robot(drives(-40.0, 1.0, y_m=6.0), vendor=1)], 16.0) == []
+
+
+def test_one_that_stands_beside_the_way_is_not_in_it() -> None:
+    beside = Robot(drives(9.6, 0.0, y_m=0.75), vendor=1)
+    assert found([blind(stops(0.0, 1.0, 9.2), 1.0), beside], 16.0) == []
+
+
+def test_a_stop_that_the_robot_had_planned_is_none() -> None:
+    does = stops(0.0, 1.0, 9.2)
+    assert found([Robot(does), Robot(drives(10.7, 0.0), vendor=1)], 16.0) == []
+
+
+def test_a_stop_that_the_robot_explains_is_none() -> None:
+    robots = [blind(stops(0.0, 1.0, 9.2), 1.0), Robot(drives(10.7, 0.0), vendor=1)]
+    assert found(robots, 16.0, explained=[0]) == []
+    assert found(robots, 16.0)
+
+
+def test_a_robot_above_is_not_in_the_way() -> None:
+    robots = [blind(stops(0.0, 1.0, 9.2), 1.0), Robot(drives(10.7, 0.0), vendor=1)]
+    assert found(robots, 16.0, levels_m=np.array([[0.0, 5.0], [1.0, 6.0]])) == []
+
+
+@pytest.mark.parametrize(("clears", "outcome"), [(True, Outcome.ORDERED), (False, Outcome.YIELDED)])
+def test_one_that_goes_on_when_its_own_vendors_robot_has_cleared_kept_an_order(clears: bool, outcome: Outcome) -> None:
+    # the other crosses in front at 9 s and is away by 14 s, or it stays
+    crosses = lambda t_s: (10.6, -9.0 + 1.0 * t_s if clears or t_s < 9.0 else 0.0, np.pi / 2)  # noqa: E731
+    waits = stops(0.0, 1.0, 9.2, until_s=14.0)
+    goes = blind(waits, 1.0)
+    last = found([goes, Robot(crosses)], 18.0)[-1]
+    assert (last.robot, last.other, last.outcome) == (0, 1, outcome)
+    assert last.end_s - NOW_S == pytest.approx(15.0, abs=1.1)
+
+
+def test_of_one_vendor_it_is_not_known_until_it_goes_on() -> None:
+    pair = [blind(stops(0.0, 1.0, 9.2), 1.0), blind(stops(20.0, -1.0, 9.2), -1.0)]
+    assert {interaction.outcome for interaction in found(pair, 20.0)} == {Outcome.UNKNOWN}
+
+
+def test_a_robot_that_swings_out_around_another_has_given_way() -> None:
+    def swings(t_s: float) -> tuple[float, float, float]:
+        aside_m = 0.9 if 9.0 <= t_s <= 12.0 else 0.45 if 8.0 <= t_s < 9.0 else 0.0
+        return t_s, aside_m, 0.0
+
+    swerving = Robot(swings, lambda _: drives(0.0, 1.0))
+    (first, *_) = found([swerving, Robot(drives(10.0, 0.0), vendor=1)], 16.0)
+    assert (first.outcome, first.swerved) == (Outcome.YIELDED, True)
+    assert found([swerving, Robot(drives(10.0, 0.0), vendor=1)], 16.0, usual_m=1.0) == []
+
+
+@pytest.mark.parametrize("every_s", [0.5, 1.0, 5.0])
+def test_robots_that_report_seldom_are_found_too_and_say_how_sure_the_onset_is(every_s: float) -> None:
+    pair = [blind(stops(0.0, 1.0, 19.2), 1.0), blind(stops(40.0, -1.0, 19.2), -1.0, vendor=1)]
+    first = found(pair, 32.0, every_s)[0]
+    assert first.outcome is Outcome.YIELDED
+    assert abs(first.onset_s - NOW_S - 19.2) <= max(first.doubt_s, 1.0)
+    assert (first.doubt_s > 2.0) == (every_s > 2.1)
+
+
+def test_more_of_the_same_is_no_new_interaction() -> None:
+    # it stands for four seconds, creeps on for two, and stands again
+    def waits(t_s: float) -> tuple[float, float, float]:
+        return min(t_s, 9.2) + max(min(t_s, 15.0) - 13.0, 0.0) * 0.5, 0.0, 0.0
+
+    interactions = found([blind(waits, 1.0), Robot(drives(11.5, 0.0), vendor=1)], 24.0)
+    assert sum(not interaction.again and interaction.end_s == np.inf for interaction in interactions) <= 1
+
+
+def test_with_the_other_robots_track_shifted_by_a_minute_nothing_is_found() -> None:
+    cleared = Robot(lambda t_s: drives(20.0, -1.0)(t_s + 60.0), vendor=1)
+    assert found([blind(stops(0.0, 1.0, 9.2), 1.0), cleared], 16.0) == []

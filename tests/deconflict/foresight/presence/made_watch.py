@@ -1,0 +1,93 @@
+"""Robots that say where they are, through the real receiving half, and who watches whether they are there."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from deconflict.foresight.presence.lasting_silences import Changes
+from deconflict.foresight.presence.live_robots import Live
+from deconflict.foresight.presence.presence import Presence
+from ingest.batch import Batch
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.vendor_registry import Vendors
+from ingest.frames.frame_registry import Frames
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.settings import Datum, Reading
+from tests.helpers.saying import HALL, LOFT, angle, identity, points, robot, status
+
+NOW_S = 1_790_000_000.0
+LINE = Connection(1)
+TICK_S = 0.25
+DATUMS = (Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft"))
+
+
+@dataclass
+class Watch:
+    """A floor whose robots report what a test has them say; drives `Presence` as the engine does."""
+
+    learned: dict[str, dict[str, Any]] | None = None
+    measures: Measures = field(default_factory=Measures)
+    changes: list[Changes] = field(default_factory=list)
+    gone: list[str] = field(default_factory=list)
+    now_s: float = 0.0
+    """Seconds since the start."""
+
+    def __post_init__(self) -> None:
+        self.fleet = Fleet(Vendors(()), Frames(DATUMS, ()), Reading(), Measures(), Quarantine())
+        self.live = Live()
+        self.presence = Presence(self.live, self.measures)
+        if self.learned:
+            self.presence.resume(self.learned)
+
+    def identify(self, name: str, **said: Any) -> None:
+        self.fleet.receive(identity(name, NOW_S + self.now_s, **said), NOW_S + self.now_s, LINE)
+
+    def say(self, name: str, x: float, y: float = 0.0, speed_mps: float = 0.0, **said: Any) -> None:
+        """A report: the robot goes along x at that speed, for as long as it says; datum and state may be given too."""
+        at_s = NOW_S + self.now_s
+        datum, path_s = said.pop("datum", HALL), said.pop("path_s", 10)
+        location = {"x": x, "y": y, "angle": angle(0.0), "planarDatum": datum} | said.pop("place", {})
+        if speed_mps:
+            ahead = ((at_s + second, x + speed_mps * second, y, 0.0) for second in range(1, path_s + 1))
+            said = {"path": points(*ahead)} | said
+        self.fleet.receive(status(name, at_s, location=location, **said), at_s, LINE)
+
+    def tick(self, everything: bool = False) -> Changes:
+        """Take in what was said, and step."""
+        self.take(self.fleet.cut(NOW_S + self.now_s, everything))
+        self.changes.append(self.presence.step(NOW_S + self.now_s))
+        return self.changes[-1]
+
+    def take(self, batch: Batch) -> None:
+        batch = self.presence.receive(batch)
+        self.gone += batch.gone
+        self.live.put(batch)
+        self.live.drop(batch.gone)
+
+    def wait(self, seconds: float) -> None:
+        """Nobody says anything for so long; there are fewer ticks where that is long."""
+        until_s, tick_s = self.now_s + seconds, max(TICK_S, seconds / 200)
+        while self.now_s < until_s:
+            self.now_s = min(self.now_s + tick_s, until_s)
+            self.tick()
+
+    def drive(self, name: str, x: float, y: float = 0.0, speed_mps: float = 1.0, seconds: int = 5, **said: Any) -> None:
+        """A robot reports once a second along x, the last time where the seconds end."""
+        for second in range(seconds + 1):
+            self.say(name, x + speed_mps * second, y, speed_mps, **said)
+            self.tick()
+            if second < seconds:
+                self.wait(1.0)
+
+    def stand(self, name: str, x: float, y: float = 0.0, seconds: int = 5, **said: Any) -> None:
+        """A robot reports once a second that it is idle where it stands."""
+        self.drive(name, x, y, 0.0, seconds, **{"operationalState": "idle"} | said)
+
+    def there(self, name: str) -> float:
+        return self.presence.there(robot(name))
+
+    def outcomes(self) -> dict[str, float]:
+        """Silences that have ended, by outcome."""
+        told = self.measures.values.get("deconflict_silences_total", {})
+        return {outcome: count for (_, outcome), count in told.items()}

@@ -1,0 +1,74 @@
+from math import hypot
+
+import numpy as np
+
+from deconflict.foresight.presence.live_robots import Live
+from ingest.batch import Batch
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.vendor_registry import Vendors
+from ingest.frames.frame_registry import Frames
+from ingest.measures.measures import Measures
+from tests.deconflict.engine.test_engine import LINE, NOW_S, SITE
+from tests.helpers.saying import HALL, LOFT, robot, status
+
+RNG = np.random.default_rng(5)
+SPOTS = {f"R{n}": (*RNG.uniform(0, 40, 2).round(2).tolist(), HALL if n % 3 else LOFT) for n in range(60)}
+
+
+def new_fleet() -> Fleet:
+    return Fleet(Vendors(()), Frames(SITE.datums, ()), SITE.reading, Measures(), Quarantine())
+
+
+def batch(fleet: Fleet, names: list[str], now_s: float) -> Batch:
+    """What these robots say from where they stand."""
+    for name in names:
+        x, y, datum = SPOTS[name]
+        location = {"x": x, "y": y, "angle": {"x": 0, "y": 0, "z": 0, "w": 1}, "planarDatum": datum}
+        assert fleet.receive(status(name, now_s, location=location), now_s, LINE) is None
+    return fleet.cut(now_s)
+
+
+def nearest(group: set[str], within_m: float, most: int, there: list[str]) -> list[str]:
+    """By looking at every robot."""
+    away = []
+    for name in set(there) - group:
+        x, y, datum = SPOTS[name]
+        if any(SPOTS[one][2] == datum for one in group):
+            away.append((min(hypot(x - SPOTS[one][0], y - SPOTS[one][1]) for one in group), robot(name)))
+    near = [uuid for away_m, uuid in sorted(away) if away_m <= within_m][:most]
+    return sorted([*map(robot, group), *near])
+
+
+def test_those_around_a_group_are_the_nearest_on_its_floors() -> None:
+    live = Live()
+    live.put(batch(new_fleet(), list(SPOTS), NOW_S))
+    for group in ({"R1"}, {"R1", "R2"}, {"R0", "R7", "R30"}):
+        for within_m, most in ((15.0, 100), (100.0, 5)):
+            found = live.around({robot(name) for name in group}, within_m, most)
+            assert found == nearest(group, within_m, most, list(SPOTS))
+    assert live.around(set(), 15.0, 100) == []
+
+
+def test_who_has_left_is_around_nobody_and_its_place_goes_to_the_next() -> None:
+    live, fleet, early = Live(), new_fleet(), [f"R{n}" for n in range(30)]
+    live.put(batch(fleet, early, NOW_S))
+    live.drop([robot(name) for name in early[5:]])
+    live.put(batch(fleet, [f"R{n}" for n in range(28, 60)], NOW_S + 1))
+    there = [*early[:5], *(f"R{n}" for n in range(28, 60))]
+    assert live.around({robot("R1")}, 1e3, 100) == nearest({"R1"}, 1e3, 100, there)
+    assert live.robots.keys() == {robot(name) for name in there}
+
+
+def test_forecasts_of_several_batches_are_each_robots_newest() -> None:
+    live, fleet = Live(), new_fleet()
+    for now_s, names in ((NOW_S, ["R1", "R2", "R3"]), (NOW_S + 1, ["R2", "R4"])):
+        live.put(batch(fleet, names, now_s))
+    wanted = [robot(name) for name in ("R4", "R1", "R2", "R3")]
+    keys, found = live.forecasts([*wanted, robot("nobody")])
+    assert sorted(keys) == sorted(wanted)
+    for row, key in enumerate(keys):
+        name = next(name for name in SPOTS if robot(name) == key)
+        one = found.one(row)
+        assert (one.x_m[0], one.y_m[0]) == SPOTS[name][:2]
+        assert one.t_s[0] == NOW_S + (name in ("R2", "R4"))

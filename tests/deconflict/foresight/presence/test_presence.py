@@ -1,0 +1,213 @@
+"""Who is still there, by what is heard."""
+
+import pytest
+
+from deconflict.foresight.presence.presence import Presence
+from deconflict.runtime.learned_state import packed, unpacked
+from tests.deconflict.foresight.presence.made_watch import LINE, NOW_S, Watch
+from tests.helpers.saying import LOFT, identity, robot
+
+DOOR_M = 20.0
+
+
+def leave(watch: Watch, robots: int, first: int = 0) -> None:
+    """Robots that drive to the door one after the other, and are not heard again."""
+    for number in range(first, first + robots):
+        watch.drive(f"leaver {number}", DOOR_M - 6.0, number % 2, seconds=6)
+
+
+@pytest.mark.parametrize(("every_s", "reports", "grace_s"), [(1, 5, 5.0), (10, 5, 30.0), (1, 2, 30.0)])
+def test_a_robot_is_there_for_sure_until_its_grace_is_over_and_fades_from_then_on(
+    every_s: int, reports: int, grace_s: float
+) -> None:
+    watch = Watch()
+    for number in range(reports):
+        watch.say("A", float(number), speed_mps=1.0 / every_s)
+        watch.tick()
+        watch.wait(every_s if number < reports - 1 else grace_s - 0.1)
+    assert watch.there("A") == 1.0
+    assert watch.presence.silent_s(robot("A"), NOW_S + watch.now_s) is None
+    watch.wait(0.25)
+    assert watch.presence.silent_s(robot("A"), NOW_S + watch.now_s) == pytest.approx(grace_s, abs=0.3)
+    assert watch.there("A") == pytest.approx(0.9, abs=0.01)
+    values = []
+    for _ in range(6):
+        watch.wait(grace_s)
+        values.append(watch.there("A"))
+    assert values == sorted(values, reverse=True)
+    assert 0.5 < values[-1] < values[0] < 0.9
+
+
+def test_a_robot_that_reports_again_is_there() -> None:
+    watch = Watch()
+    watch.drive("A", 0.0)
+    watch.wait(20.0)
+    assert watch.there("A") < 0.9
+    watch.say("A", 20.0, speed_mps=1.0)
+    assert watch.tick().there == {robot("A"): 1.0}
+    assert watch.there("A") == 1.0
+    watch.wait(4.9)
+    assert watch.there("A") == 1.0
+    watch.wait(20.0)
+    assert watch.there("A") < 1.0
+
+
+@pytest.mark.parametrize("state", ["charging", "disabled", "offline"])
+def test_a_robot_that_does_not_leave_by_its_state_stays(state: str) -> None:
+    watch = Watch()
+    watch.stand("A", 0.0, operationalState=state)
+    watch.wait(3600.0)
+    assert watch.there("A") == 1.0
+    assert watch.presence.silent_s(robot("A"), NOW_S + watch.now_s) == pytest.approx(3600.0)
+
+
+def test_a_robot_that_is_stuck_stays() -> None:
+    watch = Watch()
+    watch.drive("A", 0.0, 0.0, 0.0, operationalState="navigating", errorCodes=["stuck"])
+    watch.wait(3600.0)
+    assert watch.there("A") == 1.0
+
+
+def test_where_robots_leave_the_next_one_has_left_at_once_and_elsewhere_one_that_stands_is_there() -> None:
+    watch = Watch()
+    leave(watch, 10)
+    assert watch.now_s < 90
+    watch.drive("next", DOOR_M - 6.0, seconds=6)
+    watch.stand("breaks down", 4.0, 9.0)
+    watch.wait(6.0)
+    assert watch.there("next") < 0.2
+    watch.wait(54.0)
+    assert watch.there("breaks down") > 0.9
+    (exit_,) = watch.presence.exits(NOW_S + watch.now_s)
+    assert [exit_.x_m, exit_.y_m] == pytest.approx([DOOR_M, 0.5], abs=0.5)
+    assert 8 <= exit_.robots <= 11
+
+
+def test_robots_whose_radio_drops_out_and_comes_back_stay_there() -> None:
+    watch = Watch()
+    for number in range(12):
+        watch.drive(f"R{number}", 3.0 * number, seconds=3)
+        watch.wait(10.0 + 4.0 * number)
+        watch.say(f"R{number}", 3.0 * number + min(3.0 + watch.now_s, 13.0))
+        watch.tick()
+    watch.drive("A", 5.0)
+    watch.wait(40.0)
+    assert watch.there("A") > 0.85
+
+
+def test_one_that_comes_back_elsewhere_was_not_there() -> None:
+    watch = Watch()
+    watch.drive("A", 0.0, seconds=3)
+    watch.wait(30.0)
+    watch.say("A", 60.0, 30.0)
+    watch.drive("B", 0.0, 9.0, seconds=3)
+    watch.wait(7.0)
+    watch.say("B", 10.0, 9.0)
+    watch.stand("C", 0.0, 20.0)
+    watch.wait(30.0)
+    watch.say("C", 0.0, 20.0, datum=LOFT)
+    watch.tick()
+    assert watch.outcomes() == {"elsewhere": 2, "there": 1}
+
+
+def test_a_vendor_whose_robots_fall_silent_all_at_once_has_lost_its_connection() -> None:
+    watch = Watch()
+    names = [f"R{number}" for number in range(6)]
+    for second in range(5):
+        watch.now_s = float(second)
+        for number, name in enumerate(names):
+            watch.say(name, 5.0 * number)
+        watch.tick()
+    watch.wait(120.0)
+    assert [watch.there(name) for name in names] == [1.0] * 6
+    for number, name in enumerate(names[:-1]):
+        watch.say(name, 5.0 * number)
+    watch.tick()
+    watch.wait(2.0)
+    assert watch.there(names[-1]) == 1.0
+    for _ in range(16):
+        watch.wait(1.0)
+        for number, name in enumerate(names[:-1]):
+            watch.say(name, 5.0 * number)
+        watch.tick()
+    assert watch.there(names[-1]) < 1.0
+    assert watch.outcomes() == {}
+
+
+def test_a_robot_that_stood_is_told_of_where_it_told_a_path() -> None:
+    watch = Watch()
+    for name, speed_mps in (("waits", 1.0), ("parks", 0.0)):
+        for _ in range(4):
+            watch.say(name, 0.0, 5.0 * speed_mps, speed_mps)
+            watch.tick()
+            watch.wait(1.0)
+    watch.drive("drives", 0.0, 20.0)
+    watch.wait(10.0)
+    assert [uuid for one in watch.changes for uuid in one.stopped] == [robot("waits")]
+    assert {uuid for one in watch.changes for uuid in one.silent} == {robot(n) for n in ("waits", "parks", "drives")}
+
+
+def test_what_is_learned_outlives_a_restart() -> None:
+    watch = Watch()
+    leave(watch, 10)
+    watch.wait(30.0)
+    after = Watch(learned=unpacked(packed(watch.presence.learned())))
+    after.drive("next", DOOR_M - 6.0, seconds=6)
+    after.wait(5.25)
+    assert after.there("next") < 0.25
+    assert after.presence.exits(NOW_S)
+
+
+def test_an_engine_that_begins_while_a_robot_is_silent_goes_by_when_it_was_heard() -> None:
+    watch = Watch()
+    watch.drive("A", 0.0)
+    watch.now_s = 900.0
+    watch.presence = Presence(watch.live, watch.measures)
+    watch.tick(everything=True)
+    watch.wait(0.25)
+    assert watch.presence.silent_s(robot("A"), NOW_S + watch.now_s) == pytest.approx(895.0, abs=0.5)
+    assert watch.there("A") < 0.8
+
+
+def test_a_robot_that_is_forgotten_is_no_longer_silent() -> None:
+    watch = Watch()
+    watch.drive("A", 0.0)
+    watch.wait(20.0)
+    watch.now_s += 86_400.0
+    watch.tick()
+    assert watch.gone == [robot("A")]
+    assert watch.presence.silent_s(robot("A"), NOW_S + watch.now_s) is None
+
+
+class Counting(Presence):
+    """Counts how often robots are looked at."""
+
+    looks = 0
+
+    def _look(self, uuid: str, now_s: float) -> None:
+        self.looks += 1
+        super()._look(uuid, now_s)
+
+
+def test_silent_robots_are_looked_at_ever_more_rarely() -> None:
+    watch = Watch()
+    watch.presence = counting = Counting(watch.live, watch.measures)
+    for number in range(3):
+        watch.say(f"R{number}", 10.0 * number, speed_mps=1.0)
+    watch.tick()
+    watch.wait(600.0)
+    assert [watch.there(f"R{number}") < 0.9 for number in range(3)] == [True] * 3
+    first, counting.looks = counting.looks, 0
+    watch.wait(600.0)
+    assert 0 < counting.looks < 3 * 5
+    assert first < 3 * 30
+
+
+def test_vendors_are_those_of_their_robots() -> None:
+    watch = Watch()
+    watch.fleet.receive(identity("A", NOW_S, manufacturerName="Corvid"), NOW_S, LINE)
+    watch.drive("A", 0.0)
+    watch.wait(10.0)
+    watch.say("A", 5.0)
+    watch.tick()
+    assert watch.measures.values["deconflict_silences_total"] == {("Corvid", "there"): 1}

@@ -1,0 +1,97 @@
+from pathlib import Path
+
+import pytest
+
+from deconflict.operator.blackbox.archive import REGISTER, Box, Shelf
+from deconflict.operator.blackbox.hash_chain import NOTHING
+
+
+def put(shelf: Shelf, number: int, size: int = 100, year: int = 2026, *pairs: str) -> Box:
+    """With a near miss of each pair of vendors, a letter each."""
+    name = f"blackbox-{year}092{number}T141500000Z.jsonl.zst"
+    (shelf.directory / name).write_bytes(b"x" * size)
+    until = f"{year}-09-2{number}T14:15:00.000000Z"
+    near = [{"vendors": list(one)} for one in pairs]
+    box = {"file": name, "bytes": size, "sha256": f"{number}" * 64, "until": until, "near_misses": near}
+    shelf.add(box)
+    return box
+
+
+@pytest.fixture
+def shelf(tmp_path: Path) -> Shelf:
+    return Shelf(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "bounds",
+    [
+        {"files": 2, "total_bytes": 10_000, "before": ""},
+        {"files": 9, "total_bytes": 250, "before": ""},
+        {"files": 9, "total_bytes": 10_000, "before": "2026-09-23"},
+    ],
+)
+def test_number_size_and_age_are_bounded_and_the_oldest_go(shelf: Shelf, bounds: dict[str, int | str]) -> None:
+    boxes = [put(shelf, number) for number in range(1, 5)]
+    gone = shelf.prune(**bounds)  # type: ignore[arg-type]
+    assert sorted(gone) == [one["file"] for one in boxes[:2]]
+    assert shelf.boxes() == boxes[2:]
+    assert [shelf.path(one["file"]) is None for one in boxes] == [True, True, False, False]
+
+
+def numbers(shelf: Shelf) -> str:
+    return "".join(one["sha256"][0] for one in shelf.boxes())
+
+
+@pytest.mark.parametrize(
+    ("pairs", "sizes", "bounds", "left"),
+    [
+        ("AB CC CC CC CC", "11111", {"files": 3, "total_bytes": 1000}, "145"),
+        ("AB CC BA CC CC", "11111", {"files": 4, "total_bytes": 1000}, "1345"),
+        ("AB CC BA CC CC", "11111", {"files": 2, "total_bytes": 1000}, "35"),
+        ("AB CC CC AB CC", "91111", {"files": 9, "total_bytes": 5}, "2345"),
+        ("CC AB CC CC CC", "11111", {"files": 1, "total_bytes": 1000}, "5"),
+        ("AB,CC CC CC CC CC", "11111", {"files": 2, "total_bytes": 1000}, "15"),
+    ],
+)
+def test_who_has_many_near_misses_pushes_out_none_of_others(
+    shelf: Shelf, pairs: str, sizes: str, bounds: dict[str, int], left: str
+) -> None:
+    for number, (each, size) in enumerate(zip(pairs.split(), sizes, strict=True), 1):
+        put(shelf, number, int(size), 2026, *each.split(","))
+    shelf.prune(**bounds, before="")
+    assert numbers(shelf) == left
+
+
+def test_a_box_is_still_proved_by_its_neighbour_when_that_has_gone(shelf: Shelf) -> None:
+    boxes = [put(shelf, number, 1, 2026, pair) for number, pair in enumerate(("AB", "CC", "CC", "CC", "CC"), 1)]
+    shelf.prune(files=3, total_bytes=1000, before="")
+    assert numbers(shelf) == "145"
+    assert shelf.link(boxes[3]["file"]) == (boxes[2]["sha256"], boxes[3]["sha256"])
+    shelf.prune(files=2, total_bytes=1000, before="")
+    assert shelf.link(boxes[4]["file"]) == (boxes[3]["sha256"], boxes[4]["sha256"])
+    assert len((shelf.directory / REGISTER).read_text().splitlines()) <= 4
+
+
+def test_the_chain_goes_on_though_every_file_is_gone(shelf: Shelf) -> None:
+    assert shelf.head() == NOTHING
+    last = [put(shelf, number) for number in (1, 2)][-1]
+    shelf.prune(files=1, total_bytes=1, before="")
+    assert (shelf.boxes(), shelf.head()) == ([], last["sha256"])
+
+
+@pytest.mark.parametrize(
+    "file", ["../advisories.db", REGISTER, "blackbox-20260921T141500000Z.jsonl.zst/../register.jsonl"]
+)
+def test_nothing_else_of_the_directory_is_given_out(shelf: Shelf, file: str) -> None:
+    put(shelf, 1)
+    assert shelf.path(file) is None
+
+
+def test_a_line_of_the_register_that_cannot_be_read_hides_no_other(
+    shelf: Shelf, caplog: pytest.LogCaptureFixture
+) -> None:
+    box = put(shelf, 1)
+    with (shelf.directory / REGISTER).open("a") as register:
+        register.write('{"file": 3}\nnonsense\n')
+    assert shelf.boxes() == [box]
+    assert caplog.text.count("is left out") == 2

@@ -1,0 +1,120 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import zstandard
+
+from deconflict.operator.blackbox.archive import Box
+from deconflict.operator.blackbox.blackbox_writer import cut
+from deconflict.operator.blackbox.hash_chain import ChainBrokenError, verified
+from deconflict.settings.site import Site
+from ingest.recording.log_reader import lines_of
+from tests.deconflict.operator.blackbox.made_floor import Floor, crossing, lived
+from tests.helpers.saying import robot
+
+
+@pytest.fixture(scope="module")
+def floor(tmp_path_factory: pytest.TempPathFactory) -> Floor:
+    """Two that pass each other at a hand's breadth after 100 s."""
+    return lived(tmp_path_factory.mktemp("floor"), crossing(100.0, 1.7), 130)
+
+
+@pytest.fixture(scope="module")
+def box(floor: Floor) -> Box:
+    made = cut(floor.order())
+    assert made
+    return made
+
+
+def file_of(floor: Floor, box: Box) -> Path:
+    return floor.order().shelf / str(box["file"])
+
+
+def lines(floor: Floor, box: Box) -> list[bytes]:
+    return list(lines_of(file_of(floor, box)))
+
+
+def test_a_near_miss_is_told_as_it_happened_and_with_what_would_have_avoided_it(box: Box) -> None:
+    (miss,) = box["near_misses"]
+    assert dict(zip(miss["robots"], miss["names"], strict=True)) == {
+        robot("A-1"): "Alder A-1",
+        robot("B-1"): "Alder B-1",
+    }
+    assert 0 < miss["separation_m"] < miss["clearance_m"]
+    delays = {one["name"]: one["later_s"] for one in miss["avoided_by"]}
+    assert 0 < delays["Alder B-1"] <= 0.5, "the one behind need have been only a little later"
+    assert delays["Alder A-1"] > delays["Alder B-1"] + 1
+    assert f"no conflict had Alder B-1 come {delays['Alder B-1']:g} s later" in miss["summary"]
+
+
+def test_a_delay_that_is_said_to_avoid_it_does_and_one_a_step_shorter_does_not(tmp_path: Path, box: Box) -> None:
+    later_s = {one["name"]: one["later_s"] for one in box["near_misses"][0]["avoided_by"]}["Alder B-1"]
+    for delay_s, meets in ((later_s, False), (later_s - 0.1, True)):
+        directory = tmp_path / str(meets)
+        again = lived(directory, crossing(30.0, 1.7 + delay_s), 45)
+        order = again.order() if again.near else None
+        assert bool(order and cut(order)) is meets
+
+
+def test_every_line_carries_the_hash_of_the_one_before(floor: Floor, box: Box) -> None:
+    chain = verified(lines(floor, box))
+    assert (chain.head, chain.lines > 300) == (box["sha256"], True)
+
+
+@pytest.mark.parametrize("change", ["alter", "drop", "swap", "cut", "end"])
+def test_a_change_is_found(floor: Floor, box: Box, change: str) -> None:
+    told = lines(floor, box)
+    if change == "alter":
+        told[200] = (
+            told[200].replace(b'"linear":', b'"linear": ', 1) if b'"linear":' in told[200] else told[200][:-2] + b" }\n"
+        )
+    elif change == "drop":
+        del told[200]
+    elif change == "swap":
+        told[200], told[201] = told[201], told[200]
+    elif change == "cut":
+        told = told[:200]
+    else:
+        del told[-1]
+    with pytest.raises(ChainBrokenError):
+        verified(told)
+
+
+def test_the_box_has_what_is_needed_and_no_secret(floor: Floor, box: Box) -> None:
+    told = lines(floor, box)
+    Site.model_validate(json.loads(told[0])["blackbox"]["site"])
+    assert b"ALDER_TOKEN" not in told[0]
+    assert b"10.0.0.1" not in told[0]
+    messages = [one["message"] for line in told if "message" in (one := json.loads(line))]
+    identified = {one["uuid"] for one in messages if "robotSerialNumber" in one}
+    assert identified == {robot("A-1"), robot("B-1"), robot("C-1")}, "said long before the box begins"
+
+
+def test_the_next_box_goes_on_from_the_last(tmp_path: Path) -> None:
+    floor = lived(tmp_path, crossing(60.0, 1.7), 80)
+    first, second = cut(floor.order()), cut(floor.order())
+    assert first
+    assert second
+    last = [file_of(floor, one) for one in (first, second)][-1]
+    assert json.loads(next(lines_of(last)))["before"] == first["sha256"]
+
+
+def test_robots_that_only_seemed_to_come_close_have_no_box(floor: Floor) -> None:
+    order = floor.order()
+    far = tuple(one._replace(a=robot("A-1"), b=robot("C-1")) for one in order.near)
+    assert cut(replace(order, near=far)) is None
+
+
+def test_a_torn_line_of_the_log_is_left_out(tmp_path: Path) -> None:
+    floor = lived(tmp_path, crossing(60.0, 1.7), 80)
+    (log,) = (tmp_path / "log").iterdir()
+    whole = log.read_bytes().splitlines(keepends=True)
+    log.write_bytes(b"".join([*whole[:-3], b'{"received":"2026-', b"\n", *whole[-3:]]))
+    assert cut(floor.order())
+
+
+def test_a_box_is_a_log_that_others_can_read(floor: Floor, box: Box) -> None:
+    packed = file_of(floor, box).read_bytes()
+    data = zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+    assert all(json.loads(line) for line in data.splitlines())

@@ -1,0 +1,177 @@
+"""The operator face on a free port, as tests meet it: a real server, store and clients."""
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from fastapi import FastAPI
+
+from deconflict.advisory import AnyAdvisory
+from deconflict.operator.blackbox.archive import Shelf
+from deconflict.operator.http.api import SourceUnavailableError, create_app
+from deconflict.operator.http.uvicorn_server import FaceServer, face_server
+from deconflict.operator.live.floor_frames import Picture
+from deconflict.operator.live.recent_batches import Recent, opened, parcel
+from deconflict.operator.store.store import Store
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.runtime.rpc import LinkDownError
+from deconflict.settings.site import Operator, Site
+from ingest.batch import Batch
+from ingest.measures.measures import Measures
+from ingest.security.certificates import Certificates
+from metrics.monitoring.exposition import render
+from tests.helpers.patience import PATIENCE_S
+
+ROBOT_DOCUMENTS: list[dict[str, Any]] = [
+    {"uuid": "0c5b4a7e-0000-4000-8000-000000000001", "vendor": "Acme", "age_s": 0.5},
+    {"uuid": "0c5b4a7e-0000-4000-8000-000000000002", "vendor": "Borealis", "age_s": float("inf")},
+]
+
+
+@dataclass
+class GivenSources:
+    """Sources that answer what they were given; a role named in `down` does not answer."""
+
+    down: set[str] = field(default_factory=set)
+    reloads: int = 0
+    recent: Recent = field(default_factory=Recent)
+    shelf: Shelf | None = None
+    whole: Batch = field(default_factory=lambda: fleet_of(Site(), Measures()).whole(1.0))
+
+    async def robots(self) -> list[dict[str, Any]]:
+        self._ask("receiver")
+        return ROBOT_DOCUMENTS
+
+    async def quarantine(self) -> list[dict[str, Any]]:
+        self._ask("receiver")
+        return [{"rule": "not-json", "reason": "ends too early", "raw": "{"}]
+
+    async def measures(self) -> list[dict[str, Any]]:
+        self._ask("receiver")
+        told = Measures()
+        told.count("deconflict_messages_total", "Acme", "accepted", by=7)
+        return [told.as_document()]
+
+    async def health(self) -> dict[str, Any]:
+        self._ask("supervisor")
+        roles = {role: "down" if role in self.down else "up" for role in ("receiver", "engine")}
+        return {"status": "degraded" if self.down else "ok", "roles": roles}
+
+    async def reload(self) -> dict[str, Any]:
+        self._ask("supervisor")
+        self.reloads += 1
+        problems = ["conflict.clearance_m: is missing"] if self.reloads > 1 else []
+        return {"applied": not problems, "problems": problems, "needs_restart": ["receiver.port"]}
+
+    async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
+        if "receiver" in self.down:
+            raise LinkDownError("receiver")
+        return opened(await self.recent.after(number) or parcel(self.recent.number, self.whole.to_bytes(), whole=True))
+
+    async def pulse(self) -> dict[str, Any]:
+        roles = {role: "down" if role in self.down else "up" for role in ("receiver", "engine")}
+        return {"roles": roles, "vendors": {}, "unidentified": [], "fading": {}, "taken_off": {}}
+
+    def still_there(self) -> dict[str, Any]:
+        off = {"vendor": "Alder", "name": "Alder A-7", "heard_s": 5.0, "at_s": 9.0, "by": "Corvid C-12"}
+        exits = [{"datum": "hall", "x_m": 40.0, "y_m": 5.0, "robots": 12}]
+        return {"fading": {"one": 0.4}, "taken_off": {"other": off}, "exits": exits}
+
+    async def floor_at(self, at_s: float) -> str:
+        self._ask("recording")
+        picture = Picture()
+        picture.put(replace(self.whole, now_s=at_s), whole=True)
+        return picture.since(0)
+
+    def recorded(self) -> tuple[float, float] | None:
+        return 1.0, 2.0
+
+    def blackboxes(self) -> list[dict[str, Any]]:
+        return self.shelf.boxes() if self.shelf else []
+
+    def blackbox(self, file: str) -> Path | None:
+        return self.shelf.path(file) if self.shelf else None
+
+    def _ask(self, role: str) -> None:
+        if role in self.down:
+            raise SourceUnavailableError(role)
+
+
+@dataclass
+class Served:
+    """A face that is being served."""
+
+    app: FastAPI
+    store: Store
+    sources: GivenSources
+    server: FaceServer
+    address: str
+
+    @property
+    def http(self) -> str:
+        return f"http://{self.address}"
+
+    def stream(self, query: str = "") -> str:
+        return f"ws://{self.address}/advisories/stream{query}"
+
+    async def publish(self, *advisories: AnyAdvisory) -> list[AnyAdvisory]:
+        published: list[AnyAdvisory] = await self.app.state.publisher.publish(advisories)
+        return published
+
+    def connections(self) -> int:
+        """Connections that the server still holds."""
+        return len(self.server.server_state.connections)
+
+    def measured(self, name: str) -> float:
+        """The value of a measure of the face without labels; 0 before it is counted."""
+        values: dict[tuple[str, ...], float] = self.app.state.measures.values[name]
+        return values.get((), 0)
+
+
+@asynccontextmanager
+async def served(directory: Path, *, at: str = "127.0.0.1:0", **settings: Any) -> AsyncIterator[Served]:
+    store, sources = Store(directory), GivenSources()
+    app = create_app(store, sources, render, Site(operator=Operator(**settings)))
+    tls = settings.get("tls")
+    server = face_server(app, Certificates(tls) if tls else None)
+    host, _, port = at.partition(":")
+    with socket.create_server((host, int(port))) as listening:
+        serving = asyncio.create_task(server.serve([listening]))
+        await until(lambda: server.started)
+        try:
+            yield Served(app, store, sources, server, f"127.0.0.1:{listening.getsockname()[1]}")
+        finally:
+            server.should_exit = True
+            await serving
+            store.close()
+
+
+async def until(condition: Any, within_s: float = PATIENCE_S) -> None:
+    """Wait for a condition that comes true by itself; fails when it does not in time."""
+    async with asyncio.timeout(within_s):
+        while not condition():
+            await asyncio.sleep(0.005)
+
+
+async def stuck_subscriber(face: Served, path: str = "/advisories/stream") -> socket.socket:
+    """A subscriber that has shaken hands and reads nothing more."""
+    host, port = face.address.split(":")
+    loop = asyncio.get_running_loop()
+    raw = socket.socket()
+    raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    raw.setblocking(False)
+    await loop.sock_connect(raw, (host, int(port)))
+    request = (
+        f"GET {path} HTTP/1.1\r\nHost: {face.address}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    await loop.sock_sendall(raw, request.encode())
+    answer = b""
+    while not answer.endswith(b"\r\n\r\n"):
+        answer += await loop.sock_recv(raw, 1)
+    assert answer.startswith(b"HTTP/1.1 101")
+    return raw

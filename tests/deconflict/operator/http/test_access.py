@@ -1,0 +1,225 @@
+from pathlib import Path
+
+import httpx
+import pytest
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosedError, InvalidStatus
+
+from deconflict.operator.http.access import exposed, needed
+from deconflict.settings.site import Operator, Person, Site
+from ingest.settings import Receiver, Vendor
+from tests.deconflict.operator.http.served_face import Served, served, until
+from tests.helpers.made_advisories import made
+from tests.helpers.patience import PATIENCE_S
+
+READER, LEADER, CHIEF = (f"{name}-0123456789abcdef" for name in ("reader", "leader", "chief"))
+
+
+@pytest.fixture
+def people(monkeypatch: pytest.MonkeyPatch) -> tuple[Person, ...]:
+    monkeypatch.setenv("READER", READER)
+    monkeypatch.setenv("LEADER", LEADER)
+    monkeypatch.setenv("CHIEF", CHIEF)
+    return (
+        Person(name="wallboard", token="env:READER"),
+        Person(name="Ada", role="acknowledge", token="env:LEADER"),
+    )
+
+
+def bearer(token: str) -> dict[str, str]:
+    return {"authorization": f"Bearer {token}"}
+
+
+async def test_without_people_everybody_is_let_in(tmp_path: Path) -> None:
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        assert (await client.get("/advisories")).status_code == 200
+
+
+async def test_nobody_gets_anything_but_health_without_a_token(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        paths = ["/", *(path for path in face.app.openapi()["paths"] if "{" not in path), "/openapi.json", "/absent"]
+        answered = {path: (await client.get(path)).status_code for path in paths}
+        assert answered.pop("/healthz") == 200
+        assert set(answered.values()) == {401}
+        for headers in ({}, bearer("guessed-0123456789abcdef")):
+            with pytest.raises(InvalidStatus) as refused:
+                await connect(face.stream(), additional_headers=headers)
+            assert refused.value.response.status_code == 403
+
+
+async def test_a_token_opens_the_api_and_the_stream(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    async with served(tmp_path, people=people) as face:
+        async with httpx.AsyncClient(base_url=face.http, headers=bearer(READER), trust_env=False) as client:
+            assert (await client.get("/robots")).status_code == 200
+        await face.publish(made(1))
+        async with connect(face.stream("?after=0"), additional_headers=bearer(READER)) as stream:
+            assert '"advisory-1"' in str(await stream.recv())
+
+
+async def test_a_browser_signs_in_once(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as browser,
+    ):
+        page = await browser.get("/", headers={"accept": "text/html"})
+        assert (page.status_code, 'action="/login"' in page.text) == (401, True)
+        assert (await browser.post("/login", data={"token": "guessed-0123456789abcdef"})).status_code == 401
+        assert (await browser.get("/advisories")).status_code == 401
+        entered = await browser.post("/login", data={"token": READER})
+        assert entered.status_code == 303
+        assert {"HttpOnly", "SameSite=strict"} <= set(entered.headers["set-cookie"].split("; "))
+        assert READER not in entered.headers["set-cookie"]
+        assert (await browser.get("/advisories")).status_code == 200
+
+
+async def test_to_reload_the_site_takes_the_role_administer(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    chief = Person(name="Grace", role="administer", token="env:CHIEF")
+    async with (
+        served(tmp_path, people=(*people, chief)) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        for token, may in ((READER, "read"), (LEADER, "acknowledge")):
+            refused = await client.post("/site/reload", headers=bearer(token))
+            assert (refused.status_code, f"may {may}" in refused.json()["detail"]) == (403, True)
+        assert face.sources.reloads == 0
+        applied = await client.post("/site/reload", headers=bearer(CHIEF))
+        assert (applied.status_code, applied.json()["needs_restart"]) == (200, ["receiver.port"])
+        refused = await client.post("/site/reload", headers=bearer(CHIEF))
+        assert (refused.status_code, refused.json()["applied"]) == (422, False)
+        assert refused.json()["problems"]
+
+
+async def test_other_people_hold_at_once_and_end_the_sessions_of_those_who_went(
+    tmp_path: Path, people: tuple[Person, ...]
+) -> None:
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as browser,
+    ):
+        await browser.post("/login", data={"token": READER})
+        assert (await browser.get("/advisories")).status_code == 200
+        face.app.state.people.renew(people[1:])
+        assert (await browser.get("/advisories")).status_code == 401
+        assert (await browser.get("/advisories", headers=bearer(LEADER))).status_code == 200
+
+
+async def test_sessions_are_bounded_and_the_oldest_ends(
+    tmp_path: Path, people: tuple[Person, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.http.access.MOST_SESSIONS", 1)
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as first,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as second,
+    ):
+        for browser in (first, second):
+            await browser.post("/login", data={"token": READER})
+        assert [(await one.get("/advisories")).status_code for one in (first, second)] == [401, 200]
+
+
+async def test_a_changed_token_ends_the_sessions_and_streams_that_the_old_one_opened(
+    tmp_path: Path, people: tuple[Person, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as browser,
+        connect(face.stream(), additional_headers=bearer(READER)) as stolen,
+        connect(face.stream(), additional_headers=bearer(LEADER)) as kept,
+    ):
+        await browser.post("/login", data={"token": READER})
+        await until_subscribed(face, 2)
+        await face.publish(made(1))
+        assert '"advisory-1"' in str(await stolen.recv())
+        monkeypatch.setenv("READER", READER[::-1])
+        face.app.state.people.refresh()
+        assert (await browser.get("/advisories")).status_code == 401
+        await face.publish(made(2))
+        with pytest.raises(ConnectionClosedError, match="no longer allowed"):
+            await stolen.recv()
+        assert ['"advisory-1"' in str(await kept.recv()), '"advisory-2"' in str(await kept.recv())] == [True, True]
+
+
+async def test_streams_of_nobody_end_once_there_are_people(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    async with served(tmp_path) as face, connect(face.stream()) as stream:
+        await until_subscribed(face, 1)
+        face.app.state.people.renew(people)
+        await face.publish(made(1))
+        with pytest.raises(ConnectionClosedError, match="no longer allowed"):
+            await stream.recv()
+
+
+async def until_subscribed(face: Served, count: int) -> None:
+    await until(lambda: face.app.state.measures.values["deconflict_stream_subscribers"] == {(): count})
+
+
+async def test_a_name_that_somebody_made_mean_this_machine_opens_nothing(tmp_path: Path) -> None:
+    """DNS rebinding: the page's own origin, and the name that it was loaded by, are the same."""
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        port = face.address.rpartition(":")[2]
+        rebound = {"host": f"elsewhere.example:{port}", "origin": f"http://elsewhere.example:{port}"}
+        refused = await client.get("/advisories", headers=rebound)
+        assert (refused.status_code, "localhost" in refused.json()["detail"]) == (403, True)
+        assert (await client.get("/advisories", headers={"host": f"elsewhere.example:{port}"})).status_code == 403
+        assert (await client.get("/advisories", headers={"host": f"localhost:{port}"})).status_code == 200
+
+
+async def test_reading_is_not_answering(tmp_path: Path, people: tuple[Person, ...]) -> None:
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        refused = await client.post("/advisories/advisory-1/any", headers=bearer(READER))
+        assert (refused.status_code, "takes the role acknowledge" in refused.text) == (403, True)
+        assert (await client.post("/advisories/advisory-1/any", headers=bearer(LEADER))).status_code in (404, 405)
+        await face.publish(made(1))
+        said = {"name": "Somebody Else", "reason": "called back"}
+        path = "/advisories/advisory-1/acknowledgement"
+        answered = (await client.post(path, json=said, headers=bearer(LEADER))).json()
+        assert answered["acknowledgement"]["name"] == "Ada"
+        assert (await client.post("/anything", headers=bearer(LEADER))).status_code == 403
+
+
+async def test_a_page_of_another_site_is_refused_even_where_everybody_is_let_in(tmp_path: Path) -> None:
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        assert (await client.get("/advisories", headers={"origin": "https://elsewhere.example"})).status_code == 403
+        assert (await client.get("/advisories", headers={"origin": face.http})).status_code == 200
+        with pytest.raises(InvalidStatus):
+            await connect(face.stream(), additional_headers={"origin": "https://elsewhere.example"})
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "role"),
+    [
+        ("GET", "/robots", "read"),
+        ("WEBSOCKET", "/advisories/stream", "read"),
+        ("POST", "/advisories/1/acknowledgement", "acknowledge"),
+        ("DELETE", "/webhooks/1", "administer"),
+    ],
+)
+def test_what_a_request_takes(method: str, path: str, role: str) -> None:
+    assert needed(method, path) == role
+
+
+def test_a_port_is_exposed_beyond_the_machine_without_credentials() -> None:
+    assert exposed(Site()) == []
+    assert exposed(Site(receiver=Receiver(host="::1"), operator=Operator(host="localhost"))) == []
+    wide = Site(receiver=Receiver(host="0.0.0.0"), operator=Operator(host="0.0.0.0"))  # noqa: S104
+    assert [one.split(":")[0] for one in exposed(wide)] == ["receiver.host", "operator.host"]
+    guarded = Site(
+        receiver=Receiver(host="0.0.0.0"),  # noqa: S104
+        operator=Operator(host="0.0.0.0", people=(Person(name="Ada", token="env:ADA"),)),  # noqa: S104
+        vendors=(Vendor(name="Alder", token="env:ALDER"),),
+    )
+    assert exposed(guarded) == []

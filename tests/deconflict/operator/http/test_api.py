@@ -1,0 +1,303 @@
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+import trustme
+from jsonschema import Draft202012Validator
+from openapi_spec_validator import validate
+from websockets.asyncio.client import connect
+
+from deconflict.operator.live import advisory_stream
+from ingest.settings import Tls
+from tests.deconflict.operator.http.served_face import ROBOT_DOCUMENTS, Served, served, until
+from tests.helpers.made_advisories import ROBOTS, cleared, made
+from tests.helpers.patience import PATIENCE_S
+from tests.ingest.security.made_tls import trusting, write
+
+API_PAGE = Path(__file__).parents[4] / "docs" / "api.md"
+
+
+@pytest.fixture
+async def face(tmp_path: Path) -> AsyncIterator[Served]:
+    async with served(tmp_path) as one:
+        yield one
+
+
+@pytest.fixture
+async def client(face: Served) -> AsyncIterator[httpx.AsyncClient]:
+    async with httpx.AsyncClient(base_url=face.http, timeout=PATIENCE_S) as one:
+        yield one
+
+
+async def ids(client: httpx.AsyncClient, query: str = "") -> list[str]:
+    answer = await client.get("/advisories" + query)
+    assert answer.status_code == 200, answer.text
+    return [one["id"] for one in answer.json()["advisories"]]
+
+
+async def test_advisories_are_the_open_ones_newest_first_with_the_place_in_the_stream(
+    face: Served, client: httpx.AsyncClient
+) -> None:
+    stored = await face.publish(made(1), made(2), cleared(2), made(1, 2), made(3))
+    listing = (await client.get("/advisories")).json()
+    assert listing["seq"] == 5
+    assert listing["more"] is False
+    assert listing["advisories"] == [stored[4].model_dump(mode="json"), stored[3].model_dump(mode="json")]
+
+
+async def test_advisories_by_state_kind_vendor_robot_and_limit(face: Served, client: httpx.AsyncClient) -> None:
+    await face.publish(made(1), made(2, vendors=("Acme", "Cargo")), made(3, robots=("a", "b")), made(4), cleared(4))
+    assert await ids(client, "?state=cleared") == ["advisory-4"]
+    assert await ids(client, "?state=all") == ["advisory-4", "advisory-3", "advisory-2", "advisory-1"]
+    assert await ids(client, "?vendor=Cargo") == ["advisory-2"]
+    assert await ids(client, f"?robot={ROBOTS[1].upper()}") == ["advisory-2", "advisory-1"]
+    assert await ids(client, "?kind=conflict&limit=1") == ["advisory-3"]
+    assert (await client.get("/advisories?limit=1")).json()["more"] is True
+
+
+@pytest.mark.parametrize("query", ["state=shut", "kind=collision", "limit=0", "limit=100000", "limit=many"])
+async def test_a_question_that_is_not_understood_names_the_parameter(client: httpx.AsyncClient, query: str) -> None:
+    answer = await client.get(f"/advisories?{query}")
+    assert answer.status_code == 422
+    assert answer.json()["detail"][0]["loc"] == ["query", query.split("=", maxsplit=1)[0]]
+
+
+async def test_one_advisory_is_all_its_revisions(face: Served, client: httpx.AsyncClient) -> None:
+    await face.publish(made(1), made(2), made(1, 2), cleared(1, 3))
+    revisions = (await client.get("/advisories/advisory-1")).json()["advisories"]
+    assert [(one["revision"], one["state"]) for one in revisions] == [
+        (1, "raised"),
+        (2, "updated"),
+        (3, "cleared"),
+    ]
+    missing = await client.get("/advisories/advisory-7")
+    assert missing.status_code == 404
+    assert "advisory-7" in missing.json()["detail"]
+
+
+async def test_robots_are_what_the_receiver_knows_and_a_number_that_json_lacks_is_null(
+    client: httpx.AsyncClient,
+) -> None:
+    assert (await client.get("/robots")).json() == {
+        "robots": [ROBOT_DOCUMENTS[0], ROBOT_DOCUMENTS[1] | {"age_s": None}]
+    }
+    assert (await client.get("/robots?vendor=Acme")).json() == {"robots": [ROBOT_DOCUMENTS[0]]}
+    assert (await client.get(f"/robots/{ROBOTS[0].upper()}")).json() == ROBOT_DOCUMENTS[0]
+    assert (await client.get("/robots/nobody")).status_code == 404
+
+
+async def test_rejected_messages_are_shown_with_their_reasons(client: httpx.AsyncClient) -> None:
+    (rejected,) = (await client.get("/quarantine")).json()["rejected"]
+    assert rejected["reason"] == "ends too early"
+
+
+@pytest.mark.parametrize("path", ["/robots", f"/robots/{ROBOTS[0]}", "/quarantine"])
+async def test_what_a_silent_role_would_know_is_503_and_names_it(
+    face: Served, client: httpx.AsyncClient, path: str
+) -> None:
+    face.sources.down = {"receiver"}
+    answer = await client.get(path)
+    assert answer.status_code == 503
+    assert answer.json()["role"] == "receiver"
+    assert "the receiver does not answer" in answer.json()["detail"]
+    assert await ids(client) == []
+
+
+async def test_health_is_200_only_while_every_role_and_the_store_answer(
+    face: Served, client: httpx.AsyncClient
+) -> None:
+    await face.publish(made(1))
+    answer = await client.get("/healthz")
+    assert answer.status_code == 200
+    assert answer.json() == {
+        "status": "ok",
+        "roles": {"receiver": "up", "engine": "up"},
+        "store": {"status": "ok", "seq": 1},
+    }
+    for role in ("engine", "supervisor"):
+        face.sources.down = {role}
+        answer = await client.get("/healthz")
+        assert answer.status_code == 503
+        assert answer.json()["status"] == "degraded"
+        assert answer.json()["roles"][role] == "down"
+
+
+async def test_a_store_that_fails_is_told_by_health_and_by_advisories(face: Served, client: httpx.AsyncClient) -> None:
+    face.store.close()
+    answer = await client.get("/healthz")
+    assert (answer.status_code, answer.json()["status"]) == (503, "degraded")
+    assert answer.json()["store"]["status"] == "failing"
+    answer = await client.get("/advisories")
+    assert (answer.status_code, answer.json()["role"]) == (503, "store")
+
+
+async def test_metrics_are_those_of_the_roles_and_of_the_face(face: Served, client: httpx.AsyncClient) -> None:
+    await face.publish(made(1))
+    answer = await client.get("/metrics")
+    assert answer.headers["content-type"] == "text/plain; version=0.0.4; charset=utf-8"
+    lines = answer.text.splitlines()
+    assert 'deconflict_messages_total{result="accepted",vendor="Acme"} 7.0' in lines
+    assert "deconflict_advisories_stored_total 1.0" in lines
+    assert "deconflict_stream_subscribers 0.0" in lines
+    assert not [line for line in lines if line.startswith("deconflict_uncatalogued_measures{")]
+
+
+async def test_metrics_are_served_while_a_role_is_silent_and_say_so(face: Served, client: httpx.AsyncClient) -> None:
+    face.sources.down = {"receiver"}
+    answer = await client.get("/metrics")
+    assert answer.status_code == 200
+    assert 'deconflict_role_up{role="receiver"} 0.0' in answer.text.splitlines()
+    assert "deconflict_stream_subscribers" in answer.text
+
+
+async def test_the_schema_describes_what_is_published(face: Served, client: httpx.AsyncClient) -> None:
+    schema = (await client.get("/schema/advisory")).json()
+    Draft202012Validator.check_schema(schema)
+    validator = Draft202012Validator(schema)
+    for one in await face.publish(made(1), cleared(1)):
+        validator.validate(json.loads(one.model_dump_json()))
+    assert not validator.is_valid(made(1).model_dump(mode="json") | {"severity": "mild"})
+    assert not validator.is_valid(made(1).model_dump(mode="json") | {"safety_rated": True})
+
+
+async def test_the_api_description_is_valid_and_covers_what_is_served(client: httpx.AsyncClient) -> None:
+    described = (await client.get("/openapi.json")).json()
+    validate(described)
+    paths: dict[str, Any] = described["paths"]
+    assert set(paths) == {
+        "/advisories",
+        "/advisories/{advisory_id}",
+        "/advisories/{advisory_id}/acknowledgement",
+        "/heat",
+        "/past",
+        "/plans/{datum}",
+        "/presence",
+        "/recorded",
+        "/robots",
+        "/robots/{uuid}",
+        "/site",
+        "/vendors",
+        "/quarantine",
+        "/healthz",
+        "/metrics",
+        "/blackboxes",
+        "/blackboxes/{file}",
+        "/schema/advisory",
+        "/site/reload",
+    }
+    assert described["components"]["schemas"]["ConflictAdvisory"]["properties"]["severity"]
+    undocumented = [path for path, methods in paths.items() if not all(one["description"] for one in methods.values())]
+    assert not undocumented
+
+
+async def test_the_index_lists_every_route_and_loads_nothing(client: httpx.AsyncClient) -> None:
+    page = (await client.get("/api")).text
+    for path in (await client.get("/openapi.json")).json()["paths"]:
+        assert f">{path}<" in page
+    assert "/advisories/stream" in page
+    assert "<script" not in page
+    assert "http" not in page
+    assert (await client.get("/docs")).status_code == 404
+
+
+async def test_the_api_page_names_every_route_and_close_code(client: httpx.AsyncClient) -> None:
+    page = API_PAGE.read_text()
+    paths = [*(await client.get("/openapi.json")).json()["paths"], "/advisories/stream", "/live", "/openapi.json"]
+    assert not [path for path in paths if f"`{path}`" not in page.replace("`GET ", "`").replace("`POST ", "`")]
+    codes = (advisory_stream.BAD_AFTER, advisory_stream.AFTER_BEYOND_LAST, advisory_stream.STORE_FAILED)
+    assert not [code for code in codes if f"`{code}`" not in page]
+
+
+async def test_an_acknowledgement_is_answered_with_the_advisory_and_listed_for_all(
+    face: Served, client: httpx.AsyncClient
+) -> None:
+    await face.publish(made(1))
+    path = "/advisories/advisory-1/acknowledgement"
+    answered = await client.post(path, json={"name": " Kim ", "reason": "A-7 is called back"})
+    assert answered.status_code == 201, answered.text
+    assert (answered.json()["seq"], answered.json()["acknowledgement"]["name"]) == (2, "Kim")
+    (listed,) = (await client.get("/advisories")).json()["advisories"]
+    assert listed == answered.json()
+
+
+@pytest.mark.parametrize("body", [{"name": "Kim", "reason": "  "}, {"reason": "called back"}, {"name": "Kim"}, {}])
+async def test_an_acknowledgement_says_who_and_why(face: Served, client: httpx.AsyncClient, body: Any) -> None:
+    await face.publish(made(1))
+    assert (await client.post("/advisories/advisory-1/acknowledgement", json=body)).status_code == 422
+    assert face.store.last_seq() == 1
+
+
+async def test_what_is_not_stored_is_not_acknowledged(client: httpx.AsyncClient) -> None:
+    answered = await client.post("/advisories/none/acknowledgement", json={"name": "Kim", "reason": "called back"})
+    assert answered.status_code == 404
+
+
+async def test_who_asks_for_nothing_is_ended_and_who_follows_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.http.uvicorn_server.ASKED_WITHIN_S", 0.5)
+    begun = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    async with served(tmp_path) as face, connect(face.stream()) as following:
+        host, port = face.address.split(":")
+        torn = b"POST /advisories/none/acknowledgement HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 10\r\n\r\n{"
+        for said in (b"", b"GET /heal", begun, begun + b"\r\n" + begun, torn):
+            reader, writer = await asyncio.open_connection(host, int(port))
+            writer.write(said)
+            async with asyncio.timeout(PATIENCE_S):
+                with suppress(ConnectionResetError):
+                    await reader.read()
+            writer.close()
+        assert refused(face, "face-idle") == 5
+        await face.publish(made(1))
+        assert '"advisory-1"' in str(await following.recv())
+
+
+async def test_no_more_are_taken_than_there_are_files_for(tmp_path: Path) -> None:
+    async with served(tmp_path) as face:
+        face.app.state.most_connections = 3
+        async with connect(face.stream()), connect(face.stream()):
+            host, port = face.address.split(":")
+            _, idle = await asyncio.open_connection(host, int(port))
+            await until(lambda: face.connections() == 3)
+            reader, writer = await asyncio.open_connection(host, int(port))
+            async with asyncio.timeout(PATIENCE_S):
+                with suppress(ConnectionResetError):
+                    assert await reader.read() == b""
+            assert refused(face, "face-full") == 1
+            for one in (writer, idle):
+                one.close()
+            await until(lambda: face.connections() == 2)
+            async with httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
+                assert (await client.get(f"{face.http}/healthz")).status_code == 200
+
+
+async def test_a_handshake_of_tls_that_never_ends_is_ended_and_counts_among_the_connections(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.http.uvicorn_server.HANDSHAKE_S", 3.0)
+    authority = trustme.CA()
+    write(authority, tmp_path)
+    async with served(tmp_path, tls=Tls(certificate=str(tmp_path / "site.pem"))) as face:
+        host, port = face.address.split(":")
+        face.app.state.most_connections = 2
+        silent = [await asyncio.open_connection(host, int(port)) for _ in range(4)]
+        for reader, _ in silent:
+            async with asyncio.timeout(60):
+                with suppress(ConnectionResetError):
+                    assert await reader.read() == b""
+        await until(lambda: refused(face, "face-tls-failed") == 2, 60)
+        assert refused(face, "face-full") == 2
+        async with httpx.AsyncClient(trust_env=False, verify=trusting(authority), timeout=60) as client:
+            assert (await client.get(f"https://{face.address}/healthz")).status_code == 200
+        for _, writer in silent:
+            writer.close()
+
+
+def refused(face: Served, reason: str) -> float:
+    counted: dict[tuple[str, ...], float] = face.app.state.measures.values["deconflict_connections_refused_total"]
+    return counted.get((reason,), 0)

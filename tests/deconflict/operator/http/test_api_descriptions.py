@@ -1,0 +1,57 @@
+from typing import Any
+
+from jsonschema import Draft202012Validator
+from openapi_spec_validator import validate
+
+from deconflict.advisory import Severity
+from deconflict.operator.http.api_descriptions import asyncapi, openapi
+from tests.helpers.made_advisories import deadlock, made
+
+
+def references(part: Any) -> set[str]:
+    """Every `$ref` below a part of a document."""
+    if isinstance(part, dict):
+        own = {part["$ref"]} if isinstance(part.get("$ref"), str) else set()
+        return own.union(*(references(one) for one in part.values()))
+    return set().union(*(references(one) for one in part)) if isinstance(part, list) else set()
+
+
+def found(document: dict[str, Any], reference: str) -> Any:
+    at: Any = document
+    for part in reference.removeprefix("#/").split("/"):
+        at = at[part]
+    return at
+
+
+def test_the_openapi_document_is_one_and_has_what_is_asked_of_the_service() -> None:
+    document = openapi()
+    validate(document)
+    assert {"/advisories", "/advisories/{advisory_id}/acknowledgement", "/metrics", "/vendors"} <= set(
+        document["paths"]
+    )
+
+
+def test_every_reference_of_the_asyncapi_document_leads_somewhere() -> None:
+    document = asyncapi()
+    told = references(document)
+    assert len(told) > 10
+    assert all(reference.startswith("#/") and found(document, reference) for reference in told)
+
+
+def test_each_channel_has_an_operation_servers_and_messages() -> None:
+    document = asyncapi()
+    operated = {one["channel"]["$ref"] for one in document["operations"].values()}
+    assert operated == {f"#/channels/{name}" for name in document["channels"]}
+    for channel in document["channels"].values():
+        assert channel["servers"]
+        assert channel["messages"]
+        assert channel["address"].count("{") == len(channel.get("parameters", {}))
+
+
+def test_the_message_of_the_asyncapi_document_is_an_advisory_of_any_kind() -> None:
+    document = asyncapi()
+    payload = document["components"]["messages"]["revision"]["payload"]
+    told = Draft202012Validator({**payload, "components": document["components"]})
+    for one in (made(1, severity=Severity.CRITICAL), deadlock("a", "b", "c")):
+        assert list(told.iter_errors(one.model_dump(mode="json"))) == []
+    assert list(told.iter_errors({**made(1).model_dump(mode="json"), "kind": "rumour"}))

@@ -1,0 +1,162 @@
+import asyncio
+import json
+import re
+import threading
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+
+import httpx
+import pytest
+from websockets.asyncio.client import connect
+
+from deconflict.advisory import Location
+from deconflict.operator.http.page_routes import page_files, site_document
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import Site, load
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from tests.deconflict.operator.http.served_face import Served, served, stuck_subscriber, until
+from tests.helpers.made_advisories import START, cleared, made
+from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import robot, status
+
+NOW_S = 1_792_000_000.0
+DEMO = Path(__file__).parents[4] / "deconflict" / "settings" / "sites" / "demo.toml"
+
+
+@pytest.fixture
+async def face(tmp_path: Path) -> AsyncIterator[Served]:
+    async with served(tmp_path) as one:
+        yield one
+
+
+@pytest.fixture
+async def client(face: Served) -> AsyncIterator[httpx.AsyncClient]:
+    async with httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as one:
+        yield one
+
+
+async def test_every_file_of_the_page_is_served_and_may_load_only_from_here(client: httpx.AsyncClient) -> None:
+    addresses = ["/", *(f"/page/{name}" for name in page_files())]
+    assert len(addresses) > 8
+    for address in addresses:
+        answer = await client.get(address)
+        assert answer.status_code == 200, address
+        policy = answer.headers["content-security-policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert not re.findall(r"https?://(?!www\.w3\.org/2000/svg)", answer.text), address
+
+
+@pytest.mark.parametrize("name", ["absent.js", "..%2Foperator.py", "%2e%2e/operator.py", ".html"])
+async def test_nothing_but_the_page_is_served(client: httpx.AsyncClient, name: str) -> None:
+    assert (await client.get(f"/page/{name}")).status_code == 404
+
+
+def test_no_module_of_the_page_makes_markup_of_what_it_was_told() -> None:
+    code = b"".join(content for name, content in page_files().items() if name.endswith(".js"))
+    assert not re.findall(rb"innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(", code)
+
+
+def test_the_site_is_told_with_its_floors_in_order_and_places_on_them() -> None:
+    document = site_document(load(DEMO))
+    assert [one["name"] for one in document["floors"]] == ["Ground hall", "Mezzanine"]
+    assert {one["name"] for one in document["floors"][0]["marks"]} >= {"Column A1", "Column C3"}
+    floors = {one["id"] for one in document["floors"]}
+    assert all(place["floor"] in floors and len(place["polygon"]) >= 3 for place in document["places"])
+
+
+async def test_the_heat_is_where_advisories_arose_in_the_hour_before(face: Served, client: httpx.AsyncClient) -> None:
+    here, there = (Location(datum="hall", x=x, y=2.5) for x in (3.2, -0.5))
+    await face.publish(made(1, location=here), made(1, 2, location=there), cleared(1, 3), made(2, location=here))
+    until_s = (START + timedelta(minutes=2, seconds=30)).timestamp()
+    heat = (await client.get(f"/heat?until_s={until_s}")).json()
+    assert heat["floors"] == {"hall": [[3.0, 2.0, 2]]}
+    assert (await client.get("/heat")).json()["floors"] == {}
+
+
+async def test_the_past_has_the_advisories_that_were_open_then(face: Served, client: httpx.AsyncClient) -> None:
+    await face.publish(made(1), cleared(1), made(2))
+    at_s = (START + timedelta(minutes=1)).timestamp()
+    past = (await client.get(f"/past?at_s={at_s}")).json()
+    assert [one["id"] for one in past["advisories"]] == ["advisory-1"]
+    assert past["floor"]["now_s"] == at_s
+    assert (await client.get("/past?at_s=nan")).status_code == 422
+    face.sources.down.add("recording")
+    assert (await client.get(f"/past?at_s={at_s}")).status_code == 503
+
+
+async def test_a_long_look_back_keeps_nobody_waiting(face: Served, client: httpx.AsyncClient) -> None:
+    await face.publish(*(made(number) for number in range(1, 101)))
+    began, goes_on = threading.Event(), threading.Event()
+
+    def slow() -> bool:
+        began.set()
+        return not goes_on.wait(PATIENCE_S)
+
+    face.store._looker_back.set_progress_handler(slow, 100)  # as an hour of revisions is: long
+    looking = asyncio.create_task(client.get(f"/past?at_s={(START + timedelta(minutes=90)).timestamp()}"))
+    await until(began.is_set)
+    await face.publish(made(101))
+    assert (await client.get("/advisories")).json()["seq"] == 101
+    assert not looking.done()
+    goes_on.set()
+    assert len((await looking).json()["advisories"]) == 61
+
+
+async def test_a_page_is_sent_the_floor_and_then_what_changes(face: Served) -> None:
+    fleet = fleet_of(Site(), Measures())
+    fleet.receive(status("A-1", NOW_S), NOW_S, Connection(1))
+    face.sources.whole = fleet.whole(NOW_S)
+    face.sources.recent.add(NOW_S, fleet.cut(NOW_S).to_bytes())
+    async with connect(f"ws://{face.address}/live") as page:
+        known: set[str] = set()
+        while robot("A-1") not in known:
+            known |= {row[0] for row in json.loads(await page.recv())["floor"]["robots"]}
+        fleet.receive(status("A-2", NOW_S), NOW_S, Connection(1))
+        face.sources.recent.add(NOW_S + 0.1, fleet.cut(NOW_S + 0.1).to_bytes())
+        while True:
+            frame = json.loads(await page.recv())
+            if frame["floor"]["robots"]:
+                break
+        assert [row[0] for row in frame["floor"]["robots"]] == [robot("A-2")]
+        assert (frame["floor"]["whole"], frame["floor"]["now_s"]) == (False, NOW_S + 0.1)
+        assert frame["health"]["roles"] == {"receiver": "up", "engine": "up"}
+        assert face.measured("deconflict_page_viewers") == 1
+    await until(lambda: face.measured("deconflict_page_viewers") == 0)
+
+
+async def test_a_page_that_reads_nothing_is_dropped_and_delays_nobody(tmp_path: Path) -> None:
+    async with served(tmp_path, stream_send_timeout_s=0.5) as face:
+        fleet = fleet_of(Site(), Measures())
+        for i in range(3000):
+            fleet.receive(status(f"A-{i}", NOW_S), NOW_S, Connection(1))
+        stuck = await stuck_subscriber(face, "/live")
+        async with connect(f"ws://{face.address}/live", max_size=None) as page:
+            step = 0
+            while face.measured("deconflict_stream_dropped_total") == 0:
+                step += 1
+                face.sources.whole = batch = replace(fleet.whole(NOW_S), now_s=NOW_S + step)
+                face.sources.recent.add(NOW_S + step, batch.to_bytes())
+                async with asyncio.timeout(PATIENCE_S):
+                    while json.loads(await page.recv())["floor"]["now_s"] < NOW_S + step:
+                        pass
+            assert step > 1
+            await until(lambda: face.measured("deconflict_page_viewers") == 1)
+        stuck.close()
+
+
+async def test_while_the_receiver_is_down_the_page_is_told_so_and_the_floor_comes_back(face: Served) -> None:
+    face.sources.down.add("receiver")
+    async with connect(f"ws://{face.address}/live") as page:
+        while json.loads(await page.recv())["health"].get("roles") != {"receiver": "down", "engine": "up"}:
+            pass
+        fleet = fleet_of(Site(), Measures())
+        fleet.receive(status("A-1", NOW_S), NOW_S, Connection(1))
+        face.sources.whole = fleet.whole(NOW_S)
+        face.sources.recent.add(NOW_S, fleet.cut(NOW_S).to_bytes())
+        face.sources.down.clear()
+        while not json.loads(await page.recv())["floor"]["robots"]:
+            pass

@@ -1,0 +1,170 @@
+import asyncio
+import json
+import socket
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosedError
+
+from deconflict.operator.live.advisory_stream import AFTER_BEYOND_LAST, BAD_AFTER, STORE_FAILED
+from tests.deconflict.operator.http.served_face import Served, served, stuck_subscriber, until
+from tests.helpers.made_advisories import made
+
+RESTARTING = 1012
+
+
+@pytest.fixture
+async def face(tmp_path: Path) -> AsyncIterator[Served]:
+    async with served(tmp_path) as one:
+        yield one
+
+
+async def heard(face: Served, after: int | None, last: int) -> list[int]:
+    """The numbers a new subscriber hears, up to `last`."""
+    seqs: list[int] = []
+    async with connect(face.stream("" if after is None else f"?after={after}")) as socket_:
+        while not seqs or seqs[-1] < last:
+            seqs.append(json.loads(await socket_.recv())["seq"])
+    return seqs
+
+
+async def test_a_message_is_one_revision_as_stored(face: Served) -> None:
+    (stored,) = await face.publish(made(1))
+    async with connect(face.stream("?after=0")) as subscriber:
+        assert json.loads(await subscriber.recv()) == stored.model_dump(mode="json")
+
+
+async def test_without_after_the_stream_begins_with_the_next_revision(face: Served) -> None:
+    await face.publish(made(1))
+    async with connect(face.stream()) as subscriber:
+        await face.publish(made(2), made(1, 2))
+        assert [json.loads(await subscriber.recv())["seq"] for _ in range(2)] == [2, 3]
+
+
+async def test_resuming_anywhere_while_a_writer_appends_loses_and_doubles_nothing(face: Served) -> None:
+    last = 3000
+    await face.publish(*(made(number) for number in range(1, 1501)))
+
+    async def write() -> None:
+        for first in range(1501, last + 1, 10):
+            await face.publish(*(made(number) for number in range(first, first + 10)))
+
+    writing = asyncio.create_task(write())
+    for part in (0, 37, 800, 1499, 1500):
+        everything = await asyncio.gather(*(heard(face, after, last) for after in (part, part + 1)))
+        assert everything == [list(range(after + 1, last + 1)) for after in (part, part + 1)]
+    await writing
+
+
+async def test_a_subscriber_that_comes_back_goes_on_where_it_left(face: Served) -> None:
+    async def write() -> None:
+        for number in range(1, 1001):
+            await face.publish(made(number))
+
+    writing = asyncio.create_task(write())
+    seqs: list[int] = []
+    while not seqs or seqs[-1] < 1000:
+        async with connect(face.stream(f"?after={seqs[-1] if seqs else 0}")) as subscriber:
+            seqs += [json.loads(await subscriber.recv())["seq"] for _ in range(min(77, 1000 - len(seqs)))]
+    await writing
+    assert seqs == list(range(1, 1001))
+
+
+async def test_a_stream_goes_on_over_a_restart_of_the_service(tmp_path: Path) -> None:
+    async with served(tmp_path) as first:
+        await first.publish(made(1), made(2))
+    async with served(tmp_path) as second:
+        await second.publish(made(3))
+        assert await heard(second, 1, 3) == [2, 3]
+
+
+@pytest.mark.parametrize("after", ["x", "-1", "1.5", "", "%C2%B2", "9" * 19])
+async def test_after_that_is_no_number_is_refused_with_the_reason(face: Served, after: str) -> None:
+    async with connect(face.stream(f"?after={after}")) as subscriber:
+        with pytest.raises(ConnectionClosedError, match="whole number") as closed:
+            await subscriber.recv()
+    assert closed.value.rcvd
+    assert closed.value.rcvd.code == BAD_AFTER
+
+
+async def test_after_beyond_the_last_number_is_refused_and_the_last_itself_is_not(face: Served) -> None:
+    await face.publish(made(1))
+    async with connect(face.stream("?after=2")) as subscriber:
+        with pytest.raises(ConnectionClosedError, match="beyond the last seq 1") as closed:
+            await subscriber.recv()
+    assert closed.value.rcvd
+    assert closed.value.rcvd.code == AFTER_BEYOND_LAST
+    async with connect(face.stream("?after=1")) as subscriber:
+        await face.publish(made(2))
+        assert json.loads(await subscriber.recv())["seq"] == 2
+
+
+async def test_subscribers_are_counted_while_they_stay(face: Served) -> None:
+    async with connect(face.stream()), connect(face.stream()):
+        await until(lambda: face.measured("deconflict_stream_subscribers") == 2)
+    await until(lambda: face.measured("deconflict_stream_subscribers") == 0)
+    assert face.measured("deconflict_stream_dropped_total") == 0
+
+
+async def test_what_a_subscriber_says_is_ignored_unless_it_is_too_long(face: Served) -> None:
+    async with connect(face.stream()) as subscriber:
+        await subscriber.send("hello")
+        await subscriber.send(b"hello")
+        await face.publish(made(1))
+        assert json.loads(await subscriber.recv())["seq"] == 1
+        await subscriber.send("x" * 100_000)
+        with pytest.raises(ConnectionClosedError):
+            await subscriber.recv()
+    await until(lambda: face.measured("deconflict_stream_subscribers") == 0)
+
+
+async def test_a_stuck_subscriber_is_dropped_and_the_others_go_on(tmp_path: Path) -> None:
+    async with served(tmp_path, stream_send_timeout_s=600.0) as face:
+        site = face.app.state.site
+        operator = site.operator.model_copy(update={"stream_send_timeout_s": 0.5})
+        face.app.state.site = site.model_copy(update={"operator": operator})
+        stuck = await stuck_subscriber(face)
+        listening = asyncio.create_task(heard(face, None, 101))
+        await until(lambda: face.measured("deconflict_stream_subscribers") == 2)
+        for number in range(1, 101):
+            await face.publish(made(number, summary="x" * 100_000))
+        await until(lambda: face.measured("deconflict_stream_subscribers") == 1)
+        assert face.measured("deconflict_stream_dropped_total") == 1
+        await until(lambda: face.connections() == 1)
+        await face.publish(made(101))
+        assert await listening == list(range(1, 102))
+        assert face.measured("deconflict_stream_dropped_total") == 1
+        stuck.close()
+
+
+async def test_small_messages_are_sent_without_waiting_for_more(face: Served) -> None:
+    async with connect(face.stream()):
+        await until(lambda: face.measured("deconflict_stream_subscribers") == 1)
+        (connection,) = face.server.server_state.connections
+        served_socket = connection.transport.get_extra_info("socket")
+        assert served_socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
+async def test_a_store_that_fails_ends_the_stream_with_the_reason(face: Served) -> None:
+    await face.publish(made(1))
+    face.store.close()
+    async with connect(face.stream("?after=0")) as subscriber:
+        with pytest.raises(ConnectionClosedError, match="healthz") as closed:
+            await subscriber.recv()
+    assert closed.value.rcvd
+    assert closed.value.rcvd.code == STORE_FAILED
+
+
+async def test_stopping_the_server_ends_streams_even_those_of_stuck_subscribers(tmp_path: Path) -> None:
+    async with served(tmp_path) as face:
+        subscriber = await connect(face.stream())
+        stuck = await stuck_subscriber(face)
+        for number in range(1, 101):
+            await face.publish(made(number, summary="x" * 100_000))
+            await subscriber.recv()
+    assert face.connections() == 0
+    await subscriber.wait_closed()
+    assert subscriber.close_code == RESTARTING
+    stuck.close()

@@ -1,0 +1,113 @@
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deconflict.operator.live import floor_frames as module
+from deconflict.operator.live.floor_frames import Picture
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import Site
+from ingest.fleet.fleet import Fleet
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from tests.helpers.saying import HALL, LOFT, points, robot, status
+
+NOW_S = 1_792_000_000.0
+LINE = Connection(1)
+
+
+@pytest.fixture
+def fleet() -> Fleet:
+    return fleet_of(Site(), Measures())
+
+
+def frame(picture: Picture, version: int) -> dict[str, Any]:
+    told: dict[str, Any] = json.loads(picture.since(version))
+    return told
+
+
+def moved(fleet: Fleet, *names: str, at_s: float = NOW_S, x: float = 0.0) -> None:
+    for name in names:
+        fleet.receive(status(name, at_s, x), at_s, LINE)
+
+
+def test_a_row_says_where_the_robot_is_and_will_be_as_the_seam_does(fleet: Fleet) -> None:
+    path = points((NOW_S + 2, 4.0, 1.0, 0.0), (NOW_S + 4, 4.0, 3.0, 1.5))
+    fleet.receive(status("A-1", NOW_S, 2.0, 1.0, path=path), NOW_S + 0.25, LINE)
+    batch, picture = fleet.cut(NOW_S + 0.3), Picture()
+    picture.put(batch, whole=True)
+    told = frame(picture, 0)
+    (row,) = told["robots"]
+    assert row[:6] == [robot("A-1"), batch.vendors[0], batch.names[0], "navigating", 0, "path"]
+    assert (told["floors"], told["now_s"], told["whole"]) == ([HALL], NOW_S + 0.3, True)
+    assert row[7] == NOW_S + 0.25
+    knots, one = np.reshape(row[11], (-1, 4)), batch.forecasts
+    expected = np.stack([one.t_s - batch.event_s[0], one.x_m, one.y_m, one.yaw_rad], axis=1)
+    assert np.abs(knots - expected).max() < 0.006
+    assert row[9:11] == [one.length_m[0], one.width_m[0]]
+
+
+def test_the_row_ends_where_the_robot_leaves_the_floor(fleet: Fleet) -> None:
+    path = points((NOW_S + 2, 1.0, 0.0, 0.0), (NOW_S + 4, 9.0, 9.0, 0.0))
+    path[1]["planarDatumUUID"] = LOFT
+    fleet.receive(status("A-1", NOW_S, path=path), NOW_S, LINE)
+    picture = Picture()
+    picture.put(fleet.cut(NOW_S), whole=True)
+    (row,) = frame(picture, 0)["robots"]
+    assert max(row[11][1::4]) < 9.0
+
+
+def test_a_frame_holds_what_changed_since_the_version_and_no_more(fleet: Fleet) -> None:
+    picture = Picture()
+    moved(fleet, "A-1", "A-2", "A-3")
+    picture.put(fleet.cut(NOW_S), whole=True)
+    moved(fleet, "A-2", at_s=NOW_S + 1, x=1.0)
+    picture.put(fleet.cut(NOW_S + 1), whole=False)
+    moved(fleet, "A-3", at_s=NOW_S + 2, x=1.0)
+    picture.put(fleet.cut(NOW_S + 2), whole=False)
+    changed = {since: {row[0] for row in frame(picture, since)["robots"]} for since in range(4)}
+    everybody = {robot("A-1"), robot("A-2"), robot("A-3")}
+    assert changed == {0: everybody, 1: everybody - {robot("A-1")}, 2: {robot("A-3")}, 3: set()}
+
+
+def test_following_frame_by_frame_is_the_same_as_the_whole(fleet: Fleet) -> None:
+    picture, known, version = Picture(), dict[str, Any](), 0
+    for step in range(30):
+        names = [f"A-{i}" for i in range(8) if (step * 7 + i * 3) % 5 == 0]
+        moved(fleet, *names, at_s=NOW_S + step * 40, x=float(step))
+        picture.put(fleet.cut(NOW_S + step * 40), whole=step == 0)
+        if step % 3 == 0:
+            told = frame(picture, version)
+            known = {} if told["whole"] else known
+            known |= {row[0]: row for row in told["robots"]}
+            known = {uuid: row for uuid, row in known.items() if uuid not in told["gone"]}
+            version = picture.version
+            assert known == {row[0]: row for row in frame(picture, 0)["robots"]}
+    assert known
+
+
+def test_a_forgotten_robot_is_told_once_and_then_known_by_everybody(fleet: Fleet) -> None:
+    picture = Picture()
+    moved(fleet, "A-1")
+    picture.put(fleet.cut(NOW_S), whole=True)
+    late_s = NOW_S + fleet.reading.forget_after_s + 1
+    picture.put(fleet.cut(late_s), whole=False)
+    assert frame(picture, 1)["gone"] == [robot("A-1")]
+    assert frame(picture, 2)["gone"] == []
+    assert len(picture) == 0
+
+
+def test_who_missed_more_departures_than_are_kept_is_sent_the_whole_floor(
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "GONE_KEPT", 1)
+    picture = Picture()
+    moved(fleet, "A-1", "A-2")
+    picture.put(fleet.cut(NOW_S), whole=True)
+    late_s = NOW_S + fleet.reading.forget_after_s + 1
+    moved(fleet, "A-3", at_s=late_s)
+    picture.put(fleet.cut(late_s), whole=False)
+    picture.put(fleet.cut(late_s), whole=False)
+    assert (frame(picture, 1)["whole"], frame(picture, 2)["whole"]) == (True, False)
+    assert [row[0] for row in frame(picture, 1)["robots"]] == [robot("A-3")]

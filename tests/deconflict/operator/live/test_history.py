@@ -1,0 +1,74 @@
+"""The floor as it was is the floor that the live service had."""
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deconflict.operator.live.floor_frames import Picture
+from deconflict.operator.live.history import MOST_WAITING, BusyError, Past, floor_at, recorded
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import Site
+from ingest.measures.measures import Measures
+from ingest.recording.recorder import Recorder
+from ingest.settings import Recorder as Settings
+from tests.helpers.saying import identity, status
+from tests.ingest.recording.made_logs import LINE, NOW_S
+
+
+def rows(frame: str) -> list[Any]:
+    return sorted(json.loads(frame)["robots"])
+
+
+def driven(log: Path, seconds: int) -> dict[int, str]:
+    """Record two robots, one of which says late who it is, in small segments; the live picture at each second."""
+    site, clock = Site(), [NOW_S]
+    fleet = fleet_of(site, Measures())
+    settings = Settings(segment_bytes=20_000, total_bytes=1_000_000)
+    recorder = Recorder(settings, log, Measures(), lambda: clock[0])
+    seen = {}
+    for second in range(seconds):
+        clock[0] = now_s = NOW_S + second
+        said = [status("A-1", now_s, x=float(second)), status("A-2", now_s, y=float(second))]
+        if second == 5:
+            said.insert(0, identity("A-2", now_s))
+        for raw in said:
+            recorder.received(raw, now_s, LINE, fleet.receive(raw, now_s, LINE))
+        recorder.tick(now_s)
+        assert recorder.sync()
+        picture = Picture()
+        picture.put(fleet.whole(now_s), whole=True)
+        seen[second] = picture.since(0)
+    recorder.close()
+    return seen
+
+
+def test_the_past_is_what_the_live_picture_was(tmp_path: Path) -> None:
+    seen = driven(tmp_path, 40)
+    assert len(list(tmp_path.iterdir())) > 1
+    for second in (3, 6, 20, 39):
+        assert rows(floor_at(Site(), tmp_path, NOW_S + second)) == rows(seen[second])
+
+
+def test_before_and_without_a_recording_the_floor_is_empty(tmp_path: Path) -> None:
+    assert rows(floor_at(Site(), tmp_path / "none", NOW_S)) == []
+    assert recorded(tmp_path / "none") is None
+    driven(tmp_path, 3)
+    assert rows(floor_at(Site(), tmp_path, NOW_S - 1)) == []
+    told = recorded(tmp_path)
+    assert told
+    assert told[0] == pytest.approx(NOW_S, abs=1e-5)
+
+
+async def test_a_process_of_its_own_reads_one_at_a_time_and_refuses_a_crowd(tmp_path: Path) -> None:
+    seen = driven(tmp_path, 10)
+    past = Past(Site(), tmp_path)
+    try:
+        asked = [past.floor_at(NOW_S + second) for second in range(MOST_WAITING + 1)]
+        told = await asyncio.gather(*asked, return_exceptions=True)
+        assert [rows(one) for one in told[:-1] if isinstance(one, str)] == [rows(seen[i]) for i in range(MOST_WAITING)]
+        assert isinstance(told[-1], BusyError)
+    finally:
+        past.close()

@@ -1,0 +1,107 @@
+"""Other ends of outlets: an HTTP server that answers as it is told, and a real broker."""
+
+import asyncio
+import shutil
+import socket
+import subprocess
+import threading
+from collections.abc import AsyncIterator, Coroutine, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.store import Store
+from ingest.measures.measures import Measures
+from tests.deconflict.operator.http.served_face import until
+from tests.deconflict.roles.test_supervisor import free_ports
+from tests.helpers.patience import PATIENCE_S
+
+SECRET = "a secret that both ends know"  # noqa: S105
+
+needs_mosquitto = pytest.mark.skipif(
+    not shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin"), reason="mosquitto is not installed"
+)
+
+
+@asynccontextmanager
+async def working(outlet: Coroutine[Any, Any, None], publisher: Publisher) -> AsyncIterator[None]:
+    """An outlet at work from when it follows `publisher`, until the end of the block."""
+    running = asyncio.create_task(outlet)
+    await until(lambda: publisher.measures.values["deconflict_outlet_waiting"])
+    try:
+        yield
+    finally:
+        running.cancel()
+        with suppress(asyncio.CancelledError):
+            await running
+
+
+@dataclass
+class Hearer:
+    """What was posted, and the statuses to answer with before 204."""
+
+    answers: list[int] = field(default_factory=list)
+    heard: list[tuple[dict[str, str], bytes]] = field(default_factory=list)
+    url: str = ""
+
+
+@contextmanager
+def hearing(*answers: int) -> Iterator[Hearer]:
+    hearer = Hearer(list(answers))
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            body = self.rfile.read(int(self.headers["content-length"]))
+            hearer.heard.append(({name.lower(): value for name, value in self.headers.items()}, body))
+            self.send_response(hearer.answers.pop(0) if hearer.answers else 204)
+            self.end_headers()
+
+        def log_message(self, format: str, *args: object) -> None:  # noqa: A002
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    hearer.url = f"http://127.0.0.1:{server.server_address[1]}/hook?key=abc"
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        yield hearer
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+
+
+@asynccontextmanager
+async def broker(port: int = 0) -> AsyncIterator[int]:
+    """A broker without any memory, and its port."""
+    port = port or free_ports(1)[0]
+    mosquitto = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin") or ""
+    server = subprocess.Popen([mosquitto, "-p", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            while not _open(port):
+                await asyncio.sleep(0.02)
+        yield port
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def _open(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+@contextmanager
+def kept(folder: Path) -> Iterator[tuple[Store, Publisher]]:
+    """A store and its publisher, as one run of the service has them."""
+    store = Store(folder)
+    try:
+        yield store, Publisher(store, Measures())
+    finally:
+        store.close()

@@ -1,0 +1,88 @@
+"""The outlet to a broker, with a real one."""
+
+import asyncio
+from contextlib import AbstractAsyncContextManager
+from pathlib import Path
+
+from aiomqtt import Client
+
+from deconflict.operator.outlets.mqtt import Broker, told
+from deconflict.operator.outlets.store_cursor import Following
+from deconflict.operator.store.publisher import Line, Publisher
+from deconflict.operator.store.store import Store
+from deconflict.settings.outlet_settings import Mqtt
+from tests.deconflict.operator.http.served_face import until
+from tests.deconflict.operator.outlets.made_outlets import broker, kept, needs_mosquitto, working
+from tests.deconflict.roles.test_supervisor import free_ports
+from tests.helpers.made_advisories import cleared, made
+from tests.helpers.patience import PATIENCE_S
+
+pytestmark = needs_mosquitto
+
+
+def feeding(port: int, store: Store, publisher: Publisher) -> AbstractAsyncContextManager[None]:
+    settings = Mqtt(host="127.0.0.1", port=port, retry_s=(0.05, 0.2))
+    return working(Broker(settings, Following("mqtt", store, publisher), store).run(), publisher)
+
+
+async def held_now(port: int) -> dict[str, str]:
+    """What a subscriber that comes now is told at once, by topic."""
+    held: dict[str, str] = {}
+    async with Client("127.0.0.1", port) as client:
+        await client.subscribe("deconflict/#", qos=1)
+        await client.subscribe("end")
+        await client.publish("end", "", qos=1)
+        async for message in client.messages:
+            if message.topic.value == "end":
+                break
+            if message.retain and isinstance(message.payload, bytes):
+                held[message.topic.value] = message.payload.decode()
+    return held
+
+
+async def retained(port: int, wanted: set[str]) -> dict[str, str]:
+    """What is held, as soon as it is of these topics and no others."""
+    while set(held := await held_now(port)) != {f"deconflict/{one}" for one in wanted}:
+        await asyncio.sleep(0.05)
+    return held
+
+
+async def test_the_broker_holds_what_is_open_and_forgets_what_is_cleared(tmp_path: Path) -> None:
+    async with broker() as port, asyncio.timeout(PATIENCE_S):
+        with kept(tmp_path) as (store, publisher):
+            async with feeding(port, store, publisher):
+                await publisher.publish([made(1), made(2)])
+                (first,) = await publisher.publish([made(1, 2)])
+                held = await retained(port, {"service", "advisories/advisory-1", "advisories/advisory-2"})
+                while held["deconflict/advisories/advisory-1"] != first.model_dump_json():
+                    held = await retained(port, {"service", "advisories/advisory-1", "advisories/advisory-2"})
+                assert held["deconflict/service"] == "online"
+                await publisher.publish([cleared(1, 3)])
+                await retained(port, {"service", "advisories/advisory-2"})
+            assert (await retained(port, {"service", "advisories/advisory-2"}))["deconflict/service"] == "offline"
+
+
+async def test_what_was_missed_while_the_broker_was_away_or_the_service_down_is_made_up_for(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    async with asyncio.timeout(PATIENCE_S):
+        with kept(tmp_path) as (store, publisher):
+            async with feeding(port, store, publisher):
+                async with broker(port):
+                    await publisher.publish([made(1), made(2)])
+                    await until(lambda: store.position("mqtt") == 2)
+                failures = publisher.measures.values["deconflict_outlet_failures_total"]
+                await publisher.publish([cleared(2), made(3)])
+                await until(lambda: failures["mqtt",] > 0)
+                async with broker(port):  # it has forgotten everything
+                    await retained(port, {"service", "advisories/advisory-1", "advisories/advisory-3"})
+            await publisher.publish([cleared(1)])
+        async with broker(port):
+            with kept(tmp_path) as (store, publisher):
+                async with feeding(port, store, publisher):
+                    await retained(port, {"service", "advisories/advisory-3"})
+
+
+def test_a_cleared_advisory_is_told_and_then_no_longer_kept() -> None:
+    line = Line(7, cleared(1).model_dump_json())
+    assert [(one.payload, one.retain) for one in told("hall", line)] == [(line.text, False), (None, True)]
+    assert {one.topic for one in told("hall", line)} == {"hall/advisories/advisory-1"}

@@ -1,0 +1,210 @@
+"""Outlets that begin, end and change while the service runs."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deconflict.operator.outlets import webhooks
+from deconflict.operator.outlets.outlets import Outlets
+from deconflict.operator.outlets.webhook_signatures import SignatureError, signed, verified
+from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.store import Store
+from deconflict.settings.outlet_settings import Mqtt, Webhook
+from ingest.security.tokens import SecretError
+from tests.deconflict.operator.http.served_face import until
+from tests.deconflict.operator.outlets.made_outlets import SECRET, Hearer, broker, hearing, kept, needs_mosquitto
+from tests.deconflict.operator.outlets.test_mqtt import retained
+from tests.deconflict.operator.outlets.test_positions import delivered, heard
+from tests.deconflict.operator.outlets.test_webhooks import numbers
+from tests.helpers.made_advisories import cleared, made
+from tests.helpers.patience import PATIENCE_S
+
+
+@asynccontextmanager
+async def outlets(folder: Path) -> AsyncIterator[tuple[Outlets, Store, Publisher]]:
+    (folder / "secret").write_text(SECRET)
+    with kept(folder) as (store, publisher):
+        one = Outlets(store, publisher)
+        try:
+            yield one, store, publisher
+        finally:
+            await one.close()
+            await publisher.close()
+
+
+def hook(other: Hearer, folder: Path, name: str = "mes") -> Webhook:
+    return Webhook(name=name, url=other.url, secret=f"file:{folder / 'secret'}", retry_s=(0.02, 0.1))
+
+
+def waiting(publisher: Publisher) -> set[str]:
+    """Outlets that are measured."""
+    return {name for (name,) in publisher.measures.values["deconflict_outlet_waiting"]}
+
+
+async def test_an_outlet_that_changes_goes_on_where_it_was_and_the_others_are_not_disturbed(tmp_path: Path) -> None:
+    with hearing() as first, hearing() as second, hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([hook(first, tmp_path), hook(other, tmp_path, "wms")], None)
+            await until(lambda: waiting(publisher) == {"mes", "wms"})
+            await publisher.publish([made(1)])
+            await delivered(publisher, 1)
+            one.renew([hook(second, tmp_path), hook(other, tmp_path, "wms")], None)
+            await publisher.publish([made(2), made(3)])
+            await delivered(publisher, 3)
+            await delivered(publisher, 3, "wms")
+        assert (numbers(first.heard), numbers(second.heard)) == ([1], [2, 3])
+        assert numbers(other.heard) == [1, 2, 3]
+
+
+async def test_an_outlet_that_was_stuck_is_given_another_address_and_loses_nothing(tmp_path: Path) -> None:
+    with hearing() as gone:
+        stuck = hook(gone, tmp_path)
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([stuck], None)
+            await until(lambda: waiting(publisher))
+            await publisher.publish([made(1), made(2)])
+            await until(lambda: publisher.measures.values["deconflict_outlet_failures_total"]["mes",] > 1)
+            one.renew([hook(other, tmp_path)], None)
+            await heard(other, 2)
+        assert numbers(other.heard) == [1, 2]
+
+
+async def test_an_outlet_that_is_taken_out_is_silent_and_measured_no_more(tmp_path: Path) -> None:
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([hook(other, tmp_path)], None)
+            await until(lambda: waiting(publisher))
+            one.renew([], None)
+            assert not waiting(publisher)
+            await publisher.publish([made(1)])
+            one.renew([hook(other, tmp_path, "new")], None)
+            await until(lambda: waiting(publisher))
+            await publisher.publish([made(2)])
+            await heard(other, 1)
+        assert numbers(other.heard) == [2]
+
+
+async def test_without_its_secret_nothing_changes(tmp_path: Path) -> None:
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([hook(other, tmp_path)], None)
+            await until(lambda: waiting(publisher))
+            broken = hook(other, tmp_path, "new").model_copy(update={"secret": "env:NOWHERE_TO_BE_FOUND"})
+            with pytest.raises(SecretError, match="NOWHERE_TO_BE_FOUND"):
+                one.renew([broken], Mqtt(host="127.0.0.1"))
+            await publisher.publish([made(1)])
+            await heard(other, 1)
+        assert waiting(publisher) == {"mes"}
+
+
+async def test_a_changed_secret_signs_from_then_on_and_one_that_vanishes_stays(tmp_path: Path) -> None:
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([hook(other, tmp_path)], None)
+            await until(lambda: waiting(publisher))
+            (tmp_path / "secret").write_text("another secret that both know")
+            one.refresh()
+            await publisher.publish([made(1)])
+            await heard(other, 1)
+            (tmp_path / "secret").unlink()
+            one.refresh()
+            await publisher.publish([made(2)])
+            await heard(other, 2)
+        for headers, body in other.heard:
+            assert verified(headers, body, "another secret that both know", float(headers["webhook-timestamp"]))
+            with pytest.raises(SignatureError):
+                verified(headers, body, SECRET, float(headers["webhook-timestamp"]))
+
+
+async def test_an_outlet_that_dies_of_a_fault_of_its_own_begins_again_is_counted_and_logged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    faults = [RuntimeError("a fault"), RuntimeError("another")]
+
+    def faulty(*told: Any) -> dict[str, str]:
+        if faults:
+            raise faults.pop(0)
+        return signed(*told)
+
+    monkeypatch.setattr(webhooks, "signed", faulty)
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, publisher):
+            one.renew([hook(other, tmp_path)], None)
+            await until(lambda: waiting(publisher))
+            await publisher.publish([made(1), made(2)])
+            await delivered(publisher, 2)
+            assert publisher.measures.values["deconflict_outlet_failures_total"]["mes",] == 2
+        assert numbers(other.heard) == [1, 2]
+    told = [one.exc_text or "" for one in caplog.records if one.name == "deconflict.operator.outlets.outlets"]
+    assert [text.splitlines()[-1] for text in told] == ["RuntimeError: a fault", "RuntimeError: another"]
+
+
+@dataclass
+class Lingering:
+    """An outlet that takes its time to end, and ends in an error."""
+
+    begun: list[int]
+    number: int
+    may_end: asyncio.Event
+
+    async def run(self) -> None:
+        self.begun.append(self.number)
+        try:
+            await asyncio.Event().wait()
+        finally:
+            await self.may_end.wait()
+            self.begun.remove(self.number)
+            raise RuntimeError("the connection was lost")
+
+    def refresh(self) -> None:
+        pass
+
+
+async def test_an_outlet_never_runs_beside_its_former_self_however_quickly_it_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[int] = []
+    may_end, numbered = asyncio.Event(), count()
+    monkeypatch.setattr(Outlets, "_made", lambda *_: Lingering(begun, next(numbered), may_end))
+    with hearing() as other:
+        async with outlets(tmp_path) as (one, _, _):
+            try:
+                one.renew([hook(other, tmp_path)], None)
+                await until(lambda: begun)
+                for name in ("twice", "", "thrice"):
+                    changed = hook(other, tmp_path).model_copy(update={"url": f"{other.url}&{name}"})
+                    one.renew([changed] if name else [], None)
+                    for _ in range(10):
+                        await asyncio.sleep(0)
+                assert begun == [0]
+            finally:
+                may_end.set()
+            await until(lambda: begun != [0], 60)
+            await until(lambda: begun, 60)
+            assert begun == [2]
+
+
+@needs_mosquitto
+async def test_a_broker_that_is_changed_for_another_is_left_offline(tmp_path: Path) -> None:
+    async with (
+        asyncio.timeout(PATIENCE_S),
+        broker() as first,
+        broker() as second,
+        outlets(tmp_path) as (one, store, publisher),
+    ):
+        one.renew([], Mqtt(host="127.0.0.1", port=first, retry_s=(0.05, 0.2)))
+        await until(lambda: waiting(publisher))
+        await publisher.publish([made(1), made(2)])
+        await until(lambda: store.position("mqtt") == 2)
+        one.renew([], Mqtt(host="127.0.0.1", port=second, retry_s=(0.05, 0.2)))
+        await publisher.publish([cleared(2)])
+        await retained(second, {"service", "advisories/advisory-1"})
+        left = await retained(first, {"service", "advisories/advisory-1", "advisories/advisory-2"})
+        assert left["deconflict/service"] == "offline"

@@ -1,0 +1,107 @@
+import logging
+from contextlib import AbstractAsyncContextManager
+from pathlib import Path
+
+import pytest
+
+from deconflict.operator.outlets.store_cursor import Following
+from deconflict.operator.outlets.webhook_signatures import verified
+from deconflict.operator.outlets.webhooks import Poster
+from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.store import Store
+from deconflict.settings.outlet_settings import Webhook
+from ingest.security.tokens import SecretError
+from tests.deconflict.operator.http.served_face import until
+from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing, kept, working
+from tests.helpers.made_advisories import cleared, made
+
+
+def posting(url: str, store: Store, publisher: Publisher, folder: Path) -> AbstractAsyncContextManager[None]:
+    """A webhook at work, until the end of the block."""
+    (folder / "secret").write_text(SECRET)
+    settings = Webhook(name="mes", url=url, secret=f"file:{folder / 'secret'}", retry_s=(0.02, 0.1), timeout_s=5)
+    return working(Poster(settings, Following("mes", store, publisher)).run(), publisher)
+
+
+def numbers(heard: list[tuple[dict[str, str], bytes]]) -> list[int]:
+    return [int(headers["webhook-id"].removeprefix("advisory-")) for headers, _ in heard]
+
+
+async def test_each_revision_is_posted_signed_and_in_order(tmp_path: Path) -> None:
+    with hearing() as other, kept(tmp_path) as (store, publisher):
+        async with posting(other.url, store, publisher, tmp_path):
+            published = await publisher.publish([made(1), made(2)])
+            published += await publisher.publish([cleared(1)])
+            await until(lambda: len(other.heard) == 3)
+        told = [verified(headers, body, SECRET, float(headers["webhook-timestamp"])) for headers, body in other.heard]
+        assert told == published
+
+
+async def test_what_is_refused_is_tried_again_and_nothing_overtakes_it(tmp_path: Path) -> None:
+    with hearing(503, 500, 404) as other, kept(tmp_path) as (store, publisher):
+        async with posting(other.url, store, publisher, tmp_path):
+            await publisher.publish([made(1), made(2)])
+            await until(lambda: publisher.measures.values["deconflict_outlet_deliveries_total"]["mes",] == 2)
+        assert numbers(other.heard) == [1, 1, 1, 1, 2]
+        assert publisher.measures.values["deconflict_outlet_failures_total"]["mes",] == 3
+        assert publisher.measures.values["deconflict_outlet_waiting"]["mes",] == 0
+
+
+async def test_a_secret_that_can_not_be_used_is_counted_until_it_is_put_right(tmp_path: Path) -> None:
+    path = tmp_path / "secret"
+    with hearing() as other, kept(tmp_path) as (store, publisher):
+        failures = publisher.measures.values["deconflict_outlet_failures_total"]
+        path.write_text("whsec_" + "A" * 33)
+        settings = Webhook(name="mes", url=other.url, secret=f"file:{path}", retry_s=(0.02, 0.1), timeout_s=5)
+        poster = Poster(settings, Following("mes", store, publisher))
+        async with working(poster.run(), publisher):
+            await publisher.publish([made(1)])
+            await until(lambda: failures.get(("mes",), 0) > 1)
+            path.write_text(SECRET)
+            poster.refresh()
+            await until(lambda: numbers(other.heard) == [1])
+
+
+async def test_a_restart_goes_on_where_it_stopped_and_loses_nothing(tmp_path: Path) -> None:
+    with hearing() as other:
+        with kept(tmp_path) as (store, publisher):
+            async with posting(other.url, store, publisher, tmp_path):
+                await publisher.publish([made(1)])
+                await until(lambda: store.position("mes") == 1)
+            await publisher.publish([made(2), made(3)])
+        with kept(tmp_path) as (store, publisher):
+            async with posting(other.url, store, publisher, tmp_path):
+                await until(lambda: len(other.heard) == 3)
+        assert numbers(other.heard) == [1, 2, 3]
+
+
+async def test_a_new_webhook_begins_with_the_next_revision(tmp_path: Path) -> None:
+    with hearing() as other, kept(tmp_path) as (store, publisher):
+        await publisher.publish([made(1)])
+        async with posting(other.url, store, publisher, tmp_path):
+            await publisher.publish([made(2)])
+            await until(lambda: len(other.heard) == 1)
+        assert numbers(other.heard) == [2]
+
+
+async def test_an_address_that_is_away_is_told_of_once_without_its_secrets(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with hearing() as gone:
+        address = gone.url
+    with kept(tmp_path) as (store, publisher), caplog.at_level(logging.INFO, "deconflict"):
+        async with posting(address, store, publisher, tmp_path):
+            await publisher.publish([made(1)])
+            await until(lambda: publisher.measures.values["deconflict_outlet_failures_total"]["mes",] >= 3)
+        assert publisher.measures.values["deconflict_outlet_waiting"]["mes",] == 1
+    warnings = [one.getMessage() for one in caplog.records if one.levelno == logging.WARNING]
+    assert warnings == ["mes takes no advisories and is tried again: ConnectError"]
+    assert SECRET not in caplog.text
+    assert "key=abc" not in caplog.text
+
+
+def test_a_secret_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with kept(tmp_path) as (store, publisher):
+        settings = Webhook(name="mes", url="http://127.0.0.1/", secret=f"file:{tmp_path / 'nothing'}")
+        with pytest.raises(SecretError, match="nothing: FileNotFoundError"):
+            Poster(settings, Following("mes", store, publisher))

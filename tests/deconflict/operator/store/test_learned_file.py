@@ -1,0 +1,32 @@
+from pathlib import Path
+
+from deconflict.operator.store.learned_file import FAILURES, LearnedFile
+from ingest.measures.measures import Measures
+
+
+def test_the_newest_is_read_and_nothing_else_is_left(tmp_path: Path) -> None:
+    file = LearnedFile(tmp_path, Measures())
+    assert file.read() == b""
+    for told in (b"old", b"new"):
+        file.write(told)
+    assert file.read() == b"new"
+    assert [one.name for one in tmp_path.iterdir()] == [file.path.name]
+
+
+def test_what_is_set_aside_is_kept_for_a_person_and_counted(tmp_path: Path) -> None:
+    measures = Measures()
+    file = LearnedFile(tmp_path, measures)
+    file.write(b"damaged")
+    file.set_aside("it is damaged")
+    assert file.read() == b""
+    assert [one.read_bytes() for one in tmp_path.iterdir()] == [b"damaged"]
+    assert measures.values[FAILURES] == {("read",): 1, ("write",): 0}
+
+
+def test_a_disk_that_takes_nothing_is_counted_and_leaves_what_was_there(tmp_path: Path) -> None:
+    measures = Measures()
+    file = LearnedFile(tmp_path, measures)
+    file.write(b"old")
+    (tmp_path / "learned.new").mkdir()
+    file.write(b"new")
+    assert (file.read(), measures.values[FAILURES][("write",)]) == (b"old", 1)

@@ -1,0 +1,145 @@
+import asyncio
+from collections.abc import Iterator
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+from deconflict.advisory import Acknowledgement, AnyAdvisory
+from deconflict.operator.store.publisher import STEP, TAIL_LENGTH, Line, Publisher
+from deconflict.operator.store.store import Store, StoreError
+from ingest.measures.measures import Measures
+from tests.deconflict.operator.http.served_face import until
+from tests.helpers.made_advisories import START, cleared, made
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    opened = Store(tmp_path)
+    yield opened
+    opened.close()
+
+
+def made_many(first: int, count: int) -> list[Line]:
+    return [Line(seq, made(seq, seq=seq).model_dump_json()) for seq in range(first, first + count)]
+
+
+async def test_a_follower_that_is_up_to_date_wakes_when_something_is_published(store: Store) -> None:
+    publisher = Publisher(store, Measures())
+    following = asyncio.create_task(publisher.after(0))
+    await asyncio.sleep(0)
+    assert not following.done()
+    await publisher.publish([made(1), made(2)])
+    assert await following == made_many(1, 2)
+
+
+async def test_the_same_lines_come_from_the_tail_and_from_the_store(store: Store) -> None:
+    publisher = Publisher(store, Measures())
+    await publisher.publish([made(number) for number in range(1, STEP + 21)])
+    from_store = Publisher(store, Measures())
+    for seq in (0, 5, STEP, STEP + 19):
+        assert await publisher.after(seq) == await from_store.after(seq)
+    assert len(await publisher.after(0)) == STEP
+
+
+async def test_a_follower_behind_the_tail_is_served_from_the_store_until_it_reaches_it(store: Store) -> None:
+    publisher = Publisher(store, Measures())
+    total = TAIL_LENGTH + 3 * STEP
+    await publisher.publish([made(number) for number in range(1, total + 1)])
+    seq, seen = 0, list[Line]()
+    while seq < total:
+        seen += await publisher.after(seq)
+        seq = seen[-1].seq
+    assert seen == made_many(1, total)
+
+
+async def test_what_another_hand_stored_between_two_publishings_is_not_missed(store: Store) -> None:
+    publisher = Publisher(store, Measures())
+    await publisher.publish([made(1)])
+    store.append([made(2)])
+    await publisher.publish([made(3)])
+    assert await publisher.after(0) == made_many(1, 3)
+    assert await publisher.after(1) == made_many(2, 2)
+    assert await publisher.after(2) == made_many(3, 1)
+
+
+async def test_a_publishing_given_up_while_it_is_stored_is_made_known_when_sent_again(store: Store) -> None:
+    publisher = Publisher(store, Measures())
+    given_up = asyncio.create_task(publisher.publish([made(1)]))
+    await asyncio.sleep(0)
+    given_up.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await given_up
+    await publisher.publish([made(1)])
+    assert await publisher.after(0) == made_many(1, 1)
+
+
+async def test_publishing_again_wakes_nobody_and_counts_nothing(store: Store) -> None:
+    measures = Measures()
+    publisher = Publisher(store, measures)
+    await publisher.publish([made(1)])
+    following = asyncio.create_task(publisher.after(1))
+    assert [one.seq for one in await publisher.publish([made(1)])] == [1]
+    await asyncio.sleep(0)
+    assert not following.done()
+    await publisher.publish([made(1), made(2)])
+    assert await following == made_many(2, 1)
+    assert measures.values["deconflict_advisories_stored_total"] == {(): 2}
+
+
+class CountingStore(Store):
+    """A store that counts how often it is read from."""
+
+    reads = 0
+
+    def after(self, seq: int, limit: int = 100) -> list[AnyAdvisory]:
+        self.reads += 1
+        return super().after(seq, limit)
+
+
+async def test_a_follower_whose_place_was_pruned_to_the_end_looks_once_and_waits_for_news(tmp_path: Path) -> None:
+    store = CountingStore(tmp_path)
+    store.append([made(1), cleared(1), made(2), cleared(2)])
+    store.prune(START + timedelta(days=1))
+    publisher = Publisher(store, Measures())
+    following = asyncio.create_task(publisher.after(1))
+    await until(lambda: store.reads)
+    (news,) = await publisher.publish([made(5)])
+    assert [line.seq for line in await following] == [news.seq] == [5]
+    assert store.reads == 1
+    store.close()
+
+
+async def test_followers_that_keep_up_share_what_was_published_and_leave_the_store_alone(tmp_path: Path) -> None:
+    store = CountingStore(tmp_path)
+    publisher = Publisher(store, Measures())
+    for number in range(1, 4):
+        followers = [asyncio.create_task(publisher.after(number - 1)) for _ in range(3)]
+        await publisher.publish([made(number)])
+        assert await asyncio.gather(*followers) == [made_many(number, 1)] * 3
+    assert store.reads == 0
+    store.close()
+
+
+async def test_what_could_not_be_stored_is_not_made_known_and_counted(store: Store) -> None:
+    measures = Measures()
+    publisher = Publisher(store, measures)
+    await publisher.publish([made(1)])
+    store.close()
+    with pytest.raises(StoreError):
+        await publisher.publish([made(2)])
+    assert publisher.last_seq == 1
+    assert measures.values["deconflict_store_failures_total"] == {(): 1}
+
+
+async def test_an_acknowledgement_follows_in_the_stream_with_the_next_number(store: Store) -> None:
+    publisher = Publisher(store, Measures())
+    await publisher.publish([made(1)])
+    answer = Acknowledgement(name="Kim", reason="called back", at=START)
+    assert await publisher.acknowledge("advisory-9", answer) is None
+    answered = await publisher.acknowledge("advisory-1", answer)
+    assert answered
+    await publisher.publish([made(2)])
+    lines = await publisher.after(0)
+    assert [line.seq for line in lines] == [1, 2, 3]
+    assert lines[1].text == answered.model_dump_json()

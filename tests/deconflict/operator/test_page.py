@@ -1,0 +1,359 @@
+"""The operator's page in a real Chromium, on the real service, with the simulated vendors."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import pytest
+from websockets.sync.client import connect
+
+from deconflict.simulation.demo import demo_site
+from tests.deconflict.roles.role_processes import children
+from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import identity, status
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+    Scheme = Literal["dark", "light"]
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+CHROMIUM = shutil.which("chromium")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is the browser that the page is looked at with")
+
+PICTURES = Path(__file__).parents[3] / "build" / "page"
+PATIENCE_MS = 1000 * PATIENCE_S
+
+
+class Service:
+    """The service and the simulated vendors, each a process; the service can be ended and started again."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._robots, self._face = free_ports()
+        self._site = directory / "site.toml"
+        ports = f"\n[receiver]\nport = {self._robots}\n\n[operator]\nport = {self._face}\n"
+        self._site.write_text(demo_site().read_text() + ports)
+        self.robots_url = f"ws://127.0.0.1:{self._robots}"
+        self.url = f"http://127.0.0.1:{self._face}/"
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self) -> None:
+        self._run("serve", str(self._site), "--data", str(self._directory / "data"))
+
+    def simulate(self) -> None:
+        self._run("simulate", "--url", f"ws://127.0.0.1:{self._robots}", "--robots", "24")
+
+    def role(self, name: str) -> int:
+        """The process id of a role."""
+        return children(self._running["serve"].pid)[name]
+
+    def stop(self, command: str) -> None:
+        process = self._running.pop(command)
+        process.send_signal(signal.SIGINT)
+        process.wait(PATIENCE_S)
+
+    def stop_all(self) -> None:
+        for command in reversed(list(self._running)):
+            self.stop(command)
+
+    def _run(self, command: str, *arguments: str) -> None:
+        with (self._directory / f"{command}.log").open("ab") as log:
+            self._running[command] = subprocess.Popen(
+                [sys.executable, "-m", "deconflict", command, *arguments], stdout=log, stderr=log
+            )
+
+
+def free_ports() -> tuple[int, int]:
+    with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
+        return one.getsockname()[1], other.getsockname()[1]
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    one = Service(tmp_path_factory.mktemp("page"))
+    one.start()
+    yield one
+    one.stop_all()
+
+
+@pytest.fixture(scope="module")
+def floor(service: Service) -> Service:
+    """The service once vendors talk to it; tests that need an empty floor come before those that need this."""
+    service.simulate()
+    return service
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator["Browser"]:
+    with sync_api.sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@contextmanager
+def opened(
+    browser: "Browser", service: Service, width: int = 1400, height: int = 850, scheme: "Scheme" = "light"
+) -> Iterator["Page"]:
+    """The page once it is live; what it throws or is forbidden to load fails the test."""
+    context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
+    page, wrong = context.new_page(), []
+    page.set_default_timeout(PATIENCE_MS)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda said: wrong.append(said.text) if "Content Security" in said.text else None)
+    arrive(page, service)
+    yield page
+    context.close()
+    assert not wrong
+
+
+def arrive(page: "Page", service: Service) -> None:
+    """Open the page, once the service serves it."""
+    until_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until_s:
+        try:
+            page.goto(service.url)
+            break
+        except sync_api.Error:
+            page.wait_for_timeout(100)
+    page.wait_for_selector('[data-state="live"]')
+
+
+def until(page: "Page", condition: str) -> None:
+    """Wait for a condition in the page, asked from outside: the page's own policy forbids to evaluate text in it."""
+    until_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until_s:
+        if page.evaluate(condition):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(condition)
+
+
+def said_and_grey(words: str) -> str:
+    """A condition: the page says so, and the map is grey."""
+    stage = "getComputedStyle(document.getElementById('stage')).filter.includes('grayscale')"
+    return f"document.getElementById('status').textContent.includes('{words}') && {stage}"
+
+
+def keep(page: "Page", name: str, *, full_page: bool = False) -> None:
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=PICTURES / f"{name}.png", full_page=full_page)
+
+
+def inked(page: "Page", left: float, top: float, size: int) -> int:
+    """How many pixels of a square of the map differ from its ground."""
+    script = """([left, top, size]) => {
+        const map = document.getElementById("map"), pen = map.getContext("2d");
+        const { data } = pen.getImageData(left - size / 2, top - size / 2, size, size);
+        const ground = pen.getImageData(1, 1, 1, 1).data;
+        let count = 0;
+        for (let i = 0; i < data.length; i += 4) count += [0, 1, 2].some((k) => Math.abs(data[i + k] - ground[k]) > 60);
+        return count;
+    }"""
+    return int(page.evaluate(script, [left, top, size]))
+
+
+def test_a_floor_without_robots_says_so(browser: "Browser", service: Service) -> None:
+    with opened(browser, service) as page:
+        page.wait_for_selector("#nothing:not([hidden])")
+        until(page, "document.getElementById('nothing').textContent.startsWith('No robot has been heard yet')")
+        assert page.is_visible("#none")
+        keep(page, "empty")
+
+
+def test_a_claim_on_a_robot_that_has_no_place_is_in_the_list_without_a_way_to_it(
+    browser: "Browser", service: Service
+) -> None:
+    with opened(browser, service) as page:
+        with connect(f"{service.robots_url}/Alder") as alder, connect(f"{service.robots_url}/Corvid") as corvid:
+            alder.send(identity("A-1", time.time()))
+            while not page.request.get(f"{service.url}robots").json()["robots"]:
+                page.wait_for_timeout(50)
+            corvid.send(status("A-1", time.time(), 5.0, 5.0))
+        card = page.wait_for_selector('#advisories li[data-kind="foreign_claim"]')
+        assert card
+        assert "Corvid reports Alder " in (card.text_content() or "")
+        assert not page.is_visible('#advisories li[data-kind="foreign_claim"] .show')
+
+
+def test_the_page_counts_who_is_in_a_place_as_the_service_does(browser: "Browser", service: Service) -> None:
+    """A zone has whoever touches it, corner or edge; a resource whoever's middle is inside."""
+    script = """async () => {
+        const { holds } = await import("/page/places.js");
+        const polygon = [[0, 0], [4, 0], [4, 2], [0, 2]], robot = { lengthM: 1, widthM: 0.5, yaw: 0 };
+        const at = (kind, x, y, yaw = 0) => holds({ kind, polygon }, { ...robot, x, y, yaw });
+        return {
+            aisle: [at("aisle", 4.4, 1), at("aisle", 4.6, 1), at("aisle", 4.4, 1, Math.PI / 2), at("aisle", 2, 1)],
+            dock: [at("dock", 4.4, 1), at("dock", 3.9, 1), at("dock", 2, 2.1)],
+            across: holds({ kind: "door", polygon }, { x: 2, y: 1, yaw: 0, lengthM: 9, widthM: 0.5 }),
+            unknown: holds({ kind: "door", polygon }, robot),
+        };
+    }"""
+    with opened(browser, service) as page:
+        assert page.evaluate(script) == {
+            "aisle": [True, False, False, True],
+            "dock": [False, True, False],
+            "across": True,
+            "unknown": False,
+        }
+
+
+CARD = """(id) => {
+    const card = document.querySelector(`#advisories li${id ? `[data-id="${id}"]` : '[data-kind="conflict"]'}`);
+    card?.querySelector(id ? ".take" : ".show").click();
+    return card && {
+        id: card.dataset.id, says: card.textContent, floor: card.dataset.floor,
+        chosen: card.classList.contains("chosen"),
+        tab: document.querySelector("#tabs [aria-selected=true]").textContent,
+    };
+}"""
+"""Press what a card offers and tell of it, in one step, since conflicts pass: to show the first, or to take one up."""
+
+
+def taken_up(page: "Page") -> str:
+    """A conflict that was shown at its place and whose answer is being asked for; another where one has passed."""
+    until_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until_s:
+        card = page.evaluate(CARD)
+        if card:
+            assert (card["chosen"], card["floor"] in card["tab"]) == (True, True), card
+            middle = page.evaluate("((map) => [map.width / 2, map.height / 2])(document.getElementById('map'))")
+            drawn = False
+            while not drawn and page.query_selector("#advisories .chosen"):
+                page.wait_for_timeout(50)
+                drawn = inked(page, middle[0], middle[1], 40) > 60
+                assert time.monotonic() < until_s, "it is not drawn"
+            if drawn and page.evaluate(CARD, card["id"]):
+                told = page.request.get(f"{page.url}advisories/{card['id']}").json()["advisories"][-1]
+                assert all(name in card["says"] for name in told["names"])
+                return str(card["id"])
+        page.wait_for_timeout(50)
+    raise AssertionError("no conflict")
+
+
+def test_a_conflict_is_in_the_list_and_at_its_place_and_can_be_acknowledged(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor, scheme="light") as page, opened(browser, floor) as other:
+        advisory = taken_up(page)
+        page.fill("#who", "Kim <b>Lee</b>")
+        page.fill("#why", "both called back")
+        keep(page, "acknowledge")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#acknowledge", state="hidden")
+        stored = page.request.get(f"{floor.url}advisories/{advisory}").json()["advisories"]
+        assert stored[-1]["acknowledgement"]["name"] == "Kim <b>Lee</b>"
+        card = f"document.querySelector('#advisories li[data-id=\"{advisory}\"] .answer')"
+        until(other, f"!{card} || {card}.textContent.includes('Kim <b>Lee</b>: both called back')")
+
+
+def test_the_list_is_most_urgent_first_and_counts_down(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor) as page:
+        until(page, "document.querySelectorAll('#advisories li').length > 2")
+        shown = page.evaluate("[...document.querySelectorAll('#advisories li')].map((one) => one.classList[0])")
+        order = ["critical", "warning", "caution"]
+        assert shown == sorted(shown, key=order.index)
+        first = page.text_content("#clock")
+        until(page, f"document.getElementById('clock').textContent !== '{first}'")
+
+
+def test_keys_alone_reach_the_floors_the_map_and_the_list(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor) as page:
+        page.wait_for_selector("#advisories li")
+        page.focus('#tabs [aria-selected="true"]')
+        page.keyboard.press("ArrowRight")
+        until(page, "document.querySelector('#tabs [aria-selected=true]').textContent.startsWith('Mezz')")
+        until(page, "document.getElementById('map').ariaLabel.startsWith('Map of Mezzanine')")
+        page.focus("#map")
+        for key in ("ArrowLeft", "+", "-", "0"):
+            page.keyboard.press(key)
+        missing = {"show", "take", "moment"}
+        for _ in range(400):
+            page.keyboard.press("Tab")
+            missing.discard(page.evaluate("document.activeElement.className || document.activeElement.id"))
+            if not missing:
+                break
+        assert not missing
+
+
+def test_the_slider_goes_back_to_what_was_recorded_and_live_returns(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor, scheme="dark") as page:
+        until(page, "((one) => one.max - one.min > 8)(document.getElementById('moment'))")
+        page.focus("#moment")
+        for _ in range(5):
+            page.keyboard.press("ArrowLeft")
+        page.wait_for_selector('[data-state="past"]')
+        until(page, "/^Showing [0-9:]+, [0-9]+ s ago$/.test(document.getElementById('status').textContent)")
+        until(page, "document.getElementById('shown').textContent === document.getElementById('clock').textContent")
+        until(page, "/: [1-9]/.test(document.getElementById('map').ariaLabel)")
+        keep(page, "past")
+        page.click("#live")
+        page.wait_for_selector('[data-state="live"]')
+        until(page, "document.getElementById('shown').textContent === 'live'")
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "height", "scheme"),
+    [
+        ("light", 1400, 850, "light"),
+        ("dark", 1400, 850, "dark"),
+        ("phone", 390, 844, "light"),
+        ("wall", 2560, 1440, "dark"),
+    ],
+)
+def test_it_fits_each_screen(
+    browser: "Browser", floor: Service, name: str, width: int, height: int, scheme: "Scheme"
+) -> None:
+    with opened(browser, floor, width, height, scheme) as page:
+        page.wait_for_selector("#advisories li")
+        until(page, "document.querySelectorAll('#vendors tbody tr').length === 4")
+        # every vendor has a cell in every column, the last of what has changed
+        assert page.evaluate("[...document.querySelectorAll('#vendors tr')].every((row) => row.cells.length === 8)")
+        page.click("#heat")
+        until(page, "document.getElementById('heat').ariaPressed === 'true'")
+        page.click("#heat")
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert page.evaluate("document.documentElement.dataset.theme") == scheme
+        keep(page, name, full_page=name == "phone")
+
+
+def test_losing_the_service_is_said_and_greys_and_it_comes_back_by_itself(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor) as page:
+        until(page, "document.querySelectorAll('#advisories li').length > 2")
+        floor.stop("serve")
+        page.wait_for_selector('[data-state="lost"]')
+        until(page, said_and_grey("lost"))
+        assert page.query_selector("#advisories li")
+        keep(page, "lost")
+        floor.start()
+        page.wait_for_selector('[data-state="live"]')
+        page.wait_for_selector("#advisories li")
+        until(page, "getComputedStyle(document.getElementById('stage')).filter === 'none'")
+
+
+def test_an_engine_that_stands_is_said_and_greys_while_the_page_stays_connected(
+    browser: "Browser", floor: Service
+) -> None:
+    with opened(browser, floor) as page:
+        engine = floor.role("engine")
+        os.kill(engine, signal.SIGSTOP)
+        try:
+            until(page, said_and_grey("Nothing new since"))
+            keep(page, "stale")
+        finally:
+            with suppress(ProcessLookupError):  # one that stands for long is killed
+                os.kill(engine, signal.SIGCONT)
+        page.wait_for_selector('[data-state="live"]')
+
+
+def test_the_page_follows_the_system_into_the_dark(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor, scheme="light") as page:
+        page.emulate_media(color_scheme="dark")
+        page.wait_for_selector('[data-theme="dark"]')

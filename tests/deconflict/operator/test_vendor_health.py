@@ -1,0 +1,80 @@
+from datetime import UTC, datetime
+
+from deconflict.operator.vendor_health import ForecastError, vendor_health
+from ingest.measures import clock_changes
+from ingest.measures.change_detection import Change
+from ingest.measures.measures import Labels, Measures
+
+SINCE_S = 1_792_000_000.0
+
+
+def test_each_vendor_is_summed_over_states_outcomes_rules_and_roles() -> None:
+    receiver, engine = Measures(), Measures()
+    receiver.level("deconflict_robots", {("Bolt", "idle"): 2, ("Bolt", "silent"): 1, ("Acme", "navigating"): 4})
+    receiver.count("deconflict_messages_total", "Bolt", "accepted", by=90)
+    receiver.count("deconflict_messages_total", "Bolt", "rejected", by=10)
+    receiver.count("deconflict_rejections_total", "Bolt", "not-json", by=10)
+    receiver.count("deconflict_deviations_total", "Bolt", "clock-off", by=3)
+    receiver.count("deconflict_deviations_total", "Bolt", "stamp-stale", by=4)
+    receiver.level("deconflict_clock_offset_seconds", {("Acme",): -3.0})
+    engine.count("deconflict_advisories_total", "conflict", "raised")
+    engine.level("deconflict_forecast_grade", {("Acme", "B"): 1.0, ("Gone", "A"): 1.0})
+    acme, bolt = vendor_health([receiver.as_document(), engine.as_document()])
+    assert (bolt.name, bolt.robots, bolt.silent, bolt.messages, bolt.rejected, bolt.deviations) == (
+        "Bolt",
+        3,
+        1,
+        100,
+        10,
+        7,
+    )
+    assert bolt.deviations_by_rule == {"clock-off": 3, "stamp-stale": 4}
+    assert bolt.rejections_by_rule == {"not-json": 10}
+    assert (bolt.grade, bolt.grade_words) == (None, "fewer than 50 forecasts have come due")
+    assert (acme.robots, acme.clock_s, acme.grade) == (4, -3.0, "B")
+    assert acme.grade_words == "80 % of forecasts 3 s ahead were within 0.25 m"
+
+
+def test_what_several_machines_tell_of_a_vendor_adds_up_or_is_the_worst_by_what_it_means() -> None:
+    machines = [Measures(), Measures()]
+    for one, robots, per_s, offset_s, p80_m, grade in zip(
+        machines, (3, 4), (2.5, 4.0), (-3.0, 0.1), (0.2, 0.7), "BD", strict=True
+    ):
+        one.level("deconflict_robots", {("Acme", "idle"): robots})
+        one.level("deconflict_messages_per_second", {("Acme",): per_s})
+        one.level("deconflict_clock_offset_seconds", {("Acme",): offset_s})
+        one.level("deconflict_forecast_error_metres", {("Acme", "3", str(share)): p80_m for share in (0.5, 0.8, 0.9)})
+        one.level("deconflict_forecast_grade", {("Acme", grade): 1.0})
+    for documents in ([one.as_document() for one in each] for each in (machines, machines[::-1])):
+        (acme,) = vendor_health(documents)
+        assert (acme.robots, acme.messages_per_s, acme.clock_s, acme.grade) == (7, 6.5, -3.0, "D")
+        assert acme.forecast_error[0].p80_m == 0.7
+
+
+def test_errors_are_told_by_how_far_ahead() -> None:
+    told = Measures()
+    told.count("deconflict_messages_total", "Acme", "accepted")
+    sizes: dict[Labels, float]
+    sizes = {("Acme", str(h), share): h * m for h in (10, 1) for share, m in (("0.5", 0.1), ("0.8", 0.2), ("0.9", 0.3))}
+    told.level("deconflict_forecast_error_metres", sizes)
+    told.level("deconflict_forecast_band_coverage_ratio", {("Acme", "0.9"): 0.91})
+    told.level("deconflict_arrival_error_seconds", {("Acme", "60", "0.5"): 4.0, ("Acme", "60", "0.9"): 9.0})
+    told.level("deconflict_arrivals_late_ratio", {("Acme", "60"): 0.25})
+    (acme,) = vendor_health([told.as_document()])
+    assert acme.forecast_error[0] == ForecastError(horizon_s=1, p50_m=0.1, p80_m=0.2, p90_m=0.3)
+    assert [one.horizon_s for one in acme.forecast_error] == [1, 10]
+    assert [(one.share, one.covered) for one in acme.coverage] == [(0.9, 0.91)]
+    assert [(one.ahead_up_to_s, one.p50_s, one.p90_s, one.late) for one in acme.arrivals] == [(60.0, 4.0, 9.0, 0.25)]
+
+
+def test_what_has_changed_is_told_in_words_with_since_when() -> None:
+    receiver, engine = Measures(), Measures()
+    receiver.count("deconflict_messages_total", "Acme", "accepted")
+    clock_changes.tell(receiver, {"clock": {"Acme": Change(SINCE_S, -3.04099)}})
+    clock_changes.tell(engine, {"forecast": {"Acme": Change(SINCE_S + 60, 0.41)}, "datum": {}})
+    (acme,) = vendor_health([receiver.as_document(), engine.as_document()])
+    assert [(one.what, one.by, one.words) for one in acme.flags] == [
+        ("clock", -3.041, "clocks 3.0 s faster than usual"),
+        ("forecast", 0.41, "forecasts 0.4 m further off than usual"),
+    ]
+    assert acme.flags[0].since == datetime.fromtimestamp(SINCE_S, UTC)

@@ -1,0 +1,192 @@
+"""A disk that is full, read-only or stuck: people are still told, health says what is not kept, and it is later."""
+
+import asyncio
+import sqlite3
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deconflict.advisory import AnyAdvisory
+from deconflict.operator.blackbox.blackbox_request import Span
+from deconflict.operator.blackbox.published_advisories import told_in
+from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.store import Store, StoreError
+from ingest.measures.measures import Measures
+from ingest.recording.log_reader import Reader, Tick
+from tests.deconflict.roles.made_disks import disk_of, fill, mount
+from tests.deconflict.roles.test_service import CROSSING, Running, drive, running
+from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
+from tests.helpers.patience import PATIENCE_S
+
+SPAN = Span(START.timestamp(), START.timestamp() + 60, START.timestamp() + 60, START.timestamp() + 180)
+READS: dict[str, Callable[[Store], Any]] = {
+    "latest": lambda store: store.latest("all"),
+    "two of it": lambda store: store.latest("all", limit=2),
+    "open": Store.open,
+    "cleared": lambda store: store.latest("cleared").advisories,
+    "by robot": lambda store: store.latest("all", robot=ROBOTS[0]).advisories,
+    "by vendor": lambda store: store.latest("all", vendor="Borealis").advisories,
+    "by kind": lambda store: store.latest("all", kind="deadlock").advisories,
+    "after": lambda store: store.after(2, 3),
+    "all after": lambda store: store.after(0, -1),
+    "one": lambda store: store.get("advisory-1"),
+    "then": lambda store: store.open_at(START.timestamp() + 130),
+    "in a span": lambda store: told_in(store.path, store.waiting(SPAN.until_s), SPAN),
+    "raised": lambda store: store.raised(START.timestamp(), START.timestamp() + 130),
+    "last": Store.last_seq,
+    "encounters": Store.encounters,
+    "burdens": Store.burdens_s,
+}
+LIFE: list[AnyAdvisory] = [made(1), made(2), deadlock(*ROBOTS), made(1, 2), cleared(2), made(3, encounter=4)]
+LIFE += [cleared(1, 3)]
+
+
+@pytest.fixture
+def stores(tmp_path: Path) -> Iterator[tuple[Store, Store]]:
+    """One whose disk takes everything, and one whose disk has taken only the beginning."""
+    prompt, behind = Store(tmp_path / "prompt"), Store(tmp_path / "behind")
+    yield prompt, behind
+    prompt.close()
+    behind.close()
+
+
+@pytest.mark.parametrize("on_disk", range(len(LIFE)))
+def test_what_waits_for_the_disk_is_read_as_if_it_were_there_and_kept_under_its_numbers(
+    stores: tuple[Store, Store], on_disk: int
+) -> None:
+    prompt, behind = stores
+    stored = prompt.append(LIFE)
+    behind.append(LIFE[:on_disk])
+    assert behind.take(LIFE) == stored
+    assert behind.unstored == len(LIFE) - on_disk
+    assert {name: read(behind) for name, read in READS.items()} == {name: read(prompt) for name, read in READS.items()}
+    behind.flush()
+    behind.close()
+    again = Store(behind.path.parent)
+    assert {name: read(again) for name, read in READS.items()} == {name: read(prompt) for name, read in READS.items()}
+    again.close()
+
+
+async def test_a_disk_that_stalls_delays_nobody_and_loses_nothing(tmp_path: Path) -> None:
+    """Another connection that holds the file stands in for a disk that does not answer."""
+    store, measures = Store(tmp_path), Measures()
+    publisher = Publisher(store, measures)
+    await publisher.publish([made(1)])
+    holding = sqlite3.connect(store.path, isolation_level=None)
+    holding.execute("BEGIN IMMEDIATE")
+    following = asyncio.create_task(publisher.after(1))
+    await publisher.publish([made(2), made(3)])
+    assert [line.seq for line in await following] == [2, 3]
+    assert publisher.failing
+    assert measures.values["deconflict_store_unstored"] == {(): 2}
+    await publisher.publish([made(2)])
+    assert [one.seq for one in store.open()] == [3, 2, 1]
+    holding.execute("COMMIT")
+    holding.close()
+    async with asyncio.timeout(PATIENCE_S):
+        while store.unstored:
+            await publisher.settle()
+    assert publisher.failing is None
+    await publisher.publish([made(4)])
+    await publisher.close()
+    store.close()
+    again = Store(tmp_path)
+    assert [(one.id, one.seq) for one in again.after(0)] == [(f"advisory-{number}", number) for number in range(1, 5)]
+    again.close()
+
+
+async def test_a_read_only_file_is_told_of_counted_and_written_once_it_can_be(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    store, measures = Store(tmp_path), Measures()
+    publisher = Publisher(store, measures)
+    store._writer.execute("PRAGMA query_only = ON")
+    for number in (1, 2):
+        await publisher.publish([made(number)])
+    assert publisher.failing
+    assert "readonly" in publisher.failing
+    assert publisher.last_seq == 2
+    assert measures.values["deconflict_store_failures_total"] == {(): 2}
+    with pytest.raises(StoreError, match="readonly"):
+        store.append([made(9)])
+    store._writer.execute("PRAGMA query_only = OFF")
+    await publisher.settle()
+    assert (store.unstored, len(store.after(0))) == (0, 2)
+    assert [record.levelname for record in caplog.records] == ["ERROR", "WARNING"], "told once, and its end once"
+    store.close()
+
+
+def test_what_waits_is_bounded_and_what_is_beyond_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deconflict.operator.store.store.MOST_AHEAD", 5)
+    store = Store(tmp_path)
+    store.take([made(number) for number in range(5)])
+    with pytest.raises(StoreError, match="5 revisions wait for the disk"):
+        store.take([made(5)])
+    store.flush()
+    assert store.take([made(5)])[0].seq == 6
+    store.close()
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    with disk_of(tmp_path, "1500k") as disk:
+        yield disk
+
+
+async def measured(service: Running, name: str) -> float:
+    lines = (await service.get("/metrics")).text.splitlines()
+    return float(next((line.split()[-1] for line in lines if line.startswith(name)), "nan"))
+
+
+async def test_a_full_disk_silences_nobody_is_told_of_and_is_made_good_when_there_is_room(small_disk: Path) -> None:
+    async with running(small_disk) as service:
+        await service.until("/healthz", lambda health: health["status"] == "ok")
+        ballast = fill(small_disk)
+        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 8))
+        told = await service.until("/advisories?state=cleared", lambda answer: answer["advisories"])
+        sick = await service.get("/healthz")
+        assert (sick.status_code, sick.json()["store"]["status"]) == (503, "failing")
+        assert sick.json()["store"]["unstored"] >= 2
+        assert "full" in sick.json()["store"]["reason"]
+        assert await measured(service, "deconflict_recorded_lines_dropped_total") > 0
+        await driving
+        ballast.unlink()
+        await service.until("/healthz", lambda health: health["status"] == "ok")
+        assert await measured(service, "deconflict_store_unstored") == 0
+        resumed_s = time.time()
+        await asyncio.wait_for(drive(service.robots_url, CROSSING, 6.0, resumed_s), PATIENCE_S)
+    store = Store(small_disk)
+    kept = [one for one in store.after(0, -1) if one.id == told["advisories"][0]["id"]]
+    assert [one.revision for one in kept] == list(range(1, len(kept) + 1))
+    assert kept[-1].seq == told["advisories"][0]["seq"]
+    store.close()
+    events = list(Reader().read([small_disk / "log"]))
+    assert any(isinstance(event, Tick) and event.now_s > resumed_s for event in events), "recording resumed"
+
+
+async def test_a_log_on_a_read_only_disk_is_told_of_and_recording_resumes(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    log = tmp_path / "log"
+    log.mkdir()
+    mount(log, "ro,size=4m")
+    try:
+        async with running(tmp_path) as service:
+            driving = asyncio.create_task(drive(service.robots_url, CROSSING, 9))
+            await service.until("/advisories?state=all", lambda answer: answer["advisories"])
+            async with asyncio.timeout(PATIENCE_S):
+                while not await measured(service, "deconflict_recorded_lines_dropped_total") > 0:
+                    await asyncio.sleep(0.1)
+            assert "Read-only file system" in caplog.text
+            await asyncio.to_thread(subprocess.run, ["mount", "-o", "remount,rw", str(log)], check=True)
+            async with asyncio.timeout(PATIENCE_S):
+                while not any(file.stat().st_size for file in log.iterdir()):
+                    await asyncio.sleep(0.1)
+            driving.cancel()
+        assert "recording again" in caplog.text
+    finally:
+        subprocess.run(["umount", "-l", str(log)], check=True)

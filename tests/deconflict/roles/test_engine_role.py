@@ -1,0 +1,89 @@
+"""Whose messages a pass reflects, and since when they waited."""
+
+import asyncio
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deconflict.roles import engine_role
+from deconflict.roles.engine_role import Outbox, UndeliveredError, arrivals_s
+from deconflict.roles.service import runtime_directory
+from deconflict.runtime.rpc import listening, socket_path
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.vendor_registry import Vendors
+from ingest.frames.frame_registry import Frames
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.settings import Reading, Vendor
+from tests.deconflict.operator.http.served_face import until
+from tests.helpers.saying import status
+
+NOW_S = 1_792_000_000.0
+
+
+def fleet() -> Fleet:
+    vendors = (Vendor(name="Acme"), Vendor(name="Bolt"))
+    return Fleet(Vendors(vendors), Frames((), vendors), Reading(), Measures(), Quarantine())
+
+
+def test_each_valid_status_counts_once_for_its_vendor_and_a_replaced_one_from_the_first() -> None:
+    one, acme, bolt = fleet(), Connection(1, vendor="Acme"), Connection(2, vendor="Bolt")
+    for i in range(3):
+        one.receive(status("A-1", NOW_S + i), NOW_S + i, acme)
+    one.receive(status("B-1", NOW_S + 1), NOW_S + 1.5, bolt)
+    batch = one.cut(NOW_S + 3)
+    waited = {
+        vendor: sorted((arrivals - NOW_S).tolist()) for vendor, arrivals in arrivals_s(batch, batch.now_s).items()
+    }
+    assert waited == {"Acme": [0.0, 0.0, 2.0], "Bolt": [1.5]}
+
+
+def test_arrivals_are_told_by_the_hosts_clock_also_after_it_was_set() -> None:
+    one = fleet()
+    one.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Acme"))
+    told = arrivals_s(one.cut(NOW_S + 0.1), NOW_S + 7200.1)
+    assert told["Acme"].tolist() == pytest.approx([NOW_S + 7200.0])
+
+
+def test_a_floor_that_is_told_again_to_a_new_engine_counts_no_message_twice() -> None:
+    one, acme = fleet(), Connection(1, vendor="Acme")
+    one.receive(status("A-1", NOW_S), NOW_S, acme)
+    one.cut(NOW_S + 0.1)
+    again = arrivals_s(one.cut(NOW_S + 60, everything=True), NOW_S + 60)
+    assert {vendor: len(arrivals) for vendor, arrivals in again.items()} == {"Acme": 0}
+
+
+def test_what_the_face_does_not_take_is_bounded_and_the_engine_begins_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine_role, "MOST_WAITING_BYTES", 1 << 20)
+    outbox, arrived_s = Outbox(tmp_path), {"Acme": np.full(10_000, NOW_S)}
+    outbox.start()
+    for _ in range(13):
+        outbox.put([], arrived_s, Measures())
+    with pytest.raises(UndeliveredError):
+        outbox.put([], arrived_s, Measures())
+    outbox.stop()
+
+
+async def test_any_amount_is_delivered_to_a_face_that_takes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine_role, "MOST_WAITING_BYTES", 1 << 20)
+    taken = 0
+
+    async def publish(_: bytes) -> bytes:
+        nonlocal taken
+        taken += 1
+        return b"stored"
+
+    with runtime_directory() as runtime:
+        async with listening(socket_path(Path(runtime), "operator"), {"publish": publish}):
+            outbox = Outbox(Path(runtime))
+            outbox.start()
+            for number in range(1, 101):
+                outbox.put([], {"Acme": np.full(10_000, NOW_S)}, Measures(), [("a", "b", NOW_S, ("Acme", "Acme"))])
+                await until(lambda count=number: taken == count)
+            await asyncio.to_thread(outbox.stop)
+    waits = outbox.measures.histograms["deconflict_message_to_advisory_seconds"]["Acme",]
+    assert sum(waits.counts) == 100 * 10_000

@@ -1,0 +1,77 @@
+"""What was learned of vendors goes on over a restart of the roles, and a damaged file of it stops nothing."""
+
+import asyncio
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deconflict.engine.engine import Engine
+from deconflict.operator.store.learned_file import FILE_NAME
+from deconflict.runtime.learned_state import packed, unpacked
+from deconflict.settings.site import Site
+from tests.deconflict.foresight.probability.test_estimator import Stage, Walk
+from tests.deconflict.roles.test_service import drive, running
+from tests.helpers.patience import PATIENCE_S
+
+
+def test_an_engine_that_goes_on_foretells_as_one_that_never_stopped() -> None:
+    def stage() -> Stage:
+        return Stage({"a": Walk((0.0, -20.0), (0.0, 1.0), says=(0.2, 1.1)), "b": Walk((-20.0, 0.0), (1.0, 0.0))})
+
+    steady, stopped = stage(), stage()
+    for one in (steady, stopped):
+        one.run(15)
+    resumed = stage()
+    resumed.foresight.resume(unpacked(packed(stopped.foresight.learned())))
+    assert resumed.foresight.ledger.kinds == steady.foresight.ledger.kinds
+    assert np.allclose(resumed.foresight.ledger.bands_m, steady.foresight.ledger.bands_m)
+    assert resumed.foresight.calibration.of_all.weights.tolist() == steady.foresight.calibration.of_all.weights.tolist()
+
+
+def test_what_was_learned_at_another_clearance_is_no_probability_here() -> None:
+    stage = Stage({"a": Walk((0.0, 0.0), (0.0, 0.0)), "b": Walk((-12.0, 0.0), (1.0, 0.0))})
+    stage.run(30)
+    learned = stage.foresight.learned()
+    wider = Engine(Site.model_validate({"conflict": {"clearance_m": 0.5}}), learned=learned)
+    assert wider.foresight.calibration.of_all.weights.tolist() != stage.foresight.calibration.of_all.weights.tolist()
+    assert wider.foresight.ledger.kinds
+
+
+async def test_what_was_learned_of_a_vendor_is_there_after_a_restart(tmp_path: Path) -> None:
+    covered = 'deconflict_forecast_band_coverage_ratio{share="0.8",vendor="Alder"}'
+    async with running(tmp_path) as service:
+        await drive(service.robots_url, {"A-1": lambda t: (0.8 * t, 0.0, 0.0)}, 5)
+        await service.metrics_with(covered)
+    async with running(tmp_path) as service:
+        # nobody speaks: it rests on what was seen before
+        await service.metrics_with(covered)
+
+
+def _kept(data: Path) -> list[list[str | int]]:
+    """The kinds of forecasts that are known on the disk."""
+    file = data / FILE_NAME
+    return unpacked(file.read_bytes())["ledger"]["kinds"] if file.exists() else []
+
+
+async def test_an_engine_that_is_killed_loses_a_minute_of_learning_at_most(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.roles.engine_role.LEARNED_EVERY_S", 0.2)
+    async with running(tmp_path) as service:
+        await drive(service.robots_url, {"A-1": lambda t: (0.8 * t, 0.0, 0.0)}, 4)
+        async with asyncio.timeout(PATIENCE_S):
+            while not (kept := _kept(tmp_path)):
+                await asyncio.sleep(0.05)
+    assert kept == [["Alder", "A1", 1]]
+
+
+@pytest.mark.parametrize("damaged", [b"", b"no such file", packed({"ledger": {"kinds": "none"}})])
+async def test_a_damaged_file_of_learning_is_set_aside_and_the_service_runs(tmp_path: Path, damaged: bytes) -> None:
+    (tmp_path / FILE_NAME).write_bytes(damaged)
+    async with running(tmp_path) as service:
+        text = await service.metrics_with("deconflict_sweep_duration_seconds")
+    assert f'deconflict_learning_failures_total{{what="read"}} {float(bool(damaged))}' in text
+    aside = tmp_path / (FILE_NAME + ".unreadable")
+    assert (aside.read_bytes() if damaged else None) == (damaged or None)
+    unpacked((tmp_path / FILE_NAME).read_bytes())

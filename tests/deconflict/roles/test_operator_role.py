@@ -1,0 +1,68 @@
+"""What the operator face keeps, driven over its link as an engine does."""
+
+import asyncio
+import gc
+import json
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deconflict.operator.blackbox.keeper import SNAPSHOTS
+from deconflict.operator.store.publisher import TAIL_LENGTH
+from deconflict.roles.operator_role import OperatorRole
+from deconflict.roles.service import runtime_directory
+from deconflict.runtime.learned_state import packed
+from deconflict.runtime.rpc import AsyncCaller
+from deconflict.settings.site import Operator, Site
+from metrics.monitoring.exposition import render
+from tests.helpers.made_advisories import cleared, made
+
+EACH = 25
+"""Advisories in a parcel, each raised and cleared."""
+LEFT_BYTES = 100
+"""Less than this may stay of each: less than anything that is kept for it."""
+
+
+@pytest.fixture
+def traced() -> Iterator[None]:
+    tracemalloc.start()
+    yield
+    tracemalloc.stop()
+
+
+def kept_bytes() -> int:
+    gc.collect()
+    return tracemalloc.get_traced_memory()[0]
+
+
+async def test_what_the_face_keeps_stops_growing_once_it_is_full(tmp_path: Path, traced: None) -> None:
+    with runtime_directory() as runtime:
+        stop = asyncio.Event()
+        role = OperatorRole(Site(operator=Operator(port=0)), Path(runtime), tmp_path, render)
+        running = asyncio.create_task(role.run(stop))
+        await role.ready.wait()
+        engine = AsyncCaller(Path(runtime), "operator")
+        await tell(engine, range(TAIL_LENGTH))
+        before = kept_bytes()
+        await tell(engine, range(TAIL_LENGTH, 2 * TAIL_LENGTH))
+        grown = kept_bytes() - before
+        stop.set()
+        await running
+    assert grown < LEFT_BYTES * TAIL_LENGTH
+
+
+async def tell(engine: AsyncCaller, numbers: range) -> None:
+    """Advisories that come and go, a parcel at a time, and then what was learned, more often than it is remembered."""
+    for first in range(numbers.start, numbers.stop, EACH):
+        told = [make(number) for number in range(first, first + EACH) for make in (made, cleared)]
+        parcel: dict[str, Any] = {
+            "advisories": [one.model_dump(mode="json", exclude={"seq"}) for one in told],
+            "measures": None,
+            "near_misses": [],
+        }
+        await engine.call("publish", json.dumps(parcel).encode())
+    for number in range(SNAPSHOTS + 1):
+        await engine.call("learn", packed({"tick": {"now_s": float(number)}}))

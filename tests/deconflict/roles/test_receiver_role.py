@@ -1,0 +1,119 @@
+import asyncio
+import json
+import threading
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from websockets.asyncio.client import connect
+
+from deconflict.roles.receiver_role import DOCUMENTS_AT_ONCE, WORTH_QUICKENING, ReceiverRole
+from deconflict.runtime.rpc import AsyncCaller
+from deconflict.settings.site import Site
+from ingest.batch import Batch
+from ingest.fast_path import loader
+from ingest.port.connection import Connection
+from ingest.recording.log_reader import EngineStarted, Received, Tick
+from ingest.recording.log_rotation import LogFiles
+from ingest.settings import Receiver
+from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import status
+from tests.ingest.recording.made_logs import read
+
+SITE = Site(name="Test hall", receiver=Receiver(port=0))
+
+
+@asynccontextmanager
+async def serving(directory: Path) -> AsyncIterator[ReceiverRole]:
+    role, stop = ReceiverRole(SITE, directory, directory / "log"), asyncio.Event()
+    running = asyncio.create_task(role.run(stop))
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            await role.ready.wait()
+            yield role
+    finally:
+        stop.set()
+        await running
+
+
+async def test_what_the_engine_is_told_is_recorded_before(tmp_path: Path) -> None:
+    async with serving(tmp_path) as role, connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
+        await socket.send(status("A-1", time.time()))
+        engine, told = AsyncCaller(tmp_path, "receiver"), 0
+        while not told:
+            told = len(Batch.from_bytes(await engine.call("batch")))
+        kinds = [type(event) for event in read(tmp_path / "log")[0]]
+        assert kinds[-2:] == [Received, Tick]
+
+
+async def test_no_two_connections_of_a_log_have_the_same_number(tmp_path: Path) -> None:
+    for _ in range(3):
+        async with serving(tmp_path) as role:
+            for name in ("A-1", "B-1"):
+                async with connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
+                    await socket.send(status(name, time.time()))
+    numbers = [event.connection.id for event in read(tmp_path / "log")[0] if isinstance(event, Received)]
+    assert numbers == [1, 2, 3, 4, 5, 6]
+
+
+async def test_messages_get_through_while_all_the_robots_are_told(tmp_path: Path) -> None:
+    async with serving(tmp_path) as role:
+        for number in range(10 * DOCUMENTS_AT_ONCE):
+            role.fleet.receive(status(f"R-{number:03}", time.time()), time.time(), Connection(1))
+        late = status("Z-1", time.time())
+        asking = asyncio.create_task(AsyncCaller(tmp_path, "receiver").call("robots"))
+        turns = 0
+        while not asking.done():
+            await asyncio.sleep(0)
+            role.fleet.receive(late, time.time(), Connection(1))
+            turns += 1
+        told = json.loads(await asking)
+        assert len(told) in {10 * DOCUMENTS_AT_ONCE, 10 * DOCUMENTS_AT_ONCE + 1}
+        assert [one["uuid"] for one in told] == sorted(one["uuid"] for one in told)
+        assert turns > 10
+
+
+async def test_a_disk_that_stalls_delays_no_batch_and_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go_on, write = threading.Event(), LogFiles.write
+
+    def stalled(files: LogFiles, data: bytes) -> int:
+        assert go_on.wait(PATIENCE_S)
+        return write(files, data)
+
+    monkeypatch.setattr(LogFiles, "write", stalled)
+    try:
+        async with serving(tmp_path) as role, connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
+            engine = AsyncCaller(tmp_path, "receiver")
+            batch, ticks = Batch.from_bytes(await engine.call("batch", b"everything")), 1
+            await socket.send(status("A-1", time.time()))
+            while not len(batch):
+                batch, ticks = Batch.from_bytes(await engine.call("batch")), ticks + 1
+            assert role.recorder.behind
+            go_on.set()
+        events, unreadable = read(tmp_path / "log")
+    finally:
+        go_on.set()
+    assert unreadable == 0
+    assert isinstance(events[0], EngineStarted)
+    assert sum(isinstance(event, Tick) for event in events) == ticks
+    assert sum(isinstance(event, Received) for event in events) == 1
+
+
+async def test_who_has_read_a_thousand_messages_reads_by_compiled_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loader, "points", None)
+    monkeypatch.setattr(loader, "follow", None)
+    async with serving(tmp_path) as role:
+        engine, now_s = AsyncCaller(tmp_path, "receiver"), time.time()
+        for number in range(WORTH_QUICKENING - 1):
+            role.fleet.receive(status("A-1", now_s + number * 1e-3), now_s + number * 1e-3, Connection(1))
+        await engine.call("batch")
+        assert not role._quickened
+        role.fleet.receive(status("A-1", now_s + 60), now_s + 60, Connection(1))
+        while loader.points is None or loader.follow is None:
+            await engine.call("batch")

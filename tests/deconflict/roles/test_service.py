@@ -1,0 +1,267 @@
+"""The service end to end: real sockets in, the stored and streamed advisories and the metrics out."""
+
+import asyncio
+import json
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from datetime import datetime
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from websockets.asyncio.client import connect
+from websockets.asyncio.server import ServerConnection, serve
+
+from deconflict.advice import hold_desk
+from deconflict.advisory import ADVISORY, AdvisoryState
+from deconflict.roles.operator_role import OperatorRole
+from deconflict.roles.receiver_role import ReceiverRole
+from deconflict.roles.service import in_one_process
+from deconflict.settings.site import Conflict, Operator, Site
+from deconflict.settings.site import Engine as EngineSettings
+from ingest.recording.log_reader import Reader, Tick
+from ingest.settings import Datum, Receiver, Vendor
+from metrics.monitoring.exposition import combine, render
+from tests.helpers.patience import PATIENCE_S
+from tests.helpers.replayed import replayed
+from tests.helpers.saying import HALL, identity, points, status
+
+SITE = Site(
+    name="Test hall",
+    datums=(Datum(id=HALL, name="Hall"),),
+    receiver=Receiver(port=0),
+    operator=Operator(port=0),
+    conflict=Conflict(clear_after_s=1.0),
+)
+
+Course = Callable[[float], tuple[float, float, float]]
+CROSSING: dict[str, Course] = {
+    "A-1": lambda t: (-4.0 + t, 0.0, 0.0),
+    "B-1": lambda t: (0.0, -4.0 + t, pi / 2),
+}
+
+
+class Running:
+    """A service in this process, and where to find it."""
+
+    def __init__(self, receiver: ReceiverRole, operator: OperatorRole) -> None:
+        self.robots_url = f"ws://127.0.0.1:{receiver.receiver.port}"
+        self.face = f"127.0.0.1:{operator.port}"
+
+    async def get(self, path: str) -> httpx.Response:
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+            return await client.get(f"http://{self.face}{path}")
+
+    async def until(self, path: str, wanted: Callable[[Any], bool]) -> Any:
+        """The answer at `path` once it is as wanted."""
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                answer = await self.get(path)
+                if answer.status_code == 200 and wanted(answer.json()):
+                    return answer.json()
+                await asyncio.sleep(0.05)
+
+    async def metrics_with(self, name: str) -> str:
+        """The scrape once it has a series that begins so."""
+        async with asyncio.timeout(PATIENCE_S):
+            while f"\n{name}" not in (text := (await self.get("/metrics")).text):
+                await asyncio.sleep(0.05)
+        return text
+
+
+@asynccontextmanager
+async def running(data: Path, site: Site = SITE, wall: Callable[[], float] = time.time) -> AsyncIterator[Running]:
+    async with in_one_process(site, data, render, wall) as (receiver, operator):
+        yield Running(receiver, operator)
+
+
+async def drive(url: str, courses: dict[str, Course], seconds: float, start_s: float | None = None) -> None:
+    """Robots that report twice a second, at their word."""
+    began_s = time.time() if start_s is None else start_s
+    async with connect(url) as socket:
+        for name in courses:
+            await socket.send(identity(name, began_s))
+        while (now_s := time.time()) < began_s + seconds:
+            for name, course in courses.items():
+                t = now_s - began_s
+                x, y, yaw = course(t)
+                path = points(*((now_s + i, *course(t + i)) for i in range(1, 11)))
+                await socket.send(status(name, now_s, x, y, yaw, path=path))
+            await asyncio.sleep(0.5)
+
+
+async def test_robots_that_cross_are_told_of_from_raised_to_cleared(tmp_path: Path) -> None:
+    async with running(tmp_path) as service, connect(f"ws://{service.face}/advisories/stream?after=0") as stream:
+        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
+        told = []
+        async with asyncio.timeout(PATIENCE_S):
+            async for message in stream:
+                told.append(ADVISORY.validate_json(message))
+                if told[-1].state is AdvisoryState.CLEARED:
+                    break
+        driving.cancel()
+        assert {one.id for one in told} == {told[0].id}
+        assert told[0].state is AdvisoryState.RAISED
+        assert told[0].vendors == ("Alder", "Alder")
+        assert told[0].location
+        assert told[0].location.datum == HALL
+        assert [one.seq for one in told] == list(range(1, len(told) + 1))
+        listed = (await service.get("/advisories?state=cleared")).json()["advisories"]
+        assert [one["id"] for one in listed] == [told[0].id]
+        assert any(one.recommendation for one in told)
+        text = (await service.get("/metrics")).text
+        assert float(text.split("\ndeconflict_advice_solve_seconds_count ")[1].split()[0]) > 0
+
+
+async def test_conflicts_are_told_where_advice_on_them_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hold_desk, "advise_holds", broken)
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
+        ended = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
+        driving.cancel()
+        text = (await service.get("/metrics")).text
+    assert ended["advisories"][0]["recommendation"]["note"] == "no advice could be worked out"
+    assert float(text.split("\ndeconflict_advice_failures_total ")[1].split()[0]) > 0
+
+
+def broken(*_: object, **__: object) -> None:
+    raise ZeroDivisionError
+
+
+async def test_robots_health_and_metrics_are_served(tmp_path: Path) -> None:
+    async with running(tmp_path) as service, connect(service.robots_url) as socket:
+        await socket.send(identity("A-1", time.time()))
+        await socket.send(status("A-1", time.time(), 1.0, 2.0, batteryPercentage=55.5))
+        await socket.send("nonsense")
+        await service.until("/healthz", lambda health: health["status"] == "ok")
+        robots = await service.until("/robots", lambda answer: len(answer["robots"]) == 1)
+        (one,) = robots["robots"]
+        assert one["status"]["batteryPercentage"] == 55.5
+        assert one["location"] == {"x": 1.0, "y": 2.0, "yaw_rad": 0.0}
+        rejected = await service.until("/quarantine", lambda answer: len(answer["rejected"]) == 1)
+        assert rejected["rejected"][0]["message"] == "nonsense"
+        text = (await service.get("/metrics")).text
+        assert 'deconflict_messages_total{result="accepted",vendor="Alder"} 2.0' in text
+        assert 'deconflict_role_up{role="engine"} 1.0' in text
+
+
+async def test_each_vendor_has_its_rate_deviations_errors_and_grade(tmp_path: Path) -> None:
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(drive(service.robots_url, {"A-1": CROSSING["A-1"]}, 20))
+        told = await service.until(
+            "/vendors", lambda answer: answer["vendors"] and answer["vendors"][0]["messages_per_s"] is not None
+        )
+        driving.cancel()
+        (alder,) = told["vendors"]
+        assert (alder["name"], alder["robots"], alder["rejected"], alder["grade"]) == ("Alder", 1, 0, None)
+        assert 1.0 < alder["messages_per_s"] < 3.0
+        assert alder["coverage"]
+        assert [one["horizon_s"] for one in alder["forecast_error"]] == [1, 3, 5, 10]
+        assert sum(alder["deviations_by_rule"].values()) == alder["deviations"]
+
+
+async def test_every_measure_is_catalogued(tmp_path: Path) -> None:
+    async with in_one_process(SITE, tmp_path, render) as (receiver, operator):
+        url = f"ws://127.0.0.1:{receiver.receiver.port}"
+        await drive(url, CROSSING, 4)
+        documents = await operator.measures()
+        names = {name for document in documents for name in (*document["values"], *document["histograms"])}
+        assert {"deconflict_sweep_duration_seconds", "deconflict_robots"} <= names
+        assert not combine(documents).uncatalogued
+
+
+async def test_an_open_advisory_survives_a_restart_with_its_id(tmp_path: Path) -> None:
+    meeting: dict[str, Course] = {"A-1": lambda t: (-20.0 + t, 0.0, 0.0), "B-1": lambda t: (20.0 - t, 0.0, pi)}
+    start_s = time.time() - 13.0
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(drive(service.robots_url, meeting, 60, start_s))
+        first = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
+        driving.cancel()
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(drive(service.robots_url, meeting, 60, start_s))
+        again = await service.until(
+            "/advisories",
+            lambda answer: any(one["revision"] > first["advisories"][0]["revision"] for one in answer["advisories"]),
+        )
+        driving.cancel()
+        assert [one["id"] for one in again["advisories"]] == [first["advisories"][0]["id"]]
+
+
+@pytest.mark.parametrize("step_s", [-7200.0, 7200.0])
+async def test_a_step_of_the_hosts_clock_ends_no_advisory_and_hides_no_robot(tmp_path: Path, step_s: float) -> None:
+    stepped_s = [0.0]
+    async with running(tmp_path, wall=lambda: time.time() + stepped_s[0]) as service:
+        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 9))
+        raised = await service.until("/advisories", lambda answer: answer["advisories"])
+        stepped_s[0] = step_s
+        cleared = await service.until("/advisories?state=cleared", lambda answer: answer["advisories"])
+        await driving
+        (before,), (after,) = raised["advisories"], cleared["advisories"]
+        assert (after["id"], after["cleared_because"]) == (before["id"], "they have passed each other")
+        assert -10 < seconds_between(before["raised_at"], after["cleared_at"]) < 15
+        robots = (await service.get("/robots")).json()["robots"]
+        assert {one["presence"] for one in robots} == {"present"}
+        assert "deconflict_host_clock_off_seconds" in (await service.get("/metrics")).text
+
+
+def seconds_between(earlier: str, later: str) -> float:
+    return (datetime.fromisoformat(later) - datetime.fromisoformat(earlier)).total_seconds()
+
+
+async def test_the_recording_replays_to_the_same_advisories(tmp_path: Path) -> None:
+    async with running(tmp_path) as service:
+        await drive(service.robots_url, CROSSING, 9)
+        listed = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
+        live = (await service.get(f"/advisories/{listed['advisories'][0]['id']}")).json()["advisories"]
+    assert [again | {"seq": 0} for again in replay(tmp_path / "log")] == [one | {"seq": 0} for one in live]
+
+
+async def test_a_service_that_can_not_keep_up_says_so_still_warns_and_replays_to_the_same(tmp_path: Path) -> None:
+    hurried = SITE.model_copy(update={"engine": EngineSettings(deadline_s=1e-9)})
+    async with running(tmp_path, hurried) as service:
+        await drive(service.robots_url, CROSSING, 9)
+        listed = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
+        live = (await service.get(f"/advisories/{listed['advisories'][0]['id']}")).json()["advisories"]
+        health = await service.until("/healthz", lambda health: health["effort"] == "near")
+        assert health["status"] == "ok"
+        text = (await service.get("/metrics")).text
+        assert "deconflict_engine_effort_reduced 2.0" in text
+        assert float(text.split("\ndeconflict_deadlines_missed_total ")[1].split()[0]) > 10
+    efforts = [event.effort for event in Reader().read([tmp_path / "log"]) if isinstance(event, Tick)]
+    assert (efforts[0], sorted(set(efforts)), efforts[-1]) == (0, [0, 1, 2], 2)
+    assert live[0]["time_to_conflict_s"] <= SITE.conflict.warning_s
+    assert replay(tmp_path / "log")[0] == live[0] | {"seq": 0}
+
+
+def replay(log: Path) -> list[dict[str, Any]]:
+    return [json.loads(one.model_dump_json()) for one in replayed(log, SITE)]
+
+
+async def test_the_floor_is_as_it_was_after_a_restart(tmp_path: Path) -> None:
+    async with running(tmp_path) as service:
+        async with connect(service.robots_url) as socket:
+            await socket.send(identity("A-1", time.time()))
+            await socket.send(status("A-1", time.time(), 1.0, 2.0))
+        await service.until("/robots", lambda answer: len(answer["robots"]) == 1 and answer["robots"][0]["status"])
+    async with running(tmp_path) as service:
+        (one,) = (await service.until("/robots", lambda answer: answer["robots"]))["robots"]
+        assert one["identified"]
+        assert one["location"] == {"x": 1.0, "y": 2.0, "yaw_rad": 0.0}
+        text = (await service.get("/metrics")).text
+        assert 'deconflict_messages_total{result="accepted",vendor="Alder"}' not in text
+
+
+async def test_a_fleet_manager_that_waits_to_be_dialled_is_heard(tmp_path: Path) -> None:
+    async def speak(socket: ServerConnection) -> None:
+        await socket.send(status("B-1", time.time(), 3.0))
+        await socket.wait_closed()
+
+    async with serve(speak, "127.0.0.1", 0) as manager:
+        port = next(iter(manager.sockets)).getsockname()[1]
+        basalt = Vendor(name="Basalt", dial=(f"ws://127.0.0.1:{port}",))
+        async with running(tmp_path, SITE.model_copy(update={"vendors": (basalt,)})) as service:
+            (one,) = (await service.until("/robots", lambda answer: answer["robots"]))["robots"]
+            assert (one["vendor"], one["identified"]) == ("Basalt", False)

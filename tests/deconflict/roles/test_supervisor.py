@@ -1,0 +1,227 @@
+"""`deconflict serve` as a user runs it: processes that are killed, and what is left of them."""
+
+import asyncio
+import json
+import os
+import platform
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from deconflict.roles.supervisor import STEADY_S, Watched
+from deconflict.runtime.heartbeat import LONG_S
+from tests.deconflict.roles.role_processes import children
+from tests.deconflict.roles.test_service import Course, drive
+from tests.helpers.patience import PATIENCE_S
+
+MEETING: dict[str, Course] = {"A-1": lambda t: (-30.0 + t, 0.0, 0.0), "B-1": lambda t: (30.0 - t, 0.0, pi)}
+"""Head-on after thirty seconds."""
+
+
+def free_ports(count: int) -> list[int]:
+    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
+    ports = [one.getsockname()[1] for one in sockets]
+    for one in sockets:
+        one.close()
+    return ports
+
+
+class Served:
+    """A service in processes of its own."""
+
+    def __init__(self, data: Path, site: Path | None = None) -> None:
+        self.robots_port, self.operator_port = free_ports(2)
+        self._data, self._site = data, site
+        self.process: subprocess.Popen[bytes] | None = None
+
+    @contextmanager
+    def running(self) -> Iterator[int]:
+        command = [sys.executable, "-m", "deconflict", "serve", *([str(self._site)] if self._site else [])]
+        command += ["--data", str(self._data)]
+        ports = ["--robots-port", str(self.robots_port), "--operator-port", str(self.operator_port)]
+        with subprocess.Popen([*command, *ports], stderr=subprocess.DEVNULL) as process:
+            try:
+                yield process.pid
+            finally:
+                process.send_signal(signal.SIGTERM)
+                process.wait(PATIENCE_S)
+
+    @property
+    def face_url(self) -> str:
+        return f"http://127.0.0.1:{self.operator_port}"
+
+    @property
+    def robots_url(self) -> str:
+        return f"ws://127.0.0.1:{self.robots_port}"
+
+    async def until(self, path: str, wanted: Any, within_s: float = PATIENCE_S) -> Any:
+        """The JSON at `path` once it is as wanted, whatever the status."""
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(within_s):
+            while True:
+                try:
+                    answer = (await client.get(f"http://127.0.0.1:{self.operator_port}{path}")).json()
+                    if wanted(answer):
+                        return answer
+                except (httpx.TransportError, json.JSONDecodeError):
+                    pass
+                await asyncio.sleep(0.1)
+
+    @asynccontextmanager
+    async def with_robots(self, start_s: float) -> AsyncIterator[None]:
+        driving = asyncio.create_task(drive(self.robots_url, MEETING, 120, start_s))
+        try:
+            yield
+        finally:
+            driving.cancel()
+            await asyncio.gather(driving, return_exceptions=True)
+
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
+
+
+def healthy(health: dict[str, Any]) -> bool:
+    return bool(health.get("status") == "ok")
+
+
+async def test_an_engine_that_is_killed_is_told_of_and_goes_on_with_its_advisory(tmp_path: Path) -> None:
+    service = Served(tmp_path)
+    with service.running() as pid:
+        await service.until("/healthz", healthy)
+        async with service.with_robots(time.time() - 21.0):
+            before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
+            os.kill(children(pid)["engine"], signal.SIGKILL)
+            told = await service.until("/healthz", lambda health: health["restarts"].get("engine") == 1)
+            assert (told["status"], told["roles"]["engine"]) == ("degraded", "down"), "healthy before it can be"
+            await service.until("/healthz", healthy)
+            revision = before["advisories"][0]["revision"]
+            after = await service.until(
+                "/advisories?state=all", lambda answer: answer["advisories"][0]["revision"] > revision
+            )
+        assert [one["id"] for one in after["advisories"]] == [before["advisories"][0]["id"]]
+
+
+def test_a_role_is_restarted_at_once_and_ever_more_slowly_where_it_keeps_dying() -> None:
+    role, now_s, waits_s = Watched("engine", [sys.executable, "-c", ""]), 0.0, []
+    for ran_for_s in (0.0, 0.0, 0.0, STEADY_S + 1.0, 0.0):
+        if role.process is None:
+            role.ensure(now_s)
+        assert role.process
+        role.process.wait(PATIENCE_S)
+        now_s += ran_for_s
+        role.ensure(now_s)
+        waits_s.append(role.due_s - now_s)
+        now_s = role.due_s
+    role.stop()
+    assert waits_s == pytest.approx([0.0, 0.2, 0.4, 0.0, 0.2])
+
+
+THREADED = """
+import ctypes, sys, threading
+libc, together = ctypes.CDLL(None), threading.Barrier(12)
+libc.fopen.restype = ctypes.c_void_p
+def work():
+    together.wait(60)
+    kept = [bytes(1000 + n) for n in range(2000)]
+    together.wait(60)
+threads = [threading.Thread(target=work) for _ in range(12)]
+for one in threads: one.start()
+for one in threads: one.join()
+file = ctypes.c_void_p(libc.fopen(sys.argv[1].encode(), b"w"))
+libc.malloc_info(0, file)
+libc.fclose(file)
+"""
+"""Many threads that need memory at the same time, and then how many heaps there are."""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another malloc")
+def test_the_threads_of_a_role_share_a_heap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def heaps() -> int:
+        role = Watched("engine", [sys.executable, "-c", THREADED, str(tmp_path / "heaps")])
+        role.ensure(0.0)
+        assert role.process
+        assert role.process.wait(PATIENCE_S) == 0
+        role.stop()
+        return (tmp_path / "heaps").read_text().count("<heap nr=")
+
+    monkeypatch.delenv("MALLOC_ARENA_MAX", raising=False)
+    assert heaps() == 2
+    monkeypatch.setenv("MALLOC_ARENA_MAX", "1")
+    assert heaps() == 1, "who sets it is heard"
+
+
+def test_a_role_that_hangs_is_killed_and_restarted() -> None:
+    role, now_s = Watched("engine", [sys.executable, "-c", "import time; time.sleep(600)"]), 0.0
+    role.ensure(now_s)
+    first = role.process
+    assert first
+    while first.poll() is None:
+        assert now_s < LONG_S + 60.0, "nobody killed it"
+        now_s += 1.0
+        role.ensure(now_s)
+        if now_s > LONG_S:
+            time.sleep(0.1)  # a process takes a moment to end
+    role.ensure(now_s)
+    assert (role.restarts, first.returncode) == (1, -signal.SIGKILL)
+    assert role.process
+    assert role.process.poll() is None
+    role.process.kill()
+    role.stop()
+
+
+async def test_roles_that_hang_are_told_of_and_go_on_with_their_advisory(tmp_path: Path) -> None:
+    """Stopped processes: their sockets are open and nobody answers at them."""
+    service = Served(tmp_path)
+    with service.running() as pid:
+        await service.until("/healthz", healthy)
+        async with service.with_robots(time.time() - 21.0):
+            before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
+            roles = children(pid)
+            for role in ("engine", "receiver"):
+                os.kill(roles[role], signal.SIGSTOP)
+            told = await service.until(
+                "/healthz", lambda health: "up" not in (health["roles"]["engine"], health["roles"]["receiver"])
+            )
+            assert (told["status"], told["restarts"]) == ("degraded", {"operator": 0, "receiver": 0, "engine": 0})
+            os.kill(roles["operator"], signal.SIGSTOP)
+            told = await service.until("/healthz", healthy, within_s=180)
+            assert told["restarts"] == {"operator": 1, "receiver": 1, "engine": 1}
+            assert not set(roles.values()) & set(children(pid).values())
+        async with service.with_robots(time.time() - 21.0):
+            after = await service.until("/advisories?state=all", lambda answer: answer["seq"] > before["seq"])
+        assert after["advisories"][-1]["id"] == before["advisories"][0]["id"]
+
+
+async def test_a_service_that_is_killed_loses_no_stored_advisory_and_leaves_no_process(tmp_path: Path) -> None:
+    service = Served(tmp_path)
+    with service.running() as pid:
+        await service.until("/healthz", healthy)
+        async with service.with_robots(time.time() - 21.0):
+            before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
+            orphans = children(pid)
+            os.kill(pid, signal.SIGKILL)
+            os.kill(orphans["operator"], signal.SIGKILL)
+    async with asyncio.timeout(PATIENCE_S):
+        while any(Path(f"/proc/{one}/cmdline").exists() and _is_role(one) for one in orphans.values()):
+            await asyncio.sleep(0.05)
+    with service.running():
+        after = await service.until("/advisories?state=all", lambda answer: answer["seq"] >= before["seq"])
+        assert [one["id"] for one in after["advisories"]] == [before["advisories"][0]["id"]]
+        robots = await service.until("/robots", lambda answer: len(answer.get("robots", [])) == 2)
+        assert all(one["location"] for one in robots["robots"])
+
+
+def _is_role(pid: int) -> bool:
+    try:
+        return b"role" in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,48 @@
+import asyncio
+
+import pytest
+
+from deconflict.runtime.first_of import until_either
+
+
+class BrokenError(Exception):
+    """What one of the two ends with."""
+
+
+async def test_when_one_ends_the_other_is_no_longer_done() -> None:
+    ended = asyncio.Event()
+
+    async def for_ever() -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            ended.set()
+
+    await until_either(for_ever(), asyncio.sleep(0))
+    assert ended.is_set()
+
+
+async def test_what_the_one_that_ends_raises_is_raised() -> None:
+    async def breaks() -> None:
+        raise BrokenError
+
+    with pytest.raises(BrokenError):
+        await until_either(asyncio.Event().wait(), breaks())
+
+
+async def test_who_is_cancelled_cancels_both() -> None:
+    ended: list[int] = []
+
+    async def for_ever(which: int) -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            ended.append(which)
+
+    doing = asyncio.create_task(until_either(for_ever(0), for_ever(1)))
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    doing.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await doing
+    assert sorted(ended) == [0, 1]

@@ -1,0 +1,110 @@
+import json
+import logging
+import subprocess
+import sys
+import time
+from io import StringIO
+from pathlib import Path
+
+import pytest
+
+from deconflict.runtime import logging_setup
+from deconflict.runtime.logging_setup import HIDDEN, MOST_ALIKE, WITHIN_S, hidden
+from ingest.languages.massrobotics import timestamps
+from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import identity
+
+
+@pytest.fixture
+def now_s() -> list[float]:
+    return [0.0]
+
+
+@pytest.fixture
+def said() -> StringIO:
+    return StringIO()
+
+
+@pytest.fixture
+def log(now_s: list[float], said: StringIO) -> logging.Logger:
+    """By itself: what other loggers say, the runner of parallel tests has to carry, and a lone surrogate ends it."""
+    logger = logging.Logger("deconflict.test")
+    logger.addHandler(logging_setup.handler("json", lambda: now_s[0], said))
+    return logger
+
+
+def test_a_line_is_a_json_object_whatever_is_said(log: logging.Logger, said: StringIO) -> None:
+    log.warning('the %s said "%s"\nand \ud800 left', "robot", "no")
+    try:
+        raise ValueError("too far")
+    except ValueError:
+        log.exception("it failed")
+    first, second = (json.loads(line) for line in said.getvalue().splitlines())
+    assert (first["level"], first["logger"]) == ("warning", "deconflict.test")
+    assert first["said"] == 'the robot said "no"\nand \\ud800 left'
+    assert second["error"].endswith("ValueError: too far")
+
+
+def test_a_flood_from_one_place_is_bounded_counted_and_hides_no_other(
+    log: logging.Logger, now_s: list[float], said: StringIO
+) -> None:
+    def say(number: int) -> None:
+        log.warning("connection %d is turned away", number)
+
+    for number in range(10_000):
+        say(number)
+    log.error("the disk is full")
+    lines = said.getvalue().splitlines()
+    assert len(lines) == MOST_ALIKE + 1
+    assert json.loads(lines[-1])["said"] == "the disk is full"
+    now_s[0] += WITHIN_S
+    say(7)
+    assert (
+        json.loads(said.getvalue().splitlines()[-1])["said"]
+        == f"connection 7 is turned away ({10_000 - MOST_ALIKE} like this were left out)"
+    )
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "401 for Authorization: Bearer s3cr3t-t0ken",
+        "POST https://hooks.example/in?token=s3cr3t-t0ken&x=1",
+        "mqtt://kim:s3cr3t-t0ken@broker:1883 does not answer",
+        "{'password': 's3cr3t-t0ken', 'user': 'kim'}",
+        'api_key = "s3cr3t-t0ken"',
+    ],
+)
+def test_what_looks_like_a_secret_is_hidden(said: str) -> None:
+    assert "s3cr3t-t0ken" not in hidden(said)
+    assert HIDDEN in hidden(said)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "vendors[0].token: env:ALDER_TOKEN is not set",
+        "file:/etc/token can't be read",
+        "Bearer is missing",
+        "at 10:05:06",
+    ],
+)
+def test_what_is_no_secret_is_told(said: str) -> None:
+    assert hidden(said) == said
+
+
+def test_every_process_of_the_service_logs_as_it_was_told_to(tmp_path: Path) -> None:
+    (tmp_path / "log").mkdir()
+    now_s = time.time()
+    line = f'{{"received":"{timestamps.write(now_s)}","message":{identity("A-1", now_s).decode()}}}\n'
+    (tmp_path / "log" / "log-1.jsonl").write_text(line)
+    command = [sys.executable, "-m", "deconflict", "--log", "json", "serve", "--data", str(tmp_path)]
+    ports = ["--robots-port", "0", "--operator-port", "0"]
+    with subprocess.Popen([*command, *ports], stderr=subprocess.PIPE, text=True) as service:
+        assert service.stderr
+        supervisors, roles = (json.loads(service.stderr.readline()) for _ in range(2))
+        service.terminate()
+        service.communicate(timeout=PATIENCE_S)
+    assert supervisors["process"] == service.pid
+    assert supervisors["said"].startswith("no site file")
+    assert (roles["logger"], roles["process"] != service.pid) == ("deconflict.roles.receiver_role", True)

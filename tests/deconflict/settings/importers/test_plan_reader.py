@@ -1,0 +1,129 @@
+"""From a file to a site file that is accepted."""
+
+import os
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+import shapely
+
+from deconflict.settings.importers.plan import PlanError
+from deconflict.settings.importers.plan_reader import imported
+from deconflict.settings.site import Site, load, problems
+from tests.deconflict.settings.importers.made_plans import BUILDING, PLANT
+
+RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
+
+
+def site_of(path: Path, width_m: float = 1.2) -> Site:
+    """The imported site, loaded as any other."""
+    made = path.with_suffix(".toml")
+    made.write_text(imported(path, width_m), encoding="utf-8")
+    site = load(made)
+    assert problems(site) == []
+    return site
+
+
+def written(folder: Path, name: str, text: str) -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def kinds(site: Site) -> dict[str, int]:
+    return dict(Counter([*(one.kind for one in site.resources), *(one.kind for one in site.zones)]))
+
+
+def middle(polygon: tuple[tuple[float, float], ...]) -> tuple[float, float]:
+    x, y = shapely.Polygon(polygon).centroid.coords[0]
+    return round(x, 3), round(y, 3)
+
+
+def test_a_building_becomes_a_site_in_metres_with_y_up(tmp_path: Path) -> None:
+    site = site_of(written(tmp_path, "works.building.yaml", BUILDING))
+    assert (site.name, [(one.name, one.level) for one in site.datums]) == ("works", [("Ground", 0), ("Upper", 1)])
+    assert kinds(site) == {"charger": 1, "dock": 1, "parking": 1, "lift": 1, "door": 1, "aisle": 1}
+    charger, dock, parking, lift = site.resources
+    assert (charger.name, charger.id, middle(charger.polygon)) == ("tug_charger", "ground-tug-charger", (5.0, -10.0))
+    assert (dock.kind, middle(dock.polygon)) == ("dock", (15.0, -20.0))
+    assert (parking.kind, middle(parking.polygon)) == ("parking", (15.0, -9.0))
+    assert (middle(lift.polygon), shapely.Polygon(lift.polygon).area) == ((25.0, -5.0), pytest.approx(6.0))
+    assert [(one.datum, middle(one.polygon)) for one in lift.floors] == [(site.datums[1].id, (0.0, 0.0))]
+    door, aisle = site.zones
+    assert (middle(door.polygon), shapely.Polygon(door.polygon).area) == ((20.0, -6.0), pytest.approx(2.0))
+    assert aisle.axis == ((5.0, -10.0), (15.0, -10.0))
+    assert shapely.Polygon(aisle.polygon).area == pytest.approx(12.0)
+
+
+@pytest.mark.parametrize(("x", "y"), [("positionX", "positionY"), ("xPosition", "yPosition")])
+def test_a_plant_model_of_either_form_becomes_a_site_in_metres(x: str, y: str, tmp_path: Path) -> None:
+    site = site_of(written(tmp_path, "hall.xml", PLANT.format(x=x, y=y)))
+    assert [(one.kind, one.name, middle(one.polygon)) for one in site.resources] == [
+        ("charger", "Pole 1", (0.0, 0.0)),
+        ("parking", "P3", (8.0, 6.0)),
+        ("dock", "Goods in", (0.0, 6.0)),
+    ]
+    crossing, *aisles = site.zones
+    assert crossing.name == "B1"
+    outline = shapely.Polygon(crossing.polygon)
+    assert all(outline.contains(shapely.Point(one)) for one in ((8.0, 0.0), (8.0, 6.0), (0.0, 6.0)))
+    assert not outline.contains(shapely.Point(0.0, 0.0))
+    assert [one.axis for one in aisles] == [((0.0, 0.0), (8.0, 0.0)), ((8.0, 0.0), (8.0, 6.0))]
+
+
+def test_the_same_file_gives_the_same_text_and_ids(tmp_path: Path) -> None:
+    path = written(tmp_path, "works.building.yaml", BUILDING)
+    assert imported(path, 1.2) == imported(path, 1.2)
+
+
+def test_names_that_are_alike_get_ids_of_their_own(tmp_path: Path) -> None:
+    text = BUILDING.replace("pantry", "bay").replace("tug_charger", "Bay!")
+    site = site_of(written(tmp_path, "works.building.yaml", text))
+    assert [one.id for one in site.resources] == ["ground-bay", "ground-bay-2", "ground-bay-3", "lift-a"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.yaml", "name: works\n", "has no levels"),
+        ("a.yaml", "levels: [", "can't be read"),
+        ("a.xml", "<model>", "can't be read"),
+        ("a.xml", '<model><point name="P1"/></model>', "point 'P1' has no positionX"),
+        ("a.yaml", BUILDING.replace("measurements", "remarks"), "levels.Upper.measurements: is missing"),
+        ("a.yaml", "levels: {L1: {}}", "does not have the form of its kind: KeyError"),
+    ],
+)
+def test_what_is_no_plan_is_explained(name: str, text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(PlanError, match=message):
+        imported(written(tmp_path, name, text), 1.2)
+
+
+def test_the_command_prints_what_check_accepts(tmp_path: Path) -> None:
+    plan, made = written(tmp_path, "hall.xml", PLANT.format(x="positionX", y="positionY")), tmp_path / "site.toml"
+    command = [sys.executable, "-m", "deconflict"]
+    printed = subprocess.run([*command, "site", "import", str(plan)], capture_output=True, text=True, check=True)
+    made.write_text(printed.stdout)
+    checked = subprocess.run([*command, "check", str(made)], capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+    wrong = subprocess.run([*command, "site", "import", str(made)], capture_output=True, text=True, check=False)
+    assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
+
+
+@pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS is not set")
+@pytest.mark.parametrize(
+    ("name", "floors", "wanted"),
+    [
+        ("openrmf-hotel", 3, {"lift": 2, "door": 19}),
+        ("openrmf-office", 1, {"charger": 2, "door": 3}),
+        ("opentcs-demo01", 1, {"charger": 4, "dock": 8, "station": 3, "crossing": 2}),
+    ],
+)
+def test_real_sites_are_taken_as_they_are(name: str, floors: int, wanted: dict[str, int], tmp_path: Path) -> None:
+    copy = tmp_path / f"{name}.json"
+    copy.write_bytes((Path(RECORDINGS or "") / f"{name}.json").read_bytes())
+    site = site_of(copy)
+    assert len(site.datums) == floors
+    found = kinds(site)
+    assert {kind: found.get(kind, 0) for kind in wanted} == wanted

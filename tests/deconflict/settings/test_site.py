@@ -1,0 +1,214 @@
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from deconflict.settings.site import DEFAULT, Site, SiteError, load, problems
+from tests.helpers.made_site import HALL, put, sound, written
+
+NIL = "00000000-0000-0000-0000-000000000000"
+ROBOT = "1C0E7D6E-1111-4F6F-8000-000000000001"
+
+
+def test_a_sound_file_is_read_as_written(tmp_path: Path) -> None:
+    site = load(written(sound(), tmp_path))
+    assert site.vendors[1].maps[0].readings["dock"] == (1.0, -40.0)
+    assert site.vendors[1].models["b1"].offset_m == (1.1, 0.0)
+    assert site.datums[1].reference_location == (42.36, -71.06)
+    assert problems(site) == []
+
+
+def test_datum_ids_are_compared_without_case(tmp_path: Path) -> None:
+    told = put(sound(), "datums.0.id", HALL.upper())
+    told = put(told, "vendors.1.maps.0.site_datum", HALL.title())
+    assert load(written(told, tmp_path)).datums[0].id == HALL
+
+
+def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
+    assert load(written({}, tmp_path)) == DEFAULT
+    assert problems(DEFAULT) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        ("datum", [], "datum: there is no such key; did you mean datums?"),
+        ("conflict.clearence_m", 0.5, "conflict.clearence_m: there is no such key; did you mean clearance_m?"),
+        ("vendors.1.maps.0.reading", {}, "vendors[1].maps[0].reading: there is no such key; did you mean readings?"),
+        (
+            "vendors.1.models.b1.offset",
+            [0, 0],
+            "vendors[1].models.b1.offset: there is no such key; did you mean offset_m?",
+        ),
+        ("store.zzz", 1, "store.zzz: there is no such key; expected one of directory"),
+        ("vendors.1.maps.0.site_datum", None, "vendors[1].maps[0].site_datum: is missing; expected The site's datum"),
+        ("vendors.0.name", None, "vendors[0].name: is missing; expected A short name"),
+        (
+            "conflict.clearance_m",
+            -0.1,
+            "conflict.clearance_m: input should be greater than or equal to 0; found '-0.1'",
+        ),
+        ("conflict.clearance_m", "wide", "conflict.clearance_m: input should be a valid number; found 'wide'"),
+        ("conflict.clearance_m", "0.3", "conflict.clearance_m: input should be a valid number; found '0.3'"),
+        ("conflict.clearance_m", True, "conflict.clearance_m: input should be a valid number; found 'True'"),
+        ("conflict.horizon_s", float("inf"), "conflict.horizon_s: input should be a finite number; found 'inf'"),
+        ("receiver.port", 70000, "receiver.port: input should be less than or equal to 65535; found '70000'"),
+        ("datums.0.coordinates", "feet", "datums[0].coordinates: input should be 'metres', 'latlon' or"),
+        ("datums.0.reference_points.2.x", "a", "datums[0].reference_points[2].x: input should be a valid number"),
+        ("vendors.1.maps.0.readings.dock", [1.0], "vendors[1].maps[0].readings.dock[1]: is missing"),
+        ("reading.default_envelope_m", [1, 0, 0], "reading.default_envelope_m[1]: input should be greater than 0"),
+    ],
+)
+def test_a_wrong_key_is_named_with_what_was_found_and_expected(
+    path: str, value: Any, says: str, tmp_path: Path
+) -> None:
+    assert_told(put(sound(), path, value), says, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        ("datums.1.id", HALL.upper(), f"datums[1].id: '{HALL}' is given by datums[0].id too"),
+        ("datums.0.id", "", "datums[0].id: '' names no datum"),
+        ("datums.1.id", NIL, f"datums[1].id: '{NIL}' names no datum"),
+        ("datums.0.reference_points.1.id", "door", "datums[0].reference_points[1].id: 'door' is given by"),
+        ("datums.1.reference_location", None, "datums[1].reference_location: is missing"),
+        ("datums.1.reference_location", [-171.06, 42.36], "datums[1].reference_location: found [-171.06, 42.36]"),
+        ("vendors.1.name", "acme", "vendors[1].name: 'acme' is given by vendors[0].name too"),
+        (
+            "vendors.0.manufacturers",
+            ["BOLT robotics"],
+            "vendors[1].manufacturers[0]: 'bolt robotics' is given by vendors[0]",
+        ),
+        (
+            "vendors.0.manufacturers",
+            ["ACME", "Bolt"],
+            "vendors[1].name: 'bolt' is given by vendors[0].manufacturers[1] too",
+        ),
+        (
+            "vendors.1.robots",
+            [ROBOT],
+            "vendors[1].robots[0]: '1c0e7d6e-1111-4f6f-8000-000000000001' is given by vendors[0]",
+        ),
+        (
+            "vendors.1.dial",
+            ["10.0.0.7:3000"],
+            "vendors[1].dial[0]: found '10.0.0.7:3000'; expected ws://HOST:PORT/PATH",
+        ),
+        (
+            "vendors.1.maps.0.site_datum",
+            "yrd",
+            "vendors[1].maps[0].site_datum: no datum has the id 'yrd'; did you mean yard?",
+        ),
+        (
+            "vendors.1.maps.0.readings.dok",
+            [1, 1],
+            "vendors[1].maps[0].readings.dok: datum 'Hall' has no such point; did you mean",
+        ),
+        (
+            "vendors.1.maps.1",
+            {"datum": "OWN", "site_datum": HALL, "readings": {}},
+            "vendors[1].maps[1].datum: 'own' is given by",
+        ),
+        ("conflict.confirm", [3, 2], "conflict.confirm: [3, 2] asks for more looks than it counts"),
+        ("conflict.critical_s", 6.0, "conflict.critical_s: found 6.0; expected at most conflict.warning_s = 5.0"),
+        ("conflict.horizon_s", 20.0, "conflict.horizon_s: found 20.0; expected at most reading.horizon_s = 10.0"),
+        ("reading.quiet_after_s", 90.0, "reading.quiet_after_s: found 90.0; expected at most reading.silent_after_s"),
+        ("reading.forget_after_s", 10.0, "reading.silent_after_s: found 60.0; expected at most reading.forget_after_s"),
+        ("recorder.total_bytes", 1000, "recorder.segment_bytes: found 67108864; expected at most recorder.total_bytes"),
+        ("receiver.dial_backoff_s", [9.0, 3.0], "receiver.dial_backoff_s[0]: found 9.0; expected at most"),
+        ("operator.port", 3000, "operator.port: 3000 is receiver.port too; set another"),
+    ],
+)
+def test_keys_that_contradict_each_other_are_named(path: str, value: Any, says: str, tmp_path: Path) -> None:
+    assert_told(put(sound(), path, value), says, tmp_path)
+
+
+SQUARE = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
+DOCK = {"id": "d", "kind": "dock", "datum": HALL, "polygon": SQUARE}
+AISLE = {"id": "a", "kind": "aisle", "datum": HALL, "polygon": SQUARE, "axis": [[0.0, 1.0], [2.0, 1.0]]}
+
+
+@pytest.mark.parametrize(
+    ("section", "place", "says"),
+    [
+        ("resources", DOCK | {"datum": "attic"}, "resources[0].datum: no datum has the id 'attic'"),
+        ("resources", DOCK | {"polygon": [SQUARE[0], SQUARE[2], *SQUARE[1:]]}, "resources[0].polygon: self-inter"),
+        ("resources", DOCK | {"polygon": [[0.0, 0.0]] * 3}, "resources[0].polygon: "),
+        ("resources", DOCK | {"floors": [{"datum": "yard", "polygon": SQUARE}]}, "resources[0].floors: a dock is on"),
+        ("zones", {key: AISLE[key] for key in AISLE if key != "axis"}, "zones[0].axis: is missing"),
+        ("zones", AISLE | {"kind": "door"}, "zones[0].axis: a door has none"),
+        ("zones", AISLE | {"axis": [[1.0, 1.0], [1.0, 1.0]]}, "zones[0].axis: both ends are at [1.0, 1.0]"),
+        ("zones", AISLE | {"capacity": 0}, "zones[0].capacity: input should be greater than or equal to 1"),
+    ],
+)
+def test_a_wrong_place_is_named_with_what_to_change(
+    section: str, place: dict[str, Any], says: str, tmp_path: Path
+) -> None:
+    with pytest.raises(SiteError) as error:
+        load(written(sound() | {section: [place]}, tmp_path))
+    assert any(one.startswith(says) for one in error.value.problems), error.value.problems
+
+
+def test_a_resource_and_a_zone_share_no_id(tmp_path: Path) -> None:
+    told = sound() | {"resources": [DOCK], "zones": [AISLE | {"id": "d"}]}
+    with pytest.raises(SiteError, match=r"zones\[0\].id: 'd' is given by resources\[0\].id too"):
+        load(written(told, tmp_path))
+
+
+def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
+    told = put(put(sound(), "conflict.clearance_m", -1), "receiver.prt", 1)
+    with pytest.raises(SiteError) as caught:
+        load(written(told, tmp_path))
+    assert len(caught.value.problems) == 2
+
+
+def test_a_file_that_is_no_toml_or_is_not_there_is_said_so(tmp_path: Path) -> None:
+    path = tmp_path / "site.toml"
+    with pytest.raises(SiteError, match="can't be read"):
+        load(path)
+    path.write_text("name = \n")
+    with pytest.raises(SiteError, match=r"is not TOML: .*line 1"):
+        load(path)
+
+
+def test_ports_that_the_system_chooses_may_both_be_0(tmp_path: Path) -> None:
+    told = put(put(sound(), "receiver.port", 0), "operator.port", 0)
+    assert load(written(told, tmp_path)).operator.port == 0
+
+
+def test_readings_that_fit_nothing_load_but_are_a_problem(tmp_path: Path) -> None:
+    told = put(sound(), "vendors.1.maps.0.readings", {"door": [0, 0]})
+    site = load(written(told, tmp_path))
+    assert problems(site) == [
+        "vendors[1].maps[0].readings: readings of at least two reference points are needed, found 1"
+    ]
+
+
+def test_reference_points_with_latitude_and_longitude_exchanged_are_a_problem(tmp_path: Path) -> None:
+    told = put(sound(), "datums.1.reference_points.0", {"id": "post", "x": -71.059, "y": 42.361})
+    (problem,) = problems(load(written(told, tmp_path)))
+    assert problem.startswith("datums[1].reference_points[0]: lies more than 20 km from reference_location")
+
+
+def test_the_json_schema_takes_what_the_loader_takes_and_tells_each_fields_meaning() -> None:
+    schema = Site.model_json_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(sound(), schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(put(sound(), "conflict.clearance", 1.0), schema)
+    undescribed = [
+        f"{section}.{name}"
+        for section, told in schema["$defs"].items()
+        for name, field in told["properties"].items()
+        if not field.get("description")
+    ]
+    assert undescribed == []
+
+
+def assert_told(told: dict[str, Any], says: str, folder: Path) -> None:
+    with pytest.raises(SiteError) as caught:
+        load(written(told, folder))
+    assert [one for one in caught.value.problems if one.startswith(says)], caught.value.problems
+    assert says in str(caught.value)

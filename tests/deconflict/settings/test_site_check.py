@@ -1,0 +1,114 @@
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deconflict.settings.site import load
+from deconflict.settings.site_check import check, report
+from ingest.frames.fitting import Method
+from tests.helpers.made_site import HALL, MARKS, put, sound, written
+
+READINGS = "vendors.1.maps.0.readings"
+
+
+def checked(told: dict[str, Any], folder: Path) -> tuple[int, str]:
+    out = io.StringIO()
+    code = check(written(told, folder), out)
+    return code, out.getvalue()
+
+
+def test_a_sound_site_passes_and_shows_each_fit(tmp_path: Path) -> None:
+    code, text = checked(sound(), tmp_path)
+    assert code == 0
+    assert text.endswith("PASSED\n")
+    assert "works: 2 datums, 2 vendors, 1 own maps" in text
+    assert "acme: sends in the datums' own coordinates" in text
+    assert "bolt: own map own on datum Hall" in text
+    assert "method adjust, not mirrored, rotation 90.000 deg, translation (0.000, 0.000) m" in text
+    assert "one unit is 1 m along x, 1 m along y; shear 0.000 deg" in text
+
+
+def test_an_example_shows_which_way_round_the_map_is_applied(tmp_path: Path) -> None:
+    told = put(sound(), READINGS, {one: [100 + y, 50 - x] for one, (x, y) in MARKS.items()})
+    _, text = checked(told, tmp_path)
+    assert "its origin at (0.000, 0.000), yaw 0.0 deg on the map is at (50.000, -100.000), yaw 90.0 deg" in text
+    assert "a robot at (112.500, 30.000), yaw 0.0 deg on the map is at (20.000, 12.500), yaw 90.0 deg" in text
+
+
+def test_a_datum_in_degrees_shows_its_points_in_metres_and_what_becomes_of_yaw(tmp_path: Path) -> None:
+    _, text = checked(sound(), tmp_path)
+    assert "x east, y north" in text
+    (post,) = [line for line in text.splitlines() if line.startswith("  post")]
+    assert post.split()[1:4] == ["42.3610000", "-71.0590000", "->"]
+    assert [float(word) for word in post.split()[4:6]] == pytest.approx([82.38, 111.08], abs=0.01)
+    assert "yaw 0 deg (north) becomes 90 deg" in text
+
+
+def test_each_reference_point_shows_its_residual_with_it_and_without_it(tmp_path: Path) -> None:
+    told = put(sound(), f"{READINGS}.gate", [24.4, -2.0])
+    site = load(written(told, tmp_path))
+    (judged,) = report(site).maps
+    assert judged.fit
+    _, text = checked(told, tmp_path)
+    (gate,) = [line for line in text.splitlines() if line.startswith("  gate")]
+    row = list(MARKS).index("gate")
+    assert f"{judged.fit.residuals_m[row]:.3f} m" in gate
+    assert f"{judged.fit.left_out_m[row]:.3f} m" in gate
+    assert judged.fit.left_out_m[row] == pytest.approx(0.4, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        (f"{READINGS}.gate", [27.0, -2.0], "FAILS vendors[1].maps[0].readings."),
+        (READINGS, {"door": [0, 0], "dock": [9, 0], "pillar": [20, 0]}, "FAILS vendors[1].maps[0].readings: the"),
+        (READINGS, {one: list(place[::-1]) for one, place in MARKS.items()}, "FAILS vendors[1].maps[0].mirrored: the"),
+        ("vendors.1.maps.0.mirrored", True, "FAILS vendors[1].maps[0].mirrored: found true"),
+        ("datums.1.reference_points.0.x", -42.361, "FAILS datums[1].reference_points[0]: lies more than 20 km"),
+    ],
+    ids=["bad fit", "collinear", "mirrored", "not mirrored", "elsewhere"],
+)
+def test_what_cannot_be_relied_on_fails_with_its_key(path: str, value: Any, says: str, tmp_path: Path) -> None:
+    code, text = checked(put(sound(), path, value), tmp_path)
+    assert code == 1
+    assert says in text
+    assert text.endswith("FAILED: 1 to correct\n")
+
+
+def test_a_file_that_does_not_load_fails_with_every_problem(tmp_path: Path) -> None:
+    code, text = checked(put(sound(), "receiver.prt", 1), tmp_path)
+    assert code == 1
+    assert "receiver.prt: there is no such key; did you mean port?" in text
+
+
+def test_two_points_fit_with_a_warning_of_what_they_cannot_show(tmp_path: Path) -> None:
+    told = put(sound(), READINGS, {"door": [0, 0], "dock": [1.1, -44.0]})
+    (judged,) = report(load(written(told, tmp_path))).maps
+    assert judged.fit
+    assert judged.fit.method is Method.SIMILARITY
+    assert np.isnan(judged.fit.left_out_m).all()
+    code, text = checked(told, tmp_path)
+    assert code == 0
+    assert "NOTE one unit of the map is 0.909 m; if it is a map in metres, a reading is wrong" in text
+    assert "NOTE two points can't show a wrong reading or a mirrored map" in text
+
+
+def test_a_map_in_another_unit_is_not_remarked_on(tmp_path: Path) -> None:
+    told = put(sound(), READINGS, {one: [1000 * y, -1000 * x] for one, (x, y) in MARKS.items()})
+    code, text = checked(told, tmp_path)
+    assert code == 0
+    assert "one unit is 0.001 m along x" in text
+    assert "NOTE" not in text
+
+
+def test_what_robots_share_is_listed_with_its_floors_and_service(tmp_path: Path) -> None:
+    square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
+    lift: dict[str, Any] = {"id": "lift-1", "kind": "lift", "datum": HALL, "polygon": square, "group": "lifts"}
+    lift["floors"] = [{"datum": "yard", "polygon": square}]
+    aisle = {"id": "a", "kind": "aisle", "datum": HALL, "polygon": square, "axis": [[0.0, 1.0], [2.0, 1.0]]}
+    code, text = checked(sound() | {"resources": [lift], "zones": [aisle]}, tmp_path)
+    assert code == 0
+    assert "lift lift-1, lift-1, on Hall and Yard: 4.0 m2, capacity 1\n  service learned, 45 s at first" in text
+    assert "single lane of 2.0 m" in text

@@ -1,0 +1,15 @@
+"""The drills through the whole service: sockets in, and a service of the site that follows the stream."""
+
+from pathlib import Path
+
+from deconflict.simulation.drills.drill_run import played
+from deconflict.simulation.drills.drill_scripts import DRILLS
+from metrics.monitoring.exposition import render
+
+
+async def test_following_the_advice_of_the_running_service_ends_each_drill_at_the_promised_cost(tmp_path: Path) -> None:
+    outcomes = await played(DRILLS, tmp_path, render)
+    for drill, one in zip(DRILLS, outcomes, strict=True):
+        assert one.ended, one
+        assert one.advised, one
+        assert one.kept is drill.heeds, one

@@ -1,0 +1,91 @@
+"""Each drill through fleet and engine, its robots doing as they are advised or not: what is told, and what it is worth.
+
+`tests/deconflict/simulation/drills/test_drill_run.py` plays the same through the whole service.
+"""
+
+from functools import cache
+
+import pytest
+
+from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.engine.engine import Engine
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.simulation.drills.drill_outcomes import Outcome, Outcomes
+from deconflict.simulation.drills.drill_scripts import DRILLS, party, staged
+from deconflict.simulation.drills.errands import STEP_S
+from deconflict.simulation.drills.site_service import SiteService
+from deconflict.simulation.vendors.dialects import DIALECTS
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+
+NOW_S = 1_790_000_000.0
+SECONDS = 60
+HEEDED = [one.name for one in DRILLS if one.heeds]
+
+
+@cache
+def played(*, ignored: bool) -> dict[str, Outcome]:
+    """What comes of all drills at once, by name."""
+    site, stages = staged(ignored=ignored)
+    everybody, outcomes = party(stages), Outcomes(DRILLS, stages)
+    fleet, engine = fleet_of(site, Measures()), Engine(site)
+    service = SiteService(everybody, Geometry(site.resources, site.zones), NOW_S)
+    lines = [Connection(row, vendor=one.member.make.vendor.value) for row, one in enumerate(everybody.errands)]
+    for step in range(round(SECONDS / STEP_S)):
+        now_s = NOW_S + step * STEP_S
+        for row, one in enumerate(everybody.errands):
+            every = round(one.member.make.report_every_s / STEP_S)
+            if (step + 3 * row) % every == 0:
+                for message in DIALECTS[one.member.make.vendor].messages(one.robot(), now_s, introduce=step < every):
+                    assert fleet.receive(message, now_s, lines[row]) is None
+        engine.receive(fleet.cut(now_s))
+        for advisory in engine.step(now_s):
+            outcomes.take(advisory, passed_on=service.take(advisory))
+        everybody.step(STEP_S)
+    return {one.drill: one for one in outcomes.now()}
+
+
+@pytest.mark.parametrize("name", HEEDED)
+def test_following_the_advice_ends_it_at_the_promised_cost(name: str) -> None:
+    one = played(ignored=False)[name]
+    assert one.lead_s
+    assert one.lead_s > 5
+    assert one.kept, one
+    assert one.worst != "critical"
+    assert "double_occupancy" not in one.kinds
+    assert "blockage" not in one.kinds
+
+
+@pytest.mark.parametrize("name", [one.name for one in DRILLS if one.kind != "conflict"])
+def test_what_is_told_ahead_and_advised_is_the_same_whether_anybody_listens(name: str) -> None:
+    heard, ignored = (played(ignored=one)[name] for one in (False, True))
+    assert heard.told == ignored.told
+    assert heard.lead_s == ignored.lead_s
+    assert heard.advised
+    assert heard.advised == ignored.advised
+
+
+@pytest.mark.parametrize("name", ["aisle head-on", "swap", "ring of three"])
+def test_a_ring_that_nobody_breaks_locks(name: str) -> None:
+    one = played(ignored=True)[name]
+    assert not one.through
+    assert one.ended == ""
+    assert one.worst == "critical"
+
+
+def test_a_dock_that_is_taken_is_entered_all_the_same_by_one_that_ignores_it() -> None:
+    assert "double_occupancy" in played(ignored=True)["dock taken"].kinds
+
+
+@pytest.mark.parametrize("name", ["lift with a twin standing free", "charger queue"])
+def test_ignored_advice_costs_what_it_would_have_saved(name: str) -> None:
+    heard, ignored = (played(ignored=one)[name] for one in (False, True))
+    assert ignored.late_s > heard.late_s + 3
+
+
+def test_robots_that_ignore_advice_are_told_of_until_they_have_passed_each_other() -> None:
+    one = played(ignored=False)["robots that ignore advice"]
+    assert "should wait" in one.advised
+    assert one.passed_on == []
+    assert one.worst == "critical"
+    assert one.ended == "they have passed each other"

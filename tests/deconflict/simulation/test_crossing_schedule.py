@@ -1,0 +1,51 @@
+"""A fleet's order at crossings, ahead of time: who waits where, and that told paths do so."""
+
+import numpy as np
+import pytest
+
+from deconflict.simulation.cast import ALDER, CORVID, Make, Member
+from deconflict.simulation.crossing_schedule import Schedule
+from deconflict.simulation.driving.crossings import Passage
+from deconflict.simulation.driving.routes import drive
+from deconflict.simulation.driving.traffic import Doing, World
+from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.robot_state import robots
+
+EAST, NORTH = (1, 0), (0, 1)
+
+
+def two_that_cross(second: Make) -> World:
+    """One drives east through a crossing at x 10, the other north through it, a second later."""
+    one = World(layout_for(24), (Member(1, ALDER), Member(2, second)), np.random.default_rng(1))
+    ways = (((0.0, 0.0), (30.0, 0.0), EAST), ((10.0, -11.4), (10.0, 20.0), NORTH))
+    for robot, (start, end, inward) in enumerate(ways):
+        make = one.members[robot].make
+        one.tracks.put(robot, drive([start, end], float(np.arctan2(end[1] - start[1], end[0] - start[0])), make))
+        enter_m = 7.4 if robot == 0 else 8.8
+        one.crossings.put(robot, [Passage(7, enter_m, enter_m + 4.8, inward, left=False)])
+        one.trips.goal[robot] = one.trips.bay[robot]
+    one.doing[:] = Doing.DRIVING
+    one.progress_m[:], one.speed_mps[:] = 1.0, 1.0
+    return one
+
+
+def test_of_one_fleet_the_later_one_waits_until_the_other_is_out() -> None:
+    schedule = Schedule(two_that_cross(ALDER))
+    assert schedule.waits(0) == []
+    [(at_m, wait_s)] = schedule.waits(1)
+    assert at_m == 8.8
+    assert 1.5 < wait_s < 3.5
+
+
+def test_of_two_fleets_nobody_waits() -> None:
+    schedule = Schedule(two_that_cross(CORVID))
+    assert [schedule.waits(robot) for robot in (0, 1)] == [[], []]
+
+
+@pytest.mark.parametrize(("second", "waits"), [(ALDER, True), (CORVID, False)])
+def test_told_paths_keep_the_order_of_the_own_fleet_alone(second: Make, waits: bool) -> None:
+    one = two_that_cross(second)
+    _, later = robots(one)
+    at_line_s = 8.0 / second.max_speed_mps
+    poses, _ = later.plan.at(np.array([at_line_s + 1.5]))
+    assert (poses[0, 1] <= -2.5) == waits

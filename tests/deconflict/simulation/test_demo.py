@@ -1,0 +1,35 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from deconflict.settings.site import load, problems
+from deconflict.simulation.demo import demo_site
+from tests.deconflict.roles.test_supervisor import free_ports
+from tests.helpers.patience import PATIENCE_S
+
+
+def test_the_bundled_site_is_sound() -> None:
+    site = load(demo_site())
+    assert problems(site) == []
+    assert [datum.level for datum in site.datums] == [0, 1]
+    assert len(site.vendors) == 4
+
+
+def test_the_demo_ends_by_itself_and_tells_what_happened(tmp_path: Path) -> None:
+    robots, operator = free_ports(2)
+    command = [sys.executable, "-m", "deconflict", "demo", "--seconds", "20", "--data", str(tmp_path)]
+    ports = ["--robots-port", str(robots), "--operator-port", str(operator)]
+    done = subprocess.run([*command, *ports], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert (told["robots"], told["rejected"]) == (24, 0)
+    assert told["messages"] > 300
+    assert told["advisories_raised"] >= told["conflicts"] > 0
+    assert told["deadlocks"] > 0
+    assert told["queues"] > 0
+    assert told["advisories_cleared"] > 0
+    assert told["latency_p99_ms"] > 0
+    assert f"http://127.0.0.1:{operator}/advisories" in done.stdout
+    assert list((tmp_path / "log").glob("*.jsonl"))

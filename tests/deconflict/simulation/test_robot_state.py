@@ -1,0 +1,103 @@
+"""What robots know of themselves: plans come true where nobody is in the way."""
+
+import numpy as np
+import pytest
+
+from deconflict.simulation.cast import cast
+from deconflict.simulation.driving.traffic import RIDE_S, Doing, World
+from deconflict.simulation.driving.trips import NOWHERE
+from deconflict.simulation.fleet_plans import Plan
+from deconflict.simulation.floor_layout import BayKind, layout_for
+from deconflict.simulation.robot_state import Robot, robots
+
+STEP_S = 0.1
+STATES = {"navigating", "idle", "charging", "waitingHumanEvent", "waitingExternalEvent"}
+
+
+def world(robots_in_all: int, seed: int = 1) -> World:
+    return World(layout_for(24), cast(robots_in_all), np.random.default_rng(seed))
+
+
+def test_a_plan_is_linear_between_knots_and_stands_after_the_last() -> None:
+    plan = Plan(np.array([0.0, 2.0]), np.array([[0.0, 0.0, 0.0], [4.0, 2.0, 1.0]]), np.array([0, 0]))
+    poses, floors = plan.at(np.array([0.0, 1.0, 2.0, 9.0]))
+    assert poses.tolist() == [[0.0, 0.0, 0.0], [2.0, 1.0, 0.5], [4.0, 2.0, 1.0], [4.0, 2.0, 1.0]]
+    assert floors.tolist() == [0, 0, 0, 0]
+
+
+def test_a_robot_stands_in_the_lift_until_it_is_on_the_other_floor() -> None:
+    plan = Plan(np.array([0.0, 6.0]), np.array([[4.0, 5.0, 0.0], [20.0, 9.0, 1.0]]), np.array([0, 1]))
+    poses, floors = plan.at(np.array([5.9, 6.0]))
+    assert poses.tolist() == [[4.0, 5.0, 0.0], [20.0, 9.0, 1.0]]
+    assert floors.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("row", [0, 1, 2])
+def test_alone_on_the_floor_a_robot_is_where_it_planned_to_be(row: int) -> None:
+    one = world(row + 1)
+    others = np.arange(row)
+    compared = 0
+    for _ in range(60):
+        one.until_s[others] = np.inf
+        for _ in range(round(2.0 / STEP_S)):
+            one.step(STEP_S)
+        told = robots(one)[row]
+        if one.doing[row] != Doing.DRIVING:
+            continue
+        for after_s in (1.0, 4.0):
+            planned, floors = told.plan.at(np.array([after_s]))
+            for _ in range(round((after_s if after_s == 1.0 else 3.0) / STEP_S)):
+                one.step(STEP_S)
+            if one.doing[row] == Doing.DRIVING and one.waited_s[row] == 0.0:
+                assert one.floor[row] == floors[0]
+                assert np.hypot(*(one.locations()[row, :2] - planned[0, :2])) < 0.1 + 0.075 * after_s
+                compared += 1
+    assert compared > 20
+
+
+def test_a_plan_counts_the_time_that_gaining_speed_takes() -> None:
+    one = world(1)
+    while one.doing[0] != Doing.DRIVING or one.progress_m[0] < 5.0:
+        one.step(STEP_S)
+    fast, _ = robots(one)[0].plan.at(np.array([1.0]))
+    one.speed_mps[0] = 0.0
+    slow, _ = robots(one)[0].plan.at(np.array([1.0]))
+    here, gain = one.locations()[0, :2], one.members[0].make.gain_mps2
+    assert np.hypot(*(slow[0, :2] - here)) == pytest.approx(gain / 2, abs=0.06)
+    assert np.hypot(*(fast[0, :2] - here)) > gain
+
+
+def told_while(one: World, seconds: float) -> list[Robot]:
+    told: list[Robot] = []
+    for _ in range(round(seconds)):
+        for _ in range(round(1.0 / STEP_S)):
+            one.step(STEP_S)
+        told += robots(one)
+    return told
+
+
+def test_what_robots_tell_is_plausible() -> None:
+    told = told_while(world(24), 240.0)
+    assert {one.state for one in told} == STATES
+    assert all(0.0 <= one.battery_pct <= 100.0 and 0.0 <= one.load_pct < 100.0 for one in told)
+    assert all(one.plan.after_s[0] == 0.0 and np.all(np.diff(one.plan.after_s) > 0) for one in told)
+    assert all(np.allclose(one.plan.poses[0], (one.x_m, one.y_m, one.yaw_rad)) for one in told)
+    assert {code for one in told for code in one.errors} >= {"Robot Stuck"}
+    to_come_s = [after_s for one in told for after_s, *_ in one.destinations]
+    assert 0.0 <= min(to_come_s) < max(to_come_s) < 900.0
+
+
+def test_who_rides_the_lift_tells_the_floor_it_will_be_on() -> None:
+    one = world(24, seed=3)
+    for _ in range(3000):
+        one.step(STEP_S)
+        riding = (one.doing == Doing.STANDING) & (one.trips.beyond != NOWHERE) & one.trips.standing_at(BayKind.LIFT)
+        if riding.any():
+            break
+    row = int(np.flatnonzero(riding)[0])
+    told = robots(one)[row]
+    assert told.state == "navigating"
+    assert told.plan.at(np.array([0.0, RIDE_S + STEP_S]))[1].tolist() == [told.floor, 1 - told.floor]
+    for _ in range(round(RIDE_S / STEP_S) + 2):
+        one.step(STEP_S)
+    assert one.floor[row] == 1 - told.floor

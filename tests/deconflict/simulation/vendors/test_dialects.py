@@ -1,0 +1,156 @@
+"""Each vendor's bytes are what its dialect claims, and the bundled site reads them right."""
+
+import json
+import re
+from dataclasses import replace
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deconflict.settings import site
+from deconflict.simulation.cast import MAKES, VendorName, cast
+from deconflict.simulation.demo import demo_site
+from deconflict.simulation.driving.traffic import World
+from deconflict.simulation.fleet_plans import Plan
+from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.robot_state import Robot, robots
+from deconflict.simulation.vendors.dialects import DIALECTS, SITE_MAPS
+from ingest.frames.frame_registry import Frames
+from ingest.languages.massrobotics.parser import Identity, Status, read
+
+NOW_S = 1_795_000_000.37
+SAMPLE_FINDINGS = {
+    "uuid-upper-case",
+    "stamp-offset-no-colon",
+    "stamp-whole-seconds",
+    "datum-upper-case",
+    "datum-key",
+    "path-too-far",
+    "angle-not-unit",
+}
+
+
+@pytest.fixture(scope="module")
+def told() -> list[Robot]:
+    """Everybody's state at several moments of two minutes."""
+    world = World(layout_for(24), cast(24), np.random.default_rng(1))
+    found: list[Robot] = []
+    for _ in range(12):
+        for _ in range(100):
+            world.step(0.1)
+        found += robots(world)
+    return found
+
+
+def of(told: list[Robot], vendor: VendorName, *, moving: bool = False) -> list[Robot]:
+    mine = [one for one in told if one.member.make.vendor is vendor]
+    return [one for one in mine if one.state == "navigating" and one.linear_mps > 0.3] if moving else mine
+
+
+def status(robot: Robot) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(DIALECTS[robot.member.make.vendor].messages(robot, NOW_S)[-1])
+    return document
+
+
+def seconds(stamp: str) -> float:
+    return datetime.fromisoformat(stamp).timestamp()
+
+
+def test_every_message_of_everybody_is_understood(told: list[Robot]) -> None:
+    for robot in told:
+        first, second = DIALECTS[robot.member.make.vendor].messages(robot, NOW_S, introduce=True)
+        identity, now = read(first), read(second)
+        assert isinstance(identity, Identity)
+        assert isinstance(now, Status)
+        assert identity.uuid == now.uuid == robot.member.uuid
+        assert identity.manufacturer == robot.member.make.vendor
+        assert now.known_state
+
+
+@pytest.mark.parametrize("vendor", [VendorName.ALDER, VendorName.BASALT, VendorName.WALKERS])
+def test_three_vendors_keep_to_the_standard(told: list[Robot], vendor: VendorName) -> None:
+    for robot in of(told, vendor):
+        for message in DIALECTS[vendor].messages(robot, NOW_S, introduce=True):
+            reading = read(message)
+            assert reading.findings == ()
+
+
+def test_alder_is_three_seconds_fast_in_all_it_says(told: list[Robot]) -> None:
+    for robot in of(told, VendorName.ALDER, moving=True):
+        said = status(robot)
+        assert seconds(said["timestamp"]) == pytest.approx(NOW_S + 3.0, abs=1e-3)
+        after_s = [seconds(point["timestamp"]) - NOW_S - 3.0 for point in said["path"]]
+        assert after_s == pytest.approx(range(1, 11), abs=2e-3)
+        planned, _ = robot.plan.at(np.arange(1.0, 11.0))
+        assert np.array([(point["x"], point["y"]) for point in said["path"]]) == pytest.approx(planned[:, :2], abs=1e-3)
+
+
+def test_corvid_speaks_as_the_sample_sender_does(told: list[Robot]) -> None:
+    for robot in of(told, VendorName.CORVID, moving=True):
+        said = status(robot)
+        assert said["uuid"] == robot.member.uuid.upper()
+        assert said["location"]["planarDatum"] == SITE_MAPS[robot.floor].datum.upper()
+        stamps = [said["timestamp"], *(point["timestamp"] for point in said["path"])]
+        assert all(re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+0000", stamp) for stamp in stamps)
+        after_s = [seconds(stamp) - seconds(stamps[0]) for stamp in stamps[1:]]
+        assert after_s == [2.0 * second for second in range(1, 11)]
+        assert all("planarDatum" in point and "planarDatumUUID" not in point for point in said["path"])
+        planned, _ = robot.plan.at(np.array(after_s) + np.floor(NOW_S) - NOW_S)
+        assert np.array([(point["x"], point["y"]) for point in said["path"]]) == pytest.approx(planned[:, :2], abs=1e-3)
+        reading = read(json.dumps(said).encode())
+        assert set(reading.findings) <= SAMPLE_FINDINGS
+        assert {"uuid-upper-case", "stamp-offset-no-colon", "datum-key", "path-too-far"} <= set(reading.findings)
+
+
+def test_basalt_lands_where_it_is_by_the_maps_of_the_bundled_site(told: list[Robot]) -> None:
+    bundled = site.load(demo_site())
+    frames = Frames(bundled.datums, bundled.vendors)
+    for robot in of(told, VendorName.BASALT):
+        reading = read(DIALECTS[VendorName.BASALT].messages(robot, NOW_S)[-1])
+        assert isinstance(reading, Status)
+        frame = frames.frame("Basalt", reading.datum)
+        x, y, yaw = frame.placed([(reading.x, reading.y, reading.yaw_rad)])[0]
+        assert frame.floor == SITE_MAPS[robot.floor].datum
+        assert np.hypot(x - robot.x_m, y - robot.y_m) < 0.02
+        assert np.cos(yaw - robot.yaw_rad) > np.cos(0.002)
+        assert np.hypot(reading.x - robot.x_m, reading.y - robot.y_m) > 10.0
+
+
+def test_people_seldom_know_their_way_but_always_their_speed(told: list[Robot]) -> None:
+    walking = of(told, VendorName.WALKERS, moving=True)
+    with_path = [robot for robot in walking if "path" in status(robot)]
+    assert 0 < len(with_path) < len(walking) / 2
+    for robot in walking:
+        assert status(robot)["velocity"]["linear"] == pytest.approx(robot.linear_mps, abs=1e-3)
+
+
+@pytest.mark.parametrize("vendor", [VendorName.ALDER, VendorName.BASALT])
+def test_a_path_to_the_other_floor_names_its_datum(told: list[Robot], vendor: VendorName) -> None:
+    below = next(robot for robot in of(told, vendor, moving=True) if robot.floor == 0)
+    plan = Plan(np.array([0.0, 4.5]), np.array([[9.0, 8.0, 0.0], [3.0, 2.0, 1.0]]), np.array([0, 1]))
+    path = status(replace(below, plan=plan))["path"]
+    above = DIALECTS[vendor].maps[1]
+    assert [point.get("planarDatumUUID") for point in path] == 4 * [None] + 6 * [above.datum]
+    x, y, _ = above.pose(3.0, 2.0, 1.0)
+    assert (path[-1]["x"], path[-1]["y"]) == pytest.approx((x, y), abs=1e-3)
+
+
+def test_the_bundled_site_knows_every_vendor_and_fits() -> None:
+    bundled = site.load(demo_site())
+    assert not site.problems(bundled)
+    assert {vendor.name for vendor in bundled.vendors} == set(VendorName)
+    assert [datum.id for datum in bundled.datums] == [one.datum for one in SITE_MAPS]
+    for make in MAKES:
+        vendor = next(one for one in bundled.vendors if one.name == make.vendor)
+        assert (vendor.participant == "person") == make.person
+        model = vendor.models.get(make.model)
+        assert ((model.offset_m[0], model.loaded_offset_m) if model else (0.0, None)) == (
+            make.body.ahead_m,
+            (make.loaded.ahead_m, 0.0) if make.loaded != make.body else None,
+        )
+        if model and model.loaded_envelope_m:
+            assert model.loaded_envelope_m == (make.loaded.length_m, make.loaded.width_m, make.height_m)
+        if vendor.default_envelope_m:
+            assert vendor.default_envelope_m == (make.body.length_m, make.body.width_m, make.height_m)

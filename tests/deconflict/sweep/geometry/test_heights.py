@@ -1,0 +1,75 @@
+"""Two robots that cross: all that is said of them at one height, and nothing where one passes above the other."""
+
+from math import inf
+from typing import NamedTuple
+
+import pytest
+
+from deconflict.advisory import ConflictAdvisory, Recommendation
+from deconflict.sweep.geometry.heights import beside, most_beside
+from tests.deconflict.contention.scenes import Scene, Script, site
+from tests.helpers.saying import robot
+
+
+class Box(NamedTuple):
+    bottom_m: float
+    top_m: float
+
+
+class Crossing(NamedTuple):
+    """What was told and noticed until two robots had crossed."""
+
+    scene: Scene
+    conflicts: list[ConflictAdvisory]
+    """Those of the pair that were open after each step."""
+    near_misses: int
+
+    @property
+    def advice(self) -> list[Recommendation]:
+        return [one.recommendation for one in self.conflicts if one.recommendation]
+
+
+def crossing(z_m: float) -> Crossing:
+    """They cross after 10 s."""
+    robots = {
+        "A": Script([(0, -10, 0), (20, 10, 0)]),
+        "B": Script([(0, 0, -10), (20, 0, 10)], vendor="Corvid", z_m=z_m),
+    }
+    scene, pair = Scene(site(), robots), {robot(name) for name in robots}
+    conflicts, near_misses = list[ConflictAdvisory](), 0
+    for tick in range(48):
+        scene.run((tick + 1) / 4, from_s=tick / 4)
+        conflicts += [one for one in scene.engine.conflicts() if {*one.robots} == pair]
+        near_misses += len(scene.engine.near_misses)
+    return Crossing(scene, conflicts, near_misses)
+
+
+def test_at_one_height_they_are_warned_of_and_get_advice_and_nearly_collide() -> None:
+    met = crossing(0.0)
+    assert met.conflicts != []
+    assert any(one.holds for one in met.advice)
+    assert met.near_misses == 1
+
+
+def test_one_above_the_other_neither_is_warned_of_nor_should_wait_and_nothing_is_noticed() -> None:
+    met = crossing(5.0)
+    assert met.conflicts == []
+    assert met.near_misses == 0
+    assert met.scene.told == []
+    assert met.scene.engine.probabilities() == []
+
+
+@pytest.mark.parametrize(
+    ("other", "together"),
+    [(Box(1.0, 2.0), True), (Box(1.01, 2.0), False), (Box(-3.0, -0.01), False), (Box(-inf, inf), True)],
+)
+def test_neither_is_above_the_other_where_their_heights_touch_or_are_unknown(other: Box, together: bool) -> None:
+    one = Box(0.0, 1.0)
+    assert beside(one, other) is beside(other, one) is together
+
+
+def test_the_most_at_one_height_are_those_that_all_reach_it() -> None:
+    low, high, tall, unknown = Box(0.0, 1.0), Box(5.0, 6.0), Box(0.0, 6.0), Box(-inf, inf)
+    assert most_beside([high, low, unknown]) == [low, unknown]
+    assert most_beside([high, low, tall, high]) == [high, tall, high]
+    assert most_beside(list[Box]()) == []

@@ -1,0 +1,62 @@
+"""What pairs do in their slabs, put together, and the names under which they are listed."""
+
+from itertools import groupby
+
+import numpy as np
+
+from deconflict.sweep.contact_intervals import MEETING, Meetings, Names, by_pair, joined
+from ingest.batch import Ints
+
+RNG = np.random.default_rng(21)
+ROBOTS = 30
+RANKS = RNG.permutation(ROBOTS)
+
+
+def made(count: int, ranks: Ints) -> Meetings:
+    """So many different meetings, in order; many separations are alike."""
+    chosen = RNG.choice(ROBOTS * ROBOTS * 12, count, replace=False)
+    a, b, slab = chosen // (12 * ROBOTS), chosen // 12 % ROBOTS, 100 + chosen % 12
+    order = np.lexsort((slab, ranks[b], ranks[a]))
+    contact = slab + RNG.uniform(0, 1, count)
+    separation = RNG.choice([0.0, 0.1, 0.2], count)
+    rows = list(zip(a, b, slab, contact, separation, contact + 0.25, strict=True))
+    return np.array(rows, MEETING)[order]
+
+
+def test_a_pair_has_its_first_contact_and_the_first_of_its_smallest_separations() -> None:
+    meetings = made(2000, RANKS)
+    told, now_s, expected = np.arange(ROBOTS) % 4 == 0, 100.5, []
+    for (a, b), some in groupby(meetings.tolist(), key=lambda row: row[:2]):
+        every = list(some)
+        *_, separation, at = min(every, key=lambda row: row[4])
+        contact = max(min(row[3] for row in every), now_s)
+        expected.append((a, b, contact, separation, at, bool(told[a] or told[b])))
+    columns = by_pair(meetings, told, now_s)
+    assert list(zip(*(column.tolist() for column in columns), strict=True)) == expected
+    assert 100 < len(expected) < 1000
+
+
+def test_parts_are_joined_in_the_order_of_keys_and_slabs() -> None:
+    whole = made(2000, RANKS)
+    part = RNG.integers(0, 4, len(whole))
+    some = np.empty(0, MEETING)
+    for number in range(4):
+        some = joined(some, whole[part == number], RANKS)
+        assert some.tolist() == whole[part <= number].tolist()
+
+
+def test_names_are_those_of_the_pairs_whatever_was_listed_before() -> None:
+    names, kept, ranks = Names(), dict[tuple[str, str], tuple[str, str]](), RANKS
+    keys = np.array([f"r{slot}" for slot in range(ROBOTS)], object)
+    for turn in range(40):
+        if turn % 10 == 9:
+            keys, ranks = np.roll(keys, 1), RNG.permutation(ROBOTS)
+            kept.clear()
+        meetings = made(int(RNG.choice([0, 1, 800])), ranks)
+        a, b, *_ = by_pair(meetings, np.zeros(ROBOTS, bool), 0.0)
+        listed, before = names.of(a, b, keys, ranks)
+        assert listed == tuple(zip(keys[a], keys[b], strict=True))
+        assert all(kept.get(pair, pair) is pair for pair in listed)
+        places = {pair: place for place, pair in enumerate(kept)}
+        assert before.tolist() == [places.get(pair, -1) for pair in listed]
+        kept = {pair: pair for pair in listed}

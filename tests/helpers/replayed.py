@@ -1,0 +1,27 @@
+"""What an engine says of a recording, pass by pass as it was recorded."""
+
+from pathlib import Path
+
+from deconflict.advisory import AnyAdvisory
+from deconflict.engine.engine import Engine
+from deconflict.engine.load_shedding import Effort
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import Site
+from ingest.measures.measures import Measures
+from ingest.recording.log_reader import EngineStarted, Reader, Received, Tick
+
+
+def replayed(log: Path, site: Site) -> list[AnyAdvisory]:
+    """Every revision, with the effort and the answers that the recorded passes had."""
+    fleet, engine, told = fleet_of(site, Measures()), Engine(site), list[AnyAdvisory]()
+    everything = False
+    for event in Reader().read([log]):
+        if isinstance(event, Received):
+            fleet.receive(event.raw, event.arrival_s, event.connection)
+        elif isinstance(event, EngineStarted):
+            everything = True
+        elif isinstance(event, Tick):
+            engine.receive(fleet.cut(event.now_s, everything))
+            everything = False
+            told += engine.step(event.now_s, Effort(event.effort), event.pending)
+    return told

@@ -1,0 +1,190 @@
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import cos, pi, sin
+from random import Random
+from typing import Any
+
+import pytest
+
+from ingest.fast_path import loader
+from ingest.fast_path.repeat_status import Manner
+from ingest.fast_path.status_scanner import Letters
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.vendor_registry import Vendors
+from ingest.frames.frame_registry import Frames
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.settings import Datum, Model, Reading, Vendor
+from tests.helpers.saying import HALL, LOFT, angle, identity, points, robot, stamp, status
+from tests.ingest.frames.made_maps import HALL as PLACES
+from tests.ingest.frames.made_maps import similarity
+
+NOW_S = 1_790_000_000.0
+OWN = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b0f"
+LINES = Connection(1), Connection(2), Connection(3, vendor="Alder")
+MARKS = [f"mark-{row}" for row in range(len(PLACES))]
+Sent = tuple[bytes, float, Connection]
+
+
+def fleet() -> Fleet:
+    marks = [{"id": one, "x": x, "y": y} for one, (x, y) in zip(MARKS, PLACES.tolist(), strict=True)]
+    hall = Datum.model_validate({"id": HALL, "name": "Hall", "reference_points": marks})
+    own = similarity(0.4, 1.0, (3.0, -2.0), mirrored=True)(PLACES).tolist()
+    readings = {one: tuple(at) for one, at in zip(MARKS, own, strict=True)}
+    mapped = {"datum": OWN, "site_datum": HALL, "readings": readings, "mirrored": True}
+    loads = Model(offset_m=(0.2, 0.1), loaded_envelope_m=(1.5, 1.0, 2.0))
+    vendors = Vendor.model_validate({"name": "Alder", "maps": [mapped], "models": {"A1": loads}}), Vendor(name="Basalt")
+    return Fleet(
+        Vendors(vendors), Frames((hall, Datum(id=LOFT, name="Loft")), vendors), Reading(), Measures(), Quarantine()
+    )
+
+
+@dataclass
+class Driver:
+    """A robot that mostly goes on as it did."""
+
+    name: str
+    random: Random
+    x: float = 5.0
+    y: float = 5.0
+    yaw_rad: float = 0.0
+    state: str = "navigating"
+    datum: str = HALL
+    ahead_s: float = 0.0
+    line: Connection = LINES[0]
+    stops: int = 2
+    tells_path: bool = True
+    more: dict[str, Any] = field(default_factory=dict)
+
+    def seldom(self, share: float = 0.02) -> bool:
+        return self.random.random() < share
+
+    def drive(self, t_s: float, after_s: float) -> bytes:
+        random, speed_mps = self.random, self.random.choice((1.0, 1.0, 1.0, 0.0, -0.5))
+        turn_rad = random.choice((0.0, 0.0, 0.3, -0.2)) * after_s
+        self.yaw_rad = (self.yaw_rad + turn_rad + pi) % (2 * pi) - pi
+        way_m = speed_mps * after_s
+        self.x, self.y = self.x + way_m * cos(self.yaw_rad), self.y + way_m * sin(self.yaw_rad)
+        if self.seldom():
+            self.x, self.y = random.uniform(0, 40), random.uniform(0, 25)
+        if self.seldom(0.05):
+            self.state = random.choice(("navigating", "navigating", "idle", "charging", "waiting", "manualOverride"))
+        if self.seldom():
+            self.datum = random.choice((HALL, LOFT, OWN, OWN.upper(), "yard"))
+        if self.seldom(0.01):
+            self.ahead_s = random.choice((0.0, 3.0, -40.0))
+        if self.seldom():
+            self.line = random.choice(LINES)
+        if self.seldom(0.05):
+            self.stops, self.tells_path = random.choice((0, 0, 1, 2, 3)), random.random() < 0.6
+        if self.seldom(0.05):
+            self.more = {"loadPercentageStillAvailable": random.choice((None, 30.0, 100.0))}
+        return self.said(t_s + self.ahead_s, speed_mps, turn_rad / after_s)
+
+    def said(self, stamp_s: float, speed_mps: float, turn_radps: float) -> bytes:
+        random = self.random
+        told: dict[str, Any] = {"operationalState": self.state, **self.more}
+        told |= {"batteryPercentage": random.choice((None, 50, 49.5)), "remainingRunTime": random.choice((None, 2.5))}
+        velocity: dict[str, Any] = {"linear": abs(speed_mps) if self.seldom(0.1) else speed_mps}
+        if not self.seldom(0.1):
+            velocity["angular"] = angle(turn_radps if not self.seldom() else 2.5)
+        if not self.seldom():
+            told["velocity"] = velocity
+        here = {"x": self.x, "y": self.y, "z": random.choice((0.0, 0.2)), "planarDatum": self.datum}
+        if not self.seldom():
+            here["angle"] = angle(self.yaw_rad)
+        if (self.state == "navigating" and self.tells_path) or self.seldom():
+            told["path"] = self.points_ahead(stamp_s, random.choice((5, 10, 10, 12)), random.choice((1.0, 1.0, 3.0)))
+        if self.stops:
+            told["destinations"] = self.points_ahead(stamp_s, self.stops, random.choice((20.0, 20.0, 700.0, -2.0)))
+        if self.seldom():
+            told["errorCodes"] = [random.choice(("localisation lost", "E7"))]
+        return status(self.name, stamp_s, timestamp=stamp(stamp_s), location=here, **told)
+
+    def points_ahead(self, stamp_s: float, count: int, every_s: float) -> list[dict[str, Any]]:
+        first_s = stamp_s if not self.seldom() else stamp_s - 5 * abs(every_s)
+        times = sorted(first_s + every_s * i for i in range(1, count + 1))
+        x, y, step_m = self.x, self.y, 1.0 if not self.seldom() else 60.0
+        ways = [(t_s, x + step_m * i, y + 0.1 * i, self.yaw_rad) for i, t_s in enumerate(times, 1)]
+        told = points(*ways)
+        if self.seldom(0.05):
+            told = [one | {"planarDatumUUID": self.random.choice((HALL, LOFT))} for one in told]
+        return told
+
+
+def sent(seed: int, messages: int) -> Iterator[Sent]:
+    random, t_s = Random(seed), NOW_S
+    drivers = [Driver(f"R-{i}", random, line=LINES[i % 3]) for i in range(6)]
+    for one in drivers[1:]:
+        yield identity(one.name, t_s, manufacturerName=random.choice(("Alder", "Basalt"))), t_s, one.line
+    for _ in range(messages):
+        after_s = random.choice((1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.4, 7.0))
+        t_s += after_s
+        for one in drivers:
+            late_s = random.choice((0.05, 0.05, 0.05, 0.3, 1.5))
+            yield one.drive(t_s, after_s), t_s + late_s, one.line
+            if one.seldom(0.01):
+                yield identity(one.name, t_s, robotModel=random.choice(("A1", "A2"))), t_s + late_s, one.line
+
+
+def heard(messages: list[Sent]) -> tuple[list[bytes], list[dict[str, Any]], dict[str, Any]]:
+    one, batches = fleet(), []
+    for i, (raw, arrival_s, connection) in enumerate(messages):
+        one.receive(raw, arrival_s, connection)
+        if i % 4 == 0:
+            batches.append(one.cut(arrival_s).to_bytes())
+    return batches, one.documents(NOW_S), {name: dict(series) for name, series in one.measures.values.items()}
+
+
+@pytest.fixture
+def went_on(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
+    """Of each status that came in a robot's manner, whether it went on so."""
+    loader.load()
+    told, onward = [], Manner.onward
+
+    def noted(manner: Manner, letters: Letters, event_s: float) -> tuple[str, ...] | None:
+        found = onward(manner, letters, event_s)
+        told.append(found is not None)
+        return found
+
+    monkeypatch.setattr(Manner, "onward", noted)
+    return told
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_robot_that_goes_on_is_where_it_would_be_if_each_status_were_looked_at_closely(
+    seed: int, went_on: list[bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    messages = list(sent(seed, 400))
+    quickly = heard(messages)
+    monkeypatch.setattr(loader, "manner", None)
+    closely = heard(messages)
+    for one, other in zip(quickly, closely, strict=True):
+        assert one == other
+    assert 0.3 * len(messages) < sum(went_on) < len(went_on) - 100
+
+
+def test_how_a_robot_goes_on_is_forgotten_with_it(went_on: list[bool]) -> None:
+    one, path = fleet(), points((NOW_S + 5, 3.0, 0.0, 0.0))
+    for i in range(3):
+        one.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
+    assert went_on == [True, True]
+    later_s = NOW_S + 1 + Reading().forget_after_s
+    assert one.cut(later_s + 2).gone == (robot("R"),)
+    one.receive(status("R", later_s + 3, 9.0, velocity={"linear": 1.0}), later_s + 3, LINES[0])
+    assert one.cut(later_s + 3).robots == (robot("R"),)
+    assert len(went_on) == 2
+
+
+def test_changed_settings_change_how_a_robot_goes_on(went_on: list[bool]) -> None:
+    one = fleet()
+    for i in range(4):
+        path = points((NOW_S + i + 1, i + 1.0, 0.0, 0.0), (NOW_S + i + 2, i + 2.0, 0.0, 0.0))
+        one.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
+    assert went_on == [True, True, True]
+    one.renew(one.vendors, Frames((), ()), Reading(default_envelope_m=(3.0, 2.0, 0.0)))
+    path = points((NOW_S + 5, 5.0, 0.0, 0.0))
+    one.receive(status("R", NOW_S + 4, 4.0, velocity={"linear": 1.0}, path=path), NOW_S + 4, LINES[0])
+    assert len(went_on) == 3
+    assert one.cut(NOW_S + 4).forecasts.length_m.tolist() == [3.0]

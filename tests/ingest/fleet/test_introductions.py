@@ -1,0 +1,71 @@
+"""What robots say of themselves, as one ingest hands it to another."""
+
+from dataclasses import replace
+
+from ingest.fleet.introductions import Introduction
+from ingest.port.connection import Connection
+from ingest.settings import Vendor
+from tests.helpers.saying import identity, robot, status
+from tests.ingest.fleet.test_fleet import LINE, NOW_S, document, fleet
+
+ELSEWHERE = Introduction(robot("A-1"), identity("A-1", NOW_S), NOW_S, None, "Alder", elsewhere=True)
+LARGER = replace(ELSEWHERE, raw=identity("A-1", NOW_S, baseRobotEnvelope={"x": 2.0, "y": 1.0}), arrival_s=NOW_S + 1)
+
+
+def test_what_was_said_after_a_moment_is_told_in_order() -> None:
+    one = fleet(Vendor(name="Alder"))
+    one.receive(identity("A-2", NOW_S), NOW_S + 2, Connection(2, vendor="Alder"))
+    one.receive(identity("A-1", NOW_S), NOW_S + 1, LINE)
+    one.receive(status("A-3", NOW_S), NOW_S + 3, LINE)
+    told = one.introductions(NOW_S)
+    assert [(each.uuid, each.arrival_s, each.vendor, each.owner) for each in told] == [
+        (robot("A-1"), NOW_S + 1, None, "Alder"),
+        (robot("A-2"), NOW_S + 2, "Alder", "Alder"),
+    ]
+    assert told[0].raw == identity("A-1", NOW_S)
+    assert one.introductions(NOW_S + 1) == told[1:]
+
+
+def test_a_document_is_the_introduction_again_whatever_its_bytes() -> None:
+    odd = Introduction(robot("A-1"), b"\xff\xfe\n{", 1.25, "Alder", "Basalt", assigned=True)
+    assert Introduction.of_document(odd.document()) == odd
+
+
+def test_a_robot_that_is_here_without_a_word_lacks_it_until_it_is_introduced() -> None:
+    one = fleet()
+    assert not one.lacks(ELSEWHERE)
+    one.receive(status("A-1", NOW_S), NOW_S, LINE)
+    assert one.lacks(ELSEWHERE)
+    assert one.introduce(ELSEWHERE, NOW_S + 5, Connection(7)) is None
+    shown = document(one, "A-1")
+    assert (shown["identified"], shown["name"], shown["envelope"]["length_m"]) == (True, "Alder A-1", 1.0)
+    assert not one.lacks(ELSEWHERE)
+    assert not one.introductions(NOW_S - 1), "it is told by who heard it"
+
+
+def test_what_was_said_later_elsewhere_is_lacking_though_the_earlier_came_here_after_it() -> None:
+    one = fleet()
+    one.receive(status("A-1", NOW_S), NOW_S, LINE)
+    one.introduce(ELSEWHERE, NOW_S + 5, Connection(7))
+    assert one.lacks(LARGER)
+    one.introduce(LARGER, NOW_S + 6, Connection(8))
+    assert document(one, "A-1")["envelope"]["length_m"] == 2.0
+    assert not one.lacks(ELSEWHERE)
+    assert not one.lacks(replace(LARGER, arrival_s=NOW_S + 9))
+
+
+def test_an_introduction_to_another_vendors_robot_is_refused() -> None:
+    one = fleet(Vendor(name="Basalt"))
+    one.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Basalt"))
+    assert one.introduce(ELSEWHERE, NOW_S + 1, Connection(7)) == "uuid-of-another-vendor"
+    assert one.lacks(ELSEWHERE)
+
+
+def test_another_vendor_has_no_say_unless_the_site_file_gives_it_the_robot() -> None:
+    taken = replace(LARGER, owner="Basalt")
+    assert not taken.is_news_to(ELSEWHERE)
+    assert replace(taken, assigned=True).is_news_to(ELSEWHERE)
+    one = fleet(Vendor(name="Basalt", robots=(robot("A-1"),)))
+    one.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    (told,) = one.introductions(NOW_S - 1)
+    assert (told.owner, told.assigned) == ("Basalt", True)

@@ -1,0 +1,59 @@
+"""Whose a robot is, and who may speak of it."""
+
+from ingest.fleet.vendor_registry import UNKNOWN
+from ingest.port.connection import Connection
+from ingest.settings import Vendor
+from tests.helpers.saying import identity, robot, status
+from tests.ingest.fleet.test_fleet import LINE, NOW_S, counted, document, fleet
+
+
+def test_an_unidentified_robot_is_of_the_vendor_that_alone_speaks_on_its_connection() -> None:
+    one = fleet()
+    one.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    one.receive(status("A-2", NOW_S), NOW_S, LINE)
+    assert document(one, "A-2")["vendor"] == "Alder"
+
+
+def test_a_robot_that_its_vendor_spoke_for_is_refused_from_another() -> None:
+    one = fleet(Vendor(name="Alder"), Vendor(name="Basalt"))
+    alder, basalt = Connection(1, vendor="Alder"), Connection(2, vendor="Basalt")
+    one.receive(status("A-1", NOW_S, 3.0), NOW_S, alder)
+    for forged in (status("A-1", NOW_S + 1, 90.0), identity("A-1", NOW_S + 1, manufacturerName="Basalt")):
+        assert one.receive(forged, NOW_S + 1, basalt) == "uuid-of-another-vendor"
+    one.receive(status("A-1", NOW_S + 1, operationalState=None), NOW_S + 1, basalt)
+    assert counted(one, "rejections_total") == {
+        ("Basalt", "uuid-of-another-vendor"): 2,
+        ("Basalt", "key-missing"): 1,
+    }
+    assert document(one, "A-1")["vendor"] == "Alder"
+    assert one.cut(NOW_S + 1).forecasts.x_m[0] == 3.0
+    assert one.receive(status("A-1", NOW_S + 2, 5.0), NOW_S + 2, alder) is None
+
+
+def test_a_robot_that_identified_itself_cannot_become_another_makers() -> None:
+    one = fleet()
+    one.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    renamed = identity("A-1", NOW_S + 1, manufacturerName="Basalt")
+    assert one.receive(renamed, NOW_S + 1, Connection(2)) == "uuid-of-another-vendor"
+    assert document(one, "A-1")["vendor"] == "Alder"
+
+
+def test_a_vendors_own_connection_settles_whose_an_unidentified_robot_is() -> None:
+    one = fleet(Vendor(name="Basalt"))
+    one.receive(status("B-1", NOW_S), NOW_S, LINE)
+    assert document(one, "B-1")["vendor"] == UNKNOWN
+    one.receive(status("B-1", NOW_S + 1), NOW_S + 1, Connection(2, vendor="Basalt"))
+    assert document(one, "B-1")["vendor"] == "Basalt"
+
+
+def test_the_site_gives_a_robot_to_one_vendor_and_refuses_it_from_another() -> None:
+    one = fleet(Vendor(name="Alder"), Vendor(name="Basalt", robots=(robot("A-1"),)))
+    alder = Connection(1, vendor="Alder")
+    assert one.receive(status("A-1", NOW_S), NOW_S, alder) == "uuid-of-another-vendor"
+    assert one.receive(status("A-1", NOW_S), NOW_S, Connection(2, vendor="Basalt")) is None
+
+
+def test_the_site_may_say_whose_a_robot_is() -> None:
+    one = fleet(Vendor(name="Basalt", robots=(robot("A-1").upper(),)))
+    one.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    assert document(one, "A-1")["vendor"] == "Basalt"

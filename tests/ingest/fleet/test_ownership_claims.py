@@ -1,0 +1,76 @@
+from itertools import pairwise
+
+from ingest.batch import Claim
+from ingest.fleet.forecast import Sighting
+from ingest.fleet.ownership_claims import HELD_S, JUMPS, MOST_CLAIMS, MOST_COUNTED, MOST_WATCHED, NAMED_ROBOTS, Claims
+
+NOW_S = 1_790_000_000.0
+
+
+def at(t_s: float, x_m: float, floor: int = 0) -> Sighting:
+    return Sighting(NOW_S + t_s, floor, x_m, 0.0, 0.0, 1.0, 0.0)
+
+
+def seen(*sightings: Sighting) -> tuple[Claim, ...]:
+    """The claims that stand after a robot was reported so, each report on its own time."""
+    claims = Claims()
+    for before, now in pairwise(sightings):
+        claims.seen("r", "Alder", before, now, now.t_s - before.t_s, now.t_s)
+    return claims.standing(sightings[-1].t_s)
+
+
+def test_a_refused_report_stands_until_none_has_come_for_a_while() -> None:
+    claims = Claims()
+    claims.refused("r", "Alder", "Mallory", NOW_S)
+    claims.refused("s", "Alder", "Mallory", NOW_S + 5)
+    told = Claim("Alder", "Mallory", ("r", "s"), 2, NOW_S)
+    assert claims.standing(NOW_S + 5 + HELD_S) == (told,)
+    assert claims.standing(NOW_S + 5.1 + HELD_S) == ()
+
+
+def test_a_robot_that_is_there_and_back_and_there_again_is_in_two_places() -> None:
+    (told,) = seen(*(at(t / 2, 40.0 * (t % 2)) for t in range(JUMPS + 1)))
+    assert told == Claim("Alder", "Alder", ("r",), 1, NOW_S + JUMPS / 2)
+
+
+def test_floors_apart_are_places_apart() -> None:
+    assert seen(*(at(t, 0.0, floor=t % 2) for t in range(JUMPS + 1)))
+
+
+def test_what_a_robot_can_do_is_no_claim() -> None:
+    drives = [at(t, 3.0 * t) for t in range(10)]
+    was_found = [at(0, 0.0), at(1, 60.0), at(2, 61.0), at(3, 62.0), at(4, 63.0)]
+    by_lift = [at(0, 0.0), at(20, 0.0, floor=1), at(40, 0.0), at(60, 0.0, floor=1)]
+    delayed = [at(8.0 * t, 60.0 * (t % 2)) for t in range(6)]
+    assert [seen(*one) for one in (drives, was_found, by_lift, delayed)] == [()] * 4
+
+
+def test_clocks_that_are_hours_apart_hide_no_two_places() -> None:
+    claims = Claims()
+    there, here = at(0, 0.0), at(7200, 500.0)
+    for t in range(JUMPS):
+        before, now = (there, here) if t % 2 else (here, there)
+        claims.seen("r", "Alder", before, now, 0.5, NOW_S + t / 2)
+    assert claims.standing(NOW_S + 2)
+
+
+def test_claims_are_bounded_whatever_is_claimed() -> None:
+    claims = Claims()
+    for i in range(2 * MOST_COUNTED):
+        claims.refused(f"r{i}", "Alder", "Mallory", NOW_S)
+        claims.refused("r", "Alder", f"Mallory {i}", NOW_S)
+    standing = claims.standing(NOW_S)
+    assert len(standing) == MOST_CLAIMS
+    (much,) = [one for one in standing if one.claimant == "Mallory"]
+    assert (len(much.robots), much.claimed) == (NAMED_ROBOTS, MOST_COUNTED)
+    assert much.robots[0] == "r0"
+
+
+def test_of_so_many_robots_that_jump_those_that_jumped_longest_ago_are_forgotten() -> None:
+    claims, there, here = Claims(), at(0, 0.0), at(0, 500.0)
+    for uuid in ["r"] * (JUMPS - 1) + ["s"] * (JUMPS - 1) + [f"r{i}" for i in range(MOST_WATCHED - 1)] + ["r", "s"]:
+        claims.seen(uuid, "Alder", there, here, 0.5, NOW_S)
+    assert [one.robots for one in claims.standing(NOW_S)] == []
+    for uuid in ("t", "t", "t"):
+        claims.seen(uuid, "Alder", there, here, 0.5, NOW_S)
+    assert [one.robots for one in claims.standing(NOW_S)] == [("t",)]

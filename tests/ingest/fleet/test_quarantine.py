@@ -1,0 +1,49 @@
+from ingest.fleet.quarantine import KEPT_BYTES, KEPT_PER_VENDOR, MOST_VENDORS, Quarantine, rejected
+
+
+def add(to: Quarantine, vendor: str, arrival_s: float, raw: bytes = b"{") -> None:
+    to.add(rejected(raw, "not-json", "send JSON", 1, arrival_s), vendor)
+
+
+def test_a_reject_is_kept_with_what_a_person_needs() -> None:
+    one = Quarantine()
+    add(one, "Alder", 1_790_000_000.0, b"\xffoops")
+    assert one.documents() == [
+        {
+            "received": "2026-09-21T14:13:20.000000Z",
+            "vendor": "Alder",
+            "connection": 1,
+            "rule": "not-json",
+            "reason": "send JSON",
+            "message": "\\xffoops",
+            "size_bytes": 5,
+            "cut_short": False,
+        }
+    ]
+
+
+def test_a_flood_of_one_vendor_hides_no_others() -> None:
+    one = Quarantine()
+    add(one, "Alder", 1.0)
+    for i in range(1000):
+        add(one, "Corvid", 2.0 + i)
+    kept = [document["vendor"] for document in one.documents()]
+    assert kept.count("Alder") == 1
+    assert kept.count("Corvid") == KEPT_PER_VENDOR
+    assert one.pushed_out == 1000 - KEPT_PER_VENDOR
+    assert one.documents()[0]["received"].startswith("1970-01-01T00:16:41")
+
+
+def test_a_long_message_is_cut_and_says_so() -> None:
+    one = Quarantine()
+    add(one, "Alder", 1.0, b"x" * 50_000)
+    (document,) = one.documents()
+    assert (len(document["message"]), document["size_bytes"], document["cut_short"]) == (KEPT_BYTES, 50_000, True)
+
+
+def test_vendors_are_bounded() -> None:
+    one = Quarantine()
+    for i in range(2 * MOST_VENDORS):
+        add(one, f"V{i}", 1.0)
+    assert len(one.documents()) == MOST_VENDORS
+    assert one.pushed_out == MOST_VENDORS

@@ -1,0 +1,182 @@
+from math import pi, radians
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from pyproj import Geod
+
+from ingest.batch import Floats
+from ingest.frames.angles import turn_between
+from ingest.frames.fitting import FitError
+from ingest.frames.frame_registry import Frame, Frames, fit_map
+from ingest.frames.transforms import Affine
+from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
+from tests.ingest.frames.made_maps import HALL, jolts, seeds, similarities, similarity
+
+POINTS = [f"mark-{row}" for row in range(len(HALL))]
+METRES = Datum.model_validate(
+    {
+        "id": "HALL",
+        "name": "Hall",
+        "reference_points": [{"id": one, "x": x, "y": y} for one, (x, y) in zip(POINTS, HALL, strict=True)],
+    }
+)
+HOME = (42.36, -71.06)
+DEGREES = Datum.model_validate(
+    {
+        "id": "yard",
+        "name": "Yard",
+        "coordinates": "latlon",
+        "reference_location": HOME,
+        "reference_points": [{"id": "a", "x": 42.36, "y": -71.06}, {"id": "b", "x": 42.361, "y": -71.059}],
+    }
+)
+
+
+def own_map(readings: Floats, *, datum: str = "own", **told: Any) -> VendorMap:
+    named = {one: tuple(reading) for one, reading in zip(POINTS, readings.tolist(), strict=False)}
+    return VendorMap(datum=datum, site_datum="hall", readings=named, **told)
+
+
+def frames(*maps: VendorMap) -> Frames:
+    return Frames([METRES, DEGREES], [Vendor(name="acme", maps=maps)])
+
+
+def placed(frame: Frame, poses: Floats) -> Floats:
+    return np.array(frame.placed([(x, y, yaw_rad) for x, y, yaw_rad in poses.tolist()]))
+
+
+def as_read(truth: Affine, floor: Floats) -> Floats:
+    return np.asarray((floor - truth.shift) @ np.linalg.inv(truth.matrix).T, np.float64)
+
+
+@given(similarities, st.integers(2, 6), st.floats(-3, 3))
+def test_a_pose_on_the_vendors_map_comes_to_lie_where_it_is(truth: Affine, count: int, yaw_rad: float) -> None:
+    frame = frames(own_map(as_read(truth, HALL[:count]), mirrored=truth.mirrored)).frame("acme", "own")
+    assert (frame.floor, frame.known, frame.comparable) == ("hall", True, True)
+    place = np.array([[17.0, 9.0], [17.0 + np.cos(yaw_rad), 9.0 + np.sin(yaw_rad)]])
+    read = as_read(truth, place)
+    sent = np.array([[*read[0], np.arctan2(*(read[1] - read[0])[::-1])]])
+    np.testing.assert_allclose(placed(frame, sent), [[17.0, 9.0, yaw_rad]], atol=1e-6)
+
+
+@given(seeds, st.floats(0, 40), st.floats(0, 25), st.floats(-3, 3))
+def test_a_heading_is_where_a_short_step_leads_even_through_adjust(
+    seed: int, x: float, y: float, yaw_rad: float
+) -> None:
+    mirrored = similarity(radians(70), 0.5, (3.0, 4.0), mirrored=True)
+    readings = as_read(mirrored, HALL + jolts(6, 0.1, seed))
+    frame = frames(own_map(readings, mirrored=True)).frame("acme", "own")
+    start = as_read(mirrored, np.array([[x, y]]))[0]
+    step = 1e-5 * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
+    poses = np.array([[*start, yaw_rad], [*(start + step), yaw_rad], [*(start - step), yaw_rad]])
+    found = placed(frame, poses)
+    assume(np.ptp(found[:, 2]) < 1e-12)  # no edge of a triangle passes between
+    led = found[1] - found[2]
+    turn = np.arctan2(led[1], led[0]) - found[0, 2]
+    assert (turn + pi) % (2 * pi) - pi == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_mirrored_map_turns_the_other_way() -> None:
+    frame = frames(own_map(HALL * (1.0, -1.0), mirrored=True)).frame("acme", "own")
+    here, turned = placed(frame, np.array([[5.0, -2.0, 0.0], [5.0, -2.0, 0.3]]))
+    np.testing.assert_allclose(here, [5.0, 2.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(turned, [5.0, 2.0, -0.3], atol=1e-9)
+
+
+def test_two_points_are_mirrored_if_the_site_file_says_so() -> None:
+    readings = HALL[:2] * (1.0, -1.0)
+    place = np.array([[10.0, -7.0, 0.3]])
+    told = placed(frames(own_map(readings, mirrored=True)).frame("acme", "own"), place)
+    untold = placed(frames(own_map(readings)).frame("acme", "own"), place)
+    np.testing.assert_allclose(told, [[10.0, 7.0, -0.3]], atol=1e-9)
+    assert np.hypot(*(untold - told)[0, :2]) > 10
+
+
+def test_an_unknown_heading_stays_unknown_in_every_frame() -> None:
+    poses = np.array([[1.0, 2.0, np.nan]])
+    by_map = frames(own_map(HALL)).frame("acme", "own")
+    assert np.isnan(placed(by_map, poses)[0, 2])
+    np.testing.assert_allclose(placed(by_map, poses)[0, :2], [1.0, 2.0], atol=1e-9)
+    for datum in ("hall", "yard", "elsewhere"):
+        assert np.isnan(placed(frames().frame("acme", datum), poses)[0, 2])
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("count", [2, 3, 6])
+def test_a_frame_is_mirrored_where_turns_go_the_other_way(count: int, mirrored: bool) -> None:
+    readings = HALL[:count] * (1.0, -1.0 if mirrored else 1.0)
+    found = frames(own_map(readings, mirrored=mirrored))
+    for datum, here in (("own", tuple(readings[1])), ("hall", (1.0, 2.0)), ("yard", HOME), ("elsewhere", (1.0, 2.0))):
+        frame = found.frame("acme", datum)
+        (_, _, before), (_, _, after) = frame.placed([(*here, 0.3), (*here, 0.4)])
+        assert frame.mirrored == (turn_between(before, after) < 0) == (mirrored if datum == "own" else datum == "yard")
+
+
+def test_a_datum_in_metres_is_the_floors_frame_and_costs_nothing() -> None:
+    poses = [(1.0, 2.0, 0.5)]
+    assert frames().frame("acme", "hall").placed(poses) is poses
+    assert frames().frame("acme", "elsewhere").placed(poses) is poses
+
+
+def test_a_datum_in_degrees_is_left_handed() -> None:
+    """At the reference location, facing north-east by an eighth turn from north towards east."""
+    here = placed(frames().frame("acme", "yard"), np.array([[*HOME, pi / 4], [*HOME, 0.0]]))
+    np.testing.assert_allclose(here, [[0.0, 0.0, pi / 4], [0.0, 0.0, pi / 2]], atol=1e-9)
+
+
+def test_a_vendors_metres_fit_reference_points_in_degrees() -> None:
+    one = VendorMap(datum="own", site_datum="yard", readings={"a": (0.0, 0.0), "b": (0.0, 138.3)})
+    frame = frames(one).frame("acme", "own")
+    assert frame.floor == "yard"
+    a, b = placed(frame, np.array([[0.0, 0.0, 0.0], [0.0, 138.3, 0.0]]))
+    true_m = Geod(ellps="WGS84").inv(-71.06, 42.36, -71.059, 42.361)[2]
+    np.testing.assert_allclose(a[:2], [0.0, 0.0], atol=1e-6)
+    assert np.hypot(b[0], b[1]) == pytest.approx(true_m, abs=1e-3)
+    assert b[1] > b[0] > 0
+
+
+def test_a_vendors_own_map_goes_before_the_sites_datum_of_that_name() -> None:
+    found = frames(own_map(HALL + 100.0, datum="hall"))
+    pose = [(110.0, 105.0, 0.0)]
+    np.testing.assert_allclose(found.frame("acme", "hall").placed(pose), [[10.0, 5.0, 0.0]], atol=1e-9)
+    assert found.frame("other", "hall").placed(pose) is pose
+
+
+def test_what_the_site_does_not_know_is_a_floor_of_its_own_for_all_who_name_it() -> None:
+    one, other = frames().frame("acme", "svy21"), Frames([], []).frame("bolt", "svy21")
+    assert (one.floor, one.known, one.comparable) == ("svy21", False, True)
+    assert other.floor == one.floor
+
+
+@pytest.mark.parametrize("datum", ["", NIL_DATUM])
+def test_a_missing_datum_is_compared_with_nothing_however_few_maps_there_are(datum: str) -> None:
+    frame = frames(own_map(HALL)).frame("acme", datum)
+    assert (frame.floor, frame.known, frame.comparable) == ("unknown:acme", False, False)
+
+
+def test_a_map_may_stand_for_a_vendor_that_sends_no_datum() -> None:
+    found = frames(own_map(HALL, datum=""))
+    assert found.frame("acme", "").floor == "hall"
+    assert not found.frame("other", "").comparable
+
+
+def test_readings_that_fit_nothing_are_refused_with_the_vendor_and_the_datum() -> None:
+    with pytest.raises(FitError, match=r"vendor 'acme', map of 'Hall': readings of at least two .*, found 1"):
+        frames(own_map(HALL[:1]))
+
+
+def test_reading_a_point_that_is_not_there_is_refused() -> None:
+    stray = VendorMap(datum="own", site_datum="hall", readings={"mark-0": (0, 0), "mark-77": (1, 1)})
+    with pytest.raises(FitError, match="reads mark-77, which datum 'Hall' does not have"):
+        fit_map(stray, METRES)
+
+
+def test_reference_points_that_are_nowhere_on_earth_are_refused() -> None:
+    a, b = DEGREES.reference_points
+    lost = DEGREES.model_copy(update={"reference_points": (a.model_copy(update={"x": 500.0}), b)})
+    one = VendorMap(datum="own", site_datum="yard", readings={"a": (0, 0), "b": (1, 1)})
+    with pytest.raises(FitError, match="nowhere on Earth; x is latitude"):
+        fit_map(one, lost)

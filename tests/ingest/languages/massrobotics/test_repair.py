@@ -1,0 +1,92 @@
+from math import inf, nan
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ingest.languages.massrobotics.conformance_rules import Findings
+from ingest.languages.massrobotics.repair import finite, is_number, mend, number, without_misfits
+from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
+from tests.helpers.vectors import T, at, here
+
+REPORT: dict[str, Any] = {
+    "uuid": "7",
+    "timestamp": "2023-11-14T22:13:20Z",
+    "operationalState": "idle",
+    "location": here(),
+    "path": [at(T + 1)],
+    "errorCodes": ["stuck"],
+}
+
+
+def test_what_needs_no_mending_comes_out_as_it_was() -> None:
+    findings: Findings = {}
+    assert mend(REPORT, StatusReport, findings) == REPORT
+    assert findings == {}
+
+
+def test_what_was_told_is_left_alone() -> None:
+    told = REPORT | {"batteryPercentage": "81", "path": at(T), "location": here(x="1") | {"z": None}}
+    before = repr(told)
+    without_misfits(mend(told, StatusReport, {}), StatusReport, {})
+    assert repr(told) == before
+
+
+@pytest.mark.parametrize("timestamp", [1700000000, 1700000000.0])
+def test_a_time_sent_as_a_number_becomes_its_digits(timestamp: float) -> None:
+    assert mend(REPORT | {"timestamp": timestamp}, StatusReport, {})["timestamp"] == "1700000000"
+
+
+@pytest.mark.parametrize("value", [True, [], {}, nan])
+def test_what_is_neither_text_nor_number_is_not_guessed(value: Any) -> None:
+    findings: Findings = {}
+    mended = mend(REPORT | {"uuid": value}, StatusReport, findings)
+    assert mended["uuid"] is value
+    assert findings == {}
+
+
+def test_only_the_misfits_are_left_out() -> None:
+    findings: Findings = {}
+    told = REPORT | {
+        "batteryPercentage": [],
+        "velocity": {"linear": 1.0, "angular": {"x": 0}},
+        "path": [at(T + 1), {"x": 1}, 7, at(T + 2, angle="north")],
+        "remainingRunTime": 3,
+    }
+    kept = without_misfits(told, StatusReport, findings)
+    assert kept == REPORT | {
+        "velocity": {"linear": 1.0},
+        "path": [at(T + 1), at(T + 2, angle=None)],
+        "remainingRunTime": 3,
+    }
+    assert set(findings) == {"value-unreadable", "point-unreadable"}
+
+
+def test_a_required_value_is_never_left_out() -> None:
+    told = {"uuid": 1, "robotModel": [], "baseRobotEnvelope": {"x": "wide", "z": {}}}
+    kept = without_misfits(told, IdentityReport, {})
+    assert kept.keys() == told.keys()
+
+
+json_values = st.recursive(
+    st.none() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+)
+
+
+@given(json_values, st.sampled_from((nan, inf, -inf)))
+def test_one_number_that_is_not_finite_is_found_at_any_depth(value: Any, odd: float) -> None:
+    assert finite(value)
+    assert not finite([value, {"a": [odd]}])
+
+
+@pytest.mark.parametrize(("value", "expected"), [("12", 12.0), (" 1e3 ", 1000.0), ("left", "left"), (None, None)])
+def test_a_text_that_says_a_number_is_one(value: Any, expected: Any) -> None:
+    assert number(value, {}) == expected
+
+
+def test_a_truth_value_is_no_number() -> None:
+    assert is_number(1)
+    assert not is_number(True)
+    assert not is_number("1")

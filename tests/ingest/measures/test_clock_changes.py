@@ -1,0 +1,44 @@
+"""A vendor's clocks, from its messages on."""
+
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.vendor_registry import Vendors
+from ingest.frames.frame_registry import Frames
+from ingest.measures import clock_changes
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.settings import Reading
+from tests.helpers.saying import identity, status
+
+NOW_S = 1_792_000_000.0
+
+
+def hour(fast_s: float, from_s: int, until_s: int, robots: int = 3) -> dict[int, dict[tuple[str, ...], float]]:
+    """By minute, how much clocks have changed that are fast for a while."""
+    fleet, line, told = Fleet(Vendors(()), Frames((), ()), Reading(), Measures(), Quarantine()), Connection(1), {}
+    names = [f"A-{number}" for number in range(robots)]
+    for name in names:
+        fleet.receive(identity(name, NOW_S), NOW_S, line)
+    for second in range(3600):
+        now_s = NOW_S + second
+        for name in names:
+            stamp_s = now_s - 0.05 + (fast_s if from_s <= second < until_s else 0.0)
+            fleet.receive(status(name, stamp_s), now_s, line)
+        fleet.cut(now_s)
+        if second % 60 == 0:
+            fleet.measure(now_s)
+            told[second // 60] = dict(fleet.measures.values[clock_changes.AMOUNTS["clock"]])
+            since = fleet.measures.values[clock_changes.SINCE].get(("Alder", "clock"))
+            assert since is None or abs(since - (NOW_S + from_s)) <= 60
+    return told
+
+
+def test_clocks_that_are_set_wrong_and_right_again_are_told_of_until_they_are_right() -> None:
+    told = hour(3.0, 1800, 2700)
+    assert all(told[minute] == {} for minute in range(30))
+    assert all(abs(told[minute]["Alder",] + 3.0) < 0.1 for minute in range(33, 45))
+    assert told[50] == {}
+
+
+def test_clocks_that_were_always_wrong_have_not_changed() -> None:
+    assert all(one == {} for one in hour(-7.0, 0, 3600, robots=1).values())

@@ -1,0 +1,26 @@
+import numpy as np
+import pytest
+
+from ingest.measures.measures import Histogram, Measures
+
+
+def test_observations_are_counted_by_the_least_bound_that_is_not_below_them() -> None:
+    histogram = Histogram((0.1, 1.0))
+    histogram.observe([0.0, 0.1, 0.5])
+    histogram.observe(np.array([1.0, 1.5]))
+    histogram.observe([])
+    assert histogram.counts == [2, 2, 1]
+    assert histogram.total == pytest.approx(3.1)
+
+
+def test_what_was_observed_of_each_label_is_told_apart_and_as_plain_numbers() -> None:
+    measures = Measures()
+    measures.observe("waits", np.array([0.3]), "Alder")
+    measures.observe("waits", [0.7], "Corvid")
+    measures.observe("waits", [0.9], "Corvid")
+    told = {
+        tuple(labels): (sum(counts), total)
+        for labels, _, counts, total in measures.as_document()["histograms"]["waits"]
+    }
+    assert told == {("Alder",): (1, 0.3), ("Corvid",): (2, pytest.approx(1.6))}
+    assert all(type(count) is int for row in measures.as_document()["histograms"]["waits"] for count in row[2])

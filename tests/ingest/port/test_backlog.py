@@ -1,0 +1,194 @@
+import asyncio
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.site import Site
+from ingest.batch import Batch
+from ingest.fleet.fleet import Fleet
+from ingest.measures.measures import Measures
+from ingest.port.backlog import Backlog, status_of
+from ingest.port.connection import Connection
+from ingest.port.rate_limits import Arrived
+from ingest.port.time_slices import Turns
+from ingest.recording.log_reader import Overtaken, Reader, Received, Tick
+from ingest.recording.recorder import Recorder
+from ingest.settings import Recorder as Settings
+from tests.helpers.saying import identity, robot, status
+
+NOW_S = 1_700_000_000.0
+ALDER, BASALT = Connection(1, "10.0.0.1", vendor="Alder"), Connection(2, "10.0.0.2", vendor="Basalt")
+
+
+class Behind:
+    """A backlog whose messages all wait until they are let go, and a fleet and a recording behind it."""
+
+    def __init__(self, directory: Path) -> None:
+        self.turns, self.measures = Turns(turn_s=0.0), Measures()
+        self.turns.do(lambda: None)
+        self.fleet = fleet_of(Site(), self.measures)
+        self.recorder = Recorder(Settings(), directory, Measures(), lambda: NOW_S)
+        self.delivered: list[bytes] = []
+        self.overtaken: list[bytes] = []
+        self._backlog = Backlog(self.turns, self._deliver, self._overtake)
+
+    def put(self, raw: bytes, arrival_s: float, connection: Connection = ALDER) -> None:
+        self._backlog.put(Arrived(raw, arrival_s, connection))
+
+    def cut(self, now_s: float) -> Batch:
+        self.recorder.tick(now_s)
+        return self.fleet.cut(now_s)
+
+    def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
+        self.delivered.append(raw)
+        self.recorder.received(raw, arrival_s, connection, self.fleet.receive(raw, arrival_s, connection))
+
+    def _overtake(self, one: Arrived, of: str) -> None:
+        self.overtaken.append(one.raw)
+        self.fleet.overtaken(of, one.arrival_s, one.connection)
+        self.recorder.overtaken(*one)
+
+
+def replayed(directory: Path) -> tuple[list[Batch], Counter[str]]:
+    """The batches of a recording, and its events by kind."""
+    fleet: Fleet = fleet_of(Site(), Measures())
+    batches, kinds = [], Counter[str]()
+    for event in Reader().read([directory]):
+        kinds[type(event).__name__] += 1
+        if isinstance(event, Received):
+            fleet.receive(event.raw, event.arrival_s, event.connection)
+        elif isinstance(event, Tick):
+            batches.append(fleet.cut(event.now_s))
+    return batches, kinds
+
+
+def test_of_what_waits_the_newest_status_of_a_robot_is_read_in_the_place_of_the_first(tmp_path: Path) -> None:
+    async def run() -> Behind:
+        one = Behind(tmp_path)
+        for raw in (first, first_of_b, who, second, third):
+            one.put(raw, NOW_S)
+        assert one.delivered == []
+        one.turns.finish()
+        return one
+
+    first, second, third = (status("A-1", NOW_S, x) for x in (1.0, 2.0, 3.0))
+    first_of_b, who = status("A-2", NOW_S), identity("A-1", NOW_S)
+    one = asyncio.run(run())
+    assert one.delivered == [third, first_of_b, who]
+    assert one.overtaken == [first, second]
+
+
+def test_who_is_not_behind_reads_everything() -> None:
+    async def at_once() -> list[bytes]:
+        delivered: list[bytes] = []
+        backlog = Backlog(
+            Turns(turn_s=60.0), lambda raw, *_: delivered.append(raw), lambda *_: pytest.fail("overtaken")
+        )
+        for raw in said:
+            backlog.put(Arrived(raw, NOW_S, ALDER))
+        return delivered
+
+    said = [status("A-1", NOW_S + n) for n in range(5)]
+    assert asyncio.run(at_once()) == said
+
+
+def test_a_robot_reported_over_two_connections_waits_on_each(tmp_path: Path) -> None:
+    async def run() -> Behind:
+        one = Behind(tmp_path)
+        for n in range(4):
+            one.put(status("A-1", NOW_S + n), NOW_S + n, (ALDER, BASALT)[n % 2])
+        one.turns.finish()
+        return one
+
+    one = asyncio.run(run())
+    assert one.delivered == [status("A-1", NOW_S + 2), status("A-1", NOW_S + 3)]
+
+
+def test_what_was_overtaken_is_counted_recorded_and_as_late_as_it_came(tmp_path: Path) -> None:
+    async def run() -> tuple[Behind, Batch]:
+        one = Behind(tmp_path)
+        one.put(status("A-1", NOW_S - 1), NOW_S - 1)
+        one.turns.finish()
+        one.cut(NOW_S - 0.5)
+        for n in range(4):
+            one.put(status("A-1", NOW_S + n, x=n), NOW_S + n)
+        one.put(status("A-2", NOW_S), NOW_S)
+        one.turns.finish()
+        batch = one.cut(NOW_S + 4)
+        one.recorder.close()
+        return one, batch
+
+    one, batch = asyncio.run(run())
+    assert batch.robots == (robot("A-1"), robot("A-2"))
+    assert batch.statuses.tolist() == [4, 1]
+    assert (batch.first_arrival_s[0], batch.arrival_s[0]) == (NOW_S, NOW_S + 3)
+    counted = one.measures.values
+    assert counted["deconflict_messages_total"] == {("Alder", "accepted"): 3, ("Alder", "overtaken"): 3}
+    assert counted["deconflict_statuses_superseded_total"] == {("Alder",): 3}
+    events = [event for event in Reader().read([tmp_path]) if isinstance(event, Overtaken)]
+    assert [(event.raw, event.arrival_s, event.connection.id) for event in events] == [
+        (status("A-1", NOW_S + n, x=n), NOW_S + n, ALDER.id) for n in range(3)
+    ]
+
+
+def test_what_another_vendor_says_of_a_robot_and_overtakes_itself_is_that_vendors(tmp_path: Path) -> None:
+    async def run() -> tuple[Behind, Batch]:
+        one = Behind(tmp_path)
+        one.put(status("A-1", NOW_S), NOW_S)
+        one.turns.finish()
+        one.cut(NOW_S + 0.5)
+        for n in range(3):
+            one.put(status("A-1", NOW_S + n, x=900.0), NOW_S + n, BASALT)
+        one.put(status("A-1", NOW_S + 4), NOW_S + 4)
+        one.turns.finish()
+        return one, one.cut(NOW_S + 5)
+
+    one, batch = asyncio.run(run())
+    assert one.measures.values["deconflict_messages_total"] == {
+        ("Alder", "accepted"): 2,
+        ("Basalt", "overtaken"): 2,
+        ("Basalt", "rejected"): 1,
+    }
+    assert (batch.statuses.tolist(), batch.first_arrival_s.tolist()) == ([1], [NOW_S + 4])
+
+
+def test_a_replay_of_who_was_behind_gives_the_same_batches(tmp_path: Path) -> None:
+    async def run() -> list[Batch]:
+        one, batches, rng = Behind(tmp_path), [], np.random.default_rng(1)
+        for n in range(600):
+            one.put(status(f"A-{rng.integers(8)}", NOW_S + n / 50, x=float(n)), NOW_S + n / 50)
+            if n % 30 == 29:
+                await asyncio.sleep(0)
+                batches.append(one.cut(NOW_S + n / 50))
+        one.turns.finish()
+        batches.append(one.cut(NOW_S + 20))
+        one.recorder.close()
+        assert one.overtaken
+        return batches
+
+    live = asyncio.run(run())
+    again, kinds = replayed(tmp_path)
+    assert kinds["Received"] + kinds["Overtaken"] == 600
+    assert len(live) == len(again)
+    for one, other in zip(live, again, strict=True):
+        assert one.robots == other.robots
+        assert one.arrival_s.tolist() == other.arrival_s.tolist()
+        assert one.forecasts.x_m.tolist() == other.forecasts.x_m.tolist()
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        identity("A-1", NOW_S),
+        b'{"operationalState":"idle"}',
+        b'{"fleet":{"uuid":"f"},"uuid":"a","operationalState":"idle"}',
+        b'{"UUID":"f","uuid":"a","operationalState":"idle"}',
+    ],
+    ids=["an identity", "no UUID", "another UUID within", "two spellings"],
+)
+def test_a_message_whose_robot_is_not_certain_is_no_status_to_overtake(raw: bytes) -> None:
+    assert status_of(raw) is None
+    assert status_of(status("A-1", NOW_S)) == robot("A-1").encode()

@@ -1,0 +1,164 @@
+import asyncio
+import logging
+from contextlib import suppress
+from random import Random
+
+import pytest
+from websockets.asyncio.server import ServerConnection, serve
+
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.port.dialer import STEADY_S, Dialer
+from ingest.port.receiver import Receiver
+from ingest.security.vendor_credentials import Credentials
+from ingest.settings import Receiver as Settings
+from tests.helpers.patience import PATIENCE_S
+
+
+class Clock:
+    """Time that a test moves."""
+
+    now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+class Dialled:
+    """A dialer with a receiver that is told to by nobody else."""
+
+    def __init__(self, url: str, **settings: object) -> None:
+        self.delivered: list[tuple[bytes, Connection]] = []
+        self.measures, self.clock = Measures(), Clock()
+        given = Settings.model_validate({"dial_backoff_s": (0.01, 0.05)} | settings)
+        self.receiver = Receiver(
+            given,
+            Credentials(()),
+            self.deliver,
+            lambda *_: None,
+            lambda _: None,
+            overtaken=lambda *_: None,
+            measures=self.measures,
+            clock=self.clock,
+        )
+        self.dialer = Dialer(self.receiver, url, "Alder", self.clock, Random(1))
+
+    def deliver(self, raw: bytes, _: float, connection: Connection) -> None:
+        self.delivered.append((raw, connection))
+        if raw == b"poison":
+            raise ZeroDivisionError
+
+    async def until(self, messages: int) -> None:
+        """Dial until so many messages have come."""
+        task = asyncio.create_task(self.dialer.run())
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                while len(self.delivered) < messages and not task.done():
+                    await asyncio.sleep(0.005)
+        finally:
+            task.cancel()
+            with suppress(asyncio.CancelledError):
+                await task
+
+
+def port_of(server: object) -> int:
+    return int(next(iter(server.sockets)).getsockname()[1])  # type: ignore[attr-defined]
+
+
+async def test_a_fleet_manager_that_hangs_up_is_dialled_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    for proxy in ("http_proxy", "https_proxy", "all_proxy"):
+        monkeypatch.setenv(proxy, "http://127.0.0.1:9")
+    monkeypatch.delenv("no_proxy", raising=False)
+    monkeypatch.delenv("NO_PROXY", raising=False)
+
+    async def hello_and_goodbye(socket: ServerConnection) -> None:
+        await socket.send("hello")
+
+    async with serve(hello_and_goodbye, "127.0.0.1", 0) as server:
+        url = f"ws://127.0.0.1:{port_of(server)}/robots"
+        one = Dialled(url)
+        await one.until(3)
+    assert {raw for raw, _ in one.delivered} == {b"hello"}
+    assert {(connection.vendor, connection.peer) for _, connection in one.delivered} == {("Alder", url)}
+    assert len({connection.id for _, connection in one.delivered}) == 3
+
+
+async def test_a_fleet_manager_that_comes_late_is_reached_and_its_absence_told_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async def hello(socket: ServerConnection) -> None:
+        await socket.send("hello")
+        await socket.wait_closed()
+
+    async with serve(hello, "127.0.0.1", 0) as server:
+        port = port_of(server)
+    one = Dialled(f"ws://127.0.0.1:{port}")
+    dialling = asyncio.create_task(one.until(1))
+    async with asyncio.timeout(PATIENCE_S):
+        while one.dialer.failures < 3:
+            await asyncio.sleep(0.005)
+    assert one.delivered == []
+    async with serve(hello, "127.0.0.1", port):
+        await dialling
+    told = [record for record in caplog.records if record.levelno >= logging.WARNING]
+    assert len(told) == 1
+    assert "Alder" in told[0].getMessage()
+
+
+async def test_a_silent_fleet_manager_is_dialled_again() -> None:
+    calls = 0
+
+    async def say_little(socket: ServerConnection) -> None:
+        nonlocal calls
+        calls += 1
+        await socket.send("hello")
+        await socket.wait_closed()
+
+    async with serve(say_little, "127.0.0.1", 0) as server:
+        one = Dialled(f"ws://127.0.0.1:{port_of(server)}", idle_timeout_s=0.1, port=0)
+        await one.receiver.start()
+        await one.until(2)
+        await one.receiver.close()
+    assert calls == 2
+    assert one.measures.values["deconflict_connections_refused_total"][("idle",)] == 1
+
+
+async def test_a_message_that_breaks_the_reader_does_not_end_the_dialling(caplog: pytest.LogCaptureFixture) -> None:
+    async def poison(socket: ServerConnection) -> None:
+        await socket.send("poison")
+        await socket.wait_closed()
+
+    async with serve(poison, "127.0.0.1", 0) as server:
+        one = Dialled(f"ws://127.0.0.1:{port_of(server)}")
+        await one.until(2)
+    assert "ZeroDivisionError" in caplog.text
+
+
+async def test_an_address_that_is_none_is_given_up_with_a_word(caplog: pytest.LogCaptureFixture) -> None:
+    one = Dialled("http://fleet.example")
+    async with asyncio.timeout(PATIENCE_S):
+        await one.dialer.run()
+    assert "mend the dial address of Alder" in caplog.text
+
+
+def test_waits_double_from_the_first_to_the_longest() -> None:
+    one = Dialled("ws://fleet.example", dial_backoff_s=(0.5, 30.0))
+    longest = []
+    for failures in (0, 1, 2, 3, 7, 5000):
+        one.dialer.failures = failures
+        waits = [one.dialer.wait_s() for _ in range(300)]
+        assert min(waits) >= max(waits) / 2.1
+        longest.append(max(waits))
+    assert longest == pytest.approx([0.5, 0.5, 1.0, 2.0, 30.0, 30.0], rel=0.02)
+
+
+async def test_a_connection_that_lasted_starts_the_back_off_afresh() -> None:
+    async def say_long(socket: ServerConnection) -> None:
+        await socket.send("hello")
+        one.clock.now_s += STEADY_S + 1
+
+    async with serve(say_long, "127.0.0.1", 0) as server:
+        one = Dialled(f"ws://127.0.0.1:{port_of(server)}")
+        one.dialer.failures = 7
+        await one.until(2)
+    assert one.dialer.failures == 0

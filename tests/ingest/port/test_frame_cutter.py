@@ -1,0 +1,153 @@
+"""The bytes of one connection, in pieces of every kind, against the messages that websockets reads from them."""
+
+import asyncio
+import random
+from collections.abc import Iterable
+
+import pytest
+from websockets.frames import Frame, Opcode
+from websockets.http11 import Request
+from websockets.protocol import CLIENT, OPEN, SERVER, Protocol, Side
+from websockets.server import ServerProtocol
+
+from ingest.port.frame_cutter import Listened, stands_between_frames
+
+MOST = 2000
+
+
+class Transport(asyncio.Transport):
+    """Takes what is written; tells whether it is read from."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.written, self.reading = bytearray(), True
+
+    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None: ...
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        self.written += data
+
+    def can_write_eof(self) -> bool:
+        return False
+
+    def close(self) -> None: ...
+
+    def pause_reading(self) -> None:
+        self.reading = False
+
+    def resume_reading(self) -> None:
+        self.reading = True
+
+
+def opened(side: Side = SERVER) -> tuple[Listened, Transport]:
+    connection, transport = Listened(Protocol(side, state=OPEN, max_size=MOST)), Transport()
+    connection.connection_made(transport)
+    return connection, transport
+
+
+def frames(rng: random.Random, *, mask: bool) -> tuple[bytes, list[bytes]]:
+    """The bytes of many frames of every kind that is allowed, and their messages."""
+    told, messages = bytearray(), []
+    for _ in range(40):
+        size = rng.choice((0, 1, 125, 126, 127, 300, MOST))
+        body, opcode = rng.randbytes(size), rng.choice((Opcode.TEXT, Opcode.BINARY))
+        messages.append(body)
+        if rng.random() < 0.2:
+            told += Frame(Opcode.PING, b"there?").serialize(mask=mask)
+        cut = rng.randrange(size + 1) if rng.random() < 0.3 else None
+        if cut is None:
+            told += Frame(opcode, body).serialize(mask=mask)
+        else:
+            told += Frame(opcode, body[:cut], fin=False).serialize(mask=mask)
+            told += Frame(Opcode.PONG, b"here").serialize(mask=mask)
+            told += Frame(Opcode.CONT, body[cut:]).serialize(mask=mask)
+    return bytes(told), messages
+
+
+def pieces(data: bytes, rng: random.Random, most: int) -> Iterable[bytes]:
+    while data:
+        size = rng.randint(1, most)
+        yield data[:size]
+        data = data[size:]
+
+
+@pytest.mark.parametrize("side", [SERVER, CLIENT])
+@pytest.mark.parametrize("most", [1, 7, 500, 20_000])
+async def test_every_message_comes_whole_and_in_order_however_its_bytes_come(side: Side, most: int) -> None:
+    for seed in range(10):
+        rng = random.Random(seed)
+        connection, _ = opened(side)
+        data, messages = frames(rng, mask=side is SERVER)
+        heard: list[bytes] = []
+        connection.listen(heard.append)
+        for piece in pieces(data, rng, most):
+            connection.data_received(piece)
+        assert heard == messages
+
+
+async def test_plain_frames_do_not_pass_through_websockets(monkeypatch: pytest.MonkeyPatch) -> None:
+    connection, _ = opened()
+    heard: list[bytes] = []
+    connection.listen(heard.append)
+    connection.data_received(Frame(Opcode.PING, b"").serialize(mask=True))
+    monkeypatch.setattr(Protocol, "receive_data", None)
+    data = b"".join(Frame(Opcode.TEXT, b"%d" % n * 200).serialize(mask=True) for n in range(20))
+    for piece in pieces(data, random.Random(1), 333):
+        connection.data_received(piece)
+    assert heard == [b"%d" % n * 200 for n in range(20)]
+
+
+async def test_what_comes_before_anybody_listens_is_kept_and_more_has_to_wait() -> None:
+    connection, transport = opened()
+    heard: list[bytes] = []
+    for n in range(16):
+        assert transport.reading
+        connection.data_received(Frame(Opcode.TEXT, b"%d" % n).serialize(mask=True))
+    assert not transport.reading
+    connection.listen(heard.append)
+    connection.data_received(Frame(Opcode.TEXT, b"16").serialize(mask=True))
+    assert transport.reading
+    assert heard == [b"%d" % n for n in range(17)]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        Frame(Opcode.TEXT, bytes(MOST + 1)).serialize(mask=True),
+        Frame(Opcode.TEXT, bytes(70_000)).serialize(mask=True),
+        Frame(Opcode.TEXT, b"not masked").serialize(mask=False),
+        b"\xc1" + Frame(Opcode.TEXT, b"reserved").serialize(mask=True)[1:],
+        Frame(Opcode.TEXT, b"", fin=False).serialize(mask=True) + Frame(Opcode.TEXT, b"within").serialize(mask=True),
+    ],
+    ids=["too large", "much too large", "not masked", "compressed", "a message within one"],
+)
+async def test_what_is_wrong_is_left_to_websockets_and_nothing_after_it_is_heard(wrong: bytes) -> None:
+    connection, _ = opened()
+    heard: list[bytes] = []
+    connection.listen(heard.append)
+    good = Frame(Opcode.TEXT, b"good").serialize(mask=True)
+    connection.data_received(good)
+    connection.data_received(good + wrong + good)
+    connection.data_received(good)
+    assert heard == [b"good"] * 2
+    assert connection.protocol.close_sent
+
+
+def test_a_parser_stands_between_frames_only_there() -> None:
+    protocol = ServerProtocol(max_size=MOST)
+    request = (
+        b"GET / HTTP/1.1\r\nHost: floor\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    protocol.receive_data(request[:40])
+    assert not stands_between_frames(protocol)
+    protocol.receive_data(request[40:])
+    (told,) = protocol.events_received()
+    assert isinstance(told, Request)
+    protocol.send_response(protocol.accept(told))
+    first, rest = Frame(Opcode.TEXT, b"a", fin=False), Frame(Opcode.CONT, b"b")
+    stood = []
+    for byte in first.serialize(mask=True) + rest.serialize(mask=True):
+        protocol.receive_data(bytes([byte]))
+        stood.append(stands_between_frames(protocol))
+    assert stood == [False] * 13 + [True]

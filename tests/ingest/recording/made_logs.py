@@ -1,0 +1,33 @@
+"""Logs for tests: written by a recorder whose clock is a test's own, and read back."""
+
+from pathlib import Path
+
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.recording.log_reader import Event, Reader
+from ingest.recording.recorder import Recorder, quantise
+from ingest.settings import Recorder as Settings
+
+NOW_S = 1_790_000_000.123456
+LINE = Connection(7, vendor="Alder")
+
+
+class Clock:
+    """Moves on a millisecond each time it is read."""
+
+    def __init__(self) -> None:
+        self.now_s = NOW_S
+
+    def __call__(self) -> float:
+        self.now_s = quantise(self.now_s + 1e-3)
+        return self.now_s
+
+
+def recorder(directory: Path, **settings: int) -> tuple[Recorder, Measures]:
+    measures = Measures()
+    return Recorder(Settings(**settings), directory, measures, Clock()), measures
+
+
+def read(*paths: Path) -> tuple[list[Event], int]:
+    reader = Reader()
+    return list(reader.read(paths)), reader.unreadable

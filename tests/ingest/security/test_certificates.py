@@ -1,0 +1,71 @@
+import os
+import ssl
+from pathlib import Path
+
+import pytest
+import trustme
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidMessage, InvalidStatus
+
+from ingest.security.certificates import CertificateError, Certificates
+from ingest.settings import Tls, Vendor
+from tests.ingest.port.test_receiver import floor, until
+from tests.ingest.security.made_tls import trusting, write
+
+
+@pytest.fixture
+def site_tls(authority: trustme.CA, site_tls: Tls, tmp_path: Path) -> Tls:
+    """That of the others, where clients may show a certificate too."""
+    authority.cert_pem.write_to_path(str(tmp_path / "clients.pem"))
+    return site_tls.model_copy(update={"clients": str(tmp_path / "clients.pem")})
+
+
+async def test_a_vendor_is_known_by_its_client_certificate(authority: trustme.CA, site_tls: Tls) -> None:
+    vendors = (Vendor(name="Alder", certificate_names=("alder-fleet",)),)
+    async with floor(vendors, tls=site_tls) as one:
+        url = f"wss://127.0.0.1:{one.receiver.port}"
+        async with connect(url, ssl=trusting(authority, "alder-fleet")) as robot:
+            await robot.send("hello")
+            await until(lambda: one.delivered)
+        assert one.delivered[0][2].vendor == "Alder"
+        for stranger in (None, "basalt-fleet"):
+            with pytest.raises(InvalidStatus) as refused:
+                await connect(url, ssl=trusting(authority, stranger))
+            assert refused.value.response.status_code == 401
+        assert one.count("unauthorised") == 2
+
+
+async def test_a_certificate_of_a_foreign_authority_is_not_taken(authority: trustme.CA, site_tls: Tls) -> None:
+    vendors = (Vendor(name="Alder", certificate_names=("alder-fleet",)),)
+    foreign = trusting(authority)
+    trustme.CA().issue_cert(common_name="alder-fleet").configure_cert(foreign)
+    async with floor(vendors, tls=site_tls) as one:
+        with pytest.raises((ssl.SSLError, ConnectionError, InvalidMessage)):
+            await connect(f"wss://127.0.0.1:{one.receiver.port}", ssl=foreign)
+        assert one.connections == 0
+
+
+async def test_changed_certificates_hold_for_new_connections(authority: trustme.CA, tmp_path: Path) -> None:
+    write(authority, tmp_path)
+    file = tmp_path / "site.pem"
+    async with floor(tls=Tls(certificate=str(file)), idle_timeout_s=0.4) as one:
+        url, renewed = f"wss://127.0.0.1:{one.receiver.port}", trustme.CA()
+        async with connect(url, ssl=trusting(authority)):
+            write(renewed, tmp_path)
+            os.utime(file, ns=(1, 1))
+
+            async def taken_up() -> bool:
+                try:
+                    await (await connect(url, ssl=trusting(renewed))).close()
+                except ssl.SSLError:
+                    return False
+                return True
+
+            while not await taken_up():
+                pass
+
+
+def test_files_that_cannot_be_used_are_named(tmp_path: Path) -> None:
+    (tmp_path / "site.pem").write_text("no certificate")
+    with pytest.raises(CertificateError, match=r"site\.pem"):
+        Certificates(Tls(certificate=str(tmp_path / "site.pem")))

@@ -1,0 +1,74 @@
+import logging
+from pathlib import Path
+
+import pytest
+
+from ingest.security.tokens import SecretError, Tokens, secret
+
+ALDER, BASALT = "alder-0123456789abcdef", "basalt-0123456789abcdef"
+
+
+@pytest.fixture
+def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    (tmp_path / "alder").write_text(f"{ALDER}\n")
+    monkeypatch.setenv("BASALT_TOKEN", BASALT)
+    return {"Alder": f"file:{tmp_path / 'alder'}", "Basalt": "env:BASALT_TOKEN"}
+
+
+def test_a_token_tells_its_owner_and_nothing_else_does(sources: dict[str, str]) -> None:
+    tokens = Tokens(sources)
+    assert tokens.owner(f"Bearer {ALDER}") == "Alder"
+    assert tokens.owner(f"bearer  {BASALT} ") == "Basalt"
+    for wrong in (None, "", "Bearer", f"Basic {ALDER}", ALDER, f"Bearer {ALDER}x", "Bearer "):
+        assert tokens.owner(wrong) is None
+
+
+def test_a_changed_file_is_taken_up_and_the_old_token_ends(sources: dict[str, str], tmp_path: Path) -> None:
+    tokens = Tokens(sources)
+    (tmp_path / "alder").write_text("alder-changed-0123456789")
+    tokens.refresh()
+    assert tokens.owner("Bearer alder-changed-0123456789") == "Alder"
+    assert tokens.owner(f"Bearer {ALDER}") is None
+
+
+def test_a_file_that_vanishes_leaves_the_token_and_a_log_without_it(
+    sources: dict[str, str], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    tokens = Tokens(sources)
+    (tmp_path / "alder").unlink()
+    with caplog.at_level(logging.ERROR):
+        tokens.refresh()
+    assert tokens.owner(f"Bearer {ALDER}") == "Alder"
+    assert "Alder" in caplog.text
+    assert ALDER not in caplog.text
+
+
+def test_a_token_that_becomes_anothers_is_not_taken_up(sources: dict[str, str], tmp_path: Path) -> None:
+    tokens = Tokens(sources)
+    (tmp_path / "alder").write_text(BASALT)
+    tokens.refresh()
+    assert tokens.owner(f"Bearer {BASALT}") == "Basalt"
+    assert tokens.owner(f"Bearer {ALDER}") == "Alder"
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        ("env:NO_SUCH_TOKEN", "found 0 characters"),
+        ("file:/nowhere/token", "readable file"),
+        ("env:SHORT", "at least 16"),
+    ],
+)
+def test_a_secret_that_cannot_be_had_says_what_to_change(
+    source: str, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SHORT", "hunter2")
+    with pytest.raises(SecretError, match=told) as error:
+        secret(source)
+    assert "hunter2" not in str(error.value)
+
+
+def test_two_owners_of_one_token_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ONE", ALDER)
+    with pytest.raises(SecretError, match="give each its own"):
+        Tokens({"Alder": "env:ONE", "Basalt": "env:ONE"})

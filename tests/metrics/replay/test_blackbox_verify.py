@@ -1,0 +1,141 @@
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zstandard
+
+from deconflict.operator.blackbox.archive import REGISTER, Shelf
+from deconflict.operator.blackbox.blackbox_writer import cut
+from deconflict.operator.blackbox.hash_chain import Chain
+from deconflict.operator.blackbox.start_state import BoxError, head_of
+from ingest.recording.log_reader import lines_of
+from metrics.replay.blackbox_verify import verify
+from tests.deconflict.operator.blackbox.made_floor import Floor, crossing, lived
+from tests.helpers.patience import PATIENCE_S
+
+
+@pytest.fixture(scope="module")
+def floor(tmp_path_factory: pytest.TempPathFactory) -> Floor:
+    """Two that pass each other at a hand's breadth, after others have taught the engine something."""
+    return lived(tmp_path_factory.mktemp("floor"), crossing(150.0, 1.7), 180, sways_s=90.0)
+
+
+@pytest.fixture(scope="module")
+def file(floor: Floor) -> Path:
+    made = cut(floor.order())
+    assert made
+    return Path(floor.order().shelf / made["file"])
+
+
+def test_the_replay_of_a_black_box_tells_what_was_told(file: Path) -> None:
+    verdict = verify(file)
+    assert (verdict.same, verdict.told > 2, verdict.restarts) == (True, True, 0), verdict.words()
+
+
+def test_without_what_the_engine_had_learned_it_would_not(file: Path, tmp_path: Path) -> None:
+    forged = rewritten(file, tmp_path / "forged.jsonl", lambda head: head | {"learned": None})
+    assert not verify(forged).same
+
+
+def test_decisions_that_were_written_into_it_are_found_out_by_the_replay(file: Path, tmp_path: Path) -> None:
+    """Also where the chain was made anew, which the hash that the service logged would show."""
+    forged, chain = tmp_path / "forged.jsonl", Chain()
+    with forged.open("wb") as out:
+        for line in list(lines_of(file))[:-1]:
+            told = json.loads(line)
+            if "advisory" in told and told["advisory"]["state"] == "raised":
+                continue
+            out.write(chain.link(unlinked(line)))
+        out.write(chain.end())
+    verdict = verify(forged)
+    assert verdict.sha256 != verify(file).sha256
+    assert [one["event"] for one in verdict.added] == ["raised"]
+
+
+def test_the_commands_prove_list_and_replay(floor: Floor, file: Path, tmp_path: Path) -> None:
+    proved = deconflict("blackbox", "verify", str(file))
+    assert (proved.returncode, "the replay tells the same" in proved.stdout) == (0, True), proved.stderr
+    listed = deconflict("blackbox", "list", "--data", str(floor.data)).stdout
+    assert str(file) in listed
+    assert "no conflict had Alder B-1 come" in listed
+    advisories = tmp_path / "advisories.jsonl"
+    replayed = deconflict("replay", str(file), "--advisories", str(advisories), "--json", str(tmp_path / "out.json"))
+    assert replayed.returncode == 0, replayed.stderr
+    told = [json.loads(line)["id"] for line in advisories.read_text().splitlines()]
+    assert {one.id for one in floor.decided} == set(told)
+
+
+def test_a_changed_file_is_said_to_be_changed_and_where(file: Path, tmp_path: Path) -> None:
+    changed = tmp_path / "changed.jsonl"
+    changed.write_bytes(b"".join(lines_of(file)).replace(b'"navigating"', b'"idle"', 1))
+    with pytest.raises(BoxError, match=r"was changed or cut off: line \d+ does not carry the hash"):
+        verify(changed)
+
+
+def test_a_box_that_was_cut_off_and_ended_anew_is_found_out_by_the_register_beside_it(file: Path) -> None:
+    """Its own chain holds: so it does for whoever leaves the last lines out."""
+    before, chain = file.read_bytes(), Chain()
+    try:
+        with zstandard.open(file, "wb") as out:
+            for line in list(lines_of_bytes(before))[:-50]:
+                out.write(chain.link(unlinked(line)))
+            out.write(chain.end())
+        with pytest.raises(BoxError, match="was written anew"):
+            verify(file)
+        assert "was written anew" in deconflict("blackbox", "verify", str(file)).stderr
+    finally:
+        file.write_bytes(before)
+    assert verify(file).same
+
+
+def test_a_box_that_was_taken_out_of_the_chain_is_missed_by_the_next(floor: Floor, tmp_path: Path) -> None:
+    Shelf(tmp_path).add({"file": "blackbox-20000101T000000000Z.jsonl.zst", "bytes": 1, "sha256": "ab" * 32})
+    made = cut(replace(floor.order(), shelf=tmp_path))
+    assert made
+    assert verify(tmp_path / made["file"]).same
+    register = tmp_path / REGISTER
+    register.write_text(register.read_text().replace("ab" * 32, "cd" * 32))
+    with pytest.raises(BoxError, match="does not follow the one before it"):
+        verify(tmp_path / made["file"])
+
+
+def lines_of_bytes(packed: bytes) -> list[bytes]:
+    return zstandard.ZstdDecompressor().stream_reader(packed).read().splitlines(keepends=True)
+
+
+@pytest.mark.parametrize("content", [b"", b"{}\n", b"\x28\xb5\x2f\xfdnothing", b'{"blackbox":{"format":9}}\n'])
+def test_what_is_no_black_box_is_said_to_be_none(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "box.jsonl.zst"
+    file.write_bytes(content if content[:1] != b"{" else zstandard.compress(content))
+    with pytest.raises(BoxError, match=r"is no black box|has format 9"):
+        verify(file)
+
+
+def rewritten(file: Path, to: Path, change: Callable[[dict[str, Any]], dict[str, Any]]) -> Path:
+    head, chain = head_of(file), Chain()
+    assert head
+    with to.open("wb") as out:
+        out.write(chain.link(json.dumps({"blackbox": change(head)}).encode() + b"\n"))
+        for line in list(lines_of(file))[1:-1]:
+            out.write(chain.link(unlinked(line)))
+        out.write(chain.end())
+    return to
+
+
+def unlinked(line: bytes) -> bytes:
+    return b"{" + line[len(b'{"before":"') + 64 + len(b'",') :]
+
+
+def deconflict(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "deconflict", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE_S,
+    )

@@ -1,0 +1,101 @@
+"""A replay on a real Dask cluster gives the bytes of a single run."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.replay import write_log
+from deconflict.settings.site import Site, load
+from deconflict.simulation.demo import demo_site
+from ingest.recording.log_reader import Reader
+from metrics.replay import replay
+from tests.helpers.patience import PATIENCE_S
+
+pytest.importorskip("dask.distributed", reason="Dask is not installed: pip install '.[dask]'")
+
+from dask.distributed import Client
+
+from metrics.replay import dask_replay
+
+CLEARANCES_M = [0.3, 0.5]
+WINDOW_S = 4.0
+
+Run = tuple[str, list[str]]
+"""The scores as text, but for how fast they came, and what the stream would have told."""
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A quarter of a minute of the demo's vendors."""
+    path = tmp_path_factory.mktemp("spread") / "log.jsonl"
+    write_log(path, 8, 16.0)
+    return path
+
+
+@pytest.fixture(scope="module")
+def site() -> Site:
+    return load(demo_site())
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    with dask_replay.cluster("") as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def alone(log: Path, site: Site) -> Run:
+    reader, lines = Reader(), list[str]()
+    result = replay.replay(reader, reader.read([log]), site, CLEARANCES_M, tell=lambda line: lines.append(str(line)))
+    assert lines, "a log in which nothing is told proves nothing"
+    return text(result), lines
+
+
+def text(result: dict[str, Any]) -> str:
+    return json.dumps({**result, "speed_x_real_time": None})
+
+
+@pytest.mark.parametrize("window_s", [3.0, 60.0])
+def test_windows_of_any_length_give_what_a_single_run_gives(
+    client: Client, log: Path, site: Site, alone: Run, window_s: float
+) -> None:
+    reader, lines = Reader(), list[str]()
+    result = dask_replay.replay(
+        client,
+        reader,
+        reader.read([log]),
+        site,
+        CLEARANCES_M,
+        tell=lambda line: lines.append(str(line)),
+        window_s=window_s,
+    )
+    assert (text(result), lines) == alone
+
+
+def test_a_worker_that_dies_on_the_way_changes_nothing(client: Client, log: Path, site: Site, alone: Run) -> None:
+    reader, killed, seen = Reader(), list[int](), list[float]()
+
+    def kill(now_s: float, _: object) -> None:
+        seen.append(now_s)
+        if not killed and now_s > seen[0] + 1.5 * WINDOW_S:
+            killed.extend(list(client.run(os.getpid).values())[:1])
+            os.kill(killed[0], signal.SIGKILL)
+
+    result = dask_replay.replay(client, reader, reader.read([log]), site, CLEARANCES_M, watch=kill, window_s=WINDOW_S)
+    assert killed
+    assert text(result) == alone[0]
+    assert seen == sorted(set(seen))
+
+
+def test_the_command_says_when_no_scheduler_answers(log: Path) -> None:
+    command = [sys.executable, "-m", "deconflict", "replay", str(log), "--scheduler", "tcp://127.0.0.1:9"]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    assert ran.returncode != 0
+    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in ran.stderr

@@ -1,0 +1,76 @@
+"""When passes are made over a log, and whose advice its robots may have heard."""
+
+from random import Random
+
+import pytest
+
+from deconflict.settings.site import DEFAULT
+from ingest.port.connection import Connection
+from ingest.recording.log_reader import EngineStarted, Event, Received, Tick
+from metrics.replay.engine_passes import HELD_S, Pass, Reading
+from tests.helpers.saying import identity, robot, status
+
+NOW_S = 1_790_000_000.0
+
+
+OURS, ANOTHERS = Connection(1, "peer"), Connection(0)
+
+
+def passes(*events: Event) -> list[Pass]:
+    reading = Reading(DEFAULT)
+    return [*reading.take(events), *reading.finish()]
+
+
+def heard(*events: Event) -> list[bool]:
+    return [one.heard for one in passes(*events)]
+
+
+def said(at_s: float, connection: Connection = OURS) -> Received:
+    return Received(status("A-1", NOW_S + at_s), NOW_S + at_s, connection)
+
+
+def times_s(*events: Event) -> list[float]:
+    return [one.now_s - NOW_S for one in passes(*events)]
+
+
+def test_what_came_before_the_engine_began_is_in_its_first_pass_and_makes_none_by_itself() -> None:
+    early = [Received(identity("A-1", NOW_S), NOW_S, OURS), *(said(n / 2) for n in range(10))]
+    started = passes(*early, EngineStarted(NOW_S + 5.0), Tick(NOW_S + 5.1), said(5.2), Tick(NOW_S + 5.3))
+    assert [one.now_s - NOW_S for one in started] == pytest.approx([5.1, 5.3])
+    assert started[0].batch.robots == (robot("A-1"),)
+    assert started[0].heard
+    assert times_s(*early, Tick(NOW_S + 5.1)) == pytest.approx([5.1])
+
+
+@pytest.mark.parametrize("connection", [OURS, ANOTHERS])
+def test_a_log_without_ticks_is_stepped_through_whoever_recorded_it(connection: Connection) -> None:
+    assert times_s(said(0.0, connection), said(1.0, connection)) == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.25])
+
+
+def test_where_time_goes_back_no_pass_is_made_twice_and_every_message_is_heard() -> None:
+    reading, times_s = Reading(DEFAULT), [0.0, 1.0, 0.4, 0.6, 1.1, 0.2, 1.3]
+    made = [*reading.take(said(t_s, ANOTHERS) for t_s in times_s), *reading.finish()]
+    assert [one.now_s - NOW_S for one in made] == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.25, 1.5])
+    assert reading.messages == 7
+    assert reading.span_s == pytest.approx(1.3)
+
+
+def test_a_shuffled_log_makes_no_more_passes_than_one_in_order() -> None:
+    times_s = [0.5 * n for n in range(200)]
+    events = [said(t_s, ANOTHERS) for t_s in times_s]
+    assert len(passes(*Random(1).sample(events, len(events)))) <= len(passes(*events)) == 399
+
+
+def test_a_long_log_of_ours_without_ticks_is_not_kept_in_memory_until_its_end() -> None:
+    reading = Reading(DEFAULT)
+    list(reading.take([said(0.0), said(HELD_S - 1.0)]))
+    assert reading.messages == 0
+    assert list(reading.take([said(HELD_S + 1.0), said(HELD_S + 2.0)]))
+    assert reading.messages == 4
+
+
+def test_robots_of_the_services_own_recording_heard_its_advice_and_those_of_other_logs_did_not() -> None:
+    assert heard(said(0.0), Tick(NOW_S + 0.1), said(0.2), Tick(NOW_S + 0.3)) == [True, True]
+    others = heard(said(0.0), said(1.0))
+    assert len(others) >= 4
+    assert not any(others)

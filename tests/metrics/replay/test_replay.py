@@ -1,0 +1,151 @@
+import json
+import os
+import subprocess
+import sys
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deconflict.settings.site import DEFAULT
+from ingest.languages.massrobotics import timestamps
+from ingest.recording.log_reader import Reader
+from metrics.replay.replay import replay
+from tests.helpers.saying import identity, points, status
+
+NOW_S = 1_790_000_000.0
+STRAIGHT_ON = {0.3: (0.81, 0.29), 0.5: (0.91, 0.45)}
+"""Recall and precision on mrclam7.cv, by clearance, of alerts wherever forecasts come within it."""
+RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
+
+
+def log_of_a_crossing(path: Path, *, told: bool = True, apart_m: float = 0.0) -> Path:
+    """Two that cross at 12 s, as a log of lines with `received` and `message`.
+
+    Without `told` both say that they stand; the second passes the crossing `apart_m` behind.
+    """
+    lines = []
+
+    def say(t_s: float, raw: bytes) -> None:
+        lines.append(f'{{"received":"{timestamps.write(t_s)}","message":{raw.decode()}}}\n')
+
+    for name in ("A-1", "B-1"):
+        say(NOW_S, identity(name, NOW_S))
+    for second in range(25):
+        t_s = NOW_S + second
+        for name, x, y, yaw in (("A-1", second - 12.0, 0.0, 0.0), ("B-1", 0.0, second - 12.0 - apart_m, pi / 2)):
+            dx, dy = (1.0, 0.0) if name == "A-1" else (0.0, 1.0)
+            path_points = points(*((t_s + i, x + dx * i, y + dy * i, yaw) for i in range(1, 11)))
+            said = {"path": path_points} if told else {"operationalState": "idle"}
+            say(t_s + 0.05, status(name, t_s, x, y, yaw, **said))
+    path.write_text("".join(lines))
+    return path
+
+
+def log_of_a_jump(path: Path) -> Path:
+    """Two that stand 20 m apart, and nearly in one place from the twelfth second on."""
+    lines = []
+    for second in range(25):
+        t_s = NOW_S + second
+        for name, x in (("A-1", 0.0), ("B-1", 20.0 if second < 12 else 0.2)):
+            raw = status(name, t_s, x, 0.0, 0.0, operationalState="idle")
+            if second == 0:
+                lines.append(f'{{"received":"{timestamps.write(t_s)}","message":{identity(name, t_s).decode()}}}\n')
+            lines.append(f'{{"received":"{timestamps.write(t_s + 0.05)}","message":{raw.decode()}}}\n')
+    path.write_text("".join(lines))
+    return path
+
+
+def scored(log: Path, clearances_m: list[float]) -> dict[str, Any]:
+    reader = Reader()
+    return replay(reader, reader.read([log]), DEFAULT, clearances_m)
+
+
+def test_a_perfect_vendor_is_scored_perfect(tmp_path: Path) -> None:
+    result = scored(log_of_a_crossing(tmp_path / "log.jsonl"), [0.3])
+    (figures,) = result["scores"]
+    assert (result["messages"], result["robots"]) == (52, 2)
+    assert (figures["encounters"], figures["recall"], figures["precision"]) == (1, 1.0, 1.0)
+    assert figures["lead_time_s"]["median"] > 6
+
+
+def test_robots_that_say_they_stand_and_do_not_are_foreseen_by_their_motion(tmp_path: Path) -> None:
+    (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl", told=False), [0.3])["scores"]
+    assert (figures["encounters"], figures["recall"], figures["precision"]) == (1, 1.0, 1.0)
+    assert figures["lead_time_s"]["median"] > 3
+
+
+def test_robots_that_are_suddenly_elsewhere_are_not_foreseen(tmp_path: Path) -> None:
+    (figures,) = scored(log_of_a_jump(tmp_path / "log.jsonl"), [0.3])["scores"]
+    assert (figures["encounters"], figures["foreseeable"], figures["recall"]) == (1, 1, 0.0)
+    assert figures["lead_time_s"] is None
+    assert figures["cases"]["recalled"] == "n"
+
+
+def test_where_nobody_meets_there_is_nothing_to_recall_and_nothing_said(tmp_path: Path) -> None:
+    (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl", apart_m=8.0), [0.3])["scores"]
+    assert (figures["encounters"], figures["alerts"], figures["censored"]) == (0, 0, 0)
+    assert figures["recall"] is figures["precision"] is None
+    assert figures["robot_hours"] == pytest.approx(2 * 24 / 3600)
+
+
+def test_figures_are_told_by_vendor(tmp_path: Path) -> None:
+    (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl"), [0.3])["scores"]
+    (alder,) = figures["by_vendor"]
+    (both,) = figures["by_vendor_pair"]
+    assert (alder["vendor"], alder["recall"], both["vendors"], both["alerts"]) == ("Alder", 1.0, ["Alder", "Alder"], 1)
+
+
+def test_the_command_writes_scores_and_what_the_stream_would_have_said(tmp_path: Path) -> None:
+    log = log_of_a_crossing(tmp_path / "log.jsonl")
+    told, results = [], []
+    for run in ("1", "2"):
+        out, lines = tmp_path / f"{run}.json", tmp_path / f"{run}.jsonl"
+        command = [sys.executable, "-m", "deconflict", "replay", str(log), "--clearance", "0.0", "0.3"]
+        subprocess.run([*command, "--json", str(out), "--advisories", str(lines)], check=True)
+        assert [one["clearance_m"] for one in json.loads(out.read_text())["scores"]] == [0.0, 0.3]
+        told.append(lines.read_bytes())
+        results.append({**json.loads(out.read_text()), "speed_x_real_time": 0})
+    assert told[0] == told[1]
+    assert json.dumps(results[0]) == json.dumps(results[1])
+    events = [json.loads(line)["event"] for line in told[0].splitlines()]
+    assert events.count("raised") == events.count("cleared") == 2
+    wanted = ("event", "at", "id", "robots", "clearance_m", "probability", "time_to_conflict_s", "min_separation_m")
+    assert json.loads(told[0].splitlines()[0]).keys() >= set(wanted)
+
+
+@pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")
+def test_a_perfect_vendor_of_real_motion_is_foreseen() -> None:
+    result = scored(Path(RECORDINGS or "") / "mrclam7.oracle.jsonl.gz", [0.3])
+    (figures,) = result["scores"]
+    assert figures["recall"] > 0.9
+    assert figures["precision"] > 0.6
+
+
+@pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")
+def test_forecasts_that_go_straight_on_still_give_a_higher_precision_by_two_fifths() -> None:
+    result = scored(Path(RECORDINGS or "") / "mrclam7.cv.jsonl.gz", list(STRAIGHT_ON))
+    for figures, (recall, precision) in zip(result["scores"], STRAIGHT_ON.values(), strict=True):
+        assert figures["recall"] >= recall
+        assert figures["precision"] >= 1.4 * precision
+        assert figures["ece"] <= 0.05
+        assert figures["brier_skill"] >= 0.15
+    assert all(0.88 <= row["covered_90"] <= 0.92 for row in result["forecast_error"]["all"])
+
+
+def test_what_is_set_is_as_if_the_site_said_so_and_is_compared(tmp_path: Path) -> None:
+    log = log_of_a_crossing(tmp_path / "log.jsonl")
+    near, far = tmp_path / "near.json", tmp_path / "far.json"
+    command = [sys.executable, "-m", "deconflict", "replay"]
+    for clearance, out in (("0.2", near), ("0.6", far)):
+        subprocess.run([*command, str(log), "--set", f"clearance={clearance}", "--json", str(out)], check=True)
+    told = subprocess.run([*command, "--compare", str(near), str(far)], check=True, capture_output=True, text=True)
+    assert "clearance 0.2 m and 0.6 m: 1 and 1 foreseeable encounters" in told.stdout
+
+
+def test_a_log_that_is_not_there_is_told_in_a_line(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "deconflict", "replay", str(tmp_path / "none.jsonl")]
+    told = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert (told.returncode, told.stderr.count("\n")) == (2, 1)
+    assert "none.jsonl can't be read" in told.stderr

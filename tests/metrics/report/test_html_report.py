@@ -1,0 +1,149 @@
+import copy
+import re
+import xml.etree.ElementTree as ET
+from datetime import datetime
+from math import dist
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deconflict.settings.site import DEFAULT
+from ingest.recording.log_reader import Reader
+from metrics.replay.replay import replay
+from metrics.report import figures
+from metrics.report.html_report import page
+from metrics.report.svg import Chart, ticks
+from tests.metrics.replay.test_replay import NOW_S, log_of_a_crossing, scored
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    folder: Path = tmp_path_factory.mktemp("log")
+    return scored(log_of_a_crossing(folder / "log.jsonl"), [0.3])
+
+
+def test_the_page_opens_offline_and_says_the_same_each_time(result: dict[str, Any]) -> None:
+    told = page(result, "Replay")
+    assert told == page(copy.deepcopy(result), "Replay")
+    for outside in ("http", "src=", "@import", "url(", "<script"):
+        assert outside not in told
+    for part in ("Lead time", "Where conflicts were predicted", "Departures", "Distance from forecast"):
+        assert part in told
+
+
+def test_what_vendors_say_is_shown_as_text(result: dict[str, Any]) -> None:
+    hostile = copy.deepcopy(result)
+    name = '<script>alert("1")</script>'
+    for one in (*hostile["scores"][0]["by_vendor"], *hostile["conformance"], *hostile["forecast_error"]["by_model"]):
+        one["vendor"] = name
+    for one in hostile["nearest"]:
+        one["vendors"] = one["names"] = [name, name]
+        one["floor_name"] = name
+    for one in hostile["vendors"]:
+        one["vendor"] = name
+    told = page(hostile, name)
+    assert "<script" not in told
+    assert "&lt;script&gt;" in told
+
+
+def test_a_log_in_which_nothing_happened_has_a_page() -> None:
+    told = page(replay(Reader(), [], DEFAULT, [0.3]), "Replay")
+    assert "No two robots came near each other" in told
+    assert "Nothing departs from the standard" in told
+
+
+def test_messages_out_of_order_are_told_where_there_are_any(result: dict[str, Any]) -> None:
+    told = "3 messages stood behind others that came up to 0.5 s later"
+    assert told in page({**result, "late_messages": 3, "late_by_s": 0.5}, "Replay")
+    assert "stood behind" not in page(result, "Replay")
+
+
+def test_the_nearest_moment_is_where_the_two_crossed(result: dict[str, Any]) -> None:
+    one = result["nearest"][0]
+    assert one["separation_m"] == 0.0
+    at = [tuple(map(float, track.split(";")[one["nearest"]].split()[:2])) for track in one["tracks"]]
+    assert [abs(value) < 0.2 for place in at for value in place] == [True] * 4
+    assert one["warned_s"] > 7
+    assert one["warned_until_s"] is None
+    assert (abs(one["x_m"]) < 0.5, abs(one["y_m"]) < 0.5) == (True, True)
+
+
+def test_the_nearest_moment_is_told_with_its_time_place_names_and_a_scale(result: dict[str, Any]) -> None:
+    one = result["nearest"][0]
+    assert datetime.fromisoformat(one["at"]).timestamp() == pytest.approx(one["at_s"], abs=1e-3)
+    assert one["into_s"] == pytest.approx(one["at_s"] - NOW_S, abs=0.11)
+    assert sorted(one["names"]) == ["Alder A-1", "Alder B-1"]
+    told = page(result, "Replay")
+    where = f"x {one['x_m']:.1f}, y {one['y_m']:.1f}"
+    for part in ("Alder A-1", "Alder B-1", f"{one['at'][:10]} {one['at'][11:19]} UTC", "s into the log", where):
+        assert part in told
+    root = ET.fromstring(figures.scene(one))  # noqa: S314 - our own text
+    (words,), (bar,) = ([mark for mark in root.iter() if mark.tag == tag] for tag in ("text", "path"))
+    begin, end = re.fullmatch(r"M(\S+) \S+V\S+H(\S+)V\S+", bar.attrib["d"]).groups()  # type: ignore[union-attr]
+    envelope = next(mark for mark in root.iter("polygon") if mark.attrib["class"].startswith("envelope"))
+    corners = [tuple(map(float, corner.split(","))) for corner in envelope.attrib["points"].split()]
+    metre = dist(corners[0], corners[1]) / one["sizes_m"][0][0]
+    assert words.text == f"{(float(end) - float(begin)) / metre:.0f} m"
+
+
+@pytest.mark.parametrize(
+    ("warned_s", "until_s", "told"),
+    [
+        (None, None, "no advisory in the 10 s before"),
+        (8.1, None, "advisory 8.1 s before, still open"),
+        (8.1, 2.0, "advisory 8.1 s before, cleared 2.0 s before"),
+    ],
+)
+def test_a_moment_says_whether_its_advisory_had_been_cleared(
+    result: dict[str, Any], warned_s: float | None, until_s: float | None, told: str
+) -> None:
+    changed = copy.deepcopy(result)
+    for one in changed["nearest"]:
+        one.update(warned_s=warned_s, warned_until_s=until_s)
+    assert told in page(changed, "Replay")
+
+
+def test_the_scorecard_says_what_a_vendors_word_is_worth(result: dict[str, Any]) -> None:
+    changed = copy.deepcopy(result)
+    (vendor,) = changed["vendors"]
+    assert "No vendor's forecasts, positions or clocks changed" in page(changed, "Replay")
+    flag = {"what": "clock", "since": "2026-11-22T08:00:00Z", "by": -3.0, "words": "clocks 3.0 s faster than usual"}
+    vendor.update(grade="C", grade_words="so and so", flags=[flag | {"until": None}], forecasts_distrusted=4321)
+    vendor["coverage"] = [{"share": share, "covered": share + 0.01} for share in (0.5, 0.8, 0.9)]
+    told = page(changed, "Replay")
+    for part in (
+        "so and so",
+        "clocks 3.0 s faster",
+        "2026-11-22 08:00:00 UTC",
+        "the end",
+        "4,321",
+        "0.51 / 0.81 / 0.91",
+    ):
+        assert part in told
+
+
+def test_drawings_are_well_formed_and_lie_within_their_bounds() -> None:
+    bins = [{"samples": 10 * n, "probability": n / 10, "came_true": n / 11} for n in range(1, 10)]
+    alerts = [((x / 3, x / 7), "yn-"[x % 3]) for x in range(60)]
+    for drawing in (figures.reliability(bins), figures.lead_times([0.5, 3.0, 40.0]), figures.heat(alerts)):
+        root = ET.fromstring(drawing)  # noqa: S314 - our own text
+        width, height = float(root.attrib["width"]), float(root.attrib["height"])
+        for circle in root.iter("circle"):
+            assert 0 <= float(circle.attrib["cx"]) <= width
+        for box in root.iter("rect"):
+            assert 0 <= float(box.attrib["x"]) <= width - float(box.attrib["width"])
+            assert 0 <= float(box.attrib["y"]) <= height - float(box.attrib["height"])
+
+
+def test_the_diagonal_of_a_chart_goes_from_corner_to_corner() -> None:
+    chart = Chart((0.0, 2.0), (0.0, 4.0), width=100, height=100, margin=(10, 10, 10, 10))
+    assert [chart.at(0, 0), chart.at(2, 4), chart.at(1, 2)] == [(10, 90), (90, 10), (50, 50)]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [(0.0, 1.0, [0, 0.2, 0.4, 0.6, 0.8, 1.0]), (-3.0, 17.0, [0, 5, 10, 15]), (2.0, 2.0, [2.0])],
+)
+def test_ticks_are_round_numbers_within(low: float, high: float, expected: list[float]) -> None:
+    assert list(ticks(low, high)) == expected

@@ -1,0 +1,84 @@
+from typing import Any
+
+import numpy as np
+
+from deconflict.foresight.probability.censoring import STAYED
+from metrics.scoring.compare import Change, changes, page
+from metrics.scoring.warnings.alert_scores import Alert, score
+from metrics.scoring.warnings.calibration_scores import Samples, Tally
+from metrics.truth.encounters import Encounter
+
+
+def result(recalled: int, of: int = 60, shift_s: float = 0.0) -> dict[str, Any]:
+    """So many encounters, the first of which were foreseen by an alert 5 s before."""
+    pairs = [(f"a{n}", f"b{n}") for n in range(of)]
+    encounters = [Encounter(pair, 100.0 * n + 20, 100.0 * n + 22, True) for n, pair in enumerate(pairs)]
+    alerts = [
+        Alert(pair, ("A", "B"), one.start_s - 5 - shift_s, one.end_s, one.start_s, one.end_s + 60)
+        for pair, one in list(zip(pairs, encounters, strict=True))[:recalled]
+    ]
+    return {"messages": 9, "robots": 2 * of, "span_s": 100.0 * of, "scores": [score(encounters, alerts, 0.3)]}
+
+
+def change(name: str, a: dict[str, Any], b: dict[str, Any]) -> Change:
+    return next(one for one in changes(a["scores"][0], b["scores"][0], same_log=True) if one.figure == name)
+
+
+def test_a_result_is_no_different_from_itself() -> None:
+    one = change("recall", result(30), result(30))
+    assert (one.before, one.after, one.interval, one.told) == (0.5, 0.5, (0.0, 0.0), "no change that shows")
+
+
+def test_fewer_encounters_foreseen_show_as_lower_recall() -> None:
+    one = change("recall", result(50), result(25))
+    assert one.interval is not None
+    assert one.interval[0] < 25 / 60 - 50 / 60 < one.interval[1] < 0
+    assert one.told == "lower"
+
+
+def test_a_longer_lead_shows_as_higher() -> None:
+    one = change("lead_time_s", result(30), result(30, shift_s=2.0))
+    assert (one.before, one.after, one.told) == (5.0, 7.0, "higher")
+
+
+def test_where_nothing_was_foreseen_or_published_there_is_no_interval() -> None:
+    assert change("lead_time_s", result(0), result(30)).interval is None
+    assert change("brier", result(30), result(30)).interval is None
+
+
+def test_the_page_says_when_the_logs_differ() -> None:
+    assert "The logs differ" in page(result(30), result(30, of=50))
+    assert "The logs differ" not in page(result(30), result(20))
+    assert "60 and 60 foreseeable encounters" in page(result(30), result(20))
+
+
+def published(seed: int, off: float = 0.0) -> dict[str, Any]:
+    """A result with probabilities of ten of the groups of pairs, `off` further from what came of them."""
+    rng, told, n = np.random.default_rng(seed), Tally(), np.arange(500)
+    came_true = rng.random(500) < 0.3
+    said = np.where(came_true, 0.6, 0.2 + rng.random(500) / 2) + np.where(came_true, -off, off)
+    told.add(Samples.of(n % 10, said, np.where(came_true, 0, STAYED), np.ones(500, bool)), n)
+    return result(30) | {"scores": [score([], [], 0.3, tallies={("A", "B"): told})]}
+
+
+def test_the_same_probabilities_are_no_different() -> None:
+    for name in ("brier", "brier_skill"):
+        one = change(name, published(1), published(1))
+        assert (one.before, one.interval) == (one.after, (0.0, 0.0))
+
+
+def test_probabilities_that_are_a_little_worse_show() -> None:
+    one = change("brier", published(1), published(1, off=0.01))
+    assert one.interval is not None
+    assert one.before is not None
+    assert one.after is not None
+    assert 0 < one.interval[0] < one.after - one.before < one.interval[1]
+    assert one.told == "higher"
+
+
+def test_results_that_do_not_list_every_group_are_drawn_on_either_side() -> None:
+    a, b = published(1), published(1)
+    for one in (a, b):
+        cases = one["scores"][0]["cases"]
+        cases["probabilities"] = [row for row in cases["probabilities"] if row[0]]
+    assert change("brier", a, b).told == "no change that shows"

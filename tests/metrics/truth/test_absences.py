@@ -1,0 +1,97 @@
+"""Who was gone, and who met the silent robots that were there."""
+
+from typing import Any
+
+import pytest
+
+from metrics.truth.absences import Absences
+from tests.deconflict.foresight.presence.made_watch import NOW_S, Watch
+from tests.helpers.saying import LOFT, robot
+
+SIZE = {"x": 1.0, "y": 0.6, "z": 0.4}
+PAIR = (min(robot("silent"), robot("other")), max(robot("silent"), robot("other")))
+
+
+class Scored(Watch):
+    """The same floor, of which it is kept who was gone."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.absences = Absences([0.3, 0.5])
+
+    def tick(self, everything: bool = False) -> None:  # type: ignore[override]
+        self.absences.take(self.fleet.cut(NOW_S + self.now_s, everything))
+
+    def is_gone(self, name: str, at_s: float) -> bool:
+        return self.absences.is_gone(robot(name), NOW_S + at_s)
+
+
+def test_a_robot_is_gone_from_the_end_of_its_grace_on_if_it_is_never_heard_again() -> None:
+    floor = Scored()
+    floor.drive("A", 0.0, seconds=9)
+    floor.say("B", 50.0)
+    floor.tick()
+    floor.wait(60.0)
+    floor.absences.finish()
+    assert [floor.is_gone("A", at_s) for at_s in (9.0, 13.9, 14.1, 60.0)] == [False, False, True, True]
+    assert [floor.is_gone("B", at_s) for at_s in (38.9, 39.1)] == [False, True]
+    assert not floor.is_gone("nobody", 60.0)
+
+
+def test_a_robot_that_comes_back_elsewhere_was_gone_in_between() -> None:
+    floor = Scored()
+    elsewhere: tuple[tuple[str, float, dict[str, Any]], ...] = (
+        ("far", 40.0, {}),
+        ("near", 9.8, {}),
+        ("floor", 9.0, {"datum": LOFT}),
+    )
+    for name, x_m, datum in elsewhere:
+        start_s = floor.now_s
+        floor.drive(name, 0.0, seconds=9, path_s=1)
+        floor.wait(20.0)
+        floor.say(name, x_m, **datum)
+        floor.tick()
+        spans = [floor.is_gone(name, start_s + at_s) for at_s in (13.0, 15.0, 28.0, 30.0)]
+        assert spans == [False, name != "near", name != "near", False]
+
+
+def with_meeting(back_m: float = 10.0) -> Scored:
+    """A robot stands at 10 m and falls silent for half a minute, while another one passes it at 0.2 m."""
+    floor = Scored()
+    for name in ("silent", "other"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    floor.stand("silent", 10.0)
+    floor.wait(10.0)
+    floor.drive("other", 0.0, 0.8, seconds=20)
+    floor.say("silent", back_m, operationalState="idle")
+    floor.tick()
+    floor.absences.finish()
+    return floor
+
+
+def test_a_meeting_is_with_a_silent_robot_that_stood_there_all_the_while() -> None:
+    met_s = NOW_S + 15.0 + 9.0 - 0.25
+    floor = with_meeting()
+    told = floor.absences.figures(0.3, [(PAIR, met_s - 4.0, met_s + 3.0)], 2.0)
+    assert (told["silent_there"], told["meetings"], told["told_of"], told["told_of_share"]) == (1, 1, 1, 1.0)
+    assert (told["raised"], told["about_gone"]) == (1, 0)
+    late = floor.absences.figures(0.3, [(PAIR, met_s + 0.5, met_s + 3.0)], 2.0)
+    over = floor.absences.figures(0.5, [(PAIR, met_s - 9.0, met_s - 3.0)], 2.0)
+    assert (late["told_of"], over["told_of"], over["told_of_share"]) == (0, 0, 0.0)
+
+
+@pytest.mark.parametrize("back_m", [11.0, 25.0])
+def test_one_that_has_moved_meanwhile_met_nobody_for_all_that_is_known(back_m: float) -> None:
+    told = with_meeting(back_m).absences.figures(0.3, [], 2.0)
+    assert (told["silent_there"], told["meetings"], told["told_of_share"]) == (int(back_m < 20), 0, None)
+
+
+def test_an_advisory_about_somebody_gone_is_one_that_was_raised_when_he_was() -> None:
+    floor = Scored()
+    floor.drive("silent", 0.0, seconds=9)
+    floor.drive("other", 20.0, seconds=30)
+    floor.absences.finish()
+    alerts = [(PAIR, NOW_S + at_s, NOW_S + at_s + 20.0) for at_s in (8.0, 13.0, 15.0, 30.0)]
+    told = floor.absences.figures(0.3, alerts, 2.0)
+    assert (told["raised"], told["about_gone"], told["about_gone_share"]) == (4, 2, 0.5)
+    assert floor.absences.figures(0.3, [], 2.0)["about_gone_share"] is None

@@ -1,0 +1,49 @@
+"""Who was near whom, against every two robots at every sample by themselves."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from deconflict.sweep.geometry.rectangles import gap
+from metrics.truth.recorded_motion import Stretch
+from metrics.truth.separations import separations
+
+SAMPLES = 50
+
+
+def wandering(robots: int, size_m: float) -> Stretch:
+    """Robots that go about a square on two floors, each away for some time."""
+    rng = np.random.default_rng(robots)
+    x_m, y_m = rng.uniform(0, size_m, (2, robots, 1)) + np.cumsum(rng.normal(scale=0.1, size=(2, robots, SAMPLES)), 2)
+    floor = np.repeat(rng.integers(0, 2, (robots, 1)).astype(float), SAMPLES, 1)
+    floor[:, 40:] = np.nan
+    half_m, since_s = rng.uniform(0.2, 0.8, (2, robots, SAMPLES)), rng.uniform(0, 9, (robots, SAMPLES))
+    for row in range(robots):
+        for column in (x_m, y_m, floor, since_s, *half_m):
+            column[row, row % 30 : row % 30 + 10] = np.nan
+    bottom_m = np.repeat(rng.choice([-np.inf, 0.0, 1.0, 5.0], (robots, 1)), SAMPLES, 1)
+    height_m = np.stack([bottom_m, np.where(bottom_m == -np.inf, np.inf, bottom_m + 2)])
+    yaw_rad = rng.normal(size=(robots, SAMPLES))
+    return Stretch(700, np.arange(robots) * 2, x_m, y_m, yaw_rad, half_m, height_m, floor, since_s)
+
+
+@pytest.mark.parametrize(("robots", "size_m", "fewest"), [(0, 1.0, 0), (1, 1.0, 0), (40, 6.0, 1000), (25, 60.0, 1)])
+def test_who_was_near_whom_is_what_every_two_robots_tell_by_themselves(robots: int, size_m: float, fewest: int) -> None:
+    there, expected = wandering(robots, size_m), []
+    radius_m = np.hypot(*there.half_m)
+    for a, b in combinations(range(robots), 2):
+        for at in range(SAMPLES):
+            dx, dy = there.x_m[b, at] - there.x_m[a, at], there.y_m[b, at] - there.y_m[a, at]
+            apart_m, reach_m = np.hypot(dx, dy), radius_m[a, at] + radius_m[b, at]
+            (bottom_a, bottom_b), (top_a, top_b) = there.height_m[:, [a, b], at]
+            beside = bottom_a <= top_b and bottom_b <= top_a
+            if beside and apart_m <= reach_m + 0.6 and there.floor[a, at] == there.floor[b, at]:
+                yaw_rad = there.yaw_rad[a, at, None], there.yaw_rad[b, at, None]
+                half_m = there.half_m[:, a, at, None], there.half_m[:, b, at, None]
+                gap_m = gap(dx[None], dy[None], *yaw_rad, *half_m)[0]
+                since_s = max(there.since_s[a, at], there.since_s[b, at])
+                expected.append((2 * a, 2 * b, 700 + at, gap_m, since_s, apart_m / reach_m))
+    found = separations(there, 0.6)
+    assert len(expected) >= fewest
+    np.testing.assert_allclose(np.array(found).T, np.reshape(expected, (-1, 6)))
