@@ -10,7 +10,7 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed; set PYTHON=python3.x") if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
-	$(BIN)/python -c 'import deconflict.roles.engine_role, ingest.fast_path.path_kernels, ingest.fast_path.status_scanner'  # compiles their kernels, once
+	$(BIN)/python -c 'import deconflict.roles.engine_role, ingest.fast_path.loader'  # compiles their kernels, once
 	touch $(READY)
 
 demo: $(READY)

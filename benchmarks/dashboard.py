@@ -19,7 +19,7 @@ from deconflict.simulation.vendors.senders import simulate
 from metrics.monitoring.dashboards import dashboards
 from metrics.monitoring.exposition import render
 from metrics.monitoring.panels import COLUMNS, as_json
-from tests.metrics.monitoring.test_prometheus import ROBOTS, WINDOWS, on_free_ports, prometheus
+from tests.metrics.monitoring.made_prometheus import ROBOTS, WINDOWS, on_free_ports, prometheus
 
 INCHES_A_COLUMN, INCHES_A_ROW = 0.6, 0.42
 PAPER, INK, FAINT, ALARM = "#f7f8fa", "#1f2430", "#8a93a3", "#c4372c"

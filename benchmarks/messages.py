@@ -13,9 +13,8 @@ from time import process_time
 from timeit import repeat
 from typing import Any
 
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import Site
-from ingest.fast_path import loader
 from ingest.languages.massrobotics.parser import document, read
 from ingest.languages.massrobotics.report_models import StatusReport
 from ingest.measures.measures import Measures
@@ -103,7 +102,7 @@ def us(call: Callable[[], object]) -> float:
 
 def batch_us(report: dict[str, Any], vendor: str | None = None) -> float:
     """Processor time of one message from bytes to a row of a batch: the best second of many robots' messages."""
-    fleet, connection, best_s = fleet_of(SITE, Measures()), Connection(1, vendor=vendor), float("inf")
+    fleet, connection, best_s = fast_fleet_of(SITE, Measures()), Connection(1, vendor=vendor), float("inf")
     robots = [{**report, "uuid": f"6b2f3f0a-54a2-4d6e-9b0e-{robot:012x}"} for robot in range(ROBOTS)]
     for robot in robots:
         fleet.receive(json.dumps(identity(robot["uuid"])).encode(), START_S, connection)
@@ -141,7 +140,6 @@ def main() -> None:
         "official dialect": (official(), None),
         "both": (official() | WRONG_TYPE, None),
     }
-    loader.load()
     plain = json.dumps(conforming()).encode()
     alone_us = us(partial(StatusReport.model_validate_json, plain))
     columns = f"{'read us':>10}{'ratio':>7}{'batch us':>10}{'ratio':>7}"

@@ -24,9 +24,8 @@ from subprocess import PIPE
 from uuid import UUID
 
 from benchmarks.messages import conforming
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import Site
-from ingest.fast_path import loader
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.receiver import Receiver, descriptors
@@ -123,7 +122,7 @@ async def measure(port: int, load: Load, delivered: Callable[[], int]) -> dict[s
 async def run(load: Load, *, recorded: bool, read: bool) -> dict[str, float]:
     """Figures of one receiver that does this much with each message."""
     site, measures = Site(name="Benchmark", datums=(Datum(id=_datum(), name="Hall"),)), Measures()
-    fleet, total = fleet_of(site, measures), 0
+    fleet, total = fast_fleet_of(site, measures), 0
     with tempfile.TemporaryDirectory() as directory:
         recorder = Recorder(site.recorder, Path(directory), measures, time.time)
 
@@ -206,7 +205,6 @@ def main() -> None:
         port, rate, connections, robots, seconds = args.send_to
         send(int(port), Load(int(rate), int(connections), int(robots), float(seconds)))
         return
-    loader.load()
     load = Load(args.rate, args.connections, args.robots, args.seconds)
     print(f"{load.rate} messages a second offered over {load.connections} connections by {load.robots} robots")
     print(f"{'':<36}{'messages/s':>12}{'us/message':>12}{'of a core':>11}")

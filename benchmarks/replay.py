@@ -29,8 +29,8 @@ from deconflict.foresight.presence.live_robots import Live
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.probability.estimator import Foresight
 from deconflict.settings.site import Site, load
-from deconflict.simulation import demo
 from deconflict.simulation.cast import cast
+from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.robot_state import some_robots
@@ -169,7 +169,7 @@ def main() -> None:
     options.add_argument("--seconds", type=float, default=300.0)
     args = options.parse_args()
     gc.set_threshold(*COLLECTED_EVERY)
-    site = load(args.site or demo.demo_site()) if args.site or not (args.log or args.circles) else Site()
+    site = load(args.site or demo_site()) if args.site or not (args.log or args.circles) else Site()
     with TemporaryDirectory() as folder:
         log, short = args.log or Path(folder) / "log.jsonl", Path(folder) / "short.jsonl"
         write_log(short, 40, 12.0)

@@ -25,10 +25,9 @@ from deconflict.advisories.conflict_lifecycle import Lives
 from deconflict.contention.contention import Contention
 from deconflict.engine.engine import Engine
 from deconflict.foresight.probability.estimator import Foresight
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Batch, Floats
-from ingest.fast_path import loader
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -58,7 +57,7 @@ class Floor:
 
     def __post_init__(self) -> None:
         self.world, site = Circling(self.robots), benchmark_site(0, 0)
-        self.fleet, self.engine = fleet_of(site, Measures()), Engine(site)
+        self.fleet, self.engine = fast_fleet_of(site, Measures()), Engine(site)
         self.lines = [
             Connection(n + 1, f"10.0.{n // 250}.{n % 250}", "/", vendor_of(n * ROBOTS_A_CONNECTION))
             for n in range(-(-self.robots // ROBOTS_A_CONNECTION))
@@ -104,7 +103,6 @@ def main() -> None:
     arguments.add_argument("--seconds", type=float, default=10.0)
     args = arguments.parse_args()
     gc.set_threshold(*COLLECTED_EVERY)
-    loader.load()
     measured(20, 2.0)
     sums = []
     for robots in args.robots:

@@ -26,6 +26,7 @@ from deconflict.settings.importers import plan_reader
 from deconflict.settings.importers.plan import PlanError
 from deconflict.settings.site_check import check
 from deconflict.simulation import demo
+from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.drills.drill_scripts import DRILLS
 from deconflict.simulation.vendors.senders import simulate
 from ingest.security.certificates import CertificateError
@@ -194,7 +195,7 @@ def _guard(settings: site.Site, asked: bool) -> None:
 
 
 def _demo(args: argparse.Namespace) -> int:
-    settings = _settings(args, demo.demo_site())
+    settings = _settings(args, demo_site())
     _guard(settings, args.open)
     return demo.demo(settings, args.robots, args.seconds, args.seed, args.data)
 

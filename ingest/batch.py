@@ -1,4 +1,4 @@
-"""The seam: what the receiving half hands to the engine, as one numpy layout.
+"""Batches: what the receiving half hands to the engine, as one numpy layout.
 
 A `Batch` holds every robot that changed since the last one, its forecast normalised to timed poses in the frame
 of its floor. Nothing else passes from the vendors' sockets to the engine.
@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Pair = tuple[str, str]
+"""The UUIDs of two robots, in ascending order."""
 
 
 class Basis(IntEnum):

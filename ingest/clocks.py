@@ -1,4 +1,6 @@
-"""How far a sender's clock is off, and how long its messages take.
+"""The service's own clock, and the clock of each sender.
+
+How far a sender's clock is off, and how long its messages take.
 
 One way only, arrival less stamp is the delay less what the clock is fast by; the two cannot be told apart, but the
 least of it over a while is that of the quickest message. A clock that seems off by no more than the tolerance is
@@ -11,7 +13,8 @@ delay. But messages that were held up come with ever less delay, so it is taken 
 show the same; one by less than `STEP_S` is followed after `WINDOW` messages at most.
 """
 
-from collections.abc import Iterable
+import logging
+from collections.abc import Callable, Iterable
 from math import inf, nan
 from statistics import median
 
@@ -22,6 +25,38 @@ STEP_S = 1.0
 AGREE_S = 0.5
 """Messages agree on a step where they differ by no more than this and the resolution of the stamps. They confirm it if
 they were sent over at least twice that: so long a queue, sent at once, would differ by more."""
+SLEW = 0.01
+"""Seconds a second by which it leans: an hour's step is made good in four days, or at the next start."""
+HOST_STEP_S = 1.0
+"""A difference from the host's clock of more than this is told."""
+
+log = logging.getLogger(__name__)
+
+
+class SteadyClock:
+    """Seconds since the epoch that never go back and never leap.
+
+    Where the host's clock is set, this one goes on and only leans towards it: a service that took the step would find
+    every robot silent, or every report older than the last.
+    """
+
+    def __init__(self, wall: Callable[[], float], monotonic: Callable[[], float]) -> None:
+        """`wall` is the host's clock, seconds since the epoch; nobody sets `monotonic`."""
+        self._wall, self._monotonic = wall, monotonic
+        self._read_s = monotonic()
+        self._offset_s = wall() - self._read_s
+        self.off_s = 0.0
+        """What the host's clock is ahead of this one."""
+
+    def __call__(self) -> float:
+        read_s = self._monotonic()
+        most_s, self._read_s = SLEW * (read_s - self._read_s), read_s
+        off_s = self._wall() - read_s - self._offset_s
+        self._offset_s += min(max(off_s, -most_s), most_s)
+        if abs(off_s) > HOST_STEP_S >= abs(self.off_s):
+            log.warning("the host's clock was set by %+.1f s; the service's goes on until it is restarted", off_s)
+        self.off_s = off_s
+        return read_s + self._offset_s
 
 
 class SenderClock:

@@ -8,6 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+UNKNOWN = "unknown"
+"""The vendor of a robot that has not identified itself and that nothing else gives away."""
 NIL_DATUM = "00000000-0000-0000-0000-000000000000"
 
 Metres = Annotated[float, Field(ge=0, allow_inf_nan=False)]

@@ -1,76 +1,182 @@
-"""Imports run one way: ingest <- deconflict <- metrics; only the composition root may look right."""
+"""Where files lie, and which of them may import which.
+
+Imports run one way: `ingest` <- `deconflict` <- `metrics`, and inside each from later levels to earlier ones. Only the
+composition root `deconflict/__main__.py` sees all three.
+"""
 
 import ast
 import subprocess
 import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
-FORBIDDEN = {"ingest": {"deconflict", "metrics"}, "deconflict": {"metrics"}, "metrics": set[str]()}
-COMPOSITION_ROOT = Path("deconflict/__main__.py")
-SIMULATED_FLOORS = ROOT / "benchmarks/planned_floors"
-FLOOR_FOLDERS = {
-    "truth": set[str](),
-    "logs": {"truth"},
-    "floors": {"truth", "logs"},
-    "scoring": {"truth", "logs"},
-    "comparison": {"truth", "logs", "floors", "scoring"},
+COMPOSITION_ROOT = "deconflict/__main__"
+LEVELS = {
+    "": ["ingest", "deconflict", "metrics"],
+    "ingest": [
+        "batch clocks kernels settings",
+        "frames languages measures security",
+        "port",
+        "recording",
+        "fleet",
+        "fast_path",
+    ],
+    "deconflict": [
+        "advisory runtime settings",
+        "sweep",
+        "advice foresight",
+        "advisories",
+        "contention operator",
+        "client engine",
+        "cluster",
+        "roles",
+        "simulation",
+    ],
+    "metrics": ["monitoring truth", "scoring", "replay report", "commands"],
+    "benchmarks/planned_floors": ["truth", "logs", "floors scoring", "comparison"],
 }
-"""By folder of the simulated floors, what it may import from."""
-CLUSTER_BUS = "deconflict/cluster/nats/bus.py"
+"""By folder, its entries from the ground up. An entry may import entries of earlier levels and of its own level."""
+MOST_ENTRIES = {"deconflict": 15, "ingest": 12, "metrics": 12}
+"""Without `__init__.py` and `py.typed`; of any other folder a dozen."""
+REPEATED_NAMES = {"__init__", "__main__"}
+PACKAGES = ("ingest", "deconflict", "metrics")
 
 
-def imported_packages(source: str) -> set[str]:
-    return {name.split(".")[0] for name in imported_modules(source)}
+def files(folder: str) -> Iterator[Path]:
+    return (ROOT / folder).rglob("*.py")
 
 
 def imported_modules(source: str) -> list[str]:
+    """Every module, and every name from a module, that a file imports: `a.b` and `a.b.c` of `from a.b import c`."""
     modules: list[str] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             modules += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            modules.append(node.module)
+            modules += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
     return modules
 
 
-@pytest.mark.parametrize("package", sorted(FORBIDDEN))
-def test_package_imports_only_what_lies_to_its_left(package: str) -> None:
-    files = [path for path in (ROOT / package).rglob("*.py") if path.relative_to(ROOT) != COMPOSITION_ROOT]
-    assert files
-    offenders = {
-        str(path.relative_to(ROOT)): wrong
-        for path in files
-        if (wrong := imported_packages(path.read_text()) & FORBIDDEN[package])
-    }
-    assert not offenders
+def entry_of(path: Path) -> str | None:
+    """A module's file without its suffix, or its folder, from the root; None where there is no such module."""
+    if (ROOT / path.with_suffix(".py")).is_file():
+        return str(path)
+    return str(path / "__init__") if (ROOT / path / "__init__.py").is_file() else None
 
 
-def test_folders_of_the_simulated_floors_import_one_way() -> None:
-    imported = folder_imports(SIMULATED_FLOORS)
-    assert set(imported) == set(FLOOR_FOLDERS)
-    wrong = {folder: names - FLOOR_FOLDERS[folder] for folder, names in imported.items()}
-    assert not any(wrong.values()), wrong
+def imports() -> Iterator[tuple[str, str]]:
+    """Each import of the product and the simulated floors: the importing file and the imported one."""
+    for path in chain.from_iterable(map(files, (*PACKAGES, "benchmarks/planned_floors"))):
+        importer = str(path.relative_to(ROOT).with_suffix(""))
+        for module in imported_modules(path.read_text()):
+            imported = entry_of(Path(*module.split(".")))
+            if imported and importer != COMPOSITION_ROOT:
+                yield importer, imported
 
 
-def folder_imports(package: Path) -> dict[str, set[str]]:
-    """By folder of a package, the other folders of it that any file in it imports from."""
-    folders = {path.name for path in package.iterdir() if (path / "__init__.py").exists()}
-    prefix = ".".join(package.relative_to(ROOT).parts) + "."
-    found: dict[str, set[str]] = {folder: set() for folder in folders}
-    for folder in folders:
-        for path in (package / folder).rglob("*.py"):
-            modules = [name for name in imported_modules(path.read_text()) if name.startswith(prefix)]
-            found[folder] |= {name.removeprefix(prefix).split(".")[0] for name in modules} - {folder}
+def siblings(importer: str, imported: str) -> tuple[str, str, str]:
+    """The folder that holds both, and the entries of it in which they lie."""
+    ours, theirs = importer.split("/"), imported.split("/")
+    depth = next(i for i, (our, their) in enumerate(zip(ours, theirs, strict=False)) if our != their)
+    return "/".join(ours[:depth]), ours[depth], theirs[depth]
+
+
+def imports_between_siblings() -> dict[tuple[str, str, str], list[str]]:
+    """By folder and two of its entries, the imports from the first into the second."""
+    found = defaultdict(list)
+    for importer, imported in imports():
+        if importer != imported:
+            found[siblings(importer, imported)].append(f"{importer}.py imports {imported}.py")
     return found
+
+
+@pytest.mark.parametrize("folder", sorted(LEVELS))
+def test_imports_run_from_later_levels_to_earlier_ones(folder: str) -> None:
+    level_of = {entry: level for level, entries in enumerate(LEVELS[folder]) for entry in entries.split()}
+    wrong = [
+        f"turn round: {line}"
+        for (home, ours, theirs), lines in imports_between_siblings().items()
+        if home == folder and ours in level_of and level_of[ours] < level_of.get(theirs, len(level_of))
+        for line in lines
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("folder", sorted(LEVELS))
+def test_every_entry_of_a_folder_has_a_level(folder: str) -> None:
+    present = {
+        path.stem for path in (ROOT / folder).iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
+    }
+    if folder:
+        assert present - REPEATED_NAMES == set(" ".join(LEVELS[folder]).split())
+
+
+def test_no_folder_has_a_circle_of_imports() -> None:
+    edges: defaultdict[str, defaultdict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    lines = imports_between_siblings()
+    for home, ours, theirs in lines:
+        edges[home][ours].add(theirs)
+    circles = [
+        f"{home or '.'}: {ours} and {theirs}: " + "; ".join(lines[home, ours, theirs])
+        for home, ours, theirs in lines
+        if ours in reached(edges[home], theirs)
+    ]
+    assert not circles, "\n".join(circles)
+
+
+def reached(edges: dict[str, set[str]], start: str) -> set[str]:
+    seen, waiting = set[str](), [start]
+    while waiting:
+        entry = waiting.pop()
+        if entry not in seen:
+            seen.add(entry)
+            waiting += edges.get(entry, ())
+    return seen
+
+
+def test_no_folder_holds_more_than_a_person_takes_in() -> None:
+    entries: defaultdict[str, set[str]] = defaultdict(set)
+    for path in chain.from_iterable((ROOT / package).rglob("*") for package in PACKAGES):
+        if path.is_file() and path.suffix == ".py" and path.stem != "__init__":
+            parts = path.relative_to(ROOT).parts
+            for depth in range(1, len(parts)):
+                entries["/".join(parts[:depth])].add(parts[depth])
+    crowded = {home: len(names) for home, names in entries.items() if len(names) > MOST_ENTRIES.get(home, 12)}
+    assert not crowded
+
+
+def test_no_file_name_stands_twice_in_the_product() -> None:
+    names = Counter(path.stem for path in chain.from_iterable(map(files, PACKAGES)))
+    assert {name for name, count in names.items() if count > 1} <= REPEATED_NAMES | {"settings"}
+
+
+def test_tests_lie_in_the_folders_of_what_they_test() -> None:
+    homeless = [
+        str(path.relative_to(ROOT))
+        for path in chain.from_iterable(files(f"tests/{package}") for package in PACKAGES)
+        if not (ROOT / path.relative_to(ROOT / "tests").parent).is_dir()
+    ]
+    assert not homeless
+
+
+def test_tests_import_helpers_and_no_other_tests() -> None:
+    wrong = {
+        str(path.relative_to(ROOT)): modules
+        for path in files("tests")
+        if (modules := {name for name in imported_modules(path.read_text()) if ".test_" in name})
+    }
+    assert not wrong, wrong
 
 
 def test_nothing_imports_the_composition_root() -> None:
     offenders = [
         str(path)
-        for package in FORBIDDEN
+        for package in PACKAGES
         for path in (ROOT / package).rglob("*.py")
         if "deconflict.__main__" in path.read_text()
     ]
@@ -88,9 +194,9 @@ def test_nothing_imports_the_composition_root() -> None:
 def test_a_library_with_traps_is_imported_in_one_place(library: str, homes: set[str]) -> None:
     importers = {
         str(path.relative_to(ROOT))
-        for package in FORBIDDEN
+        for package in PACKAGES
         for path in (ROOT / package).rglob("*.py")
-        if library in imported_packages(path.read_text())
+        if library in {name.split(".")[0] for name in imported_modules(path.read_text())}
     }
     assert importers <= homes
 
@@ -101,7 +207,7 @@ def foreign_names(path: Path) -> tuple[int, set[str]]:
     imported = {
         alias.asname or alias.name
         for node in tree.body
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in FORBIDDEN
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PACKAGES
         for alias in node.names
     }
     compiled = [node for node in tree.body if isinstance(node, ast.FunctionDef) and is_compiled(node)]
@@ -116,7 +222,7 @@ def is_compiled(function: ast.FunctionDef) -> bool:
 
 def test_a_kernel_uses_nothing_of_another_file() -> None:
     """What numba keeps on disk is dropped when the kernel's own file changes, and no other."""
-    files = [path for package in FORBIDDEN for path in (ROOT / package).rglob("*.py")]
+    files = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
     found = {str(path.relative_to(ROOT)): foreign_names(path) for path in files}
     assert sum(compiled for compiled, _ in found.values()) > 10
     assert {path: names for path, (_, names) in found.items() if names} == {}

@@ -9,10 +9,9 @@ import numpy as np
 from benchmarks.watch_demo.floor import STEP_S, Floor, Post
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.engine.engine import Engine
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import load
-from deconflict.simulation.demo import demo_site
-from ingest.fast_path import loader
+from deconflict.simulation.demo_site import demo_site
 from ingest.measures.measures import Measures
 
 START_S = 1_790_000_000.0
@@ -49,11 +48,10 @@ class Watch:
     """A run, step by step."""
 
     def __init__(self, robots: int, seed: int, site: Path | None = None) -> None:
-        loader.load()
         self._site = load(site or demo_site())
         self.clearance_m = self._site.conflict.clearance_m
         self.floor = Floor(robots, seed, START_S, self.clearance_m)
-        self._fleet, self._engine, self._post = fleet_of(self._site, Measures()), Engine(self._site), Post()
+        self._fleet, self._engine, self._post = fast_fleet_of(self._site, Measures()), Engine(self._site), Post()
         self._everything = True
         self.alerts: dict[str, Alert] = {}
         self.most_open = 0

@@ -7,8 +7,8 @@ from heapq import heappop, heappush
 from operator import attrgetter
 from typing import NamedTuple
 
-from deconflict.advice.delay_windows import Pair
 from deconflict.advisory import ConflictAdvisory, Recommendation, moment
+from ingest.batch import Pair
 
 Pairs = tuple[Pair, ...]
 

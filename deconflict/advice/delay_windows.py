@@ -14,16 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.sweep.geometry.knots import Bools, Knots, Robots, delayed
+from deconflict.sweep.geometry.knots import Knots, Robots, delayed
 from deconflict.sweep.one_shot import first_meetings
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints, Pair
 
 STEP_S = 0.5
 """Holds are multiples of this."""
 SHORT_S = 2.0
 """A forecast that ends no more than this before the horizon goes on as it ended; one that ends sooner stands."""
-
-Pair = tuple[str, str]
 
 
 class Mover(NamedTuple):

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Ints
+from ingest.batch import Bools, Ints
 from ingest.kernels import inner, kernel
 
 MOST_TRIED = 200_000

@@ -6,7 +6,7 @@ What is asked is bounded, so that answers are there in time. Holds begin at that
 forecast.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from heapq import heapify, heappop
@@ -15,10 +15,11 @@ from operator import itemgetter
 from deconflict.advice.async_answers import ANSWER_AFTER_S, Answer, Submit, at_once
 from deconflict.advice.burden import Account
 from deconflict.advice.conflict_groups import Group, Groups, Pairs
-from deconflict.advice.delay_windows import Near, Pair, Window
+from deconflict.advice.delay_windows import Near, Window
 from deconflict.advice.hold_planner import advise_holds
 from deconflict.advisory import ConflictAdvisory, Recommendation
 from deconflict.settings.site import Site
+from ingest.batch import Pair
 from ingest.measures.measures import Measures
 
 AGAIN_S = 3.0
@@ -30,8 +31,6 @@ GROWS_S = 1.5
 PAIRS_PER_S, MOST_PAIRS = 20.0, 60.0
 """Conflicts in the questions of a second of event time, on average and at once; the soonest go first, others wait.
 People can follow no more, and a crowded floor would have the thread that works answers out fall ever further behind."""
-CHANGED_S = 1.0
-"""A hold that differs by less is the same advice."""
 
 Around = Callable[[set[str]], Near]
 """The robots of a group that are on the floor, and those near to one of them."""
@@ -145,25 +144,6 @@ class Desk:
             effort=self._settings.effort,
             switch_s=self._settings.switch_s,
         )
-
-
-def differs(before: Recommendation | None, after: Recommendation) -> bool:
-    """Whether a site service would do otherwise."""
-    if before is None:
-        return True
-    held, hold = ({one.robot: one.hold_s for one in each.holds} for each in (before, after))
-    if held.keys() != hold.keys() or before.note != after.note:
-        return True
-    return any(abs(held[robot] - hold[robot]) > CHANGED_S for robot in held)
-
-
-def advised(summary: str, advice: Recommendation | None, robots: Sequence[str], names: Sequence[str]) -> str:
-    """The summary of an advisory with what is advised to its own robots."""
-    if advice is None:
-        return summary
-    called = dict(zip(robots, names, strict=True))
-    told = [f"{called[one.robot]} should wait {one.hold_s:g} s" for one in advice.holds if one.robot in called]
-    return "; ".join([summary, *(told or ([advice.note] if advice.note else []))])
 
 
 def _robots(pairs: Pairs) -> set[str]:

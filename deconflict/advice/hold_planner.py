@@ -7,13 +7,12 @@ from math import inf
 import numpy as np
 from ortools.sat.python import cp_model
 
-from deconflict.advice.delay_windows import STEP_S, Delays, Mover, Near, Pair, Window
+from deconflict.advice.delay_windows import STEP_S, Delays, Mover, Near, Window
 from deconflict.advice.exhaustive_search import NONE, UNKNOWN, Choice, in_turn, least
 from deconflict.advice.solver import Model, solve
 from deconflict.advice.variable_elimination import folded
 from deconflict.advisory import Hold, Recommendation
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Ints
+from ingest.batch import Bools, Ints, Pair
 
 EFFORT = 0.1
 SWITCH_S = 2.0

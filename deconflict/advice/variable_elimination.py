@@ -9,8 +9,7 @@ import numba
 import numpy as np
 
 from deconflict.advice.exhaustive_search import NONE, UNKNOWN, Choice
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Ints
+from ingest.batch import Bools, Ints
 from ingest.kernels import inner, kernel
 
 MOST_ADDED = 500_000

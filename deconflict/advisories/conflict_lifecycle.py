@@ -17,7 +17,6 @@ from math import inf
 from operator import attrgetter
 from typing import NamedTuple
 
-from deconflict.advice.hold_desk import differs
 from deconflict.advisories import conflict_wording
 from deconflict.advisories.conflict_wording import (
     FADES_S,
@@ -25,17 +24,18 @@ from deconflict.advisories.conflict_wording import (
     SEVERITIES,
     SURE,
     UPDATE_GAP_S,
-    Pair,
     Prediction,
     Predictions,
     Scene,
     Where,
+    differs,
 )
 from deconflict.advisories.watched_pair_kernels import LIKELIHOOD, RAISES, STILL, UNLIKELY
 from deconflict.advisories.watched_pairs import Stirred, Track, Tracks, Weighed, held_probability
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
+from ingest.batch import Pair
 
 PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
 GAVE_WAY = "one gave way to the other"

@@ -10,7 +10,6 @@ from uuid import UUID
 
 import numpy as np
 
-from deconflict.advice.hold_desk import advised
 from deconflict.advisory import (
     AdvisoryState,
     ConflictAdvisory,
@@ -22,10 +21,7 @@ from deconflict.advisory import (
 )
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter, Encounters
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats
-
-Pair = tuple[str, str]
+from ingest.batch import Bools, Floats, Pair
 
 ADVISORIES = UUID("5f3d2f5e-6d0b-5a53-9f0a-3f0f3a0a7c11")
 """Namespace of advisory ids."""
@@ -332,3 +328,26 @@ def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place:
 
 def _standing(party: Party) -> str:
     return f"{party.name}, which stands still," if party.silent_s is None else party.called
+
+
+CHANGED_S = 1.0
+"""A hold that differs by less is the same advice."""
+
+
+def differs(before: Recommendation | None, after: Recommendation) -> bool:
+    """Whether a site service would do otherwise."""
+    if before is None:
+        return True
+    held, hold = ({one.robot: one.hold_s for one in each.holds} for each in (before, after))
+    if held.keys() != hold.keys() or before.note != after.note:
+        return True
+    return any(abs(held[robot] - hold[robot]) > CHANGED_S for robot in held)
+
+
+def advised(summary: str, advice: Recommendation | None, robots: Sequence[str], names: Sequence[str]) -> str:
+    """The summary of an advisory with what is advised to its own robots."""
+    if advice is None:
+        return summary
+    called = dict(zip(robots, names, strict=True))
+    told = [f"{called[one.robot]} should wait {one.hold_s:g} s" for one in advice.holds if one.robot in called]
+    return "; ".join([summary, *(told or ([advice.note] if advice.note else []))])

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.sweep.geometry.encounter import ENCOUNTER, Encounters
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 TOLD = np.dtype(

@@ -19,7 +19,6 @@ from deconflict.advisories.conflict_wording import (
     SLACK_S,
     SURE,
     UPDATE_GAP_S,
-    Pair,
     Prediction,
     Predictions,
 )
@@ -41,7 +40,7 @@ from deconflict.advisory import ConflictAdvisory
 from deconflict.foresight.presence.silence_outcomes import PROBABLY_LEFT
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, Encounters
-from ingest.batch import Floats, Ints
+from ingest.batch import Floats, Ints, Pair
 
 HELD_SHARE = 0.15
 """An advisory stands until its probability is below this share of the one that raises."""

@@ -18,7 +18,6 @@ from typing import Any
 from uuid import uuid4
 
 from deconflict.advisory import ConflictAdvisory
-from deconflict.cluster.ingest_feed import beating, connected, until
 from deconflict.cluster.judging.global_engine import Lookout
 from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.shard import Shard, Told, judging
@@ -26,11 +25,12 @@ from deconflict.cluster.judging.stream_writer import Teller
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import Line
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
+from deconflict.cluster.nats.tasks import beating, connected, until
 from deconflict.cluster.tiles.channels import reach_m
 from deconflict.cluster.tiles.tile_owners import Table, revised
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
-from deconflict.roles.engine_role import LEARNED_EVERY_S, arrivals_s, note_waits
+from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, note_waits
 from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import InForce

@@ -2,15 +2,13 @@
 
 import asyncio
 import logging
-import time
-from collections.abc import Awaitable, Callable, Coroutine
 from pathlib import Path
-from typing import Any
 from uuid import uuid4
 
 from deconflict.cluster.identity_exchange import Introductions
 from deconflict.cluster.nats.bus import FEED, Bus
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
+from deconflict.cluster.nats.tasks import BEAT_S, beating, connected, until
 from deconflict.cluster.tiles.channels import Sorter, pieces, reach_m
 from deconflict.cluster.tiles.tiles import Grid
 from deconflict.operator.live.recent_batches import opened
@@ -22,73 +20,12 @@ from ingest.batch import Batch
 
 log = logging.getLogger(__name__)
 
-BEAT_S = 0.5
-AGAIN_S = 0.2
 RETRY_S = 0.2
 WHOLE = b"0"
 """Asks the receiver for the whole floor, as a watcher does that has seen nothing."""
 
 QUESTIONS = {"robots": b"", "quarantine": b"", "measures": b"", "unidentified": b"", "follow": WHOLE}
 """What an operator face may ask of the receiver, and how the receiver is asked."""
-
-
-async def connected(bus: Bus, stop: asyncio.Event) -> bool:
-    """Open a bus as soon as its server can be had; False where it was stopped before."""
-    stopping = asyncio.create_task(stop.wait())
-    try:
-        while not stop.is_set():
-            opening = asyncio.create_task(bus.open())
-            await asyncio.wait({opening, stopping}, return_when=asyncio.FIRST_COMPLETED)
-            try:
-                if opening.done():
-                    await opening
-                    return True
-            except BUS_ERRORS as error:
-                log.warning("the NATS server does not answer: %s", error or type(error).__name__)
-                await asyncio.wait({stopping}, timeout=1.0)
-            finally:
-                opening.cancel()
-                await asyncio.gather(opening, return_exceptions=True)
-        return False
-    finally:
-        stopping.cancel()
-
-
-async def beating(bus: Bus, beat: Callable[[], Awaitable[None]]) -> None:
-    """Call `beat` for ever; while the server can't be had, go on trying."""
-    while True:
-        began_s = time.monotonic()
-        try:
-            await beat()
-        except BUS_ERRORS as error:
-            log.warning("%s is out of touch: %s", bus.name, error or type(error).__name__)
-        await asyncio.sleep(max(BEAT_S - (time.monotonic() - began_s), 0.05))
-
-
-async def until(stop: asyncio.Event, *chores: Coroutine[Any, Any, None]) -> None:
-    """Do chores until `stop` is set, or until one of them fails, which raises its error."""
-    tasks: list[asyncio.Task[Any]] = [asyncio.create_task(one) for one in chores]
-    tasks.append(asyncio.create_task(stop.wait()))
-    try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in tasks:
-            if task.done():
-                await task
-    finally:
-        await end_tasks(*tasks)
-
-
-async def end_tasks(*tasks: asyncio.Task[Any]) -> None:
-    """Cancel tasks until every one has ended.
-
-    Once is not enough: the NATS client may take a cancellation for a time-out of its own.
-    """
-    pending = set(tasks)
-    while pending:
-        for task in pending:
-            task.cancel()
-        _, pending = await asyncio.wait(pending, timeout=AGAIN_S)
-    await asyncio.gather(*tasks, return_exceptions=True)
 
 
 class Feed:

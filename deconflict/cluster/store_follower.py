@@ -11,10 +11,11 @@ from typing import Any
 
 from deconflict.advisory import Acknowledgement
 from deconflict.cluster.ingest_calls import Ingests
-from deconflict.cluster.ingest_feed import RETRY_S, beating, connected, until
+from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import Line, Seen
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
+from deconflict.cluster.nats.tasks import beating, connected, until
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError, listening, socket_path
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from deconflict.contention.robots.announced_arrivals import near
 from deconflict.contention.robots.place_geometry import Geometry
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.importers.plan_reader import section_lines
 from deconflict.settings.shared_places import Resource
 from deconflict.settings.site import Site

@@ -18,7 +18,7 @@ from deconflict.advice.hold_desk import MOST_NEAR, NEAR_M, Desk
 from deconflict.advice.priorities import Priorities
 from deconflict.advisories.advisory_counts import NEAR_MISSES, by_severity, tally, tell_open
 from deconflict.advisories.conflict_lifecycle import LEFT, Lives
-from deconflict.advisories.conflict_wording import Pair, Party, Predictions, Scene
+from deconflict.advisories.conflict_wording import Party, Predictions, Scene
 from deconflict.advisories.watched_pairs import held_probability
 from deconflict.advisory import AnyAdvisory, ClaimAdvisory, ConflictAdvisory
 from deconflict.contention.contention import Contention
@@ -39,7 +39,7 @@ from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Site
 from deconflict.sweep.geometry.encounter import Encounter, encounter, separation_m
 from deconflict.sweep.incremental import ACCURACY_M, PairConflicts, Sweeper
-from ingest.batch import Basis, Batch, Floats, Forecasts
+from ingest.batch import Basis, Batch, Floats, Forecasts, Pair
 from ingest.measures import clock_changes
 from ingest.measures.measures import Measures
 

@@ -3,8 +3,7 @@
 import numpy as np
 
 from deconflict.sweep.incremental import PairConflicts
-
-Pair = tuple[str, str]
+from ingest.batch import Pair
 
 
 class Trigger:

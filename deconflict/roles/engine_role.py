@@ -6,19 +6,19 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic_core import to_json
 
 from deconflict.advisory import ADVISORY, AnyAdvisory, Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, Pace
+from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, note_waits
 from deconflict.runtime.heartbeat import LONG_S, SILENT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
@@ -28,13 +28,9 @@ from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
 
 RETRY_S = 0.2
-LEARNED_EVERY_S = 60.0
-"""What was learned is handed to the operator face so often, and at the end."""
 MEASURES_EVERY_S = 1.0
 MOST_WAITING_BYTES = 64 << 20
 """Wait for an operator face that takes nothing: some five minutes of a crowded floor."""
-STEPPED_S = 30.0
-"""A batch is never so old: the host's clock has been set, and the service's goes on."""
 EVERYTHING = b"everything"
 """What an engine asks for that knows nothing of the floor. It may take long, so that its pass is not judged."""
 LEFT_OUT = {
@@ -171,31 +167,6 @@ class EngineRole:
             log.warning("the engine can't keep up, a pass took %.2f s: %s", took_s, LEFT_OUT[self._pace.effort])
         elif self._pace.effort < before:
             log.info("the engine keeps up again: %s", LEFT_OUT[self._pace.effort])
-
-
-def arrivals_s(batch: Batch, host_s: float) -> dict[str, Floats]:
-    """When each message that the batch reflects arrived, by vendor, by the host's clock, which says `host_s` now.
-
-    Those that a newer one of the same robot has replaced count as long as the first of them; a robot that is only told
-    again counts nothing.
-    """
-    by_vendor = {}
-    ahead_s = host_s - batch.now_s
-    ahead_s = ahead_s if abs(ahead_s) > STEPPED_S else 0.0
-    newest_s, first_s = batch.arrival_s, batch.first_arrival_s
-    numbers = {vendor: number for number, vendor in enumerate(dict.fromkeys(batch.vendors))}
-    said_by = np.fromiter(map(numbers.__getitem__, batch.vendors), np.int64, len(batch))
-    for vendor, number in numbers.items():
-        rows = np.flatnonzero((said_by == number) & (batch.statuses > 0))
-        arrived_s = np.concatenate([newest_s[rows], np.repeat(first_s[rows], batch.statuses[rows] - 1)])
-        by_vendor[vendor] = arrived_s + ahead_s
-    return by_vendor
-
-
-def note_waits(measures: Measures, arrivals_s: Mapping[str, Floats], now_s: float) -> None:
-    """How long messages that arrived then, by vendor, took until what they led to is told."""
-    for vendor, arrived_s in arrivals_s.items():
-        measures.observe("deconflict_message_to_advisory_seconds", (now_s - arrived_s).clip(0), vendor)
 
 
 class Outbox:

@@ -5,20 +5,21 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from random import Random
-from typing import NamedTuple
 
 from deconflict.operator.live.recent_batches import Recent, parcel
 from deconflict.runtime.rpc import PortTakenError, listening, socket_path
+from deconflict.settings.fleet_factory import fleet_of, load_fast_path
 from deconflict.settings.hot_reload import InForce
 from deconflict.settings.site import Site
-from ingest.fast_path import loader
-from ingest.fleet.fleet import Fleet
+from ingest.clocks import SteadyClock
 from ingest.fleet.introductions import Introduction
-from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.recovery import recover
 from ingest.fleet.vendor_registry import Vendors
 from ingest.frames.frame_registry import Frames
 from ingest.measures.measures import Measures
@@ -26,11 +27,10 @@ from ingest.port.connection import Connection
 from ingest.port.dialer import Dialer
 from ingest.port.rate_limits import Arrived
 from ingest.port.receiver import Receiver
-from ingest.recording.log_reader import Closed, Reader, Received, segments
+from ingest.recording.log_reader import segments
 from ingest.recording.recorder import Recorder, quantise
 from ingest.security.tokens import SecretError
 from ingest.security.vendor_credentials import Credentials
-from ingest.steady_clock import SteadyClock
 
 logger = logging.getLogger(__name__)
 
@@ -40,47 +40,10 @@ DOCUMENTS_AT_ONCE = 20
 INTRODUCER = "another ingest"
 """As the peer of what robots have said of themselves elsewhere."""
 RELOAD_CHECK_S = 0.2
-RECOVERED_SEGMENTS = 2
-"""Newest segments of the log that are read back at a start."""
 
 
-WORTH_QUICKENING = 1000
-"""Messages after which what is compiled is loaded, in a thread beside; who has little to read does without."""
-
-
-def fleet_of(site: Site, measures: Measures) -> Fleet:
-    """An empty fleet that reads messages as the site says."""
-    frames = Frames(site.datums, site.vendors)
-    return Fleet(Vendors(site.vendors), frames, site.reading, measures, Quarantine())
-
-
-class Recovered(NamedTuple):
-    messages: int
-    """How many were read again."""
-    connection: int
-    """The last that has a number in the log, 0 for none; each start numbers on from there."""
-
-
-def recover(fleet: Fleet, files: Sequence[Path], now_s: float) -> Recovered:
-    """Bring a fleet to what it was, from the end of the files of a log.
-
-    Identities count whatever their age, statuses as far back as a robot is not yet silent. What is only repeated here
-    was counted when it came, so nothing is counted again.
-    """
-    counted, fleet.measures = fleet.measures, Measures()
-    since_s, messages, connection = now_s - fleet.reading.silent_after_s, 0, 0
-    for event in Reader().read(files[-RECOVERED_SEGMENTS:]):
-        if isinstance(event, Received | Closed):
-            connection = max(connection, event.connection.id)
-        if not isinstance(event, Received) or event.refused or event.arrival_s > now_s:
-            continue
-        if event.arrival_s >= since_s or b'"operationalState"' not in event.raw:
-            fleet.receive(event.raw, event.arrival_s, event.connection)
-            messages += 1
-    fleet.measures = counted
-    for robot in fleet.robots.values():
-        robot.statuses = 0
-    return Recovered(messages, connection)
+FAST_PATH_AFTER = 1000
+"""Messages after which the fast path is loaded, in a thread of its own: a receiver of few messages saves its memory."""
 
 
 class ReceiverRole:
@@ -114,7 +77,7 @@ class ReceiverRole:
         self.ready = asyncio.Event()
         """Set once its ports are open."""
         self._tick_s = 0.0
-        self._quickened = False
+        self._fast_path_asked = False
         self._recent = Recent()
         self._dialers: dict[tuple[str, str], asyncio.Task[None]] = {}
         """By address and vendor."""
@@ -220,17 +183,25 @@ class ReceiverRole:
         was_behind = self.recorder.behind
         self.recorder.tick(now_s, effort, pending)
         self.measures.count("deconflict_ticks_total")
-        self._quicken()
+        self._ask_for_fast_path()
         batch = self.fleet.cut(now_s, everything).to_bytes()
         self._recent.add(now_s, batch)
         if not was_behind and self.recorder.behind:
             await asyncio.to_thread(self.recorder.sync, DISK_S)
         return batch
 
-    def _quicken(self) -> None:
-        if not self._quickened and sum(self.measures.values["deconflict_messages_total"].values()) >= WORTH_QUICKENING:
-            self._quickened = True
-            threading.Thread(target=loader.load, name="compiled", daemon=True).start()
+    def _ask_for_fast_path(self) -> None:
+        messages = sum(self.measures.values["deconflict_messages_total"].values())
+        if not self._fast_path_asked and messages >= FAST_PATH_AFTER:
+            self._fast_path_asked = True
+            load = partial(self._load_fast_path, asyncio.get_running_loop())
+            threading.Thread(target=load, name="fast path", daemon=True).start()
+
+    def _load_fast_path(self, loop: asyncio.AbstractEventLoop) -> None:
+        fast_path = load_fast_path()
+        with suppress(RuntimeError):  # the role has ended meanwhile, and its loop with it
+            if fast_path:
+                loop.call_soon_threadsafe(self.fleet.use, fast_path)
 
     async def _follow(self, payload: bytes) -> bytes:
         """The batch after the one with the given number, as the engine was given it, for who watches the floor."""

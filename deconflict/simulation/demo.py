@@ -36,11 +36,6 @@ REFRESH_S = 0.5
 COLOURS = {Severity.CAUTION: "cyan", Severity.WARNING: "yellow", Severity.CRITICAL: "bold red"}
 
 
-def demo_site() -> Path:
-    """The bundled site file."""
-    return Path(__file__).parents[1] / "settings" / "sites" / "demo.toml"
-
-
 @dataclass(slots=True, eq=False)
 class Picture:
     """What a person is shown: open advisories from the stream, counts from the service's own measures."""

@@ -10,8 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.sweep.geometry.knots import KNOT, ROBOT, Bools, Knots, Robots
-from ingest.batch import Floats, Ints
+from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 ABSENT = -1

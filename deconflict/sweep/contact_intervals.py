@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.sweep.broadphase import BOX, PAIR, Pairs
-from deconflict.sweep.geometry.knots import Bools
 from deconflict.sweep.narrowphase import FOUND, Found
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 MEETING = np.dtype(

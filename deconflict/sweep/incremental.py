@@ -12,10 +12,10 @@ from deconflict.sweep.broadphase import PAIR, Boxes, Pairs, in_order
 from deconflict.sweep.contact_intervals import MEETING, Meetings, Names, by_pair, in_span, joined, kept, mended, met
 from deconflict.sweep.fcl_check import Decider
 from deconflict.sweep.geometry.encounter import Encounters, encounters
-from deconflict.sweep.geometry.knots import Bools, Knots, Robots, faults
+from deconflict.sweep.geometry.knots import Knots, Robots, faults
 from deconflict.sweep.narrowphase import Found, Span, meet, motions_of, smallest_of, start_distances
 from deconflict.sweep.slot_table import Roster
-from ingest.batch import Floats, Forecasts, Ints
+from ingest.batch import Bools, Floats, Forecasts, Ints
 
 TOLERANCE_M = 1e-3
 """First contact is the first time within so much of the clearance."""

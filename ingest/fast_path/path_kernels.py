@@ -1,7 +1,7 @@
-"""The forecast of a robot that follows its path, compiled.
+"""The forecast of a robot whose status repeats its last, in one kernel.
 
-What it takes, `ingest/fleet/forecast.py` makes the same of, knot by knot. It leaves alone a heading that is not known,
-times that are past or out of order, a path that contradicts the robot's motion, and degrees.
+`ingest/fleet/forecast.py` computes the same forecast, knot by knot. The kernel gives up on times
+that are past or out of order, on a path that contradicts the robot's motion, and on motion that needs a correction.
 """
 
 from math import atan2, ceil, cos, inf, isnan, pi, sin
@@ -10,9 +10,7 @@ import numpy as np
 from numba import types
 
 from ingest.batch import Floats
-from ingest.fleet.forecast import JUMP_SLACK_M, Sighting, View, jump_mps
 from ingest.kernels import inner, kernel
-from ingest.languages.massrobotics.path_points import Path
 
 WITHIN = 1e-12
 """As in `ingest/frames/transforms.py`."""
@@ -32,34 +30,6 @@ Gone = tuple[int, int, bool, float, float, float, float, float, float, float]
 BY_PATH, BY_VELOCITY = 1, 2
 """Of `Basis`; other robots stand."""
 STRAIGHT_RADPS = 1e-3
-
-
-def follow(path: Path, here: Sighting, view: View) -> tuple[Floats, tuple[int, ...]] | None:
-    """Knots (k, 4) of the envelope's centre from `here` along the path, and the floor of each, or None."""
-    frame, floor = view.frame_of(path.datums[0])
-    points, reading, body = path.poses, view.reading, view.body
-    if frame.projection is not None or isinstance(points, tuple):
-        return None
-    knots = np.empty((len(points) + 1, 4))
-    count = _follow(
-        points,
-        here.t_s,
-        here.x_m,
-        here.y_m,
-        here.yaw_rad,
-        here.clock_offset_s,
-        here.t_s + reading.horizon_s + reading.quiet_after_s,
-        jump_mps(body),
-        JUMP_SLACK_M if here.floor == floor else inf,
-        JUMP_SLACK_M,
-        *body.offset_m,
-        frame.transform.table if frame.transform else AS_IT_IS,
-        knots,
-    )
-    if not count:
-        return None
-    floors = (floor,) * count if here.floor == floor else (here.floor, *(floor,) * (count - 1))
-    return knots if count == len(knots) else knots[:count], floors
 
 
 @inner
@@ -95,7 +65,7 @@ def _correction(x: float, y: float, triangles: Floats, rim: Floats) -> Placed:
 
 
 @inner
-def _placed(x: float, y: float, yaw_rad: float, table: Floats) -> tuple[float, float, float]:
+def placed(x: float, y: float, yaw_rad: float, table: Floats) -> tuple[float, float, float]:
     """As `transforms._Map.pose`; an empty table leaves everything as it is."""
     if len(table) == 0:
         return x, y, yaw_rad
@@ -109,12 +79,6 @@ def _placed(x: float, y: float, yaw_rad: float, table: Floats) -> tuple[float, f
         to_x, to_y, a, b, c, d = to_x + by_x, to_y + by_y, a + more_a, b + more_b, c + more_c, d + more_d
     along, across = cos(yaw_rad), sin(yaw_rad)
     return to_x, to_y, atan2(c * along + d * across, a * along + b * across)
-
-
-@kernel(types.UniTuple(_NUMBER, 3)(_NUMBER, _NUMBER, _NUMBER, _ROWS))  # type: ignore[no-untyped-call]
-def placed(x: float, y: float, yaw_rad: float, table: Floats) -> tuple[float, float, float]:
-    """As `_placed`."""
-    return _placed(x, y, yaw_rad, table)
 
 
 @inner
@@ -151,7 +115,7 @@ def _along(
         before_s = at_s
         if at_s <= t_s or last_s >= until_s:
             continue
-        to_x, to_y, to_rad = _placed(points[i, 1], points[i, 2], points[i, 3], table)
+        to_x, to_y, to_rad = placed(points[i, 1], points[i, 2], points[i, 3], table)
         way_m = most_mps * (at_s - last_s) + (first_slack_m if count == 1 else slack_m)
         if not (to_x - x) * (to_x - x) + (to_y - y) * (to_y - y) < way_m * way_m * NEARLY:
             return 0
@@ -185,30 +149,6 @@ def _by_velocity(
         to_y = y - radius_m * (cos(yaw_rad) - cos(heading))
         _put(knots, step, at_s + t_s, to_x, to_y, yaw_rad, dx, dy)
     return steps + 1
-
-
-@kernel(types.int64(_ROWS, *[_NUMBER] * 11, _ROWS, _ROWS))
-def _follow(
-    points: Floats,
-    t_s: float,
-    x: float,
-    y: float,
-    yaw_rad: float,
-    clock_offset_s: float,
-    until_s: float,
-    most_mps: float,
-    first_slack_m: float,
-    slack_m: float,
-    dx: float,
-    dy: float,
-    table: Floats,
-    knots: Floats,
-) -> int:
-    """As `_along`; `first_slack_m` is inf where the first point lies on another floor."""
-    if isnan(yaw_rad):
-        return 0
-    here = t_s, x, y, yaw_rad
-    return _along(points, here, clock_offset_s, until_s, most_mps, first_slack_m, slack_m, dx, dy, table, knots)
 
 
 @inner
@@ -252,7 +192,7 @@ def _stops_ahead(
     for i in range(len(points)):
         at_s = points[i, 0] + clock_offset_s
         if at_s <= latest_s:
-            x, y, _ = _placed(points[i, 1], points[i, 2], 0.0, table)
+            x, y, _ = placed(points[i, 1], points[i, 2], 0.0, table)
             rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = at_s, x, y, floor
             count += 1
     return count
@@ -298,7 +238,7 @@ def go_on(
     """
     points, stops = told[first_point:end_of_path], told[first_stop:end_of_stops]
     stamp_s, speed, z_m, turn = told[0, 0], told[1, 1], told[1, 0], told[1, 2]
-    x, y, yaw_rad = _placed(told[0, 1], told[0, 2], told[0, 3], table)
+    x, y, yaw_rad = placed(told[0, 1], told[0, 2], told[0, 3], table)
     if isnan(turn) or turn == 0.0:
         turn = 0.0
     elif limits[MIRRORED] != 0.0:

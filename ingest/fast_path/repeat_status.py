@@ -1,10 +1,8 @@
 """Fast path for a status that differs from the robot's last only in motion.
 
-One kernel does with it what `ingest/fleet/fleet.py` does with any status in many steps.
-
-As it did is over the same connection, in the same vocabulary, under the same load, and by a motion since it was seen
-last in which nothing is to be mended. What can't have changed then is worked out once, as its `Manner`; whatever is not
-so is left to others.
+One kernel does with it what `ingest/fleet/fleet.py` does with any status in many steps. Connection, texts and load must
+be those of the last status, and the motion must need no correction. What can't have changed then is prepared once, in a
+`RepeatReader`. The fleet reads any other status in full.
 """
 
 from dataclasses import dataclass
@@ -15,7 +13,7 @@ import numpy as np
 from ingest.batch import Basis, Floats
 from ingest.fast_path.path_kernels import AS_IT_IS, go_on
 from ingest.fast_path.scanner_kernels import OF_DESTINATIONS, OF_PATH
-from ingest.fast_path.status_scanner import Letters, Words
+from ingest.fast_path.status_scanner import ScannedStatus, Texts
 from ingest.fleet import ownership_claims, plausibility
 from ingest.fleet.forecast import JUMP_SLACK_M, NO_STOPS, Forecast, Sighting, View, jump_mps, size
 from ingest.fleet.robot import Robot
@@ -30,12 +28,12 @@ _PATH_END, _STOPS_END = OF_PATH + 1, OF_DESTINATIONS + 1
 
 
 @dataclass(slots=True, eq=False)
-class Manner:
-    """How a robot goes on."""
+class RepeatReader:
+    """Reads the statuses of one robot that differ from its last only in motion."""
 
     robot: Robot
     connection: Connection
-    words: Words
+    texts: Texts
     view: View
     view_of: tuple[bool, str]
     """As the robot's: another load may be read in the same view."""
@@ -51,14 +49,14 @@ class Manner:
     found: tuple[str, ...]
     """In each of its messages, whatever their times and the number of their points."""
 
-    def is_over(self, connection: Connection) -> bool:
-        """Whether it goes on over that connection, and is read as before."""
+    def is_valid(self, connection: Connection) -> bool:
+        """Whether the robot still reports over this connection and is read by the same settings."""
         robot = self.robot
         return self.connection is connection and robot.view is self.view and robot.view_of is self.view_of
 
-    def onward(self, told: Letters, event_s: float) -> tuple[str, ...] | None:
-        """Put the robot where it is and forecast it from there; the findings, or None where it does not go on so."""
-        robot, before, at = self.robot, self.robot.seen, told.at
+    def read(self, scanned: ScannedStatus, event_s: float) -> tuple[str, ...] | None:
+        """Update the robot and its forecast. Returns the findings; None, and no change, for any other status."""
+        robot, before, at = self.robot, self.robot.seen, scanned.at
         if before is None or before.floor != self.floor:
             return None
         first_point, end_of_path = at[OF_PATH], at[_PATH_END]
@@ -66,7 +64,7 @@ class Manner:
         room = max(end_of_path - first_point + 1, self.most_knots)
         rows = np.empty((room + end_of_stops - first_stop, 4))
         knots, ahead, odd, x_m, y_m, yaw_rad, linear_mps, turn_radps, z_m, stamp_s = go_on(
-            told.rows,
+            scanned.rows,
             rows,
             self.table,
             self.limits,
@@ -82,50 +80,52 @@ class Manner:
         )
         if not knots:
             return None
-        robot.state, robot.known_state, robot.doubt_m = self.words.state, self.words.known_state, 0.0
-        robot.battery_pct, run_time_left_h = told.rows.item(2, 0), told.rows.item(2, 1)
+        robot.state, robot.known_state, robot.doubt_m = self.texts.state, self.texts.known_state, 0.0
+        robot.battery_pct, run_time_left_h = scanned.rows.item(2, 0), scanned.rows.item(2, 1)
         robot.run_time_left_s = run_time_left_h * HOUR_S
         robot.seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
         robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.view.body, z_m))
         robot.stops = rows[room : room + ahead] if ahead else NO_STOPS
-        return self._found_in(told, stamp_s) if odd else self.found
+        return self._found_in(scanned, stamp_s) if odd else self.found
 
-    def _found_in(self, told: Letters, stamp_s: float) -> tuple[str, ...]:
+    def _found_in(self, scanned: ScannedStatus, stamp_s: float) -> tuple[str, ...]:
         findings: Findings = dict.fromkeys(self.found)
-        at, (first_s, last_s, _, latest_s) = told.at, told.rows[3].tolist()
-        if self.words.path:
+        at, (first_s, last_s, _, latest_s) = scanned.at, scanned.rows[3].tolist()
+        if self.texts.path:
             path_points.judge_path(at[_PATH_END] - at[OF_PATH], (first_s, last_s), stamp_s, findings)
-        if self.words.destinations:
+        if self.texts.destinations:
             stops = at[_STOPS_END] - at[OF_DESTINATIONS]
             path_points.judge_destinations(stops, latest_s, stamp_s, findings)
         return tuple(findings)
 
 
-def manner(robot: Robot, told: Letters, connection: Connection, names_as_uuid: str | None) -> Manner | None:
-    """How a robot goes on whose view is of such a status; None where each has to be looked at closely."""
-    said, view = told.words, robot.view
-    basis = _basis(said)
-    if view is None or robot.view_of[1] != said.datum or basis is None:
+def repeat_reader(
+    robot: Robot, scanned: ScannedStatus, connection: Connection, names_as_uuid: str | None
+) -> RepeatReader | None:
+    """For a robot whose last status was scanned; None where each of its statuses has to be read in full."""
+    texts, view = scanned.texts, robot.view
+    basis = _basis(texts)
+    if view is None or robot.view_of[1] != texts.datum or basis is None:
         return None
     frame, floor = view.frame_of("")
-    path_frame, path_floor = view.frame_of(said.path[0]) if basis is Basis.PATH and said.path else (frame, floor)
-    stops_frame, stops_floor = view.frame_of(said.destinations[0]) if said.destinations else (frame, floor)
+    path_frame, path_floor = view.frame_of(texts.path[0]) if basis is Basis.PATH and texts.path else (frame, floor)
+    stops_frame, stops_floor = view.frame_of(texts.destinations[0]) if texts.destinations else (frame, floor)
     if floor == NOWHERE or path_floor != floor or not _alike(frame, path_frame, stops_frame):
         return None
     limits = np.array([basis, robot.view_of[0], frame.mirrored, stops_floor, *_limits(view)], np.float64)
     table = frame.transform.table if frame.transform else AS_IT_IS
     most_knots = ceil(view.reading.horizon_s) + 1 if basis is Basis.VELOCITY else 1
-    found = _found(told, frame, names_as_uuid)
-    return Manner(robot, connection, said, view, robot.view_of, basis, most_knots, floor, table, limits, found)
+    found = _found(scanned, frame, names_as_uuid)
+    return RepeatReader(robot, connection, texts, view, robot.view_of, basis, most_knots, floor, table, limits, found)
 
 
-def _basis(said: Words) -> Basis | None:
-    """Of the forecasts of a robot that says so, where it says its speed too; None where that takes a closer look."""
-    if said.state == "navigating" and not said.path:
-        return None if said.destinations else Basis.VELOCITY
-    if said.state == "manualOverride" or (said.state == "idle" and said.path):
+def _basis(texts: Texts) -> Basis | None:
+    """Of the forecasts of a robot that sends its speed too; None where its statuses have to be read in full."""
+    if texts.state == "navigating" and not texts.path:
+        return None if texts.destinations else Basis.VELOCITY
+    if texts.state == "manualOverride" or (texts.state == "idle" and texts.path):
         return None
-    return Basis.PATH if said.state == "navigating" else Basis.STATIONARY
+    return Basis.PATH if texts.state == "navigating" else Basis.STATIONARY
 
 
 def _alike(frame: Frame, *others: Frame) -> bool:
@@ -156,11 +156,11 @@ def _limits(view: View) -> tuple[float, ...]:
     )
 
 
-def _found(told: Letters, frame: Frame, names_as_uuid: str | None) -> tuple[str, ...]:
+def _found(scanned: ScannedStatus, frame: Frame, names_as_uuid: str | None) -> tuple[str, ...]:
     findings: Findings = {}
-    vocabulary.robot_uuid(told.uuid.decode(), names_as_uuid, findings)
-    said = told.words
-    for found in (said.found, *(part[1] for part in (said.destinations, said.path) if part)):
+    vocabulary.robot_uuid(scanned.uuid.decode(), names_as_uuid, findings)
+    texts = scanned.texts
+    for found in (texts.found, *(part[1] for part in (texts.destinations, texts.path) if part)):
         findings.update(dict.fromkeys(found))
     if not frame.known:
         findings["datum-unknown"] = None

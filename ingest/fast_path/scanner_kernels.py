@@ -413,20 +413,7 @@ def _whole_status(text: Letters, end: int, rows: Floats, marks: Ints) -> bool:
     return False
 
 
-@kernel(_COUNTED(_LETTERS_OF, types.int64, _ROWS))
-def _all_points(text: Letters, end: int, rows: Floats) -> tuple[int, Told]:
-    """How many points there are, 0 where they are left to others, into `rows`, and what all of them tell."""
-    at, count, told = _array(text, end, 0, rows, 0)
-    return count if at == end else 0, told
-
-
 @kernel(types.boolean(_TEXT, _ROWS, _PLACES))
 def read_status(text: bytes, rows: Floats, marks: Ints) -> bool:
     """`_whole_status`, which counts no references, since it is handed the letters alone."""
     return _whole_status(np.frombuffer(text, np.uint8).ctypes, len(text), rows, marks)
-
-
-@kernel(_COUNTED(_TEXT, _ROWS))
-def read_points(text: bytes, rows: Floats) -> tuple[int, Told]:
-    """`_all_points`, as `_read_status`."""
-    return _all_points(np.frombuffer(text, np.uint8).ctypes, len(text), rows)

@@ -1,7 +1,6 @@
-"""Reads a plain status, or the points of a path alone, from its bytes with `scanner_kernels`.
+"""Reads a plain status from its bytes with `scanner_kernels`.
 
-What it takes, `ingest/languages/massrobotics/parser.py` and `ingest/languages/massrobotics/path_points.py` make the
-same of.
+`ingest/languages/massrobotics/parser.py` reads the same from it, but slower.
 """
 
 from collections.abc import Sequence
@@ -19,24 +18,23 @@ from ingest.fast_path.scanner_kernels import (
     MOST,
     OF_DESTINATIONS,
     OF_PATH,
-    read_points,
     read_status,
 )
 from ingest.languages.massrobotics import path_points, vocabulary
-from ingest.languages.massrobotics.conformance_rules import Findings
-from ingest.languages.massrobotics.parser import HOUR_S, Status
-from ingest.languages.massrobotics.path_points import NO_PATH, Path, Points
+from ingest.languages.massrobotics.conformance_rules import Findings, RejectedError
+from ingest.languages.massrobotics.parser import HOUR_S, rejection
 from ingest.languages.massrobotics.timestamps import worth_s
+from ingest.languages.model import NO_PATH, Path, Rejection, Status
 
 _OF_STAMPS = (), ("stamp-no-offset",), ("stamp-offset-no-colon",)
 """Findings, by how a stamp departs."""
 _RESOLUTIONS_S = [worth_s(digits) for digits in range(10)]
 _REMEMBERED = 1024
-"""Words and how they go together: the same few come again and again."""
+"""Combinations of texts that are kept: robots send the same few again and again."""
 
 
-class Words(msgspec.Struct, frozen=True, gc=False, eq=False):
-    """What the words of a status say, but for its UUID: one and the same object for all that say the same."""
+class Texts(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """What the texts of a status mean, except its UUID. Statuses with the same texts share one object."""
 
     state: str
     known_state: bool
@@ -48,15 +46,15 @@ class Words(msgspec.Struct, frozen=True, gc=False, eq=False):
     destinations: tuple[str, tuple[str, ...]] | None
 
 
-class Letters(msgspec.Struct, frozen=True, gc=False, eq=False):
-    """A plain status as its letters were read."""
+class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """A plain status whose bytes were scanned."""
 
     raw: bytes
     rows: Floats
     """(r, 4) numbers, as `ingest/fast_path/scanner_kernels.py` has them."""
     at: list[int]
     """Where things are, as it marks them."""
-    words: Words
+    texts: Texts
 
     @property
     def uuid(self) -> bytes:
@@ -71,35 +69,41 @@ class Letters(msgspec.Struct, frozen=True, gc=False, eq=False):
     def stamp_resolution_s(self) -> float:
         return _RESOLUTIONS_S[self.at[4]]
 
-    def status(self, names_as_uuid: str | None) -> Status:
-        """What it says. Raises `RejectedError` where its UUID is none."""
-        rows, at, said = self.rows, self.at, self.words
+    def message(self, names_as_uuid: str | None) -> Status | Rejection:
+        """The status, or a rejection where its UUID can't be read."""
         findings: Findings = {}
+        try:
+            uuid = vocabulary.robot_uuid(self.uuid.decode(), names_as_uuid, findings)
+        except RejectedError as rejected:
+            return rejection(rejected, self.uuid.decode(), names_as_uuid, findings)
+        return self._status(uuid, findings)
+
+    def _status(self, uuid: str, findings: Findings) -> Status:
+        rows, at, texts = self.rows, self.at, self.texts
         pose, (z, linear_mps, turn_rad, _), (battery_pct, run_time_left_h, available_pct, _), ends_s = rows[
             :HEAD_ROWS
         ].tolist()
         stamp_s, x, y, yaw_rad = pose
-        uuid = vocabulary.robot_uuid(self.uuid.decode(), names_as_uuid, findings)
-        if said.found:
-            findings.update(dict.fromkeys(said.found))
+        if texts.found:
+            findings.update(dict.fromkeys(texts.found))
         path = destinations = NO_PATH
-        if said.destinations:
-            read = _path(said.destinations, rows, at[OF_DESTINATIONS:], ends_s[2:], findings)
+        if texts.destinations:
+            read = _path(texts.destinations, rows, at[OF_DESTINATIONS:], ends_s[2:], findings)
             destinations = path_points.checked_destinations(read, len(read.datums), stamp_s, findings)
-        if said.path:
-            read = _path(said.path, rows, at[OF_PATH:], ends_s[:2], findings)
+        if texts.path:
+            read = _path(texts.path, rows, at[OF_PATH:], ends_s[:2], findings)
             path = path_points.checked_path(read, len(read.datums), stamp_s, findings)
         return Status(
             uuid,
             stamp_s,
             self.stamp_resolution_s,
-            said.state,
-            said.known_state,
+            texts.state,
+            texts.known_state,
             x,
             y,
             z,
             yaw_rad,
-            said.datum,
+            texts.datum,
             None if isnan(linear_mps) else linear_mps,
             None if isnan(turn_rad) else turn_rad,
             None if isnan(available_pct) else 100.0 - available_pct,
@@ -112,13 +116,13 @@ class Letters(msgspec.Struct, frozen=True, gc=False, eq=False):
         )
 
 
-def letters(raw: bytes) -> Letters | None:
-    """What the letters of a status say; None where they are left to others."""
+def scan(raw: bytes) -> ScannedStatus | None:
+    """A status that is plain; None for any other message."""
     rows, marks = np.empty((HEAD_ROWS + min(len(raw) // LEAST_LETTERS, MOST), 4)), np.empty(MARKS, np.int64)
     if not read_status(raw, rows, marks):
         return None
     at = marks.tolist()
-    words_of = _words(
+    texts = _texts(
         raw[at[2] : at[3]],
         at[5],
         raw[at[8] : at[9]] if at[8] >= 0 else None,
@@ -130,21 +134,7 @@ def letters(raw: bytes) -> Letters | None:
         raw[at[19] : at[20]] if at[19] >= 0 else None,
         raw[at[21] : at[22]] if at[21] >= 0 else None,
     )
-    return Letters(raw, rows, at, words_of)
-
-
-def points(text: bytes) -> Points | None:
-    """The points of a JSON array of predicted locations, at least one; None where they are left to others."""
-    rows = np.empty((min(len(text) // LEAST_LETTERS, MOST), 4))
-    count, (right, right_end, other, other_end, departs) = read_points(text, rows)
-    if not count:
-        return None
-    findings: Findings = {}
-    said = _said_of_points(
-        departs, text[right:right_end] if right >= 0 else None, text[other:other_end] if other >= 0 else None
-    )
-    path = _path(said, rows, (0, count), (float(rows[0, 0]), float(rows[count - 1, 0])), findings)
-    return Points(path, tuple(findings))
+    return ScannedStatus(raw, rows, at, texts)
 
 
 def _path(
@@ -155,11 +145,11 @@ def _path(
     begin, end = at[:2]
     if found:
         findings.update(dict.fromkeys(found))
-    return Path(rows[begin:end], (datum,) * (end - begin), True, (ends_s[0], ends_s[1]))
+    return Path(tuple(map(tuple, rows[begin:end].tolist())), (datum,) * (end - begin), True, (ends_s[0], ends_s[1]))
 
 
 @lru_cache(_REMEMBERED)
-def _words(
+def _texts(
     state: bytes,
     departs: int,
     right: bytes | None,
@@ -170,21 +160,21 @@ def _words(
     destinations_depart: int,
     destinations_right: bytes | None,
     destinations_other: bytes | None,
-) -> Words:
+) -> Texts:
     """Of times that depart so, negative where there are no points, and such a state and datums."""
     findings: Findings = dict.fromkeys(_OF_STAMPS[departs])
     name, known = vocabulary.state(state.decode(), findings)
     datum = vocabulary.datum(_decoded(right), _decoded(other), findings, empty="datum-missing")
     path = destinations = None
     if path_departs >= 0:
-        path = _said_of_points(path_departs, path_right, path_other)
+        path = _datum_of_points(path_departs, path_right, path_other)
     if destinations_depart >= 0:
-        destinations = _said_of_points(destinations_depart, destinations_right, destinations_other)
-    return Words(name, known, datum, tuple(findings), path, destinations)
+        destinations = _datum_of_points(destinations_depart, destinations_right, destinations_other)
+    return Texts(name, known, datum, tuple(findings), path, destinations)
 
 
 @lru_cache(_REMEMBERED)
-def _said_of_points(departs: int, right: bytes | None, other: bytes | None) -> tuple[str, tuple[str, ...]]:
+def _datum_of_points(departs: int, right: bytes | None, other: bytes | None) -> tuple[str, tuple[str, ...]]:
     """The datum of points, with the findings on their stamps and on that."""
     findings: Findings = dict.fromkeys(_OF_STAMPS[departs])
     return path_points.datum(_decoded(right), _decoded(other), findings), tuple(findings)

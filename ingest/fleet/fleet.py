@@ -8,35 +8,31 @@ from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Iterable
 from math import isfinite, isnan, nan
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ingest.batch import Batch
 from ingest.clocks import SenderClock, vendor_offset
-from ingest.fast_path import loader
 from ingest.fleet import plausibility
 from ingest.fleet.batch_builder import batch
+from ingest.fleet.fast_path_types import FastPath, RepeatReader, ScannedStatus
 from ingest.fleet.forecast import Sighting, forecast, matches, stops
 from ingest.fleet.introductions import Introduction
 from ingest.fleet.ownership_claims import Claims
 from ingest.fleet.quarantine import Quarantine, rejected
 from ingest.fleet.reading_views import Views
 from ingest.fleet.robot import Robot, placed, told
-from ingest.fleet.vendor_registry import UNKNOWN, Vendors
+from ingest.fleet.vendor_registry import Vendors
 from ingest.frames.floor_index import NOWHERE, Floors
 from ingest.frames.frame_registry import Frame, Frames
 from ingest.languages.massrobotics import parser
-from ingest.languages.massrobotics.parser import Identity, Rejection, Status
+from ingest.languages.model import Identity, Rejection, Status
 from ingest.measures import clock_changes
 from ingest.measures.measures import Labels, Measures
 from ingest.measures.message_rates import MessageRates
 from ingest.port.connection import Connection
-from ingest.settings import Reading
-
-if TYPE_CHECKING:
-    from ingest.fast_path.repeat_status import Manner
-    from ingest.fast_path.status_scanner import Letters
+from ingest.settings import UNKNOWN, Reading
 
 STALE_S = 2.0
 """A status that takes this much longer than the sender's quickest is stale."""
@@ -59,17 +55,27 @@ class Fleet:
         """Vendors of the robots heard over a connection that speaks for none, by its number."""
         self._of_vendor: Counter[str] = Counter()
         self._claims = Claims()
-        self._manners: dict[bytes, Manner] = {}
-        """How robots go on, by their UUID as sent."""
+        self._fast_path: FastPath[Any] | None = None
+        self._repeat_readers: dict[bytes, RepeatReader[Any]] = {}
+        """By a robot's UUID as sent."""
         self._views = Views(vendors, self._floors, reading)
+
+    def use(self, fast_path: FastPath[Any]) -> None:
+        """Read by compiled code from now on, with the same results."""
+        self._fast_path = fast_path
+
+    @property
+    def reads_fast(self) -> bool:
+        return self._fast_path is not None
 
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         """Take one message; the code of the rule that rejected it, or None where it was accepted."""
-        letters = loader.letters(raw) if loader.letters else None
-        if letters and (manner := self._manner(letters, connection)):
-            self._go_on(manner, letters, arrival_s)
+        scanned = self._fast_path.scan(raw) if self._fast_path else None
+        if scanned and (repeat_reader := self._repeat_reader(scanned, connection)):
+            self._receive_repeat(repeat_reader, scanned, arrival_s)
             return None
-        message = parser.understood(raw, letters, self._namer(connection))
+        namer = self._namer(connection)
+        message = scanned.message(namer) if scanned else parser.read(raw, names_as_uuid=namer)
         if isinstance(message, Rejection):
             vendor = self._vendor_of(message.uuid or "", connection)
             self._count(vendor, message.findings, None)
@@ -99,25 +105,26 @@ class Fleet:
         else:
             event_s, findings = self._timed(robot, message.stamp_s, message.stamp_resolution_s, arrival_s)
             findings += self._report(robot, message, raw, arrival_s, event_s)
-            if letters:
-                self._keep(robot, letters, connection)
+            if scanned:
+                self._renew_repeat_reader(robot, scanned, connection)
         self._accept(robot, connection, message.findings + findings)
         return None
 
-    def _go_on(self, manner: "Manner", letters: "Letters", arrival_s: float) -> None:
-        """Take in a status of a robot in that manner, or closely where it does not go on so after all."""
-        robot = manner.robot
-        event_s, findings = self._timed(robot, letters.stamp_s, letters.stamp_resolution_s, arrival_s)
+    def _receive_repeat(self, repeat_reader: RepeatReader[Any], scanned: ScannedStatus, arrival_s: float) -> None:
+        """Take a status that may repeat the robot's last; read it in full where it does not."""
+        robot = repeat_reader.robot
+        event_s, findings = self._timed(robot, scanned.stamp_s, scanned.stamp_resolution_s, arrival_s)
         gap_s = arrival_s - robot.arrival_s
-        found = manner.onward(letters, event_s)
+        found = repeat_reader.read(scanned, event_s)
         if found is None:
-            status = letters.status(self._namer(manner.connection))
-            found = status.findings + self._report(robot, status, letters.raw, arrival_s, event_s)
+            status = scanned.message(self._namer(repeat_reader.connection))
+            assert isinstance(status, Status)  # noqa: S101 - its UUID was accepted before
+            found = status.findings + self._report(robot, status, scanned.raw, arrival_s, event_s)
         else:
             findings += plausibility.frequency(gap_s, self.reading.quiet_after_s)
-            self._note(robot, letters.raw, arrival_s)
+            self._note(robot, scanned.raw, arrival_s)
             self._changed[robot.uuid] = robot
-        self._accept(robot, manner.connection, found + findings)
+        self._accept(robot, repeat_reader.connection, found + findings)
 
     def _accept(self, robot: Robot, connection: Connection, findings: tuple[str, ...]) -> None:
         if not connection.vendor:
@@ -126,26 +133,31 @@ class Fleet:
             self._count(robot.vendor, findings, robot)
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
 
-    def _manner(self, letters: "Letters", connection: Connection) -> "Manner | None":
-        """How a robot goes on that has such a status, where that is known or all but its words are as before."""
-        manner = self._manners.get(letters.uuid)
-        if manner is None or not manner.is_over(connection):
+    def _repeat_reader(self, scanned: ScannedStatus, connection: Connection) -> RepeatReader[Any] | None:
+        """The reader of the robot's repeated statuses, renewed where only its texts have changed."""
+        repeat_reader = self._repeat_readers.get(scanned.uuid)
+        if repeat_reader is None or not repeat_reader.is_valid(connection):
             return None
-        return manner if manner.words is letters.words else self._keep(manner.robot, letters, connection)
+        if repeat_reader.texts is scanned.texts:
+            return repeat_reader
+        return self._renew_repeat_reader(repeat_reader.robot, scanned, connection)
 
-    def _keep(self, robot: Robot, letters: "Letters", connection: Connection) -> "Manner | None":
-        """How a robot goes on from now on."""
-        self._drop(robot)
-        manner = loader.manner(robot, letters, connection, self._namer(connection)) if loader.manner else None
-        if manner:
-            robot.spelt = letters.uuid
-            self._manners[robot.spelt] = manner
-        return manner
+    def _renew_repeat_reader(
+        self, robot: Robot, scanned: ScannedStatus, connection: Connection
+    ) -> RepeatReader[Any] | None:
+        self._drop_repeat_reader(robot)
+        if self._fast_path is None:
+            return None
+        repeat_reader = self._fast_path.repeat_reader(robot, scanned, connection, self._namer(connection))
+        if repeat_reader:
+            robot.uuid_as_sent = scanned.uuid
+            self._repeat_readers[robot.uuid_as_sent] = repeat_reader
+        return repeat_reader
 
-    def _drop(self, robot: Robot) -> None:
-        if robot.spelt:
-            self._manners.pop(robot.spelt, None)
-            robot.spelt = b""
+    def _drop_repeat_reader(self, robot: Robot) -> None:
+        if robot.uuid_as_sent:
+            self._repeat_readers.pop(robot.uuid_as_sent, None)
+            robot.uuid_as_sent = b""
 
     def refuse(
         self,
@@ -417,7 +429,7 @@ class Fleet:
             gone.append(uuid)
         for uuid in gone:
             robot = self.robots.pop(uuid)
-            self._drop(robot)
+            self._drop_repeat_reader(robot)
             vendor = robot.vendor
             self._of_vendor[vendor] -= 1
             self.measures.count("deconflict_robots_forgotten_total", vendor)

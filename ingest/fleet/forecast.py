@@ -18,9 +18,9 @@ import msgspec
 import numpy as np
 
 from ingest.batch import Basis, Floats
-from ingest.fast_path import loader
 from ingest.frames.frame_registry import Frame
-from ingest.languages.massrobotics.parser import Path, Status
+from ingest.languages.massrobotics.parser import Path
+from ingest.languages.model import Status
 from ingest.settings import Envelope, Model, Reading
 
 DESTINATION_SPEED_MPS = 1.0
@@ -104,8 +104,6 @@ def body_of(model: Model, reported: Envelope, loaded: bool, max_speed_mps: float
 
 def forecast(status: Status, here: Sighting, view: View) -> Forecast:
     """The forecast of a robot seen at `here`, and the rules its message broke in giving it."""
-    if followed := _followed(status, here, view):
-        return followed
     findings: list[str] = []
     basis, (knots, floors) = _motion(status, here, view, findings)
     return _enveloped(basis, knots, floors, view.body, status.z, tuple(findings))
@@ -134,16 +132,6 @@ def matches(codes: tuple[str, ...], words: tuple[str, ...]) -> bool:
 
 def _plain(text: str) -> str:
     return "".join(character for character in text.casefold() if character.isalnum())
-
-
-def _followed(status: Status, here: Sighting, view: View) -> Forecast | None:
-    """By the path, in compiled code where it is loaded and the case is plain."""
-    if loader.follow is None or status.state != "navigating" or not status.path.datums:
-        return None
-    if status.error_codes and matches(status.error_codes, view.reading.blocking_errors):
-        return None
-    followed = loader.follow(status.path, here, view)
-    return Forecast(Basis.PATH, *followed, *size(view.body, status.z)) if followed else None
 
 
 def _motion(status: Status, here: Sighting, view: View, findings: list[str]) -> tuple[Basis, Along]:
@@ -237,8 +225,8 @@ def _by_datum(path: Path) -> Iterable[tuple[str, Sequence[Knot]]]:
     """The poses in the order sent, those next to each other on one datum together."""
     datums = path.datums
     if datums.count(datums[0]) == len(datums):
-        return ((datums[0], path.rows),)
-    groups = groupby(zip(datums, path.rows, strict=True), itemgetter(0))
+        return ((datums[0], path.poses),)
+    groups = groupby(zip(datums, path.poses, strict=True), itemgetter(0))
     return [(datum, [pose for _, pose in group]) for datum, group in groups]
 
 

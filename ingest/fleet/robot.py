@@ -10,7 +10,7 @@ from ingest.fleet.forecast import NO_STOPS, Forecast, Sighting, View
 from ingest.fleet.introductions import Introduction
 from ingest.frames.frame_registry import Frame
 from ingest.languages.massrobotics import parser
-from ingest.languages.massrobotics.parser import Identity
+from ingest.languages.model import Identity
 
 
 @dataclass(slots=True, eq=False)
@@ -51,8 +51,8 @@ class Robot:
     """How its messages are read; None where something of that may have changed."""
     view_of: tuple[bool, str] = (False, "")
     """What the view is of: whether the robot is loaded, and its datum."""
-    spelt: bytes = b""
-    """Its UUID as sent, where it is known how the robot goes on."""
+    uuid_as_sent: bytes = b""
+    """Where the fast path has a reader of its repeated statuses."""
     deviations: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 from functools import lru_cache
 
-from ingest.settings import Model, Vendor
+from ingest.settings import UNKNOWN, Model, Vendor
 
-UNKNOWN = "unknown"
-"""The vendor of a robot that has not identified itself and that nothing else gives away."""
 OTHER = "other"
 MAX_UNCONFIGURED = 64
 MAX_NAME = 40

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from ingest.batch import Floats, Ints
-from ingest.fast_path import loader
 
 WITHIN = 1e-12
 """Share of a triangle's height by which a point beyond it still counts as on its side."""
@@ -42,8 +41,6 @@ class _Map(ABC):
 
     def pose(self, x: float, y: float, yaw_rad: float) -> tuple[float, float, float]:
         """Where a pose comes to lie. Its heading goes through the linear part there; an unknown one stays nan."""
-        if loader.placed is not None:
-            return loader.placed(x, y, yaw_rad, self.table)
         to_x, to_y, a, b, c, d = self.at(x, y)
         along, across = cos(yaw_rad), sin(yaw_rad)
         return to_x, to_y, atan2(c * along + d * across, a * along + b * across)

@@ -22,7 +22,6 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 from websockets.protocol import State
 
-from ingest.fleet.vendor_registry import UNKNOWN
 from ingest.measures.measures import Measures
 from ingest.port.backlog import Backlog
 from ingest.port.connection import Connection
@@ -33,6 +32,7 @@ from ingest.security.certificates import Certificates, names
 from ingest.security.origin_check import is_page_elsewhere
 from ingest.security.tls_handshakes import Handshakes, turn_away
 from ingest.security.vendor_credentials import Credentials, Refusal
+from ingest.settings import UNKNOWN
 from ingest.settings import Receiver as Settings
 
 Deliver = Callable[[bytes, float, Connection], None]

@@ -7,7 +7,7 @@ from math import inf
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
-from ingest.batch import Batch
+from ingest.batch import Batch, Pair
 from metrics.replay.engine_output import Said
 from metrics.scoring.warnings import warning_scores
 from metrics.scoring.warnings.alert_scores import STANDING_S, Alert, Presence, score
@@ -17,7 +17,7 @@ from metrics.scoring.warnings.outcomes_by_moment import ContactFates, Interactio
 from metrics.scoring.warnings.path_believer import Believer
 from metrics.truth.absences import Absences
 from metrics.truth.advised_waits import Waits
-from metrics.truth.encounters import Pair, Truth
+from metrics.truth.encounters import Truth
 from metrics.truth.interactions import Interactions
 from metrics.truth.pair_outcomes import Outcomes
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
-from ingest.batch import Floats
+from ingest.batch import Floats, Pair
 from metrics.scoring.place_scores import Forecast
-from metrics.truth.encounters import Pair
 
 Published = Sequence[tuple[Pair, float]]
 """Pairs, and the probability of each."""

@@ -6,10 +6,9 @@ from math import floor, inf
 from typing import Any
 
 from deconflict.engine.load_shedding import Effort
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import Site
 from ingest.batch import Batch
-from ingest.fast_path import loader
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import EngineStarted, Event, Noted, Received, Tick
 from metrics.replay import conformance_counts
@@ -43,8 +42,7 @@ class Reading:
     """The messages of one log through one fleet."""
 
     def __init__(self, site: Site) -> None:
-        loader.load()
-        self.fleet = fleet_of(site, Measures())
+        self.fleet = fast_fleet_of(site, Measures())
         self.messages = 0
         self.first_s, self.last_s = inf, -inf
         self.now_s = 0.0

@@ -19,8 +19,7 @@ from deconflict.contention.queues.charger_forecast import AHEAD_S as NEEDS_AHEAD
 from deconflict.contention.queues.charger_forecast import Need
 from deconflict.contention.queues.queue_forecast import Turns
 from deconflict.settings.shared_places import Resource
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 from metrics.truth.resource_use import Entry
 

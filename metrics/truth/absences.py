@@ -16,14 +16,13 @@ from deconflict.foresight.presence.believed_places import Approach, Places, plac
 from deconflict.foresight.presence.report_intervals import GRACE_S, Hearing, Legs, grace_s
 from deconflict.foresight.presence.returned_robots import was_there
 from deconflict.sweep.geometry.pose import pose_at
-from ingest.batch import Batch, Forecasts
+from ingest.batch import Batch, Forecasts, Pair
 
 STOOD_M = 0.3
 """A robot that comes back within this of where it was heard last stood there."""
 LOOK_S = 1.0
 """How often it is looked whether robots have fallen silent."""
 
-Pair = tuple[str, str]
 Span = tuple[float, float]
 
 

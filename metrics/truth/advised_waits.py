@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from math import inf
 
-from metrics.truth.encounters import Pair
+from ingest.batch import Pair
 
 ONE_WAIT_S = 2.5
 """A robot that is seen to wait again within this time waited throughout."""

@@ -12,7 +12,7 @@ from math import floor, inf
 
 import numpy as np
 
-from ingest.batch import Forecasts, Ints
+from ingest.batch import Forecasts, Ints, Pair
 from metrics.truth.nearest_scenes import Scenes
 from metrics.truth.recorded_motion import Motion
 from metrics.truth.separations import Separations, separations
@@ -27,8 +27,6 @@ LAG_S = 3.0
 """How long after a moment all reports about it have come."""
 STRETCH = 50
 """Samples that are looked at together."""
-
-Pair = tuple[str, str]
 
 
 @dataclass(slots=True, eq=False)

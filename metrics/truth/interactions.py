@@ -12,9 +12,8 @@ from deconflict.foresight.forecast_errors.pose_sampling import poses_at
 from deconflict.foresight.interactions.interaction_finder import Finder, Interaction, Outcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S, SPARSE_S
 from deconflict.foresight.interactions.report_progress import reports_of
-from ingest.batch import Batch, Floats, Ints
+from ingest.batch import Batch, Floats, Ints, Pair
 from ingest.kernels import ready
-from metrics.truth.encounters import Pair
 from metrics.truth.placebo import Placebo
 
 LOOKS_S: Floats = np.arange(AHEAD_S + 1.0)

@@ -12,7 +12,8 @@ from math import inf
 from typing import NamedTuple
 
 from deconflict.foresight.interactions.interaction_finder import Outcome
-from metrics.truth.encounters import Encounter, Pair, Truth
+from ingest.batch import Pair
+from metrics.truth.encounters import Encounter, Truth
 from metrics.truth.interactions import GaveWay, Interactions
 
 WITHIN_S = 10.0

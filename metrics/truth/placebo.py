@@ -11,8 +11,7 @@ import numpy as np
 
 from deconflict.foresight.interactions.interaction_finder import Finder, Interaction, Reports
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 SHIFT_S = 60.0
 OWN_S = 20.0

@@ -12,8 +12,7 @@ from math import inf
 import numpy as np
 
 from deconflict.foresight.presence.report_intervals import GAPS, GRACE_S, grace_after_s
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Forecasts, Ints
+from ingest.batch import Bools, Floats, Forecasts, Ints
 from metrics.truth.recorded_motion import Stretch
 
 MINUTE_S = 60.0

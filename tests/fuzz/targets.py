@@ -16,7 +16,8 @@ from ingest.fleet.quarantine import Quarantine
 from ingest.fleet.vendor_registry import Vendors
 from ingest.frames.frame_registry import Frames
 from ingest.languages.massrobotics.conformance_rules import RULES
-from ingest.languages.massrobotics.parser import Rejection, document, read
+from ingest.languages.massrobotics.parser import document, read
+from ingest.languages.model import Rejection
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum, Reading, Vendor

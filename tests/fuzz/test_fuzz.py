@@ -6,7 +6,8 @@ from random import Random
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from ingest.languages.massrobotics.parser import Rejection, read
+from ingest.languages.massrobotics.parser import read
+from ingest.languages.model import Rejection
 from tests.fuzz.compiled import compiled_modules
 from tests.fuzz.mutation import mutated
 from tests.fuzz.targets import TARGETS

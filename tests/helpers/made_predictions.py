@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.advisories.conflict_wording import Pair, Prediction, Predictions
+from deconflict.advisories.conflict_wording import Prediction, Predictions
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter, Encounters
-from ingest.batch import Floats
+from ingest.batch import Floats, Pair
 
 
 def in_columns(told: Sequence[Prediction]) -> Predictions:

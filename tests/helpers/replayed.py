@@ -5,7 +5,7 @@ from pathlib import Path
 from deconflict.advisory import AnyAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import EngineStarted, Reader, Received, Tick

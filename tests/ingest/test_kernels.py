@@ -6,7 +6,7 @@ from pathlib import Path
 
 SOURCE = """
 import numba
-from ingest.compiled import inner, kernel
+from ingest.kernels import inner, kernel
 
 @inner
 def half(x):

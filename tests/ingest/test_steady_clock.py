@@ -2,7 +2,7 @@ from itertools import pairwise
 
 import pytest
 
-from ingest.steady_clock import SLEW, SteadyClock
+from ingest.clocks import SLEW, SteadyClock
 
 
 class Host:

@@ -11,7 +11,7 @@ import pytest
 
 from deconflict.__main__ import parser
 from metrics.commands import LogError
-from tests.metrics.replay.test_replay import log_of_a_crossing
+from tests.metrics.replay.made_replays import log_of_a_crossing
 
 
 def run(*words: str | Path) -> None:

@@ -8,8 +8,7 @@ from deconflict.engine.engine import Engine
 from deconflict.foresight.probability.calibration import Calibration, Estimate
 from deconflict.foresight.probability.pair_table import DRIVEN, PREEMPTED, Fates
 from deconflict.foresight.probability.start_times import LATE_S, Starts
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 Change = Callable[[Engine], None]
 

@@ -10,7 +10,7 @@ import numpy as np
 from ingest.batch import Batch, Claim, Ints
 from ingest.fleet import ownership_claims
 from ingest.fleet.forecast import Sighting
-from ingest.fleet.vendor_registry import UNKNOWN
+from ingest.settings import UNKNOWN
 
 STANDS_S = 2.0
 """A claim stands for so long after the last batch of any ingest that has it."""

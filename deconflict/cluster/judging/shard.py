@@ -15,15 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deconflict.advisories.advisory_counts import NEAR_MISSES, TALLIED, by_severity, tally, tell_open
-from deconflict.advisories.conflict_wording import Pair
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.cluster.tiles.channels import GONE, Extents, Floors, channel, late, wide_channel
 from deconflict.cluster.tiles.tiles import Area, Grid, Place, Tile
 from deconflict.engine.engine import Engine
 from deconflict.foresight.presence.presence import PROBABLY_LEFT_ROBOTS, SILENCES
 from deconflict.settings.site import Site
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Batch, Ints
+from ingest.batch import Batch, Bools, Ints, Pair
 from ingest.measures.measures import Measures
 
 PATIENCE_S = 10.0

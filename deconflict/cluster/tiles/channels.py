@@ -15,8 +15,7 @@ import numpy as np
 
 from deconflict.cluster.tiles.tiles import Grid, Place, Tile
 from deconflict.settings.site import Conflict
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Batch, Floats, Ints
+from ingest.batch import Batch, Bools, Floats, Ints
 
 GONE = "gone"
 """The channel of robots that were forgotten, which everybody hears."""

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats
+from ingest.batch import Bools, Floats
 
 QUARTERS = "0123"
 """South-west, south-east, north-west, north-east."""

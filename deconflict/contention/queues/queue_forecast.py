@@ -11,8 +11,7 @@ import numpy as np
 
 from deconflict.contention.robots.place_geometry import Geometry
 from deconflict.sweep.geometry.heights import beside
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 _FLOATS, _INTS, _BOOLS = (

@@ -11,8 +11,7 @@ from deconflict.contention.robots.arrival_forecast import Corrections
 from deconflict.contention.robots.lookahead import STEP_S, STEPS, Ahead
 from deconflict.contention.robots.overdue_times import OVERDUE_S
 from deconflict.contention.robots.record_kernels import ROBOT, STOP, Drawn, Records, Stops
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Destinations, Floats, Ints
+from ingest.batch import Bools, Destinations, Floats, Ints
 from ingest.kernels import inner, kernel, ready
 
 QUICKEST_MPS = 2.0

@@ -11,8 +11,7 @@ from deconflict.advisory import Location
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M, grown, touching
 from deconflict.contention.robots.lookahead import STEPS, Ahead, Ways, corners
 from deconflict.settings.shared_places import Place, Resource, Zone, outlines
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 CHANGEOVER_S = 4.0
 """From when a robot sets out from a resource, or is out of a lane, until the next one can be there."""

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.contention.robots.lookahead import STEP_S
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Basis, Floats, Ints
+from ingest.batch import Basis, Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 STANDS_M = 0.1

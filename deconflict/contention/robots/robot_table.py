@@ -19,8 +19,7 @@ from deconflict.contention.robots.lookahead import STEP_S, STEPS, Ahead, Ways, a
 from deconflict.contention.robots.place_geometry import Geometry, Passage
 from deconflict.contention.robots.record_kernels import ROBOT, STANDS_M, STOP, STRAIGHT, WAY_M, Drawn, take_in
 from deconflict.contention.robots.robot_view import Seen
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Basis, Batch, Floats, Ints
+from ingest.batch import Basis, Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 
 RESTING = frozenset(("idle", "charging", "disabled", "offline"))

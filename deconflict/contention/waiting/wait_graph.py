@@ -19,8 +19,7 @@ from deconflict.contention.robots.robot_table import Robots
 from deconflict.contention.robots.robot_view import Seen
 from deconflict.contention.waiting.deadlocks import Node, Want
 from deconflict.sweep.geometry.heights import beside, beside_each
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 WAY_M = 1.0
 """A robot that stands with less than this left to what is in its way waits for it."""

@@ -6,8 +6,7 @@ Compiled; arrays are by slot, as `followed` keeps them and `ways` describes them
 import numba
 import numpy as np
 
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]

@@ -15,8 +15,7 @@ import numpy as np
 from deconflict.foresight.forecast_errors.quantile_sketch import BINS, bins, set_quantiles
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
 from deconflict.runtime.learned_state import Part, UnreadableError, numbers
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Basis, Floats, Ints
+from ingest.batch import Basis, Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 HORIZONS = 10

@@ -11,8 +11,7 @@ from deconflict.foresight.forecast_errors.pose_sampling import poses_at
 from deconflict.foresight.forecast_errors.quantile_sketch import LIMITS_M
 from deconflict.foresight.forecast_errors.track_kernels import Errors, Robots
 from deconflict.sweep.geometry.encounter import STANDING_MPS
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Batch, Floats, Ints
+from ingest.batch import Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 
 KEPT = HORIZONS + 1

@@ -23,9 +23,8 @@ from deconflict.foresight.interactions.progress_kernels import (
     Findings,
     follow,
 )
-from deconflict.sweep.geometry.knots import Bools
 from deconflict.sweep.geometry.rectangles import signed_gap
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 BEYOND_M = 1.0
 """Who is within the stopping distance and so much of a robot's way is in its way."""

@@ -7,10 +7,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from deconflict.foresight.presence.report_intervals import Legs
-from deconflict.sweep.geometry.knots import Bools
 from deconflict.sweep.geometry.pose import Pose
 from deconflict.sweep.geometry.rectangles import signed_gap
-from ingest.batch import Batch, Floats, Forecasts, Ints
+from ingest.batch import Batch, Bools, Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 
 INNER = 0.5

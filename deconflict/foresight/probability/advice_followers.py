@@ -11,8 +11,7 @@ import numba
 import numpy as np
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import kernel
 
 _INTS, _FLOATS, _BOOLS = numba.int64[::1], numba.float64[::1], numba.boolean[::1]

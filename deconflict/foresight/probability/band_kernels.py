@@ -10,8 +10,7 @@ import numpy as np
 
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, ROBOT, Errors, Robots
 from deconflict.foresight.probability.pair_table import PAIR, Pairs
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 EIGHTY = 1.28

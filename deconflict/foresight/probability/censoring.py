@@ -10,8 +10,7 @@ above 1). The shares are those of Kaplan and Meier 1958. Where nobody leaves, ev
 import numba
 import numpy as np
 
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import kernel
 
 PARTS = 10

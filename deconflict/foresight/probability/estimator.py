@@ -51,13 +51,10 @@ from deconflict.foresight.rollout.rollout_schedule import Rollouts
 from deconflict.foresight.rollout.start_samples import SAMPLES, START, key_of, quantiles
 from deconflict.runtime.learned_state import Part
 from deconflict.sweep.geometry.encounter import STANDING_MPS
-from deconflict.sweep.geometry.knots import Bools
 from deconflict.sweep.geometry.rectangles import signed_gap
-from ingest.batch import Batch, Floats, Ints
+from ingest.batch import Batch, Bools, Floats, Ints, Pair
 from ingest.kernels import ready
 from ingest.measures.measures import Labels, Measures
-
-Pair = tuple[str, str]
 
 LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
 """Parts of ten at which the horizon is sampled."""

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from deconflict.foresight.probability.censoring import STAYED, part_of
 from deconflict.foresight.rollout.rollout import ROLLED
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import kernel
 
 SLOT_BITS = 24

@@ -7,9 +7,8 @@ from deconflict.foresight.forecast_errors.pending_forecasts import Followed
 from deconflict.foresight.forecast_errors.track_kernels import Robots
 from deconflict.foresight.probability.band_kernels import most_sds
 from deconflict.foresight.probability.start_times import LATE_S, Starts
-from deconflict.sweep.geometry.knots import Bools
 from deconflict.sweep.geometry.rectangles import signed_gap
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 NO_PAST: Floats = np.empty(0)
 

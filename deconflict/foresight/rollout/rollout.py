@@ -6,8 +6,7 @@ import numpy as np
 
 from deconflict.foresight.rollout.drive_kernels import drive, edges_of, reaches
 from deconflict.foresight.rollout.start_samples import SAMPLES, paces
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 NOBODY = -1
 ROLLED = 1

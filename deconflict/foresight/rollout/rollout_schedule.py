@@ -9,8 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from deconflict.foresight.rollout.rollout import NEVER, NOBODY, Rolled
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 EVERY_S = 1.0
 """An island is driven on so often."""

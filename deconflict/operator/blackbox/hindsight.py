@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from deconflict.sweep.one_shot import sweep
 from ingest.batch import Forecasts

@@ -7,9 +7,10 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from deconflict.operator.live.floor_frames import Picture
-from deconflict.roles.receiver_role import fleet_of, recover
 from deconflict.runtime.worker_process import worker
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from ingest.fleet.recovery import recover
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import begun_s, segments, segments_until
 

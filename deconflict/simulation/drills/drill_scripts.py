@@ -10,7 +10,7 @@ from deconflict.advisory import Kind
 from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site, load
 from deconflict.simulation.cast import ALDER, BASALT, CORVID, WALKER, Make, Member
-from deconflict.simulation.demo import demo_site
+from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.drills.errands import Errand, Party, Visit
 from deconflict.simulation.vendors.dialects import GROUND_ID
 

@@ -6,8 +6,7 @@ Heights are a bottom and a top in metres, -inf and inf where they are unknown: s
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats
+from ingest.batch import Bools, Floats
 
 
 class Tall(Protocol):

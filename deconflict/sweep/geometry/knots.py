@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.kernels import inner, kernel, ready
 
-Bools = NDArray[np.bool_]
 Knots = NDArray[Any]
 """Of `KNOT`."""
 

@@ -2,10 +2,6 @@
 
 What it takes, pydantic takes with the same values, five times as slowly; what it does not take may still be read. It
 leaves alone whatever has a key that the standard does not have, since such keys are kept aside, and whatever is null.
-
-Nine tenths of a status are the points of its path and destinations. These stay bytes at first. Those that are plain
-are read from them by compiled code where it is loaded (`ingest/fast_path/loader.py`), and only others are decoded: a
-status may be out of the ordinary in something else.
 """
 
 from types import NoneType, UnionType
@@ -13,34 +9,22 @@ from typing import Annotated, Any, TypeGuard, Union, cast, get_args, get_origin
 
 import msgspec
 
-from ingest.fast_path import loader
-from ingest.languages.massrobotics.path_points import Points
-from ingest.languages.massrobotics.report_models import IdentityReport, PredictedLocation, Report, StatusReport
+from ingest.languages.massrobotics.report_models import IdentityReport, Report, StatusReport
 
 _STATUS_KEY = b'"operationalState"'
-_OF_POINTS = frozenset(("path", "destinations"))
 
 
 def decoded(raw: bytes) -> IdentityReport | StatusReport | None:
-    """A report all of whose keys and types are those of the standard, or None. It is only like its model.
+    """A report all of whose keys and types are those of the standard, or None.
 
-    Its path and destinations may be `Points`.
+    It has the attributes of its model, but is not an instance of it.
     """
     try:
         if _STATUS_KEY not in raw:
             return cast(IdentityReport, _IDENTITY.decode(raw))
-        report: Any = _STATUS.decode(raw)
-        report.path, report.destinations = _points(report.path), _points(report.destinations)
+        return cast(StatusReport, _STATUS.decode(raw))
     except (msgspec.DecodeError, UnicodeDecodeError):
         return None
-    return cast(StatusReport, report)
-
-
-def _points(told: msgspec.Raw | None) -> Points | list[PredictedLocation] | None:
-    if told is None:
-        return None
-    plain = loader.points(bytes(told)) if loader.points else None
-    return cast(list[PredictedLocation], _POINTS.decode(told)) if plain is None else plain
 
 
 def is_status(report: IdentityReport | StatusReport) -> TypeGuard[StatusReport]:
@@ -49,17 +33,16 @@ def is_status(report: IdentityReport | StatusReport) -> TypeGuard[StatusReport]:
 
 
 def _struct(model: type[Report]) -> type[msgspec.Struct]:
-    """Frozen, but for a report whose points are yet to be read."""
     fields: list[Any] = []
     for name, field in model.model_fields.items():
-        kind = msgspec.Raw if name in _OF_POINTS else _kind(field.annotation)
+        kind = _kind(field.annotation)
         fields.append((name, kind) if field.is_required() else (name, kind, field.default))
     return msgspec.defstruct(
         model.__name__,
         fields,
         namespace={"__pydantic_extra__": None},
         kw_only=True,
-        frozen=not _OF_POINTS & model.model_fields.keys(),
+        frozen=True,
         gc=False,
         forbid_unknown_fields=True,
     )
@@ -91,4 +74,3 @@ def _struct_of(model: type[Report]) -> type[msgspec.Struct]:
 _STATUSES = frozenset((StatusReport, _struct_of(StatusReport)))
 _STATUS = msgspec.json.Decoder(_struct_of(StatusReport))
 _IDENTITY = msgspec.json.Decoder(_struct_of(IdentityReport))
-_POINTS = msgspec.json.Decoder(list[_struct_of(PredictedLocation)])  # type: ignore[misc]

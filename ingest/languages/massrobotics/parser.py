@@ -1,25 +1,20 @@
 """One message: bytes in; an identity, a status or a counted rejection out. Never raises on what a sender sent.
 
-A plain status is read by compiled code where that is loaded (`ingest/fast_path/loader.py`). What else conforms is
-decoded at once, one with keys of its own validated from its bytes. One that does not validate is parsed, mended where
-its meaning is plain, and validated again; then optional values that still do not fit are left out. Duplicate keys: the
-last one holds.
+A conforming message is decoded at once. A message with keys of its own is validated from its bytes. A message that does
+not validate is parsed, repaired where its meaning is clear, and validated again; then optional values that still do not
+fit are left out. Of duplicate keys the last one holds.
 """
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isnan, nan
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
-import msgspec
 from pydantic import ValidationError
 from pydantic_core import from_json
 
-from ingest.fast_path import loader
 from ingest.languages.massrobotics import fast_decoder, path_points, repair, timestamps, vocabulary
 from ingest.languages.massrobotics.conformance_rules import Findings, RejectedError
-from ingest.languages.massrobotics.path_points import Path
 from ingest.languages.massrobotics.report_models import (
     Extent,
     IdentityReport,
@@ -30,11 +25,9 @@ from ingest.languages.massrobotics.report_models import (
     StatusReport,
     Velocity,
 )
+from ingest.languages.model import Identity, Path, Rejection, Status
 
-if TYPE_CHECKING:
-    from ingest.fast_path.status_scanner import Letters
-
-__all__ = ["Identity", "Path", "Rejection", "Status", "document", "read", "understood"]
+__all__ = ["Identity", "Path", "Rejection", "Status", "document", "read", "rejection"]
 
 MAX_ENVELOPE_M = 100.0
 MAX_SPEED_MPS = 100.0
@@ -59,81 +52,25 @@ _HOLDERS = {
 """What of each report is a report in its turn."""
 
 
-class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
-    """Who a robot is, in so far as prediction needs it; `document` has the rest."""
-
-    uuid: str
-    stamp_s: float
-    manufacturer: str
-    model: str
-    serial: str
-    envelope_m: tuple[float, float, float]
-    """Height 0 where unknown."""
-    max_speed_mps: float | None
-    findings: tuple[str, ...]
-
-
-class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
-    """Where a robot is and will be, as sent: its own clock, its own frame."""
-
-    uuid: str
-    stamp_s: float
-    stamp_resolution_s: float
-    state: str
-    """As the schema spells it, or the sender's own word."""
-    known_state: bool
-    x: float
-    y: float
-    z: float
-    yaw_rad: float
-    """nan where unknown."""
-    datum: str
-    """Lower case; "" where none was sent."""
-    linear_mps: float | None
-    turn_rad_per_s: float | None
-    """The rotation made in one second."""
-    load_used_pct: float | None
-    battery_pct: float | None
-    run_time_left_s: float | None
-    """How much longer its battery lasts."""
-    error_codes: tuple[str, ...]
-    destinations: Path
-    path: Path
-    findings: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Rejection:
-    """A message that can't be understood: which rule, and what the sender should change."""
-
-    rule: str
-    reason: str
-    uuid: str | None = None
-    """Of the robot, where that much could be read."""
-    findings: tuple[str, ...] = ()
-
-
 def read(raw: bytes, *, names_as_uuid: str | None = None) -> Identity | Status | Rejection:
     """What one message says. `names_as_uuid` is the vendor whose robots may go by name instead of a UUID."""
-    return understood(raw, loader.letters(raw) if loader.letters else None, names_as_uuid)
-
-
-def understood(raw: bytes, letters: "Letters | None", names_as_uuid: str | None) -> Identity | Status | Rejection:
-    """As `read`, with its letters where it is a plain status and they were read."""
     findings: Findings = {}
-    said_uuid: object = None
+    sent_uuid: object = None
     try:
-        if letters:
-            return letters.status(names_as_uuid)
         report = fast_decoder.decoded(raw) or _report(raw, findings)
-        said_uuid = report.uuid
+        sent_uuid = report.uuid
         uuid = vocabulary.robot_uuid(report.uuid, names_as_uuid, findings)
         if fast_decoder.is_status(report):
             return _status(report, uuid, findings)
         return _identity(cast(IdentityReport, report), uuid, findings)
     except RejectedError as rejected:
-        uuid_read = _uuid_if_read(rejected.said_uuid or said_uuid, names_as_uuid)
-        return Rejection(rejected.rule, rejected.reason[:MAX_REASON], uuid_read, tuple(findings))
+        return rejection(rejected, sent_uuid, names_as_uuid, findings)
+
+
+def rejection(rejected: RejectedError, sent_uuid: object, names_as_uuid: str | None, findings: Findings) -> Rejection:
+    """A rejected message, with its robot where the UUID that was sent can be read."""
+    uuid = _uuid_if_read(rejected.said_uuid or sent_uuid, names_as_uuid)
+    return Rejection(rejected.rule, rejected.reason[:MAX_REASON], uuid, tuple(findings))
 
 
 def document(raw: bytes) -> dict[str, Any]:

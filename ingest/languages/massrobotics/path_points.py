@@ -5,12 +5,10 @@ from itertools import pairwise
 from math import atan2, nan
 from operator import le, lt
 
-import msgspec
-
-from ingest.batch import Floats
 from ingest.languages.massrobotics import timestamps, vocabulary
 from ingest.languages.massrobotics.conformance_rules import Findings
 from ingest.languages.massrobotics.report_models import PredictedLocation, Quaternion
+from ingest.languages.model import NO_PATH, Path, Row
 from ingest.settings import NIL_DATUM
 
 MAX_POSITION = 1e7
@@ -23,45 +21,6 @@ SLACK_S = 1.0
 """How far a time may lie beyond a limit before it is a finding: stamps are rounded."""
 UNSET_CLOCK_S = 366 * 86400.0
 """Times before this, in 1970, come of a clock that was never set or counts from the start of something."""
-
-
-Row = tuple[float, float, float, float]
-"""t_s, x, y, yaw_rad, nan where the heading is unknown."""
-
-
-class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
-    """Timed poses as sent."""
-
-    poses: tuple[Row, ...] | Floats
-    """(p, 4); an array where compiled code has read it."""
-    datums: tuple[str, ...]
-    """(p,) lower case; "" is the robot's own."""
-    in_order: bool
-    """Whether each is later than the one before."""
-    ends_s: tuple[float, float]
-    """The first time and the last; nan of no pose."""
-
-    @property
-    def rows(self) -> Sequence[Row]:
-        """The poses, row by row."""
-        return self.poses if isinstance(self.poses, tuple) else self.poses.tolist()
-
-    @property
-    def times(self) -> list[float]:
-        return [row[0] for row in self.poses] if isinstance(self.poses, tuple) else self.poses[:, 0].tolist()
-
-
-class Points(msgspec.Struct, frozen=True, gc=False, eq=False):
-    """A path or destinations as compiled code reads them: in order, on one datum, and all is well but what is told."""
-
-    path: Path
-    findings: tuple[str, ...]
-
-    def __len__(self) -> int:
-        return len(self.path.datums)
-
-
-NO_PATH = Path((), (), in_order=True, ends_s=(nan, nan))
 
 
 def absurd(x: float, y: float, z: float) -> bool:
@@ -89,7 +48,7 @@ def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
     return atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
-def path(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, findings: Findings) -> Path:
+def path(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
     """The path in the order sent, whatever its times. `ingest/fleet/forecast.py` replaces times that can't be used."""
     read = _read(points, findings)
     return read if points is None else checked_path(read, len(points), stamp_s, findings)
@@ -136,7 +95,7 @@ def _past(last_s: float, stamp_s: float) -> str:
     return "path-past" if last_s <= stamp_s else "path-partly-past"
 
 
-def destinations(points: Sequence[PredictedLocation] | Points | None, stamp_s: float, findings: Findings) -> Path:
+def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
     """The destinations in the order of their times."""
     read = _read(points, findings)
     return read if points is None else checked_destinations(read, len(points), stamp_s, findings)
@@ -154,8 +113,7 @@ def checked_destinations(read: Path, sent: int, stamp_s: float, findings: Findin
         return read
     findings["destinations-unsorted"] = None
     order = sorted(range(len(times)), key=times.__getitem__)
-    rows = read.rows
-    poses, datums = tuple(rows[row] for row in order), tuple(read.datums[row] for row in order)
+    poses, datums = tuple(read.poses[row] for row in order), tuple(read.datums[row] for row in order)
     return Path(poses, datums, len(set(times)) == len(times), (times[order[0]], times[order[-1]]))
 
 
@@ -169,11 +127,7 @@ def judge_destinations(sent: int, latest_s: float, stamp_s: float, findings: Fin
         findings["destinations-past"] = None
 
 
-def _read(points: Sequence[PredictedLocation] | Points | None, findings: Findings) -> Path:
-    if isinstance(points, Points):
-        if points.findings:
-            findings.update(dict.fromkeys(points.findings))
-        return points.path
+def _read(points: Sequence[PredictedLocation] | None, findings: Findings) -> Path:
     if not points:
         return NO_PATH
     points = points[:MOST_POINTS_USED]

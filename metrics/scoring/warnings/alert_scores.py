@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from ingest.batch import Floats
+from ingest.batch import Floats, Pair
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.summaries import mean, means, median, medians, spread
 from metrics.scoring.warnings.calibration_scores import Tally, Vendors
-from metrics.truth.encounters import Encounter, Pair
+from metrics.truth.encounters import Encounter
 
 HORIZON_S = 10.0
 STANDING_S = 2.0

@@ -18,15 +18,13 @@ import numba
 import numpy as np
 
 from deconflict.foresight.probability.censoring import PARTS, STAYED, part_of, weights
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints, Pair
 from ingest.kernels import kernel
 from metrics.scoring.bootstrap import GROUPS, Interval, interval
 from metrics.scoring.summaries import brier, brier_skill, brier_skills, briers
 from metrics.scoring.warnings.likely_pairs import Likely
 from metrics.scoring.warnings.outcomes_by_moment import HORIZON_S, Fates
 from metrics.truth.advised_waits import Waits
-from metrics.truth.encounters import Pair
 
 SETTLED_S = 120.0
 """The first minutes, in which probabilities rest on what was known before the log began."""

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Sequence
 from math import ceil
 from typing import NamedTuple
 
+from ingest.batch import Pair
 from metrics.scoring.warnings.alert_scores import Alert, Presence
 from metrics.scoring.warnings.calibration_scores import Vendors
 from metrics.truth.advised_waits import Waits
-from metrics.truth.encounters import Pair
 from metrics.truth.pair_outcomes import NOTHING, WITHIN_S, Outcomes, PairOutcomes, Verdict
 
 LEADS_S = (2.0, 4.0, 6.0)

@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints, Pair
 from metrics.scoring.bootstrap import GROUPS, interval
 from metrics.scoring.summaries import mean, means, ratio, ratios
-from metrics.truth.encounters import Pair
 
 LIKELY = 0.5
 BINS = 5

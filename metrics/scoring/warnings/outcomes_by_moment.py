@@ -9,9 +9,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from deconflict.foresight.interactions.interaction_finder import SETTLED_S
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
-from metrics.truth.encounters import Encounter, Pair, Truth
+from ingest.batch import Bools, Floats, Ints, Pair
+from metrics.truth.encounters import Encounter, Truth
 from metrics.truth.pair_outcomes import NOTHING, Outcomes
 
 HORIZON_S = 10.0

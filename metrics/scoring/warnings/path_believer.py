@@ -11,9 +11,8 @@ import numpy as np
 
 from deconflict.sweep.geometry.encounter import CLASSES
 from deconflict.sweep.incremental import PairConflicts, Sweeper
-from ingest.batch import Batch, Ints
+from ingest.batch import Batch, Ints, Pair
 from metrics.scoring.warnings.alert_scores import Alert
-from metrics.truth.encounters import Pair
 
 HORIZON_S = 10.0
 LOOK_S = 1.0

@@ -7,7 +7,7 @@ import pytest
 
 from deconflict.advice.conflict_groups import Group, Groups
 from deconflict.advisory import ConflictAdvisory, Hold, Recommendation, moment
-from tests.deconflict.engine.test_engine import NOW_S
+from tests.deconflict.engine.made_engine import NOW_S
 from tests.helpers.made_advisories import made
 
 PAIRS = list(combinations("abcdefghijklmnop", 2))

@@ -10,14 +10,15 @@ from shapely.affinity import rotate, translate
 
 from deconflict.advice.async_answers import ANSWER_AFTER_S, Answer
 from deconflict.advice.burden import Account, yielded_s
-from deconflict.advice.delay_windows import Near, Pair
+from deconflict.advice.delay_windows import Near
 from deconflict.advice.hold_desk import MOST_PAIRS, PAIRS_PER_S, Desk
 from deconflict.advisories.conflict_lifecycle import PASSED, UNPREDICTED
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, moment
 from deconflict.engine.engine import Engine
+from ingest.batch import Pair
 from ingest.measures.measures import Measures
-from tests.deconflict.advice.made_near import near
-from tests.deconflict.engine.test_engine import NOW_S, SITE, Course, Floor, eastward, northward
+from tests.deconflict.advice.made_near import near, until_advised
+from tests.deconflict.engine.made_engine import NOW_S, SITE, Course, Floor, eastward, northward
 from tests.helpers.made_advisories import made
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import robot
@@ -39,15 +40,6 @@ def envelope(course: Course, t: float) -> Polygon:
 def closest_m(floor: Floor, until_s: float) -> float:
     a, b = floor.courses.values()
     return float(min(envelope(a, k / 20).distance(envelope(b, k / 20)) for k in range(round(until_s * 20))))
-
-
-def until_advised(floor: Floor) -> tuple[ConflictAdvisory, float]:
-    """The first revision with advice, and when it came."""
-    for quarter in range(200):
-        for one in floor.run((quarter + 1) / 4, quarter / 4):
-            if one.recommendation:
-                return one, one.updated_at.timestamp() - NOW_S
-    raise AssertionError("nothing was advised")
 
 
 def test_advice_that_is_followed_ends_the_conflict_at_the_promised_cost() -> None:

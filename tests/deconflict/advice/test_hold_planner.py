@@ -12,10 +12,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from deconflict.advice import exhaustive_search, hold_planner
-from deconflict.advice.delay_windows import STEP_S, Delays, Pair, Window
+from deconflict.advice.delay_windows import STEP_S, Delays, Window
 from deconflict.advice.exhaustive_search import UNKNOWN
 from deconflict.advice.hold_planner import advise_holds
 from deconflict.advisory import Hold, Recommendation
+from ingest.batch import Pair
 from tests.deconflict.advice.made_near import Seen, near
 from tests.helpers.made_encounters import NOW_S, robot
 

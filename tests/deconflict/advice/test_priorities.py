@@ -7,9 +7,9 @@ from deconflict.advisory import ContentionAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.shared_places import Resource
 from ingest.settings import Model, Vendor
-from tests.deconflict.advice.test_hold_desk import until_advised
+from tests.deconflict.advice.made_near import until_advised
 from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
-from tests.deconflict.engine.test_engine import SITE, Floor, eastward, northward
+from tests.deconflict.engine.made_engine import SITE, Floor, eastward, northward
 from tests.helpers.saying import robot
 
 

@@ -18,11 +18,12 @@ from hypothesis.stateful import (
 )
 
 from deconflict.advisories.conflict_lifecycle import Lives
-from deconflict.advisories.conflict_wording import Pair, Party, Prediction, Scene
+from deconflict.advisories.conflict_wording import Party, Prediction, Scene
 from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory, EncounterClass
 from deconflict.operator.store.store import Store
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
+from ingest.batch import Pair
 from tests.helpers.made_predictions import each, in_columns
 
 SETTINGS = Conflict()

@@ -5,11 +5,12 @@ from uuid import uuid5
 import pytest
 
 from deconflict.advisories.conflict_lifecycle import Lives
-from deconflict.advisories.conflict_wording import ADVISORIES, Pair, Party, Prediction, Scene
+from deconflict.advisories.conflict_wording import ADVISORIES, Party, Prediction, Scene
 from deconflict.advisories.watched_pairs import HELD_SHARE
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
+from ingest.batch import Pair
 from tests.helpers.made_predictions import each, in_columns
 
 PAIR: Pair = ("a", "b")

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from deconflict.advisories.conflict_lifecycle import Lives
-from deconflict.advisories.conflict_wording import Pair, Party, Prediction, Predictions, Scene
+from deconflict.advisories.conflict_wording import Party, Prediction, Predictions, Scene
 from deconflict.advisories.watched_pairs import Stirring, Tracks
 from deconflict.advisory import ConflictAdvisory, EncounterClass
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter
+from ingest.batch import Pair
 from tests.helpers.made_predictions import each, in_columns
 
 SETTINGS = Conflict(clearance_m=0.3, clear_after_s=1.0, clear_margin_m=0.1, warning_s=5.0, critical_s=2.0)

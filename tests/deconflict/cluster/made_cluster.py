@@ -11,13 +11,17 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
+from deconflict.advisory import ADVISORY, AnyAdvisory
 from deconflict.cluster.engine_member import LISTEN_S
-from deconflict.cluster.ingest_feed import Feed, connected
+from deconflict.cluster.ingest_feed import Feed
 from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.tasks import connected
 from deconflict.cluster.store_follower import Follower
 from deconflict.cluster.tiles.tile_owners import Table
+from deconflict.cluster.tiles.tiles import Place
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.receiver_role import ReceiverRole
 from deconflict.roles.service import Runs, runtime_directory
@@ -26,8 +30,9 @@ from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.site import Operator, Site
 from ingest.settings import Receiver
 from metrics.monitoring.exposition import render
-from tests.deconflict.roles.test_supervisor import free_ports
+from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import HALL
 
 SERVER = shutil.which("nats-server", path=os.environ.get("PATH", "") + os.pathsep + "/usr/sbin")
 needs_server = pytest.mark.skipif(SERVER is None, reason="needs nats-server, which Debian has as a package")
@@ -196,3 +201,22 @@ async def cluster(
         machines = Machines(folder, broker, site, **settings)
         stack.callback(machines.end)
         yield machines, await stack.enter_async_context(face(machines, folder / "face"))
+
+
+async def until(base: str, path: str, wanted: Callable[[Any], bool]) -> Any:
+    """The JSON at `path` once it is as wanted, whatever the status."""
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(300):
+        while not wanted(answer := (await client.get(base + path)).json()):
+            await asyncio.sleep(0.1)
+        return answer
+
+
+async def lives(base: str) -> list[list[AnyAdvisory]]:
+    """Every revision of each advisory, in order."""
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+        listed = (await client.get(f"{base}/advisories?state=all&limit=1000")).json()["advisories"]
+        told = [(await client.get(f"{base}/advisories/{each['id']}")).json()["advisories"] for each in listed]
+    return [[ADVISORY.validate_python(each) for each in life] for life in told]
+
+
+HOME = Place(HALL, 1.0, 2.0)

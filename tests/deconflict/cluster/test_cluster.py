@@ -2,16 +2,14 @@
 
 import asyncio
 import time
-from collections.abc import Callable
 from math import pi
 from pathlib import Path
-from typing import Any
 
 import httpx
 
-from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory
-from tests.deconflict.cluster.made_cluster import cluster, needs_server
-from tests.deconflict.roles.test_service import Course, drive
+from deconflict.advisory import AdvisoryState
+from tests.deconflict.cluster.made_cluster import cluster, lives, needs_server, until
+from tests.deconflict.roles.made_service import Course, drive
 from tests.helpers.patience import PATIENCE_S
 
 PAIRS = 6
@@ -31,22 +29,6 @@ def crossings() -> tuple[dict[str, Course], dict[str, Course]]:
         {f"A-{number}": east(number) for number in range(PAIRS)},
         {f"B-{number}": north(number) for number in range(PAIRS)},
     )
-
-
-async def until(base: str, path: str, wanted: Callable[[Any], bool]) -> Any:
-    """The JSON at `path` once it is as wanted, whatever the status."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(300):
-        while not wanted(answer := (await client.get(base + path)).json()):
-            await asyncio.sleep(0.1)
-        return answer
-
-
-async def lives(base: str) -> list[list[AnyAdvisory]]:
-    """Every revision of each advisory, in order."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
-        listed = (await client.get(f"{base}/advisories?state=all&limit=1000")).json()["advisories"]
-        told = [(await client.get(f"{base}/advisories/{each['id']}")).json()["advisories"] for each in listed]
-    return [[ADVISORY.validate_python(each) for each in life] for life in told]
 
 
 async def test_no_advisory_is_lost_or_doubled_where_an_engine_is_killed(tmp_path: Path) -> None:

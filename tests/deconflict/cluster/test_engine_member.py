@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.cluster.engine_member import Member
-from deconflict.cluster.ingest_feed import connected, end_tasks
 from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.tasks import connected, end_tasks
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE, write
 from deconflict.settings.site import Site
@@ -23,9 +23,9 @@ from tests.deconflict.cluster.made_cluster import (
     ingest,
     needs_server,
     running,
+    until,
 )
-from tests.deconflict.cluster.test_cluster import until
-from tests.deconflict.roles.test_service import Course, drive
+from tests.deconflict.roles.made_service import Course, drive
 
 pytestmark = needs_server
 

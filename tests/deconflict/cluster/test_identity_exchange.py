@@ -9,14 +9,14 @@ from typing import Any
 
 from websockets.asyncio.client import connect
 
-from deconflict.roles.receiver_role import fleet_of, recover
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from ingest.fleet.recovery import recover
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import segments
 from ingest.settings import Reading
-from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server
-from tests.deconflict.cluster.test_cluster import until
-from tests.deconflict.roles.test_supervisor import free_ports
+from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server, until
+from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.saying import identity, robot, status
 
 LARGE = {"x": 2.0, "y": 1.0, "z": 0.4}

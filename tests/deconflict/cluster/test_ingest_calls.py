@@ -12,12 +12,11 @@ import httpx
 from websockets.asyncio.client import connect
 
 from deconflict.cluster.ingest_calls import Ingests
-from deconflict.cluster.ingest_feed import connected
+from deconflict.cluster.nats.tasks import connected
 from deconflict.cluster.tiles.channels import EVERY
 from deconflict.settings.cluster_settings import Cluster
-from tests.deconflict.cluster.made_cluster import Broker, Faltering, cluster, ingest, needs_server
-from tests.deconflict.cluster.test_cluster import until
-from tests.deconflict.roles.test_service import drive
+from tests.deconflict.cluster.made_cluster import Broker, Faltering, cluster, ingest, needs_server, until
+from tests.deconflict.roles.made_service import drive
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import robot
 

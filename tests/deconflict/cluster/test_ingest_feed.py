@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from deconflict.cluster.ingest_feed import until
+from deconflict.cluster.nats.tasks import until
 from tests.helpers.patience import PATIENCE_S
 
 

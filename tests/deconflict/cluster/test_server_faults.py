@@ -13,9 +13,8 @@ from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.cluster.engine_member import Member
 from deconflict.cluster.tiles.tile_owners import Table
 from deconflict.cluster.tiles.tiles import Tile
-from tests.deconflict.cluster.made_cluster import Machines, cluster, ingest, needs_server, running, table
-from tests.deconflict.cluster.test_cluster import lives, until
-from tests.deconflict.roles.test_service import Course, drive
+from tests.deconflict.cluster.made_cluster import Machines, cluster, ingest, lives, needs_server, running, table, until
+from tests.deconflict.roles.made_service import Course, drive
 
 pytestmark = needs_server
 

@@ -12,10 +12,8 @@ from deconflict.cluster.judging.stream_writer import Teller
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import Seen
 from deconflict.operator.store.store import FILE_NAME, Store
-from tests.deconflict.cluster.made_cluster import Broker, Machines, buses, face, needs_server
-from tests.deconflict.cluster.nats.test_bus import HOME
-from tests.deconflict.cluster.test_cluster import until
-from tests.deconflict.roles.test_supervisor import Served, healthy
+from tests.deconflict.cluster.made_cluster import HOME, Broker, Machines, buses, face, needs_server, until
+from tests.deconflict.roles.made_service import Served, healthy
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.patience import PATIENCE_S
 

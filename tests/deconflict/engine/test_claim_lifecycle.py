@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ClaimAdvisory
 from deconflict.engine.engine import Engine
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.fleet.ownership_claims import HELD_S, NAMED_ROBOTS

@@ -13,7 +13,7 @@ from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Forecasts
 from tests.deconflict.contention.scenes import resource
 from tests.deconflict.contention.scenes import site as floor_with
-from tests.deconflict.engine.test_engine import NOW_S, SITE, Floor, eastward, northward
+from tests.deconflict.engine.made_engine import NOW_S, SITE, Floor, eastward, northward
 
 DEADLINE_S = 0.5
 LATE_S, EASY_S, TIGHT_S = 0.6, 0.1, 0.4

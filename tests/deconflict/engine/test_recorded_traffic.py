@@ -15,7 +15,7 @@ from deconflict.settings.site import Conflict, Operator, Site
 from ingest.recording.log_reader import Reader, Received
 from ingest.settings import Receiver
 from metrics.monitoring.exposition import render
-from tests.deconflict.roles.test_service import Running
+from tests.deconflict.roles.made_service import Running
 
 RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
 STRETCH_S = (20.0, 32.0)

@@ -12,8 +12,7 @@ from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Conflict, Site
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
-from tests.deconflict.foresight.presence.made_watch import DATUMS, NOW_S, Watch
-from tests.deconflict.foresight.presence.test_presence import DOOR_M, leave
+from tests.deconflict.foresight.presence.made_watch import DATUMS, DOOR_M, NOW_S, Watch, leave
 from tests.helpers.saying import points, robot
 
 SITE = Site(name="Test floor", datums=DATUMS, conflict=Conflict(clearance_m=0.3, confirm=(2, 3)))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal
 import pytest
 from websockets.sync.client import connect
 
-from deconflict.simulation.demo import demo_site
+from deconflict.simulation.demo_site import demo_site
 from tests.deconflict.roles.role_processes import children
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity, status

@@ -18,7 +18,7 @@ from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Reader, Tick
 from tests.deconflict.roles.made_disks import disk_of, fill, mount
-from tests.deconflict.roles.test_service import CROSSING, Running, drive, running
+from tests.deconflict.roles.made_service import CROSSING, Running, drive, running
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
 from tests.helpers.patience import PATIENCE_S
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deconflict.engine.message_latency import arrivals_s
 from deconflict.roles import engine_role
-from deconflict.roles.engine_role import Outbox, UndeliveredError, arrivals_s
+from deconflict.roles.engine_role import Outbox, UndeliveredError
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.rpc import listening, socket_path
 from ingest.fleet.fleet import Fleet

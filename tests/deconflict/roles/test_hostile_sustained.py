@@ -17,9 +17,9 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
+from tests.deconflict.roles.made_abuses import ABUSES
+from tests.deconflict.roles.made_service import Served, healthy
 from tests.deconflict.roles.role_processes import children
-from tests.deconflict.roles.test_hostile import ABUSES
-from tests.deconflict.roles.test_supervisor import Served, healthy
 from tests.helpers.made_site import toml
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import HALL, identity, points, robot, status

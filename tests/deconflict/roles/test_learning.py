@@ -10,8 +10,8 @@ from deconflict.engine.engine import Engine
 from deconflict.operator.store.learned_file import FILE_NAME
 from deconflict.runtime.learned_state import packed, unpacked
 from deconflict.settings.site import Site
-from tests.deconflict.foresight.probability.test_estimator import Stage, Walk
-from tests.deconflict.roles.test_service import drive, running
+from tests.deconflict.foresight.probability.made_stage import Stage, Walk
+from tests.deconflict.roles.made_service import drive, running
 from tests.helpers.patience import PATIENCE_S
 
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 from websockets.asyncio.client import connect
 
-from deconflict.roles.receiver_role import DOCUMENTS_AT_ONCE, WORTH_QUICKENING, ReceiverRole
+from deconflict.roles.receiver_role import DOCUMENTS_AT_ONCE, FAST_PATH_AFTER, ReceiverRole
 from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.site import Site
 from ingest.batch import Batch
-from ingest.fast_path import loader
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import EngineStarted, Received, Tick
 from ingest.recording.log_rotation import LogFiles
@@ -103,17 +102,13 @@ async def test_a_disk_that_stalls_delays_no_batch_and_loses_nothing(
     assert sum(isinstance(event, Received) for event in events) == 1
 
 
-async def test_who_has_read_a_thousand_messages_reads_by_compiled_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(loader, "points", None)
-    monkeypatch.setattr(loader, "follow", None)
-    async with serving(tmp_path) as role:
+async def test_a_receiver_that_has_read_a_thousand_messages_loads_the_fast_path(tmp_path: Path) -> None:
+    async with serving(tmp_path) as role, asyncio.timeout(PATIENCE_S):
         engine, now_s = AsyncCaller(tmp_path, "receiver"), time.time()
-        for number in range(WORTH_QUICKENING - 1):
+        for number in range(FAST_PATH_AFTER - 1):
             role.fleet.receive(status("A-1", now_s + number * 1e-3), now_s + number * 1e-3, Connection(1))
         await engine.call("batch")
-        assert not role._quickened
+        assert not role._fast_path_asked
         role.fleet.receive(status("A-1", now_s + 60), now_s + 60, Connection(1))
-        while loader.points is None or loader.follow is None:
+        while not role.fleet.reads_fast:
             await engine.call("batch")

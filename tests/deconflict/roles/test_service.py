@@ -3,94 +3,26 @@
 import asyncio
 import json
 import time
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
 from datetime import datetime
 from math import pi
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
 from deconflict.advice import hold_desk
 from deconflict.advisory import ADVISORY, AdvisoryState
-from deconflict.roles.operator_role import OperatorRole
-from deconflict.roles.receiver_role import ReceiverRole
 from deconflict.roles.service import in_one_process
-from deconflict.settings.site import Conflict, Operator, Site
 from deconflict.settings.site import Engine as EngineSettings
 from ingest.recording.log_reader import Reader, Tick
-from ingest.settings import Datum, Receiver, Vendor
+from ingest.settings import Vendor
 from metrics.monitoring.exposition import combine, render
+from tests.deconflict.roles.made_service import CROSSING, SITE, Course, drive, running
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.replayed import replayed
-from tests.helpers.saying import HALL, identity, points, status
-
-SITE = Site(
-    name="Test hall",
-    datums=(Datum(id=HALL, name="Hall"),),
-    receiver=Receiver(port=0),
-    operator=Operator(port=0),
-    conflict=Conflict(clear_after_s=1.0),
-)
-
-Course = Callable[[float], tuple[float, float, float]]
-CROSSING: dict[str, Course] = {
-    "A-1": lambda t: (-4.0 + t, 0.0, 0.0),
-    "B-1": lambda t: (0.0, -4.0 + t, pi / 2),
-}
-
-
-class Running:
-    """A service in this process, and where to find it."""
-
-    def __init__(self, receiver: ReceiverRole, operator: OperatorRole) -> None:
-        self.robots_url = f"ws://127.0.0.1:{receiver.receiver.port}"
-        self.face = f"127.0.0.1:{operator.port}"
-
-    async def get(self, path: str) -> httpx.Response:
-        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
-            return await client.get(f"http://{self.face}{path}")
-
-    async def until(self, path: str, wanted: Callable[[Any], bool]) -> Any:
-        """The answer at `path` once it is as wanted."""
-        async with asyncio.timeout(PATIENCE_S):
-            while True:
-                answer = await self.get(path)
-                if answer.status_code == 200 and wanted(answer.json()):
-                    return answer.json()
-                await asyncio.sleep(0.05)
-
-    async def metrics_with(self, name: str) -> str:
-        """The scrape once it has a series that begins so."""
-        async with asyncio.timeout(PATIENCE_S):
-            while f"\n{name}" not in (text := (await self.get("/metrics")).text):
-                await asyncio.sleep(0.05)
-        return text
-
-
-@asynccontextmanager
-async def running(data: Path, site: Site = SITE, wall: Callable[[], float] = time.time) -> AsyncIterator[Running]:
-    async with in_one_process(site, data, render, wall) as (receiver, operator):
-        yield Running(receiver, operator)
-
-
-async def drive(url: str, courses: dict[str, Course], seconds: float, start_s: float | None = None) -> None:
-    """Robots that report twice a second, at their word."""
-    began_s = time.time() if start_s is None else start_s
-    async with connect(url) as socket:
-        for name in courses:
-            await socket.send(identity(name, began_s))
-        while (now_s := time.time()) < began_s + seconds:
-            for name, course in courses.items():
-                t = now_s - began_s
-                x, y, yaw = course(t)
-                path = points(*((now_s + i, *course(t + i)) for i in range(1, 11)))
-                await socket.send(status(name, now_s, x, y, yaw, path=path))
-            await asyncio.sleep(0.5)
+from tests.helpers.saying import HALL, identity, status
 
 
 async def test_robots_that_cross_are_told_of_from_raised_to_cleared(tmp_path: Path) -> None:

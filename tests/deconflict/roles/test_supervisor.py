@@ -1,96 +1,22 @@
 """`deconflict serve` as a user runs it: processes that are killed, and what is left of them."""
 
 import asyncio
-import json
 import os
 import platform
 import signal
-import socket
-import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager
-from math import pi
 from pathlib import Path
-from typing import Any
 
-import httpx
 import pytest
 
 from deconflict.roles.supervisor import STEADY_S, Watched
 from deconflict.runtime.heartbeat import LONG_S
+from tests.deconflict.roles.made_service import Served, healthy
 from tests.deconflict.roles.role_processes import children
-from tests.deconflict.roles.test_service import Course, drive
 from tests.helpers.patience import PATIENCE_S
 
-MEETING: dict[str, Course] = {"A-1": lambda t: (-30.0 + t, 0.0, 0.0), "B-1": lambda t: (30.0 - t, 0.0, pi)}
-"""Head-on after thirty seconds."""
-
-
-def free_ports(count: int) -> list[int]:
-    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
-    ports = [one.getsockname()[1] for one in sockets]
-    for one in sockets:
-        one.close()
-    return ports
-
-
-class Served:
-    """A service in processes of its own."""
-
-    def __init__(self, data: Path, site: Path | None = None) -> None:
-        self.robots_port, self.operator_port = free_ports(2)
-        self._data, self._site = data, site
-        self.process: subprocess.Popen[bytes] | None = None
-
-    @contextmanager
-    def running(self) -> Iterator[int]:
-        command = [sys.executable, "-m", "deconflict", "serve", *([str(self._site)] if self._site else [])]
-        command += ["--data", str(self._data)]
-        ports = ["--robots-port", str(self.robots_port), "--operator-port", str(self.operator_port)]
-        with subprocess.Popen([*command, *ports], stderr=subprocess.DEVNULL) as process:
-            try:
-                yield process.pid
-            finally:
-                process.send_signal(signal.SIGTERM)
-                process.wait(PATIENCE_S)
-
-    @property
-    def face_url(self) -> str:
-        return f"http://127.0.0.1:{self.operator_port}"
-
-    @property
-    def robots_url(self) -> str:
-        return f"ws://127.0.0.1:{self.robots_port}"
-
-    async def until(self, path: str, wanted: Any, within_s: float = PATIENCE_S) -> Any:
-        """The JSON at `path` once it is as wanted, whatever the status."""
-        async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(within_s):
-            while True:
-                try:
-                    answer = (await client.get(f"http://127.0.0.1:{self.operator_port}{path}")).json()
-                    if wanted(answer):
-                        return answer
-                except (httpx.TransportError, json.JSONDecodeError):
-                    pass
-                await asyncio.sleep(0.1)
-
-    @asynccontextmanager
-    async def with_robots(self, start_s: float) -> AsyncIterator[None]:
-        driving = asyncio.create_task(drive(self.robots_url, MEETING, 120, start_s))
-        try:
-            yield
-        finally:
-            driving.cancel()
-            await asyncio.gather(driving, return_exceptions=True)
-
-
 pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
-
-
-def healthy(health: dict[str, Any]) -> bool:
-    return bool(health.get("status") == "ok")
 
 
 async def test_an_engine_that_is_killed_is_told_of_and_goes_on_with_its_advisory(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from deconflict.runtime.data_lock import DataTakenError, held
-from tests.deconflict.roles.test_supervisor import free_ports
+from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
 
 

@@ -10,7 +10,7 @@ from deconflict.runtime.heartbeat import LONG_S, SILENT_S, Watching
 from tests.helpers.patience import PATIENCE_S
 
 ROLE = """
-from deconflict.lifeline import Lifeline
+from deconflict.runtime.heartbeat import Lifeline
 import sys, threading
 ended, line = threading.Event(), Lifeline()
 line.at_end(ended.set)

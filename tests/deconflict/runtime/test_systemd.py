@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from deconflict.runtime.systemd import Notifier
-from tests.deconflict.roles.test_supervisor import Served
+from tests.deconflict.roles.made_service import Served
 from tests.helpers.patience import PATIENCE_S
 
 LOOPBACK = "127.0.0.1"

@@ -20,7 +20,7 @@ from deconflict.settings.hot_reload import FIXED, RELOADS_FILE, SITE_FILE, InFor
 from deconflict.settings.site import Conflict, Operator, Site, SiteError
 from ingest.settings import Receiver, Vendor
 from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing
-from tests.deconflict.roles.test_supervisor import Served, healthy
+from tests.deconflict.roles.made_service import Served, healthy
 from tests.helpers.made_site import toml
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import HALL, identity, robot, status

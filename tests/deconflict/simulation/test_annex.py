@@ -8,11 +8,11 @@ import pytest
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.engine.engine import Engine
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import load
 from deconflict.simulation.annex import CHARGER, FEWEST, ROLES, split
 from deconflict.simulation.cast import cast
-from deconflict.simulation.demo import demo_site
+from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.truth import near_pairs
 from deconflict.simulation.vendors.dialects import DIALECTS
 from ingest.measures.measures import Measures

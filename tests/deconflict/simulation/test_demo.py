@@ -4,8 +4,8 @@ import sys
 from pathlib import Path
 
 from deconflict.settings.site import load, problems
-from deconflict.simulation.demo import demo_site
-from tests.deconflict.roles.test_supervisor import free_ports
+from deconflict.simulation.demo_site import demo_site
+from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from ingest.fast_path import loader
-from ingest.fast_path.repeat_status import Manner
-from ingest.fast_path.status_scanner import Letters
+from ingest.fast_path.loader import load
+from ingest.fast_path.repeat_status import RepeatReader
+from ingest.fast_path.status_scanner import ScannedStatus
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.quarantine import Quarantine
 from ingest.fleet.vendor_registry import Vendors
@@ -27,7 +27,7 @@ MARKS = [f"mark-{row}" for row in range(len(PLACES))]
 Sent = tuple[bytes, float, Connection]
 
 
-def fleet() -> Fleet:
+def fleet(*, fast: bool = True) -> Fleet:
     marks = [{"id": one, "x": x, "y": y} for one, (x, y) in zip(MARKS, PLACES.tolist(), strict=True)]
     hall = Datum.model_validate({"id": HALL, "name": "Hall", "reference_points": marks})
     own = similarity(0.4, 1.0, (3.0, -2.0), mirrored=True)(PLACES).tolist()
@@ -35,14 +35,17 @@ def fleet() -> Fleet:
     mapped = {"datum": OWN, "site_datum": HALL, "readings": readings, "mirrored": True}
     loads = Model(offset_m=(0.2, 0.1), loaded_envelope_m=(1.5, 1.0, 2.0))
     vendors = Vendor.model_validate({"name": "Alder", "maps": [mapped], "models": {"A1": loads}}), Vendor(name="Basalt")
-    return Fleet(
+    made = Fleet(
         Vendors(vendors), Frames((hall, Datum(id=LOFT, name="Loft")), vendors), Reading(), Measures(), Quarantine()
     )
+    if fast:
+        made.use(load())
+    return made
 
 
 @dataclass
 class Driver:
-    """A robot that mostly goes on as it did."""
+    """A robot that mostly repeats its last status but for its motion."""
 
     name: str
     random: Random
@@ -128,63 +131,60 @@ def sent(seed: int, messages: int) -> Iterator[Sent]:
                 yield identity(one.name, t_s, robotModel=random.choice(("A1", "A2"))), t_s + late_s, one.line
 
 
-def heard(messages: list[Sent]) -> tuple[list[bytes], list[dict[str, Any]], dict[str, Any]]:
-    one, batches = fleet(), []
+def results(messages: list[Sent], *, fast: bool) -> tuple[list[bytes], list[dict[str, Any]], dict[str, Any]]:
+    receiving, batches = fleet(fast=fast), []
     for i, (raw, arrival_s, connection) in enumerate(messages):
-        one.receive(raw, arrival_s, connection)
+        receiving.receive(raw, arrival_s, connection)
         if i % 4 == 0:
-            batches.append(one.cut(arrival_s).to_bytes())
-    return batches, one.documents(NOW_S), {name: dict(series) for name, series in one.measures.values.items()}
+            batches.append(receiving.cut(arrival_s).to_bytes())
+    measured = {name: dict(series) for name, series in receiving.measures.values.items()}
+    return batches, receiving.documents(NOW_S), measured
 
 
 @pytest.fixture
-def went_on(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
-    """Of each status that came in a robot's manner, whether it went on so."""
-    loader.load()
-    told, onward = [], Manner.onward
+def repeats(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
+    """Of each status that a repeat reader was given, whether it took it."""
+    taken, read = [], RepeatReader.read
 
-    def noted(manner: Manner, letters: Letters, event_s: float) -> tuple[str, ...] | None:
-        found = onward(manner, letters, event_s)
-        told.append(found is not None)
-        return found
+    def noted(reader: RepeatReader, scanned: ScannedStatus, event_s: float) -> tuple[str, ...] | None:
+        findings = read(reader, scanned, event_s)
+        taken.append(findings is not None)
+        return findings
 
-    monkeypatch.setattr(Manner, "onward", noted)
-    return told
+    monkeypatch.setattr(RepeatReader, "read", noted)
+    return taken
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_robot_that_goes_on_is_where_it_would_be_if_each_status_were_looked_at_closely(
-    seed: int, went_on: list[bool], monkeypatch: pytest.MonkeyPatch
+def test_batches_documents_and_measures_are_the_same_with_and_without_the_fast_path(
+    seed: int, repeats: list[bool]
 ) -> None:
     messages = list(sent(seed, 400))
-    quickly = heard(messages)
-    monkeypatch.setattr(loader, "manner", None)
-    closely = heard(messages)
-    for one, other in zip(quickly, closely, strict=True):
-        assert one == other
-    assert 0.3 * len(messages) < sum(went_on) < len(went_on) - 100
+    for fast, slow in zip(results(messages, fast=True), results(messages, fast=False), strict=True):
+        assert fast == slow
+    assert 0.3 * len(messages) < sum(repeats) < len(repeats) - 100
 
 
-def test_how_a_robot_goes_on_is_forgotten_with_it(went_on: list[bool]) -> None:
+def test_the_reader_of_a_robots_repeated_statuses_is_dropped_with_the_robot(repeats: list[bool]) -> None:
     one, path = fleet(), points((NOW_S + 5, 3.0, 0.0, 0.0))
     for i in range(3):
         one.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
-    assert went_on == [True, True]
+    assert repeats == [True, True]
     later_s = NOW_S + 1 + Reading().forget_after_s
     assert one.cut(later_s + 2).gone == (robot("R"),)
     one.receive(status("R", later_s + 3, 9.0, velocity={"linear": 1.0}), later_s + 3, LINES[0])
     assert one.cut(later_s + 3).robots == (robot("R"),)
-    assert len(went_on) == 2
+    assert len(repeats) == 2
 
 
-def test_changed_settings_change_how_a_robot_goes_on(went_on: list[bool]) -> None:
+def test_changed_settings_end_the_reading_of_repeated_statuses(repeats: list[bool]) -> None:
     one = fleet()
     for i in range(4):
         path = points((NOW_S + i + 1, i + 1.0, 0.0, 0.0), (NOW_S + i + 2, i + 2.0, 0.0, 0.0))
         one.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
-    assert went_on == [True, True, True]
+    assert repeats == [True, True, True]
     one.renew(one.vendors, Frames((), ()), Reading(default_envelope_m=(3.0, 2.0, 0.0)))
     path = points((NOW_S + 5, 5.0, 0.0, 0.0))
     one.receive(status("R", NOW_S + 4, 4.0, velocity={"linear": 1.0}, path=path), NOW_S + 4, LINES[0])
-    assert len(went_on) == 3
+    assert len(repeats) == 3
     assert one.cut(NOW_S + 4).forecasts.length_m.tolist() == [3.0]

@@ -3,17 +3,11 @@ from collections.abc import Iterator
 from math import cos, pi, sin
 from random import Random
 
-import msgspec
 import pytest
-from msgspec.structs import replace
 
-from ingest.fast_path import loader
-from ingest.fast_path.status_scanner import letters, points
-from ingest.languages.massrobotics import fast_decoder, parser, path_points
-from ingest.languages.massrobotics.conformance_rules import Findings, RejectedError
-from ingest.languages.massrobotics.parser import Status
-from ingest.languages.massrobotics.path_points import Path, Points
-from ingest.languages.massrobotics.report_models import PredictedLocation
+from ingest.fast_path.status_scanner import scan
+from ingest.languages.massrobotics import parser
+from ingest.languages.model import Status
 from tests.helpers.saying import HALL, robot, stamp
 from tests.helpers.vectors import VECTORS, T, Vector, at, said
 
@@ -62,33 +56,6 @@ def damaged(raw: bytes, random: Random) -> bytes:
     return bytes(changed)
 
 
-def read(told: Points | list[PredictedLocation]) -> tuple[str, Findings]:
-    findings: Findings = {}
-    return repr(rowwise(path_points.path(told, T, findings))), findings
-
-
-def rowwise(path: Path) -> Path:
-    return replace(path, poses=tuple(map(tuple, path.rows)))
-
-
-def agrees(raw: bytes) -> bool:
-    """Whether the points are taken; then they are what msgspec and Python make of them."""
-    told = points(raw)
-    if told is None:
-        return False
-    decoded = fast_decoder._points(msgspec.Raw(raw))
-    assert isinstance(decoded, list)
-    assert read(told) == read(decoded)
-    return True
-
-
-@pytest.fixture(autouse=True)
-def _not_quickened(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loader, "points", None)
-    monkeypatch.setattr(loader, "letters", None)
-    monkeypatch.setattr(loader, "placed", None)
-
-
 def made_status(random: Random) -> bytes:
     """A status as some sender may write it; most of them plain."""
     odd = random.random() < 0.3
@@ -123,63 +90,70 @@ def made_status(random: Random) -> bytes:
     return f"{{{', '.join(parts)}}}".encode()
 
 
-def status(raw: bytes, names_as_uuid: str | None = None) -> Status | None:
-    told = letters(raw)
-    return told.status(names_as_uuid) if told else None
-
-
-def status_agrees(raw: bytes) -> bool:
-    """Whether the status is taken; then it is what is made of it otherwise."""
-    try:
-        told = status(raw, "Alder")
-    except RejectedError:
-        told = None
-    expected = parser.read(raw, names_as_uuid="Alder")
-    if told is None:
+def is_scanned(raw: bytes) -> bool:
+    """Whether a status is plain; then the scanner reads the same from it as the parser."""
+    scanned = scan(raw)
+    if scanned is None:
         return False
-    assert isinstance(expected, Status)
-    assert repr(rowwise_status(told)) == repr(rowwise_status(expected))
+    assert repr(scanned.message("Alder")) == repr(parser.read(raw, names_as_uuid="Alder"))
     return True
 
 
-def rowwise_status(one: Status) -> Status:
-    return replace(one, path=rowwise(one.path), destinations=rowwise(one.destinations))
+def with_path(points: bytes) -> bytes:
+    return b'{"path": ' + points + b"," + said().removeprefix(b"{")
 
 
-def test_a_status_is_read_as_it_is_otherwise() -> None:
+def path_is_scanned(points: bytes) -> bool:
+    return is_scanned(with_path(points))
+
+
+def test_a_plain_status_is_read_as_the_parser_reads_it() -> None:
     random = Random(5)
-    taken = sum(status_agrees(made_status(random)) for _ in range(3000))
+    taken = sum(is_scanned(made_status(random)) for _ in range(3000))
     assert 500 < taken < 2500
 
 
-def test_a_damaged_status_is_read_as_it_would_be_or_left_alone() -> None:
+def test_a_damaged_status_is_read_as_the_parser_reads_it_or_left_to_it() -> None:
     random = Random(6)
-    sound = [raw for raw in (made_status(random) for _ in range(400)) if status_agrees(raw)]
-    taken = sum(status_agrees(damaged(random.choice(sound), random)) for _ in range(10_000))
+    sound = [raw for raw in (made_status(random) for _ in range(400)) if is_scanned(raw)]
+    taken = sum(is_scanned(damaged(random.choice(sound), random)) for _ in range(10_000))
     assert taken > 500
 
 
+@pytest.mark.parametrize("vector", VECTORS, ids=lambda vector: vector.name)
+def test_every_departure_from_the_standard_is_read_as_the_parser_reads_it(vector: Vector) -> None:
+    is_scanned(vector.raw)
+
+
 @pytest.mark.parametrize("key", ["uuid", "timestamp", "operationalState", "location", "velocity", "mood"])
-def test_a_status_that_lacks_what_it_needs_or_says_something_twice_is_left_alone(key: str) -> None:
+def test_a_status_that_lacks_a_needed_key_or_has_a_key_twice_is_left_to_the_parser(key: str) -> None:
     sound = said(velocity={"linear": 1.0})
-    assert status(sound)
-    told = json.loads(sound)
-    again = json.dumps({key: told.get(key, "good")})[1:-1]
-    assert status(sound.replace(b"{", b"{" + again.encode() + b",", 1)) is None
+    assert is_scanned(sound)
+    document = json.loads(sound)
+    again = json.dumps({key: document.get(key, "good")})[1:-1]
+    assert not is_scanned(sound.replace(b"{", b"{" + again.encode() + b",", 1))
     if key not in ("velocity", "mood"):
-        assert status(json.dumps({name: told[name] for name in told if name != key}).encode()) is None
+        assert not is_scanned(json.dumps({name: document[name] for name in document if name != key}).encode())
 
 
-def test_points_are_read_as_msgspec_and_python_read_them() -> None:
+def test_a_status_whose_uuid_is_a_name_is_rejected_as_the_parser_rejects_it() -> None:
+    raw = said(uuid="A")
+    scanned = scan(raw)
+    assert scanned
+    assert isinstance(scanned.message("Alder"), Status)
+    assert repr(scanned.message(None)) == repr(parser.read(raw))
+
+
+def test_points_are_read_as_the_parser_reads_them() -> None:
     random = Random(3)
-    taken = sum(agrees(made(random)) for _ in range(4000))
+    taken = sum(path_is_scanned(made(random)) for _ in range(4000))
     assert 1000 < taken < 3500
 
 
-def test_damaged_points_are_read_as_they_would_be_or_left_alone() -> None:
+def test_damaged_points_are_read_as_the_parser_reads_them_or_left_to_it() -> None:
     random = Random(4)
-    sound = [raw for raw in (made(random) for _ in range(200)) if points(raw)]
-    taken = sum(agrees(damaged(random.choice(sound), random)) for _ in range(20_000))
+    sound = [points for points in (made(random) for _ in range(200)) if path_is_scanned(points)]
+    taken = sum(path_is_scanned(damaged(random.choice(sound), random)) for _ in range(20_000))
     assert taken > 1000
 
 
@@ -195,10 +169,13 @@ def test_damaged_points_are_read_as_they_would_be_or_left_alone() -> None:
         "0.5000000000000001110",
     ],
 )
-def test_a_number_is_the_double_nearest_to_it_or_left_alone(value: str) -> None:
-    raw = json.dumps([at(T, x=0.0)]).replace('"x": 0.0, "y": 4', f'"x": {value}, "y": 4').encode()
-    told = points(raw)
-    assert told is None or told.path.rows[0][1] == float(value)
+def test_a_number_is_the_double_nearest_to_it_or_left_to_the_parser(value: str) -> None:
+    points = json.dumps([at(T, x=0.0)]).replace('"x": 0.0, "y": 4', f'"x": {value}, "y": 4').encode()
+    scanned = scan(with_path(points))
+    if scanned:
+        message = scanned.message(None)
+        assert isinstance(message, Status)
+        assert message.path.poses[0][1] == float(value)
 
 
 def days() -> Iterator[str]:
@@ -208,38 +185,23 @@ def days() -> Iterator[str]:
 
 
 def test_a_date_is_the_day_that_the_calendar_has() -> None:
-    raw = json.dumps([at(T)]).replace(stamp(T)[:10], "DAY")
-    assert sum(agrees(raw.replace("DAY", day).encode()) for day in days()) > 400
+    points = json.dumps([at(T)]).replace(stamp(T)[:10], "DAY")
+    assert sum(path_is_scanned(points.replace("DAY", day).encode()) for day in days()) > 400
 
 
-@pytest.mark.parametrize("raw", [b"", b"[]", b"[", b"[{", b"{}", b"null", b'[{"x":1}]', b"[" * 1000])
-def test_what_are_no_points_is_left_alone(raw: bytes) -> None:
-    assert points(raw) is None
+@pytest.mark.parametrize("points", [b"", b"[", b"[{", b"{}", b"null", b'[{"x":1}]', b"[" * 1000])
+def test_what_are_no_points_is_left_to_the_parser(points: bytes) -> None:
+    assert not path_is_scanned(points)
 
 
-def test_points_on_two_datums_and_more_than_are_used_are_left_alone() -> None:
-    assert points(json.dumps([at(T + i, planarDatum="hall") for i in range(200)]).encode())
-    assert points(json.dumps([at(T + i) for i in range(201)]).encode()) is None
-    assert points(json.dumps([at(T, planarDatum="hall"), at(T + 1)]).encode()) is None
-    assert points(json.dumps([at(T, planarDatum="hall"), at(T + 1, planarDatum="Hall")]).encode()) is None
+def test_points_on_two_datums_and_more_than_are_used_are_left_to_the_parser() -> None:
+    assert path_is_scanned(json.dumps([at(T + i, planarDatum="hall") for i in range(200)]).encode())
+    assert not path_is_scanned(json.dumps([at(T + i) for i in range(201)]).encode())
+    assert not path_is_scanned(json.dumps([at(T, planarDatum="hall"), at(T + 1)]).encode())
+    assert not path_is_scanned(json.dumps([at(T, planarDatum="hall"), at(T + 1, planarDatum="Hall")]).encode())
 
 
-@pytest.mark.parametrize("vector", VECTORS, ids=lambda one: one.name)
-def test_every_message_is_read_as_before_once_that_is_quickened(vector: Vector) -> None:
-    before = parser.read(vector.raw)
-    loader.load()
-    after = parser.read(vector.raw)
-    assert repr(rowwise_status(after) if isinstance(after, Status) else after) == repr(before)
-
-
+@pytest.mark.parametrize("key", ["path", "destinations"])
 @pytest.mark.parametrize("ahead_s", [[1.0, 2.0], [2000.0, 2001.0], [-5.0, -4.0], [0.5, 20.0]])
-def test_destinations_and_paths_in_arrays_are_judged_as_in_rows(ahead_s: list[float]) -> None:
-    raw = json.dumps([at(T + one) for one in ahead_s]).encode()
-    told, findings = points(raw), dict[str, Findings]()
-    assert told
-    decoded = fast_decoder._points(msgspec.Raw(raw))
-    for name, given in (("array", told), ("rows", decoded)):
-        findings[name] = {}
-        path_points.path(given, T, findings[name])
-        path_points.destinations(given, T, findings[name])
-    assert findings["array"] == findings["rows"]
+def test_times_of_points_are_judged_as_the_parser_judges_them(key: str, ahead_s: list[float]) -> None:
+    assert is_scanned(said(**{key: [at(T + later_s) for later_s in ahead_s]}))

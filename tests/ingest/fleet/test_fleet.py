@@ -5,33 +5,15 @@ import numpy as np
 import pytest
 
 from ingest.batch import Basis
-from ingest.fleet.fleet import Fleet
-from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import OTHER, UNKNOWN, Vendors
+from ingest.fleet.vendor_registry import OTHER, Vendors
 from ingest.frames.floor_index import MOST_UNKNOWN, NOWHERE
 from ingest.frames.frame_registry import Frames
-from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.settings import Datum, Model, Reading, Vendor
+from ingest.settings import UNKNOWN, Datum, Model, Reading, Vendor
 from tests.helpers.saying import HALL, LOFT, identity, points, robot, stamp, status
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
 
-NOW_S = 1_790_000_000.0
-LINE = Connection(1)
 NIL = "00000000-0000-0000-0000-000000000000"
-
-
-def fleet(*vendors: Vendor, datums: tuple[Datum, ...] = (Datum(id=HALL, name="Hall"),), **reading: Any) -> Fleet:
-    measures = Measures()
-    return Fleet(Vendors(vendors), Frames(datums, vendors), Reading(**reading), measures, Quarantine())
-
-
-def counted(of: Fleet, name: str) -> dict[tuple[str, ...], float]:
-    return of.measures.values[f"deconflict_{name}"]
-
-
-def document(of: Fleet, name: str, now_s: float = NOW_S) -> dict[str, Any]:
-    (found,) = [one for one in of.documents(now_s) if one["uuid"] == robot(name)]
-    return found
 
 
 def test_a_status_becomes_a_row_of_the_next_batch_and_only_of_that() -> None:

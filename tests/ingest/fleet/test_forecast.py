@@ -8,7 +8,8 @@ from msgspec.structs import replace
 from ingest.batch import Basis
 from ingest.fleet.forecast import Body, Forecast, Sighting, View, body_of, forecast, matches
 from ingest.frames.frame_registry import Frame, Frames
-from ingest.languages.massrobotics.parser import Status, read
+from ingest.languages.massrobotics.parser import read
+from ingest.languages.model import Status
 from ingest.settings import Model, Reading
 from tests.helpers.saying import HALL, LOFT, points, status
 

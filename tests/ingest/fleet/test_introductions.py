@@ -6,7 +6,7 @@ from ingest.fleet.introductions import Introduction
 from ingest.port.connection import Connection
 from ingest.settings import Vendor
 from tests.helpers.saying import identity, robot, status
-from tests.ingest.fleet.test_fleet import LINE, NOW_S, document, fleet
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, document, fleet
 
 ELSEWHERE = Introduction(robot("A-1"), identity("A-1", NOW_S), NOW_S, None, "Alder", elsewhere=True)
 LARGER = replace(ELSEWHERE, raw=identity("A-1", NOW_S, baseRobotEnvelope={"x": 2.0, "y": 1.0}), arrival_s=NOW_S + 1)

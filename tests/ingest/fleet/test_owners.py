@@ -1,10 +1,9 @@
 """Whose a robot is, and who may speak of it."""
 
-from ingest.fleet.vendor_registry import UNKNOWN
 from ingest.port.connection import Connection
-from ingest.settings import Vendor
+from ingest.settings import UNKNOWN, Vendor
 from tests.helpers.saying import identity, robot, status
-from tests.ingest.fleet.test_fleet import LINE, NOW_S, counted, document, fleet
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
 
 
 def test_an_unidentified_robot_is_of_the_vendor_that_alone_speaks_on_its_connection() -> None:

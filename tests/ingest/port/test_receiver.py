@@ -4,10 +4,7 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import AsyncIterator, Callable
-from contextlib import ExitStack, asynccontextmanager, suppress
-from dataclasses import dataclass, field
-from typing import Any
+from contextlib import ExitStack, suppress
 
 import httpx
 import pytest
@@ -16,73 +13,15 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Frame, Opcode
 from websockets.typing import Origin
 
-from ingest.measures.measures import Measures
-from ingest.port.connection import Connection
-from ingest.port.receiver import Receiver
-from ingest.security.vendor_credentials import Credentials
-from ingest.settings import Receiver as Settings
 from ingest.settings import Vendor
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import status
+from tests.ingest.port.made_receiver import REFUSED, floor, until
 
-REFUSED = "deconflict_connections_refused_total"
 HANDSHAKE = (
     b"GET / HTTP/1.1\r\nHost: floor\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
 )
-
-
-@dataclass
-class Floor:
-    """A receiver and everything it told."""
-
-    receiver: Receiver
-    measures: Measures
-    delivered: list[tuple[bytes, float, Connection]] = field(default_factory=list)
-    refused: list[tuple[str, str, Connection]] = field(default_factory=list)
-    closed: list[Connection] = field(default_factory=list)
-
-    @property
-    def url(self) -> str:
-        return f"ws://127.0.0.1:{self.receiver.port}"
-
-    @property
-    def connections(self) -> float:
-        return self.measures.values["deconflict_connections"][()]
-
-    def count(self, reason: str) -> float:
-        return self.measures.values[REFUSED].get((reason,), 0)
-
-    def raws(self) -> list[bytes]:
-        return [raw for raw, _, _ in self.delivered]
-
-
-@asynccontextmanager
-async def floor(vendors: tuple[Vendor, ...] = (), **settings: Any) -> AsyncIterator[Floor]:
-    measures, closed = Measures(), list[Connection]()
-    ticks = iter(range(1_790_000_000, 1_800_000_000))
-    receiver = Receiver(
-        Settings(port=0, **settings),
-        Credentials(vendors),
-        lambda raw, arrival_s, connection: one.delivered.append((raw, arrival_s, connection)),
-        lambda rule, reason, _, connection: one.refused.append((rule, reason, connection)),
-        closed.append,
-        overtaken=lambda *_: None,
-        measures=measures,
-        clock=lambda: float(next(ticks)),
-    )
-    one = Floor(receiver, measures, closed=closed)
-    await receiver.start()
-    try:
-        yield one
-    finally:
-        await receiver.close()
-
-
-async def until(true: Callable[[], object]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not true():
-            await asyncio.sleep(0.005)
 
 
 async def raw_client(port: int) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
@@ -286,9 +225,9 @@ FLOODED = """
 import asyncio, logging, resource, sys
 logging.basicConfig(level=logging.WARNING)
 resource.setrlimit(resource.RLIMIT_NOFILE, (320, 320))
-from ingest.credentials import Credentials
-from ingest.measures import Measures
-from ingest.receiver import Receiver
+from ingest.security.vendor_credentials import Credentials
+from ingest.measures.measures import Measures
+from ingest.port.receiver import Receiver
 from ingest.settings import Receiver as Settings
 
 async def main():

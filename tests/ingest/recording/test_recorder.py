@@ -236,8 +236,8 @@ FAILING = """
 import logging, resource, signal, sys
 from pathlib import Path
 logging.basicConfig(format="%(levelname)s")
-from ingest.measures import Measures
-from ingest.recording import Recorder
+from ingest.measures.measures import Measures
+from ingest.recording.recorder import Recorder
 from ingest.settings import Recorder as Settings
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 now = [1790000000.0]

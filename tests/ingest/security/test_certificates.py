@@ -9,7 +9,7 @@ from websockets.exceptions import InvalidMessage, InvalidStatus
 
 from ingest.security.certificates import CertificateError, Certificates
 from ingest.settings import Tls, Vendor
-from tests.ingest.port.test_receiver import floor, until
+from tests.ingest.port.made_receiver import floor, until
 from tests.ingest.security.made_tls import trusting, write
 
 

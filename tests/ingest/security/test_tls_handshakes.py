@@ -10,7 +10,7 @@ from websockets.asyncio.client import connect
 from ingest.port import receiver
 from ingest.settings import Tls
 from tests.helpers.patience import PATIENCE_S
-from tests.ingest.port.test_receiver import floor, until
+from tests.ingest.port.made_receiver import floor, until
 from tests.ingest.security.made_tls import trusting
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.replay import write_log
 from deconflict.settings.site import Site, load
-from deconflict.simulation.demo import demo_site
+from deconflict.simulation.demo_site import demo_site
 from ingest.recording.log_reader import Reader
 from metrics.replay import replay
 from tests.helpers.patience import PATIENCE_S

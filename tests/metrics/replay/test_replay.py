@@ -2,45 +2,17 @@ import json
 import os
 import subprocess
 import sys
-from math import pi
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from deconflict.settings.site import DEFAULT
 from ingest.languages.massrobotics import timestamps
-from ingest.recording.log_reader import Reader
-from metrics.replay.replay import replay
-from tests.helpers.saying import identity, points, status
+from tests.helpers.saying import identity, status
+from tests.metrics.replay.made_replays import NOW_S, log_of_a_crossing, scored
 
-NOW_S = 1_790_000_000.0
 STRAIGHT_ON = {0.3: (0.81, 0.29), 0.5: (0.91, 0.45)}
 """Recall and precision on mrclam7.cv, by clearance, of alerts wherever forecasts come within it."""
 RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
-
-
-def log_of_a_crossing(path: Path, *, told: bool = True, apart_m: float = 0.0) -> Path:
-    """Two that cross at 12 s, as a log of lines with `received` and `message`.
-
-    Without `told` both say that they stand; the second passes the crossing `apart_m` behind.
-    """
-    lines = []
-
-    def say(t_s: float, raw: bytes) -> None:
-        lines.append(f'{{"received":"{timestamps.write(t_s)}","message":{raw.decode()}}}\n')
-
-    for name in ("A-1", "B-1"):
-        say(NOW_S, identity(name, NOW_S))
-    for second in range(25):
-        t_s = NOW_S + second
-        for name, x, y, yaw in (("A-1", second - 12.0, 0.0, 0.0), ("B-1", 0.0, second - 12.0 - apart_m, pi / 2)):
-            dx, dy = (1.0, 0.0) if name == "A-1" else (0.0, 1.0)
-            path_points = points(*((t_s + i, x + dx * i, y + dy * i, yaw) for i in range(1, 11)))
-            said = {"path": path_points} if told else {"operationalState": "idle"}
-            say(t_s + 0.05, status(name, t_s, x, y, yaw, **said))
-    path.write_text("".join(lines))
-    return path
 
 
 def log_of_a_jump(path: Path) -> Path:
@@ -55,11 +27,6 @@ def log_of_a_jump(path: Path) -> Path:
             lines.append(f'{{"received":"{timestamps.write(t_s + 0.05)}","message":{raw.decode()}}}\n')
     path.write_text("".join(lines))
     return path
-
-
-def scored(log: Path, clearances_m: list[float]) -> dict[str, Any]:
-    reader = Reader()
-    return replay(reader, reader.read([log]), DEFAULT, clearances_m)
 
 
 def test_a_perfect_vendor_is_scored_perfect(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from metrics.replay.replay import replay
 from metrics.report import figures
 from metrics.report.html_report import page
 from metrics.report.svg import Chart, ticks
-from tests.metrics.replay.test_replay import NOW_S, log_of_a_crossing, scored
+from tests.metrics.replay.made_replays import NOW_S, log_of_a_crossing, scored
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
-from tests.metrics.replay.test_replay import log_of_a_crossing
+from tests.metrics.replay.made_replays import log_of_a_crossing
 
 Told = list[tuple[str, dict[str, Any], dict[str, Any]]]
 

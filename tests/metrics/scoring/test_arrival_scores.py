@@ -4,7 +4,7 @@ import pytest
 
 from ingest.languages.massrobotics import timestamps
 from tests.helpers.saying import identity, points, status
-from tests.metrics.replay.test_replay import NOW_S, scored
+from tests.metrics.replay.made_replays import NOW_S, scored
 
 
 def log_of_a_trip(path: Path, late_s: float, changes_its_mind: bool = False, seconds: int = 60) -> Path:

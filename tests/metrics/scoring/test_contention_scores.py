@@ -12,7 +12,7 @@ from ingest.recording.log_reader import Reader
 from metrics.replay.replay import replay
 from metrics.report.html_report import page
 from metrics.truth.resource_use import Conduct
-from tests.deconflict.contention.queues.test_charger_forecast import Driver
+from tests.deconflict.contention.queues.made_driver import Driver
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, aisle, resource, site
 from tests.helpers.saying import identity
 

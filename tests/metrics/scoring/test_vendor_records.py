@@ -12,7 +12,7 @@ from ingest.measures.change_detection import Change
 from ingest.measures.measures import Measures
 from metrics.scoring.vendor_records import MOST_FLAGS, VendorRecords
 from tests.helpers.saying import identity, status
-from tests.metrics.replay.test_replay import NOW_S, scored
+from tests.metrics.replay.made_replays import NOW_S, scored
 
 SLOW_S = 4.0
 

@@ -11,19 +11,28 @@ from websockets.asyncio.client import connect
 from deconflict.advice.async_answers import at_once
 from deconflict.advisory import AdvisoryState
 from deconflict.cluster.engine_member import Member
-from deconflict.cluster.ingest_feed import end_tasks
 from deconflict.cluster.judging.global_engine import Lookout
 from deconflict.cluster.judging.stream_writer import Teller
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import Line, Seen
+from deconflict.cluster.nats.tasks import end_tasks
 from deconflict.cluster.tiles.channels import EVERY
 from ingest.measures.measures import joined_values
 from ingest.port.connection import Connection
-from tests.deconflict.cluster.judging.test_global_judge import fleet
-from tests.deconflict.cluster.made_cluster import Broker, buses, cluster, ingest, needs_server, running, table
-from tests.deconflict.cluster.test_cluster import lives, until
+from tests.deconflict.cluster.judging.made_fleet import fleet
+from tests.deconflict.cluster.made_cluster import (
+    Broker,
+    buses,
+    cluster,
+    ingest,
+    lives,
+    needs_server,
+    running,
+    table,
+    until,
+)
 from tests.deconflict.contention.scenes import Script
-from tests.deconflict.roles.test_contention_in_service import SITE, scripts
+from tests.deconflict.roles.made_queues import SITE, scripts
 from tests.helpers.saying import identity
 
 pytestmark = needs_server

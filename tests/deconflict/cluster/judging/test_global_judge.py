@@ -7,23 +7,17 @@ from deconflict.advisories.finding_lifecycle import Told
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
 from deconflict.cluster.judging.global_judge import Commons
 from deconflict.engine.engine import Engine
-from deconflict.roles.receiver_role import fleet_of
-from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.ownership_claims import HELD_S
-from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
+from tests.deconflict.cluster.judging.made_fleet import fleet
 from tests.deconflict.contention.scenes import NOW_S, Script
-from tests.deconflict.roles.test_contention_in_service import SITE, scripts
+from tests.deconflict.roles.made_queues import SITE, scripts
 from tests.helpers.saying import identity, robot, status
 
 TICKS = 4
 """A second."""
-
-
-def fleet(site: Site = SITE) -> Fleet:
-    return fleet_of(site, Measures())
 
 
 @dataclass

@@ -5,12 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.cluster.ingest_feed import end_tasks
 from deconflict.cluster.judging import outbox
 from deconflict.cluster.judging.outbox import Outbox, UntoldError
 from deconflict.cluster.judging.stream_writer import Teller
-from tests.deconflict.cluster.made_cluster import Broker, buses, needs_server
-from tests.deconflict.cluster.nats.test_bus import HOME
+from deconflict.cluster.nats.tasks import end_tasks
+from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server
 from tests.helpers.made_advisories import made
 from tests.helpers.patience import PATIENCE_S
 

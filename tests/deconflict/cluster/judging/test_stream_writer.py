@@ -3,11 +3,10 @@
 import asyncio
 from pathlib import Path
 
-from deconflict.cluster.ingest_feed import end_tasks
 from deconflict.cluster.judging.stream_writer import Teller
 from deconflict.cluster.nats.stream_records import key_of
-from tests.deconflict.cluster.made_cluster import Broker, buses, needs_server
-from tests.deconflict.cluster.nats.test_bus import HOME
+from deconflict.cluster.nats.tasks import end_tasks
+from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server
 from tests.helpers.made_advisories import cleared, made
 
 pytestmark = needs_server

@@ -13,23 +13,22 @@ from nats.js.api import ConsumerConfig
 
 from deconflict.advisory import AdvisoryState
 from deconflict.cluster.engine_member import Member
-from deconflict.cluster.ingest_feed import connected, end_tasks
 from deconflict.cluster.judging.stream_writer import Teller
 from deconflict.cluster.nats.bus import FEED, Bus, OverruledError
 from deconflict.cluster.nats.stream_records import key_of
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS, lately
-from deconflict.cluster.tiles.tiles import Place, Tile
+from deconflict.cluster.nats.tasks import connected, end_tasks
+from deconflict.cluster.tiles.tiles import Tile
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site
 from ingest.settings import Reading
-from tests.deconflict.cluster.made_cluster import Broker, buses, needs_server, running
-from tests.deconflict.roles.test_supervisor import free_ports
+from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server, running
+from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import HALL
 
 pytestmark = needs_server
-HOME = Place(HALL, 1.0, 2.0)
 
 
 async def test_a_revision_sent_again_is_not_doubled_but_another_in_its_place_is_refused(tmp_path: Path) -> None:

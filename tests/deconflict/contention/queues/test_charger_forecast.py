@@ -1,7 +1,5 @@
 """Robots that will need a charger, on a small made-up floor."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -13,10 +11,9 @@ from deconflict.contention.queues.charger_forecast import AHEAD_S, Need, more_th
 from deconflict.contention.queues.queue_forecast import Row, first_come
 from deconflict.contention.robots.place_geometry import Geometry
 from deconflict.settings.shared_places import Resource
-from tests.deconflict.contention.scenes import NOW_S, Scene, Script, raised, resource, site
+from tests.deconflict.contention.queues.made_driver import Driver, Levels
+from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
 from tests.helpers.saying import robot
-
-Levels = Callable[[float], float]
 
 
 def charger(place: str, x: float, y: float = 0.0, **told: Any) -> Resource:
@@ -25,20 +22,6 @@ def charger(place: str, x: float, y: float = 0.0, **told: Any) -> Resource:
 
 def at(level_pct: float, drain_pct_per_s: float = 0.0) -> Levels:
     return lambda t: level_pct - drain_pct_per_s * t
-
-
-@dataclass
-class Driver(Script):
-    """A robot that tells the level of its battery, and for how long that lasts."""
-
-    level: Levels = lambda _: 80.0
-    lasts_s: float | None = None
-
-    def says(self, name: str, t: float, start_s: float = NOW_S) -> bytes:
-        told = b'{"batteryPercentage":%g,' % self.level(t)
-        if self.lasts_s:
-            told += b'"remainingRunTime":%g,' % (self.lasts_s / 3600)
-        return told + super().says(name, t, start_s)[1:]
 
 
 def stands(x: float, level: Levels, lasts_s: float | None = None, state: str = "idle", **told: Any) -> Driver:

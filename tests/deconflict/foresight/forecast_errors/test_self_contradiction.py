@@ -14,7 +14,7 @@ from deconflict.foresight.forecast_errors.self_contradiction import (
     unheard,
 )
 from ingest.batch import Basis, Forecasts, Ints
-from tests.deconflict.foresight.probability.test_estimator import Stage, Walk
+from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_encounters import robot
 
 SLOT = np.array([1])

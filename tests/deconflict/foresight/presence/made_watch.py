@@ -91,3 +91,12 @@ class Watch:
         """Silences that have ended, by outcome."""
         told = self.measures.values.get("deconflict_silences_total", {})
         return {outcome: count for (_, outcome), count in told.items()}
+
+
+DOOR_M = 20.0
+
+
+def leave(watch: Watch, robots: int, first: int = 0) -> None:
+    """Robots that drive to the door one after the other, and are not heard again."""
+    for number in range(first, first + robots):
+        watch.drive(f"leaver {number}", DOOR_M - 6.0, number % 2, seconds=6)

@@ -3,10 +3,11 @@
 from dataclasses import dataclass, field
 
 from deconflict.advisories.conflict_lifecycle import Lives
-from deconflict.advisories.conflict_wording import Pair, Party, Prediction, Scene
+from deconflict.advisories.conflict_wording import Party, Prediction, Scene
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
+from ingest.batch import Pair
 from tests.helpers.made_predictions import each, in_columns
 
 SETTINGS = Conflict(clearance_m=0.3, confirm=(1, 1), clear_after_s=1.0, raise_probability=0.4)

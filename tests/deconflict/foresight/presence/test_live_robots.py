@@ -9,7 +9,7 @@ from ingest.fleet.quarantine import Quarantine
 from ingest.fleet.vendor_registry import Vendors
 from ingest.frames.frame_registry import Frames
 from ingest.measures.measures import Measures
-from tests.deconflict.engine.test_engine import LINE, NOW_S, SITE
+from tests.deconflict.engine.made_engine import LINE, NOW_S, SITE
 from tests.helpers.saying import HALL, LOFT, robot, status
 
 RNG = np.random.default_rng(5)

@@ -4,16 +4,8 @@ import pytest
 
 from deconflict.foresight.presence.presence import Presence
 from deconflict.runtime.learned_state import packed, unpacked
-from tests.deconflict.foresight.presence.made_watch import LINE, NOW_S, Watch
+from tests.deconflict.foresight.presence.made_watch import DOOR_M, LINE, NOW_S, Watch, leave
 from tests.helpers.saying import LOFT, identity, robot
-
-DOOR_M = 20.0
-
-
-def leave(watch: Watch, robots: int, first: int = 0) -> None:
-    """Robots that drive to the door one after the other, and are not heard again."""
-    for number in range(first, first + robots):
-        watch.drive(f"leaver {number}", DOOR_M - 6.0, number % 2, seconds=6)
 
 
 @pytest.mark.parametrize(("every_s", "reports", "grace_s"), [(1, 5, 5.0), (10, 5, 30.0), (1, 2, 30.0)])

@@ -7,7 +7,7 @@ import pytest
 
 from deconflict.advisory import Hold, Recommendation, Slot
 from deconflict.foresight.probability.advice_followers import Heeded, waits_until_s
-from tests.deconflict.foresight.probability.test_estimator import Stage, Walk
+from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_advisories import ROBOTS, START, cleared, made
 from tests.helpers.made_encounters import NOW_S
 

@@ -5,8 +5,7 @@ from numpy.random import default_rng
 from deconflict.foresight.probability.calibration import CONTACT, OUTCOME_WEIGHT, OWN_SD, Calibration, log_odds
 from deconflict.foresight.probability.censoring import STAYED, weights
 from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, Fates
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 NOW_S = 1_790_000_000.0
 

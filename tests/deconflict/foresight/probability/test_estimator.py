@@ -1,71 +1,13 @@
 """Robots that report once a second, what they say and what they do given apart."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from deconflict.foresight.probability.estimator import Foresight, Pair, Swept
-from ingest.batch import Basis, Batch, Destinations, Forecasts
-from ingest.measures.measures import Measures
-from tests.helpers.made_encounters import NOW_S, robot
-
-CLEARANCE_M = 0.3
-NONE_SWEPT = Swept((), np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0))
-NO_STOPS = Destinations(np.zeros(1, np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0, np.int64))
-
-Velocity = tuple[float, float]
-
-
-@dataclass
-class Walk:
-    """Where a robot is, how it moves, and how it says that it will."""
-
-    at: tuple[float, float]
-    does: Velocity
-    says: Velocity | None = None
-
-    def forecast(self, t_s: float) -> Forecasts:
-        (x, y), (vx, vy) = self.at, self.says or self.does
-        x, y = x + self.does[0] * t_s, y + self.does[1] * t_s
-        return robot([t_s, t_s + 20], [x, x + 20 * vx], [y, y + 20 * vy], float(np.arctan2(vy, vx)), (1.0, 0.5))
-
-
-@dataclass
-class Stage:
-    walks: dict[str, Walk]
-    foresight: Foresight = field(default_factory=lambda: Foresight(CLEARANCE_M, 0.1, 10.0, Measures()))
-
-    def run(self, until_s: int) -> list[dict[Pair, float]]:
-        return [self.second(t_s) for t_s in range(until_s)]
-
-    def second(self, t_s: int) -> dict[Pair, float]:
-        self.foresight.receive(self.batch(float(t_s)))
-        self.foresight.look(NOW_S + t_s, NONE_SWEPT, 0.5)
-        return dict(self.foresight.probabilities())
-
-    def batch(self, t_s: float) -> Batch:
-        n, now_s = len(self.walks), NOW_S + t_s
-        return Batch(
-            now_s=now_s,
-            floors=("hall",),
-            robots=tuple(self.walks),
-            vendors=("Alder",) * n,
-            models=tuple(self.walks),
-            names=tuple(self.walks),
-            states=("navigating",) * n,
-            statuses=np.ones(n, np.int64),
-            first_arrival_s=np.full(n, now_s),
-            arrival_s=np.full(n, now_s),
-            event_s=np.full(n, now_s),
-            basis=np.full(n, int(Basis.PATH)),
-            doubt_m=np.zeros(n),
-            battery_pct=np.full(n, np.nan),
-            run_time_left_s=np.full(n, np.nan),
-            forecasts=Forecasts.joined(walk.forecast(t_s) for walk in self.walks.values()),
-            destinations=NO_STOPS,
-            gone=(),
-        )
+from deconflict.foresight.probability.estimator import Swept
+from tests.deconflict.foresight.probability.made_stage import Stage, Walk
+from tests.helpers.made_encounters import NOW_S
 
 
 def test_robots_that_will_cross_are_likelier_to_the_nearer_they_come() -> None:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.probability.start_times import LATE_S, STOOD_S, Starts
-from deconflict.sweep.geometry.knots import Bools
-from ingest.batch import Floats
+from ingest.batch import Bools, Floats
 
 NOW_S = 1_790_000_000.0
 

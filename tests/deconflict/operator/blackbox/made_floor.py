@@ -8,11 +8,11 @@ from pathlib import Path
 
 from deconflict.advisory import AnyAdvisory
 from deconflict.engine.engine import Engine
-from deconflict.operator.blackbox.archive import FOLDER
+from deconflict.operator.blackbox.archive import FOLDER, Box, Shelf
 from deconflict.operator.blackbox.blackbox_request import Near, Order, Snapshot, Span
 from deconflict.operator.store.store import Store
-from deconflict.roles.receiver_role import fleet_of
 from deconflict.runtime.learned_state import packed
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import BlackBox, Site
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -96,3 +96,14 @@ def lived(data: Path, courses: dict[str, Course], seconds: int, sways_s: float =
             floor.snapshots.append(Snapshot(now_s, packed(engine.learned()), {}))
     recorder.close()
     return floor
+
+
+def put(shelf: Shelf, number: int, size: int = 100, year: int = 2026, *pairs: str) -> Box:
+    """With a near miss of each pair of vendors, a letter each."""
+    name = f"blackbox-{year}092{number}T141500000Z.jsonl.zst"
+    (shelf.directory / name).write_bytes(b"x" * size)
+    until = f"{year}-09-2{number}T14:15:00.000000Z"
+    near = [{"vendors": list(one)} for one in pairs]
+    box = {"file": name, "bytes": size, "sha256": f"{number}" * 64, "until": until, "near_misses": near}
+    shelf.add(box)
+    return box

@@ -2,19 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.operator.blackbox.archive import REGISTER, Box, Shelf
+from deconflict.operator.blackbox.archive import REGISTER, Shelf
 from deconflict.operator.blackbox.hash_chain import NOTHING
-
-
-def put(shelf: Shelf, number: int, size: int = 100, year: int = 2026, *pairs: str) -> Box:
-    """With a near miss of each pair of vendors, a letter each."""
-    name = f"blackbox-{year}092{number}T141500000Z.jsonl.zst"
-    (shelf.directory / name).write_bytes(b"x" * size)
-    until = f"{year}-09-2{number}T14:15:00.000000Z"
-    near = [{"vendors": list(one)} for one in pairs]
-    box = {"file": name, "bytes": size, "sha256": f"{number}" * 64, "until": until, "near_misses": near}
-    shelf.add(box)
-    return box
+from tests.deconflict.operator.blackbox.made_floor import put
 
 
 @pytest.fixture

@@ -21,10 +21,9 @@ from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Tick, lines_of, parsed
 from metrics.replay.blackbox_verify import verify
 from tests.deconflict.operator.blackbox.made_floor import SITE as MADE
-from tests.deconflict.operator.blackbox.made_floor import TICK_S, Floor, crossing, lived
-from tests.deconflict.operator.blackbox.test_archive import put
+from tests.deconflict.operator.blackbox.made_floor import TICK_S, Floor, crossing, lived, put
 from tests.deconflict.operator.http.served_face import until
-from tests.deconflict.roles.test_service import SITE, Course, drive, running
+from tests.deconflict.roles.made_service import SITE, Course, drive, running
 from tests.helpers.patience import PATIENCE_S
 
 SETTINGS = SITE.model_copy(update={"blackbox": BlackBox(before_s=2.0, after_s=3.0)})

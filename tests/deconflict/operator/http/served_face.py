@@ -17,8 +17,8 @@ from deconflict.operator.http.uvicorn_server import FaceServer, face_server
 from deconflict.operator.live.floor_frames import Picture
 from deconflict.operator.live.recent_batches import Recent, opened, parcel
 from deconflict.operator.store.store import Store
-from deconflict.roles.receiver_role import fleet_of
 from deconflict.runtime.rpc import LinkDownError
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Operator, Site
 from ingest.batch import Batch
 from ingest.measures.measures import Measures

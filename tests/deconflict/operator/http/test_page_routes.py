@@ -13,7 +13,7 @@ from websockets.asyncio.client import connect
 
 from deconflict.advisory import Location
 from deconflict.operator.http.page_routes import page_files, site_document
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site, load
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

@@ -6,7 +6,7 @@ import pytest
 
 from deconflict.operator.live import floor_frames as module
 from deconflict.operator.live.floor_frames import Picture
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures

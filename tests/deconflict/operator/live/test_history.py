@@ -9,7 +9,7 @@ import pytest
 
 from deconflict.operator.live.floor_frames import Picture
 from deconflict.operator.live.history import MOST_WAITING, BusyError, Past, floor_at, recorded
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
 from ingest.recording.recorder import Recorder

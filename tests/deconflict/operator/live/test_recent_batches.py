@@ -4,7 +4,7 @@ import pytest
 
 from deconflict.operator.live import recent_batches
 from deconflict.operator.live.recent_batches import KEPT, Recent, opened, parcel
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures

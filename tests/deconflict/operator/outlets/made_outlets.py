@@ -6,19 +6,23 @@ import socket
 import subprocess
 import threading
 from collections.abc import AsyncIterator, Coroutine, Iterator
-from contextlib import asynccontextmanager, contextmanager, suppress
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import pytest
+from aiomqtt import Client
 
+from deconflict.operator.outlets.store_cursor import Following
+from deconflict.operator.outlets.webhooks import Poster
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
+from deconflict.settings.outlet_settings import Webhook
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.http.served_face import until
-from tests.deconflict.roles.test_supervisor import free_ports
+from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
 
 SECRET = "a secret that both ends know"  # noqa: S105
@@ -105,3 +109,47 @@ def kept(folder: Path) -> Iterator[tuple[Store, Publisher]]:
         yield store, Publisher(store, Measures())
     finally:
         store.close()
+
+
+def posting(url: str, store: Store, publisher: Publisher, folder: Path) -> AbstractAsyncContextManager[None]:
+    """A webhook at work, until the end of the block."""
+    (folder / "secret").write_text(SECRET)
+    settings = Webhook(name="mes", url=url, secret=f"file:{folder / 'secret'}", retry_s=(0.02, 0.1), timeout_s=5)
+    return working(Poster(settings, Following("mes", store, publisher)).run(), publisher)
+
+
+def numbers(heard: list[tuple[dict[str, str], bytes]]) -> list[int]:
+    return [int(headers["webhook-id"].removeprefix("advisory-")) for headers, _ in heard]
+
+
+async def heard(other: Hearer, count: int) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        await until(lambda: len(other.heard) >= count)
+
+
+async def delivered(publisher: Publisher, count: int, outlet: str = "mes") -> None:
+    """So many are taken, which an outlet knows a moment after the other end."""
+    async with asyncio.timeout(PATIENCE_S):
+        await until(lambda: publisher.measures.values["deconflict_outlet_deliveries_total"][outlet,] >= count)
+
+
+async def held_now(port: int) -> dict[str, str]:
+    """What a subscriber that comes now is told at once, by topic."""
+    held: dict[str, str] = {}
+    async with Client("127.0.0.1", port) as client:
+        await client.subscribe("deconflict/#", qos=1)
+        await client.subscribe("end")
+        await client.publish("end", "", qos=1)
+        async for message in client.messages:
+            if message.topic.value == "end":
+                break
+            if message.retain and isinstance(message.payload, bytes):
+                held[message.topic.value] = message.payload.decode()
+    return held
+
+
+async def retained(port: int, wanted: set[str]) -> dict[str, str]:
+    """What is held, as soon as it is of these topics and no others."""
+    while set(held := await held_now(port)) != {f"deconflict/{one}" for one in wanted}:
+        await asyncio.sleep(0.05)
+    return held

@@ -4,16 +4,14 @@ import asyncio
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
-from aiomqtt import Client
-
 from deconflict.operator.outlets.mqtt import Broker, told
 from deconflict.operator.outlets.store_cursor import Following
 from deconflict.operator.store.publisher import Line, Publisher
 from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Mqtt
 from tests.deconflict.operator.http.served_face import until
-from tests.deconflict.operator.outlets.made_outlets import broker, kept, needs_mosquitto, working
-from tests.deconflict.roles.test_supervisor import free_ports
+from tests.deconflict.operator.outlets.made_outlets import broker, kept, needs_mosquitto, retained, working
+from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.patience import PATIENCE_S
 
@@ -23,28 +21,6 @@ pytestmark = needs_mosquitto
 def feeding(port: int, store: Store, publisher: Publisher) -> AbstractAsyncContextManager[None]:
     settings = Mqtt(host="127.0.0.1", port=port, retry_s=(0.05, 0.2))
     return working(Broker(settings, Following("mqtt", store, publisher), store).run(), publisher)
-
-
-async def held_now(port: int) -> dict[str, str]:
-    """What a subscriber that comes now is told at once, by topic."""
-    held: dict[str, str] = {}
-    async with Client("127.0.0.1", port) as client:
-        await client.subscribe("deconflict/#", qos=1)
-        await client.subscribe("end")
-        await client.publish("end", "", qos=1)
-        async for message in client.messages:
-            if message.topic.value == "end":
-                break
-            if message.retain and isinstance(message.payload, bytes):
-                held[message.topic.value] = message.payload.decode()
-    return held
-
-
-async def retained(port: int, wanted: set[str]) -> dict[str, str]:
-    """What is held, as soon as it is of these topics and no others."""
-    while set(held := await held_now(port)) != {f"deconflict/{one}" for one in wanted}:
-        await asyncio.sleep(0.05)
-    return held
 
 
 async def test_the_broker_holds_what_is_open_and_forgets_what_is_cleared(tmp_path: Path) -> None:

@@ -18,10 +18,18 @@ from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Mqtt, Webhook
 from ingest.security.tokens import SecretError
 from tests.deconflict.operator.http.served_face import until
-from tests.deconflict.operator.outlets.made_outlets import SECRET, Hearer, broker, hearing, kept, needs_mosquitto
-from tests.deconflict.operator.outlets.test_mqtt import retained
-from tests.deconflict.operator.outlets.test_positions import delivered, heard
-from tests.deconflict.operator.outlets.test_webhooks import numbers
+from tests.deconflict.operator.outlets.made_outlets import (
+    SECRET,
+    Hearer,
+    broker,
+    delivered,
+    heard,
+    hearing,
+    kept,
+    needs_mosquitto,
+    numbers,
+    retained,
+)
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.patience import PATIENCE_S
 

@@ -9,9 +9,8 @@ from deconflict.roles.service import in_one_process
 from deconflict.settings.outlet_settings import Mqtt, Webhook
 from metrics.monitoring.exposition import render
 from tests.deconflict.operator.http.served_face import until
-from tests.deconflict.operator.outlets.made_outlets import SECRET, broker, hearing, needs_mosquitto
-from tests.deconflict.operator.outlets.test_mqtt import held_now
-from tests.deconflict.roles.test_service import CROSSING, SITE, drive
+from tests.deconflict.operator.outlets.made_outlets import SECRET, broker, hearing, held_now, needs_mosquitto
+from tests.deconflict.roles.made_service import CROSSING, SITE, drive
 from tests.helpers.patience import PATIENCE_S
 
 

@@ -1,6 +1,5 @@
 """Where an outlet is in the stream, on a disk that is full or stuck: nothing is lost, nor doubled but at an end."""
 
-import asyncio
 import os
 import signal
 import sqlite3
@@ -11,11 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from tests.deconflict.operator.http.served_face import until
-from tests.deconflict.operator.outlets.made_outlets import SECRET, Hearer, hearing, kept
-from tests.deconflict.operator.outlets.test_webhooks import numbers, posting
+from tests.deconflict.operator.outlets.made_outlets import SECRET, delivered, heard, hearing, kept, numbers, posting
 from tests.deconflict.roles.made_disks import disk_of, fill
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.patience import PATIENCE_S
@@ -27,17 +24,6 @@ LIVES = range(1, 9)
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     with disk_of(tmp_path, "1m") as disk:
         yield disk
-
-
-async def heard(other: Hearer, count: int) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        await until(lambda: len(other.heard) >= count)
-
-
-async def delivered(publisher: Publisher, count: int, outlet: str = "mes") -> None:
-    """So many are taken, which an outlet knows a moment after the other end."""
-    async with asyncio.timeout(PATIENCE_S):
-        await until(lambda: publisher.measures.values["deconflict_outlet_deliveries_total"][outlet,] >= count)
 
 
 async def test_a_full_disk_delays_no_outlet_and_its_place_is_stored_when_there_is_room(
@@ -97,14 +83,14 @@ async def test_a_stuck_disk_delays_no_outlet(tmp_path: Path) -> None:
 DYING = """
 import asyncio, sys
 from pathlib import Path
-from deconflict.outlets.following import Following
-from deconflict.outlets.settings import Webhook
-from deconflict.outlets.webhooks import Poster
-from deconflict.publisher import Publisher
-from deconflict.store import Store
-from ingest.measures import Measures
-from tests.deconflict.made_advisories import cleared, made
-from tests.deconflict.made_disks import fill
+from deconflict.operator.outlets.store_cursor import Following
+from deconflict.settings.outlet_settings import Webhook
+from deconflict.operator.outlets.webhooks import Poster
+from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.store import Store
+from ingest.measures.measures import Measures
+from tests.helpers.made_advisories import cleared, made
+from tests.deconflict.roles.made_disks import fill
 
 async def run(disk, url, secret, lives):
     store = Store(disk)

@@ -1,5 +1,4 @@
 import logging
-from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
 import pytest
@@ -7,24 +6,11 @@ import pytest
 from deconflict.operator.outlets.store_cursor import Following
 from deconflict.operator.outlets.webhook_signatures import verified
 from deconflict.operator.outlets.webhooks import Poster
-from deconflict.operator.store.publisher import Publisher
-from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Webhook
 from ingest.security.tokens import SecretError
 from tests.deconflict.operator.http.served_face import until
-from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing, kept, working
+from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing, kept, numbers, posting, working
 from tests.helpers.made_advisories import cleared, made
-
-
-def posting(url: str, store: Store, publisher: Publisher, folder: Path) -> AbstractAsyncContextManager[None]:
-    """A webhook at work, until the end of the block."""
-    (folder / "secret").write_text(SECRET)
-    settings = Webhook(name="mes", url=url, secret=f"file:{folder / 'secret'}", retry_s=(0.02, 0.1), timeout_s=5)
-    return working(Poster(settings, Following("mes", store, publisher)).run(), publisher)
-
-
-def numbers(heard: list[tuple[dict[str, str], bytes]]) -> list[int]:
-    return [int(headers["webhook-id"].removeprefix("advisory-")) for headers, _ in heard]
 
 
 async def test_each_revision_is_posted_signed_and_in_order(tmp_path: Path) -> None:

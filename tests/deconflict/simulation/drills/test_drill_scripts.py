@@ -9,7 +9,7 @@ import pytest
 
 from deconflict.contention.robots.place_geometry import Geometry
 from deconflict.engine.engine import Engine
-from deconflict.roles.receiver_role import fleet_of
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.simulation.drills.drill_outcomes import Outcome, Outcomes
 from deconflict.simulation.drills.drill_scripts import DRILLS, party, staged
 from deconflict.simulation.drills.errands import STEP_S

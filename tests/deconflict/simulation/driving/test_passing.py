@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deconflict.simulation.driving.passing import Passings
-from tests.deconflict.simulation.driving.test_protection import Way, traffic
+from tests.deconflict.simulation.driving.made_traffic import Way, traffic
 
 LANE_M = 0.7
 EAST: Way = ((0.0, -LANE_M), (40.0, -LANE_M))

@@ -11,14 +11,15 @@ import pytest
 
 from deconflict.settings import site
 from deconflict.simulation.cast import MAKES, VendorName, cast
-from deconflict.simulation.demo import demo_site
+from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.fleet_plans import Plan
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.robot_state import Robot, robots
 from deconflict.simulation.vendors.dialects import DIALECTS, SITE_MAPS
 from ingest.frames.frame_registry import Frames
-from ingest.languages.massrobotics.parser import Identity, Status, read
+from ingest.languages.massrobotics.parser import read
+from ingest.languages.model import Identity, Status
 
 NOW_S = 1_795_000_000.37
 SAMPLE_FINDINGS = {

@@ -3,7 +3,6 @@ from typing import Any
 
 import pytest
 
-from ingest.fast_path import loader
 from ingest.languages.massrobotics.fast_decoder import decoded, is_status
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from tests.helpers.vectors import VECTORS, T, at, named, said, with_null
@@ -39,12 +38,6 @@ NULLS = (
     said(velocity={"linear": 1.0, "angular": None}),
     with_null(named(), "maxSpeed"),
 )
-
-
-@pytest.fixture(autouse=True)
-def _all_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever else this process reads: points are a matter of `test_plain.py`."""
-    monkeypatch.setattr(loader, "points", None)
 
 
 def validated(raw: bytes) -> dict[str, Any]:

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from ingest.languages.massrobotics import parser
 from ingest.languages.massrobotics.conformance_rules import RULES, RejectedError
-from ingest.languages.massrobotics.parser import Identity, Path, Rejection, Status, document, read
+from ingest.languages.massrobotics.parser import Path, document, read
+from ingest.languages.model import Identity, Rejection, Status
 from tests.helpers.saying import HALL, angle, identity, points, robot, stamp, status
 from tests.helpers.vectors import VECTORS, T, Vector, at, here, named, said, with_null
 

@@ -1,0 +1,37 @@
+"""The fleet of a site: empty, and read by its settings."""
+
+from typing import Any
+
+from deconflict.settings.site import Site
+from ingest.fleet.fast_path_types import FastPath
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.vendor_registry import Vendors
+from ingest.frames.frame_registry import Frames
+from ingest.measures.measures import Measures
+
+
+def fleet_of(site: Site, measures: Measures) -> Fleet:
+    """An empty fleet that reads messages as the site says."""
+    frames = Frames(site.datums, site.vendors)
+    return Fleet(Vendors(site.vendors), frames, site.reading, measures, Quarantine())
+
+
+def fast_fleet_of(site: Site, measures: Measures) -> Fleet:
+    """A fleet with the fast path, where that is installed."""
+    fleet = fleet_of(site, measures)
+    if fast_path := load_fast_path():
+        fleet.use(fast_path)
+    return fleet
+
+
+def load_fast_path() -> FastPath[Any] | None:
+    """The compiled shortcuts; None where `ingest/fast_path` is not installed.
+
+    Loading takes half a second, and compiles what is not on disk yet.
+    """
+    try:
+        from ingest.fast_path.loader import load  # noqa: PLC0415 - brings numba
+    except ModuleNotFoundError:
+        return None
+    return load()

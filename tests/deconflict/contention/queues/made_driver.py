@@ -1,0 +1,22 @@
+"""TODO."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from tests.deconflict.contention.scenes import NOW_S, Script
+
+Levels = Callable[[float], float]
+
+
+@dataclass
+class Driver(Script):
+    """A robot that tells the level of its battery, and for how long that lasts."""
+
+    level: Levels = lambda _: 80.0
+    lasts_s: float | None = None
+
+    def says(self, name: str, t: float, start_s: float = NOW_S) -> bytes:
+        told = b'{"batteryPercentage":%g,' % self.level(t)
+        if self.lasts_s:
+            told += b'"remainingRunTime":%g,' % (self.lasts_s / 3600)
+        return told + super().says(name, t, start_s)[1:]

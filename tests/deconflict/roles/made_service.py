@@ -1,0 +1,156 @@
+"""TODO."""
+
+import asyncio
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import httpx
+from websockets.asyncio.client import connect
+
+from deconflict.roles.operator_role import OperatorRole
+from deconflict.roles.receiver_role import ReceiverRole
+from deconflict.roles.service import in_one_process
+from deconflict.settings.site import Conflict, Operator, Site
+from ingest.settings import Datum, Receiver
+from metrics.monitoring.exposition import render
+from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import HALL, identity, points, status
+
+Course = Callable[[float], tuple[float, float, float]]
+MEETING: dict[str, Course] = {"A-1": lambda t: (-30.0 + t, 0.0, 0.0), "B-1": lambda t: (30.0 - t, 0.0, pi)}
+"""Head-on after thirty seconds."""
+
+
+def free_ports(count: int) -> list[int]:
+    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
+    ports = [one.getsockname()[1] for one in sockets]
+    for one in sockets:
+        one.close()
+    return ports
+
+
+class Served:
+    """A service in processes of its own."""
+
+    def __init__(self, data: Path, site: Path | None = None) -> None:
+        self.robots_port, self.operator_port = free_ports(2)
+        self._data, self._site = data, site
+        self.process: subprocess.Popen[bytes] | None = None
+
+    @contextmanager
+    def running(self) -> Iterator[int]:
+        command = [sys.executable, "-m", "deconflict", "serve", *([str(self._site)] if self._site else [])]
+        command += ["--data", str(self._data)]
+        ports = ["--robots-port", str(self.robots_port), "--operator-port", str(self.operator_port)]
+        with subprocess.Popen([*command, *ports], stderr=subprocess.DEVNULL) as process:
+            try:
+                yield process.pid
+            finally:
+                process.send_signal(signal.SIGTERM)
+                process.wait(PATIENCE_S)
+
+    @property
+    def face_url(self) -> str:
+        return f"http://127.0.0.1:{self.operator_port}"
+
+    @property
+    def robots_url(self) -> str:
+        return f"ws://127.0.0.1:{self.robots_port}"
+
+    async def until(self, path: str, wanted: Any, within_s: float = PATIENCE_S) -> Any:
+        """The JSON at `path` once it is as wanted, whatever the status."""
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(within_s):
+            while True:
+                try:
+                    answer = (await client.get(f"http://127.0.0.1:{self.operator_port}{path}")).json()
+                    if wanted(answer):
+                        return answer
+                except (httpx.TransportError, json.JSONDecodeError):
+                    pass
+                await asyncio.sleep(0.1)
+
+    @asynccontextmanager
+    async def with_robots(self, start_s: float) -> AsyncIterator[None]:
+        driving = asyncio.create_task(drive(self.robots_url, MEETING, 120, start_s))
+        try:
+            yield
+        finally:
+            driving.cancel()
+            await asyncio.gather(driving, return_exceptions=True)
+
+
+def healthy(health: dict[str, Any]) -> bool:
+    return bool(health.get("status") == "ok")
+
+
+SITE = Site(
+    name="Test hall",
+    datums=(Datum(id=HALL, name="Hall"),),
+    receiver=Receiver(port=0),
+    operator=Operator(port=0),
+    conflict=Conflict(clear_after_s=1.0),
+)
+
+
+CROSSING: dict[str, Course] = {
+    "A-1": lambda t: (-4.0 + t, 0.0, 0.0),
+    "B-1": lambda t: (0.0, -4.0 + t, pi / 2),
+}
+
+
+class Running:
+    """A service in this process, and where to find it."""
+
+    def __init__(self, receiver: ReceiverRole, operator: OperatorRole) -> None:
+        self.robots_url = f"ws://127.0.0.1:{receiver.receiver.port}"
+        self.face = f"127.0.0.1:{operator.port}"
+
+    async def get(self, path: str) -> httpx.Response:
+        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+            return await client.get(f"http://{self.face}{path}")
+
+    async def until(self, path: str, wanted: Callable[[Any], bool]) -> Any:
+        """The answer at `path` once it is as wanted."""
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                answer = await self.get(path)
+                if answer.status_code == 200 and wanted(answer.json()):
+                    return answer.json()
+                await asyncio.sleep(0.05)
+
+    async def metrics_with(self, name: str) -> str:
+        """The scrape once it has a series that begins so."""
+        async with asyncio.timeout(PATIENCE_S):
+            while f"\n{name}" not in (text := (await self.get("/metrics")).text):
+                await asyncio.sleep(0.05)
+        return text
+
+
+@asynccontextmanager
+async def running(data: Path, site: Site = SITE, wall: Callable[[], float] = time.time) -> AsyncIterator[Running]:
+    async with in_one_process(site, data, render, wall) as (receiver, operator):
+        yield Running(receiver, operator)
+
+
+async def drive(url: str, courses: dict[str, Course], seconds: float, start_s: float | None = None) -> None:
+    """Robots that report twice a second, at their word."""
+    began_s = time.time() if start_s is None else start_s
+    async with connect(url) as socket:
+        for name in courses:
+            await socket.send(identity(name, began_s))
+        while (now_s := time.time()) < began_s + seconds:
+            for name, course in courses.items():
+                t = now_s - began_s
+                x, y, yaw = course(t)
+                path = points(*((now_s + i, *course(t + i)) for i in range(1, 11)))
+                await socket.send(status(name, now_s, x, y, yaw, path=path))
+            await asyncio.sleep(0.5)

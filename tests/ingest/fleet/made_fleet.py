@@ -1,0 +1,31 @@
+"""TODO."""
+
+from typing import Any
+
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.vendor_registry import Vendors
+from ingest.frames.frame_registry import Frames
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.settings import Datum, Reading, Vendor
+from tests.helpers.saying import HALL, robot
+
+NOW_S = 1_790_000_000.0
+
+
+LINE = Connection(1)
+
+
+def fleet(*vendors: Vendor, datums: tuple[Datum, ...] = (Datum(id=HALL, name="Hall"),), **reading: Any) -> Fleet:
+    measures = Measures()
+    return Fleet(Vendors(vendors), Frames(datums, vendors), Reading(**reading), measures, Quarantine())
+
+
+def counted(of: Fleet, name: str) -> dict[tuple[str, ...], float]:
+    return of.measures.values[f"deconflict_{name}"]
+
+
+def document(of: Fleet, name: str, now_s: float = NOW_S) -> dict[str, Any]:
+    (found,) = [one for one in of.documents(now_s) if one["uuid"] == robot(name)]
+    return found
