@@ -1,4 +1,4 @@
-"""TODO."""
+"""A floor of robots on given courses, stepped through fleet and engine."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

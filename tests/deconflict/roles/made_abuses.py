@@ -1,4 +1,4 @@
-"""TODO."""
+"""Broken and hostile senders."""
 
 import asyncio
 import json

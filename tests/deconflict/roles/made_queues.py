@@ -1,4 +1,4 @@
-"""TODO."""
+"""A site with shared places, and scripted robots that queue there."""
 
 from deconflict.settings.site import Operator
 from ingest.settings import Receiver

@@ -1,4 +1,4 @@
-"""TODO."""
+"""A service in processes of its own, and robots that report to it."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""TODO."""
+"""A fleet, and how to read its counters and documents."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""TODO."""
+"""A receiver on a free port, and what it delivered."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable

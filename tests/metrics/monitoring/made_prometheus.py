@@ -1,4 +1,4 @@
-"""TODO."""
+"""A real Prometheus that scrapes a running service."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""TODO."""
+"""A short log of two robots that cross, and its scores."""
 
 from math import pi
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""TODO."""
+"""The fleet of one ingest."""
 
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site

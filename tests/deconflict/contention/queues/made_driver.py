@@ -1,4 +1,4 @@
-"""TODO."""
+"""A robot that drives on its battery and goes to chargers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

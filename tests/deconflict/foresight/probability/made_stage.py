@@ -1,4 +1,4 @@
-"""TODO."""
+"""Robots on straight ways, whose pairs the estimator looks at."""
 
 from dataclasses import dataclass, field
 

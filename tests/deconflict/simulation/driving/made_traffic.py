@@ -1,4 +1,4 @@
-"""TODO."""
+"""Robots on given ways, as the protective fields see them."""
 
 import numpy as np
 
