@@ -1,28 +1,36 @@
 """Functions compiled by numba, typed for mypy.
 
-A kernel is compiled for one signature when its module is imported, and kept on disk: beside the source, or where that
-can't be written to in the user's cache; with neither it is compiled in each process anew. The copy on disk is dropped
-when the kernel's own file changes and no other, so what a kernel calls is in its file (`tests/test_layout.py`).
-Arithmetic is IEEE's, in the order written: `fastmath` stays off, so that an answer does not hang on its neighbours.
+A kernel is compiled for one signature when its module is imported. The compiled copy is kept on disk: beside the
+source, or in the user's cache if that folder can't be written to. With neither it is compiled in each process. numba
+drops a copy when the kernel's own file changes. `SourceStamp` makes it drop the copy also when a helper or a constant
+of another file changes, so kernels may share both.
+
+Arithmetic is IEEE's, in the order written: `fastmath` stays off, so that an answer does not depend on its neighbours.
 """
 
-from collections.abc import Callable
+import hashlib
+import pickle
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
 from numpy.typing import DTypeLike, NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
 def inner(function: _Function) -> _Function:
-    """What kernels of the same file call; compiled into each of them."""
+    """A helper that kernels of any file call; it is compiled into each of them."""
     return cast(_Function, numba.njit(error_model="numpy")(function))
 
 
 def kernel(signature: object) -> Callable[[_Function], _Function]:
-    """What is called from outside, compiled for the types of `signature` and no others."""
+    """A function that Python calls, compiled for the types of `signature` and no others."""
 
     def compiled(function: _Function) -> _Function:
         try:
@@ -39,3 +47,56 @@ def ready(column: NDArray[Any], kind: DTypeLike = np.float64) -> NDArray[Any]:
     """An array as kernels take it, copied only where it must be."""
     as_it_is = column.dtype == kind and column.flags.c_contiguous and column.flags.aligned
     return column if as_it_is else np.require(column, kind, ["C", "A"])
+
+
+class SourceStamp:
+    """Mixed into numba's cache locators: a kernel's stamp covers all that is compiled into it."""
+
+    def __init__(self, function: FunctionType, file: str) -> None:
+        super().__init__(function, file)  # type: ignore[call-arg]
+        self._function = function
+
+    def get_source_stamp(self) -> tuple[str, ...]:
+        """A digest of each source file and constant that the kernel uses, its own file first."""
+        return tuple(dict.fromkeys(_digests(self._function, set())))
+
+
+def _digests(function: FunctionType, seen: set[FunctionType]) -> Iterator[str]:
+    seen.add(function)
+    yield _file_digest(function.__code__.co_filename)
+    for name in sorted(_global_names(function.__code__)):
+        value = function.__globals__.get(name)
+        helper = getattr(value, "py_func", None)
+        if isinstance(helper, FunctionType):
+            if helper not in seen:
+                yield from _digests(helper, seen)
+        elif isinstance(value, type):
+            yield _file_digest(sys.modules[value.__module__].__file__ or "")
+        elif isinstance(value, int | float | str | tuple | np.ndarray):
+            yield hashlib.sha256(name.encode() + pickle.dumps(value)).hexdigest()
+
+
+def _global_names(code: CodeType) -> set[str]:
+    """The names that a function, and those defined in it, may take from its module."""
+    nested = (constant for constant in code.co_consts if isinstance(constant, CodeType))
+    return set(code.co_names).union(*map(_global_names, nested))
+
+
+def _file_digest(path: str) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+class BesideSource(SourceStamp, InTreeCacheLocator):
+    """Keeps compiled copies beside the source."""
+
+
+class InUserCache(SourceStamp, UserWideCacheLocator):
+    """Keeps compiled copies in the user's cache."""
+
+
+class WhereAsked(SourceStamp, UserProvidedCacheLocator):
+    """Keeps compiled copies in the folder of `NUMBA_CACHE_DIR`."""
+
+
+_CHOICE = ",".join(f"{__name__}.{locator.__name__}" for locator in (WhereAsked, BesideSource, InUserCache))
+numba.config.CACHE_LOCATOR_CLASSES = _CHOICE  # type: ignore[attr-defined]

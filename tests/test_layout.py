@@ -201,33 +201,6 @@ def test_a_library_with_traps_is_imported_in_one_place(library: str, homes: set[
     assert importers <= homes
 
 
-def foreign_names(path: Path) -> tuple[int, set[str]]:
-    """How many functions of a file numba compiles, and the names in them that are imported from the packages."""
-    tree = ast.parse(path.read_text())
-    imported = {
-        alias.asname or alias.name
-        for node in tree.body
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PACKAGES
-        for alias in node.names
-    }
-    compiled = [node for node in tree.body if isinstance(node, ast.FunctionDef) and is_compiled(node)]
-    used = {node.id for one in compiled for part in one.body for node in ast.walk(part) if isinstance(node, ast.Name)}
-    return len(compiled), used & imported
-
-
-def is_compiled(function: ast.FunctionDef) -> bool:
-    decorators = [one.func if isinstance(one, ast.Call) else one for one in function.decorator_list]
-    return any(isinstance(one, ast.Name) and one.id in ("inner", "kernel") for one in decorators)
-
-
-def test_a_kernel_uses_nothing_of_another_file() -> None:
-    """What numba keeps on disk is dropped when the kernel's own file changes, and no other."""
-    files = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
-    found = {str(path.relative_to(ROOT)): foreign_names(path) for path in files}
-    assert sum(compiled for compiled, _ in found.values()) > 10
-    assert {path: names for path, (_, names) in found.items() if names} == {}
-
-
 def test_a_role_that_needs_no_engine_starts_without_what_takes_seconds_to_import() -> None:
     """A role that died is back the sooner."""
     asked = "import sys, deconflict.__main__; print(*sorted({'numba', 'ortools', 'pandas'} & set(sys.modules)))"
