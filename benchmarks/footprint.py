@@ -29,7 +29,7 @@ def measured(robots: int) -> dict[str, float]:
         sweeper = Sweeper(clearance_m=0.3)
         for second in range(SECONDS):
             sweeper.update(keys, world.forecasts(float(second)))
-            sweeper.step(NOW_S + second)
+            sweeper.find_conflicts(NOW_S + second)
     return {"import_s": import_s, "numpy_mb": numpy_mb, "idle_mb": idle_mb, "peak_mb": peak_mb()}
 
 

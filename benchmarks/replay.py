@@ -25,9 +25,9 @@ from deconflict.__main__ import COLLECTED_EVERY
 from deconflict.advice.hold_desk import Desk
 from deconflict.advisories.conflict_lifecycle import Lives
 from deconflict.contention.contention import Contention
-from deconflict.foresight.presence.live_robots import Live
+from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
-from deconflict.foresight.probability.estimator import Foresight
+from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.settings.site import Site, load
 from deconflict.simulation.cast import cast
 from deconflict.simulation.demo_site import demo_site
@@ -49,10 +49,10 @@ START_S = 1_790_000_000.0
 STEP_S = 0.1
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "read messages": ((Fleet, "receive"),),
-    "cut batches": ((Fleet, "cut"), (Live, "put")),
-    "sweep": ((Sweeper, "update"), (Sweeper, "step")),
-    "who is still there": ((Presence, "receive"), (Presence, "step")),
-    "probabilities": ((Foresight, "receive"), (Foresight, "look")),
+    "cut batches": ((Fleet, "cut"), (LiveRobots, "update")),
+    "sweep": ((Sweeper, "update"), (Sweeper, "find_conflicts")),
+    "who is still there": ((Presence, "receive"), (Presence, "advance")),
+    "probabilities": ((ProbabilityEstimator, "receive"), (ProbabilityEstimator, "estimate")),
     "life of advisories": ((Lives, "step"),),
     "advice on conflicts": ((Desk, "step"),),
     "contention": ((Contention, "receive"), (Contention, "step")),

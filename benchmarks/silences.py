@@ -24,7 +24,7 @@ from numpy.random import Generator
 
 from benchmarks.silent_floor import GRACE_S, Meeting, SilentFloor
 from deconflict.engine import engine
-from deconflict.foresight.presence.lasting_silences import Changes
+from deconflict.foresight.presence.lasting_silences import PresenceChanges
 from deconflict.foresight.presence.presence import Presence
 from deconflict.settings.site import Site
 from ingest.batch import Batch
@@ -63,8 +63,8 @@ class Staying(Presence):
     def receive(self, batch: Batch) -> Batch:
         return batch
 
-    def step(self, _: float) -> Changes:
-        return Changes()
+    def advance(self, _: float) -> PresenceChanges:
+        return PresenceChanges()
 
 
 def alerts_of(lines: Iterable[str], kind: type[Presence] = Presence) -> tuple[list[Alert], Figures]:

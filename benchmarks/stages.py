@@ -24,7 +24,7 @@ from deconflict.advice.hold_desk import Desk
 from deconflict.advisories.conflict_lifecycle import Lives
 from deconflict.contention.contention import Contention
 from deconflict.engine.engine import Engine
-from deconflict.foresight.probability.estimator import Foresight
+from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Batch, Floats
@@ -37,8 +37,8 @@ TICK_S = 0.1
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "read messages": ((Fleet, "receive"),),
     "batches": ((Fleet, "cut"), (Batch, "to_bytes")),
-    "sweep": ((Sweeper, "update"), (Sweeper, "step")),
-    "probabilities": ((Foresight, "receive"), (Foresight, "look")),
+    "sweep": ((Sweeper, "update"), (Sweeper, "find_conflicts")),
+    "probabilities": ((ProbabilityEstimator, "receive"), (ProbabilityEstimator, "estimate")),
     "life": ((Lives, "step"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
     "advice": ((Desk, "step"),),

@@ -60,7 +60,7 @@ class Running:
         begin = process_time()
         if keys:
             self.sweeper.update(keys, part)
-        self.last = self.sweeper.step(NOW_S + at_s)
+        self.last = self.sweeper.find_conflicts(NOW_S + at_s)
         return 1e3 * (process_time() - begin)
 
 

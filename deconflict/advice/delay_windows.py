@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.sweep.geometry.knots import Knots, Robots, delayed
-from deconflict.sweep.one_shot import first_meetings
+from deconflict.sweep.one_shot import first_contacts
 from ingest.batch import Bools, Floats, Ints, Pair
 
 STEP_S = 0.5
@@ -127,11 +127,11 @@ class Delays:
     def _first_meetings(
         self, rows: Ints, hold_s: Floats, a: Ints, b: Ints, until_s: Floats, clearance_m: float
     ) -> tuple[Floats, Floats]:
-        """See `first_meetings`: the pairs `a` and `b` of the robots of `rows` (n,), each `hold_s` (n,) late."""
+        """See `first_contacts`: the pairs `a` and `b` of the robots of `rows` (n,), each `hold_s` (n,) late."""
         near, window = self._near, self._window
         until = (window.start_s, window.horizon_s, SHORT_S, 2 * window.longest_hold_s)
         late = delayed(near.robots, near.knots, rows, hold_s, *until)
-        return first_meetings(*late, a, b, now_s=window.start_s, until_s=until_s, clearance_m=clearance_m)
+        return first_contacts(*late, a, b, now_s=window.start_s, until_s=until_s, clearance_m=clearance_m)
 
 
 @lru_cache(64)

@@ -35,7 +35,7 @@ from deconflict.contention.waiting.wait_graph import (
 )
 from deconflict.runtime.learned_state import Part, numbers
 from deconflict.settings.shared_places import ContentionSettings, Resource, Zone
-from deconflict.sweep.geometry.heights import beside, most_beside
+from deconflict.sweep.geometry.heights import heights_overlap, largest_group_at_one_height
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 
@@ -160,7 +160,7 @@ class Contention:
                 if passage.enter_s <= now_s < passage.leave_s:
                     inside[zone].append(one)
         for zone, flow in self._flows.items():
-            crowd, self._inside[zone] = most_beside(inside[zone]), {one.uuid for one in inside[zone]}
+            crowd, self._inside[zone] = largest_group_at_one_height(inside[zone]), {one.uuid for one in inside[zone]}
             flow.step(dt_s, len(crowd), len(self._crowds[zone] - self._inside[zone]))
             self._crowds[zone] = {one.uuid for one in crowd}
 
@@ -197,7 +197,7 @@ class Contention:
         away_m = hypot(stop.x_m - one.x_m, stop.y_m - one.y_m) if stop.datum == one.datum else inf
         if not one.stands or away_m > QUEUES_M or stop.resource is None:
             return False
-        inside = [row for row in rows if not row.coming and beside(row, one)]
+        inside = [row for row in rows if not row.coming and heights_overlap(row, one)]
         return len(inside) >= self.geometry.capacity(stop.resource)
 
     def _kept(self, leg: Leg, now_s: float) -> Row:
@@ -240,7 +240,7 @@ class Contention:
         """Places with more robots inside than they take."""
         for place, turns in self._turns.items():
             if turns.inside > self.geometry.capacity(place):
-                crowd = most_beside(turns.rows[: turns.inside])
+                crowd = largest_group_at_one_height(turns.rows[: turns.inside])
                 if len(crowd) > self.geometry.capacity(place):
                     yield findings.double_occupancy(self.geometry, place, turns, crowd, now_s)
 

@@ -5,7 +5,7 @@ from math import inf
 
 from deconflict.advisories.finding_lifecycle import Finding, Telling, Told, about_claim
 from deconflict.advisory import Location, Severity
-from deconflict.foresight.presence.live_robots import Live
+from deconflict.foresight.presence.live_robots import LiveRobots
 from ingest.batch import Claim
 
 LOOK_S = 1.0
@@ -15,7 +15,7 @@ CLEAR_AFTER_S = 3.0
 class Claims:
     """Tells of the claims that stand, a look a second. `live` is the engine's own."""
 
-    def __init__(self, live: Live, restored: Iterable[Told] = ()) -> None:
+    def __init__(self, live: LiveRobots, restored: Iterable[Told] = ()) -> None:
         self._live = live
         self._telling = Telling(CLEAR_AFTER_S, restored)
         self._standing: tuple[Claim, ...] = ()

@@ -31,10 +31,10 @@ from deconflict.engine.map_drift import Rests
 from deconflict.engine.near_miss_trigger import Trigger
 from deconflict.engine.place_names import Landmarks, Spot
 from deconflict.foresight.presence import presence_batches
-from deconflict.foresight.presence.live_robots import Live, LiveRobot
+from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.probability.advice_followers import waits_until_s
-from deconflict.foresight.probability.estimator import Foresight, Swept
+from deconflict.foresight.probability.estimator import ProbabilityEstimator, SweptConflicts
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Site
 from deconflict.sweep.geometry.encounter import Encounter, encounter, separation_m
@@ -73,12 +73,14 @@ class Engine:
         """
         self.site, self._conflicts_only = site, conflicts_only
         self.measures = Measures()
-        self.live = Live()
+        self.live = LiveRobots()
         self.presence = Presence(self.live, self.measures)
         self._landmarks = Landmarks(site.datums, (*site.resources, *site.zones))
         self._sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s)
         conflict = site.conflict
-        self.foresight = Foresight(conflict.clearance_m, conflict.clear_margin_m, conflict.horizon_s, self.measures)
+        self.foresight = ProbabilityEstimator(
+            conflict.clearance_m, conflict.clear_margin_m, conflict.horizon_s, self.measures
+        )
         self._lives = Lives(site.conflict, site.reading.silent_after_s, dict(ordinals or {}))
         there = self.live.robots.__contains__
         meets = self._meet, self._sweeper.encounters
@@ -148,7 +150,7 @@ class Engine:
     def receive(self, batch: Batch) -> None:
         """Take in the robots that changed; a batch may be the whole floor."""
         batch = self.presence.receive(batch)
-        self.foresight.keep_apart(self.presence.passed)
+        self.foresight.settle_absent(self.presence.passed)
         batch = self._take_in(batch)
         if not self._conflicts_only:
             self._contention.receive(batch)
@@ -157,12 +159,12 @@ class Engine:
     def _take_in(self, batch: Batch) -> Batch:
         """Take in robots where conflicts are looked for. The batch as it is believed."""
         batch = self.foresight.receive(batch)
-        for uuid in self.live.put(batch):
+        for uuid in self.live.update(batch):
             heappush(self._quiet, (self.live.robots[uuid].event_s + self.site.reading.quiet_after_s, uuid))
         self._told.update(batch.robots)
         self._sweep(batch.robots, batch.forecasts, 2 * batch.doubt_m)
         self._rests.see(batch)
-        self.live.drop(batch.gone)
+        self.live.remove(batch.gone)
         self._told.difference_update(batch.gone)
         self._sweeper.discard(batch.gone)
         return batch
@@ -188,7 +190,7 @@ class Engine:
         told, self._told = self._told, set()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
         accuracy_m = COARSE_M if effort >= Effort.COARSE else ACCURACY_M
-        conflicts = self._sweeper.step(now_s, reach_s, accuracy_m)
+        conflicts = self._sweeper.find_conflicts(now_s, reach_s, accuracy_m)
         self.near_misses = [pair for pair in self._trigger.step(conflicts) if self._moves(pair)]
         self.measures.count(NEAR_MISSES, by=len(self.near_misses))
         predictions = self._foreseen(now_s, conflicts).until(now_s + reach_s)
@@ -199,19 +201,19 @@ class Engine:
             revisions += self._shared(now_s, effort)
         self._account.settle(revisions)
         if heard:
-            self.foresight.advise(now_s, waits_until_s(revisions))
+            self.foresight.note_advice(now_s, waits_until_s(revisions))
         self._measure(conflicts, revisions)
         return revisions
 
     def _fade(self, now_s: float) -> set[str]:
         """Have silent robots be as likely there as they are now; those that have fallen silent since the last step."""
-        changes = self.presence.step(now_s)
+        changes = self.presence.advance(now_s)
         for uuid, there in changes.there.items():
             self.foresight.set_presence(uuid, there)
-        self.foresight.fall_silent(changes.silent)
+        self.foresight.mark_silent(changes.silent)
         if changes.stopped:
-            self._take_in(presence_batches.held(self.live, changes.stopped, now_s))
-        for batch in () if self._conflicts_only else presence_batches.contended(self.live, changes, now_s):
+            self._take_in(presence_batches.stopped_batch(self.live, changes.stopped, now_s))
+        for batch in () if self._conflicts_only else presence_batches.contention_batches(self.live, changes, now_s):
             self._contention.receive(batch)
         return changes.silent
 
@@ -238,10 +240,10 @@ class Engine:
 
     def _around(self, group: set[str]) -> Near:
         """The robots of a group that are on the floor, and those near to them, as they are now."""
-        uuids = self.live.around(group & self.live.robots.keys(), NEAR_M, MOST_NEAR)
+        uuids = self.live.group_with_nearest(group & self.live.robots.keys(), NEAR_M, MOST_NEAR)
         told = [(one.batch, one.row) for one in map(self.live.robots.__getitem__, uuids)]
         vendors = [batch.vendors[row] for batch, row in told]
-        return Near(uuids, vendors, *self._sweeper.swept(uuids), lambda row: self._mover(*told[row]))
+        return Near(uuids, vendors, *self._sweeper.copied(uuids), lambda row: self._mover(*told[row]))
 
     def _mover(self, batch: Batch, row: int) -> Mover:
         vendor, holdable = batch.vendors[row], int(batch.basis[row]) != Basis.STATIONARY
@@ -266,10 +268,10 @@ class Engine:
     def _foreseen(self, now_s: float, conflicts: PairConflicts) -> Predictions:
         """The pairs that the exact sweep found, and those that may well turn out otherwise."""
         likely = held_probability(self.site.conflict)
-        swept = Swept(
+        swept = SweptConflicts(
             conflicts.pairs, conflicts.before, conflicts.separation_m, conflicts.separation_at_s, conflicts.contact_s
         )
-        foreseen = self.foresight.look(now_s, swept, likely)
+        foreseen = self.foresight.estimate(now_s, swept, likely)
         contact_s, separation_m, start_m, fresh = foreseen.near_s, foreseen.near_m, foreseen.now_m, foreseen.fresh
         n = len(conflicts.pairs)
         contact_s[:n], separation_m[:n] = conflicts.contact_s, conflicts.separation_m
@@ -321,29 +323,29 @@ class Engine:
 
     def _stands(self, uuid: str) -> bool:
         robot = self.live.robots.get(uuid)
-        return robot is not None and (robot.basis is Basis.STATIONARY or self.foresight.stands(uuid))
+        return robot is not None and (robot.basis is Basis.STATIONARY or self.foresight.is_standing(uuid))
 
     def _party(self, uuid: str) -> Party:
         robot = self.live.robots[uuid]
         basis = robot.basis
         silent_s = self.presence.silent_s(uuid, self._now_s)
-        remarks = {"distrusted": self.foresight.distrusted(uuid), "silent": silent_s is not None}
+        remarks = {"distrusted": self.foresight.is_distrusted(uuid), "silent": silent_s is not None}
         words = _IN_WORDS[basis] + "".join(f" ({remark})" for remark, holds in remarks.items() if holds)
         return Party(robot.name, robot.vendor, words, basis is Basis.STATIONARY, silent_s)
 
     def _absence(self, uuid: str) -> str | None:
         if uuid in self.live.robots:
             return SILENT if self.presence.has_probably_left(uuid) else None
-        off = self.presence.taken_off(uuid)
+        off = self.presence.removal_of(uuid)
         return f"is not there: {off.by} has driven through its place" if off else LEFT
 
     def _meet(self, pair: Pair, contact_s: float) -> Encounter:
         a, b = (self.live.robots[uuid] for uuid in pair)
-        return encounter((a.told, a.row), (b.told, b.row), contact_s)
+        return encounter((a.batch_forecasts, a.row), (b.batch_forecasts, b.row), contact_s)
 
     def _separation_m(self, pair: Pair, now_s: float) -> float | None:
         a, b = (self.live.robots[uuid] for uuid in pair)
-        return separation_m((a.told, a.row), (b.told, b.row), now_s)
+        return separation_m((a.batch_forecasts, a.row), (b.batch_forecasts, b.row), now_s)
 
     def _datum(self, met: Encounter) -> str:
         return self.live.floors[met.floor]
@@ -361,7 +363,7 @@ class Engine:
         tell_open(self.measures, by_severity(self.open()))
         self.measures.level("deconflict_datum_drift_metres", self._rests.drift_m())
         clock_changes.tell(
-            self.measures, {"forecast": self.foresight.changes.changed(), "datum": self._rests.changed()}
+            self.measures, {"forecast": self.foresight.degradation.changed(), "datum": self._rests.changed()}
         )
         self.measures.level("deconflict_conflicts", {(): self._conflicts})
 

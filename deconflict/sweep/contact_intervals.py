@@ -12,7 +12,7 @@ from deconflict.sweep.narrowphase import FOUND, Found
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
-MEETING = np.dtype(
+CONTACT_INTERVAL = np.dtype(
     [(name, np.int64) for name in ("a", "b", "slab")]
     + [(name, np.float64) for name in ("contact", "separation", "separation_at")],
     align=True,
@@ -20,17 +20,17 @@ MEETING = np.dtype(
 """Two robots that come within the clearance in a slab, by slot, `a` the one with the lower key; times are since the
 epoch."""
 
-Meetings = NDArray[Any]
-"""Of `MEETING`, ascending by the keys and the slab."""
+ContactIntervals = NDArray[Any]
+"""Of `CONTACT_INTERVAL`, ascending by the keys and the slab."""
 
-_BOX, _PAIR, _FOUND, _MEETING = (numba.from_dtype(one) for one in (BOX, PAIR, FOUND, MEETING))
+_BOX, _PAIR, _FOUND, _MEETING = (numba.from_dtype(one) for one in (BOX, PAIR, FOUND, CONTACT_INTERVAL))
 _MEETINGS, _INTS, _REAL = _MEETING[::1], numba.int64[::1], numba.float64
 
 
 @kernel(_MEETINGS(_PAIR[::1], _FOUND[::1], _BOX[:, ::1]))
-def met(pairs: Pairs, found: Found, boxes: NDArray[Any]) -> Meetings:
+def met(pairs: Pairs, found: Found, boxes: NDArray[Any]) -> ContactIntervals:
     """The meetings among pairs in order, of which `found` tells what became of them."""
-    some, n = np.empty(len(pairs), MEETING), 0
+    some, n = np.empty(len(pairs), CONTACT_INTERVAL), 0
     for row in range(len(pairs)):
         pair, what = pairs[row], found[row]
         if what.contact < inf:
@@ -43,7 +43,7 @@ def met(pairs: Pairs, found: Found, boxes: NDArray[Any]) -> Meetings:
 
 
 @kernel(_MEETINGS(_MEETINGS, numba.boolean[::1], numba.int64))
-def kept(meetings: Meetings, is_changed: Bools, first_slab: int) -> Meetings:
+def kept(meetings: ContactIntervals, is_changed: Bools, first_slab: int) -> ContactIntervals:
     """Those that are not over, of robots that did not change."""
     some, n = np.empty_like(meetings), 0
     for one in meetings:
@@ -63,9 +63,9 @@ def _is_before(one: Any, other: Any, ranks: Ints) -> bool:
 
 
 @kernel(_MEETINGS(_MEETINGS, _MEETINGS, _INTS))
-def joined(some: Meetings, others: Meetings, ranks: Ints) -> Meetings:
+def joined(some: ContactIntervals, others: ContactIntervals, ranks: Ints) -> ContactIntervals:
     """Both, which have none in common; `ranks` are those of the keys, by slot."""
-    every, i, j = np.empty(len(some) + len(others), MEETING), 0, 0
+    every, i, j = np.empty(len(some) + len(others), CONTACT_INTERVAL), 0, 0
     for at in range(len(every)):
         if j == len(others) or (i < len(some) and _is_before(some[i], others[j], ranks)):
             every[at] = some[i]
@@ -83,7 +83,9 @@ def _is_elsewhere(one: Any, begin_s: float, end_s: float) -> bool:
 
 
 @kernel(numba.types.Tuple((_MEETINGS, _INTS))(_MEETINGS, _REAL, _REAL, numba.int64, _PAIR[::1]))  # type: ignore[no-untyped-call]
-def in_span(meetings: Meetings, begin_s: float, end_s: float, rings: int, pairs: Pairs) -> tuple[Meetings, Ints]:
+def in_span(
+    meetings: ContactIntervals, begin_s: float, end_s: float, rings: int, pairs: Pairs
+) -> tuple[ContactIntervals, Ints]:
     """The meetings that begin by `end_s`, and which rows of them an edge of the span cuts; `pairs`, of which there is
     one for each meeting, begin with theirs then."""
     some, cut, n, cuts = np.empty_like(meetings), np.empty(len(meetings), np.int64), 0, 0
@@ -99,7 +101,7 @@ def in_span(meetings: Meetings, begin_s: float, end_s: float, rings: int, pairs:
 
 
 @kernel(_MEETINGS(_MEETINGS, _INTS, _FOUND[::1], _REAL, _REAL))
-def mended(meetings: Meetings, cut: Ints, found: Found, begin_s: float, end_s: float) -> Meetings:
+def mended(meetings: ContactIntervals, cut: Ints, found: Found, begin_s: float, end_s: float) -> ContactIntervals:
     """The meetings of a span, where `found` tells what becomes of those `cut` in the part inside."""
     for at in range(len(cut)):
         one, what = meetings[cut[at]], found[at]
@@ -115,7 +117,7 @@ def mended(meetings: Meetings, cut: Ints, found: Found, begin_s: float, end_s: f
         _MEETINGS, numba.boolean[::1], _REAL
     )
 )
-def by_pair(meetings: Meetings, told: Bools, now_s: float) -> tuple[Ints, Ints, Floats, Floats, Floats, Bools]:
+def by_pair(meetings: ContactIntervals, told: Bools, now_s: float) -> tuple[Ints, Ints, Floats, Floats, Floats, Bools]:
     """Of each of p pairs, in the same order: its slots `a` and `b`; its first contact, at the soonest `now_s`; the
     first of its smallest separations, and when; and whether either robot was `told` of, by slot. Arrays are (p,)."""
     most, n = len(meetings), 0
@@ -146,7 +148,7 @@ def _placed(before: Ints, a: Ints, b: Ints, ranks: Ints) -> tuple[Ints, Ints]:
     return codes, places
 
 
-class Names:
+class PairNames:
     """The keys of listed pairs, kept from pass to pass: most pairs are listed again."""
 
     def __init__(self) -> None:

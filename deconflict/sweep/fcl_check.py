@@ -20,7 +20,7 @@ _OBJECTS = tuple(fcl.CollisionObject(box, fcl.Transform()) for box in _BOXES)
 _REQUEST = fcl.CollisionRequest()
 
 
-class Decider:
+class FclCheck:
     """First contact by halving, FCL excluding what it can."""
 
     def __init__(self, target_m: float, tolerance_m: float) -> None:

@@ -9,12 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.sweep.broadphase import PAIR, Boxes, Pairs, in_order
-from deconflict.sweep.contact_intervals import MEETING, Meetings, Names, by_pair, in_span, joined, kept, mended, met
-from deconflict.sweep.fcl_check import Decider
+from deconflict.sweep.contact_intervals import (
+    CONTACT_INTERVAL,
+    ContactIntervals,
+    PairNames,
+    by_pair,
+    in_span,
+    joined,
+    kept,
+    mended,
+    met,
+)
+from deconflict.sweep.fcl_check import FclCheck
 from deconflict.sweep.geometry.encounter import Encounters, encounters
 from deconflict.sweep.geometry.knots import Knots, Robots, faults
 from deconflict.sweep.narrowphase import Found, Span, meet, motions_of, smallest_of, start_distances
-from deconflict.sweep.slot_table import Roster
+from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Bools, Floats, Forecasts, Ints
 
 TOLERANCE_M = 1e-3
@@ -69,7 +79,7 @@ class Sweeper:
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
         self._accuracy_m = ACCURACY_M
         self._slabs = ceil(horizon_s) + 1 + AHEAD
-        self._roster = Roster()
+        self._slot_table = SlotTable()
         self._touched: Bools = np.zeros(0, bool)
         """(slots,) whether a slot's robot changed or left since the last pass."""
         self._told: Bools = np.zeros(0, bool)
@@ -83,8 +93,8 @@ class Sweeper:
         self._boxes = Boxes(self._slabs)
         self._rings: Ints = np.arange(2 * self._slabs) % self._slabs
         """Of slabs in a row, from any on."""
-        self._meetings: Meetings = np.empty(0, MEETING)
-        self._names = Names()
+        self._meetings: ContactIntervals = np.empty(0, CONTACT_INTERVAL)
+        self._names = PairNames()
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
 
     def update(
@@ -108,30 +118,30 @@ class Sweeper:
 
     def _put(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | None) -> bool:
         """Whether the forecasts of `keys`, which are all different, could be replaced: not where any is invalid."""
-        slots = self._roster.put(keys, forecasts, 0.0 if widened_m is None else widened_m)
+        slots = self._slot_table.replace_forecasts(keys, forecasts, 0.0 if widened_m is None else widened_m)
         for flags in (self._touched, self._told):
-            flags.resize(len(self._roster), refcheck=False)
+            flags.resize(len(self._slot_table), refcheck=False)
             if slots is not None:
                 flags[slots] = True
         return slots is not None
 
     def discard(self, keys: Iterable[str]) -> None:
         """Take robots off the floor."""
-        if left := self._roster.discard(keys):
+        if left := self._slot_table.discard(keys):
             self._touched[left] = True
 
     def encounters(self, pairs: Sequence[tuple[str, str]], at_s: Floats) -> Encounters:
         """(n,) of `ENCOUNTER`: how the robots of n pairs, as long and wide as they are, meet at each of the times."""
         slots = np.fromiter(
-            map(self._roster.slots.get, chain.from_iterable(pairs), repeat(-1)), np.int64, 2 * len(pairs)
+            map(self._slot_table.slots.get, chain.from_iterable(pairs), repeat(-1)), np.int64, 2 * len(pairs)
         )
-        return encounters(self._roster.robots, self._roster.knots, self._roster.widened_m, slots, at_s)
+        return encounters(self._slot_table.robots, self._slot_table.knots, self._slot_table.widened_m, slots, at_s)
 
-    def swept(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
+    def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
         """The robots of `keys` as they are on the floor, and their knots; those that are not have none."""
-        return self._roster.swept(keys)
+        return self._slot_table.copied(keys)
 
-    def step(self, now_s: float, reach_s: float = inf, accuracy_m: float = 0.0) -> PairConflicts:
+    def find_conflicts(self, now_s: float, reach_s: float = inf, accuracy_m: float = 0.0) -> PairConflicts:
         """The conflicts in [`now_s`, `now_s` + horizon], or in the shorter `reach_s`.
 
         The smallest separations of the pairs that are looked at anew are told to `accuracy_m` where that is coarser
@@ -139,19 +149,19 @@ class Sweeper:
         """
         self._accuracy_m, reach_s = max(accuracy_m, ACCURACY_M), min(reach_s, self._horizon_s)
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
-        decider = Decider(self._clearance_m, TOLERANCE_M)
+        decider = FclCheck(self._clearance_m, TOLERANCE_M)
         first_slab, last_slab = floor(now_s), floor(now_s + reach_s)
         is_changed, told = self._taken_in(first_slab)
         self._meetings, changed = kept(self._meetings, is_changed, first_slab), np.flatnonzero(is_changed)
         slabs = ceil(reach_s) + 1 + AHEAD
         pairs = [self._covered_anew(changed, first_slab, slabs), *self._covered_further(first_slab, last_slab, slabs)]
         for some in pairs:
-            self._meetings = joined(self._meetings, self._meet(some, decider), self._roster.ranks())
+            self._meetings = joined(self._meetings, self._meet(some, decider), self._slot_table.ranks())
         return self._listed(self._within(now_s, now_s + reach_s, decider), now_s, told, decider)
 
     def _taken_in(self, first_slab: int) -> tuple[Bools, Bools]:
         """Which slots to cover anew, and which have a new forecast."""
-        slots = len(self._roster)
+        slots = len(self._slot_table)
         for column in (self._since, self._covered):
             column.resize(slots, refcheck=False)
         self._boxes.grow(slots)
@@ -172,7 +182,7 @@ class Sweeper:
         behind, found = np.flatnonzero(self._covered < last_slab), []
         if not len(behind):
             return []
-        behind = self._roster.present(behind)
+        behind = self._slot_table.present(behind)
         for covered in sorted(set(self._covered[behind].tolist())):
             slots = behind[self._covered[behind] == covered]
             begin, end = max(covered + 1, first_slab), first_slab + slabs
@@ -190,14 +200,14 @@ class Sweeper:
     def _cover(self, slots: Ints, first_slab: int, slabs: int, *, anew: bool = False) -> None:
         self._covered[slots] = first_slab + slabs - 1
         grow_m = self._clearance_m / 2 + TOLERANCE_M
-        self._boxes.cover(slots, self._roster.robots, self._roster.knots, first_slab, slabs, grow_m, anew=anew)
+        self._boxes.cover(slots, self._slot_table.robots, self._slot_table.knots, first_slab, slabs, grow_m, anew=anew)
 
-    def _meet(self, pairs: Pairs, decider: Decider) -> Meetings:
+    def _meet(self, pairs: Pairs, decider: FclCheck) -> ContactIntervals:
         """The meetings of pairs in their slabs."""
-        pairs = in_order(pairs, self._roster.ranks(), self._roster.robots)
+        pairs = in_order(pairs, self._slot_table.ranks(), self._slot_table.robots)
         return met(pairs, self._looked_at(pairs, (-inf, inf), decider), self._boxes.all)
 
-    def _looked_at(self, pairs: Pairs, span: Span, decider: Decider) -> Found:
+    def _looked_at(self, pairs: Pairs, span: Span, decider: FclCheck) -> Found:
         """What becomes of each pair within `span`, counted; what advancement leaves open FCL decides."""
         boxes, robots, knots = self._where()
         found, opened, looked_at, advanced = meet(
@@ -214,9 +224,9 @@ class Sweeper:
         return found
 
     def _where(self) -> Where:
-        return self._boxes.all, self._roster.robots, self._roster.knots
+        return self._boxes.all, self._slot_table.robots, self._slot_table.knots
 
-    def _within(self, begin_s: float, end_s: float, decider: Decider) -> Meetings:
+    def _within(self, begin_s: float, end_s: float, decider: FclCheck) -> ContactIntervals:
         """The meetings of the horizon; what one of its edges cuts off is looked for again in the part inside."""
         pairs = np.empty(len(self._meetings), PAIR)
         some, cut = in_span(self._meetings, begin_s, end_s, self._slabs, pairs)
@@ -224,9 +234,9 @@ class Sweeper:
             return some
         return mended(some, cut, self._looked_at(pairs[: len(cut)], (begin_s, end_s), decider), begin_s, end_s)
 
-    def _listed(self, m: Meetings, now_s: float, told: Bools, decider: Decider) -> PairConflicts:
+    def _listed(self, m: ContactIntervals, now_s: float, told: Bools, decider: FclCheck) -> PairConflicts:
         a, b, contact_s, separation_m, separation_at_s, fresh = by_pair(m, told, now_s)
-        pairs, before = self._names.of(a, b, self._roster.keys, self._roster.ranks())
+        pairs, before = self._names.of(a, b, self._slot_table.keys, self._slot_table.ranks())
         return PairConflicts(
             pairs=pairs,
             before=before,

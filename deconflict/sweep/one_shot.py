@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.sweep.broadphase import of_chosen
-from deconflict.sweep.fcl_check import Decider
+from deconflict.sweep.fcl_check import FclCheck
 from deconflict.sweep.geometry.knots import Knots, Robots
 from deconflict.sweep.incremental import ROUNDS, TOLERANCE_M, Sweeper
 from deconflict.sweep.narrowphase import first_of_chosen, motions_of
@@ -54,7 +54,7 @@ def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, cleara
     order = _order(forecasts)
     keys = [f"{rank:012d}" for rank in np.argsort(order)]
     invalid = sorted((int(order[int(key)]), reason) for key, reason in sweeper.update(keys, forecasts))
-    found = sweeper.step(now_s)
+    found = sweeper.find_conflicts(now_s)
     ranks = np.array([(int(a), int(b)) for a, b in found.pairs], np.int64).reshape(-1, 2)
     rows = np.sort(order[ranks], axis=1)
     by_row = np.lexsort((rows[:, 1], rows[:, 0]))
@@ -68,7 +68,7 @@ def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, cleara
     )
 
 
-def first_meetings(
+def first_contacts(
     robots: Robots, knots: Knots, a: Ints, b: Ints, *, now_s: float, until_s: Floats, clearance_m: float
 ) -> tuple[Floats, Floats]:
     """Of the pairs of rows `a` (p,) and `b` (p,) of `robots` alone, when each first comes within the clearance by
@@ -81,7 +81,7 @@ def first_meetings(
         pairs, pair_of, *where, now_s, until_s, clearance_m, TOLERANCE_M, ROUNDS
     )
     for row in np.flatnonzero(open_ < np.inf).tolist() if opened else ():
-        pair, one, decider = pair_of[row], pairs[row : row + 1], Decider(clearance_m, TOLERANCE_M)
+        pair, one, decider = pair_of[row], pairs[row : row + 1], FclCheck(clearance_m, TOLERANCE_M)
         met = decider.first_contact(motions_of(one, *where, (now_s, until_s[pair])), float(open_[row]))
         contact_s[pair] = min(contact_s[pair], max(boxes["slab"][one["ring"][0], one["a"][0]] + met, now_s))
     return contact_s, start_m

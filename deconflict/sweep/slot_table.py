@@ -12,7 +12,7 @@ from ingest.batch import Floats, Forecasts, Ints
 FEWEST_KNOTS = 10_000
 
 
-class Roster:
+class SlotTable:
     """Keys and forecasts by slot. A robot keeps its slot until it leaves; another may then have it."""
 
     def __init__(self) -> None:
@@ -32,7 +32,9 @@ class Roster:
         """Slots, free ones included."""
         return len(self.slots) + len(self._free)
 
-    def put(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | float = 0.0) -> Ints | None:
+    def replace_forecasts(
+        self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | float = 0.0
+    ) -> Ints | None:
         """Replace the forecasts of `keys`, which are all different, and whose envelopes are so much longer and wider
         than reported; their slots. None, and the forecasts are as they were, where any of the new ones can't be swept.
         """
@@ -61,7 +63,7 @@ class Roster:
             self._ranks = None
         return left
 
-    def swept(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
+    def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
         """A copy of the robots of `keys`, in that order, and of their knots; one that has no slot has no knots."""
         return taken(self.robots, self.knots, np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys)))
 

@@ -64,7 +64,7 @@ class Run:
         raised = [each.kind for each in told if each.state is AdvisoryState.RAISED]
         revisions = [each for each in told if isinstance(each, ConflictAdvisory)]
         others = [each for each in told if not isinstance(each, ConflictAdvisory)]
-        waiting = self.engine.foresight.heeding(one.now_s)
+        waiting = self.engine.foresight.robots_following_advice(one.now_s)
         measured = self.measured() if one.measured else None
         published, places = self._published(one.now_s), self._places(one.now_s)
         return Said(revisions, others, raised, *published, bands_m, waiting, measured, places)

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.foresight.presence.believed_places import Approach, Places, place_of
-from deconflict.foresight.presence.report_intervals import GRACE_S, Hearing, Legs, grace_s
+from deconflict.foresight.presence.believed_places import Approach, BelievedPlaces, place_of
+from deconflict.foresight.presence.report_intervals import GRACE_S, Legs, ReportIntervals, grace_s
 from deconflict.foresight.presence.returned_robots import was_there
 from deconflict.sweep.geometry.pose import pose_at
 from ingest.batch import Batch, Forecasts, Pair
@@ -41,7 +41,7 @@ class Absences:
 
     def __init__(self, clearances_m: Iterable[float]) -> None:
         self._clearances_m = tuple(clearances_m)
-        self._hearing, self._places = Hearing(), Places()
+        self._intervals, self._places = ReportIntervals(), BelievedPlaces()
         self._told: dict[str, tuple[Forecasts, int, Sequence[str]]] = {}
         """The newest forecast of each robot: its row of a batch, and the floors of that."""
         self._silent: dict[str, Silent] = {}
@@ -52,7 +52,7 @@ class Absences:
 
     def take(self, batch: Batch) -> None:
         """Take in the robots of a batch."""
-        legs, _ = self._hearing.take(batch)
+        legs, _ = self._intervals.add_batch(batch)
         for leg in np.flatnonzero(legs.gap_s > GRACE_S).tolist():
             self._back(batch, legs, leg)
         for row in legs.rows.tolist():
@@ -68,8 +68,8 @@ class Absences:
 
     def finish(self) -> None:
         """Nothing more comes: who is silent is gone for good, as is who falls silent by then."""
-        for uuid in self._hearing.slots:
-            self._gone.setdefault(uuid, []).append((self._hearing.heard_s(uuid) + self._hearing.grace_s(uuid), inf))
+        for uuid in self._intervals.slots:
+            self._gone.setdefault(uuid, []).append((self._intervals.heard_s(uuid) + self._intervals.grace_s(uuid), inf))
 
     def is_gone(self, uuid: str, at_s: float) -> bool:
         """Whether a robot was gone then, once all has come."""
@@ -116,17 +116,17 @@ class Absences:
 
     def _look(self, now_s: float) -> None:
         """Have places for robots that have fallen silent."""
-        heard = self._hearing.heard
+        heard = self._intervals.heard
         late = np.flatnonzero((now_s - heard["arrival_s"] > GRACE_S) & (heard["reports"] > 0))
         for slot in late.tolist():
-            uuid = self._hearing.names[slot]
+            uuid = self._intervals.names[slot]
             if uuid not in self._silent and now_s - heard["arrival_s"][slot] > grace_s(heard[slot]):
                 told, row, _ = self._told[uuid]
                 before = told.one(row)
                 pose = pose_at(before, float(before.t_s[0]))
                 self._silent[uuid] = Silent(now_s)
                 if pose.floor >= 0:
-                    self._places.put(uuid, place_of(before, pose))
+                    self._places.set(uuid, place_of(before, pose))
 
 
 def _is_told(alerts: Mapping[Pair, Sequence[Span]], met: Approach, told_s: float) -> bool:

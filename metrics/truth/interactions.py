@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from deconflict.foresight.forecast_errors.pose_sampling import poses_at
-from deconflict.foresight.interactions.interaction_finder import Finder, Interaction, Outcome
+from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S, SPARSE_S
-from deconflict.foresight.interactions.report_progress import reports_of
+from deconflict.foresight.interactions.report_progress import interaction_reports
 from ingest.batch import Batch, Floats, Ints, Pair
 from ingest.kernels import ready
 from metrics.truth.placebo import Placebo
@@ -26,7 +26,7 @@ class GaveWay:
 
     robot: str
     other: str
-    outcome: Outcome
+    outcome: InteractionOutcome
     onset_s: float
     doubt_s: float
     """By how much the onset may be off."""
@@ -49,7 +49,7 @@ class Interactions:
         self.by_pair: dict[Pair, list[GaveWay]] = {}
         """By onset."""
         self.placebo = Placebo()
-        self._finder = Finder()
+        self._finder = InteractionFinder()
         self._slots: dict[str, int] = {}
         self._names: list[str] = []
         self._spare: list[int] = []
@@ -77,7 +77,7 @@ class Interactions:
         self._levels_m[:, slots] = told.bottom_m, told.top_m
         self._vendor[slots] = [self._vendors.setdefault(vendor, len(self._vendors)) for vendor in batch.vendors]
         self._hear(slots, batch.event_s)
-        reports = reports_of(batch, slots, poses_at(told, ready(batch.event_s), LOOKS_S), usual_m)
+        reports = interaction_reports(batch, slots, poses_at(told, ready(batch.event_s), LOOKS_S), usual_m)
         self.placebo.keep(reports)
         for interaction in self._finder.receive(reports, self._half_m, self._levels_m, self._vendor):
             self._note(interaction)
@@ -86,7 +86,7 @@ class Interactions:
     def figures(self) -> dict[str, Any]:
         """How many interactions were found, and how far that is to be trusted."""
         found = [one for of_pair in self.by_pair.values() for one in of_pair]
-        counts = {outcome.name.lower(): sum(one.outcome is outcome for one in found) for outcome in Outcome}
+        counts = {outcome.name.lower(): sum(one.outcome is outcome for one in found) for outcome in InteractionOutcome}
         sparse = sum(one.is_sparse for one in found)
         return {
             "found": len(found),

@@ -11,7 +11,7 @@ from enum import IntEnum
 from math import inf
 from typing import NamedTuple
 
-from deconflict.foresight.interactions.interaction_finder import Outcome
+from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
 from ingest.batch import Pair
 from metrics.truth.encounters import Encounter, Truth
 from metrics.truth.interactions import GaveWay, Interactions
@@ -66,11 +66,11 @@ class PairOutcomes:
 
     @classmethod
     def of(cls, gave_way: Iterable[GaveWay], encounters: Iterable[Encounter]) -> "PairOutcomes":
-        by_outcome: dict[Outcome, list[Span]] = {outcome: [] for outcome in Outcome}
+        by_outcome: dict[InteractionOutcome, list[Span]] = {outcome: [] for outcome in InteractionOutcome}
         for one in gave_way:
             by_outcome[one.outcome].append(Span(one.onset_s, one.end_s))
-        pair = cls(ordered=by_outcome[Outcome.ORDERED], doubted=by_outcome[Outcome.UNKNOWN])
-        stops = [(span, pair.stops_s) for span in by_outcome[Outcome.YIELDED]]
+        pair = cls(ordered=by_outcome[InteractionOutcome.ORDERED], doubted=by_outcome[InteractionOutcome.UNKNOWN])
+        stops = [(span, pair.stops_s) for span in by_outcome[InteractionOutcome.YIELDED]]
         meetings = [
             (Span(one.start_s, one.end_s), pair.meetings_s if one.foreseeable else list[float]()) for one in encounters
         ]

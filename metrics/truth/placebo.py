@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.foresight.interactions.interaction_finder import Finder, Interaction, Reports
+from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionReports
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
 from ingest.batch import Bools, Floats, Ints
 
@@ -26,7 +26,7 @@ TURN_S = 0.5
 """The reports of so long are taken in together, of each robot the newest."""
 EVERY = 4
 """One interaction in so many is looked at again."""
-NOBODY = Reports(
+NOBODY = InteractionReports(
     np.empty(0, np.int64),
     np.empty(0),
     np.empty((0, FORECAST, 4)),
@@ -39,16 +39,16 @@ class Placebo:
     """Reports of the last minutes, and how many of the interactions looked at are found with others by chance."""
 
     def __init__(self) -> None:
-        self._newest: list[Reports] = []
+        self._newest: list[InteractionReports] = []
         """Of the last `OWN_S`."""
-        self._older: list[Reports] = []
+        self._older: list[InteractionReports] = []
         """Those before, with shorter forecasts."""
         self._first_s = np.inf
         self._offered = 0
         self._looked_at = self._any = 0
         self._same_looked_at = self._same = 0
 
-    def keep(self, reports: Reports) -> None:
+    def keep(self, reports: InteractionReports) -> None:
         """Keep the reports of a batch, and let go of those that nobody asks for any more."""
         now_s = float(reports.event_s.max())
         self._first_s = min(self._first_s, now_s)
@@ -93,7 +93,7 @@ class Placebo:
             "same_robot": self._same / self._same_looked_at if self._same_looked_at else None,
         }
 
-    def _a_minute_before(self, until_s: float) -> Reports:
+    def _a_minute_before(self, until_s: float) -> InteractionReports:
         """The reports of the minute before, as if they had come a minute later."""
         begin_s, end_s = until_s - SHIFT_S - OWN_S, until_s - SHIFT_S
         then = _joined([one for one in self._older if one.event_s.max() >= begin_s and one.event_s.min() <= end_s])
@@ -101,11 +101,13 @@ class Placebo:
         return then._replace(event_s=then.event_s + SHIFT_S, explained=np.ones(len(then.slot), np.bool_))
 
 
-def again(interaction: Interaction, own: Reports, others: Reports, half_m: Floats, levels_m: Floats) -> int:
+def again(
+    interaction: Interaction, own: InteractionReports, others: InteractionReports, half_m: Floats, levels_m: Floats
+) -> int:
     """The slot of the robot to which one gives way that drives as `own` among `others`, as it did in an interaction
     that was found; -1 where it gives way to nobody. `half_m` and `levels_m` are (2, slots)."""
     slots = np.unique(np.concatenate([own.slot, others.slot]))
-    finder, vendor = Finder(), np.arange(len(slots))
+    finder, vendor = InteractionFinder(), np.arange(len(slots))
     finder.grow(len(slots))
     of_slots = np.ascontiguousarray(half_m[:, slots]), levels_m[:, slots], vendor
     for reports in _turns(own, others):
@@ -115,7 +117,7 @@ def again(interaction: Interaction, own: Reports, others: Reports, half_m: Float
     return -1
 
 
-def _elsewhere(then: Reports, now: Reports) -> Reports:
+def _elsewhere(then: InteractionReports, now: InteractionReports) -> InteractionReports:
     """The reports of `then`, but for robots whose last place in it is within `MOVED_M` of their place `now`."""
     (slots_then, rows_then), (slots_now, rows_now) = _last_rows(then), _last_rows(now)
     slots, of_then, of_now = np.intersect1d(slots_then, slots_now, assume_unique=True, return_indices=True)
@@ -123,18 +125,18 @@ def _elsewhere(then: Reports, now: Reports) -> Reports:
     return _rows(then, ~np.isin(then.slot, slots[np.hypot(*moves_m.T) <= MOVED_M]))
 
 
-def _last_rows(reports: Reports) -> tuple[Ints, Ints]:
+def _last_rows(reports: InteractionReports) -> tuple[Ints, Ints]:
     """The slots of reports, and the last row of each."""
     slots, from_end = np.unique(reports.slot[::-1], return_index=True)
     return slots, len(reports.slot) - 1 - from_end
 
 
-def _near(reports: Reports, pose: Floats) -> Reports:
+def _near(reports: InteractionReports, pose: Floats) -> InteractionReports:
     """Those that were near where a robot is, `pose` (4,)."""
     return _rows(reports, np.hypot(*(reports.track[:, 0, :2] - pose[:2]).T) < NEAR_M)
 
 
-def _turns(own: Reports, others: Reports) -> list[Reports]:
+def _turns(own: InteractionReports, others: InteractionReports) -> list[InteractionReports]:
     """The reports of all, in the order of their times, as many at once as there is one of each robot in `TURN_S`."""
     every = _joined([_lengthened(one) for one in (own, others)])
     turn = np.floor(every.event_s / TURN_S).astype(np.int64)
@@ -145,15 +147,15 @@ def _turns(own: Reports, others: Reports) -> list[Reports]:
     return [_rows(every, part) for part in np.split(rows, np.flatnonzero(np.diff(turn)) + 1) if len(part)]
 
 
-def _joined(parts: Sequence[Reports]) -> Reports:
-    return Reports._make(map(np.concatenate, zip(*parts, strict=True))) if parts else NOBODY
+def _joined(parts: Sequence[InteractionReports]) -> InteractionReports:
+    return InteractionReports._make(map(np.concatenate, zip(*parts, strict=True))) if parts else NOBODY
 
 
-def _rows(reports: Reports, rows: Ints | Bools) -> Reports:
-    return Reports._make(column[rows] for column in reports)
+def _rows(reports: InteractionReports, rows: Ints | Bools) -> InteractionReports:
+    return InteractionReports._make(column[rows] for column in reports)
 
 
-def _lengthened(reports: Reports) -> Reports:
+def _lengthened(reports: InteractionReports) -> InteractionReports:
     """With forecasts as long as the finder takes them, standing at their end."""
     missing = AHEAD_S + 1 - reports.track.shape[1]
     if missing <= 0:

@@ -18,7 +18,7 @@ import shapely
 from deconflict.contention.robots.bounding_boxes import grown, touching
 from deconflict.contention.robots.lookahead import corners
 from deconflict.settings.shared_places import Place, Resource, Zone, outlines
-from deconflict.sweep.geometry.heights import beside, most_beside
+from deconflict.sweep.geometry.heights import heights_overlap, largest_group_at_one_height
 from ingest.batch import Batch, Floats, Ints
 
 STANDS_M, STOOD_S = 0.1, 3.0
@@ -230,7 +230,7 @@ class Conduct:
     def _count(self, place: str, t_s: float) -> None:
         """Follow whether more robots are in a place than it takes."""
         inside, capacity = self._inside[place], self._capacity[place]
-        if len(inside) > capacity and len(most_beside([*inside.values()])) > capacity:
+        if len(inside) > capacity and len(largest_group_at_one_height([*inside.values()])) > capacity:
             self._crowded_s.setdefault(place, t_s)
         elif place in self._crowded_s:
             self.crowds[place].append(Span(self._crowded_s.pop(place), t_s))
@@ -250,7 +250,7 @@ class Conduct:
         """When the place was full for a robot that stood, in order."""
         ended = self._stays[place]
         first = bisect_right(ended, stood.span.from_s, key=lambda stay: stay.span.to_s)
-        stays = [stay for stay in (*ended[first:], *self._inside[place].values()) if beside(stay, stood)]
+        stays = [stay for stay in (*ended[first:], *self._inside[place].values()) if heights_overlap(stay, stood)]
         changes = [change for stay in stays for change in ((stay.span.from_s, 1), (stay.span.to_s, -1))]
         inside, since_s = 0, -inf
         for t_s, change in sorted(changes):

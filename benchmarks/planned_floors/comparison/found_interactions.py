@@ -10,7 +10,7 @@ from benchmarks.planned_floors.scoring.figure import Figure, alone, share
 from benchmarks.planned_floors.scoring.scored_floor import Floor
 from benchmarks.planned_floors.truth.floor_truth import Stop
 from benchmarks.planned_floors.truth.outcomes import Happenings
-from deconflict.foresight.interactions.interaction_finder import Outcome
+from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Reader
 from metrics.replay.engine_passes import Reading
@@ -43,7 +43,7 @@ def finder_figures(log: Path, truth: Path, site: Site) -> dict[str, Figure]:
     The benchmark's README defines each figure.
     """
     floor, found = Floor.read(log, truth, site.conflict.clearance_m), interactions(log, site)
-    yielded = [case for cases in found.by_pair.values() for case in cases if case.outcome is Outcome.YIELDED]
+    yielded = [case for cases in found.by_pair.values() for case in cases if case.outcome is InteractionOutcome.YIELDED]
     placebo, happened = found.placebo.figures(), floor.happened
     share_again = nan if placebo["same_robot"] is None else placebo["same_robot"]
     stops_of = [_stops_of(case, floor.truth.stops) for case in yielded]

@@ -6,8 +6,8 @@ import numpy as np
 
 from deconflict.engine.engine import Engine
 from deconflict.foresight.probability.calibration import Calibration, Estimate
-from deconflict.foresight.probability.pair_table import DRIVEN, PREEMPTED, Fates
-from deconflict.foresight.probability.start_times import LATE_S, Starts
+from deconflict.foresight.probability.pair_table import DRIVEN, PREEMPTED, CensoredOutcomes
+from deconflict.foresight.probability.start_times import LATE_S, StartTimes
 from ingest.batch import Bools, Floats, Ints
 
 Change = Callable[[Engine], None]
@@ -16,7 +16,7 @@ Change = Callable[[Engine], None]
 class _Unlearning(Calibration):
     """Stays with its prior."""
 
-    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
+    def learn(self, seen: Floats, vendors: Ints, fates: CensoredOutcomes, now_s: float) -> None:
         """Nothing is learned."""
 
 
@@ -26,7 +26,7 @@ class _AllAlike(Calibration):
     def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
         return Calibration.estimate(self, seen, np.zeros_like(vendors))
 
-    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
+    def learn(self, seen: Floats, vendors: Ints, fates: CensoredOutcomes, now_s: float) -> None:
         Calibration.learn(self, seen, np.zeros_like(vendors), fates, now_s)
 
 
@@ -38,7 +38,7 @@ class _Blind(Calibration):
     def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
         return Calibration.estimate(self, self._visible(seen), vendors)
 
-    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
+    def learn(self, seen: Floats, vendors: Ints, fates: CensoredOutcomes, now_s: float) -> None:
         Calibration.learn(self, self._visible(seen), vendors, fates, now_s)
 
     def _visible(self, seen: Floats) -> Floats:
@@ -59,7 +59,7 @@ class _NotDriven(_Blind):
     hidden = DRIVEN
 
 
-class _AtOnce(Starts):
+class _AtOnce(StartTimes):
     """Takes robots that wait to start when they say."""
 
     def weights(self, kind: Ints, blocked: Bools, stood_s: Floats) -> Floats:  # noqa: ARG002 - keeps the form
@@ -79,7 +79,7 @@ def _with(calibration: type[Calibration]) -> Change:
 
 
 def _starts_at_once(engine: Engine) -> None:
-    engine.foresight.starts = _AtOnce()
+    engine.foresight.start_times = _AtOnce()
 
 
 PARTS: Mapping[str, Change] = {

@@ -18,9 +18,9 @@ from deconflict.cluster.tiles.channels import Floors, late
 from deconflict.contention.contention import Contention
 from deconflict.contention.queues.queue_advice import Advising
 from deconflict.engine.claim_lifecycle import Claims
-from deconflict.foresight.presence.live_robots import Live
+from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
-from deconflict.foresight.presence.presence_batches import contended
+from deconflict.foresight.presence.presence_batches import contention_batches
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Site
 from ingest.batch import Batch
@@ -42,7 +42,7 @@ class Commons:
     ) -> None:
         """`learned` is what an earlier one's `learned()` told. Raises `UnreadableError` where it can't be that."""
         self.site, self.measures = site, Measures()
-        self._live, self._floors = Live(), Floors()
+        self._live, self._floors = LiveRobots(), Floors()
         self._presence = Presence(self._live, self.measures)
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""
@@ -89,8 +89,8 @@ class Commons:
             batch = self._presence.receive(newer.take(self._doubts.owned(newer), self._gone(one)))
             self._doubts.stand(one.claims, one.now_s)
             self._arrived_s.update(zip(batch.robots, batch.arrival_s.tolist(), strict=True))
-            self._live.put(batch)
-            self._live.drop(batch.gone)
+            self._live.update(batch)
+            self._live.remove(batch.gone)
             self._doubts.forget(batch.gone)
             self._contention.receive(batch)
 
@@ -105,7 +105,7 @@ class Commons:
     def step(self, now_s: float) -> list[Told]:
         """The revisions of this look; none between looks."""
         self._aside.settle(self._aside.pending())
-        for batch in contended(self._live, self._presence.step(now_s), now_s):
+        for batch in contention_batches(self._live, self._presence.advance(now_s), now_s):
             self._contention.receive(batch)
         self._claims.receive(self._doubts.standing(now_s))
         revisions = [*self._contention.step(now_s), *self._claims.step(now_s)]

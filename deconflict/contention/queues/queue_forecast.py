@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from deconflict.contention.robots.place_geometry import Geometry
-from deconflict.sweep.geometry.heights import beside
+from deconflict.sweep.geometry.heights import heights_overlap
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
@@ -82,7 +82,7 @@ class Turns:
 
     def at_height_of(self, one: Row) -> Self:
         """Without the turns of those that pass above or below a robot."""
-        stays = [beside(row, one) for row in self.rows]
+        stays = [heights_overlap(row, one) for row in self.rows]
         if all(stays):
             return self
         return replace(

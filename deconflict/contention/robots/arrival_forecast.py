@@ -15,7 +15,7 @@ import numpy as np
 
 from deconflict.contention.robots.announced_arrivals import Promise, Promises, Spot, Spots
 from deconflict.contention.robots.overdue_times import Overdue
-from deconflict.foresight.forecast_errors.arrival_errors import Lateness
+from deconflict.foresight.forecast_errors.arrival_errors import ArrivalErrors
 from deconflict.runtime.learned_state import Part, numbers
 from ingest.batch import Batch, Floats, Ints
 
@@ -60,7 +60,7 @@ class Arrivals:
     """What robots said of their arrivals, and how it came out."""
 
     def __init__(self) -> None:
-        self.lateness = Lateness()
+        self.lateness = ArrivalErrors()
         self.overdue = Overdue()
         self._promises = Promises()
         self._ratios: dict[str, Ratios] = {}

@@ -18,7 +18,7 @@ from deconflict.contention.robots.record_kernels import LEAST_M
 from deconflict.contention.robots.robot_table import Robots
 from deconflict.contention.robots.robot_view import Seen
 from deconflict.contention.waiting.deadlocks import Node, Want
-from deconflict.sweep.geometry.heights import beside, beside_each
+from deconflict.sweep.geometry.heights import heights_overlap, heights_overlap_each
 from ingest.batch import Bools, Floats, Ints
 
 WAY_M = 1.0
@@ -63,7 +63,7 @@ class Around(NamedTuple):
 def _beside(robots: Robots, slots: Ints, others: Ints) -> Bools:
     """(n,) whether neither of two robots passes above the other."""
     bottom_m, top_m = robots.records["bottom_m"], robots.records["top_m"]
-    return beside_each(bottom_m[slots], top_m[slots], bottom_m[others], top_m[others])
+    return heights_overlap_each(bottom_m[slots], top_m[slots], bottom_m[others], top_m[others])
 
 
 class Leg(NamedTuple):
@@ -150,7 +150,7 @@ def place_wants(every: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]
             other.node
             for other in by_place.get(leg.wants, ())
             if other.node[0] != robot
-            and beside(other, leg)
+            and heights_overlap(other, leg)
             and other.since_s < leg.arrives_s
             and (other.until_s >= leg.until_s or other.wants is not None)
         ]
@@ -218,7 +218,7 @@ def aisle_wants(robots: Iterable[Seen], aisles: Iterable[str]) -> list[Want]:
         back = [one for one in inside if one.passages[zone].direction < 0]
         for a in forth:
             for b in back:
-                meet_s = _meet_s(a, b, zone) if beside(a, b) else None
+                meet_s = _meet_s(a, b, zone) if heights_overlap(a, b) else None
                 if meet_s is not None:
                     wants.append(Want((a.uuid, 0), ((b.uuid, 0),), zone, meet_s))
                     wants.append(Want((b.uuid, 0), ((a.uuid, 0),), zone, meet_s))

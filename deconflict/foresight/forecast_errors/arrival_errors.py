@@ -21,7 +21,7 @@ FEWEST_CASES = 5.0
 EARLY, LATE = range(2)
 
 
-class Lateness:
+class ArrivalErrors:
     """By vendor; vendors are few."""
 
     def __init__(self) -> None:

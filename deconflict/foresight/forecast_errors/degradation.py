@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from deconflict.foresight.forecast_errors.grades import GRADED_S
-from deconflict.foresight.forecast_errors.ledger import Kind
+from deconflict.foresight.forecast_errors.ledger import ForecastKind
 from deconflict.foresight.forecast_errors.quantile_sketch import BINS, quantiles
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
 from deconflict.runtime.learned_state import Part, UnreadableError
@@ -72,7 +72,7 @@ def _gather(
     return -1
 
 
-class ForecastChanges:
+class DegradationDetector:
     """By vendor."""
 
     def __init__(self) -> None:
@@ -84,7 +84,7 @@ class ForecastChanges:
         self._counts = np.zeros((0, BINS))
         self._levels: dict[str, Level] = {}
 
-    def take(self, errors: Errors, kinds: Mapping[Kind, int], now_s: float) -> None:
+    def add_errors(self, errors: Errors, kinds: Mapping[ForecastKind, int], now_s: float) -> None:
         """Take in errors of robots; `kinds` are those of the ledger, in the order of their rows."""
         if len(kinds) > len(self._vendor_of):
             self._know(kinds)
@@ -123,7 +123,7 @@ class ForecastChanges:
         level.take(log(size_m + FINE_M), float(self._since_s[row]))
         self._since_s[row], self._counts[row] = inf, 0.0
 
-    def _know(self, kinds: Iterable[Kind]) -> None:
+    def _know(self, kinds: Iterable[ForecastKind]) -> None:
         moving = [kind.vendor if kind.basis is not Basis.STATIONARY else None for kind in kinds]
         rows = [-1 if vendor is None else self._vendors.setdefault(vendor, len(self._vendors)) for vendor in moving]
         more = len(self._vendors) - len(self._since_s)

@@ -115,7 +115,7 @@ def _widen(bands_m: Floats, rows: Ints) -> None:
                     bands_m[row, column, band] = max(bands_m[row, column, band], bands_m[row, column - 1, band])
 
 
-class Kind(NamedTuple):
+class ForecastKind(NamedTuple):
     """Forecasts that are held to account together."""
 
     vendor: str
@@ -127,7 +127,7 @@ class Kind(NamedTuple):
 class Ledger:
     """Errors by kind of forecast; rows are never reordered."""
 
-    kinds: dict[Kind, int] = field(default_factory=dict)
+    kinds: dict[ForecastKind, int] = field(default_factory=dict)
     counts: Floats = field(default_factory=lambda: np.zeros((0, 3, HORIZONS, BINS)))
     """(kinds, 3, HORIZONS, BINS) radial, along and across, faded."""
     bias_m: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 2)))
@@ -146,10 +146,10 @@ class Ledger:
 
     def row(self, vendor: str, model: str, basis: Basis, now_s: float) -> int:
         """The row of a kind, made with a prior where it is new; models beyond `MOST_CLASSES` kinds share one."""
-        found = self.kinds.get(Kind(vendor, model, basis))
+        found = self.kinds.get(ForecastKind(vendor, model, basis))
         if found is not None:
             return found
-        kind = Kind(vendor, model if len(self.kinds) < MOST_CLASSES else "", basis)
+        kind = ForecastKind(vendor, model if len(self.kinds) < MOST_CLASSES else "", basis)
         if kind in self.kinds:
             return self.kinds[kind]
         row = self.kinds[kind] = len(self.kinds)
@@ -197,7 +197,7 @@ class Ledger:
     def resume(self, part: Part) -> None:
         """Go on with what `learned` told. Raises `UnreadableError`, and is then as it was."""
         try:
-            kinds = [Kind(str(vendor), str(model), Basis(basis)) for vendor, model, basis in part["kinds"]]
+            kinds = [ForecastKind(str(vendor), str(model), Basis(basis)) for vendor, model, basis in part["kinds"]]
         except (KeyError, TypeError, ValueError) as error:
             raise UnreadableError(f"kinds of forecasts are not told: {error}") from error
         columns = {name: numbers(part, name, (len(kinds), *getattr(self, name).shape[1:])) for name in LEARNED}

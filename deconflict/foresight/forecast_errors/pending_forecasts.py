@@ -18,7 +18,7 @@ KEPT = HORIZONS + 1
 SPACED_S = 0.9
 """A forecast is kept only so long after the last one that was."""
 JOINED_S = 2.1
-"""Reports further apart say nothing of where the robot was between them."""
+"""ReportedTracks further apart say nothing of where the robot was between them."""
 TRACK_S = HORIZONS + 2
 """How far ahead of a report its forecast is sampled: the horizon, and how old a report in use may be."""
 TRACK_LOOKS: Floats = np.arange(TRACK_S + 1.0)
@@ -27,7 +27,7 @@ LONG_AGO_S = -1e12
 """Before any report."""
 
 
-class Reports(NamedTuple):
+class ReportedTracks(NamedTuple):
     """n robots of a batch, each of them once. Arrays are (n,)."""
 
     slot: Ints
@@ -42,13 +42,13 @@ class Reports(NamedTuple):
     where that is not told."""
 
     @classmethod
-    def of(cls, batch: Batch, slots: Ints, kinds: Ints) -> "Reports":
+    def of(cls, batch: Batch, slots: Ints, kinds: Ints) -> "ReportedTracks":
         event_s, told = ready(batch.event_s), batch.forecasts
         sizes_m = ready(batch.doubt_m), ready(told.length_m), ready(told.width_m)
         return cls(slots, kinds, event_s, *sizes_m, poses_at(told, event_s, TRACK_LOOKS))
 
 
-class Beside(NamedTuple):
+class RelativePoses(NamedTuple):
     """n pairs of robots, looked at k times in the past and m times ahead. Arrays are (n, k + m) but for two."""
 
     past_s: Floats
@@ -64,7 +64,7 @@ class Beside(NamedTuple):
     """(2, n) at which each goes on, by its forecast."""
 
 
-class Followed:
+class PendingForecasts:
     """By slot: the newest report, and the last `KEPT` forecasts."""
 
     def __init__(self) -> None:
@@ -103,12 +103,14 @@ class Followed:
 
     def beside(
         self, a: Ints, b: Ints, past_looks: Floats, ahead_s: Floats, now_s: float, late_s: Floats | None = None
-    ) -> Beside:
+    ) -> RelativePoses:
         """Robots `b` (n,) as seen from `a` (n,): since both reported before, at those parts (k,) of the time, and at
         `now_s + ahead_s` (m,), by their newest forecasts, which begin `late_s` (2, n) later if that is given."""
         reports = (self._before, self.seen, self.track)
         late_s = np.zeros((2, len(a))) if late_s is None else late_s
-        return Beside(*track_kernels.beside(*reports, a, b, past_looks, ahead_s, now_s, LONG_AGO_S, JOINED_S, late_s))
+        return RelativePoses(
+            *track_kernels.beside(*reports, a, b, past_looks, ahead_s, now_s, LONG_AGO_S, JOINED_S, late_s)
+        )
 
     def nearing(self, told: Bools, slots: Ints, rank: Ints, reach_m: Floats, now_s: float, horizon_s: float) -> Ints:
         """(p, 2) pairs of `slots`, one of each `told`, that come within the `reach_m` of both in the horizon, looked at
@@ -124,7 +126,9 @@ class Followed:
         """Hold none of the forecasts made so far to account."""
         self._made_s[slots] = LONG_AGO_S
 
-    def take(self, robots: Robots, half: Floats, reports: Reports, bands_m: Floats) -> tuple[Errors, Bools]:
+    def add_reports(
+        self, robots: Robots, half: Floats, reports: ReportedTracks, bands_m: Floats
+    ) -> tuple[Errors, Bools]:
         """Keep the reports and their forecasts, and what they say of `robots`, by slot, and their `half` sides (2,
         slots); the errors that they show, and whether each of n stands. `bands_m` are (kinds, HORIZONS, 3)."""
         return track_kernels.take(

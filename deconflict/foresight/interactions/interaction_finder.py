@@ -48,7 +48,7 @@ SETTLED_S = 20.0
 """So long after the onset a pair of one vendor is known to keep an order, or stays unknown."""
 
 
-class Outcome(IntEnum):
+class InteractionOutcome(IntEnum):
     """What an interaction is."""
 
     YIELDED = 0
@@ -66,7 +66,7 @@ class Interaction(NamedTuple):
     """Slot of the robot that gave way."""
     other: int
     """Slot of the one that it gave way to."""
-    outcome: Outcome
+    outcome: InteractionOutcome
     swerved: bool
     """It left its way, and did not brake."""
     onset_s: float
@@ -102,7 +102,7 @@ class _Open:
     """It is more of the pair's last interaction."""
 
 
-class Reports(NamedTuple):
+class InteractionReports(NamedTuple):
     """n robots of a batch, each of them once. Arrays are (n,) but for two."""
 
     slot: Ints
@@ -116,7 +116,7 @@ class Reports(NamedTuple):
     """(n, AHEAD_S) how far forecasts of its kind are usually off so many whole seconds ahead."""
 
 
-class Finder:
+class InteractionFinder:
     """By slot: the newest reports of each robot, and whether it gives way to another."""
 
     def __init__(self) -> None:
@@ -149,7 +149,7 @@ class Finder:
         }
         self._ended_s = {pair: ended_s for pair, ended_s in self._ended_s.items() if gone.isdisjoint(pair)}
 
-    def receive(self, reports: Reports, half_m: Floats, levels_m: Floats, vendor: Ints) -> list[Interaction]:
+    def receive(self, reports: InteractionReports, half_m: Floats, levels_m: Floats, vendor: Ints) -> list[Interaction]:
         """Take in reports; the interactions that they show, and those of which they show more.
 
         By slot are `half_m` (2, slots) half sides, `levels_m` (2, slots) bottom and top, and `vendor` (slots,).
@@ -195,7 +195,7 @@ class Finder:
             giving.again = self._is_more(slot, giving)
             giving.ordered = bool(vendor[slot] == vendor[giving.other])
             giving.settled = not giving.ordered
-            outcome = Outcome.UNKNOWN if giving.ordered else Outcome.YIELDED
+            outcome = InteractionOutcome.UNKNOWN if giving.ordered else InteractionOutcome.YIELDED
             return _interaction(slot, giving, outcome)
         giving.settled = now_s > giving.onset_s + SETTLED_S
         return None
@@ -208,12 +208,12 @@ class Finder:
             return None
         self._ended_s[_pair(slot, giving.other)] = end_s
         if not giving.ordered:
-            return _interaction(slot, giving, Outcome.YIELDED, end_s)
+            return _interaction(slot, giving, InteractionOutcome.YIELDED, end_s)
         if giving.settled:
-            return _interaction(slot, giving, Outcome.UNKNOWN, end_s)
+            return _interaction(slot, giving, InteractionOutcome.UNKNOWN, end_s)
         ahead_m = self._gaps_ahead_m(slot, giving, np.array([end_s]), [giving.other], half_m)[0]
         cleared = ahead_m > giving.gap_m + CLEARED_M
-        return _interaction(slot, giving, Outcome.ORDERED if cleared else Outcome.YIELDED, end_s)
+        return _interaction(slot, giving, InteractionOutcome.ORDERED if cleared else InteractionOutcome.YIELDED, end_s)
 
     def _is_more(self, slot: int, giving: _Open) -> bool:
         """Whether a robot gives way to one with which it has been at odds until lately."""
@@ -268,7 +268,7 @@ class Finder:
         return np.column_stack([*columns, np.interp(looks_s, t_s, np.unwrap(poses[:, 2]))])
 
 
-def _interaction(slot: int, giving: _Open, outcome: Outcome, end_s: float = inf) -> Interaction:
+def _interaction(slot: int, giving: _Open, outcome: InteractionOutcome, end_s: float = inf) -> Interaction:
     return Interaction(
         slot,
         giving.other,

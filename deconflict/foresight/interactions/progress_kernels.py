@@ -17,13 +17,13 @@ from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 KEPT = 12
-"""Reports of a robot that its history holds."""
+"""InteractionReports of a robot that its history holds."""
 SPACED_S = 0.9
 """A report is kept only so long after the one kept before."""
 AHEAD_S = 10
 """Whole seconds for which the forecast of a kept report is kept; sample 0 is the report itself."""
 SPARSE_S = 2.1
-"""Reports further apart say nothing of the motion between them."""
+"""InteractionReports further apart say nothing of the motion between them."""
 EARLIER_S, EARLIEST_S = 2.0, 4.0
 """A report is compared with the newest forecast made at least so long before it, and at most so long."""
 WITHIN_S = 5.0

@@ -26,7 +26,7 @@ MOST_STEPS = 64
 """A leg is looked at in steps of this, but no more of them."""
 
 
-class Place(NamedTuple):
+class BelievedPlace(NamedTuple):
     """An outline on a floor."""
 
     x_m: float
@@ -41,11 +41,11 @@ class Place(NamedTuple):
     """How far off its position may be."""
 
 
-def place_of(forecast: Forecasts, pose: Pose, doubt_m: float = 0.0) -> Place:
+def place_of(forecast: Forecasts, pose: Pose, doubt_m: float = 0.0) -> BelievedPlace:
     """The outline of a robot, of that forecast, at a pose."""
     halves_m = float(forecast.length_m[0]) / 2, float(forecast.width_m[0]) / 2
     heights_m = float(forecast.bottom_m[0]), float(forecast.top_m[0])
-    return Place(pose.x_m, pose.y_m, pose.yaw_rad, pose.floor, *halves_m, *heights_m, doubt_m)
+    return BelievedPlace(pose.x_m, pose.y_m, pose.yaw_rad, pose.floor, *halves_m, *heights_m, doubt_m)
 
 
 class Approach(NamedTuple):
@@ -57,11 +57,11 @@ class Approach(NamedTuple):
     """When first."""
 
 
-class Places:
+class BelievedPlaces:
     """By robot. What is asked costs nothing where there are none. A robot that reports has no place any more."""
 
     def __init__(self) -> None:
-        self._places: dict[str, Place] = {}
+        self._places: dict[str, BelievedPlace] = {}
         self._names: list[str] = []
         self._columns: Floats = np.empty((9, 0))
         """(9, n) of the places, in the order of their names."""
@@ -72,10 +72,10 @@ class Places:
     def __len__(self) -> int:
         return len(self._places)
 
-    def get(self, uuid: str) -> Place | None:
+    def get(self, uuid: str) -> BelievedPlace | None:
         return self._places.get(uuid)
 
-    def put(self, uuid: str, place: Place) -> None:
+    def set(self, uuid: str, place: BelievedPlace) -> None:
         if self._places.get(uuid) != place:
             self._places[uuid], self._tree = place, None
 

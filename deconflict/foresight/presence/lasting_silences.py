@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from deconflict.foresight.presence.silence_outcomes import PROBABLY_LEFT, Case
+from deconflict.foresight.presence.silence_outcomes import PROBABLY_LEFT, SilenceCase
 from ingest.batch import Floats
 from ingest.measures.measures import Labels
 
 
 @dataclass(slots=True, eq=False)
-class Changes:
+class PresenceChanges:
     """Of silent robots, since the last step."""
 
     there: dict[str, float] = field(default_factory=dict)
@@ -28,7 +28,7 @@ class Changes:
 
 
 @dataclass(slots=True, eq=False)
-class Silence:
+class LastingSilence:
     """One that lasts."""
 
     heard_s: float
@@ -37,30 +37,30 @@ class Silence:
     vendor: str
     stood: bool
     """Whether the robot stood when it was heard last."""
-    case: Case | None
+    case: SilenceCase | None
     """None for a robot that stays for sure."""
     counts: bool
     """Whether it teaches; one that is first seen when it is long has done so."""
     there: float = 1.0
 
 
-class Fading:
+class LastingSilences:
     """All silences that last, by robot."""
 
     def __init__(self) -> None:
-        self.silences: dict[str, Silence] = {}
+        self.silences: dict[str, LastingSilence] = {}
         self.fading: dict[str, float] = {}
         """How likely each robot is still there for which that is below 1."""
         self.left = Counter[Labels]()
         """By vendor, robots that have probably left."""
-        self.changes = Changes()
+        self.changes = PresenceChanges()
         """Since they were taken."""
 
-    def begin(self, uuid: str, silence: Silence) -> None:
+    def begin(self, uuid: str, silence: LastingSilence) -> None:
         self.silences[uuid] = silence
         self.changes.silent.add(uuid)
 
-    def end(self, uuid: str) -> Silence | None:
+    def end(self, uuid: str) -> LastingSilence | None:
         """The silence of a robot that lasts no more, if there was one."""
         silence = self.silences.get(uuid)
         if silence:
@@ -77,15 +77,15 @@ class Fading:
             (self.changes.left if moved > 0 else self.changes.back).append(uuid)
         silence.there = self.changes.there[uuid] = self.fading[uuid] = there
 
-    def _count(self, silence: Silence, there: float) -> int:
+    def _count(self, silence: LastingSilence, there: float) -> int:
         """1 where a robot has probably left by now, -1 where it had, else 0; counted."""
         moved = (there < PROBABLY_LEFT) - (silence.there < PROBABLY_LEFT)
         self.left[silence.vendor,] += moved
         return moved
 
-    def take_changes(self) -> Changes:
+    def take_changes(self) -> PresenceChanges:
         """What has changed since this was asked last."""
-        changes, self.changes = self.changes, Changes()
+        changes, self.changes = self.changes, PresenceChanges()
         return changes
 
     def both_there(self, pairs: Sequence[tuple[str, str]]) -> Floats:

@@ -75,14 +75,14 @@ class LiveRobot:
         return float(self.batch.doubt_m[self.row])
 
     @property
-    def told(self) -> Forecasts:
+    def batch_forecasts(self) -> Forecasts:
         """Of all robots of its batch, envelopes as reported."""
         return self.batch.forecasts
 
     @property
     def forecast(self) -> Forecasts:
         """Of this robot alone."""
-        return self.told.one(self.row)
+        return self.batch_forecasts.one(self.row)
 
     @property
     def widened_m(self) -> float:
@@ -91,7 +91,7 @@ class LiveRobot:
 
 
 @dataclass(slots=True, eq=False)
-class Live:
+class LiveRobots:
     """Every robot on every floor."""
 
     robots: dict[str, LiveRobot] = field(default_factory=dict)
@@ -102,7 +102,7 @@ class Live:
     _at: Floats = field(default_factory=lambda: np.empty((0, 5)))
     """(slots, 5) x_m, y_m and floor of each first knot, bottom_m and top_m; nan where the slot is free."""
 
-    def put(self, batch: Batch) -> list[str]:
+    def update(self, batch: Batch) -> list[str]:
         """Replace what is known of the robots of a batch; the UUIDs of those that are new."""
         self.floors, told = batch.floors, batch.forecasts
         slots, new = [], []
@@ -119,7 +119,7 @@ class Live:
         self._at[slots] = np.column_stack([*places, told.bottom_m, told.top_m])
         return new
 
-    def drop(self, uuids: Iterable[str]) -> None:
+    def remove(self, uuids: Iterable[str]) -> None:
         """Forget robots; those that are not known are no error."""
         for uuid in uuids:
             robot = self.robots.pop(uuid, None)
@@ -132,7 +132,7 @@ class Live:
         keys = [uuid for uuid in uuids if uuid in self.robots]
         return keys, _gathered([self.robots[uuid] for uuid in keys])
 
-    def around(self, group: set[str], within_m: float, most: int) -> list[str]:
+    def group_with_nearest(self, group: set[str], within_m: float, most: int) -> list[str]:
         """The robots of a group and the nearest to any of them, on its floor and at its height, in ascending order."""
         slots, away_m = _near(self._at, np.array([self.robots[uuid].slot for uuid in group], np.int64), within_m)
         named = [self._uuids[slot] for slot in slots.tolist()]
@@ -157,7 +157,7 @@ def _gathered(robots: Sequence[LiveRobot]) -> Forecasts:
     """Their forecasts, in that order: mostly of a few robots of many batches."""
     if not robots:
         return Forecasts.empty()
-    spans = [(one.told, slice(*one.told.start[one.row : one.row + 2].tolist())) for one in robots]
+    spans = [(one.batch_forecasts, slice(*one.batch_forecasts.start[one.row : one.row + 2].tolist())) for one in robots]
     return Forecasts(
         start=np.concatenate([[0], np.cumsum([span.stop - span.start for _, span in spans])]),
         t_s=np.concatenate([told.t_s[span] for told, span in spans]),
@@ -165,8 +165,8 @@ def _gathered(robots: Sequence[LiveRobot]) -> Forecasts:
         y_m=np.concatenate([told.y_m[span] for told, span in spans]),
         yaw_rad=np.concatenate([told.yaw_rad[span] for told, span in spans]),
         floor=np.concatenate([told.floor[span] for told, span in spans]),
-        length_m=np.array([one.told.length_m[one.row] for one in robots]),
-        width_m=np.array([one.told.width_m[one.row] for one in robots]),
-        bottom_m=np.array([one.told.bottom_m[one.row] for one in robots]),
-        top_m=np.array([one.told.top_m[one.row] for one in robots]),
+        length_m=np.array([one.batch_forecasts.length_m[one.row] for one in robots]),
+        width_m=np.array([one.batch_forecasts.width_m[one.row] for one in robots]),
+        bottom_m=np.array([one.batch_forecasts.bottom_m[one.row] for one in robots]),
+        top_m=np.array([one.batch_forecasts.top_m[one.row] for one in robots]),
     )

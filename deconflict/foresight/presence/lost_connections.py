@@ -11,7 +11,7 @@ FEWEST_ROBOTS = 4
 
 
 @dataclass(slots=True)
-class Contact:
+class VendorConnection:
     """What is heard of one vendor."""
 
     heard_s: float = -inf
@@ -22,7 +22,7 @@ class Contact:
     found_s: float = -inf
     """From when to when the connection was lost, the last time that it was."""
 
-    def hear(self, now_s: float) -> None:
+    def record(self, now_s: float) -> None:
         if now_s > self.heard_s:
             if self.is_lost(now_s):
                 self.lost_s, self.found_s = self.heard_s, now_s
@@ -37,26 +37,26 @@ class Contact:
 
 
 @dataclass(slots=True)
-class Contacts:
+class VendorConnections:
     """By vendor."""
 
-    _contacts: dict[str, Contact] = field(default_factory=dict)
+    _contacts: dict[str, VendorConnection] = field(default_factory=dict)
     _vendor_of: dict[str, str] = field(default_factory=dict)
     """By robot that is not silent."""
 
-    def hear(self, vendors: Iterable[str], arrivals_s: Iterable[float]) -> None:
+    def record(self, vendors: Iterable[str], arrivals_s: Iterable[float]) -> None:
         """Robots of these vendors were heard."""
         newest: dict[str, float] = {}
         for vendor, arrival_s in zip(vendors, arrivals_s, strict=True):
             if arrival_s > newest.get(vendor, -inf):
                 newest[vendor] = arrival_s
         for vendor, arrival_s in newest.items():
-            self.of(vendor).hear(arrival_s)
+            self.of(vendor).record(arrival_s)
 
-    def of(self, vendor: str) -> Contact:
+    def of(self, vendor: str) -> VendorConnection:
         found = self._contacts.get(vendor)
         if found is None:
-            found = self._contacts[vendor] = Contact()
+            found = self._contacts[vendor] = VendorConnection()
         return found
 
     def join(self, uuid: str, vendor: str) -> None:

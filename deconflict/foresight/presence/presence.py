@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.foresight.presence.believed_places import Places, place_of
-from deconflict.foresight.presence.lasting_silences import Changes, Fading, Silence
-from deconflict.foresight.presence.live_robots import Live, LiveRobot
-from deconflict.foresight.presence.lost_connections import Contacts
-from deconflict.foresight.presence.removed_robots import Removals, TakenOff
-from deconflict.foresight.presence.report_intervals import Hearing, Legs
+from deconflict.foresight.presence.believed_places import BelievedPlaces, place_of
+from deconflict.foresight.presence.lasting_silences import LastingSilence, LastingSilences, PresenceChanges
+from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
+from deconflict.foresight.presence.lost_connections import VendorConnections
+from deconflict.foresight.presence.removed_robots import RemovedRobot, RemovedRobots
+from deconflict.foresight.presence.report_intervals import Legs, ReportIntervals
 from deconflict.foresight.presence.returned_robots import datum_of, was_there
 from deconflict.foresight.presence.silence_outcomes import (
     ELSEWHERE,
@@ -27,10 +27,10 @@ from deconflict.foresight.presence.silence_outcomes import (
     MAYBE_THERE,
     PROBABLY_LEFT,
     THERE,
-    Exit,
-    Last,
-    Meanings,
-    Spot,
+    FloorPoint,
+    LastSeen,
+    SilenceOutcomes,
+    UsualExit,
 )
 from deconflict.runtime.learned_state import Part
 from deconflict.sweep.geometry.pose import pose_at
@@ -59,29 +59,29 @@ MOST_SHOWN = 300
 class Presence:
     """Of all robots of a floor. `live` is the engine's own, which takes in each batch after this."""
 
-    def __init__(self, live: Live, measures: Measures) -> None:
+    def __init__(self, live: LiveRobots, measures: Measures) -> None:
         self._live, self._measures = live, measures
-        self._hearing, self._contacts = Hearing(), Contacts()
-        self._meanings, self._places = Meanings(), Places()
-        self._last_seen_at = Places()
+        self._hearing, self._contacts = ReportIntervals(), VendorConnections()
+        self._meanings, self._places = SilenceOutcomes(), BelievedPlaces()
+        self._last_seen_at = BelievedPlaces()
         """Where robots were heard last that are believed to have gone on from there."""
         self.passed: set[str] = set()
         """Silent robots through whose outline, as it was when they were heard last or as it is believed to be, another
         one drove by the last batch."""
-        self._fading, self._removals = Fading(), Removals()
+        self._fading, self._removals = LastingSilences(), RemovedRobots()
         self._due: list[tuple[float, str]] = []
         """A heap of when silent robots are next looked at; see `_next_s`."""
         self._next_s: dict[str, float] = {}
         """By silent robot; an entry of the heap with another time is void."""
-        self._exits: tuple[float, list[Exit]] = (-EXITS_EVERY_S, [])
+        self._exits: tuple[float, list[UsualExit]] = (-EXITS_EVERY_S, [])
         measures.ask(self._measure)
 
     def receive(self, batch: Batch) -> Batch:
         """Take in robots that have reported. The batch without robots that are still taken off; those that are taken
         off by it are told as gone."""
         batch = self._removals.without(batch)
-        legs, new = self._hearing.take(batch)
-        self._contacts.hear(batch.vendors, batch.arrival_s.tolist())
+        legs, new = self._hearing.add_batch(batch)
+        self._contacts.record(batch.vendors, batch.arrival_s.tolist())
         for row in [*self._back(batch, legs), *new]:
             self._contacts.join(batch.robots[row], batch.vendors[row])
         for uuid in batch.gone:
@@ -93,9 +93,9 @@ class Presence:
         self.passed.update(off)
         return replace(batch, gone=(*batch.gone, *off)) if off else batch
 
-    def step(self, now_s: float) -> Changes:
+    def advance(self, now_s: float) -> PresenceChanges:
         """What has changed since the last step."""
-        for uuid in self._hearing.late(now_s):
+        for uuid in self._hearing.overdue(now_s):
             self._listen(uuid, now_s)
         while self._due and self._due[0][0] <= now_s:
             due_s, uuid = heappop(self._due)
@@ -119,10 +119,10 @@ class Presence:
         one = self._fading.silences.get(uuid)
         return now_s - one.heard_s if one else None
 
-    def taken_off(self, uuid: str) -> TakenOff | None:
+    def removal_of(self, uuid: str) -> RemovedRobot | None:
         return self._removals.robots.get(uuid)
 
-    def exits(self, now_s: float) -> list[Exit]:
+    def exits(self, now_s: float) -> list[UsualExit]:
         """Where robots usually leave, as of a few seconds ago."""
         if not 0 <= now_s - self._exits[0] < EXITS_EVERY_S:
             self._exits = now_s, self._meanings.exits()
@@ -165,7 +165,7 @@ class Presence:
                     self._meanings.count(case, {ELSEWHERE: 1.0})
         return back
 
-    def _end(self, uuid: str, silence: Silence, batch: Batch, row: int) -> None:
+    def _end(self, uuid: str, silence: LastingSilence, batch: Batch, row: int) -> None:
         """A silence has ended with the report of a row."""
         self._next_s.pop(uuid, None)
         self._discard(uuid)
@@ -193,11 +193,11 @@ class Presence:
         for uuid, row in self._places.driven_through(batch, legs).items():
             if (place := self._last_seen_at.get(uuid)) and uuid in self._fading.silences:
                 self._hold(uuid, self._fading.silences[uuid])
-                self._places.put(uuid, place)
+                self._places.set(uuid, place)
                 continue
             if silence := self._fading.end(uuid):
                 name = self._live.robots[uuid].name
-                one = TakenOff(silence.vendor, name, silence.heard_s, batch.now_s, batch.names[row])
+                one = RemovedRobot(silence.vendor, name, silence.heard_s, batch.now_s, batch.names[row])
                 case = silence.case if silence.counts else None
                 self._removals.take_off(uuid, one, case)
                 self._measures.count(SILENCES, silence.vendor, "driven_through")
@@ -208,7 +208,7 @@ class Presence:
             self._next_s.pop(uuid, None)
         return off
 
-    def _hold(self, uuid: str, silence: Silence) -> None:
+    def _hold(self, uuid: str, silence: LastingSilence) -> None:
         """A robot is believed to stand where it was heard last."""
         silence.stood = True
         self._last_seen_at.discard(uuid)
@@ -231,7 +231,7 @@ class Presence:
         """Whether a robot has fallen silent that has not been heard for a while."""
         robot = self._live.robots.get(uuid)
         silent_s = self._silent_at_s(uuid, robot, now_s) if robot else inf
-        self._hearing.look_again(uuid, inf if silent_s <= now_s else silent_s)
+        self._hearing.set_due(uuid, inf if silent_s <= now_s else silent_s)
         if robot and silent_s <= now_s:
             self._follow(uuid, self._begun(uuid, robot, now_s), robot, now_s)
 
@@ -244,31 +244,31 @@ class Presence:
             return now_s + LOST_LOOK_S
         return heard_s + grace_s + contact.excused_s(heard_s, grace_s)
 
-    def _begun(self, uuid: str, robot: LiveRobot, now_s: float) -> Silence:
+    def _begun(self, uuid: str, robot: LiveRobot, now_s: float) -> LastingSilence:
         """A silence that begins."""
         heard_s, grace_s = self._hearing.heard_s(uuid), self._hearing.grace_s(uuid)
         self._contacts.leave(uuid)
         is_standing, forecast = robot.basis is Basis.STATIONARY, robot.forecast
         goes = float(np.hypot(forecast.x_m - forecast.x_m[0], forecast.y_m - forecast.y_m[0]).max()) > STANDS_M
         moved = self._hearing.moved(uuid)
-        last = Last.GOING if goes and moved is not False else Last.ARRIVED if moved else Last.STANDING
-        if last is Last.STANDING and goes:
+        last = LastSeen.GOING if goes and moved is not False else LastSeen.ARRIVED if moved else LastSeen.STANDING
+        if last is LastSeen.STANDING and goes:
             self._fading.changes.stopped.append(uuid)
-        if last is Last.GOING:
-            self._last_seen_at.put(uuid, place_of(forecast, pose_at(forecast, float(forecast.t_s[0])), robot.doubt_m))
+        if last is LastSeen.GOING:
+            self._last_seen_at.set(uuid, place_of(forecast, pose_at(forecast, float(forecast.t_s[0])), robot.doubt_m))
         state = robot.batch.states[robot.row]
         is_blocked = is_standing and state in ("navigating", "manualOverride")
         datum = datum_of(self._live.floors, int(forecast.floor[0]))
         case = None
         if not is_blocked and state not in STAYS and datum:
-            spot = Spot(datum, float(forecast.x_m[0]), float(forecast.y_m[0]))
+            spot = FloorPoint(datum, float(forecast.x_m[0]), float(forecast.y_m[0]))
             case = self._meanings.case(robot.vendor, spot, last)
         counts = now_s - heard_s < KNOWN_AFTER_S
-        silence = Silence(heard_s, grace_s, robot.vendor, last is Last.STANDING, case, counts)
+        silence = LastingSilence(heard_s, grace_s, robot.vendor, last is LastSeen.STANDING, case, counts)
         self._fading.begin(uuid, silence)
         return silence
 
-    def _follow(self, uuid: str, silence: Silence, robot: LiveRobot, now_s: float) -> None:
+    def _follow(self, uuid: str, silence: LastingSilence, robot: LiveRobot, now_s: float) -> None:
         """How likely a silent robot is there now, and when to look again."""
         silent_s = now_s - silence.heard_s
         excused_s = self._contacts.of(silence.vendor).excused_s(silence.heard_s, silence.grace_s)
@@ -282,7 +282,7 @@ class Presence:
                 self._fading.set_there(uuid, there)
         self._look_at(uuid, min(now_s + LOOK_SHARE * silent_s, self._placed(uuid, silence, robot, now_s)))
 
-    def _placed(self, uuid: str, silence: Silence, robot: LiveRobot, now_s: float) -> float:
+    def _placed(self, uuid: str, silence: LastingSilence, robot: LiveRobot, now_s: float) -> float:
         """Have a place for a silent robot that stands by now; inf, or until when it moves by its forecast."""
         forecast = robot.forecast
         stands_s = float(forecast.t_s[-1])
@@ -290,7 +290,7 @@ class Presence:
             return stands_s
         pose = pose_at(forecast, float(forecast.t_s[0]) if silence.stood else now_s)
         if pose.floor >= 0:
-            self._places.put(uuid, place_of(forecast, pose, robot.doubt_m))
+            self._places.set(uuid, place_of(forecast, pose, robot.doubt_m))
         return inf
 
     def _measure(self) -> None:

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from deconflict.foresight.presence.lasting_silences import Changes
-from deconflict.foresight.presence.live_robots import Live
+from deconflict.foresight.presence.lasting_silences import PresenceChanges
+from deconflict.foresight.presence.live_robots import LiveRobots
 from ingest.batch import Basis, Batch, Forecasts
 
 LATER_S = 1e-6
@@ -14,15 +14,15 @@ LATER_S = 1e-6
 NOBODY = np.empty(0, np.int64)
 
 
-def contended(live: Live, changes: Changes, now_s: float) -> Iterator[Batch]:
+def contention_batches(live: LiveRobots, changes: PresenceChanges, now_s: float) -> Iterator[Batch]:
     """What contention is told of: who has probably left wants nothing, and holds up nobody."""
     if changes.left:
-        yield gone(live, changes.left, now_s)
+        yield removal_batch(live, changes.left, now_s)
     if changes.back:
-        yield told_again(live, changes.back, now_s)
+        yield last_reports(live, changes.back, now_s)
 
 
-def told_again(live: Live, robots: Sequence[str], now_s: float) -> Batch:
+def last_reports(live: LiveRobots, robots: Sequence[str], now_s: float) -> Batch:
     """Robots on the floor as they were told of last."""
     rows = [(one.batch, one.row) for one in map(live.robots.__getitem__, robots)]
     parts = [replace(batch.take(np.array([row]), ()), floors=live.floors) for batch, row in rows]
@@ -30,9 +30,9 @@ def told_again(live: Live, robots: Sequence[str], now_s: float) -> Batch:
     return replace(batch, now_s=now_s, statuses=np.zeros(len(batch), np.int64), claims=())
 
 
-def held(live: Live, robots: Sequence[str], now_s: float) -> Batch:
+def stopped_batch(live: LiveRobots, robots: Sequence[str], now_s: float) -> Batch:
     """Robots on the floor, as standing where they were when they were heard last."""
-    batch = told_again(live, robots, now_s)
+    batch = last_reports(live, robots, now_s)
     told, first, n = batch.forecasts, batch.forecasts.start[:-1], len(batch)
     forecasts = Forecasts(
         np.arange(n + 1),
@@ -43,7 +43,7 @@ def held(live: Live, robots: Sequence[str], now_s: float) -> Batch:
     return replace(batch, forecasts=forecasts, basis=basis, event_s=batch.event_s + LATER_S)
 
 
-def gone(live: Live, robots: Sequence[str], now_s: float) -> Batch:
+def removal_batch(live: LiveRobots, robots: Sequence[str], now_s: float) -> Batch:
     """Nobody, and that these robots of the floor are gone."""
     batch = live.robots[robots[0]].batch.take(NOBODY, tuple(robots))
     return replace(batch, floors=live.floors, now_s=now_s, claims=())

@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.foresight.presence.silence_outcomes import Case
+from deconflict.foresight.presence.silence_outcomes import SilenceCase
 from deconflict.runtime.learned_state import Part, UnreadableError
 from ingest.batch import Batch
 
 
-class TakenOff(NamedTuple):
+class RemovedRobot(NamedTuple):
     """A robot through whose place another one has driven."""
 
     vendor: str
@@ -22,20 +22,20 @@ class TakenOff(NamedTuple):
     """The name of the other one."""
 
 
-class Removals:
+class RemovedRobots:
     """By robot."""
 
     def __init__(self) -> None:
-        self.robots: dict[str, TakenOff] = {}
-        self._cases: dict[str, Case] = {}
+        self.robots: dict[str, RemovedRobot] = {}
+        self._cases: dict[str, SilenceCase] = {}
 
-    def take_off(self, uuid: str, one: TakenOff, case: Case | None) -> None:
+    def take_off(self, uuid: str, one: RemovedRobot, case: SilenceCase | None) -> None:
         """`case` is what its silence counted as, if it did."""
         self.robots[uuid] = one
         if case:
             self._cases[uuid] = case
 
-    def put_back(self, uuid: str) -> tuple[TakenOff, Case | None] | None:
+    def put_back(self, uuid: str) -> tuple[RemovedRobot, SilenceCase | None] | None:
         """What there was of a robot; None where it was not taken off."""
         one = self.robots.pop(uuid, None)
         return (one, self._cases.pop(uuid, None)) if one else None
@@ -58,6 +58,6 @@ class Removals:
         """Go on with what `learned` told. Raises `UnreadableError`."""
         try:
             for uuid, (vendor, name, heard_s, at_s, by) in part.get("robots", {}).items():
-                self.robots[uuid] = TakenOff(str(vendor), str(name), float(heard_s), float(at_s), str(by))
+                self.robots[uuid] = RemovedRobot(str(vendor), str(name), float(heard_s), float(at_s), str(by))
         except (TypeError, ValueError, AttributeError) as error:
             raise UnreadableError(f"robots that were taken off are not told: {error}") from error

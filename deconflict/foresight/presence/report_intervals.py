@@ -100,7 +100,7 @@ def _hear(
     return rows[:n].copy(), before[:n].copy(), gap_s, took_s, x, y, yaw, on
 
 
-class Hearing:
+class ReportIntervals:
     """By slot; another robot may have the slot of one that was forgotten."""
 
     def __init__(self) -> None:
@@ -110,7 +110,7 @@ class Hearing:
         self.heard: Heard = np.zeros(0, HEARD)
         self._spare: list[int] = []
 
-    def take(self, batch: Batch) -> tuple[Legs, list[int]]:
+    def add_batch(self, batch: Batch) -> tuple[Legs, list[int]]:
         """The legs of the robots of a batch that have reported anew, and the rows of those that were not known."""
         slots = np.fromiter(map(self.slots.get, batch.robots, repeat(-1)), np.int64, len(batch))
         new = np.flatnonzero(slots < 0).tolist()
@@ -122,11 +122,11 @@ class Hearing:
         legs = _hear(self.heard, slots, ready(batch.arrival_s), ready(batch.event_s), *counts, *places)
         return Legs(*legs), new
 
-    def late(self, now_s: float) -> list[str]:
+    def overdue(self, now_s: float) -> list[str]:
         """The robots that may be silent by now, and are not known to be."""
         return [self.names[slot] for slot in np.flatnonzero(self.heard["due_s"] <= now_s).tolist()]
 
-    def look_again(self, uuid: str, at_s: float) -> None:
+    def set_due(self, uuid: str, at_s: float) -> None:
         """A robot can't be silent before then; inf for one that is, until it reports."""
         self.heard["due_s"][self.slots[uuid]] = at_s
 

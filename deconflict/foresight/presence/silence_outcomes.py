@@ -39,7 +39,7 @@ KNOWN = slice(0, 3)
 NOTHING: Floats = np.zeros(5)
 
 
-class Last(IntEnum):
+class LastSeen(IntEnum):
     """How a robot was seen last."""
 
     GOING = 0
@@ -48,15 +48,19 @@ class Last(IntEnum):
     STANDING = 2
 
 
-PRIOR_GONE = {Last.GOING: 0.1, Last.ARRIVED: 0.02, Last.STANDING: 0.02}
+PRIOR_GONE = {LastSeen.GOING: 0.1, LastSeen.ARRIVED: 0.02, LastSeen.STANDING: 0.02}
 """Share of silences in which the robot is gone: who leaves sets out first."""
-STAYS = {Last.GOING: 0.25, Last.ARRIVED: 0.5, Last.STANDING: 0.5}
+STAYS = {LastSeen.GOING: 0.25, LastSeen.ARRIVED: 0.5, LastSeen.STANDING: 0.5}
 """Of the robots that are there, those that never report again by themselves: they have broken down."""
-AS_WELL = {Last.GOING: (Last.GOING,), Last.ARRIVED: (Last.ARRIVED, Last.GOING), Last.STANDING: (Last.STANDING,)}
+AS_WELL = {
+    LastSeen.GOING: (LastSeen.GOING,),
+    LastSeen.ARRIVED: (LastSeen.ARRIVED, LastSeen.GOING),
+    LastSeen.STANDING: (LastSeen.STANDING,),
+}
 """Whose silences tell of a place too: many a robot arrives at the exit by which it leaves."""
 
 
-class Spot(NamedTuple):
+class FloorPoint(NamedTuple):
     """A place on a floor."""
 
     datum: str
@@ -70,10 +74,10 @@ class Cell(NamedTuple):
     datum: str
     column: int
     row: int
-    last: Last
+    last: LastSeen
 
 
-class Exit(NamedTuple):
+class UsualExit(NamedTuple):
     """Where robots usually leave."""
 
     datum: str
@@ -84,11 +88,11 @@ class Exit(NamedTuple):
 
 
 @dataclass(slots=True, eq=False)
-class Case:
+class SilenceCase:
     """One silence, and where it is counted."""
 
     vendor: str
-    last: Last
+    last: LastSeen
     cells: tuple[tuple[Cell, float], ...]
     """The cells around its place, by how near their middles are; the shares add up to 1."""
     new: float
@@ -107,20 +111,20 @@ class VendorSilences:
     """How long silences lasted that ended where the robot was; see `survival`."""
 
 
-class Meanings:
+class SilenceOutcomes:
     """Tallies by vendor and by cell."""
 
     def __init__(self) -> None:
-        self._vendors: dict[tuple[str, Last], VendorSilences] = {}
+        self._vendors: dict[tuple[str, LastSeen], VendorSilences] = {}
         self._cells: dict[Cell, Floats] = {}
 
-    def case(self, vendor: str, spot: Spot, last: Last) -> Case:
+    def case(self, vendor: str, spot: FloorPoint, last: LastSeen) -> SilenceCase:
         """A silence that begins, not counted yet."""
         cells = tuple(_cells_around(spot, last))
         _, cases = self._local(cells, NOTHING)
-        return Case(vendor, last, cells, (PLACE_CASES / (cases + PLACE_CASES)) ** 2)
+        return SilenceCase(vendor, last, cells, (PLACE_CASES / (cases + PLACE_CASES)) ** 2)
 
-    def there(self, case: Case, silent_s: float, least_s: float) -> float:
+    def there(self, case: SilenceCase, silent_s: float, least_s: float) -> float:
         """How likely the robot is still there; silences begin when they have lasted `least_s`."""
         vendor = self._vendors.get((case.vendor, case.last)) or VendorSilences()
         tally = vendor.tally - case.new * case.counted
@@ -132,7 +136,7 @@ class Meanings:
         outlasts = stays + (1.0 - stays) * silence_survival.share_longer(vendor.lasted, silent_s, least_s)
         return (1.0 - gone) * outlasts / ((1.0 - gone) * outlasts + gone)
 
-    def count(self, case: Case, outcome: Mapping[int, float]) -> None:
+    def count(self, case: SilenceCase, outcome: Mapping[int, float]) -> None:
         """Count a silence as this from now on, by column of a tally."""
         now = NOTHING.copy()
         for column, share in outcome.items():
@@ -145,12 +149,12 @@ class Meanings:
                 self._make_room()
             self._cells[cell] = _added(self._cells.get(cell, NOTHING), share * change)
 
-    def lasted(self, case: Case, silent_s: float) -> None:
+    def lasted(self, case: SilenceCase, silent_s: float) -> None:
         """A silence has ended where the robot was."""
         vendor = self._vendors.setdefault((case.vendor, case.last), VendorSilences())
         vendor.lasted = silence_survival.took_in(vendor.lasted, silent_s)
 
-    def exits(self) -> list[Exit]:
+    def exits(self) -> list[UsualExit]:
         """Where robots usually leave, those where most did first; cells beside each other are one exit."""
         tallies: dict[tuple[str, int, int], Floats] = {}
         for cell, tally in self._cells.items():
@@ -177,8 +181,8 @@ class Meanings:
         if not part:
             return
         try:
-            cells = [Cell(str(datum), int(x), int(y), Last(last)) for datum, x, y, last in part["cells"]]
-            vendors = [(str(vendor), Last(last)) for vendor, last in part["vendors"]]
+            cells = [Cell(str(datum), int(x), int(y), LastSeen(last)) for datum, x, y, last in part["cells"]]
+            vendors = [(str(vendor), LastSeen(last)) for vendor, last in part["vendors"]]
         except (KeyError, TypeError, ValueError) as error:
             raise UnreadableError(f"what silences meant is not told: {error}") from error
         of_cells = numbers(part, "cell_tallies", (len(cells), 3))
@@ -209,7 +213,7 @@ class Meanings:
             del self._cells[cell]
 
 
-def _cells_around(spot: Spot, last: Last) -> Iterator[tuple[Cell, float]]:
+def _cells_around(spot: FloorPoint, last: LastSeen) -> Iterator[tuple[Cell, float]]:
     """The four cells whose middles are nearest, by bilinear weights."""
     column, row = spot.x_m / CELL_M - 0.5, spot.y_m / CELL_M - 0.5
     for right, up in product((0, 1), (0, 1)):
@@ -219,7 +223,7 @@ def _cells_around(spot: Spot, last: Last) -> Iterator[tuple[Cell, float]]:
             yield Cell(spot.datum, floor(column) + right, floor(row) + up, last), across * along
 
 
-def _exit_around(key: tuple[str, int, int], tallies: dict[tuple[str, int, int], Floats]) -> Exit | None:
+def _exit_around(key: tuple[str, int, int], tallies: dict[tuple[str, int, int], Floats]) -> UsualExit | None:
     """The exit in a cell and those beside it, which are taken out of `tallies`; None where too few robots left."""
     datum, column, row = key
     beside = [(datum, column + right, row + up) for right, up in product((-1, 0, 1), (-1, 0, 1))]
@@ -232,7 +236,7 @@ def _exit_around(key: tuple[str, int, int], tallies: dict[tuple[str, int, int], 
     y_m = sum(_left(tallies[one]) * (one[2] + 0.5) * CELL_M for one in beside) / left
     for one in beside:
         del tallies[one]
-    return Exit(datum, round(x_m, 1), round(y_m, 1), round(left))
+    return UsualExit(datum, round(x_m, 1), round(y_m, 1), round(left))
 
 
 def _left(tally: Floats) -> float:

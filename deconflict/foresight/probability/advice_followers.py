@@ -46,7 +46,7 @@ def _see(
     stand: Bools,
     one_wait_s: float,
 ) -> Ints:
-    """What `Heeded.see` does to its columns, and gives."""
+    """What `AdviceFollowers.see` does to its columns, and gives."""
     waits, n = np.empty(len(slots), np.int64), 0
     for row, slot in enumerate(slots):
         if stand[row] and went[slot] and event_s[row] <= advised_until_s[slot]:
@@ -66,7 +66,7 @@ def _own_until_s(seen: Floats, since_s: Floats, last_s: Floats, asked_s: float, 
     return until_s
 
 
-class Heeded:
+class AdviceFollowers:
     """By slot: until when a robot is advised to wait, and since and until when it was seen to."""
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 from deconflict.foresight.probability.censoring import PARTS, counts, weights
-from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, Fates, slots_of
+from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, CensoredOutcomes, slots_of
 from deconflict.runtime.learned_state import Part, UnreadableError, numbers
 from ingest.batch import Floats, Ints
 from ingest.kernels import kernel
@@ -39,7 +39,7 @@ INTERACTION = Prior(
 OWN_SD = 1.0, 0.15
 """How far a pair of vendors may depart from the weights of all: the first weight, and the others."""
 OUTCOME_WEIGHT = 0.1
-"""Outcomes of one pair in successive seconds say much the same."""
+"""OpenQuestions of one pair in successive seconds say much the same."""
 FADES_S = 900.0
 CERTAIN = 0.01
 """Shares this near to 0 or 1 are not told apart from them."""
@@ -161,7 +161,7 @@ class Calibration:
         ends = _share(score - NINETY * spread), _share(score + NINETY * spread)
         return Estimate(_share(score), *ends, _share(score + CAUTION * spread))
 
-    def learn(self, seen: Floats, vendors: Ints, fates: Fates, now_s: float) -> None:
+    def learn(self, seen: Floats, vendors: Ints, fates: CensoredOutcomes, now_s: float) -> None:
         """Take in what became of n pairs of those `vendors` (n,), of which these were the features (n, features)."""
         if not len(seen):
             return

@@ -4,7 +4,7 @@ At each look a pair's separation is sampled over the horizon. At each sample the
 distributions (the 80 % bands of robots that are on their way, taken as those of a normal one) that lies within the
 clearance is a first guess. Robots that wait start at a time that is learned. `calibration` makes of these the
 probability that holds on this site: that they come within the clearance, or that one gives way to the other.
-Outcomes are read from the robots' own reports, as in offline scoring.
+OpenQuestions are read from the robots' own reports, as in offline scoring.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -15,16 +15,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from deconflict.foresight.forecast_errors.degradation import ForecastChanges
+from deconflict.foresight.forecast_errors.degradation import DegradationDetector
 from deconflict.foresight.forecast_errors.error_measures import measure
 from deconflict.foresight.forecast_errors.ledger import Ledger
-from deconflict.foresight.forecast_errors.pending_forecasts import JOINED_S, Followed, Reports
+from deconflict.foresight.forecast_errors.pending_forecasts import JOINED_S, PendingForecasts, ReportedTracks
 from deconflict.foresight.forecast_errors.self_contradiction import hold_to_word, straight_on, unheard
 from deconflict.foresight.forecast_errors.track_kernels import ROBOT, Errors
-from deconflict.foresight.interactions.interaction_finder import Finder, Interaction, Outcome
+from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S as GIVES_WAY_AHEAD_S
-from deconflict.foresight.interactions.report_progress import reports_of
-from deconflict.foresight.probability.advice_followers import Heeded
+from deconflict.foresight.interactions.report_progress import interaction_reports
+from deconflict.foresight.probability.advice_followers import AdviceFollowers
 from deconflict.foresight.probability.band_kernels import judge, reach_m, wonder
 from deconflict.foresight.probability.calibration import CONTACT, Calibration, contact_features, log_odds
 from deconflict.foresight.probability.pair_table import (
@@ -33,7 +33,7 @@ from deconflict.foresight.probability.pair_table import (
     PREEMPTED_S,
     SETTLED_S,
     TOUCHING,
-    Outcomes,
+    OpenQuestions,
     Pairs,
     again,
     codes,
@@ -44,10 +44,10 @@ from deconflict.foresight.probability.pair_table import (
     shown,
     slots_of,
 )
-from deconflict.foresight.probability.start_times import Starts
+from deconflict.foresight.probability.start_times import StartTimes
 from deconflict.foresight.probability.waiting_robots import heard, mixed, waits
-from deconflict.foresight.rollout.rollout import NOBODY, Crowd, roll
-from deconflict.foresight.rollout.rollout_schedule import Rollouts
+from deconflict.foresight.rollout.rollout import NOBODY, RolloutInput, run_rollout
+from deconflict.foresight.rollout.rollout_schedule import RolloutSchedule
 from deconflict.foresight.rollout.start_samples import SAMPLES, START, key_of, quantiles
 from deconflict.runtime.learned_state import Part
 from deconflict.sweep.geometry.encounter import STANDING_MPS
@@ -79,7 +79,7 @@ BY_SLOT = "_held", "_told", "_robots", "_rank", "_half", "_levels_m", "_vendor",
 """Columns of a foresight; those of its parts grow by themselves."""
 
 
-class Swept(NamedTuple):
+class SweptConflicts(NamedTuple):
     """What the exact sweep found: c pairs whose forecasts come within the clearance. Arrays are (c,)."""
 
     pairs: Sequence[Pair]
@@ -90,7 +90,7 @@ class Swept(NamedTuple):
     contact_s: Floats
 
 
-class Foreseen(NamedTuple):
+class PairEstimates(NamedTuple):
     """What is thought of w pairs; arrays are (w,) and the caller's own. Those of the exact sweep come first, in its
     order."""
 
@@ -113,7 +113,7 @@ class Foreseen(NamedTuple):
     """Both stay where they stand, or one gave way to the other lately: there is nothing to alert of."""
 
 
-class Foresight:
+class ProbabilityEstimator:
     """Ledger, calibration and the pairs under watch. Pure: the same calls give the same answers."""
 
     def __init__(self, clearance_m: float, margin_m: float, horizon_s: float, measures: Measures) -> None:
@@ -122,16 +122,16 @@ class Foresight:
         """Of coming within the clearance alone."""
         self.following = Ledger()
         """Errors of robots that were on their way all the time."""
-        self.starts = Starts()
-        self._finder = Finder()
+        self.start_times = StartTimes()
+        self._finder = InteractionFinder()
         measures.ask(self._measure)
-        self.changes = ForecastChanges()
+        self.degradation = DegradationDetector()
         self._clearance_m, self._margin_m = clearance_m, margin_m
         self._ahead_s = LOOKS * (horizon_s / LOOKS[-1])
         self._horizon_s = horizon_s
-        self._followed = Followed()
-        self._outcomes = Outcomes(horizon_s)
-        self._heeded = Heeded()
+        self._followed = PendingForecasts()
+        self._outcomes = OpenQuestions(horizon_s)
+        self._heeded = AdviceFollowers()
         self._slots: dict[str, int] = {}
         self._names: list[str] = []
         self._spare: list[int] = []
@@ -153,7 +153,7 @@ class Foresight:
         self._absence = np.zeros(0)
         """(slots,) how likely a robot that is silent is not there."""
         self._key = np.zeros(0, np.int64)
-        self._rollouts = Rollouts()
+        self._rollouts = RolloutSchedule()
         self._pairs = np.zeros(0, PAIR)
         self._swept: Ints = np.full(1, -1)
         """Codes of the pairs that were swept in the last look, -1 where a robot left since; and -1 at the end, for one
@@ -166,19 +166,19 @@ class Foresight:
         return {
             "ledger": self.ledger.learned(),
             "following": self.following.learned(),
-            "starts": self.starts.learned(),
+            "starts": self.start_times.learned(),
             "calibration": self.calibration.learned() | asked | {"vendor_names": list(self._vendors)},
             "contact": self.contact.learned() | asked,
-            "changes": self.changes.learned(),
+            "changes": self.degradation.learned(),
         }
 
     def resume(self, parts: Mapping[str, Part]) -> None:
         """Go on with what `learned` told. Raises `UnreadableError`."""
         self.ledger.resume(parts.get("ledger", {}))
-        self.changes.resume(parts.get("changes", {}))
+        self.degradation.resume(parts.get("changes", {}))
         if "following" in parts:
             self.following.resume(parts["following"])
-            self.starts.resume(parts.get("starts", {}))
+            self.start_times.resume(parts.get("starts", {}))
         known = parts.get("calibration", {})
         if "vendor_names" in known and self._is_of_this(known):
             self._vendors = {str(name): place for place, name in enumerate(known["vendor_names"])}
@@ -212,25 +212,25 @@ class Foresight:
         self._told[slots] = True
         self._levels_m[:, slots] = batch.forecasts.bottom_m, batch.forecasts.top_m
         self._vendor[slots] = [self._vendors.setdefault(vendor, len(self._vendors)) for vendor in batch.vendors]
-        reports = Reports.of(batch, slots, kinds)
+        reports = ReportedTracks.of(batch, slots, kinds)
         before, before_s = self._robots[slots], self._followed.seen[slots, 0]
-        errors = self._own(reports, *self._followed.take(self._robots, self._half, reports, self.ledger.bands_m))
+        errors = self._own(reports, *self._followed.add_reports(self._robots, self._half, reports, self.ledger.bands_m))
         blocked, moments_s = self._rollouts.waits_for[slots] != NOBODY, (before_s, self._followed.seen[slots, 0])
-        heard(self.starts, before, self._robots[slots], blocked, *moments_s, batch.now_s)
+        heard(self.start_times, before, self._robots[slots], blocked, *moments_s, batch.now_s)
         self.ledger.record(errors, batch.now_s)
         on_their_way = errors[errors["following"]]
         self.following.record(on_their_way, batch.now_s)
-        self.changes.take(errors, self.ledger.kinds, batch.now_s)
+        self.degradation.add_errors(errors, self.ledger.kinds, batch.now_s)
         wonder(self._robots, on_their_way)
         self._interact(batch, reports)
         for row in self._contradict(slots).nonzero()[0].tolist():
             self.measures.count("deconflict_forecasts_distrusted_total", batch.vendors[row])
         return batch
 
-    def _interact(self, batch: Batch, reports: Reports) -> None:
+    def _interact(self, batch: Batch, reports: ReportedTracks) -> None:
         """Find who gave way to whom, by the reports of a batch, and note it of their pairs."""
         usual_m = self.following.bands_m[reports.kind, :GIVES_WAY_AHEAD_S, 2]
-        seen = reports_of(batch, reports.slot, reports.track, usual_m)
+        seen = interaction_reports(batch, reports.slot, reports.track, usual_m)
         for interaction in self._finder.receive(seen, self._half, self._levels_m, self._vendor):
             self._note(interaction)
 
@@ -242,11 +242,11 @@ class Foresight:
         pair = self._pairs[row]
         over = interaction.end_s < float("inf")
         pair["gives_way"] = not over
-        if interaction.outcome is Outcome.YIELDED:
+        if interaction.outcome is InteractionOutcome.YIELDED:
             if not interaction.again:
                 pair["yielded_s"] = interaction.onset_s
             pair["yield_end_s"] = interaction.end_s
-        pair["doubted_s"] = interaction.onset_s if interaction.outcome is Outcome.UNKNOWN else -np.inf
+        pair["doubted_s"] = interaction.onset_s if interaction.outcome is InteractionOutcome.UNKNOWN else -np.inf
 
     def _code(self, slot: int, other: int) -> int:
         """The number of a pair of slots."""
@@ -264,18 +264,18 @@ class Foresight:
         told: Bools = (self._robots["surprise"][slots] > DISTRUSTED) | (self._words["contradicts"][slots] > 1.0)
         return told
 
-    def advise(self, now_s: float, until_s: Mapping[str, float]) -> None:
+    def note_advice(self, now_s: float, until_s: Mapping[str, float]) -> None:
         """Robots should wait until then, by advice that stands."""
         for uuid in until_s.keys() & self._slots.keys():
             slot = self._slots[uuid]
             stands = self._robots["rests"][slot] or self._followed.speed_mps(slot) < STANDING_MPS
             self._heeded.advise(slot, now_s, until_s[uuid], bool(stands))
 
-    def heeding(self, now_s: float) -> list[str]:
+    def robots_following_advice(self, now_s: float) -> list[str]:
         """Robots that wait as advised, by what was last heard of them."""
         return sorted(self._names[slot] for slot in self._heeded.waiting(now_s - JOINED_S).tolist())
 
-    def _own(self, reports: Reports, errors: Errors, stand: Bools) -> Errors:
+    def _own(self, reports: ReportedTracks, errors: Errors, stand: Bools) -> Errors:
         """The errors without those of robots that wait as advised, of which no earlier forecast is held to account."""
         waits = self._heeded.see(reports.slot, reports.event_s, stand)
         if not len(waits):
@@ -284,7 +284,7 @@ class Foresight:
         own: Errors = errors[~np.isin(errors["robot"], waits)]
         return own
 
-    def distrusted(self, uuid: str) -> bool:
+    def is_distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion."""
         slot = self._slots.get(uuid)
         return slot is not None and bool(self._contradict(slice(slot, slot + 1))[0])
@@ -319,7 +319,7 @@ class Foresight:
             pairs.append(((a, b), known[self._code(self._slots[a], self._slots[b])]))
         return pairs
 
-    def stands(self, uuid: str) -> bool:
+    def is_standing(self, uuid: str) -> bool:
         """Whether a robot stands, by its forecast or by its reports."""
         slot = self._slots.get(uuid)
         return slot is not None and bool(self._standing(slice(slot, slot + 1))[0])
@@ -329,7 +329,7 @@ class Foresight:
         stands: Bools = robots["stays"] | (robots["stood_since_s"] < np.inf)
         return stands
 
-    def look(self, now_s: float, swept: Swept, likely: float) -> Foreseen:
+    def estimate(self, now_s: float, swept: SweptConflicts, likely: float) -> PairEstimates:
         """Look again at what changed, and learn from what has become known.
 
         Tells of the swept pairs, and of others whose probability is at least `likely`.
@@ -346,8 +346,8 @@ class Foresight:
         self._estimate(pairs)
         self._ask(now_s)
         rows, others = shown(pairs, swept_rows, likely)
-        columns = {name: pairs[name][rows] for name in Foreseen._fields if name in SHOWN}
-        return Foreseen(pairs=[*swept.pairs, *self._named(others)], fresh=fresh[rows], **columns)
+        columns = {name: pairs[name][rows] for name in PairEstimates._fields if name in SHOWN}
+        return PairEstimates(pairs=[*swept.pairs, *self._named(others)], fresh=fresh[rows], **columns)
 
     def _roll(self, now_s: float, due: Ints) -> None:
         """Drive robots on together whose turn it is, and set what is seen of pairs by that."""
@@ -355,21 +355,21 @@ class Foresight:
         slots = self._rollouts.due(a, b, self._key, now_s)
         if len(slots):
             slots = slots[np.argsort(self._rank[slots])]  # so that the answer does not hang on who came first
-            rolled = roll(self._crowd(slots, now_s), self._horizon_s, self._clearance_m)
+            rolled = run_rollout(self._crowd(slots, now_s), self._horizon_s, self._clearance_m)
             swap = self._rank[rolled.a] > self._rank[rolled.b]
             code = codes(np.where(swap, rolled.b, rolled.a), np.where(swap, rolled.a, rolled.b))
-            self._rollouts.take(slots, rolled, code, now_s)
+            self._rollouts.store(slots, rolled, code, now_s)
             due = np.union1d(due, np.flatnonzero(of_robots(self._pairs["code"], slots)))
         self._pairs["seen"][due, DRIVEN] = self._rollouts.seen_of(self._pairs["code"][due])
 
-    def _crowd(self, slots: Ints, now_s: float) -> Crowd:
+    def _crowd(self, slots: Ints, now_s: float) -> RolloutInput:
         robots, seen = self._robots[slots], self._followed.seen[slots]
         waiting = np.flatnonzero(waits(robots))
         stood_s = now_s - robots["stood_since_s"][waiting]
         starts_s = np.zeros((SAMPLES, len(slots)))
         part = quantiles(self._key[slots[waiting]], START)
-        starts_s[:, waiting] = self.starts.late_s(robots["kind"][waiting], stood_s, part)
-        return Crowd(
+        starts_s[:, waiting] = self.start_times.late_s(robots["kind"][waiting], stood_s, part)
+        return RolloutInput(
             slots,
             self._key[slots],
             now_s - seen[:, 0],
@@ -405,7 +405,7 @@ class Foresight:
         both: Floats = (1.0 - self._absence[a]) * (1.0 - self._absence[b])
         return both
 
-    def _exact(self, swept: Swept) -> Ints:
+    def _exact(self, swept: SweptConflicts) -> Ints:
         """Codes of the pairs that were swept, most of them in the last look too."""
         exact = self._swept[swept.before]
         new = np.flatnonzero(exact < 0)
@@ -437,7 +437,7 @@ class Foresight:
         level = (bottom_m[a] < top_m[b]) & (bottom_m[b] < top_m[a])
         return codes(a[level], b[level])
 
-    def _examine(self, rows: Ints, now_s: float, swept_rows: Ints, swept: Swept) -> None:
+    def _examine(self, rows: Ints, now_s: float, swept_rows: Ints, swept: SweptConflicts) -> None:
         """Look at pairs of `rows`; the exact sweep found those of `swept_rows`."""
         pairs = self._pairs
         a, b = slots_of(pairs["code"][rows])
@@ -450,7 +450,7 @@ class Foresight:
         sds = judge(pairs, rows, a, b, *exact, past_s, apart_m, same, speed_mps, *of_robots, self._ahead_s, *limits)
         bounds = (self._horizon_s, self._clearance_m)
         waits_for = self._rollouts.waits_for != NOBODY
-        robots = (self._robots, self._half, self._followed, self.starts, waits_for, self.following.bands_m)
+        robots = (self._robots, self._half, self._followed, self.start_times, waits_for, self.following.bands_m)
         share = mixed(ndtr(sds), a, b, now_s, self._ahead_s, bounds, *robots)
         pairs["share"][rows] = share[0]
         pairs["seen"][rows, 1:3] = log_odds(share).T
@@ -490,7 +490,7 @@ class Foresight:
         if uuid in self._slots:
             self._absence[self._slots[uuid]] = 1.0 - there
 
-    def fall_silent(self, uuids: Collection[str]) -> None:
+    def mark_silent(self, uuids: Collection[str]) -> None:
         """Robots are heard no more: whether one still gives way to another, or the other to it, is not known."""
         slots = np.array([self._slots[uuid] for uuid in uuids if uuid in self._slots], np.int64)
         if len(slots):
@@ -513,7 +513,7 @@ class Foresight:
         self._finder.grow(slots)
         self._heeded.grow(slots)
 
-    def keep_apart(self, absent: Collection[str]) -> None:
+    def settle_absent(self, absent: Collection[str]) -> None:
         """Silent robots have turned out not to be there: what is not known of their pairs yet is that they were kept
         apart."""
         if absent:

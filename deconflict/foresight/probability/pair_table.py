@@ -139,7 +139,7 @@ def _look_again(
     return n, dues
 
 
-class Again(NamedTuple):
+class SelectedPairs(NamedTuple):
     """The pairs at a new look."""
 
     pairs: Pairs
@@ -151,7 +151,7 @@ class Again(NamedTuple):
     """Rows of the pairs that must be looked at."""
 
 
-def again(before: Pairs, code: Ints, told: Bools, now_s: float) -> Again:
+def again(before: Pairs, code: Ints, told: Bools, now_s: float) -> SelectedPairs:
     """The pairs of the last look and those of `code` (n,), at a new one; `told` (slots,) are robots that reported.
 
     Those of `code` are watched; of the others no fresh ones are, and only candidates of the last `REMEMBERED_S` are
@@ -161,7 +161,7 @@ def again(before: Pairs, code: Ints, told: Bools, now_s: float) -> Again:
     pairs, fresh, due = np.zeros(most, PAIR), np.empty(most, np.bool_), np.empty(most, np.int64)
     rows = np.empty(len(code), np.int64)
     n, dues = _look_again(before, code, np.argsort(code), told, now_s, now_s - REMEMBERED_S, pairs, fresh, rows, due)
-    return Again(pairs[:n], fresh[:n], rows, due[:dues])
+    return SelectedPairs(pairs[:n], fresh[:n], rows, due[:dues])
 
 
 @kernel(_INTS(_PAIRS, numba.float64[:, ::1], numba.float64))
@@ -246,7 +246,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fates:
+class CensoredOutcomes:
     """What became of pairs within the horizon. Arrays are (p,)."""
 
     part: Ints
@@ -304,7 +304,7 @@ def _ended(
     return kept[:n].copy(), ended_s[:n].copy(), met[:n].copy(), touched_s[:n].copy(), touched[:n].copy()
 
 
-class Known(NamedTuple):
+class AnsweredQuestion(NamedTuple):
     """What became of the pairs of one question."""
 
     asked_s: float
@@ -312,21 +312,21 @@ class Known(NamedTuple):
     """(p,)"""
     seen: Floats
     """(p, FEATURES)"""
-    interacted: Fates
+    interacted: CensoredOutcomes
     """Whether they got in each other's way."""
-    touched: Fates
+    touched: CensoredOutcomes
     """Whether they came within the clearance."""
 
 
 @dataclass(slots=True, eq=False)
-class Outcomes:
+class OpenQuestions:
     """Asks at each whole second whether pairs will meet within the horizon, and tells when that is known."""
 
     horizon_s: float
     waits_s: float = 6.0
     """For reports that come late, and until it shows that a robot gave way."""
     open: list[Question] = field(default_factory=list)
-    _settled: list[Known] = field(default_factory=list)
+    _settled: list[AnsweredQuestion] = field(default_factory=list)
     """What is known before the time of its question is over."""
 
     def ask(self, t_s: float, code: Ints, seen: Floats) -> None:
@@ -349,7 +349,7 @@ class Outcomes:
                 self._settled.append(self._answered(settled, pairs, own_until_s(question.t_s), were_there))
                 question.code, question.seen = question.code[~rows], question.seen[~rows]
 
-    def known(self, now_s: float, pairs: Pairs, own_until_s: Callable[[float], Floats]) -> list[Known]:
+    def known(self, now_s: float, pairs: Pairs, own_until_s: Callable[[float], Floats]) -> list[AnsweredQuestion]:
         """Questions whose time is over, and what became of their pairs.
 
         `own_until_s` tells, for the time of a question, by slot until when each robot was heard and went its own way;
@@ -362,15 +362,15 @@ class Outcomes:
             answered.append(self._answered(question, pairs, own_until_s(question.t_s)))
         return answered
 
-    def _answered(self, question: Question, pairs: Pairs, until_s: Floats, were_there: bool = True) -> Known:
+    def _answered(self, question: Question, pairs: Pairs, until_s: Floats, were_there: bool = True) -> AnsweredQuestion:
         """What became of the pairs of a question; `until_s` is by slot, as `own_until_s` tells it. See `settle`."""
         asked_s = question.t_s
         kept, ended_s, met, touched_s, touched = _ended(pairs, question.code, until_s, asked_s, self.horizon_s)
         ended_s = ended_s if were_there else np.where(met, ended_s, np.inf)
         fates = (self._fates(ended_s - asked_s, met), self._fates(touched_s - asked_s, touched))
-        return Known(asked_s, question.code[kept], question.seen[kept], *fates)
+        return AnsweredQuestion(asked_s, question.code[kept], question.seen[kept], *fates)
 
-    def _fates(self, after_s: Floats, met: Bools) -> Fates:
+    def _fates(self, after_s: Floats, met: Bools) -> CensoredOutcomes:
         ended = part_of(after_s, self.horizon_s)
         part = np.where(met, np.minimum(ended, STAYED - 1), ended)
-        return Fates(part, met, ~met & (part < STAYED))
+        return CensoredOutcomes(part, met, ~met & (part < STAYED))

@@ -31,14 +31,14 @@ HALF_LIFE_S = 6 * 3600.0
 
 
 @dataclass(slots=True, eq=False)
-class Starts:
-    """Starts and seconds of standing, by kind and time stood."""
+class StartTimes:
+    """StartTimes and seconds of standing, by kind and time stood."""
 
     counts: Floats = field(default_factory=lambda: np.zeros((0, 2, len(STOOD_S), 2)))
     """(kinds, 2, bins, 2) starts, and seconds during which a robot might have started, by whether it was blocked."""
     as_of_s: float | None = None
 
-    def take(
+    def record(
         self, kind: Ints, blocked: Bools, stood_s: Floats, lasted_s: Floats, started: Floats, now_s: float
     ) -> None:
         """Take in n robots that had stood `stood_s` (n,) and said that they went: whether they `started` (n,) within

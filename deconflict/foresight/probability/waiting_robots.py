@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.special import ndtr
 
-from deconflict.foresight.forecast_errors.pending_forecasts import Followed
+from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
 from deconflict.foresight.forecast_errors.track_kernels import Robots
 from deconflict.foresight.probability.band_kernels import most_sds
-from deconflict.foresight.probability.start_times import LATE_S, Starts
+from deconflict.foresight.probability.start_times import LATE_S, StartTimes
 from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Bools, Floats, Ints
 
@@ -20,7 +20,7 @@ def waits(robots: Robots) -> Bools:
 
 
 def heard(
-    starts: Starts, before: Robots, after: Robots, blocked: Bools, before_s: Floats, now_s: Floats, tick_s: float
+    starts: StartTimes, before: Robots, after: Robots, blocked: Bools, before_s: Floats, now_s: Floats, tick_s: float
 ) -> None:
     """Count which of n robots that waited as of the reports `before`, at `before_s` (n,), have started by the reports
     `after`, at `now_s` (n,); of those that had to wait for another robot, `blocked` (n,), apart."""
@@ -28,7 +28,7 @@ def heard(
     if len(rows):
         stood_s, lasted_s = before_s[rows] - before["stood_since_s"][rows], now_s[rows] - before_s[rows]
         started = (after["stood_since_s"][rows] == np.inf).astype(np.float64)
-        starts.take(before["kind"][rows], blocked[rows], stood_s, lasted_s, started, tick_s)
+        starts.record(before["kind"][rows], blocked[rows], stood_s, lasted_s, started, tick_s)
 
 
 def mixed(
@@ -40,8 +40,8 @@ def mixed(
     bounds: tuple[float, float],
     robots: Robots,
     half: Floats,
-    followed: Followed,
-    starts: Starts,
+    followed: PendingForecasts,
+    starts: StartTimes,
     blocked: Bools,
     bands_m: Floats,
 ) -> Floats:

@@ -15,7 +15,7 @@ PRIOR = 0.3
 """Samples that count for, and against, before any is driven."""
 
 
-class Crowd(NamedTuple):
+class RolloutInput(NamedTuple):
     """n robots that are driven on together. Arrays are (n,) but for some."""
 
     slot: Ints
@@ -34,7 +34,7 @@ class Crowd(NamedTuple):
     """(SAMPLES, n) when each starts at the earliest, in each sample."""
 
 
-class Rolled(NamedTuple):
+class RolloutResult(NamedTuple):
     """What came of it, of p pairs of slots."""
 
     a: Ints
@@ -46,7 +46,7 @@ class Rolled(NamedTuple):
     """(n,) for whose slot each robot that stands has to wait now, `NOBODY` where for none."""
 
 
-def roll(crowd: Crowd, horizon_s: float, clearance_m: float) -> Rolled:
+def run_rollout(crowd: RolloutInput, horizon_s: float, clearance_m: float) -> RolloutResult:
     """Drive a crowd through the horizon."""
     box, reach_m = reaches(crowd.since_s, crowd.track, crowd.half, horizon_s, clearance_m)
     floor = np.ascontiguousarray(crowd.track[:, 0, 3])
@@ -58,7 +58,7 @@ def roll(crowd: Crowd, horizon_s: float, clearance_m: float) -> Rolled:
     waits_for[waiting] = crowd.slot[edges["other"][edge[waiting]]]
     kept = edges[edges["pair"] == np.arange(len(edges))]
     seen = _log_odds(kept["gave_way"][:, None])
-    return Rolled(crowd.slot[kept["robot"]], crowd.slot[kept["other"]], seen, waits_for)
+    return RolloutResult(crowd.slot[kept["robot"]], crowd.slot[kept["other"]], seen, waits_for)
 
 
 def _log_odds(counts: Floats) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from deconflict.foresight.rollout.rollout import NEVER, NOBODY, Rolled
+from deconflict.foresight.rollout.rollout import NEVER, NOBODY, RolloutResult
 from ingest.batch import Bools, Floats, Ints
 
 EVERY_S = 1.0
@@ -19,7 +19,7 @@ KEYS = 1 << 24
 """A robot's key is below this."""
 
 
-class Rollouts:
+class RolloutSchedule:
     """By slot and by pair, as of the last time that each was driven on."""
 
     def __init__(self) -> None:
@@ -64,7 +64,7 @@ class Rollouts:
         due: Ints = slots[is_due[island]]
         return due
 
-    def take(self, slots: Ints, rolled: Rolled, code: Ints, now_s: float) -> None:
+    def store(self, slots: Ints, rolled: RolloutResult, code: Ints, now_s: float) -> None:
         """Robots of `slots` were driven on, which gave `rolled`, of pairs with that `code` (p,)."""
         self._drop(slots)
         self._rolled_s[slots], self.waits_for[slots] = now_s, rolled.waits_for

@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar
 from ingest.batch import Bools, Floats
 
 
-class Tall(Protocol):
+class HasHeights(Protocol):
     """What reaches from one height to another."""
 
     @property
@@ -18,21 +18,21 @@ class Tall(Protocol):
     def top_m(self) -> float: ...
 
 
-T = TypeVar("T", bound=Tall)
+T = TypeVar("T", bound=HasHeights)
 
 
-def beside(one: Tall, other: Tall) -> bool:
+def heights_overlap(one: HasHeights, other: HasHeights) -> bool:
     """Whether neither passes above the other, as the sweep decides it."""
     return one.bottom_m <= other.top_m and other.bottom_m <= one.top_m
 
 
-def beside_each(bottom_m: Floats, top_m: Floats, other_bottom_m: Floats, other_top_m: Floats) -> Bools:
+def heights_overlap_each(bottom_m: Floats, top_m: Floats, other_bottom_m: Floats, other_top_m: Floats) -> Bools:
     """(n,) the same of n pairs."""
     found: Bools = (bottom_m <= other_top_m) & (other_bottom_m <= top_m)
     return found
 
 
-def most_beside(robots: Sequence[T]) -> list[T]:
+def largest_group_at_one_height(robots: Sequence[T]) -> list[T]:
     """The most of them that all reach a common height, in the order given; the lowest such group where several are."""
     bottoms_m = sorted({one.bottom_m for one in robots})
     groups = [[one for one in robots if one.bottom_m <= height_m <= one.top_m] for height_m in bottoms_m]

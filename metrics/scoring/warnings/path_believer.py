@@ -62,7 +62,7 @@ class Believer:
             return
         self._sweeper.discard(fallen_silent)
         standing = self._standing if before is not None and before + 1 == self._second else {}
-        found = self._sweeper.step(now_s)
+        found = self._sweeper.find_conflicts(now_s)
         ahead = np.flatnonzero(found.start_separation_m > self._clearance_m)
         pairs = [found.pairs[row] for row in ahead.tolist()]
         new = [at for at, pair in enumerate(pairs) if pair not in standing]

@@ -26,7 +26,7 @@ def near(robots: Sequence[Seen]) -> Near:
     uuids, sweeper = [one.robot for one in robots], Sweeper(clearance_m=0.3)
     sweeper.update(uuids, Forecasts.joined(one.forecast for one in robots))
     movers = [Mover(one.robot, one.vendor, one.holdable, one.priority) for one in robots]
-    return Near(uuids, [one.vendor for one in robots], *sweeper.swept(uuids), movers.__getitem__)
+    return Near(uuids, [one.vendor for one in robots], *sweeper.copied(uuids), movers.__getitem__)
 
 
 def until_advised(floor: Floor) -> tuple[ConflictAdvisory, float]:

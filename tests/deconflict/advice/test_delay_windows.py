@@ -8,7 +8,7 @@ import pytest
 
 from deconflict.advice.delay_windows import SHORT_S, Delays, Window
 from deconflict.sweep.geometry.knots import Knots, Robots, delayed
-from deconflict.sweep.slot_table import Roster
+from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Forecasts
 from tests.deconflict.advice.made_near import Seen, near
 from tests.helpers.made_encounters import NOW_S, robot
@@ -27,10 +27,10 @@ def wandering(ends_s: float) -> Forecasts:
 
 
 def late(forecasts: Forecasts, hold_s: list[float]) -> tuple[Robots, Knots]:
-    roster, keys = Roster(), [str(row) for row in range(len(forecasts))]
-    roster.put(keys, forecasts)
+    table, keys = SlotTable(), [str(row) for row in range(len(forecasts))]
+    table.replace_forecasts(keys, forecasts)
     until = (LEAVES_S, HORIZON_S, SHORT_S, BEYOND_S)
-    return delayed(*roster.swept(keys), np.arange(len(hold_s)), np.array(hold_s), *until)
+    return delayed(*table.copied(keys), np.arange(len(hold_s)), np.array(hold_s), *until)
 
 
 def pose(one: np.void, knots: Knots, t: float) -> tuple[float, float, float]:

@@ -85,7 +85,7 @@ def test_less_effort_misses_no_near_conflict_and_full_effort_finds_all_again() -
         for one in (whole, short):
             one.update([keys[row] for row in told], forecasts.take(told))
         now_s, reach_s = second + 0.3, 5.0 if second % 4 else np.inf
-        exact, found = whole.step(now_s), short.step(now_s, reach_s, COARSE_M)
+        exact, found = whole.find_conflicts(now_s), short.find_conflicts(now_s, reach_s, COARSE_M)
         near = exact.contact_s <= now_s + reach_s
         assert found.pairs == tuple(pair for pair, is_near in zip(exact.pairs, near, strict=True) if is_near)
         assert len(found.pairs) > 10
@@ -104,7 +104,7 @@ def test_separations_are_told_roughly_only_at_less_effort() -> None:
     for accuracy_m in (1e-3, COARSE_M):
         sweeper = Sweeper(clearance_m=1.5, horizon_s=10.0)
         sweeper.update(["a", "b"], turns)
-        told.append(sweeper.step(0.0, accuracy_m=accuracy_m).separation_m.item())
+        told.append(sweeper.find_conflicts(0.0, accuracy_m=accuracy_m).separation_m.item())
     assert told[0] < told[1] <= told[0] + COARSE_M
 
 

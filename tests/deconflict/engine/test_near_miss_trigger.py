@@ -30,7 +30,7 @@ class Stage:
             top_m=np.ones(2),
         )
         self.sweeper.update(["a", "b"], two)
-        return self.trigger.step(self.sweeper.step(self.now_s))
+        return self.trigger.step(self.sweeper.find_conflicts(self.now_s))
 
 
 def test_a_pair_is_told_of_once_until_it_has_drawn_apart() -> None:

@@ -7,7 +7,7 @@ import pytest
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.cluster.judging.global_judge import Commons
 from deconflict.engine.engine import Engine
-from deconflict.foresight.presence.lasting_silences import Changes
+from deconflict.foresight.presence.lasting_silences import PresenceChanges
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Conflict, Site
 from ingest.batch import Batch
@@ -31,10 +31,10 @@ class Judged(Watch):
     def take(self, batch: Batch) -> None:
         self.engine.receive(batch)
 
-    def tick(self, everything: bool = False) -> Changes:
+    def tick(self, everything: bool = False) -> PresenceChanges:
         self.take(self.fleet.cut(NOW_S + self.now_s, everything))
         self.told += self.engine.step(NOW_S + self.now_s)
-        return Changes()
+        return PresenceChanges()
 
     def conflicts(self, state: AdvisoryState | None = None) -> list[ConflictAdvisory]:
         return [one for one in self.told if isinstance(one, ConflictAdvisory) and state in (None, one.state)]
@@ -82,7 +82,7 @@ def test_nobody_is_warned_of_a_robot_that_has_left_by_an_exit(door: Mapping[str,
 def test_a_robot_that_has_probably_left_is_still_an_obstacle(door: Mapping[str, Part]) -> None:
     floor = at_the_door(door)
     assert robot("first") in floor.engine.live.robots
-    robots, _ = floor.engine._sweeper.swept([robot("first")])
+    robots, _ = floor.engine._sweeper.copied([robot("first")])
     assert robots["count"].tolist() == [1]
 
 
@@ -93,7 +93,7 @@ def test_once_another_has_driven_through_its_place_it_is_nowhere(door: Mapping[s
     (cleared,) = floor.conflicts(AdvisoryState.CLEARED)
     assert cleared.id == raised.id
     assert cleared.cleared_because == "Alder first is not there: Alder second has driven through its place"
-    robots, _ = floor.engine._sweeper.swept([robot("first")])
+    robots, _ = floor.engine._sweeper.copied([robot("first")])
     assert robots["count"].tolist() == [0]
     assert floor.engine.probabilities() == []
     floor.wait(60.0)
@@ -125,7 +125,7 @@ def test_a_pair_was_kept_apart_where_one_was_silent_and_driven_through_and_is_un
     # where its path ends, and where it was heard last
     for path_s, is_off in ((1, True), (10, False)):
         floor, known = followed(0.2, path_s)
-        assert (floor.presence.taken_off(robot("first")) is not None) == is_off
+        assert (floor.presence.removal_of(robot("first")) is not None) == is_off
         assert known["passed"] > 0
         assert known["left"] < unknown["left"]
 
@@ -203,10 +203,10 @@ class Watched(Watch):
         self.commons = Commons(SITE, learned=empty | self.learned if self.learned else None)
         self.told: list[AnyAdvisory] = []
 
-    def tick(self, everything: bool = False) -> Changes:
+    def tick(self, everything: bool = False) -> PresenceChanges:
         self.commons.receive([self.fleet.cut(NOW_S + self.now_s, everything)])
         self.told += self.commons.step(NOW_S + self.now_s)
-        return Changes()
+        return PresenceChanges()
 
 
 def test_of_several_machines_the_one_that_watches_queues_knows_who_has_left(door: Mapping[str, Part]) -> None:

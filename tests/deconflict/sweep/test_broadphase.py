@@ -11,7 +11,7 @@ from numpy.random import Generator
 from deconflict.sweep.broadphase import ABSENT, FEW, MIXED, PAIR, ROOMY, Boxes, in_order
 from deconflict.sweep.geometry.knots import ROBOT
 from deconflict.sweep.incremental import PairConflicts, Sweeper
-from deconflict.sweep.slot_table import Roster
+from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Floats, Forecasts, Ints
 from tests.helpers.made_encounters import HORIZON_S, NOW_S, moved, robot, wanderer
 from tests.helpers.oracle import Track, truth
@@ -27,7 +27,7 @@ def swept(crowd: Forecasts, *, batch: int | None = None) -> PairConflicts:
     for begin in range(0, len(crowd), batch or len(crowd)):
         rows = range(begin, min(begin + (batch or len(crowd)), len(crowd)))
         sweeper.update([keys[row] for row in rows], crowd.take(rows))
-        found = sweeper.step(NOW_S)
+        found = sweeper.find_conflicts(NOW_S)
     return found
 
 
@@ -100,9 +100,9 @@ def test_one_that_changed_is_not_held_against_all_over_again() -> None:
     crowd = Forecasts.joined(spread(rng, 300, 120))
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     sweeper.update([str(row) for row in range(300)], crowd)
-    first = sweeper.step(NOW_S)
+    first = sweeper.find_conflicts(NOW_S)
     sweeper.update(["7"], crowd.one(7))
-    assert sweeper.step(NOW_S).segment_pairs < first.segment_pairs / 10
+    assert sweeper.find_conflicts(NOW_S).segment_pairs < first.segment_pairs / 10
 
 
 def random_boxes(seed: int, robots: int, *, floors: int = 2, longest_m: float = 5.0, spread_m: float = 40.0) -> Boxes:
@@ -197,15 +197,15 @@ def test_discards_almost_all_pairs_of_a_large_floor() -> None:
         assert 0 < len(found_by(boxes, changed)) < possible / 20
 
 
-def covered(robots: int, seed: int, grow_m: float) -> tuple[Forecasts, Roster, Boxes]:
+def covered(robots: int, seed: int, grow_m: float) -> tuple[Forecasts, SlotTable, Boxes]:
     rng = np.random.default_rng(seed)
     forecasts = Forecasts.joined(wanderer(rng, knots=12) for _ in range(robots))
-    roster, boxes = Roster(), Boxes(SLABS)
-    slots = roster.put([str(row) for row in range(robots)], forecasts)
+    table, boxes = SlotTable(), Boxes(SLABS)
+    slots = table.replace_forecasts([str(row) for row in range(robots)], forecasts)
     assert slots is not None
     boxes.grow(robots)
-    boxes.cover(slots, roster.robots, roster.knots, int(NOW_S), SLABS, grow_m)
-    return forecasts, roster, boxes
+    boxes.cover(slots, table.robots, table.knots, int(NOW_S), SLABS, grow_m)
+    return forecasts, table, boxes
 
 
 def test_a_swept_box_holds_all_corners_of_its_robot_and_is_no_larger_than_it_must_be() -> None:
@@ -234,20 +234,20 @@ def test_a_swept_box_holds_all_corners_of_its_robot_and_is_no_larger_than_it_mus
 
 
 def test_a_box_knows_the_knot_that_holds_when_it_begins() -> None:
-    forecasts, roster, boxes = covered(30, 2, 0.1)
+    forecasts, table, boxes = covered(30, 2, 0.1)
     for ring, slot in np.argwhere(boxes.all["floor"] != ABSENT).tolist():
         box, t_s = boxes.all[ring, slot], forecasts.one(slot).t_s
         assert box["knot"] == max(np.searchsorted(t_s, box["slab"], "right") - 1, 0)
     boxes.clear(np.arange(30))
     assert (boxes.all["floor"] == ABSENT).all()
-    assert len(roster) == 30
+    assert len(table) == 30
 
 
 def test_a_reach_holds_all_boxes_of_its_robot_and_no_more_until_old_ones_are_replaced() -> None:
-    _, roster, boxes = covered(30, 3, 0.1)
+    _, table, boxes = covered(30, 3, 0.1)
     np.testing.assert_array_equal(sides(boxes), reaches_of(boxes))
     for first_slab in range(int(NOW_S) + SLABS, int(NOW_S) + 3 * SLABS):
-        boxes.cover(np.arange(30), roster.robots, roster.knots, first_slab, 1, 0.1)
+        boxes.cover(np.arange(30), table.robots, table.knots, first_slab, 1, 0.1)
         now = reaches_of(boxes)
         assert (np.isinf(now) | (sides(boxes) * (1, -1, 1, -1) <= now * (1, -1, 1, -1))).all()
     boxes.grow(40)

@@ -4,7 +4,7 @@ from itertools import groupby
 
 import numpy as np
 
-from deconflict.sweep.contact_intervals import MEETING, Meetings, Names, by_pair, joined
+from deconflict.sweep.contact_intervals import CONTACT_INTERVAL, ContactIntervals, PairNames, by_pair, joined
 from ingest.batch import Ints
 
 RNG = np.random.default_rng(21)
@@ -12,7 +12,7 @@ ROBOTS = 30
 RANKS = RNG.permutation(ROBOTS)
 
 
-def made(count: int, ranks: Ints) -> Meetings:
+def made(count: int, ranks: Ints) -> ContactIntervals:
     """So many different meetings, in order; many separations are alike."""
     chosen = RNG.choice(ROBOTS * ROBOTS * 12, count, replace=False)
     a, b, slab = chosen // (12 * ROBOTS), chosen // 12 % ROBOTS, 100 + chosen % 12
@@ -20,7 +20,7 @@ def made(count: int, ranks: Ints) -> Meetings:
     contact = slab + RNG.uniform(0, 1, count)
     separation = RNG.choice([0.0, 0.1, 0.2], count)
     rows = list(zip(a, b, slab, contact, separation, contact + 0.25, strict=True))
-    return np.array(rows, MEETING)[order]
+    return np.array(rows, CONTACT_INTERVAL)[order]
 
 
 def test_a_pair_has_its_first_contact_and_the_first_of_its_smallest_separations() -> None:
@@ -39,14 +39,14 @@ def test_a_pair_has_its_first_contact_and_the_first_of_its_smallest_separations(
 def test_parts_are_joined_in_the_order_of_keys_and_slabs() -> None:
     whole = made(2000, RANKS)
     part = RNG.integers(0, 4, len(whole))
-    some = np.empty(0, MEETING)
+    some = np.empty(0, CONTACT_INTERVAL)
     for number in range(4):
         some = joined(some, whole[part == number], RANKS)
         assert some.tolist() == whole[part <= number].tolist()
 
 
 def test_names_are_those_of_the_pairs_whatever_was_listed_before() -> None:
-    names, kept, ranks = Names(), dict[tuple[str, str], tuple[str, str]](), RANKS
+    names, kept, ranks = PairNames(), dict[tuple[str, str], tuple[str, str]](), RANKS
     keys = np.array([f"r{slot}" for slot in range(ROBOTS)], object)
     for turn in range(40):
         if turn % 10 == 9:

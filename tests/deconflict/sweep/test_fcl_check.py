@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from deconflict.sweep.fcl_check import Decider
+from deconflict.sweep.fcl_check import FclCheck
 from tests.helpers.made_motion import motions, sampled, true_distance
 
 TOLERANCE_M = 1e-3
@@ -10,7 +10,7 @@ TOLERANCE_M = 1e-3
 @pytest.mark.parametrize("target_m", [0.0, 0.3])
 def test_halving_finds_the_first_contact_and_no_other(target_m: float) -> None:
     motion = motions(np.random.default_rng(41), 600)
-    decider = Decider(target_m, TOLERANCE_M)
+    decider = FclCheck(target_m, TOLERANCE_M)
     apart = np.flatnonzero(true_distance(motion, motion["begin"]) > target_m)
     t, distance = sampled(motion, 100)
     found = 0
@@ -32,7 +32,7 @@ def test_what_lies_before_the_beginning_does_not_count() -> None:
     _, distance = sampled(motion, 200)
     passed = np.flatnonzero((distance[:75] == 0).any(axis=0) & (distance[75:] > 0.1).all(axis=0))
     assert len(passed)
-    decider = Decider(0.0, TOLERANCE_M)
+    decider = FclCheck(0.0, TOLERANCE_M)
     for row in passed.tolist():
         middle = float((motion["begin"][row] + motion["end"][row]) / 2)
         assert decider.first_contact(motion[row : row + 1], middle) == np.inf
@@ -41,7 +41,7 @@ def test_what_lies_before_the_beginning_does_not_count() -> None:
 def test_answers_do_not_depend_on_what_was_asked_before() -> None:
     motion = motions(np.random.default_rng(43), 60)
     begins = motion["begin"].tolist()
-    once = [Decider(0.2, TOLERANCE_M).first_contact(motion[row : row + 1], begins[row]) for row in range(60)]
-    decider = Decider(0.2, TOLERANCE_M)
+    once = [FclCheck(0.2, TOLERANCE_M).first_contact(motion[row : row + 1], begins[row]) for row in range(60)]
+    decider = FclCheck(0.2, TOLERANCE_M)
     again = [decider.first_contact(motion[row : row + 1], begins[row]) for row in reversed(range(60))]
     assert again[::-1] == once

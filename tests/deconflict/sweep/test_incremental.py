@@ -28,7 +28,7 @@ def swept_afresh(on_floor: dict[str, Forecasts], now_s: float, order: Iterable[s
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     keys = list(on_floor if order is None else order)
     sweeper.update(keys, Forecasts.joined(on_floor[key] for key in keys))
-    return sweeper.step(now_s)
+    return sweeper.find_conflicts(now_s)
 
 
 def assert_same(found: PairConflicts, fresh: PairConflicts) -> None:
@@ -51,7 +51,7 @@ def test_many_steps_say_what_a_fresh_sweep_says(robots: int, seed: int) -> None:
         sweeper.discard(gone)
         for key in gone:
             del on_floor[key]
-        found = sweeper.step(now_s)
+        found = sweeper.find_conflicts(now_s)
         assert_same(found, swept_afresh(on_floor, now_s))
         hits += len(found.pairs)
         now_s += float(rng.choice([0.0, 0.1, 0.5, 1.0, 1.0, 3.7, 14.0]))
@@ -64,7 +64,7 @@ def test_time_may_go_back() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     sweeper.update(list(on_floor), Forecasts.joined(on_floor.values()))
     for now_s in (NOW_S + 5, NOW_S, NOW_S + 2.5, NOW_S - 1.5):
-        assert_same(sweeper.step(now_s), swept_afresh(on_floor, now_s))
+        assert_same(sweeper.find_conflicts(now_s), swept_afresh(on_floor, now_s))
 
 
 def test_time_may_go_back_after_a_pass_of_little_reach() -> None:
@@ -72,17 +72,17 @@ def test_time_may_go_back_after_a_pass_of_little_reach() -> None:
     on_floor = {f"r{row}": said(rng, NOW_S) for row in range(30)}
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     sweeper.update(list(on_floor), Forecasts.joined(on_floor.values()))
-    sweeper.step(NOW_S + 5, reach_s=2.0)
-    assert_same(sweeper.step(NOW_S), swept_afresh(on_floor, NOW_S))
+    sweeper.find_conflicts(NOW_S + 5, reach_s=2.0)
+    assert_same(sweeper.find_conflicts(NOW_S), swept_afresh(on_floor, NOW_S))
 
 
 def test_a_robot_that_changes_its_size_is_swept_with_the_new_one() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     stands, other = robot([0], [0], [0], 0, (1, 1)), robot([0], [2], [0], 0, (1, 1))
     sweeper.update(["a", "b"], Forecasts.joined([stands, other]))
-    assert sweeper.step(NOW_S).pairs == ()
+    assert sweeper.find_conflicts(NOW_S).pairs == ()
     sweeper.update(["b"], robot([0], [2], [0], 0, (2.8, 1)))
-    found = sweeper.step(NOW_S + 0.1)
+    found = sweeper.find_conflicts(NOW_S + 0.1)
     assert found.pairs == (("a", "b"),)
     assert found.separation_m[0] == pytest.approx(0.1)
 
@@ -96,11 +96,11 @@ def test_order_and_batches_make_no_difference() -> None:
     piecemeal = Sweeper(clearance_m=CLEARANCE_M)
     for key in rng.permutation(list(on_floor)).tolist():
         piecemeal.update([key], on_floor[key])
-    assert_same(piecemeal.step(NOW_S), at_once)
+    assert_same(piecemeal.find_conflicts(NOW_S), at_once)
     stepped = Sweeper(clearance_m=CLEARANCE_M)
     for keys in np.array_split(rng.permutation(list(on_floor)), 7):
         stepped.update(keys.tolist(), Forecasts.joined(on_floor[key] for key in keys.tolist()))
-        last = stepped.step(NOW_S)
+        last = stepped.find_conflicts(NOW_S)
     assert_same(last, at_once)
 
 
@@ -120,15 +120,15 @@ def test_only_what_changed_is_fresh_and_little_of_the_rest_is_looked_at() -> Non
     on_floor = {f"r{row}": said(rng, NOW_S) for row in range(200)}
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     sweeper.update(list(on_floor), Forecasts.joined(on_floor.values()))
-    first = sweeper.step(NOW_S)
+    first = sweeper.find_conflicts(NOW_S)
     assert first.fresh.all()
-    again = sweeper.step(NOW_S)
+    again = sweeper.find_conflicts(NOW_S)
     assert again.pairs == first.pairs
     assert not again.fresh.any()
     assert again.segment_pairs < first.segment_pairs / 5
     key = first.pairs[0][0]
     sweeper.update([key], on_floor[key])
-    one = sweeper.step(NOW_S)
+    one = sweeper.find_conflicts(NOW_S)
     assert one.fresh.tolist() == [key in pair for pair in one.pairs]
     assert_same(one, first)
 
@@ -137,17 +137,17 @@ def test_an_invalid_forecast_takes_its_robot_off_the_floor_until_the_next() -> N
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     a, b = robot([0], [0], [0], 0, (1, 1)), robot([0], [1.1], [0], 0, (1, 1))
     assert sweeper.update(["a", "b"], Forecasts.joined([a, b])) == ()
-    assert sweeper.step(NOW_S).pairs == (("a", "b"),)
+    assert sweeper.find_conflicts(NOW_S).pairs == (("a", "b"),)
     assert sweeper.update(["b"], robot([0], [float("nan")], [0], 0, (1, 1))) == (("b", "not-finite"),)
-    assert sweeper.step(NOW_S + 0.1).pairs == ()
+    assert sweeper.find_conflicts(NOW_S + 0.1).pairs == ()
     assert sweeper.update(["b"], b) == ()
-    assert sweeper.step(NOW_S + 0.2).pairs == (("a", "b"),)
+    assert sweeper.find_conflicts(NOW_S + 0.2).pairs == (("a", "b"),)
 
 
 def test_discarding_a_stranger_is_no_error() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     sweeper.discard(["nobody"])
-    assert sweeper.step(NOW_S).pairs == ()
+    assert sweeper.find_conflicts(NOW_S).pairs == ()
 
 
 def test_a_robot_that_fell_silent_is_still_there_after_minutes() -> None:
@@ -156,9 +156,9 @@ def test_a_robot_that_fell_silent_is_still_there_after_minutes() -> None:
     comes = robot([600, 610], [5, -5], [0, 0], 0, (1, 1))
     sweeper.update(["silent"], silent)
     for second in range(0, 600, 60):
-        assert sweeper.step(NOW_S + second).pairs == ()
+        assert sweeper.find_conflicts(NOW_S + second).pairs == ()
     sweeper.update(["comes"], comes)
-    found = sweeper.step(NOW_S + 600)
+    found = sweeper.find_conflicts(NOW_S + 600)
     assert found.pairs == (("comes", "silent"),)
     assert found.contact_s[0] == pytest.approx(NOW_S + 603.75, abs=0.01)
 
@@ -167,8 +167,8 @@ def test_a_silent_robot_is_swept_again_only_where_the_horizon_reaches_next() -> 
     row = Forecasts.joined(robot([0], [0.7 * n], [0], 0, (0.5, 0.5)) for n in range(40))
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     sweeper.update([str(n) for n in range(40)], row)
-    whole = sweeper.step(NOW_S)
-    looked_at = [sweeper.step(NOW_S + second).box_pairs for second in range(1, 9)]
+    whole = sweeper.find_conflicts(NOW_S)
+    looked_at = [sweeper.find_conflicts(NOW_S + second).box_pairs for second in range(1, 9)]
     assert len(whole.pairs) == 39
     assert max(looked_at) < whole.box_pairs * 0.4
 
@@ -179,38 +179,38 @@ def test_a_contact_comes_into_view_begins_and_is_over() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     sweeper.update(["crosses", "stands"], Forecasts.joined([crosses, stands]))
     contact_s = NOW_S + 20 - 1.25
-    assert not sweeper.step(contact_s - 10.01).pairs
-    seen = sweeper.step(contact_s - 9.99)
+    assert not sweeper.find_conflicts(contact_s - 10.01).pairs
+    seen = sweeper.find_conflicts(contact_s - 9.99)
     assert seen.pairs == (("crosses", "stands"),)
     assert seen.contact_s[0] == pytest.approx(contact_s, abs=1.5e-3)
     assert seen.start_separation_m[0] == pytest.approx(10.24, abs=1e-3)
-    inside = sweeper.step(NOW_S + 20.0)
+    inside = sweeper.find_conflicts(NOW_S + 20.0)
     assert inside.contact_s[0] == NOW_S + 20.0
     assert inside.start_separation_m[0] == inside.separation_m[0] == 0
-    drawing_apart = sweeper.step(NOW_S + 21.1)
+    drawing_apart = sweeper.find_conflicts(NOW_S + 21.1)
     assert drawing_apart.separation_m[0] == pytest.approx(0.1, abs=1e-3)
-    assert not sweeper.step(NOW_S + 21.3).pairs
+    assert not sweeper.find_conflicts(NOW_S + 21.3).pairs
 
 
 def test_of_a_robot_told_twice_at_once_the_later_counts() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     here, away = robot([0], [0], [0], 0, (1, 1)), robot([0], [9], [0], 0, (1, 1))
     sweeper.update(["a", "b", "b"], Forecasts.joined([here, here, away]))
-    assert not sweeper.step(NOW_S).pairs
+    assert not sweeper.find_conflicts(NOW_S).pairs
     sweeper.update(["b", "b"], Forecasts.joined([away, here]))
-    assert sweeper.step(NOW_S).pairs == (("a", "b"),)
+    assert sweeper.find_conflicts(NOW_S).pairs == (("a", "b"),)
 
 
 def test_one_that_joins_in_the_place_of_one_that_left_has_nothing_of_it() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     here, away = robot([0], [0], [0], 0, (1, 1)), robot([0], [9], [0], 0, (1, 1))
     sweeper.update(["a", "b"], Forecasts.joined([here, here]))
-    assert sweeper.step(NOW_S).pairs == (("a", "b"),)
+    assert sweeper.find_conflicts(NOW_S).pairs == (("a", "b"),)
     sweeper.discard(["b"])
     sweeper.update(["c"], away)
-    assert not sweeper.step(NOW_S).pairs
+    assert not sweeper.find_conflicts(NOW_S).pairs
     sweeper.update(["A"], here)
-    assert sweeper.step(NOW_S).pairs == (("A", "a"),)
+    assert sweeper.find_conflicts(NOW_S).pairs == (("A", "a"),)
 
 
 def test_what_is_no_longer_used_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -221,6 +221,6 @@ def test_what_is_no_longer_used_is_dropped(monkeypatch: pytest.MonkeyPatch) -> N
     for _ in range(30):
         on_floor = {f"r{row}": said(rng, NOW_S) for row in range(15)}
         sweeper.update(list(on_floor), Forecasts.joined(on_floor.values()))
-        assert_same(sweeper.step(NOW_S), swept_afresh(on_floor, NOW_S))
-        held.append(len(sweeper._roster.knots))
+        assert_same(sweeper.find_conflicts(NOW_S), swept_afresh(on_floor, NOW_S))
+        held.append(len(sweeper._slot_table.knots))
     assert max(held[10:]) <= 2 * max(held[:10])

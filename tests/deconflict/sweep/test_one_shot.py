@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from deconflict.sweep import fcl_check, incremental
 from deconflict.sweep.geometry.knots import Knots, Robots
-from deconflict.sweep.one_shot import Invalid, first_meetings, sweep
-from deconflict.sweep.slot_table import Roster
+from deconflict.sweep.one_shot import Invalid, first_contacts, sweep
+from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Forecasts, Ints
 from tests.helpers.made_encounters import (
     FAMILIES,
@@ -36,8 +36,8 @@ COUNTS = {"graze": 100}
 COUNT = 320
 GRAZING = ("random", "spinning", "full_turns", "thin")
 DISTANCE_M, LATE_S, SEPARATION_M, ROUNDING_M = 1e-3, 1e-3, 2e-3, 1e-6
-PUT = Roster.put
-MADE_EXACT = fcl_check.Decider.__init__
+PUT = SlotTable.replace_forecasts
+MADE_EXACT = fcl_check.FclCheck.__init__
 INSTANT_S = 1e-6
 """A few steps of a double that counts seconds since the epoch."""
 
@@ -122,25 +122,25 @@ def test_the_comparison_sees_what_is_broken_on_purpose(
     if broken == "tolerance of advancement":
         monkeypatch.setattr(incremental, "TOLERANCE_M", 10 * incremental.TOLERANCE_M)
     elif broken == "step":
-        monkeypatch.setattr(Roster, "put", _put_with_small_circles)
+        monkeypatch.setattr(SlotTable, "replace_forecasts", _put_with_small_circles)
     elif broken == "tolerance of FCL":
         monkeypatch.setattr(incremental, "ROUNDS", 0)
-        monkeypatch.setattr(fcl_check.Decider, "__init__", _slack)
+        monkeypatch.setattr(fcl_check.FclCheck, "__init__", _slack)
     else:
         monkeypatch.setattr(incremental, "ACCURACY_M", 50 * incremental.ACCURACY_M)
     said = Counter(line.split()[0] for line in disagreements(encounters("spinning", 200, 1, 0.25), 0.25))
     assert kinds <= set(said)
 
 
-def _put_with_small_circles(roster: Roster, keys: Sequence[str], forecasts: Forecasts, *rest: Any) -> Ints | None:
+def _put_with_small_circles(table: SlotTable, keys: Sequence[str], forecasts: Forecasts, *rest: Any) -> Ints | None:
     """So that turning counts for less than it does."""
-    slots = PUT(roster, keys, forecasts, *rest)
+    slots = PUT(table, keys, forecasts, *rest)
     if slots is not None:
-        roster.robots["radius"][slots] *= 0.5
+        table.robots["radius"][slots] *= 0.5
     return slots
 
 
-def _slack(decider: fcl_check.Decider, target_m: float, tolerance_m: float) -> None:
+def _slack(decider: fcl_check.FclCheck, target_m: float, tolerance_m: float) -> None:
     MADE_EXACT(decider, target_m, 10 * tolerance_m)
 
 
@@ -257,9 +257,9 @@ def test_times_may_count_from_any_epoch() -> None:
 
 
 def laid_out(forecasts: Forecasts) -> tuple[Robots, Knots]:
-    roster = Roster()
-    roster.put([str(row) for row in range(len(forecasts))], forecasts)
-    return roster.robots, roster.knots
+    table = SlotTable()
+    table.replace_forecasts([str(row) for row in range(len(forecasts))], forecasts)
+    return table.robots, table.knots
 
 
 @pytest.mark.parametrize("clearance_m", CLEARANCES_M)
@@ -268,7 +268,7 @@ def test_chosen_pairs_meet_when_the_whole_floor_says(family: str, clearance_m: f
     forecasts = encounters(family, 60, 11, clearance_m)
     a, b = np.array(rows_of_pairs(60)).T.copy()
     until_s = np.full(len(a), NOW_S + HORIZON_S)
-    contact_s, start_m = first_meetings(
+    contact_s, start_m = first_contacts(
         *laid_out(forecasts), b, a, now_s=NOW_S, until_s=until_s, clearance_m=clearance_m
     )
     whole = sweep(forecasts, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=clearance_m)
@@ -283,14 +283,14 @@ def test_chosen_pairs_are_looked_at_until_their_own_time(monkeypatch: pytest.Mon
     """And FCL, which decides where advancement may take no round, says the same to a millimetre."""
     forecasts = encounters("random", 60, 11, 0.25)
     a, b = np.array(rows_of_pairs(60)).T.copy()
-    all_s, _ = first_meetings(
+    all_s, _ = first_contacts(
         *laid_out(forecasts), a, b, now_s=NOW_S, until_s=np.full(60, NOW_S + HORIZON_S), clearance_m=0.25
     )
     met = np.flatnonzero(all_s < np.inf)
     until_s = np.where(np.arange(60) % 2, all_s + 0.1, all_s - 0.1)
     until_s[all_s == np.inf] = NOW_S + HORIZON_S
     monkeypatch.setattr("deconflict.sweep.one_shot.ROUNDS", rounds)
-    told_s, _ = first_meetings(*laid_out(forecasts), a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.25)
+    told_s, _ = first_contacts(*laid_out(forecasts), a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.25)
     in_time = met[(met % 2 == 1) & (until_s[met] > NOW_S)]
     assert len(in_time) > 5
     assert np.flatnonzero(told_s < np.inf).tolist() == in_time.tolist()
@@ -302,7 +302,7 @@ def test_chosen_robots_without_knots_meet_nobody() -> None:
     robots, knots = laid_out(Forecasts.joined([*crossing, crossing[1]]))
     robots["count"][2] = 0
     a, b, until_s = np.array([0, 0]), np.array([1, 2]), np.full(2, NOW_S + HORIZON_S)
-    told = first_meetings(robots, knots, a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.3)
+    told = first_contacts(robots, knots, a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.3)
     assert np.isfinite(told).tolist() == [[True, False], [True, False]]
 
 

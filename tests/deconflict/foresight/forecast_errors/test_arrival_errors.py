@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from deconflict.foresight.forecast_errors.arrival_errors import Lateness
+from deconflict.foresight.forecast_errors.arrival_errors import ArrivalErrors
 from deconflict.foresight.forecast_errors.ledger import HALF_LIFE_S
 from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
 from ingest.batch import Floats
@@ -10,7 +10,7 @@ from ingest.measures.measures import Measures
 NOW_S = 1_790_000_000.0
 
 
-def told(lateness: Lateness) -> tuple[dict[tuple[str, ...], float], dict[tuple[str, ...], float]]:
+def told(lateness: ArrivalErrors) -> tuple[dict[tuple[str, ...], float], dict[tuple[str, ...], float]]:
     """Errors, and the shares that were late."""
     measures = Measures()
     lateness.measure(measures)
@@ -23,7 +23,7 @@ def alike(n: int, value: float) -> Floats:
 
 
 def test_errors_are_told_by_how_long_ahead_the_word_was_given() -> None:
-    lateness = Lateness()
+    lateness = ArrivalErrors()
     for ahead_s, late_s in ((40.0, -4.0), (200.0, 20.0), (800.0, 90.0), (5000.0, 700.0)):
         lateness.record("Alder", alike(9, ahead_s), alike(9, late_s), NOW_S)
     off_s, late = told(lateness)
@@ -36,13 +36,13 @@ def test_errors_are_told_by_how_long_ahead_the_word_was_given() -> None:
 
 
 def test_few_arrivals_are_not_told_of() -> None:
-    lateness = Lateness()
+    lateness = ArrivalErrors()
     lateness.record("Alder", alike(4, 40.0), alike(4, 5.0), NOW_S)
     assert told(lateness) == ({}, {})
 
 
 def test_what_is_newer_counts_for_more() -> None:
-    lateness = Lateness()
+    lateness = ArrivalErrors()
     lateness.record("Alder", alike(20, 40.0), alike(20, 30.0), NOW_S)
     lateness.record("Alder", alike(20, 40.0), alike(20, -1.0), NOW_S + 2 * HALF_LIFE_S)
     off_s, late = told(lateness)
@@ -51,15 +51,15 @@ def test_what_is_newer_counts_for_more() -> None:
 
 
 def test_it_goes_on_after_a_restart() -> None:
-    lateness, resumed = Lateness(), Lateness()
+    lateness, resumed = ArrivalErrors(), ArrivalErrors()
     lateness.record("Alder", alike(20, 40.0), alike(20, 30.0), NOW_S)
     resumed.resume(unpacked(packed({"lateness": lateness.learned()}))["lateness"])
     for one in (lateness, resumed):
         one.record("Alder", alike(20, 40.0), alike(20, -1.0), NOW_S + HALF_LIFE_S)
     assert told(resumed) == told(lateness)
-    Lateness().resume(Lateness().learned())
+    ArrivalErrors().resume(ArrivalErrors().learned())
 
 
 def test_counts_of_another_shape_are_refused() -> None:
     with pytest.raises(UnreadableError):
-        Lateness().resume({"vendors": [["Alder", NOW_S]], "counts": np.zeros((1, 2, 2))})
+        ArrivalErrors().resume({"vendors": [["Alder", NOW_S]], "counts": np.zeros((1, 2, 2))})

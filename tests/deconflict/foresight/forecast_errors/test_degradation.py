@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.random import Generator, default_rng
 
-from deconflict.foresight.forecast_errors.degradation import ForecastChanges
-from deconflict.foresight.forecast_errors.ledger import Kind
+from deconflict.foresight.forecast_errors.degradation import DegradationDetector
+from deconflict.foresight.forecast_errors.ledger import ForecastKind
 from deconflict.foresight.forecast_errors.track_kernels import Errors
 from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
 from ingest.batch import Basis
@@ -14,9 +14,9 @@ from tests.deconflict.foresight.forecast_errors.made_errors import off
 
 NOW_S = 1_790_000_000.0
 KINDS = {
-    Kind("Alder", "A-7", Basis.PATH): 0,
-    Kind("Alder", "A-7", Basis.STATIONARY): 1,
-    Kind("Corvid", "C", Basis.PATH): 2,
+    ForecastKind("Alder", "A-7", Basis.PATH): 0,
+    ForecastKind("Alder", "A-7", Basis.STATIONARY): 1,
+    ForecastKind("Corvid", "C", Basis.PATH): 2,
 }
 
 
@@ -27,19 +27,19 @@ def errors(rng: Generator, kind: int, robots: int, size_m: float) -> Errors:
 
 
 def run(
-    changes: ForecastChanges, begin_s: int, end_s: int, size_m: float, kind: int = 0, seed: int = 1
+    changes: DegradationDetector, begin_s: int, end_s: int, size_m: float, kind: int = 0, seed: int = 1
 ) -> list[dict[str, Change]]:
     """What is told each minute while a vendor's robots are off by so much."""
     rng, told = default_rng(seed), []
     for second in range(begin_s, end_s):
-        changes.take(errors(rng, kind, 3, size_m), KINDS, NOW_S + second)
+        changes.add_errors(errors(rng, kind, 3, size_m), KINDS, NOW_S + second)
         if second % 60 == 0:
             told.append(changes.changed())
     return told
 
 
 def test_forecasts_that_become_worse_are_told_of_with_since_when_until_they_are_as_before() -> None:
-    changes = ForecastChanges()
+    changes = DegradationDetector()
     assert not any(run(changes, 0, 7200, 0.1))
     flagged = run(changes, 7200, 10_800, 0.5)[-1]["Alder"]
     assert abs(flagged.since_s - (NOW_S + 7200)) <= 360
@@ -50,17 +50,17 @@ def test_forecasts_that_become_worse_are_told_of_with_since_when_until_they_are_
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_steady_vendor_is_never_flagged_in_a_day(seed: int) -> None:
-    changes, rng = ForecastChanges(), default_rng(seed)
+    changes, rng = DegradationDetector(), default_rng(seed)
     told = []
     for step in range(0, 86_400, 10):
         busy = 1 + 0.2 * np.sin(2 * np.pi * step / 86_400)
-        changes.take(errors(rng, 0, 10, 0.2 * busy), KINDS, NOW_S + step)
+        changes.add_errors(errors(rng, 0, 10, 0.2 * busy), KINDS, NOW_S + step)
         told.append(changes.changed())
     assert not any(told)
 
 
 def test_each_vendor_is_held_to_its_own_and_robots_that_stand_do_not_count() -> None:
-    changes = ForecastChanges()
+    changes = DegradationDetector()
     run(changes, 0, 7200, 1.5, kind=2)
     run(changes, 0, 7200, 0.1)
     run(changes, 7200, 9000, 1.5, kind=2)
@@ -69,7 +69,7 @@ def test_each_vendor_is_held_to_its_own_and_robots_that_stand_do_not_count() -> 
 
 
 def test_what_was_usual_is_known_after_a_restart() -> None:
-    changes, resumed = ForecastChanges(), ForecastChanges()
+    changes, resumed = DegradationDetector(), DegradationDetector()
     run(changes, 0, 7200, 0.1)
     resumed.resume(unpacked(packed({"changes": changes.learned()}))["changes"])
     assert "Alder" in run(resumed, 7200, 9000, 0.5)[-1]

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.forecast_errors.ledger import HORIZONS
-from deconflict.foresight.forecast_errors.pending_forecasts import TRACK_LOOKS, TRACK_S, Followed, Reports
+from deconflict.foresight.forecast_errors.pending_forecasts import (
+    TRACK_LOOKS,
+    TRACK_S,
+    PendingForecasts,
+    ReportedTracks,
+)
 from deconflict.foresight.forecast_errors.pose_sampling import poses_at
 from deconflict.foresight.forecast_errors.quantile_sketch import BINS, bins
 from deconflict.foresight.forecast_errors.track_kernels import ROBOT, Errors
@@ -24,17 +29,19 @@ def straight(t_s: float, x_m: float, y_m: float, speed_mps: float, yaw_rad: floa
     return robot([t_s - NOW_S, t_s - NOW_S + 20], [x_m, far[0]], [y_m, far[1]], yaw_rad, (1.0, 0.5))
 
 
-def take(followed: Followed, forecast: Forecasts, slot: int = 0) -> Errors:
+def take(followed: PendingForecasts, forecast: Forecasts, slot: int = 0) -> Errors:
     followed.grow(slot + 1)
     event_s = forecast.t_s[:1]
     sizes_m = (np.zeros(1), forecast.length_m, forecast.width_m)
-    reports = Reports(np.array([slot]), np.array([0]), event_s, *sizes_m, poses_at(forecast, event_s, TRACK_LOOKS))
-    errors, _ = followed.take(np.zeros(slot + 1, ROBOT), np.zeros((2, slot + 1)), reports, BANDS_M)
+    reports = ReportedTracks(
+        np.array([slot]), np.array([0]), event_s, *sizes_m, poses_at(forecast, event_s, TRACK_LOOKS)
+    )
+    errors, _ = followed.add_reports(np.zeros(slot + 1, ROBOT), np.zeros((2, slot + 1)), reports, BANDS_M)
     return errors
 
 
 def run(course: list[tuple[float, float]], says_mps: float, yaw_rad: float = 0.0, every_s: float = 1.0) -> list[Errors]:
-    followed = Followed()
+    followed = PendingForecasts()
     return [
         take(followed, straight(NOW_S + n * every_s, x_m, y_m, says_mps, yaw_rad))
         for n, (x_m, y_m) in enumerate(course)
@@ -72,7 +79,7 @@ def test_sizes_are_counted_in_the_bins_of_the_sketch() -> None:
 
 def test_who_stands_by_its_forecast_or_its_last_two_reports_is_told() -> None:
     """And a track that does not say where its robot will be is left out."""
-    followed, robots = Followed(), np.zeros(3, ROBOT)
+    followed, robots = PendingForecasts(), np.zeros(3, ROBOT)
     followed.grow(3)
     told = []
     for n in range(2):
@@ -84,14 +91,14 @@ def test_who_stands_by_its_forecast_or_its_last_two_reports_is_told() -> None:
         since_s = np.array([NOW_S + n] * 3)
         track = poses_at(Forecasts.joined(forecasts), since_s, TRACK_LOOKS)
         alike = np.ones(3)
-        reports = Reports(np.arange(3), np.array([0, 0, 0]), since_s, alike / 5, alike, alike / 2, track)
+        reports = ReportedTracks(np.arange(3), np.array([0, 0, 0]), since_s, alike / 5, alike, alike / 2, track)
         half = np.zeros((2, 3))
-        told.append(followed.take(robots, half, reports, BANDS_M)[1].tolist())
+        told.append(followed.add_reports(robots, half, reports, BANDS_M)[1].tolist())
         assert half.tolist() == [[0.5] * 3, [0.25] * 3]
     assert told == [[False, True, False], [True, True, False]]
     assert robots["rests"].tolist() == [False, True, False]
     track[:, 5, 0] = np.nan
-    _, stands = followed.take(robots, half, reports._replace(event_s=since_s + 1, track=track), BANDS_M)
+    _, stands = followed.add_reports(robots, half, reports._replace(event_s=since_s + 1, track=track), BANDS_M)
     assert not stands.any()
     assert followed.heard_s.tolist() == since_s.tolist()
 
@@ -104,20 +111,20 @@ def test_reports_between_whole_seconds_are_joined() -> None:
 
 
 def test_a_gap_in_the_reports_tells_nothing() -> None:
-    followed = Followed()
+    followed = PendingForecasts()
     take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
     assert len(take(followed, straight(NOW_S + 5, 2.0, 0.0, 1.0))) == 0
 
 
 def test_a_report_told_again_counts_once() -> None:
-    followed = Followed()
+    followed = PendingForecasts()
     take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
     again = straight(NOW_S + 1, 1.0, 0.0, 1.0)
     assert [len(take(followed, again)), len(take(followed, again))] == [1, 0]
 
 
 def test_a_report_that_is_older_than_the_newest_is_left_out() -> None:
-    followed, punctual = Followed(), Followed()
+    followed, punctual = PendingForecasts(), PendingForecasts()
     told = [straight(NOW_S + n, 0.8 * n, 0.0, 1.0) for n in range(5)]
     for one in told[:4]:
         take(followed, one)
@@ -131,7 +138,7 @@ def test_a_report_that_is_older_than_the_newest_is_left_out() -> None:
 
 
 def test_a_slot_that_another_robot_has_now_does_not_remember() -> None:
-    followed = Followed()
+    followed = PendingForecasts()
     take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
     followed.forget(np.array([0]))
     assert len(take(followed, straight(NOW_S + 1, 9.0, 0.0, 1.0))) == 0
@@ -139,7 +146,7 @@ def test_a_slot_that_another_robot_has_now_does_not_remember() -> None:
 
 def test_who_comes_near_at_a_whole_second_is_found_once() -> None:
     """Whatever way robots go and however old their reports are."""
-    followed, rng, robots = Followed(), np.random.default_rng(4), 60
+    followed, rng, robots = PendingForecasts(), np.random.default_rng(4), 60
     t_s, forecasts = [float(n) for n in range(0, 24, 2)], []
     for slot in range(robots):
         x_m, y_m = (np.cumsum(rng.normal(0, 1.5, (2, len(t_s))), axis=1) + rng.uniform(-25, 25, (2, 1))).tolist()
@@ -164,7 +171,7 @@ def test_who_comes_near_at_a_whole_second_is_found_once() -> None:
 
 
 def test_who_is_on_another_floor_does_not_come_near() -> None:
-    followed = Followed()
+    followed = PendingForecasts()
     for slot, floor in enumerate((0, 1, -1, -1)):
         there = straight(NOW_S, 0.0, 0.0, 0.0)
         take(followed, replace(there, floor=np.full(2, floor)), slot)

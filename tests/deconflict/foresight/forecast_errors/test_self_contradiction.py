@@ -117,4 +117,4 @@ def test_two_that_say_they_stand_and_do_not_are_foreseen_and_called_distrusted()
     told = stage.run(9)
     assert told[2].get(("a", "b"), 0.0) < 0.1
     assert told[8]["a", "b"] > 0.5
-    assert [name for name in ("a", "b") if stage.foresight.distrusted(name)] == ["a", "b"]
+    assert [name for name in ("a", "b") if stage.foresight.is_distrusted(name)] == ["a", "b"]

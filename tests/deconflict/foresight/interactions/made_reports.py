@@ -1,10 +1,10 @@
-"""Robots that report once a second and tell their paths, as `Finder` hears them."""
+"""Robots that report once a second and tell their paths, as `InteractionFinder` hears them."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from deconflict.foresight.interactions.interaction_finder import Finder, Interaction, Reports
+from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionReports
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
 from ingest.batch import Floats
 
@@ -35,7 +35,7 @@ def found(
     usual_m: float = 0.0,
 ) -> list[Interaction]:
     """The interactions that reports of these robots show."""
-    finder, n, interactions = Finder(), len(robots), list[Interaction]()
+    finder, n, interactions = InteractionFinder(), len(robots), list[Interaction]()
     finder.grow(n)
     half_m, vendor = np.tile(HALF_M[:, None], (1, n)), np.array([robot.vendor for robot in robots])
     levels_m = np.tile(np.array([[0.0], [1.0]]), (1, n)) if levels_m is None else levels_m
@@ -43,7 +43,7 @@ def found(
         tracks = np.array([robot.track(t_s) for robot in robots])
         says_why = np.isin(np.arange(n), explained)
         usual = np.full((n, AHEAD_S), usual_m)
-        reports = Reports(np.arange(n), np.full(n, NOW_S + t_s), tracks, says_why, usual)
+        reports = InteractionReports(np.arange(n), np.full(n, NOW_S + t_s), tracks, says_why, usual)
         interactions += finder.receive(reports, half_m, levels_m, vendor)
     return interactions
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deconflict.foresight.interactions.interaction_finder import Outcome
+from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
 from tests.deconflict.foresight.interactions.made_reports import NOW_S, Robot, blind, drives, found, stops
 
 
@@ -11,7 +11,7 @@ def test_two_that_drive_head_on_and_brake_have_given_way() -> None:
     # 20 m apart at 1 m/s each; both stop 0.6 m apart after 9.2 s
     pair = [blind(stops(0.0, 1.0, 9.2), 1.0), blind(stops(20.0, -1.0, 9.2), -1.0, vendor=1)]
     first = found(pair, 14.0)[0]
-    assert (first.outcome, {first.robot, first.other}, first.swerved) == (Outcome.YIELDED, {0, 1}, False)
+    assert (first.outcome, {first.robot, first.other}, first.swerved) == (InteractionOutcome.YIELDED, {0, 1}, False)
     assert first.onset_s - NOW_S == pytest.approx(9.2, abs=1.0)
 
 
@@ -44,8 +44,12 @@ def test_a_robot_above_is_not_in_the_way() -> None:
     assert found(robots, 16.0, levels_m=np.array([[0.0, 5.0], [1.0, 6.0]])) == []
 
 
-@pytest.mark.parametrize(("clears", "outcome"), [(True, Outcome.ORDERED), (False, Outcome.YIELDED)])
-def test_one_that_goes_on_when_its_own_vendors_robot_has_cleared_kept_an_order(clears: bool, outcome: Outcome) -> None:
+@pytest.mark.parametrize(
+    ("clears", "outcome"), [(True, InteractionOutcome.ORDERED), (False, InteractionOutcome.YIELDED)]
+)
+def test_one_that_goes_on_when_its_own_vendors_robot_has_cleared_kept_an_order(
+    clears: bool, outcome: InteractionOutcome
+) -> None:
     # the other crosses in front at 9 s and is away by 14 s, or it stays
     crosses = lambda t_s: (10.6, -9.0 + 1.0 * t_s if clears or t_s < 9.0 else 0.0, np.pi / 2)  # noqa: E731
     waits = stops(0.0, 1.0, 9.2, until_s=14.0)
@@ -57,7 +61,7 @@ def test_one_that_goes_on_when_its_own_vendors_robot_has_cleared_kept_an_order(c
 
 def test_of_one_vendor_it_is_not_known_until_it_goes_on() -> None:
     pair = [blind(stops(0.0, 1.0, 9.2), 1.0), blind(stops(20.0, -1.0, 9.2), -1.0)]
-    assert {interaction.outcome for interaction in found(pair, 20.0)} == {Outcome.UNKNOWN}
+    assert {interaction.outcome for interaction in found(pair, 20.0)} == {InteractionOutcome.UNKNOWN}
 
 
 def test_a_robot_that_swings_out_around_another_has_given_way() -> None:
@@ -67,7 +71,7 @@ def test_a_robot_that_swings_out_around_another_has_given_way() -> None:
 
     swerving = Robot(swings, lambda _: drives(0.0, 1.0))
     (first, *_) = found([swerving, Robot(drives(10.0, 0.0), vendor=1)], 16.0)
-    assert (first.outcome, first.swerved) == (Outcome.YIELDED, True)
+    assert (first.outcome, first.swerved) == (InteractionOutcome.YIELDED, True)
     assert found([swerving, Robot(drives(10.0, 0.0), vendor=1)], 16.0, usual_m=1.0) == []
 
 
@@ -75,7 +79,7 @@ def test_a_robot_that_swings_out_around_another_has_given_way() -> None:
 def test_robots_that_report_seldom_are_found_too_and_say_how_sure_the_onset_is(every_s: float) -> None:
     pair = [blind(stops(0.0, 1.0, 19.2), 1.0), blind(stops(40.0, -1.0, 19.2), -1.0, vendor=1)]
     first = found(pair, 32.0, every_s)[0]
-    assert first.outcome is Outcome.YIELDED
+    assert first.outcome is InteractionOutcome.YIELDED
     assert abs(first.onset_s - NOW_S - 19.2) <= max(first.doubt_s, 1.0)
     assert (first.doubt_s > 2.0) == (every_s > 2.1)
 

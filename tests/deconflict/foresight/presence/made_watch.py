@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from deconflict.foresight.presence.lasting_silences import Changes
-from deconflict.foresight.presence.live_robots import Live
+from deconflict.foresight.presence.lasting_silences import PresenceChanges
+from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
@@ -28,14 +28,14 @@ class Watch:
 
     learned: dict[str, dict[str, Any]] | None = None
     measures: Measures = field(default_factory=Measures)
-    changes: list[Changes] = field(default_factory=list)
+    changes: list[PresenceChanges] = field(default_factory=list)
     gone: list[str] = field(default_factory=list)
     now_s: float = 0.0
     """Seconds since the start."""
 
     def __post_init__(self) -> None:
         self.fleet = Fleet(Vendors(()), Frames(DATUMS, ()), Reading(), Measures(), Quarantine())
-        self.live = Live()
+        self.live = LiveRobots()
         self.presence = Presence(self.live, self.measures)
         if self.learned:
             self.presence.resume(self.learned)
@@ -53,17 +53,17 @@ class Watch:
             said = {"path": points(*ahead)} | said
         self.fleet.receive(status(name, at_s, location=location, **said), at_s, LINE)
 
-    def tick(self, everything: bool = False) -> Changes:
+    def tick(self, everything: bool = False) -> PresenceChanges:
         """Take in what was said, and step."""
         self.take(self.fleet.cut(NOW_S + self.now_s, everything))
-        self.changes.append(self.presence.step(NOW_S + self.now_s))
+        self.changes.append(self.presence.advance(NOW_S + self.now_s))
         return self.changes[-1]
 
     def take(self, batch: Batch) -> None:
         batch = self.presence.receive(batch)
         self.gone += batch.gone
-        self.live.put(batch)
-        self.live.drop(batch.gone)
+        self.live.update(batch)
+        self.live.remove(batch.gone)
 
     def wait(self, seconds: float) -> None:
         """Nobody says anything for so long; there are fewer ticks where that is long."""

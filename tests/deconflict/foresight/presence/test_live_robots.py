@@ -2,7 +2,7 @@ from math import hypot
 
 import numpy as np
 
-from deconflict.foresight.presence.live_robots import Live
+from deconflict.foresight.presence.live_robots import LiveRobots
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.quarantine import Quarantine
@@ -41,29 +41,29 @@ def nearest(group: set[str], within_m: float, most: int, there: list[str]) -> li
 
 
 def test_those_around_a_group_are_the_nearest_on_its_floors() -> None:
-    live = Live()
-    live.put(batch(new_fleet(), list(SPOTS), NOW_S))
+    live = LiveRobots()
+    live.update(batch(new_fleet(), list(SPOTS), NOW_S))
     for group in ({"R1"}, {"R1", "R2"}, {"R0", "R7", "R30"}):
         for within_m, most in ((15.0, 100), (100.0, 5)):
-            found = live.around({robot(name) for name in group}, within_m, most)
+            found = live.group_with_nearest({robot(name) for name in group}, within_m, most)
             assert found == nearest(group, within_m, most, list(SPOTS))
-    assert live.around(set(), 15.0, 100) == []
+    assert live.group_with_nearest(set(), 15.0, 100) == []
 
 
 def test_who_has_left_is_around_nobody_and_its_place_goes_to_the_next() -> None:
-    live, fleet, early = Live(), new_fleet(), [f"R{n}" for n in range(30)]
-    live.put(batch(fleet, early, NOW_S))
-    live.drop([robot(name) for name in early[5:]])
-    live.put(batch(fleet, [f"R{n}" for n in range(28, 60)], NOW_S + 1))
+    live, fleet, early = LiveRobots(), new_fleet(), [f"R{n}" for n in range(30)]
+    live.update(batch(fleet, early, NOW_S))
+    live.remove([robot(name) for name in early[5:]])
+    live.update(batch(fleet, [f"R{n}" for n in range(28, 60)], NOW_S + 1))
     there = [*early[:5], *(f"R{n}" for n in range(28, 60))]
-    assert live.around({robot("R1")}, 1e3, 100) == nearest({"R1"}, 1e3, 100, there)
+    assert live.group_with_nearest({robot("R1")}, 1e3, 100) == nearest({"R1"}, 1e3, 100, there)
     assert live.robots.keys() == {robot(name) for name in there}
 
 
 def test_forecasts_of_several_batches_are_each_robots_newest() -> None:
-    live, fleet = Live(), new_fleet()
+    live, fleet = LiveRobots(), new_fleet()
     for now_s, names in ((NOW_S, ["R1", "R2", "R3"]), (NOW_S + 1, ["R2", "R4"])):
-        live.put(batch(fleet, names, now_s))
+        live.update(batch(fleet, names, now_s))
     wanted = [robot(name) for name in ("R4", "R1", "R2", "R3")]
     keys, found = live.forecasts([*wanted, robot("nobody")])
     assert sorted(keys) == sorted(wanted)

@@ -1,17 +1,17 @@
 import pytest
 
-from deconflict.foresight.presence.report_intervals import Hearing
+from deconflict.foresight.presence.report_intervals import ReportIntervals
 from tests.deconflict.foresight.presence.made_watch import NOW_S, Watch
 from tests.helpers.saying import robot
 
 
-def reported(every_s: float, reports: int) -> Hearing:
-    watch, hearing = Watch(), Hearing()
+def reported(every_s: float, reports: int) -> ReportIntervals:
+    watch, intervals = Watch(), ReportIntervals()
     for number in range(reports):
         watch.now_s = number * every_s
         watch.say("A", 0.0)
-        hearing.take(watch.fleet.cut(NOW_S + watch.now_s))
-    return hearing
+        intervals.add_batch(watch.fleet.cut(NOW_S + watch.now_s))
+    return intervals
 
 
 @pytest.mark.parametrize(
@@ -32,52 +32,52 @@ def test_a_robot_is_silent_after_the_longer_of_five_seconds_and_three_of_its_usu
 
 
 def test_one_long_gap_does_not_change_what_is_usual() -> None:
-    watch, hearing = Watch(), Hearing()
+    watch, intervals = Watch(), ReportIntervals()
     for at_s in (0, 1, 2, 3, 60, 61, 62):
         watch.now_s = float(at_s)
         watch.say("A", 0.0)
-        hearing.take(watch.fleet.cut(NOW_S + at_s))
-    assert hearing.grace_s(robot("A")) == 5.0
+        intervals.add_batch(watch.fleet.cut(NOW_S + at_s))
+    assert intervals.grace_s(robot("A")) == 5.0
 
 
 def test_several_reports_between_two_batches_are_as_many_gaps() -> None:
-    watch, hearing = Watch(), Hearing()
+    watch, intervals = Watch(), ReportIntervals()
     for at_s in range(40):
         watch.now_s = float(at_s)
         watch.say("A", 0.0)
         if at_s % 4 == 0:
-            hearing.take(watch.fleet.cut(NOW_S + at_s))
-    assert hearing.grace_s(robot("A")) == 5.0
+            intervals.add_batch(watch.fleet.cut(NOW_S + at_s))
+    assert intervals.grace_s(robot("A")) == 5.0
 
 
 def test_a_robot_stood_that_has_not_moved_since_the_report_before() -> None:
-    watch, hearing, moved = Watch(), Hearing(), []
+    watch, intervals, moved = Watch(), ReportIntervals(), []
     for second, x_m in enumerate((0.0, 1.0, 1.02, 1.03)):
         watch.now_s = float(second)
         watch.say("A", x_m)
-        hearing.take(watch.fleet.cut(NOW_S + second))
-        moved.append(hearing.moved(robot("A")))
+        intervals.add_batch(watch.fleet.cut(NOW_S + second))
+        moved.append(intervals.moved(robot("A")))
     assert moved == [None, True, False, False]
 
 
 def test_what_is_only_told_again_is_no_report() -> None:
-    watch, hearing = Watch(), Hearing()
+    watch, intervals = Watch(), ReportIntervals()
     watch.say("A", 0.0)
-    first, new = hearing.take(watch.fleet.cut(NOW_S))
-    again, known = hearing.take(watch.fleet.cut(NOW_S + 1.0, True))
+    first, new = intervals.add_batch(watch.fleet.cut(NOW_S))
+    again, known = intervals.add_batch(watch.fleet.cut(NOW_S + 1.0, True))
     assert (len(first.rows), len(again.rows), new, known) == (1, 0, [0], [])
 
 
 def test_a_slot_of_one_that_was_forgotten_is_another_ones() -> None:
-    watch, hearing = Watch(), Hearing()
+    watch, intervals = Watch(), ReportIntervals()
     watch.say("A", 0.0)
     watch.say("B", 1.0)
-    hearing.take(watch.fleet.cut(NOW_S))
-    assert hearing.forget(robot("A"))
-    assert not hearing.forget(robot("A"))
+    intervals.add_batch(watch.fleet.cut(NOW_S))
+    assert intervals.forget(robot("A"))
+    assert not intervals.forget(robot("A"))
     watch.now_s = 1.0
     watch.say("C", 5.0)
-    hearing.take(watch.fleet.cut(NOW_S + 1.0))
-    assert hearing.slots[robot("C")] != hearing.slots[robot("B")]
-    assert [hearing.names[hearing.slots[robot(name)]] for name in "BC"] == [robot("B"), robot("C")]
-    assert hearing.grace_s(robot("C")) == 30.0
+    intervals.add_batch(watch.fleet.cut(NOW_S + 1.0))
+    assert intervals.slots[robot("C")] != intervals.slots[robot("B")]
+    assert [intervals.names[intervals.slots[robot(name)]] for name in "BC"] == [robot("B"), robot("C")]
+    assert intervals.grace_s(robot("C")) == 30.0

@@ -7,70 +7,74 @@ from deconflict.foresight.presence.silence_outcomes import (
     MAYBE_LEFT,
     MAYBE_THERE,
     THERE,
-    Last,
-    Meanings,
-    Spot,
+    FloorPoint,
+    LastSeen,
+    SilenceOutcomes,
 )
 from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
 
-DOOR = Spot("hall", 40.0, 5.0)
+DOOR = FloorPoint("hall", 40.0, 5.0)
 GRACE_S = 5.0
 
 
-def left_at(meanings: Meanings, spot: Spot, times: int, vendor: str = "Alder", last: Last = Last.GOING) -> None:
+def left_at(
+    meanings: SilenceOutcomes, spot: FloorPoint, times: int, vendor: str = "Alder", last: LastSeen = LastSeen.GOING
+) -> None:
     for _ in range(times):
         meanings.count(meanings.case(vendor, spot, last), {LEFT: 1.0})
 
 
-def there(meanings: Meanings, spot: Spot, silent_s: float, vendor: str = "Alder", last: Last = Last.GOING) -> float:
+def there(
+    meanings: SilenceOutcomes, spot: FloorPoint, silent_s: float, vendor: str = "Alder", last: LastSeen = LastSeen.GOING
+) -> float:
     return meanings.there(meanings.case(vendor, spot, last), silent_s, GRACE_S)
 
 
 def test_before_anything_is_known_a_silent_robot_is_mostly_there() -> None:
-    meanings = Meanings()
+    meanings = SilenceOutcomes()
     assert there(meanings, DOOR, 5.0) == pytest.approx(0.9)
     assert there(meanings, DOOR, 60.0) > 0.75
-    assert there(meanings, DOOR, 60.0, last=Last.STANDING) > 0.95
+    assert there(meanings, DOOR, 60.0, last=LastSeen.STANDING) > 0.95
 
 
 def test_where_robots_have_left_the_next_one_has_left_too_and_elsewhere_it_has_not() -> None:
-    meanings = Meanings()
+    meanings = SilenceOutcomes()
     left_at(meanings, DOOR, 20)
     assert there(meanings, DOOR, 5.0) < 0.15
-    assert there(meanings, Spot("hall", 40.5, 5.8), 5.0) < 0.3
-    assert there(meanings, Spot("hall", 20.0, 5.0), 5.0) > 0.55
-    assert there(meanings, Spot("loft", 40.0, 5.0), 5.0) > 0.55
-    assert there(meanings, DOOR, 5.0, last=Last.ARRIVED) < 0.15
-    assert there(meanings, DOOR, 5.0, last=Last.STANDING) > 0.95
+    assert there(meanings, FloorPoint("hall", 40.5, 5.8), 5.0) < 0.3
+    assert there(meanings, FloorPoint("hall", 20.0, 5.0), 5.0) > 0.55
+    assert there(meanings, FloorPoint("loft", 40.0, 5.0), 5.0) > 0.55
+    assert there(meanings, DOOR, 5.0, last=LastSeen.ARRIVED) < 0.15
+    assert there(meanings, DOOR, 5.0, last=LastSeen.STANDING) > 0.95
 
 
 def test_a_place_counts_for_the_vendors_that_have_not_left_there_yet() -> None:
-    meanings = Meanings()
+    meanings = SilenceOutcomes()
     left_at(meanings, DOOR, 20, vendor="Alder")
     assert there(meanings, DOOR, 5.0, vendor="Corvid") < 0.15
-    assert there(meanings, Spot("hall", 0.0, 0.0), 5.0, vendor="Corvid") == pytest.approx(0.9)
+    assert there(meanings, FloorPoint("hall", 0.0, 0.0), 5.0, vendor="Corvid") == pytest.approx(0.9)
 
 
 def test_robots_that_leave_anywhere_are_known_by_their_vendor() -> None:
-    meanings, rng = Meanings(), np.random.default_rng(1)
+    meanings, rng = SilenceOutcomes(), np.random.default_rng(1)
     for x_m, y_m in rng.uniform(0, 200, (40, 2)):
-        left_at(meanings, Spot("hall", x_m, y_m), 1)
-    assert there(meanings, Spot("hall", 300.0, 0.0), 10.0) < 0.15
-    assert there(meanings, Spot("hall", 300.0, 0.0), 10.0, vendor="Corvid") > 0.85
+        left_at(meanings, FloorPoint("hall", x_m, y_m), 1)
+    assert there(meanings, FloorPoint("hall", 300.0, 0.0), 10.0) < 0.15
+    assert there(meanings, FloorPoint("hall", 300.0, 0.0), 10.0, vendor="Corvid") > 0.85
 
 
 def test_silences_that_ended_where_the_robot_was_keep_the_next_one_there() -> None:
-    meanings = Meanings()
+    meanings = SilenceOutcomes()
     for lasted_s in (12.0, 35.0, 58.0) * 10:
-        case = meanings.case("Alder", DOOR, Last.GOING)
+        case = meanings.case("Alder", DOOR, LastSeen.GOING)
         meanings.count(case, {THERE: 1.0})
         meanings.lasted(case, lasted_s)
     assert there(meanings, DOOR, 40.0) > 0.95
 
 
 def test_a_silence_does_not_count_for_its_own_meaning() -> None:
-    meanings = Meanings()
-    case = meanings.case("Alder", DOOR, Last.GOING)
+    meanings = SilenceOutcomes()
+    case = meanings.case("Alder", DOOR, LastSeen.GOING)
     before = meanings.there(case, 20.0, GRACE_S)
     meanings.count(case, {MAYBE_THERE: 0.2, MAYBE_LEFT: 0.8})
     assert meanings.there(case, 20.0, GRACE_S) == pytest.approx(before)
@@ -78,8 +82,8 @@ def test_a_silence_does_not_count_for_its_own_meaning() -> None:
 
 
 def test_what_was_thought_to_have_left_and_came_back_elsewhere_is_no_exit() -> None:
-    meanings = Meanings()
-    cases = [meanings.case("Alder", DOOR, Last.GOING) for _ in range(5)]
+    meanings = SilenceOutcomes()
+    cases = [meanings.case("Alder", DOOR, LastSeen.GOING) for _ in range(5)]
     for case in cases:
         meanings.count(case, {LEFT: 1.0})
     assert [(one.x_m, one.y_m, one.robots) for one in meanings.exits()] == [(40.0, 5.0, 5)]
@@ -90,32 +94,32 @@ def test_what_was_thought_to_have_left_and_came_back_elsewhere_is_no_exit() -> N
 
 
 def test_exits_are_where_most_robots_that_fall_silent_leave() -> None:
-    meanings = Meanings()
+    meanings = SilenceOutcomes()
     left_at(meanings, DOOR, 6)
-    left_at(meanings, Spot("hall", 40.6, 5.9), 6)
-    left_at(meanings, Spot("hall", 0.0, 0.0), 2)
-    left_at(meanings, Spot("loft", 9.0, 9.0), 4)
+    left_at(meanings, FloorPoint("hall", 40.6, 5.9), 6)
+    left_at(meanings, FloorPoint("hall", 0.0, 0.0), 2)
+    left_at(meanings, FloorPoint("loft", 9.0, 9.0), 4)
     for _ in range(12):
-        meanings.count(meanings.case("Alder", Spot("loft", 9.0, 9.0), Last.GOING), {THERE: 1.0})
+        meanings.count(meanings.case("Alder", FloorPoint("loft", 9.0, 9.0), LastSeen.GOING), {THERE: 1.0})
     (exit_,) = meanings.exits()
     assert (exit_.datum, exit_.robots) == ("hall", 12)
     assert [exit_.x_m, exit_.y_m] == pytest.approx([40.3, 5.4], abs=0.1)
 
 
 def test_what_is_known_outlives_a_restart_and_what_is_thought_does_not() -> None:
-    meanings, after = Meanings(), Meanings()
+    meanings, after = SilenceOutcomes(), SilenceOutcomes()
     left_at(meanings, DOOR, 20)
-    case = meanings.case("Alder", Spot("hall", 0.0, 0.0), Last.GOING)
+    case = meanings.case("Alder", FloorPoint("hall", 0.0, 0.0), LastSeen.GOING)
     meanings.count(case, {MAYBE_LEFT: 1.0})
     after.resume(unpacked(packed({"silences": meanings.learned()}))["silences"])
     assert after.exits() == meanings.exits()
     assert there(after, DOOR, 5.0) < 0.15
-    assert there(after, Spot("hall", 0.0, 0.0), 5.0) > there(meanings, Spot("hall", 0.0, 0.0), 5.0)
+    assert there(after, FloorPoint("hall", 0.0, 0.0), 5.0) > there(meanings, FloorPoint("hall", 0.0, 0.0), 5.0)
 
 
 @pytest.mark.parametrize("spoilt", [{"cells": None}, {"cells": [["hall", 1]]}, {"lasted": np.zeros((9, 9))}])
 def test_what_can_not_have_been_learned_is_refused(spoilt: dict[str, object]) -> None:
-    meanings = Meanings()
+    meanings = SilenceOutcomes()
     left_at(meanings, DOOR, 3)
     with pytest.raises(UnreadableError):
-        Meanings().resume(meanings.learned() | spoilt)
+        SilenceOutcomes().resume(meanings.learned() | spoilt)

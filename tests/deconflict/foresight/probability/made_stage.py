@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from deconflict.foresight.probability.estimator import Foresight, Swept
+from deconflict.foresight.probability.estimator import ProbabilityEstimator, SweptConflicts
 from ingest.batch import Basis, Batch, Destinations, Forecasts, Pair
 from ingest.measures.measures import Measures
 from tests.helpers.made_encounters import NOW_S, robot
@@ -12,7 +12,7 @@ from tests.helpers.made_encounters import NOW_S, robot
 CLEARANCE_M = 0.3
 
 
-NONE_SWEPT = Swept((), np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0))
+NONE_SWEPT = SweptConflicts((), np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0))
 
 
 NO_STOPS = Destinations(np.zeros(1, np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0, np.int64))
@@ -38,14 +38,16 @@ class Walk:
 @dataclass
 class Stage:
     walks: dict[str, Walk]
-    foresight: Foresight = field(default_factory=lambda: Foresight(CLEARANCE_M, 0.1, 10.0, Measures()))
+    foresight: ProbabilityEstimator = field(
+        default_factory=lambda: ProbabilityEstimator(CLEARANCE_M, 0.1, 10.0, Measures())
+    )
 
     def run(self, until_s: int) -> list[dict[Pair, float]]:
         return [self.second(t_s) for t_s in range(until_s)]
 
     def second(self, t_s: int) -> dict[Pair, float]:
         self.foresight.receive(self.batch(float(t_s)))
-        self.foresight.look(NOW_S + t_s, NONE_SWEPT, 0.5)
+        self.foresight.estimate(NOW_S + t_s, NONE_SWEPT, 0.5)
         return dict(self.foresight.probabilities())
 
     def batch(self, t_s: float) -> Batch:

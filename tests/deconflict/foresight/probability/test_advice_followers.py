@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deconflict.advisory import Hold, Recommendation, Slot
-from deconflict.foresight.probability.advice_followers import Heeded, waits_until_s
+from deconflict.foresight.probability.advice_followers import AdviceFollowers, waits_until_s
 from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_advisories import ROBOTS, START, cleared, made
 from tests.helpers.made_encounters import NOW_S
@@ -23,12 +23,12 @@ def crossing(told: bool) -> Stage:
     stage = Stage({"a": Walk((0.0, -12.0), (0.0, 1.0)), "b": Walk((-12.0, 0.0), (1.0, 0.0))})
     stage.run(TOLD_S + 1)
     if told:
-        stage.foresight.advise(NOW_S + TOLD_S, {"a": NOW_S + TOLD_S + WAITS_S})
+        stage.foresight.note_advice(NOW_S + TOLD_S, {"a": NOW_S + TOLD_S + WAITS_S})
     at = -12.0 + TOLD_S
     stage.walks["a"] = Walk((0.0, at), (0.0, 0.0), says=(0.0, 1.0))
     for t_s in range(TOLD_S + 1, TOLD_S + WAITS_S + 1):
         stage.second(t_s)
-    assert stage.foresight.heeding(NOW_S + TOLD_S + WAITS_S) == (["a"] if told else [])
+    assert stage.foresight.robots_following_advice(NOW_S + TOLD_S + WAITS_S) == (["a"] if told else [])
     stage.walks["a"] = Walk((0.0, at - TOLD_S - WAITS_S), (0.0, 1.0))
     for t_s in range(TOLD_S + WAITS_S + 1, 40):
         stage.second(t_s)
@@ -60,13 +60,13 @@ def test_a_robot_that_waits_is_not_taken_for_one_that_follows_its_path_badly() -
     assert waited.measures.values.get("deconflict_forecasts_distrusted_total", {}) == {}
 
 
-def heeded() -> Heeded:
-    one = Heeded()
+def heeded() -> AdviceFollowers:
+    one = AdviceFollowers()
     one.grow(3)
     return one
 
 
-def seen(one: Heeded, at_s: float, *stand: bool) -> list[int]:
+def seen(one: AdviceFollowers, at_s: float, *stand: bool) -> list[int]:
     slots = np.arange(len(stand))
     return list(one.see(slots, np.full(len(stand), at_s), np.array(stand)))
 

@@ -4,7 +4,7 @@ from numpy.random import default_rng
 
 from deconflict.foresight.probability.calibration import CONTACT, OUTCOME_WEIGHT, OWN_SD, Calibration, log_odds
 from deconflict.foresight.probability.censoring import STAYED, weights
-from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, Fates
+from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, CensoredOutcomes
 from ingest.batch import Bools, Floats, Ints
 
 NOW_S = 1_790_000_000.0
@@ -25,9 +25,9 @@ def probability(calibration: Calibration, seen: Floats) -> Floats:
     return calibration.estimate(seen, alike(seen)).probability
 
 
-def fates(met: Bools) -> Fates:
+def fates(met: Bools) -> CensoredOutcomes:
     """Some met at once, the others stayed apart; nobody left."""
-    return Fates(np.where(met, 0, STAYED), met, np.zeros(len(met), bool))
+    return CensoredOutcomes(np.where(met, 0, STAYED), met, np.zeros(len(met), bool))
 
 
 def test_on_day_one_a_likelier_overlap_is_a_likelier_meeting() -> None:
@@ -54,7 +54,7 @@ def test_outcomes_are_learned_as_one_step_of_newton_takes_them() -> None:
     rng, seen = default_rng(7), pairs_of(60, 8)[0]
     part, met = rng.integers(0, STAYED, 60), rng.uniform(size=60) < 0.4
     left = ~met & (rng.uniform(size=60) < 0.4)
-    told = Fates(np.where(met | left, part, STAYED), met, left)
+    told = CensoredOutcomes(np.where(met | left, part, STAYED), met, left)
     calibration, before = Calibration(CONTACT), Calibration(CONTACT)
     calibration.learn(seen, alike(seen), told, NOW_S)
     known_of, left_of = (
@@ -95,7 +95,7 @@ def test_robots_that_leave_do_not_make_meetings_look_frequent() -> None:
         leaves_s = np.where(rng.uniform(size=10) < 0.5, rng.uniform(0, 10, 10), np.inf)
         met = meets_s < leaves_s
         part = np.minimum(np.minimum(meets_s, leaves_s), STAYED).astype(int)
-        calibration.learn(seen, alike(seen), Fates(part, met, ~met & (leaves_s < np.inf)), NOW_S + second)
+        calibration.learn(seen, alike(seen), CensoredOutcomes(part, met, ~met & (leaves_s < np.inf)), NOW_S + second)
     assert probability(calibration, pairs_of(4000, 6)[0]).mean() == pytest.approx(0.3, abs=0.03)
 
 

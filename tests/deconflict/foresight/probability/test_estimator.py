@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deconflict.foresight.probability.estimator import Swept
+from deconflict.foresight.probability.estimator import SweptConflicts
 from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_encounters import NOW_S
 
@@ -34,11 +34,11 @@ def test_a_robot_that_says_otherwise_than_it_does_hides_no_conflict() -> None:
 def test_one_that_contradicts_its_own_motion_is_distrusted_until_it_does_as_it_says() -> None:
     stage = Stage({"a": Walk((0.0, 0.0), (0.0, 1.0))})
     stage.run(30)
-    assert not stage.foresight.distrusted("a")
+    assert not stage.foresight.is_distrusted("a")
     stage.walks["a"].says = (1.0, 0.0)
     for t_s in range(30, 36):
         stage.second(t_s)
-    assert stage.foresight.distrusted("a")
+    assert stage.foresight.is_distrusted("a")
     stage.foresight.measures.as_document()
     values = stage.foresight.measures.values
     assert values["deconflict_robots_distrusted"] == {("Alder",): 1.0}
@@ -46,7 +46,7 @@ def test_one_that_contradicts_its_own_motion_is_distrusted_until_it_does_as_it_s
     stage.walks["a"].says = None
     for t_s in range(36, 50):
         stage.second(t_s)
-    assert not stage.foresight.distrusted("a")
+    assert not stage.foresight.is_distrusted("a")
     stage.foresight.measures.as_document()
     assert values["deconflict_robots_distrusted"] == {("Alder",): 0.0}
 
@@ -88,12 +88,12 @@ def test_the_same_calls_give_the_same_answers() -> None:
 def test_robots_that_left_and_came_back_in_other_places_are_not_taken_for_each_other() -> None:
     far, near = Walk((0.0, 90.0), (1.0, 0.0)), {"b": Walk((-8.0, 0.0), (1.0, 0.0)), "a": Walk((0.0, 0.0), (0.0, 0.0))}
     stage = Stage({"c": far} | near)
-    swept = Swept((("a", "b"),), np.array([-1]), np.array([0.1]), np.array([NOW_S + 8]), np.array([NOW_S + 8]))
+    swept = SweptConflicts((("a", "b"),), np.array([-1]), np.array([0.1]), np.array([NOW_S + 8]), np.array([NOW_S + 8]))
     stage.second(0)
-    stage.foresight.look(NOW_S, swept, 0.5)
+    stage.foresight.estimate(NOW_S, swept, 0.5)
     stage.foresight.receive(replace(stage.batch(0.5).take(np.arange(0)), gone=tuple(stage.walks)))
     stage.foresight.receive(stage.batch(1.0))
-    stage.foresight.look(NOW_S + 1, swept._replace(before=np.array([0])), 0.5)
+    stage.foresight.estimate(NOW_S + 1, swept._replace(before=np.array([0])), 0.5)
     assert [pair for pair, _ in stage.foresight.probabilities()] == [("a", "b")]
 
 
@@ -106,8 +106,8 @@ def test_whether_one_still_gives_way_is_not_known_once_one_of_the_two_is_silent(
         stage.second(t_s)
     pairs = stage.foresight._pairs
     assert pairs["gives_way"].tolist() == [True]
-    stage.foresight.fall_silent(["nobody"])
+    stage.foresight.mark_silent(["nobody"])
     assert pairs["gives_way"].tolist() == [True]
-    stage.foresight.fall_silent([silent])
+    stage.foresight.mark_silent([silent])
     assert pairs["gives_way"].tolist() == [False]
     assert pairs["gave_way_s"].tolist() == [-np.inf]

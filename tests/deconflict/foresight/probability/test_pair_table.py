@@ -6,9 +6,9 @@ from deconflict.foresight.probability.pair_table import (
     FEATURES,
     PAIR,
     REMEMBERED_S,
-    Fates,
-    Known,
-    Outcomes,
+    AnsweredQuestion,
+    CensoredOutcomes,
+    OpenQuestions,
     Pairs,
     again,
     codes,
@@ -106,13 +106,13 @@ def test_pairs_that_were_no_candidates_for_long_are_forgotten() -> None:
 
 def outcome(
     *, started_s: list[float], below_s: list[float], heard_s: list[float], **columns: list[float]
-) -> tuple[Known, Fates]:
+) -> tuple[AnsweredQuestion, CensoredOutcomes]:
     """Of pairs (0, 1), (0, 2) ... asked at `NOW_S`."""
     every = pairs(*((0, n + 1) for n in range(len(started_s))))
     every["started_s"], every["below_s"] = NOW_S + np.array(started_s), NOW_S + np.array(below_s)
     for name, after_s in columns.items():
         every[name] = NOW_S + np.array(after_s)
-    outcomes = Outcomes(horizon_s=10.0)
+    outcomes = OpenQuestions(horizon_s=10.0)
     outcomes.ask(NOW_S, every["code"], every["seen"])
     heard = NOW_S + np.array(heard_s)
     assert outcomes.known(NOW_S + 15, every, lambda _: heard) == []
@@ -200,7 +200,7 @@ def test_what_became_of_pairs_is_the_same_pair_by_pair() -> None:
     asked = np.unique(np.concatenate([every["code"][::2], codes(*rng.integers(0, 10, (2, 20)))]))
     until_s = NOW_S + rng.uniform(-1, 15, 10)
     until_s[3] = -np.inf
-    outcomes = Outcomes(horizon_s=10.0)
+    outcomes = OpenQuestions(horizon_s=10.0)
     outcomes.ask(NOW_S, asked, np.zeros((len(asked), FEATURES)))
     (question,) = outcomes.known(NOW_S + 16, every, lambda _: until_s)
     fates = question.interacted
@@ -226,7 +226,7 @@ def test_pairs_of_a_robot_that_was_driven_through_are_kept_apart_and_of_one_that
     # robot 0 was heard until 3 s; with 1 it met at 2 s, with 2 it did not; 2 and 3 go on
     every = pairs((0, 1), (0, 2), (2, 3))
     every["started_s"][0], every["below_s"][0] = NOW_S + 2.0, NOW_S + 2.5
-    outcomes, heard = Outcomes(horizon_s=10.0), NOW_S + np.array([3.0, 6.0, 6.0, 6.0])
+    outcomes, heard = OpenQuestions(horizon_s=10.0), NOW_S + np.array([3.0, 6.0, 6.0, 6.0])
     outcomes.ask(NOW_S, every["code"], every["seen"])
     outcomes.settle(np.array([0]), every, lambda _: heard, were_there=were_there)
     (known,) = outcomes.known(NOW_S + 7, every, lambda _: heard)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deconflict.foresight.probability.start_times import LATE_S, STOOD_S, Starts
+from deconflict.foresight.probability.start_times import LATE_S, STOOD_S, StartTimes
 from ingest.batch import Bools, Floats
 
 NOW_S = 1_790_000_000.0
@@ -12,21 +12,21 @@ NOW_S = 1_790_000_000.0
 FREE, BLOCKED = np.array([False]), np.array([True])
 
 
-def weights(starts: Starts, kind: int, stood_s: float, blocked: Bools = FREE) -> Floats:
+def weights(starts: StartTimes, kind: int, stood_s: float, blocked: Bools = FREE) -> Floats:
     (row,) = starts.weights(np.array([kind]), blocked, np.array([stood_s]))
     return np.asarray(row)
 
 
-def waited(starts: Starts, kind: int, lasts_s: int, robots: int) -> None:
+def waited(starts: StartTimes, kind: int, lasts_s: int, robots: int) -> None:
     """Robots of a kind that stand for so many seconds, and then start."""
     for robot in range(robots):
         for second in range(lasts_s):
             started = np.array([float(second == lasts_s - 1)])
-            starts.take(np.array([kind]), FREE, np.array([float(second)]), np.ones(1), started, NOW_S + robot)
+            starts.record(np.array([kind]), FREE, np.array([float(second)]), np.ones(1), started, NOW_S + robot)
 
 
 def test_delays_are_a_distribution_and_long_waits_are_longer_still() -> None:
-    fresh, long = weights(Starts(), 0, 0.5), weights(Starts(), 0, 30.0)
+    fresh, long = weights(StartTimes(), 0, 0.5), weights(StartTimes(), 0, 30.0)
     assert (fresh >= 0).all()
     assert fresh.sum() == pytest.approx(1.0)
     assert long.sum() == pytest.approx(1.0)
@@ -34,12 +34,12 @@ def test_delays_are_a_distribution_and_long_waits_are_longer_still() -> None:
 
 
 def test_one_that_another_is_in_front_of_starts_later() -> None:
-    assert weights(Starts(), 0, 0.5, BLOCKED) @ LATE_S > 2 * (weights(Starts(), 0, 0.5) @ LATE_S)
+    assert weights(StartTimes(), 0, 0.5, BLOCKED) @ LATE_S > 2 * (weights(StartTimes(), 0, 0.5) @ LATE_S)
 
 
 def test_parts_of_the_delay_agree_with_its_distribution() -> None:
     """Half of those that stood for 2 s start within the median delay."""
-    starts, part = Starts(), np.array([[0.2], [0.5], [0.9]])
+    starts, part = StartTimes(), np.array([[0.2], [0.5], [0.9]])
     waited(starts, 0, 6, 40)
     late_s = starts.late_s(np.array([0]), np.array([2.0]), part)[:, 0]
     per_s = starts.per_s(np.array([0]), FREE)[0]
@@ -50,7 +50,7 @@ def test_parts_of_the_delay_agree_with_its_distribution() -> None:
 
 
 def test_each_kind_is_learned_by_itself_and_drawn_towards_all() -> None:
-    starts = Starts()
+    starts = StartTimes()
     waited(starts, 0, 2, 200)
     waited(starts, 1, 15, 60)
     quick, slow, unknown = (float(weights(starts, kind, 1.0) @ LATE_S) for kind in (0, 1, 2))
@@ -58,7 +58,7 @@ def test_each_kind_is_learned_by_itself_and_drawn_towards_all() -> None:
 
 
 def test_what_was_learned_is_kept() -> None:
-    starts, resumed = Starts(), Starts()
+    starts, resumed = StartTimes(), StartTimes()
     waited(starts, 0, 3, 50)
     resumed.resume(starts.learned())
     assert weights(resumed, 0, 1.0).tolist() == weights(starts, 0, 1.0).tolist()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deconflict.foresight.rollout.rollout import NOBODY, Crowd, Rolled, roll
+from deconflict.foresight.rollout.rollout import NOBODY, RolloutInput, RolloutResult, run_rollout
 from deconflict.foresight.rollout.start_samples import SAMPLES, key_of, paces, quantiles
 
 HORIZON_S, CLEARANCE_M = 10.0, 0.3
@@ -11,7 +11,9 @@ Way = tuple[tuple[float, float], tuple[float, float]]
 """Where a robot is, in metres, and its velocity."""
 
 
-def crowd(*ways: Way, stands: tuple[int, ...] = (), late_s: float = 0.0, bottoms_m: tuple[float, ...] = ()) -> Crowd:
+def crowd(
+    *ways: Way, stands: tuple[int, ...] = (), late_s: float = 0.0, bottoms_m: tuple[float, ...] = ()
+) -> RolloutInput:
     """Robots of 0.9 m by 0.7 m that go straight on; those that stand start `late_s` later."""
     n, ahead_s = len(ways), np.arange(13.0)
     track = np.zeros((n, 13, 4))
@@ -20,7 +22,7 @@ def crowd(*ways: Way, stands: tuple[int, ...] = (), late_s: float = 0.0, bottoms
         track[robot, :, 2] = np.arctan2(vy, vx)
     bottom_m = np.array(bottoms_m or (0.0,) * n)
     standing = np.isin(np.arange(n), stands)
-    return Crowd(
+    return RolloutInput(
         slot=np.arange(n) + 10,
         key=np.arange(n) * 7919,
         since_s=np.zeros(n),
@@ -32,7 +34,7 @@ def crowd(*ways: Way, stands: tuple[int, ...] = (), late_s: float = 0.0, bottoms
     )
 
 
-def shares(rolled: Rolled) -> dict[tuple[int, int], float]:
+def shares(rolled: RolloutResult) -> dict[tuple[int, int], float]:
     """By pair of robots, the share of samples in which they get in each other's way."""
     share = 1 / (1 + np.exp(-rolled.seen[:, 0]))
     low, high = np.minimum(rolled.a, rolled.b) - 10, np.maximum(rolled.a, rolled.b) - 10
@@ -44,46 +46,46 @@ NORTH: Way = ((0.0, -6.0), (0.0, 1.0))
 
 
 def test_one_of_two_that_would_cross_gives_way() -> None:
-    assert shares(roll(crowd(EAST, NORTH), HORIZON_S, CLEARANCE_M))[0, 1] > 0.95
+    assert shares(run_rollout(crowd(EAST, NORTH), HORIZON_S, CLEARANCE_M))[0, 1] > 0.95
 
 
 def test_robots_that_pass_each_other_get_in_nobodys_way() -> None:
-    rolled = roll(crowd(EAST, ((6.0, 1.5), (-1.0, 0.0))), HORIZON_S, CLEARANCE_M)
+    rolled = run_rollout(crowd(EAST, ((6.0, 1.5), (-1.0, 0.0))), HORIZON_S, CLEARANCE_M)
     assert shares(rolled)[0, 1] < 0.05
 
 
 def test_one_that_a_third_robot_stops_does_not_come_that_far() -> None:
     """It waits for one that stands in its way, and so does not meet the one that crosses behind that."""
     third = ((-3.0, 0.0), (0.0, 0.0))
-    found = shares(roll(crowd(EAST, NORTH, third, stands=(2,)), HORIZON_S, CLEARANCE_M))
+    found = shares(run_rollout(crowd(EAST, NORTH, third, stands=(2,)), HORIZON_S, CLEARANCE_M))
     assert found[0, 2] > 0.95
     assert found[0, 1] < 0.05
 
 
 def test_one_that_starts_late_is_met_later_or_not_at_all() -> None:
     waiting, crossing = ((0.0, -1.8), (0.0, 1.0)), EAST
-    at_once = shares(roll(crowd(crossing, waiting, stands=(1,)), HORIZON_S, CLEARANCE_M))
-    late = shares(roll(crowd(crossing, waiting, stands=(1,), late_s=9.0), HORIZON_S, CLEARANCE_M))
+    at_once = shares(run_rollout(crowd(crossing, waiting, stands=(1,)), HORIZON_S, CLEARANCE_M))
+    late = shares(run_rollout(crowd(crossing, waiting, stands=(1,), late_s=9.0), HORIZON_S, CLEARANCE_M))
     assert late.get((0, 1), 0.0) < 0.05
     assert at_once[0, 1] == late[0, 1]
-    near = shares(roll(crowd(((-2.5, 0.0), (1.0, 0.0)), waiting, stands=(1,)), HORIZON_S, CLEARANCE_M))
+    near = shares(run_rollout(crowd(((-2.5, 0.0), (1.0, 0.0)), waiting, stands=(1,)), HORIZON_S, CLEARANCE_M))
     assert near[0, 1] > 0.95
 
 
 def test_one_that_stands_before_another_waits_for_it() -> None:
     blocked, blocker = ((0.0, 0.0), (1.0, 0.0)), ((1.3, 0.0), (0.0, 0.0))
-    rolled = roll(crowd(blocked, blocker, stands=(0, 1)), HORIZON_S, CLEARANCE_M)
+    rolled = run_rollout(crowd(blocked, blocker, stands=(0, 1)), HORIZON_S, CLEARANCE_M)
     assert rolled.waits_for.tolist() == [11, NOBODY]
     assert shares(rolled)[0, 1] < 0.05, "it had stood already"
 
 
 def test_robots_at_other_heights_are_in_nobodys_way() -> None:
-    rolled = roll(crowd(EAST, NORTH, bottoms_m=(0.0, 5.0)), HORIZON_S, CLEARANCE_M)
+    rolled = run_rollout(crowd(EAST, NORTH, bottoms_m=(0.0, 5.0)), HORIZON_S, CLEARANCE_M)
     assert not len(rolled.a)
 
 
 def test_nobody_is_driven_nowhere() -> None:
-    rolled = roll(crowd(EAST), HORIZON_S, CLEARANCE_M)
+    rolled = run_rollout(crowd(EAST), HORIZON_S, CLEARANCE_M)
     assert not len(rolled.a)
     assert rolled.waits_for.tolist() == [NOBODY]
 

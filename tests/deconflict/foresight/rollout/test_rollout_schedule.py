@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.probability.pair_table import codes
-from deconflict.foresight.rollout.rollout import NEVER, NOBODY, Rolled
-from deconflict.foresight.rollout.rollout_schedule import EVERY_S, KEYS, Rollouts
+from deconflict.foresight.rollout.rollout import NEVER, NOBODY, RolloutResult
+from deconflict.foresight.rollout.rollout_schedule import EVERY_S, KEYS, RolloutSchedule
 from ingest.batch import Ints
 
 NOW_S = 1_790_000_000.0
 KEY = np.array([0, KEYS // 3, KEYS // 2, KEYS // 5, KEYS // 7, 3 * KEYS // 4])
 
 
-def rollouts() -> Rollouts:
-    made = Rollouts()
+def rollouts() -> RolloutSchedule:
+    made = RolloutSchedule()
     made.grow(len(KEY))
     return made
 
@@ -22,9 +22,9 @@ def slots(*numbers: int) -> Ints:
     return np.array(numbers, np.int64)
 
 
-def driven(made: Rollouts, a: int, b: int, now_s: float, waits_for: int = NOBODY) -> None:
-    rolled = Rolled(slots(a), slots(b), np.array([[3.0]]), slots(waits_for, NOBODY))
-    made.take(slots(a, b), rolled, codes(slots(a), slots(b)), now_s)
+def driven(made: RolloutSchedule, a: int, b: int, now_s: float, waits_for: int = NOBODY) -> None:
+    rolled = RolloutResult(slots(a), slots(b), np.array([[3.0]]), slots(waits_for, NOBODY))
+    made.store(slots(a, b), rolled, codes(slots(a), slots(b)), now_s)
 
 
 def test_islands_take_turns_and_each_has_one_in_every_period() -> None:
@@ -33,7 +33,9 @@ def test_islands_take_turns_and_each_has_one_in_every_period() -> None:
         now_s = NOW_S + tick * EVERY_S / 10
         due = made.due(slots(0, 1, 3), slots(1, 2, 4), KEY, now_s)
         if len(due):
-            made.take(due, Rolled(due[:0], due[:0], np.zeros((0, 1)), np.full(len(due), NOBODY)), due[:0], now_s)
+            made.store(
+                due, RolloutResult(due[:0], due[:0], np.zeros((0, 1)), np.full(len(due), NOBODY)), due[:0], now_s
+            )
         turns.append(due.tolist())
     assert turns[0] == [0, 1, 2, 3, 4], "none was driven before"
     assert sorted(map(tuple, filter(None, turns[1:11]))) == [(0, 1, 2), (3, 4)]
@@ -46,7 +48,9 @@ def test_what_came_of_a_pair_stays_until_its_next_turn() -> None:
     driven(made, 3, 4, NOW_S)
     asked = codes(slots(1, 0, 3), slots(2, 5, 4))
     assert made.seen_of(asked).tolist() == [[3.0], NEVER.tolist(), [3.0]]
-    made.take(slots(1, 2), Rolled(slots(), slots(), np.zeros((0, 1)), slots(NOBODY, NOBODY)), slots(), NOW_S + 1)
+    made.store(
+        slots(1, 2), RolloutResult(slots(), slots(), np.zeros((0, 1)), slots(NOBODY, NOBODY)), slots(), NOW_S + 1
+    )
     assert made.seen_of(asked).tolist() == [NEVER.tolist(), NEVER.tolist(), [3.0]]
 
 
@@ -73,7 +77,7 @@ def test_where_many_are_due_some_wait_those_longest_that_were_driven_last(monkey
     for look in range(3):
         due = made.due(*pairs, KEY, NOW_S + 10 * look)
         driven_slots.append(due.tolist())
-        rolled = Rolled(slots(), slots(), np.zeros((0, 1)), np.full(len(due), NOBODY))
-        made.take(due, rolled, slots(), NOW_S + 10 * look)
+        rolled = RolloutResult(slots(), slots(), np.zeros((0, 1)), np.full(len(due), NOBODY))
+        made.store(due, rolled, slots(), NOW_S + 10 * look)
     assert sorted(slot for due in driven_slots for slot in due) == [0, 1, 2, 3, 4, 5]
     assert made.due(*pairs, KEY, NOW_S + 30).tolist() == driven_slots[0]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import pytest
 
 from deconflict.advisory import ConflictAdvisory, Recommendation
-from deconflict.sweep.geometry.heights import beside, most_beside
+from deconflict.sweep.geometry.heights import heights_overlap, largest_group_at_one_height
 from tests.deconflict.contention.scenes import Scene, Script, site
 from tests.helpers.saying import robot
 
@@ -65,11 +65,11 @@ def test_one_above_the_other_neither_is_warned_of_nor_should_wait_and_nothing_is
 )
 def test_neither_is_above_the_other_where_their_heights_touch_or_are_unknown(other: Box, together: bool) -> None:
     one = Box(0.0, 1.0)
-    assert beside(one, other) is beside(other, one) is together
+    assert heights_overlap(one, other) is heights_overlap(other, one) is together
 
 
 def test_the_most_at_one_height_are_those_that_all_reach_it() -> None:
     low, high, tall, unknown = Box(0.0, 1.0), Box(5.0, 6.0), Box(0.0, 6.0), Box(-inf, inf)
-    assert most_beside([high, low, unknown]) == [low, unknown]
-    assert most_beside([high, low, tall, high]) == [high, tall, high]
-    assert most_beside(list[Box]()) == []
+    assert largest_group_at_one_height([high, low, unknown]) == [low, unknown]
+    assert largest_group_at_one_height([high, low, tall, high]) == [high, tall, high]
+    assert largest_group_at_one_height(list[Box]()) == []
