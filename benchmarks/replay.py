@@ -39,11 +39,12 @@ from deconflict.sweep.incremental import Sweeper
 from ingest.fleet.fleet import Fleet
 from ingest.languages.massrobotics import timestamps
 from ingest.recording.log_reader import Reader
-from metrics.replay import replay
-from metrics.scoring.arrival_scores import Arrivals
-from metrics.scoring.forecast_scores import ForecastErrors
-from metrics.scoring.warnings.calibration_scores import Calibration
-from metrics.truth.encounters import Truth
+from metrics.replay.clearance_scores import ClearanceScores
+from metrics.replay.replay import replay
+from metrics.scoring.arrival_scores import ArrivalScores
+from metrics.scoring.forecast_scores import ForecastScores
+from metrics.scoring.warnings.calibration_scores import CalibrationScores
+from metrics.truth.encounters import EncounterFinder
 
 START_S = 1_790_000_000.0
 STEP_S = 0.1
@@ -56,9 +57,14 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "life of advisories": ((Lives, "step"),),
     "advice on conflicts": ((Desk, "step"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
-    "truth, arrivals": ((Arrivals, "take"), (Truth, "report"), (Truth, "advance"), (Truth, "finish")),
-    "forecast errors": ((ForecastErrors, "take"), (ForecastErrors, "advance"), (ForecastErrors, "finish")),
-    "scoring": ((Calibration, "sample"), (Calibration, "resolve"), (replay, "score")),
+    "truth, arrivals": (
+        (ArrivalScores, "add_batch"),
+        (EncounterFinder, "report"),
+        (EncounterFinder, "advance"),
+        (EncounterFinder, "finish"),
+    ),
+    "forecast errors": ((ForecastScores, "add"), (ForecastScores, "advance"), (ForecastScores, "finish")),
+    "scoring": ((CalibrationScores, "sample"), (CalibrationScores, "resolve"), (ClearanceScores, "figures")),
 }
 
 
@@ -132,7 +138,7 @@ def replayed(log: Path, site: Site) -> tuple[dict[str, Any], float]:
     """The result, and the seconds that it took."""
     began = time.process_time()
     reader = Reader()
-    result = replay.replay(reader, reader.read([log]), site, [site.conflict.clearance_m])
+    result = replay(reader, reader.read([log]), site, [site.conflict.clearance_m])
     return result, time.process_time() - began
 
 

@@ -82,7 +82,7 @@ def alerts_of(lines: Iterable[str], kind: type[Presence] = Presence) -> tuple[li
         path = Path(folder) / "log.jsonl"
         path.write_text("".join(lines))
         reader = Reader()
-        scores = replay(reader, reader.read([path]), Site(), [0.3], tell=tell)["scores"][0]
+        scores = replay(reader, reader.read([path]), Site(), [0.3], on_line=tell)["scores"][0]
     return list(told.values()), scores
 
 

@@ -22,43 +22,53 @@ from metrics.replay import blackbox_verify, conformance_counts
 from metrics.scoring import compare
 
 if TYPE_CHECKING:
-    from metrics.replay.replay import Tell, Watch
+    from metrics.replay.replay import BatchSink, LineSink
 
-TOLD_EVERY = 500
-"""Lines between two looks at how far the progress bar has come."""
+LINES_PER_UPDATE = 500
+"""Lines between two updates of the progress bar."""
 SLIGHT_S = 1.0
-"""Messages that stand no further from their place than this, as where several sockets are read, mislead nobody."""
+"""Messages that are out of order by at most this are harmless. They occur if several sockets are read."""
 
 log = logging.getLogger(__name__)
 
 
 class LogError(ValueError):
-    """A log or a result that can't be read, and what to change."""
+    """A log or a result can't be read. The message says what to change."""
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add them to the command line."""
-    again = commands.add_parser("replay", help="run recorded logs through the engine and score its advisories")
-    _add_logs(again, "*")
-    again.add_argument("--clearance", nargs="+", type=_clearance_m, metavar="M", help="metres; the site's if not given")
-    again.add_argument("--json", type=Path, metavar="OUT.json", help="write the scores here, not to standard output")
-    again.add_argument("--html", type=Path, metavar="OUT.html", help="a report for people, in one file")
-    again.add_argument("--advisories", type=Path, metavar="OUT.jsonl", help="what the live stream would have said")
-    again.add_argument("--mcap", type=Path, metavar="OUT.mcap", help="envelopes and advisories for robot viewers")
-    again.add_argument(
+    """Add the commands to the command line."""
+    replay_command = commands.add_parser("replay", help="run recorded logs through the engine and score its advisories")
+    _add_logs(replay_command, "*")
+    replay_command.add_argument(
+        "--clearance", nargs="+", type=_clearance_m, metavar="M", help="in metres; by default the site's"
+    )
+    replay_command.add_argument(
+        "--json", type=Path, metavar="OUT.json", help="write the scores to this file, not to standard output"
+    )
+    replay_command.add_argument("--html", type=Path, metavar="OUT.html", help="write a report for people, in one file")
+    replay_command.add_argument(
+        "--advisories", type=Path, metavar="OUT.jsonl", help="write the revisions that the live stream would publish"
+    )
+    replay_command.add_argument(
+        "--mcap", type=Path, metavar="OUT.mcap", help="write envelopes and advisories for robot viewers"
+    )
+    replay_command.add_argument(
         "--scheduler",
         nargs="?",
         const="",
         metavar="ADDRESS",
-        help="spread the work over a Dask cluster; without an address over the cores of this machine",
+        help="run on a Dask cluster; without an address, on the cores of this machine",
     )
-    again.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"), help="say what a change did")
-    again.set_defaults(run=_replay)
+    replay_command.add_argument(
+        "--compare", nargs=2, type=Path, metavar=("A.json", "B.json"), help="compare two results"
+    )
+    replay_command.set_defaults(run=_replay)
 
-    alone = commands.add_parser("conform", help="what each vendor's messages in a log depart from the standard in")
-    _add_logs(alone, "+")
-    alone.add_argument("--json", type=Path, metavar="OUT.json", help="write the counts here too")
-    alone.set_defaults(run=_conform)
+    conform_command = commands.add_parser("conform", help="count each vendor's departures from the standard")
+    _add_logs(conform_command, "+")
+    conform_command.add_argument("--json", type=Path, metavar="OUT.json", help="also write the counts to this file")
+    conform_command.set_defaults(run=_conform)
     blackbox_verify.add(commands)
 
 
@@ -66,7 +76,7 @@ def _add_logs(command: argparse.ArgumentParser, count: str) -> None:
     command.add_argument("logs", nargs=count, type=Path, metavar="LOG", help="a file, or a directory of logs")
     command.add_argument("--site", type=Path, metavar="SITE.toml")
     command.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help="as if the site said so"
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help="override a setting of the site"
     )
 
 
@@ -76,7 +86,7 @@ def _clearance_m(text: str) -> float:
     except ValueError:
         clearance_m = inf
     if not 0 <= clearance_m < inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is no distance: give metres, 0 or more, such as 0.3")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a distance: give metres, 0 or more, such as 0.3")
     return clearance_m
 
 
@@ -87,21 +97,21 @@ def _replay(args: argparse.Namespace) -> int:
     if not args.logs:
         raise LogError("replay: give a LOG, or --compare A.json B.json")
     settings, logs = _settings(args), files_of(args.logs)
-    _spared(logs, args.json, args.html, args.advisories, args.mcap)
+    _check_outputs(logs, args.json, args.html, args.advisories, args.mcap)
 
     from metrics.replay.replay import replay  # noqa: PLC0415 - brings numba
     from metrics.report import html_report  # noqa: PLC0415 - brings numba
 
     reader, clearances_m = Reader(), args.clearance or [settings.conflict.clearance_m]
     with ExitStack() as files:
-        tell, watch = _outputs(args, files)
-        events = files.enter_context(_shown(reader, logs))
+        on_line, on_batch = _sinks(args, files)
+        events = files.enter_context(_with_progress(reader, logs))
         start = start_of(head) if (head := _head(args)) else Start()
-        again = replay if args.scheduler is None else _spread(args.scheduler, files)
-        result = again(reader, events, settings, clearances_m, tell=tell, watch=watch, start=start)
-    _look_back(reader, args.logs, result)
+        run = replay if args.scheduler is None else _on_cluster(args.scheduler, files)
+        result = run(reader, events, settings, clearances_m, on_line=on_line, on_batch=on_batch, start=start)
+    _check_order(reader, args.logs, result)
     if args.html:
-        title = f"Replay of {', '.join(one.name for one in args.logs)}"
+        title = f"Replay of {', '.join(log.name for log in args.logs)}"
         _write(args.html, html_report.page(result, title))
     if args.json:
         _write(args.json, _text(result))
@@ -110,10 +120,10 @@ def _replay(args: argparse.Namespace) -> int:
     return 0
 
 
-def _spread(address: str, files: ExitStack) -> Callable[..., dict[str, Any]]:
-    """The replay on a cluster that `files` lets go of."""
+def _on_cluster(address: str, files: ExitStack) -> Callable[..., dict[str, Any]]:
+    """The replay on a Dask cluster. Closing `files` disconnects from it."""
     try:
-        from metrics.replay import dask_replay  # noqa: PLC0415 - only where it is asked for
+        from metrics.replay import dask_replay  # noqa: PLC0415 - Dask is optional
     except ImportError as error:
         raise LogError(f"--scheduler needs Dask ({error}): pip install '.[dask]'") from error
     try:
@@ -124,10 +134,10 @@ def _spread(address: str, files: ExitStack) -> Callable[..., dict[str, Any]]:
 
 def _conform(args: argparse.Namespace) -> int:
     reader, settings, logs = Reader(), _settings(args), files_of(args.logs)
-    _spared(logs, args.json)
-    with _shown(reader, logs) as events:
+    _check_outputs(logs, args.json)
+    with _with_progress(reader, logs) as events:
         result = conformance_counts.conform(reader, events, settings)
-    _look_back(reader, args.logs, result)
+    _check_order(reader, args.logs, result)
     sys.stdout.write(conformance_counts.page(result))
     if args.json:
         _write(args.json, _text(result))
@@ -139,84 +149,84 @@ def _compared(a: Path, b: Path) -> str:
     try:
         return compare.page(*results)
     except UNREADABLE as error:
-        told = f"{a} or {b} lacks what this release writes ({error!r})"
-        raise LogError(f"{told}; write both anew with replay --json") from error
+        problem = f"{a} or {b} lacks a value that this release writes ({error!r})"
+        raise LogError(f"{problem}; write both again with replay --json") from error
 
 
 def _result(path: Path) -> dict[str, Any]:
-    """What an earlier replay wrote."""
+    """The result that an earlier replay wrote."""
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, *UNREADABLE) as error:
         raise LogError(f"{path} can't be read: {error}") from error
-    if not isinstance(told, dict) or "scores" not in told:
-        raise LogError(f"{path} is no result of a replay; write one with --json")
-    return told
+    if not isinstance(document, dict) or "scores" not in document:
+        raise LogError(f"{path} is not the result of a replay; write one with --json")
+    return document
 
 
 def _head(args: argparse.Namespace) -> dict[str, Any] | None:
-    """What the only log says of itself where it is a black box."""
+    """The head of the only log, if that is a black box; else None."""
     return head_of(args.logs[0]) if len(args.logs) == 1 else None
 
 
 def _settings(args: argparse.Namespace) -> site.Site:
     head = None if args.site else _head(args)
-    told = site_of(head) if head else site.load(args.site) if args.site else site.DEFAULT
-    return overrides.changed(told, args.changes) if args.changes else told
+    settings = site_of(head) if head else site.load(args.site) if args.site else site.DEFAULT
+    return overrides.changed(settings, args.changes) if args.changes else settings
 
 
 def _text(result: dict[str, Any]) -> str:
     return json.dumps(result, indent=2) + "\n"
 
 
-def _outputs(args: argparse.Namespace, files: ExitStack) -> "tuple[Tell | None, Watch | None]":
-    """What is called with each advisory line and with each batch, writing to files that `files` closes."""
-    tellers: list[Tell] = []
-    watch: Watch | None = None
+def _sinks(args: argparse.Namespace, files: ExitStack) -> "tuple[LineSink | None, BatchSink | None]":
+    """Callables for each advisory line and for each batch. They write to files that `files` closes."""
+    line_sinks: list[LineSink] = []
+    batch_sink: BatchSink | None = None
     if args.advisories:
         lines = files.enter_context(_opened(args.advisories, "w"))
-        tellers.append(lambda line: lines.writelines((json.dumps(line), "\n")))
+        line_sinks.append(lambda line: lines.writelines((json.dumps(line), "\n")))
     if args.mcap:
-        from metrics.report.mcap_export import Export  # noqa: PLC0415 - only where it is asked for
+        from metrics.report.mcap_export import McapExport  # noqa: PLC0415 - rarely needed
 
-        export = Export(files.enter_context(_opened(args.mcap, "wb")))
+        export = McapExport(files.enter_context(_opened(args.mcap, "wb")))
         files.callback(export.finish)
-        tellers.append(export.tell)
-        watch = export.watch
+        line_sinks.append(export.add_line)
+        batch_sink = export.add_batch
 
-    def tell(line: dict[str, Any]) -> None:
-        for teller in tellers:
-            teller(line)
+    def write_line(line: dict[str, Any]) -> None:
+        for sink in line_sinks:
+            sink(line)
 
-    return tell if tellers else None, watch
+    return write_line if line_sinks else None, batch_sink
 
 
 def files_of(logs: Iterable[Path]) -> list[Path]:
-    """The files of the logs, by time. Raises `LogError` where there are none, or one can't be read."""
-    for one in logs:
-        if not os.access(one, os.R_OK):
-            raise LogError(f"{one} can't be read: give a log that is there, or a directory of logs")
+    """The files of the logs, by time. Raises `LogError` if there are none, or if one can't be read."""
+    for log in logs:
+        if not os.access(log, os.R_OK):
+            raise LogError(f"{log} can't be read: give an existing log, or a directory of logs")
     try:
         files = by_time(logs)
         if unreadable := [file for file in files if not os.access(file, os.R_OK)]:
-            raise LogError(f"{unreadable[0]} can't be read: you must have the right to")
+            raise LogError(f"{unreadable[0]} can't be read: permission denied")
     except OSError as error:
         raise LogError(f"{error.filename} can't be read: {error.strerror}") from error
     if not files:
-        raise LogError(f"no log is in {_named(logs)}: their names have .jsonl in them")
+        raise LogError(f"no log is in {_named(logs)}: the name of a log contains .jsonl")
     return files
 
 
-def _spared(logs: Sequence[Path], *outputs: Path | None) -> None:
-    """Raises `LogError` where what is to be written has no place, or that of a log."""
+def _check_outputs(logs: Sequence[Path], *outputs: Path | None) -> None:
+    """Raises `LogError` if an output can't be written, or would overwrite a log."""
     for out in outputs:
         if out is None:
             continue
-        there = os.access(out, os.F_OK)
-        if not (os.access(out, os.W_OK) and not out.is_dir() if there else os.access(out.parent, os.W_OK | os.X_OK)):
-            raise LogError(f"{out} can't be written: give a file in a directory that is there and yours to write to")
-        if there and any(out.samefile(one) for one in logs):
-            raise LogError(f"{out} is the log that is to be read: give what is written another name")
+        exists = os.access(out, os.F_OK)
+        if not (os.access(out, os.W_OK) and not out.is_dir() if exists else os.access(out.parent, os.W_OK | os.X_OK)):
+            raise LogError(f"{out} can't be written: give a file in an existing directory that you may write to")
+        if exists and any(out.samefile(log) for log in logs):
+            raise LogError(f"{out} is a log to be read: give the output another name")
 
 
 def _opened(out: Path, mode: str) -> IO[Any]:
@@ -233,18 +243,18 @@ def _write(out: Path, text: str) -> None:
         raise LogError(f"{out} can't be written: {error.strerror}") from error
 
 
-def _look_back(reader: Reader, logs: Iterable[Path], result: dict[str, Any]) -> None:
-    """Say what became of messages out of their order. Raises `LogError` where there was no message at all."""
+def _check_order(reader: Reader, logs: Iterable[Path], result: dict[str, Any]) -> None:
+    """Log how many messages were out of order. Raises `LogError` if there was no message at all."""
     if not result["messages"]:
-        torn = f" and {reader.unreadable} lines that are none" if reader.unreadable else ""
-        told = f"no message is in {_named(logs)}{torn}"
-        raise LogError(f'{told}: give lines {{"received": ..., "message": {{...}}}} or a recording of the service')
+        unreadable = f", only {reader.unreadable} lines that can't be read" if reader.unreadable else ""
+        problem = f"no message is in {_named(logs)}{unreadable}"
+        raise LogError(f'{problem}: give lines {{"received": ..., "message": {{...}}}} or a recording of the service')
     if reader.late:
-        told = f"{reader.late} messages stand behind others that came up to {reader.late_by_s:.3g} s later"
+        late = f"{reader.late} messages come after messages that were received up to {reader.late_by_s:.3g} s later"
         if reader.own or reader.late_by_s <= SLIGHT_S:
-            log.info("%s; each was taken where it stands", told)
+            log.info("%s; each was read in the order of the log", late)
         else:
-            log.warning("%s, too late for most of what they say to be scored: sort the lines by `received`", told)
+            log.warning("%s, too late for most of them to be scored: sort the lines by `received`", late)
 
 
 def _named(logs: Iterable[Path]) -> str:
@@ -252,8 +262,8 @@ def _named(logs: Iterable[Path]) -> str:
 
 
 @contextmanager
-def _shown(reader: Reader, files: Sequence[Path]) -> Iterator[Iterator[Event]]:
-    """The events of the files, with a progress bar on standard error where that is a terminal."""
+def _with_progress(reader: Reader, files: Sequence[Path]) -> Iterator[Iterator[Event]]:
+    """The events of the files, with a progress bar if standard error is a terminal."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield reader.read(files)
@@ -264,7 +274,7 @@ def _shown(reader: Reader, files: Sequence[Path]) -> Iterator[Iterator[Event]]:
 
         def events() -> Iterator[Event]:
             for number, event in enumerate(reader.read(files), 1):
-                if number % TOLD_EVERY == 0:
+                if number % LINES_PER_UPDATE == 0:
                     progress.update(task, completed=reader.bytes_read, description=f"{number:,} lines")
                 yield event
 

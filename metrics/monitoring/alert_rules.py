@@ -17,7 +17,7 @@ VENDOR = ["vendor"]
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
+class RecordingRule:
     """A query that is evaluated all the time, under a name of its own."""
 
     name: str
@@ -25,7 +25,7 @@ class Recorded:
 
 
 @dataclass(frozen=True, slots=True)
-class Alert:
+class AlertingRule:
     """A condition that a person should know of. Summary and description are templates of Prometheus."""
 
     name: str
@@ -42,9 +42,9 @@ class Alert:
         return f"{RUNBOOK}#{self.name.lower()}"
 
 
-def _within(window: str) -> Recorded:
+def _within(window: str) -> RecordingRule:
     name = f"vendor:deconflict_within_objective:ratio_rate{window}"
-    return Recorded(name, share_within(OBJECTIVE_S, "deconflict_message_to_advisory_seconds", window, VENDOR))
+    return RecordingRule(name, share_within(OBJECTIVE_S, "deconflict_message_to_advisory_seconds", window, VENDOR))
 
 
 def _burning(long: str, short: str, times: float) -> str:
@@ -67,30 +67,30 @@ _MESSAGES = rate("deconflict_messages_total", "15m", VENDOR)
 _ENDED = "deconflict_conflicts_ended_total"
 _OFFSET = "deconflict_clock_offset_seconds"
 
-RECORDED = (
-    Recorded(
+RECORDING_RULES = (
+    RecordingRule(
         "vendor:deconflict_accepted:rate5m",
         rate("deconflict_messages_total", "5m", VENDOR, where={"result": "accepted"}),
     ),
-    Recorded(
+    RecordingRule(
         "vendor:deconflict_deviations_per_message:ratio_rate15m",
         f"{rate('deconflict_deviations_total', '15m', VENDOR)} / {_MESSAGES}",
     ),
-    Recorded(
+    RecordingRule(
         "vendor:deconflict_rejected:ratio_rate15m",
         f"({rate('deconflict_messages_total', '15m', VENDOR, where={'result': 'rejected'})} or 0 * {_MESSAGES})"
         f" / {_MESSAGES}",
     ),
     *(_within(window) for window in ("5m", "30m", "1h", "6h")),
-    Recorded(
+    RecordingRule(
         "vendor:deconflict_nuisance:ratio_increase1h",
         f"{increase(_ENDED, '1h', VENDOR, where={'outcome': 'not_met'})} / {increase(_ENDED, '1h', VENDOR)}",
     ),
-    Recorded("deconflict:engine_busy:ratio_rate5m", time_share("deconflict_sweep_duration_seconds", "5m")),
+    RecordingRule("deconflict:engine_busy:ratio_rate5m", time_share("deconflict_sweep_duration_seconds", "5m")),
 )
 
-ALERTS = (
-    Alert(
+ALERTING_RULES = (
+    AlertingRule(
         "DeconflictAbsent",
         "absent(deconflict_build_info)",
         "1m",
@@ -98,7 +98,7 @@ ALERTS = (
         "The deconfliction service is not there",
         "Prometheus has read nothing from the service for a minute. Nobody is told of conflicts.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictRoleDown",
         f"{level('deconflict_role_up', ['role'], over='min')} == 0",
         "1m",
@@ -106,7 +106,7 @@ ALERTS = (
         "The {{ $labels.role }} of the deconfliction service is down",
         "The {{ $labels.role }} has not answered for a minute. Without receiver or engine no advisory changes.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictVendorSilent",
         f"{level('deconflict_robots', VENDOR)} > 0 unless on (vendor) vendor:deconflict_accepted:rate5m > 0",
         "1m",
@@ -115,7 +115,7 @@ ALERTS = (
         "{{ $value }} robots of {{ $labels.vendor }} are on the floor and none has sent a valid message for five "
         "minutes. They are treated as obstacles where they were last seen.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictConformanceWorsening",
         "vendor:deconflict_rejected:ratio_rate15m > 0.05 or vendor:deconflict_deviations_per_message:ratio_rate15m"
         " > 0.2 + 1.5 * avg_over_time(vendor:deconflict_deviations_per_message:ratio_rate15m[1d] offset 30m)",
@@ -125,7 +125,7 @@ ALERTS = (
         '{{ $labels.vendor }} now has {{ printf "%.2f" $value }} rejections or deviations a message: more than one '
         "message in twenty is rejected, or there are half as many deviations again as on the day before.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictClockDrift",
         f"max_over_time({_OFFSET}[1h]) - min_over_time({_OFFSET}[1h]) > 0.5",
         "5m",
@@ -134,7 +134,7 @@ ALERTS = (
         'The estimated clock offset of {{ $labels.vendor }} has moved by {{ printf "%.2f" $value }} s within an hour. '
         "A steady offset is corrected; one that moves makes forecasts early or late.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictDatumDrift",
         f"{level('deconflict_datum_drift_metres', VENDOR, over='max')} > 0.2",
         "30m",
@@ -143,7 +143,7 @@ ALERTS = (
         'Robots of {{ $labels.vendor }} now come to rest at docks and chargers {{ printf "%.2f" $value }} m from where '
         "they did at first. Their positions, and forecasts, are off by as much.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictForecastsWorse",
         level("deconflict_forecast_change_metres", VENDOR, over="max") + " > 0",
         "10m",
@@ -152,7 +152,7 @@ ALERTS = (
         'Forecasts of {{ $labels.vendor }} 3 s ahead are {{ printf "%.2f" $value }} m further off than usual. '
         "Its conflicts are told with wider errors: later, or needlessly.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictNuisanceRate",
         f"vendor:deconflict_nuisance:ratio_increase1h > 0.5 and on (vendor) ({increase(_ENDED, '1h', VENDOR)} > 10)",
         "15m",
@@ -161,7 +161,7 @@ ALERTS = (
         "{{ $value | humanizePercentage }} of the conflicts with robots of {{ $labels.vendor }} that ended in the "
         "last hour were cleared without the robots coming within the clearance.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictLatencyBurnFast",
         _burning("1h", "5m", 14.4),
         "2m",
@@ -169,7 +169,7 @@ ALERTS = (
         "Advisories lag behind the messages of {{ $labels.vendor }}",
         _late("hour"),
     ),
-    Alert(
+    AlertingRule(
         "DeconflictLatencyBurnSlow",
         _burning("6h", "30m", 6.0),
         "15m",
@@ -177,7 +177,7 @@ ALERTS = (
         "Advisories lag behind the messages of {{ $labels.vendor }} again and again",
         _late("six hours"),
     ),
-    Alert(
+    AlertingRule(
         "DeconflictEngineOverload",
         "deconflict:engine_busy:ratio_rate5m > 0.8",
         "5m",
@@ -186,7 +186,7 @@ ALERTS = (
         "The engine computes {{ $value | humanizePercentage }} of the time; near 100 % its passes come late and "
         "messages are replaced before they are read.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictOutletStuck",
         f"{rate('deconflict_outlet_failures_total', '5m', ['outlet'])} > 0"
         f" unless on (outlet) {rate('deconflict_outlet_deliveries_total', '5m', ['outlet'])} > 0",
@@ -195,7 +195,7 @@ ALERTS = (
         "The outlet {{ $labels.outlet }} takes no advisories",
         "Nothing has been delivered to {{ $labels.outlet }} for five minutes and attempts fail; advisories wait.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictDeadlockAhead",
         f"{level('deconflict_advisories_open', where={'kind': 'deadlock'})} > 0",
         "0s",
@@ -204,7 +204,7 @@ ALERTS = (
         "{{ $value }} deadlock advisories are open. GET /advisories?kind=deadlock names the robots and "
         "who waits for whom.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictForeignClaim",
         f"{level('deconflict_advisories_open', where={'kind': 'foreign_claim'})} > 0",
         "0s",
@@ -213,7 +213,7 @@ ALERTS = (
         "{{ $value }} times a vendor reports robots that belong to another. Its reports are refused and change "
         "no forecast. GET /advisories?kind=foreign_claim names both vendors and the robots.",
     ),
-    Alert(
+    AlertingRule(
         "DeconflictTwoPlaces",
         f"{level('deconflict_advisories_open', where={'kind': 'two_places'})} > 0",
         "0s",
@@ -233,12 +233,12 @@ def rules_file() -> str:
 def _groups() -> Iterator[str]:
     yield "  - name: deconflict-recorded"
     yield "    rules:"
-    for one in RECORDED:
+    for one in RECORDING_RULES:
         yield f"      - record: {one.name}"
         yield f"        expr: {json.dumps(one.query)}"
     yield "  - name: deconflict-alerts"
     yield "    rules:"
-    for alert in ALERTS:
+    for alert in ALERTING_RULES:
         yield f"      - alert: {alert.name}"
         yield f"        expr: {json.dumps(alert.query)}"
         yield f"        for: {alert.lasting}"

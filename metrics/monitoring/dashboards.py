@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from metrics.monitoring.alert_rules import rules_file
-from metrics.monitoring.exposition import CATALOGUE, Entry
+from metrics.monitoring.exposition import CATALOGUE, CatalogueEntry
 from metrics.monitoring.health_page import ENGINE
-from metrics.monitoring.panels import Dashboard, Panel, Query, Row, as_json, names_in
+from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query, as_json, names_in
 from metrics.monitoring.promql import level, quantile, rate
 from metrics.monitoring.site_pages import SITE, VENDORS, WINDOW
 
@@ -22,11 +22,11 @@ def dashboards() -> list[Dashboard]:
     shown = {name for one in placed for _, query in one.queries() for name in names_in(query.promql)}
     rest = tuple(_plain(name, entry) for name, entry in CATALOGUE.items() if name not in shown)
     if rest:
-        placed[-1] = replace(ENGINE, rows=(*ENGINE.rows, Row("More", rest)))
+        placed[-1] = replace(ENGINE, rows=(*ENGINE.rows, PanelRow("More", rest)))
     return placed
 
 
-def _plain(name: str, entry: Entry) -> Panel:
+def _plain(name: str, entry: CatalogueEntry) -> Panel:
     """A panel with nothing but the metric, by all of its labels."""
     title = name.removeprefix("deconflict_").removesuffix("_total").replace("_", " ").capitalize()
     legend = " ".join(f"{{{{{label}}}}}" for label in entry.labels)

@@ -1,7 +1,7 @@
 """The dashboard of the engine's health, and of what feeds it and what it feeds."""
 
 from metrics.monitoring.alert_rules import OBJECTIVE_S
-from metrics.monitoring.panels import Dashboard, Panel, Query, Row
+from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query
 from metrics.monitoring.promql import level, or_zero_by_vendor, quantile, rate, time_share
 from metrics.monitoring.site_pages import STATUS_WAIT, VENDOR, WINDOW, rare, rated
 
@@ -11,7 +11,7 @@ ENGINE = Dashboard(
     "deconflict-engine",
     "Deconfliction: engine and ingest health",
     (
-        Row(
+        PanelRow(
             "From message to advisory",
             (
                 Panel(
@@ -59,7 +59,7 @@ ENGINE = Dashboard(
                 ),
             ),
         ),
-        Row(
+        PanelRow(
             "Ingest",
             (
                 Panel(
@@ -92,7 +92,7 @@ ENGINE = Dashboard(
                 Panel("Lines not recorded", "ops", (rated("deconflict_recorded_lines_dropped_total", legend="lost"),)),
             ),
         ),
-        Row(
+        PanelRow(
             "Roles, store and stream",
             (
                 Panel(

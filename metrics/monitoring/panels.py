@@ -38,7 +38,7 @@ class Panel:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class PanelRow:
     """Panels under a heading."""
 
     title: str
@@ -51,7 +51,7 @@ class Dashboard:
 
     uid: str
     title: str
-    rows: tuple[Row, ...]
+    rows: tuple[PanelRow, ...]
 
     def queries(self) -> Iterator[tuple[Panel, Query]]:
         for row in self.rows:
@@ -84,7 +84,7 @@ def as_json(dashboard: Dashboard) -> Document:
     }
 
 
-def _laid_out(rows: Sequence[Row]) -> Iterator[Document]:
+def _laid_out(rows: Sequence[PanelRow]) -> Iterator[Document]:
     number, top = 0, 0
     for row in rows:
         number += 1

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from ingest.measures.measures import LATENCY_BOUNDS_S
-from metrics.monitoring.exposition import CATALOGUE, Entry
+from metrics.monitoring.exposition import CATALOGUE, CatalogueEntry
 
 Where = Mapping[str, str]
 """Label to the value it must have."""
@@ -62,7 +62,7 @@ def _series(name: str, kind: str, by: Iterable[str], where: Where | None, suffix
     return f"{name}{suffix}{{{matching}}}" if matching else f"{name}{suffix}"
 
 
-def _entry(name: str, kind: str) -> Entry:
+def _entry(name: str, kind: str) -> CatalogueEntry:
     entry = CATALOGUE.get(name)
     if entry is None:
         raise UnknownSeriesError(f"the catalogue has no metric {name}")

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from ingest.measures import clock_changes
 from metrics.monitoring.alert_rules import OBJECTIVE_S, OBJECTIVE_SHARE
-from metrics.monitoring.panels import Dashboard, Panel, Query, Row
+from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query
 from metrics.monitoring.promql import level, or_zero_by_vendor, rate, share_within
 
 WINDOW = "$__rate_interval"
@@ -49,7 +49,7 @@ SITE = Dashboard(
     "deconflict-site",
     "Deconfliction: site overview",
     (
-        Row(
+        PanelRow(
             "Now",
             (
                 Panel(
@@ -99,7 +99,7 @@ SITE = Dashboard(
                 ),
             ),
         ),
-        Row(
+        PanelRow(
             "The floor",
             (
                 Panel(
@@ -128,7 +128,7 @@ SITE = Dashboard(
                 Panel("Pairs in predicted conflict", "short", (Query(level("deconflict_conflicts"), "pairs"),)),
             ),
         ),
-        Row(
+        PanelRow(
             "What is shared",
             (
                 each("Robots at each resource and zone", "short", "deconflict_resource_occupancy", "resource"),
@@ -146,7 +146,7 @@ VENDORS = Dashboard(
     "deconflict-vendors",
     "Deconfliction: vendor scorecard",
     (
-        Row(
+        PanelRow(
             "Scorecard",
             (
                 Panel(
@@ -169,7 +169,7 @@ VENDORS = Dashboard(
                 ),
             ),
         ),
-        Row(
+        PanelRow(
             "Messages",
             (
                 Panel(
@@ -201,7 +201,7 @@ VENDORS = Dashboard(
                 ),
             ),
         ),
-        Row(
+        PanelRow(
             "Forecasts",
             (
                 Panel(
@@ -238,7 +238,7 @@ VENDORS = Dashboard(
                 ),
             ),
         ),
-        Row(
+        PanelRow(
             "Clocks and forecasts",
             (
                 Panel(

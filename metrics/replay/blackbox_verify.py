@@ -1,4 +1,7 @@
-"""Black boxes proved: that no line was changed, and that a replay tells what was told."""
+"""The `blackbox` command: lists black boxes, and verifies them.
+
+A black box is verified if no line was changed and a replay gives the advisories that the service published.
+"""
 
 import argparse
 import sys
@@ -20,91 +23,96 @@ Line = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """What became of one file."""
+class Verification:
+    """The result for one file."""
 
     lines: int
     sha256: str
-    """Of the last line."""
-    told: int
-    """Revisions of conflicts in the promised time."""
+    """Hash of the last line."""
+    published: int
+    """Revisions of conflict advisories that the service published in the time for which the file promises to replay."""
     missing: list[Line]
-    """Of them, those that the replay does not tell."""
+    """Published revisions that the replay does not give."""
     added: list[Line]
-    """What only the replay tells."""
+    """Revisions that only the replay gives."""
     restarts: int
-    """Of the engine in that time: after one the two may differ."""
+    """Restarts of the engine in that time. After a restart the two may differ."""
 
     @property
     def same(self) -> bool:
         return not self.missing and not self.added
 
-    def words(self) -> str:
-        """It for a person."""
-        told = f"{self.lines} lines, unchanged; the last has sha256 {self.sha256}\n"
+    def text(self) -> str:
+        """The result for a person."""
+        unchanged = f"{self.lines} lines, unchanged; the last has sha256 {self.sha256}\n"
         if self.same:
-            return f"{told}the replay tells the same {self.told} revisions of conflicts\n"
-        why = f" (the engine was restarted {self.restarts} times meanwhile)" if self.restarts else ""
-        lines = [*(f"- {one['at']} {one['event']} {one['summary']}" for one in self.missing)]
-        lines += [f"+ {one['at']} {one['event']} {one['summary']}" for one in self.added]
-        return f"{told}the replay differs{why}:\n" + "\n".join(lines) + "\n"
+            return f"{unchanged}the replay gives the same {self.published} revisions of conflicts\n"
+        why = f" (the engine was restarted {self.restarts} times in that time)" if self.restarts else ""
+        lines = [*(f"- {line['at']} {line['event']} {line['summary']}" for line in self.missing)]
+        lines += [f"+ {line['at']} {line['event']} {line['summary']}" for line in self.added]
+        return f"{unchanged}the replay differs{why}:\n" + "\n".join(lines) + "\n"
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    boxes = commands.add_parser("blackbox", help="near misses, each with what was heard and decided around it")
-    parts = boxes.add_subparsers(dest="part", required=True)
-    listed = parts.add_parser("list", help="what there is, and what would have avoided it")
-    listed.add_argument("--data", type=Path, default=Path("data"), help="the service's directory")
-    listed.set_defaults(run=_list)
-    proved = parts.add_parser("verify", help="prove that a file is unchanged and replays to what was told")
-    proved.add_argument("files", nargs="+", type=Path, metavar="FILE")
-    proved.set_defaults(run=_verify)
+    """Add the command to the command line."""
+    blackbox = commands.add_parser(
+        "blackbox", help="recordings of near misses, with the messages and decisions around each"
+    )
+    parts = blackbox.add_subparsers(dest="part", required=True)
+    list_command = parts.add_parser("list", help="list the near misses, and what would have avoided each")
+    list_command.add_argument("--data", type=Path, default=Path("data"), help="the service's directory")
+    list_command.set_defaults(run=_list)
+    verify_command = parts.add_parser(
+        "verify", help="verify that a file is unchanged and replays to the same advisories"
+    )
+    verify_command.add_argument("files", nargs="+", type=Path, metavar="FILE")
+    verify_command.set_defaults(run=_verify)
 
 
-def verify(file: Path) -> Verdict:
-    """Prove one file. Raises `BoxError`."""
+def verify(file: Path) -> Verification:
+    """Verify one file. Raises `BoxError`."""
     from metrics.replay.replay import advisory_line, replay  # noqa: PLC0415 - brings numba
 
     head = head_of(file)
     if head is None:
-        raise BoxError(f"{file} is no black box")
+        raise BoxError(f"{file} is not a black box")
     try:
         chain = verified(lines_of(file))
     except (ChainBrokenError, EOFError, OSError, zstandard.ZstdError) as error:
         raise BoxError(f"{file} was changed or cut off: {error}") from error
-    _registered(file, chain)
-    site, again, reader, decided = site_of(head), list[Line](), Reader(), list[Line]()
+    _check_register(file, chain)
+    site, replayed, reader, published = site_of(head), list[Line](), Reader(), list[Line]()
     for event in reader.read([file]):
         if isinstance(event, Noted) and "decided" in event.told:
-            one = ADVISORY.validate_python(event.told["advisory"])
-            if isinstance(one, ConflictAdvisory):
-                decided.append(advisory_line(one))
-    replay(reader, reader.read([file]), site, [site.conflict.clearance_m], tell=again.append, start=start_of(head))
-    decided, again = _promised(head, decided), _promised(head, again)
-    return Verdict(
+            advisory = ADVISORY.validate_python(event.told["advisory"])
+            if isinstance(advisory, ConflictAdvisory):
+                published.append(advisory_line(advisory))
+    events, clearances_m = reader.read([file]), [site.conflict.clearance_m]
+    replay(reader, events, site, clearances_m, on_line=replayed.append, start=start_of(head))
+    published, replayed = _promised(head, published), _promised(head, replayed)
+    return Verification(
         chain.lines,
         chain.head,
-        len(decided),
-        [one for one in decided if one not in again],
-        [one for one in again if one not in decided],
+        len(published),
+        [line for line in published if line not in replayed],
+        [line for line in replayed if line not in published],
         int(head.get("engine_restarts", 0)),
     )
 
 
-def _registered(file: Path, chain: Chain) -> None:
-    """Compare a file with the register beside it, where there is one. Raises `BoxError`."""
+def _check_register(file: Path, chain: Chain) -> None:
+    """Compare a file with the register in its folder, if there is one. Raises `BoxError`."""
     before, last = Shelf(file.parent).link(file.name)
     if last not in (None, chain.head):
-        raise BoxError(f"{file} was written anew: its last line has sha256 {chain.head}, the register beside it {last}")
+        raise BoxError(f"{file} was rewritten: its last line has sha256 {chain.head}, but the register has {last}")
     if before not in (None, chain.first):
-        raise BoxError(f"{file} does not follow the one before it in the register: one was taken out or put in")
+        raise BoxError(f"{file} does not follow the file before it in the register: a file was removed or inserted")
 
 
 def _promised(head: Mapping[str, Any], lines: list[Line]) -> list[Line]:
-    """Those of the time in which the file promises to tell the same."""
-    until = (head["from"], head["until"])
-    return [one for one in lines if until[0] <= _stamp(one["at"]) <= until[1]]
+    """The lines in the time for which the file promises that a replay gives the same advisories."""
+    first, last = head["from"], head["until"]
+    return [line for line in lines if first <= _stamp(line["at"]) <= last]
 
 
 def _stamp(text: str) -> str:
@@ -115,8 +123,8 @@ def _stamp(text: str) -> str:
 def _list(args: argparse.Namespace) -> int:
     for box in Shelf(args.data / FOLDER).boxes():
         sys.stdout.write(f"{args.data / FOLDER / box['file']}\n")
-        for one in box["near_misses"]:
-            sys.stdout.write(f"  {one['at']}  {one['summary']}\n")
+        for near_miss in box["near_misses"]:
+            sys.stdout.write(f"  {near_miss['at']}  {near_miss['summary']}\n")
     return 0
 
 
@@ -124,11 +132,11 @@ def _verify(args: argparse.Namespace) -> int:
     failed = 0
     for file in args.files:
         try:
-            verdict = verify(file)
+            verification = verify(file)
         except BoxError as error:
             sys.stderr.write(f"deconflict: {error}\n")
             failed = 1
             continue
-        sys.stdout.write(f"{file}: {verdict.words()}")
-        failed |= not verdict.same
+        sys.stdout.write(f"{file}: {verification.text()}")
+        failed |= not verification.same
     return failed

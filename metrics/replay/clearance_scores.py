@@ -1,4 +1,4 @@
-"""What one clearance's engine said, kept until it can be judged, beside what the believer of paths would have said."""
+"""The scores of one clearance: of its engine's advisories and probabilities, and of the path believer's alerts."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -8,128 +8,141 @@ from typing import Any
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from ingest.batch import Batch, Pair
-from metrics.replay.engine_output import Said
+from metrics.replay.engine_output import EngineOutput
 from metrics.scoring.warnings import warning_scores
-from metrics.scoring.warnings.alert_scores import STANDING_S, Alert, Presence, score
-from metrics.scoring.warnings.calibration_scores import SETTLED_S, Calibration
+from metrics.scoring.warnings.alert_scores import STANDING_S, Alert, RobotPresence, score
+from metrics.scoring.warnings.calibration_scores import SETTLED_S, CalibrationScores
 from metrics.scoring.warnings.judged_alerts import judged
-from metrics.scoring.warnings.outcomes_by_moment import ContactFates, InteractionFates
-from metrics.scoring.warnings.path_believer import Believer
+from metrics.scoring.warnings.outcomes_by_moment import ContactOutcomes, InteractionOutcomes
+from metrics.scoring.warnings.path_believer import PathBeliever
 from metrics.truth.absences import Absences
-from metrics.truth.advised_waits import Waits
-from metrics.truth.encounters import Truth
+from metrics.truth.advised_waits import AdvisedWaits
+from metrics.truth.encounters import EncounterFinder
 from metrics.truth.interactions import Interactions
-from metrics.truth.pair_outcomes import Outcomes
+from metrics.truth.pair_outcomes import AllPairOutcomes
 
 
 @dataclass(slots=True)
-class Told:
-    """One advisory so far: what scoring needs of its revisions."""
+class AdvisoryRecord:
+    """The parts of one advisory's revisions that scoring needs."""
 
     pair: Pair
     vendors: tuple[str, str]
     raised_s: float
     predicted_s: float
+    """Predicted start of the conflict, of the newest revision before that start."""
     place: tuple[str, float, float]
+    """Floor, x and y of the predicted start when it was raised."""
     encounter_class: str
-    """When it was raised."""
+    """The class when it was raised."""
     cleared_s: float = inf
+    """inf until it is cleared."""
 
 
-class Verdict:
-    """One clearance."""
+class ClearanceScores:
+    """Collects the output of one clearance's engine until its outcome is known, then scores it."""
 
-    def __init__(self, clearance_m: float, truth: Truth, interactions: Interactions, absences: Absences) -> None:
+    def __init__(
+        self, clearance_m: float, truth: EncounterFinder, interactions: Interactions, absences: Absences
+    ) -> None:
         self.clearance_m = clearance_m
         self.raised: Counter[str] = Counter()
-        """Advisories by kind."""
-        self.told: dict[str, Told] = {}
-        """By advisory."""
-        self.believer = Believer(clearance_m)
+        """Number of raised advisories by kind."""
+        self.advisories: dict[str, AdvisoryRecord] = {}
+        """By advisory id."""
+        self.believer = PathBeliever(clearance_m)
         self._truth, self._absences = truth, absences
-        self._outcomes = Outcomes(truth, interactions, clearance_m)
-        self._waits = Waits()
-        self._of_contact, self._of_interaction = Calibration(self._waits), Calibration(self._waits)
-        self._contacts, self._interactions = ContactFates(truth, clearance_m), InteractionFates(truth, self._outcomes)
+        self._outcomes = AllPairOutcomes(truth, interactions, clearance_m)
+        self._waits = AdvisedWaits()
+        self._contact_calibration = CalibrationScores(self._waits)
+        self._interaction_calibration = CalibrationScores(self._waits)
+        self._contacts = ContactOutcomes(truth, clearance_m)
+        self._interactions = InteractionOutcomes(truth, self._outcomes)
 
-    def take(self, now_s: float, batch: Batch, said: Said) -> None:
-        """One pass, and what the engine said at it."""
-        self.raised.update(said.raised)
-        for one in said.revisions:
-            self._take(one)
-        self._of_contact.sample(now_s, said.contact_probabilities)
-        self._of_interaction.sample(now_s, said.probabilities)
-        self._waits.see(now_s, said.waiting)
-        self.believer.take(batch)
+    def add(self, now_s: float, batch: Batch, output: EngineOutput) -> None:
+        """Add one pass and the engine's output at it."""
+        self.raised.update(output.raised_kinds)
+        for revision in output.revisions:
+            self._add_revision(revision)
+        self._contact_calibration.sample(now_s, output.contact_probabilities)
+        self._interaction_calibration.sample(now_s, output.probabilities)
+        self._waits.add(now_s, output.waiting)
+        self.believer.add_batch(batch)
 
     def resolve(self, vendor_of: Mapping[str, str]) -> None:
-        """Judge the probabilities of which it is known what came of them."""
-        self._of_contact.resolve(self._contacts, vendor_of)
-        self._of_interaction.resolve(self._interactions, vendor_of)
+        """Score the probabilities whose outcome is known by now."""
+        self._contact_calibration.resolve(self._contacts, vendor_of)
+        self._interaction_calibration.resolve(self._interactions, vendor_of)
 
-    def score(self, vendor_of: Mapping[str, str], end_s: float) -> dict[str, Any]:
-        """All figures, once nothing more comes: the log ended at `end_s`."""
-        contact, alerts = self._of_contact, list(self._alerts())
-        spans = [(one.pair, one.raised_s, one.cleared_s) for one in alerts]
-        seen = Presence(vendor_of, self._truth.motion.present_s())
+    def figures(self, vendor_of: Mapping[str, str], end_s: float) -> dict[str, Any]:
+        """All figures. Call it after the last pass; the log ended at `end_s`."""
+        contact, alerts = self._contact_calibration, list(self._alerts())
+        spans = [(alert.pair, alert.raised_s, alert.cleared_s) for alert in alerts]
+        seen = RobotPresence(vendor_of, self._truth.motion.present_s())
         figures = score(self._truth.encounters(self.clearance_m), alerts, self.clearance_m, seen, contact.by_vendors)
-        there = Presence(vendor_of, self._truth.silences.present_s())
+        present = RobotPresence(vendor_of, self._truth.silences.present_s())
         return figures | {
             "censored_samples": int(contact.whole().left.sum()),
             "heeded_samples": contact.heeded,
             "settled": {"after_s": SETTLED_S, **contact.settled.figures()},
             "silences": self._absences.figures(self.clearance_m, spans, STANDING_S),
-            "warnings": self._warnings(alerts, there, end_s) | {"probability": self._probability()},
-            "believer": self._warnings(self.believer.alerts(), there, end_s),
+            "warnings": self._warnings(alerts, present, end_s) | {"probability": self._probability_figures()},
+            "believer": self._warnings(self.believer.alerts(), present, end_s),
         }
 
-    def _warnings(self, alerts: Iterable[Alert], there: Presence, end_s: float) -> dict[str, Any]:
-        cases = judged(alerts, self._outcomes, there, self._waits, end_s)
-        return warning_scores.figures(cases, there, self._truth.silences.by_minute())
+    def _warnings(self, alerts: Iterable[Alert], present: RobotPresence, end_s: float) -> dict[str, Any]:
+        cases = judged(alerts, self._outcomes, present, self._waits, end_s)
+        return warning_scores.figures(cases, present, self._truth.silences.by_minute())
 
-    def _probability(self) -> dict[str, Any]:
-        """How true the probability of getting in each other's way is."""
-        of_it = self._of_interaction
-        whole = of_it.whole()
-        onsets = [(pair, span.onset_s) for pair, came in self._outcomes.every().items() for span in came.spans]
+    def _probability_figures(self) -> dict[str, Any]:
+        """How well the probability of getting in each other's way is calibrated."""
+        calibration = self._interaction_calibration
+        whole = calibration.whole()
+        onsets = [(pair, span.onset_s) for pair, outcomes in self._outcomes.every().items() for span in outcomes.spans]
         return {
             **whole.figures(),
             "censored_samples": int(whole.left.sum()),
-            "heeded_samples": of_it.heeded,
-            "doubted_samples": of_it.doubted,
-            "settled": {"after_s": SETTLED_S, **of_it.settled.figures()},
+            "heeded_samples": calibration.heeded,
+            "doubted_samples": calibration.doubted,
+            "settled": {"after_s": SETTLED_S, **calibration.settled.figures()},
             "intervals": whole.intervals(),
-            "likely": of_it.likely.figures(onsets),
+            "likely": calibration.likely.figures(onsets),
             "by_vendor_pair": [
-                {"vendors": list(vendors), **tally.figures()} for vendors, tally in sorted(of_it.by_vendors.items())
+                {"vendors": list(vendors), **tally.figures()}
+                for vendors, tally in sorted(calibration.by_vendors.items())
             ],
             "cases": [[round(value, 6) for value in row] for row in whole.every_group().tolist()],
         }
 
     def _alerts(self) -> Iterator[Alert]:
-        for one in self.told.values():
-            left_s = min(self._truth.motion.last_seen_s(robot) for robot in one.pair)
-            is_heeded = self._waits.began_s(one.pair, one.raised_s, one.cleared_s) < inf
+        for record in self.advisories.values():
+            left_s = min(self._truth.motion.last_seen_s(robot) for robot in record.pair)
+            is_heeded = self._waits.began_s(record.pair, record.raised_s, record.cleared_s) < inf
             yield Alert(
-                one.pair,
-                one.vendors,
-                one.raised_s,
-                one.cleared_s,
-                one.predicted_s,
+                record.pair,
+                record.vendors,
+                record.raised_s,
+                record.cleared_s,
+                record.predicted_s,
                 left_s,
-                one.place,
+                record.place,
                 is_heeded,
-                one.encounter_class,
+                record.encounter_class,
             )
 
-    def _take(self, one: ConflictAdvisory) -> None:
-        predicted_s = one.predicted_at.timestamp()
-        told = self.told.get(one.id)
-        if told is None:
-            place = (one.location.datum, one.location.x, one.location.y)
-            raised_s, kind = one.raised_at.timestamp(), one.encounter_class.value
-            told = self.told[one.id] = Told(one.robots, one.vendors, raised_s, predicted_s, place, kind)
-        if one.time_to_conflict_s > 0:
-            told.predicted_s = predicted_s
-        if one.state is AdvisoryState.CLEARED:
-            told.cleared_s = one.updated_at.timestamp()
+    def _add_revision(self, revision: ConflictAdvisory) -> None:
+        predicted_s = revision.predicted_at.timestamp()
+        record = self.advisories.get(revision.id)
+        if record is None:
+            record = self.advisories[revision.id] = AdvisoryRecord(
+                revision.robots,
+                revision.vendors,
+                revision.raised_at.timestamp(),
+                predicted_s,
+                (revision.location.datum, revision.location.x, revision.location.y),
+                revision.encounter_class.value,
+            )
+        if revision.time_to_conflict_s > 0:
+            record.predicted_s = predicted_s
+        if revision.state is AdvisoryState.CLEARED:
+            record.cleared_s = revision.updated_at.timestamp()

@@ -1,4 +1,4 @@
-"""What each vendor's messages departed from, counted: the conformance part of a replay, or that alone."""
+"""Counts of each vendor's departures from the standard: a part of every replay, and the whole of `conform`."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -13,8 +13,9 @@ from ingest.recording.log_reader import Event, Reader, Received
 Vendor = dict[str, Any]
 
 
-def take(fleet: Fleet, event: Received) -> None:
-    """One message of a log, also one that the recording refused: some rules are the socket's, not the message's."""
+def feed(fleet: Fleet, event: Received) -> None:
+    """Feed one message of a log to the fleet. A message that was refused when it was recorded is refused again: some
+    rules concern the socket, not the message."""
     if event.refused:
         fleet.refuse(event.refused, "refused when it was recorded", event.raw, event.arrival_s, event.connection)
     else:
@@ -22,7 +23,7 @@ def take(fleet: Fleet, event: Received) -> None:
 
 
 def findings(measures: Measures) -> list[Vendor]:
-    """By vendor: messages accepted and rejected, and each rule that they broke with how often, most often first."""
+    """By vendor: messages accepted and rejected, and the count of each broken rule, the largest first."""
     messages = measures.values.get("deconflict_messages_total", {})
     broken: dict[str, dict[str, int]] = {}
     for name in ("deconflict_rejections_total", "deconflict_deviations_total"):
@@ -41,25 +42,25 @@ def findings(measures: Measures) -> list[Vendor]:
 
 
 def conform(reader: Reader, events: Iterable[Event], site: Site) -> dict[str, Any]:
-    """The conformance findings of what `reader` reads, without a look at who meets whom."""
+    """The conformance findings of the events that `reader` reads. No engine runs."""
     measures = Measures()
     fleet = fleet_of(site, measures)
     messages = 0
     for event in events:
         if isinstance(event, Received):
             messages += 1
-            take(fleet, event)
+            feed(fleet, event)
     return {"messages": messages, **lines(reader), "conformance": findings(measures)}
 
 
 def lines(reader: Reader) -> dict[str, Any]:
-    """How many lines of the log could not be read, and, where any stood out of order, how many messages and how far."""
+    """How many lines of the log could not be read. If messages are out of order, also how many and by how much."""
     late = {"late_messages": reader.late, "late_by_s": round(reader.late_by_s, 6)} if reader.late else {}
     return {"unreadable_lines": reader.unreadable, **late}
 
 
 def page(result: dict[str, Any]) -> str:
-    """`conform`'s result for a person."""
+    """The result of `conform` as text for a person."""
     return "\n".join([*_lines(result), ""])
 
 
@@ -79,6 +80,6 @@ def _lines(result: dict[str, Any]) -> Iterator[str]:
         yield ""
         yield f"{vendor['vendor']}: {vendor['accepted']} accepted, {vendor['rejected']} rejected"
         if not vendor["findings"]:
-            yield "  nothing departs from the standard"
-        for one in vendor["findings"]:
-            yield f"  {one['count']:>8}  {one['rule']} ({one['clause']}): {one['meaning']}"
+            yield "  no departures from the standard"
+        for finding in vendor["findings"]:
+            yield f"  {finding['count']:>8}  {finding['rule']} ({finding['clause']}): {finding['meaning']}"

@@ -1,9 +1,9 @@
-"""A replay spread over a Dask cluster, with the result of a single run byte for byte.
+"""A replay on a Dask cluster. The result has the same bytes as that of a single process.
 
-The log is read here and cut into windows. The engine of each clearance and the judging go from window to window, each
-with a state of its own, so that a window's engines run while the next is read and the one before is judged. A task
-takes its state as bytes and gives it on as bytes: it changes nothing that another holds, so the scheduler may put it
-anywhere and repeat it where a worker is lost.
+This process reads the log and cuts it into windows. The engine of each clearance and the scores proceed from window to
+window, each with its own state. So the engines work on one window while the next is read and the one before is scored.
+A task receives its state as bytes and returns it as bytes. It changes nothing that another task holds, so the scheduler
+may run it anywhere, and may repeat it if a worker is lost.
 """
 
 import logging
@@ -23,27 +23,30 @@ from dask.distributed import Client, Future, LocalCluster
 from deconflict.operator.blackbox.start_state import Start
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Event, Reader, Received, Tick
-from metrics.replay.engine_output import Said
-from metrics.replay.engine_passes import Pass, Reading
-from metrics.replay.replay import Line, Outcome, Run, Tell, Watch, document, streamed
+from metrics.replay.engine_output import EngineOutput
+from metrics.replay.engine_passes import EnginePass, PassReader
+from metrics.replay.engine_run import EngineRun
+from metrics.replay.log_scores import LogScores
+from metrics.replay.replay import AdvisoryLine, BatchSink, LineSink, advisory_lines, document
 
 WINDOW_S = 60.0
-"""Of the log's time in a window: some seconds of work, so that handing states on is a few hundredths of it."""
+"""Length of a window in the log's time. A window takes some seconds to compute; passing the states takes a few percent
+of that."""
 AHEAD = 4
-"""Windows under way at once, which bounds the memory."""
+"""Windows in progress at once. Bounds the memory."""
 DASHBOARD = ":0"
-"""Any port that is free: another replay may run beside this one. It is served even where nothing can be drawn on it."""
+"""Any free port, because another replay may run on the same machine. Dask serves it even without bokeh."""
 
 State = bytes
 
 
 class ClusterError(ValueError):
-    """A cluster that can't be reached, and what to change."""
+    """The cluster can't be reached. The message says what to change."""
 
 
 @contextmanager
 def cluster(address: str) -> Iterator[Client]:
-    """A client of the scheduler at an address, or of a cluster of this machine's cores where that is empty."""
+    """A client of the scheduler at an address. If the address is empty, starts a cluster on this machine's cores."""
     logging.getLogger("distributed").setLevel(logging.ERROR)
     if address:
         try:
@@ -69,79 +72,81 @@ def replay(
     site: Site,
     clearances_m: Sequence[float],
     *,
-    tell: Tell | None = None,
-    watch: Watch | None = None,
+    on_line: LineSink | None = None,
+    on_batch: BatchSink | None = None,
     start: Start = Start(),  # noqa: B008 - frozen
     window_s: float = WINDOW_S,
 ) -> dict[str, Any]:
-    """What `metrics.replay.replay.replay` gives, worked out by the workers of `client`."""
+    """The result of `metrics.replay.replay.replay`, computed by the workers of `client`."""
     began = time.perf_counter()
-    reading = Reading(site)
-    said: list[Any] = [(pickle.dumps(Run(site, clearance_m, start)), []) for clearance_m in clearances_m]
-    judged: Any = (pickle.dumps(Outcome(site, clearances_m)), [])
-    under_way: deque[Future[Any]] = deque()
-    for part, last in _windows(events, window_s):
-        passes = [*chain(reading.take(part), reading.finish() if last else ())]
-        if watch:
-            for one in passes:
-                watch(one.now_s, one.batch)
-        given: Future[Any] = client.submit(list, passes, pure=False)
-        said = [client.submit(_say, run, given, pure=False) for run in said]
-        judged = client.submit(_judge, judged, given, *said, pure=False)
-        under_way.append(judged)
-        if len(under_way) > AHEAD:
-            _tell(client, under_way.popleft(), tell)
-    for window in under_way:
-        _tell(client, window, tell)
-    outcome: Outcome = _thawed(client.submit(itemgetter(0), judged, pure=False).result())
-    measured = [client.submit(_measured, run, pure=False).result() for run in said[:1]]
-    return document(outcome.result(reading, measured), reader, time.perf_counter() - began)
+    reading = PassReader(site)
+    engines: list[Any] = [(pickle.dumps(EngineRun(site, clearance_m, start)), []) for clearance_m in clearances_m]
+    scored: Any = (pickle.dumps(LogScores(site, clearances_m)), [])
+    in_progress: deque[Future[Any]] = deque()
+    for window, is_last in _windows(events, window_s):
+        passes = [*chain(reading.passes_of(window), reading.last_passes() if is_last else ())]
+        if on_batch:
+            for engine_pass in passes:
+                on_batch(engine_pass.now_s, engine_pass.batch)
+        sent: Future[Any] = client.submit(list, passes, pure=False)
+        engines = [client.submit(_advance_engine, engine, sent, pure=False) for engine in engines]
+        scored = client.submit(_add_to_scores, scored, sent, *engines, pure=False)
+        in_progress.append(scored)
+        if len(in_progress) > AHEAD:
+            _write_lines(client, in_progress.popleft(), on_line)
+    for scored_window in in_progress:
+        _write_lines(client, scored_window, on_line)
+    scores: LogScores = _unpickled(client.submit(itemgetter(0), scored, pure=False).result())
+    measures = [client.submit(_measures, engine, pure=False).result() for engine in engines[:1]]
+    return document(scores.result(reading, measures), reader, time.perf_counter() - began)
 
 
 def _windows(events: Iterable[Event], window_s: float) -> Iterator[tuple[list[Event], bool]]:
-    """The events in parts, and whether each is the last."""
-    part: list[Event] = []
+    """The events in windows, and whether each window is the last."""
+    window: list[Event] = []
     until_s: float | None = None
     for event in events:
         at_s = event.arrival_s if isinstance(event, Received) else event.now_s if isinstance(event, Tick) else None
         if at_s is not None and (until_s is None or at_s >= until_s):
             if until_s is not None:
-                yield part, False
-                part = []
+                yield window, False
+                window = []
             until_s = at_s + window_s
-        part.append(event)
-    yield part, True
+        window.append(event)
+    yield window, True
 
 
-def _tell(client: Client, judged: Future[Any], tell: Tell | None) -> None:
-    """Wait for a window, and tell what the stream would have said in it."""
-    lines = client.submit(itemgetter(1), judged, pure=False).result()
-    if tell:
+def _write_lines(client: Client, scored: Future[Any], on_line: LineSink | None) -> None:
+    """Wait until a window is scored, then pass on its advisory lines."""
+    lines = client.submit(itemgetter(1), scored, pure=False).result()
+    if on_line:
         for line in lines:
-            tell(line)
+            on_line(line)
 
 
-def _say(before: tuple[State, list[Said]], passes: list[Pass]) -> tuple[State, list[Said]]:
-    run: Run = _thawed(before[0])
-    said = [run.step(one) for one in passes]
-    return pickle.dumps(run), said
+def _advance_engine(
+    before: tuple[State, list[EngineOutput]], passes: list[EnginePass]
+) -> tuple[State, list[EngineOutput]]:
+    engine: EngineRun = _unpickled(before[0])
+    outputs = [engine.advance(engine_pass) for engine_pass in passes]
+    return pickle.dumps(engine), outputs
 
 
-def _measured(last: tuple[State, list[Said]]) -> dict[str, Any]:
-    run: Run = _thawed(last[0])
-    return run.measured()
+def _measures(last: tuple[State, list[EngineOutput]]) -> dict[str, Any]:
+    engine: EngineRun = _unpickled(last[0])
+    return engine.measures()
 
 
-def _judge(
-    before: tuple[State, list[Line]], passes: list[Pass], *said: tuple[State, list[Said]]
-) -> tuple[State, list[Line]]:
-    outcome: Outcome = _thawed(before[0])
-    lines: list[Line] = []
-    for one, *of_each in zip(passes, *(each for _, each in said), strict=True):
-        outcome.take(one, of_each)
-        lines += streamed(of_each)
-    return pickle.dumps(outcome), lines
+def _add_to_scores(
+    before: tuple[State, list[AdvisoryLine]], passes: list[EnginePass], *engines: tuple[State, list[EngineOutput]]
+) -> tuple[State, list[AdvisoryLine]]:
+    scores: LogScores = _unpickled(before[0])
+    lines: list[AdvisoryLine] = []
+    for engine_pass, *outputs in zip(passes, *(outputs for _, outputs in engines), strict=True):
+        scores.add(engine_pass, outputs)
+        lines += advisory_lines(outputs)
+    return pickle.dumps(scores), lines
 
 
-def _thawed(state: State) -> Any:
-    return pickle.loads(state)  # noqa: S301 - a worker runs whatever its scheduler sends, this too
+def _unpickled(state: State) -> Any:
+    return pickle.loads(state)  # noqa: S301 - a worker already runs any code that its scheduler sends

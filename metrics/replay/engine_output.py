@@ -1,4 +1,4 @@
-"""What one clearance's engine says in a replay."""
+"""The output of the engine of one clearance at one pass of a replay."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,30 +6,31 @@ from typing import Any
 
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
 from ingest.batch import Floats, Pair
-from metrics.scoring.place_scores import Forecast
+from metrics.scoring.place_scores import PlaceForecast
 
-Published = Sequence[tuple[Pair, float]]
-"""Pairs, and the probability of each."""
+PairProbabilities = Sequence[tuple[Pair, float]]
+"""Pairs, each with its probability."""
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
-    """What one clearance's engine had to say at one pass."""
+class EngineOutput:
+    """The output of one engine at one pass."""
 
     revisions: list[ConflictAdvisory]
-    others: Sequence[AnyAdvisory]
-    """Revisions of other kinds."""
-    raised: Sequence[str]
-    """The kinds of the advisories that were raised."""
-    probabilities: Published
-    """Of getting in each other's way, at the first pass of each second; none at others."""
-    contact_probabilities: Published
-    """Of coming within the clearance, of the same pairs."""
+    """Revisions of conflict advisories."""
+    other_revisions: Sequence[AnyAdvisory]
+    """Revisions of advisories of all other kinds."""
+    raised_kinds: Sequence[str]
+    """The kind of each advisory that was raised at this pass."""
+    probabilities: PairProbabilities
+    """Probability that a pair gets in each other's way. Empty except at the first pass of each second."""
+    contact_probabilities: PairProbabilities
+    """Probability that the same pairs come within the clearance."""
     bands_m: Floats
-    """(n, horizons, bands) radii that its ledger held for the forecasts of the batch."""
+    """(n, horizons, bands) error radii that the engine's ledger holds for the forecasts of the batch."""
     waiting: Sequence[str] = ()
     """Robots that wait as advised."""
-    measured: dict[str, Any] | None = None
-    """What the engine would tell of itself, where the pass has that of the receiver."""
-    places: Forecast | None = None
-    """What is said of places, every `EVERY_S`."""
+    measures: dict[str, Any] | None = None
+    """The engine's measures. None if the pass has no measures of the receiver."""
+    place_forecast: PlaceForecast | None = None
+    """The forecast for shared places. None except once every `EVERY_S`."""

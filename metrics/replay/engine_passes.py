@@ -1,4 +1,10 @@
-"""A recorded log as the passes that the engine makes: what each takes in, and when."""
+"""The passes that the engine makes over a recorded log: when each happens, and the batch that it receives.
+
+A log of this service holds the ticks of its engine, and the passes happen at these ticks. A log of another origin has
+no ticks; its passes happen at whole multiples of `TICK_S`. Messages that this service recorded before its engine
+started belong to the first pass. The reader therefore holds back the first messages of such a log until it knows
+whether the log has ticks.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -15,116 +21,119 @@ from metrics.replay import conformance_counts
 from metrics.scoring.vendor_records import LOOK_S
 
 TICK_S = 0.25
-"""Between passes over a log that has no ticks of its own."""
+"""Time between passes over a log without ticks."""
 LONGEST_GAP = 400
-"""A gap in a recording of more ticks than this is not stepped through."""
+"""In ticks. Of a longer gap in a log without ticks, only the last so many ticks are passes."""
 HELD_S, MOST_HELD = 120.0, 50_000
-"""For so long, and for so many messages, a log of ours may begin before the engine makes its first pass."""
+"""A log of this service may begin this long, and this many messages, before the first tick of its engine."""
 
 
 @dataclass(frozen=True, slots=True)
-class Pass:
-    """One look at the floor."""
+class EnginePass:
+    """One pass of the engine."""
 
     now_s: float
     batch: Batch
     effort: Effort = Effort.FULL
-    """What the engine had time for when it was recorded."""
+    """What the engine had time for at this pass when it was recorded."""
     pending: int = 0
-    """Answers that were still worked out then."""
-    heard: bool = False
-    """Whether robots may have acted on what was advised: the log is this service's own, with its ticks."""
-    measured: dict[str, Any] | None = None
-    """What the receiver would tell of itself, once a minute: how vendors do is looked at then."""
+    """Questions for advice that were still unanswered at this pass when it was recorded."""
+    is_own_log: bool = False
+    """The log has ticks, so this service recorded it, and its robots may have followed the service's advice."""
+    measures: dict[str, Any] | None = None
+    """The receiver's measures, once a minute, for the records of vendors."""
 
 
-class Reading:
-    """The messages of one log through one fleet."""
+class PassReader:
+    """Feeds the messages of one log to one fleet and cuts its state into passes."""
 
     def __init__(self, site: Site) -> None:
         self.fleet = fast_fleet_of(site, Measures())
         self.messages = 0
         self.first_s, self.last_s = inf, -inf
+        """Arrival of the first and the last message."""
         self.now_s = 0.0
-        """Of the newest pass."""
-        self._everything = False
-        self._own_ticks = False
-        self._looked: float | None = None
-        """The last minute, in `LOOK_S`, of which a pass has come."""
+        """Time of the newest pass."""
+        self._needs_full_batch = False
+        """The engine was restarted, so the next batch must hold every robot."""
+        self._has_own_ticks = False
+        self._minute: float | None = None
+        """The minute of the newest pass, in units of `LOOK_S`."""
         self._ticked: int | None = None
-        """The last tick that was made up for a log without any."""
+        """The newest tick of a log without ticks, in units of `TICK_S`."""
         self._held: list[Received] = []
-        """The first messages of a log of ours, until it is known whether it has ticks."""
-        self._holds = True
+        """The first messages of a log of this service, until it is known whether the log has ticks."""
+        self._is_holding = True
 
     @property
     def span_s(self) -> float:
         return max(self.last_s - self.first_s, 0.0)
 
-    def take(self, events: Iterable[Event]) -> Iterator[Pass]:
-        """The passes that the next events of the log bring about."""
+    def passes_of(self, events: Iterable[Event]) -> Iterator[EnginePass]:
+        """The passes that the next events of the log cause."""
         for event in events:
             if isinstance(event, Received):
-                if self._holds:
-                    yield from self._heard(self._ready(event))
+                if self._is_holding:
+                    yield from self._feed(self._hold(event))
                     continue
-                if not self._own_ticks and floor(event.arrival_s / TICK_S) != self._ticked:
+                if not self._has_own_ticks and floor(event.arrival_s / TICK_S) != self._ticked:
                     yield from self._passes_until(event.arrival_s)
-                self._hear(event)
+                self._feed_message(event)
             elif isinstance(event, Tick | Noted | EngineStarted):
-                self._own_ticks = True
-                yield from self._heard(self._let_go())
-                self._everything |= isinstance(event, EngineStarted)
+                self._has_own_ticks = True
+                yield from self._feed(self._release())
+                self._needs_full_batch |= isinstance(event, EngineStarted)
                 if isinstance(event, Tick):
                     yield self._pass(event.now_s, Effort(event.effort), event.pending)
 
-    def finish(self) -> Iterator[Pass]:
+    def last_passes(self) -> Iterator[EnginePass]:
         """The passes after the last event."""
-        yield from self._heard(self._let_go())
-        if not self._own_ticks and self._ticked is not None:
+        yield from self._feed(self._release())
+        if not self._has_own_ticks and self._ticked is not None:
             yield self._pass((self._ticked + 1) * TICK_S)
 
-    def _ready(self, event: Received) -> Sequence[Received]:
-        """The messages to be heard now: what came to a log of ours before its engine began is of no pass until then."""
-        self._held.append(event)
-        long = len(self._held) >= MOST_HELD or event.arrival_s - self._held[0].arrival_s > HELD_S
-        return self._let_go() if long or event.connection.id <= 0 else ()
+    def measures(self) -> dict[str, Any]:
+        """The receiver's measures at present, as a document."""
+        self.fleet.measure(self.now_s)
+        return self.fleet.measures.as_document()
 
-    def _let_go(self) -> list[Received]:
-        held, self._held, self._holds = self._held, [], False
+    def _hold(self, event: Received) -> Sequence[Received]:
+        """Hold back a message. Returns all held messages as soon as the log can have no ticks of its own."""
+        self._held.append(event)
+        is_too_long = len(self._held) >= MOST_HELD or event.arrival_s - self._held[0].arrival_s > HELD_S
+        return self._release() if is_too_long or event.connection.id <= 0 else ()
+
+    def _release(self) -> list[Received]:
+        """Stop holding back. Returns the messages that were held."""
+        held, self._held, self._is_holding = self._held, [], False
         return held
 
-    def _heard(self, events: Iterable[Received]) -> Iterator[Pass]:
-        """Take in messages, with passes at whole multiples of `TICK_S` for a log that has no ticks of its own."""
+    def _feed(self, events: Iterable[Received]) -> Iterator[EnginePass]:
+        """Feed messages to the fleet. For a log without ticks, yields the passes between them."""
         for event in events:
-            if not self._own_ticks:
+            if not self._has_own_ticks:
                 yield from self._passes_until(event.arrival_s)
-            self._hear(event)
+            self._feed_message(event)
 
-    def _hear(self, event: Received) -> None:
+    def _feed_message(self, event: Received) -> None:
         self.messages += 1
         if not self.first_s <= event.arrival_s <= self.last_s:
             self.first_s, self.last_s = min(self.first_s, event.arrival_s), max(self.last_s, event.arrival_s)
-        conformance_counts.take(self.fleet, event)
+        conformance_counts.feed(self.fleet, event)
 
-    def _passes_until(self, now_s: float) -> Iterator[Pass]:
-        for tick in self._ticks(floor(now_s / TICK_S)):
+    def _passes_until(self, now_s: float) -> Iterator[EnginePass]:
+        for tick in self._new_ticks(floor(now_s / TICK_S)):
             yield self._pass(tick * TICK_S)
 
-    def _ticks(self, now: int) -> range:
-        """Those that have come since the newest message, up to `now`; none where it was before that."""
+    def _new_ticks(self, now: int) -> range:
+        """The ticks after the newest one up to `now`; empty if `now` is earlier."""
         before = now if self._ticked is None else self._ticked
         self._ticked = max(before, now)
         return range(max(before, now - LONGEST_GAP) + 1, now + 1)
 
-    def _pass(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> Pass:
-        batch = self.fleet.cut(now_s, self._everything)
-        self.now_s, self._everything = now_s, False
-        before, self._looked = self._looked, now_s // LOOK_S
-        measured = self.measured() if before not in (None, self._looked) else None
-        return Pass(now_s, batch, effort, pending, self._own_ticks, measured)
-
-    def measured(self) -> dict[str, Any]:
-        """What the receiver would tell of itself now."""
-        self.fleet.measure(self.now_s)
-        return self.fleet.measures.as_document()
+    def _pass(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> EnginePass:
+        batch = self.fleet.cut(now_s, self._needs_full_batch)
+        self.now_s, self._needs_full_batch = now_s, False
+        before, self._minute = self._minute, now_s // LOOK_S
+        measures = self.measures() if before not in (None, self._minute) else None
+        return EnginePass(now_s, batch, effort, pending, self._has_own_ticks, measures)

@@ -247,7 +247,7 @@ def _conformance(vendors: Sequence[Part]) -> str:
         for one in vendor["findings"]
     ]
     if not rows:
-        return "<p>Nothing departs from the standard.</p>"
+        return "<p>No departures from the standard.</p>"
     return table(("vendor", "rule", "how often", "", "what was seen, and how it is read"), rows, words=5)
 
 

@@ -24,7 +24,7 @@ LEVELS = {"caution": 2, "warning": 3, "critical": 4}
 COLOURS = ((0.12, 0.44, 0.70), (0.76, 0.25, 0.05), (0.18, 0.49, 0.20), (0.48, 0.25, 0.63), (0.54, 0.43, 0.0))
 
 
-class Export:
+class McapExport:
     """Writes one replay to a file."""
 
     def __init__(self, out: IO[bytes]) -> None:
@@ -33,14 +33,14 @@ class Export:
         self._scene = self._channel("/robots", SCENE, _SCENE_SCHEMA)
         self._log = self._channel("/advisories", LOG, _LOG_SCHEMA)
 
-    def watch(self, now_s: float, batch: Batch) -> None:
+    def add_batch(self, now_s: float, batch: Batch) -> None:
         """Draw the robots of a batch, each in place of what was drawn of it before."""
         if len(batch) or batch.gone:
             entities = [_entity(batch, row) for row in range(len(batch)) if _floor(batch, row) >= 0]
             gone = [{"timestamp": _stamp(now_s), "type": 0, "id": uuid} for uuid in batch.gone]
             self._write(self._scene, now_s, {"deletions": gone, "entities": entities})
 
-    def tell(self, line: Message) -> None:
+    def add_line(self, line: Message) -> None:
         """Log one revision of an advisory, a line of `replay --advisories`."""
         at_s = datetime.fromisoformat(line["at"]).timestamp()
         message = f"{line['event']}: {line['summary']}"

@@ -16,7 +16,7 @@ from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 from metrics.scoring.place_scores import AHEAD_S
 
 
-class Arrivals:
+class ArrivalScores:
     """Words that wait for their robots, and counts of errors by vendor."""
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class Arrivals:
         self._heard: dict[str, tuple[str, float]] = {}
         """By robot, its vendor, and when it was heard of last."""
 
-    def take(self, batch: Batch) -> None:
+    def add_batch(self, batch: Batch) -> None:
         """Robots that have reported, and where they say that they go."""
         first, told = batch.forecasts.start[:-1], _known(batch.destinations)
         heard = zip(batch.vendors, batch.event_s.tolist(), strict=True)

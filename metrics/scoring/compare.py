@@ -18,7 +18,7 @@ Score = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class FigureChange:
     """One figure before and after."""
 
     figure: str
@@ -51,20 +51,20 @@ def page(a: Mapping[str, Any], b: Mapping[str, Any]) -> str:
     return "\n".join([*_lines(a, b), ""])
 
 
-def changes(a: Score, b: Score, same_log: bool) -> Iterator[Change]:
+def changes(a: Score, b: Score, same_log: bool) -> Iterator[FigureChange]:
     """Every figure of one clearance in two results."""
     for name, (key, figure) in FIGURES.items():
         before, after = _values(a["cases"][key]), _values(b["cases"][key])
         paired = same_log and name in BY_ENCOUNTER and len(before) == len(after)
-        yield Change(name, figure(before), figure(after), _difference(before, after, figure, paired))
+        yield FigureChange(name, figure(before), figure(after), _difference(before, after, figure, paired))
     before, after = (np.array(one["cases"]["probabilities"], np.float64).reshape(-1, 3) for one in (a, b))
     paired = same_log and len(before) == len(after) == GROUPS
     of_a, of_b = before[:, 0] > 0, after[:, 0] > 0
     before, after = (before[of_a | of_b], after[of_a | of_b]) if paired else (before[of_a], after[of_b])
     for name, told in (("brier", brier), ("brier_skill", brier_skill)):
-        yield Change(name, a[name], b[name], _difference(before, after, told, paired))
+        yield FigureChange(name, a[name], b[name], _difference(before, after, told, paired))
     for name in ("ece", "alerts_per_robot_hour"):
-        yield Change(name, a[name], b[name], None)
+        yield FigureChange(name, a[name], b[name], None)
 
 
 def _lines(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
@@ -85,7 +85,7 @@ def _matched(a: Sequence[Score], b: Sequence[Score]) -> list[tuple[Score, Score]
     return found or list(zip(a, b, strict=False))
 
 
-def _row(change: Change) -> str:
+def _row(change: FigureChange) -> str:
     difference = None if change.before is None or change.after is None else change.after - change.before
     interval = "" if change.interval is None else f"{change.interval[0]:+.3f} to {change.interval[1]:+.3f}"
     cells = "".join(f"{'-' if value is None else f'{value:.3f}':>9}" for value in (change.before, change.after))

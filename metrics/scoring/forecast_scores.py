@@ -29,7 +29,7 @@ Maker = tuple[str, str]
 """Vendor and model."""
 
 
-class ForecastErrors:
+class ForecastScores:
     """Forecasts that wait for the motion they foretold, and counts of their errors."""
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class ForecastErrors:
         self._since_s: float | None = None
         """When the first of those that wait was made."""
 
-    def take(
+    def add(
         self, robots: Sequence[str], makers: Sequence[Maker], forecasts: Forecasts, bands_m: Floats | None = None
     ) -> None:
         """Take the forecasts of robots that have reported; their first knots are where they were.

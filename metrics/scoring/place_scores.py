@@ -21,7 +21,7 @@ from deconflict.contention.queues.queue_forecast import Turns
 from deconflict.settings.shared_places import Resource
 from ingest.batch import Bools, Floats, Ints
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
-from metrics.truth.resource_use import Entry
+from metrics.truth.resource_use import PlaceEntry
 
 AHEAD_S: Floats = np.array([30.0, 60.0, 120.0, 300.0, 900.0])
 """What was said up to so long ahead, and longer than the one before, is counted together."""
@@ -32,7 +32,7 @@ REPORTS_S = 60.0
 """Within so long a robot reports again: until then it is not known what it did."""
 
 
-class Turn(NamedTuple):
+class PlannedStay(NamedTuple):
     """One robot has a resource, or will. Times are seconds since the epoch."""
 
     place: str
@@ -43,33 +43,33 @@ class Turn(NamedTuple):
     end_s: float
 
 
-class Forecast(NamedTuple):
+class PlaceForecast(NamedTuple):
     """What the service says of places at one moment."""
 
-    turns: Sequence[Turn]
+    turns: Sequence[PlannedStay]
     """Of resources."""
     needs: Mapping[str, Floats]
     """By robot that has not said that it comes to a charger, how likely it does within each of `AHEAD_S`."""
 
 
-class Said(NamedTuple):
+class PlannedArrival(NamedTuple):
     """One robot was said to come."""
 
     said_s: float
     begin_s: float
 
 
-def forecast_of(turns: Mapping[str, Turns], needs: Iterable[Need], resources: Iterable[Resource]) -> Forecast:
+def forecast_of(turns: Mapping[str, Turns], needs: Iterable[Need], resources: Iterable[Resource]) -> PlaceForecast:
     """What an engine says, with `turns` of all places."""
     at_s, ahead_s = np.concatenate([[0.0], NEEDS_AHEAD_S]), AHEAD_S
     likely = {one.robot: np.interp(ahead_s, at_s, np.concatenate([[0.0], one.likely])) for one in needs}
-    return Forecast(turns_said(turns, resources), likely)
+    return PlaceForecast(turns_said(turns, resources), likely)
 
 
-def turns_said(turns: Mapping[str, Turns], resources: Iterable[Resource]) -> list[Turn]:
+def turns_said(turns: Mapping[str, Turns], resources: Iterable[Resource]) -> list[PlannedStay]:
     """What the service says of resources."""
     return [
-        Turn(one.id, row.robot, row.coming, begin_s, end_s)
+        PlannedStay(one.id, row.robot, row.coming, begin_s, end_s)
         for one in resources
         if one.id in turns
         for row, begin_s, end_s in zip(turns[one.id].rows, turns[one.id].begin_s, turns[one.id].end_s, strict=True)
@@ -77,7 +77,7 @@ def turns_said(turns: Mapping[str, Turns], resources: Iterable[Resource]) -> lis
 
 
 @dataclass(slots=True, eq=False)
-class Counts:
+class PlaceCounts:
     """Of what was said so far ahead."""
 
     off: Ints = field(default_factory=lambda: np.zeros(BINS, np.int64))
@@ -94,14 +94,14 @@ class Counts:
     squared errors of that."""
 
 
-class Places:
+class PlaceScores:
     """What was said of resources, until it is known what became of it."""
 
     def __init__(self, resources: Sequence[Resource], last_seen_s: Mapping[str, float]) -> None:
         """`last_seen_s` says by robot when it was heard of last; it is kept up to date by another."""
         self._capacity, self._last_seen_s = {one.id: one.capacity for one in resources}, last_seen_s
-        self._counts = [Counts() for _ in AHEAD_S]
-        self._waiting: dict[tuple[str, str], list[Said]] = {}
+        self._counts = [PlaceCounts() for _ in AHEAD_S]
+        self._waiting: dict[tuple[str, str], list[PlannedArrival]] = {}
         """By place and robot, in the order in which it was said."""
         self._chargers = {one.id for one in resources if one.kind == "charger"}
         self._needs: dict[str, list[tuple[float, Floats]]] = {}
@@ -110,7 +110,7 @@ class Places:
         """When something was said, and (places, len(AHEAD_S)) whether each place is full so long after."""
         self._first_s = inf
 
-    def say(self, now_s: float, forecast: Forecast) -> None:
+    def say(self, now_s: float, forecast: PlaceForecast) -> None:
         """What the service says now."""
         self._first_s = min(self._first_s, now_s)
         numbers = {place: number for number, place in enumerate(self._capacity)}
@@ -120,11 +120,11 @@ class Places:
         for one in forecast.turns:
             inside[numbers[one.place]] += (one.begin_s <= at_s) & (at_s < one.end_s)
             if one.coming and one.begin_s - now_s <= AHEAD_S[-1]:
-                self._waiting.setdefault((one.place, one.robot), []).append(Said(now_s, one.begin_s))
+                self._waiting.setdefault((one.place, one.robot), []).append(PlannedArrival(now_s, one.begin_s))
         capacity = np.array(list(self._capacity.values()))
         self._full.append((now_s, (inside >= capacity[:, None]).astype(np.int8)))
 
-    def enter(self, entry: Entry) -> None:
+    def enter(self, entry: PlaceEntry) -> None:
         """A robot has come, wherever that is heard of later than what was said since."""
         if entry.place not in self._capacity:
             return
@@ -143,7 +143,7 @@ class Places:
                 self._counts[column].entries += 1
                 self._counts[column].foretold += bool(((said_s > least_s) & (said_s <= most_s)).any())
 
-    def _need(self, entry: Entry) -> Floats:
+    def _need(self, entry: PlaceEntry) -> Floats:
         """A robot has come to a charger: (n, len(AHEAD_S)) how long before that it was said to need one, more likely
         than not, within each of `AHEAD_S`; nan where it was not."""
         said = self._needs.pop(entry.robot, [])
@@ -188,7 +188,7 @@ class Places:
             for ahead_s, counts, of_full in zip(AHEAD_S.tolist(), self._counts, full, strict=True)
         ]
 
-    def _judge(self, one: Said, late_s: float, *, came: bool) -> None:
+    def _judge(self, one: PlannedArrival, late_s: float, *, came: bool) -> None:
         counts = self._counts[int(np.searchsorted(AHEAD_S, one.begin_s - one.said_s))]
         counts.said += 1
         counts.came += came
@@ -214,7 +214,7 @@ class Places:
         if rest := [one for one in said if one[0] >= until_s]:
             self._needs[robot] = rest
 
-    def _miss(self, one: Said, robot: str) -> None:
+    def _miss(self, one: PlannedArrival, robot: str) -> None:
         """Judge what was said of a robot that has not come, if it was heard of after the time told."""
         late_s = min(self._last_seen_s.get(robot, -inf) - one.begin_s, GIVEN_UP_S)
         if late_s > 0:
@@ -249,7 +249,7 @@ def _full_row(said: Bools, truly: Bools) -> dict[str, Any]:
     }
 
 
-def _figures(counts: Counts) -> dict[str, Any]:
+def _figures(counts: PlaceCounts) -> dict[str, Any]:
     return {
         "said": counts.said,
         "came": _share(counts.came, counts.said),

@@ -28,12 +28,12 @@ KEPT = {
 DISTRUSTED = "deconflict_forecasts_distrusted_total"
 
 
-Changed = tuple[str, datetime]
+FlagKey = tuple[str, datetime]
 """What is no longer as it was, and since when."""
 
 
 @dataclass(slots=True)
-class Raised:
+class RaisedFlag:
     """A flag as it was when its change was largest."""
 
     flag: Flag
@@ -46,21 +46,21 @@ class Raised:
 
 
 @dataclass(slots=True)
-class Record:
+class VendorRecord:
     """One vendor so far."""
 
     health: VendorHealth
-    flags: dict[Changed, Raised] = field(default_factory=dict)
+    flags: dict[FlagKey, RaisedFlag] = field(default_factory=dict)
     distrusted: int = 0
     """The most robots at one look that did other than they said."""
     forecasts_distrusted: int = 0
 
-    def look(self, health: VendorHealth, forecasts_distrusted: float, now_s: float) -> None:
+    def update(self, health: VendorHealth, forecasts_distrusted: float, now_s: float) -> None:
         self.health, self.forecasts_distrusted = health, int(forecasts_distrusted)
         self.distrusted = max(self.distrusted, health.distrusted)
-        standing: dict[Changed, Flag] = {(one.what, one.since): one for one in health.flags}
+        standing: dict[FlagKey, Flag] = {(one.what, one.since): one for one in health.flags}
         for key, flag in standing.items():
-            raised = self.flags.setdefault(key, Raised(flag))
+            raised = self.flags.setdefault(key, RaisedFlag(flag))
             if abs(flag.by) > abs(raised.flag.by):
                 raised.flag = flag
         for key in [known for known, one in self.flags.items() if one.until_s is None and known not in standing]:
@@ -73,15 +73,15 @@ class VendorRecords:
     """Every vendor that was heard, from the measures that the roles of the live service keep."""
 
     def __init__(self) -> None:
-        self._of: dict[str, Record] = {}
+        self._of: dict[str, VendorRecord] = {}
 
-    def look(self, now_s: float, documents: Iterable[dict[str, Any]]) -> None:
+    def update(self, now_s: float, documents: Iterable[dict[str, Any]]) -> None:
         """Take in the measures, as documents, that receiver and engine have at a time."""
         told = [*documents]
         distrusted = joined_values(told).get(DISTRUSTED, {})
         for health in vendor_health(told):
-            record = self._of.setdefault(health.name, Record(health))
-            record.look(health, distrusted.get((health.name,), 0), now_s)
+            record = self._of.setdefault(health.name, VendorRecord(health))
+            record.update(health, distrusted.get((health.name,), 0), now_s)
 
     def figures(self, ece: Mapping[str, float | None]) -> list[dict[str, Any]]:
         """By name; `ece` is the calibration error where a robot of the vendor took part."""

@@ -23,11 +23,11 @@ STOOD_M = 0.3
 LOOK_S = 1.0
 """How often it is looked whether robots have fallen silent."""
 
-Span = tuple[float, float]
+TimeRange = tuple[float, float]
 
 
 @dataclass(slots=True, eq=False)
-class Silent:
+class SilentRobot:
     """One robot that is silent, and those that have come near since."""
 
     since_s: float
@@ -44,13 +44,13 @@ class Absences:
         self._intervals, self._places = ReportIntervals(), BelievedPlaces()
         self._told: dict[str, tuple[Forecasts, int, Sequence[str]]] = {}
         """The newest forecast of each robot: its row of a batch, and the floors of that."""
-        self._silent: dict[str, Silent] = {}
-        self._gone: dict[str, list[Span]] = {}
+        self._silent: dict[str, SilentRobot] = {}
+        self._gone: dict[str, list[TimeRange]] = {}
         self._meetings: dict[float, list[Approach]] = {clearance_m: [] for clearance_m in self._clearances_m}
         self._there = 0
         self._looked_s = -inf
 
-    def take(self, batch: Batch) -> None:
+    def add_batch(self, batch: Batch) -> None:
         """Take in the robots of a batch."""
         legs, _ = self._intervals.add_batch(batch)
         for leg in np.flatnonzero(legs.gap_s > GRACE_S).tolist():
@@ -79,7 +79,7 @@ class Absences:
         """Of alerts, pairs with when each was raised and cleared: how many concern somebody gone. And of meetings with
         silent robots that were there, how many were told of in the last `told_s` before."""
         gone = sum(any(self.is_gone(uuid, raised_s) for uuid in pair) for pair, raised_s, _ in alerts)
-        of_pair: dict[Pair, list[Span]] = {}
+        of_pair: dict[Pair, list[TimeRange]] = {}
         for pair, *span in alerts:
             of_pair.setdefault(pair, []).append((span[0], span[1]))
         met = self._meetings[clearance_m]
@@ -124,12 +124,12 @@ class Absences:
                 told, row, _ = self._told[uuid]
                 before = told.one(row)
                 pose = pose_at(before, float(before.t_s[0]))
-                self._silent[uuid] = Silent(now_s)
+                self._silent[uuid] = SilentRobot(now_s)
                 if pose.floor >= 0:
                     self._places.set(uuid, place_of(before, pose))
 
 
-def _is_told(alerts: Mapping[Pair, Sequence[Span]], met: Approach, told_s: float) -> bool:
+def _is_told(alerts: Mapping[Pair, Sequence[TimeRange]], met: Approach, told_s: float) -> bool:
     first, second = sorted((met.silent, met.other))
     spans = alerts.get((first, second), ())
     return any(raised_s < met.at_s and cleared_s >= met.at_s - told_s for raised_s, cleared_s in spans)

@@ -9,7 +9,7 @@ ONE_WAIT_S = 2.5
 """A robot that is seen to wait again within this time waited throughout."""
 
 
-class Waits:
+class AdvisedWaits:
     """By robot, from when to when it waited, in order."""
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class Waits:
         """Whether one of a pair has ever waited."""
         return not self._of.keys().isdisjoint(pair)
 
-    def see(self, now_s: float, waiting: Iterable[str]) -> None:
+    def add(self, now_s: float, waiting: Iterable[str]) -> None:
         """These robots wait now."""
         for robot in waiting:
             spans = self._of.setdefault(robot, [])

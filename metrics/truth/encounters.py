@@ -13,8 +13,8 @@ from math import floor, inf
 import numpy as np
 
 from ingest.batch import Forecasts, Ints, Pair
-from metrics.truth.nearest_scenes import Scenes
-from metrics.truth.recorded_motion import Motion
+from metrics.truth.nearest_scenes import NearestScenes
+from metrics.truth.recorded_motion import RecordedMotion
 from metrics.truth.separations import Separations, separations
 from metrics.truth.silences import Silences
 
@@ -30,7 +30,7 @@ STRETCH = 50
 
 
 @dataclass(slots=True, eq=False)
-class Encounter:
+class RecordedEncounter:
     """One encounter of a pair below one threshold."""
 
     pair: Pair
@@ -39,14 +39,14 @@ class Encounter:
     foreseeable: bool
 
 
-class Truth:
+class EncounterFinder:
     """Encounters below each of some thresholds, as reports come in."""
 
     def __init__(self, thresholds_m: Sequence[float]) -> None:
-        self.motion = Motion()
-        self.scenes = Scenes(STEP_S)
+        self.motion = RecordedMotion()
+        self.scenes = NearestScenes(STEP_S)
         self.silences = Silences()
-        self._below = {threshold_m: Below(threshold_m) for threshold_m in thresholds_m}
+        self._below = {threshold_m: ThresholdEncounters(threshold_m) for threshold_m in thresholds_m}
         self._next: int | None = None
         """The next sample, in steps since the epoch."""
         self._finished = False
@@ -81,11 +81,11 @@ class Truth:
         for below in self._below.values():
             below.finish()
 
-    def encounters(self, threshold_m: float) -> list[Encounter]:
+    def encounters(self, threshold_m: float) -> list[RecordedEncounter]:
         """Those that have ended, by start."""
         return sorted(self._below[threshold_m].closed, key=lambda one: (one.start_s, one.pair))
 
-    def by_pair(self, threshold_m: float) -> Mapping[Pair, Sequence[Encounter]]:
+    def by_pair(self, threshold_m: float) -> Mapping[Pair, Sequence[RecordedEncounter]]:
         """Those of each pair as far as has been looked, by start; the last may go on."""
         return self._below[threshold_m].of_pair
 
@@ -101,18 +101,18 @@ class Truth:
         self.silences.look(stretch)
 
 
-class Below:
+class ThresholdEncounters:
     """The encounters below one threshold."""
 
     def __init__(self, threshold_m: float) -> None:
         self.threshold_m = threshold_m
-        self.closed: list[Encounter] = []
-        self.of_pair: dict[Pair, list[Encounter]] = {}
-        self._open: dict[Pair, Encounter] = {}
+        self.closed: list[RecordedEncounter] = []
+        self.of_pair: dict[Pair, list[RecordedEncounter]] = {}
+        self._open: dict[Pair, RecordedEncounter] = {}
         self._together: dict[Pair, int] = {}
         """Pairs that have not drawn apart at the last sample, and the sample since when they have not."""
 
-    def follow(self, near: Separations, first: int, last: int, motion: Motion) -> None:
+    def follow(self, near: Separations, first: int, last: int, motion: RecordedMotion) -> None:
         """Go on with the samples from `first` to `last`."""
         near = near.take(np.flatnonzero(near.separation_m <= self.threshold_m + DRAWN_APART_M))
         spans, span_of = _runs(near)
@@ -147,7 +147,7 @@ class Below:
                 return
             self.closed.append(known)
         foreseeable = start * STEP_S - float(near.since_s[begin]) >= FORESEEABLE_S
-        encounter = self._open[pair] = Encounter(pair, start * STEP_S, end_s, foreseeable)
+        encounter = self._open[pair] = RecordedEncounter(pair, start * STEP_S, end_s, foreseeable)
         self.of_pair.setdefault(pair, []).append(encounter)
 
     def _close(self, last: int) -> None:

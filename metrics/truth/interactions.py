@@ -21,7 +21,7 @@ LOOKS_S: Floats = np.arange(AHEAD_S + 1.0)
 
 
 @dataclass(slots=True, eq=False)
-class GaveWay:
+class YieldEvent:
     """One robot that gave way to another, as far as is known."""
 
     robot: str
@@ -46,7 +46,7 @@ class Interactions:
     """As reports come in. Memory holds the newest reports of each robot, and a few numbers for each interaction."""
 
     def __init__(self) -> None:
-        self.by_pair: dict[Pair, list[GaveWay]] = {}
+        self.by_pair: dict[Pair, list[YieldEvent]] = {}
         """By onset."""
         self.placebo = Placebo()
         self._finder = InteractionFinder()
@@ -62,10 +62,10 @@ class Interactions:
         """When the newest report was true."""
         self._gap_s = np.zeros(0)
         """From the report before to the newest."""
-        self._open: dict[int, GaveWay] = {}
+        self._open: dict[int, YieldEvent] = {}
         """By slot of the robot that gives way and has not gone on."""
 
-    def take(self, batch: Batch, usual_m: Floats) -> None:
+    def add_batch(self, batch: Batch, usual_m: Floats) -> None:
         """Take in the n robots of a batch, whose forecasts are usually off by `usual_m` (n, AHEAD_S), so many whole
         seconds ahead."""
         if batch.gone:
@@ -112,13 +112,13 @@ class Interactions:
         if interaction.end_s < inf:
             del self._open[slot]
 
-    def _begin(self, interaction: Interaction) -> GaveWay:
+    def _begin(self, interaction: Interaction) -> YieldEvent:
         """An interaction that was not known."""
         slot = interaction.robot
         before = self._open.get(slot)
         if before is not None:
             before.end_s = interaction.onset_s
-        gave_way = GaveWay(
+        gave_way = YieldEvent(
             self._names[slot],
             self._names[interaction.other],
             interaction.outcome,

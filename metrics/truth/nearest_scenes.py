@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ingest.batch import Floats, Ints
-from metrics.truth.recorded_motion import Motion, Stretch
+from metrics.truth.recorded_motion import RecordedMotion, SampledMotion
 from metrics.truth.separations import Separations
 
 KEPT = 10
@@ -19,7 +19,7 @@ STRETCHES = 5
 
 
 @dataclass(slots=True)
-class Scene:
+class NearestScene:
     """Two robots at the moment they were nearest."""
 
     pair: tuple[str, str]
@@ -56,15 +56,15 @@ class Scene:
         }
 
 
-class Scenes:
+class NearestScenes:
     """The nearest `KEPT` so far."""
 
     def __init__(self, step_s: float) -> None:
         self._step_s = step_s
-        self._held: deque[Stretch] = deque(maxlen=STRETCHES)
-        self._kept: list[Scene] = []
+        self._held: deque[SampledMotion] = deque(maxlen=STRETCHES)
+        self._kept: list[NearestScene] = []
 
-    def look(self, stretch: Stretch, near: Separations, motion: Motion) -> None:
+    def look(self, stretch: SampledMotion, near: Separations, motion: RecordedMotion) -> None:
         """Go on with a stretch of motion and those that were near in it."""
         self._held.append(stretch)
         if len(self._kept) == KEPT:
@@ -72,30 +72,30 @@ class Scenes:
         for row in _nearest_rows(near).tolist():
             pair = motion.pair(int(near.a[row]), int(near.b[row]))
             at_s = int(near.sample[row]) * self._step_s
-            self._offer(Scene(pair, at_s, float(near.separation_m[row]), float(near.closeness[row])))
+            self._offer(NearestScene(pair, at_s, float(near.separation_m[row]), float(near.closeness[row])))
         until = stretch.first + stretch.x_m.shape[1]
         self._draw(motion, until - round(AFTER_S / self._step_s))
 
-    def finish(self, motion: Motion) -> list[Scene]:
+    def finish(self, motion: RecordedMotion) -> list[NearestScene]:
         """All of them, the nearest first."""
         if self._held:
             self._draw(motion, self._held[-1].first + self._held[-1].x_m.shape[1])
         return self._kept
 
-    def _offer(self, scene: Scene) -> None:
+    def _offer(self, scene: NearestScene) -> None:
         same = [one for one in self._kept if one.pair == scene.pair and abs(one.at_s - scene.at_s) < APART_S]
         if any(one.rank < scene.rank for one in same):
             return
         self._kept = [one for one in self._kept if one not in same]
         self._kept = sorted([*self._kept, scene], key=lambda one: one.rank)[:KEPT]
 
-    def _draw(self, motion: Motion, until: int) -> None:
+    def _draw(self, motion: RecordedMotion, until: int) -> None:
         for scene in self._kept:
             middle = round(scene.at_s / self._step_s)
             if not scene.tracks and middle <= until:
                 self._track(scene, motion, middle)
 
-    def _track(self, scene: Scene, motion: Motion, middle: int) -> None:
+    def _track(self, scene: NearestScene, motion: RecordedMotion, middle: int) -> None:
         first, last = middle - round(BEFORE_S / self._step_s), middle + round(AFTER_S / self._step_s)
         parts = [_part(stretch, [motion.row(robot) for robot in scene.pair], first, last) for stretch in self._held]
         sample = np.concatenate([samples for samples, _ in parts])
@@ -121,7 +121,7 @@ def _nearest_rows(near: Separations) -> Ints:
     return rows
 
 
-def _part(stretch: Stretch, robots: list[int], first: int, last: int) -> tuple[Ints, Floats]:
+def _part(stretch: SampledMotion, robots: list[int], first: int, last: int) -> tuple[Ints, Floats]:
     """The samples of a stretch from `first` to `last`, and (2, k, 6) pose, half sizes and floor of both robots."""
     samples = np.arange(max(first, stretch.first), min(last + 1, stretch.first + stretch.x_m.shape[1]))
     poses = np.full((2, len(samples), 6), np.nan)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
 from ingest.batch import Pair
-from metrics.truth.encounters import Encounter, Truth
-from metrics.truth.interactions import GaveWay, Interactions
+from metrics.truth.encounters import EncounterFinder, RecordedEncounter
+from metrics.truth.interactions import Interactions, YieldEvent
 
 WITHIN_S = 10.0
 """A warning is true where the outcome follows within this."""
@@ -43,7 +43,7 @@ class Verdict(IntEnum):
 IN_VAIN = (Verdict.KEPT_APART, Verdict.ORDERED, Verdict.REPEATED)
 
 
-class Span(NamedTuple):
+class OutcomeSpan(NamedTuple):
     """A time in which two robots are in each other's way, or one waits for the other."""
 
     onset_s: float
@@ -54,10 +54,10 @@ class Span(NamedTuple):
 class PairOutcomes:
     """What came of one pair. All are by onset."""
 
-    spans: list[Span] = field(default_factory=list)
+    spans: list[OutcomeSpan] = field(default_factory=list)
     """In which the two were in each other's way; no two overlap."""
-    ordered: list[Span] = field(default_factory=list)
-    doubted: list[Span] = field(default_factory=list)
+    ordered: list[OutcomeSpan] = field(default_factory=list)
+    doubted: list[OutcomeSpan] = field(default_factory=list)
     """In which one waited, and it is not known whether their fleet had ordered it."""
     stops_s: list[float] = field(default_factory=list)
     """Fresh onsets of yielding."""
@@ -65,14 +65,15 @@ class PairOutcomes:
     """Fresh onsets of foreseeable encounters."""
 
     @classmethod
-    def of(cls, gave_way: Iterable[GaveWay], encounters: Iterable[Encounter]) -> "PairOutcomes":
-        by_outcome: dict[InteractionOutcome, list[Span]] = {outcome: [] for outcome in InteractionOutcome}
+    def of(cls, gave_way: Iterable[YieldEvent], encounters: Iterable[RecordedEncounter]) -> "PairOutcomes":
+        by_outcome: dict[InteractionOutcome, list[OutcomeSpan]] = {outcome: [] for outcome in InteractionOutcome}
         for one in gave_way:
-            by_outcome[one.outcome].append(Span(one.onset_s, one.end_s))
+            by_outcome[one.outcome].append(OutcomeSpan(one.onset_s, one.end_s))
         pair = cls(ordered=by_outcome[InteractionOutcome.ORDERED], doubted=by_outcome[InteractionOutcome.UNKNOWN])
         stops = [(span, pair.stops_s) for span in by_outcome[InteractionOutcome.YIELDED]]
         meetings = [
-            (Span(one.start_s, one.end_s), pair.meetings_s if one.foreseeable else list[float]()) for one in encounters
+            (OutcomeSpan(one.start_s, one.end_s), pair.meetings_s if one.foreseeable else list[float]())
+            for one in encounters
         ]
         for span, fresh_s in sorted([*stops, *meetings], key=lambda one: one[0]):
             if not pair.spans or span.onset_s - pair.spans[-1].end_s > FRESH_S:
@@ -80,10 +81,10 @@ class PairOutcomes:
             pair._add(span)
         return pair
 
-    def _add(self, span: Span) -> None:
+    def _add(self, span: OutcomeSpan) -> None:
         if self.spans and span.onset_s <= self.spans[-1].end_s:
             before = self.spans.pop()
-            span = Span(before.onset_s, max(before.end_s, span.end_s))
+            span = OutcomeSpan(before.onset_s, max(before.end_s, span.end_s))
         self.spans.append(span)
 
     def began_s(self, at_s: float) -> float:
@@ -115,10 +116,10 @@ NOTHING = PairOutcomes()
 """Of a pair that neither met nor waited."""
 
 
-class Outcomes:
+class AllPairOutcomes:
     """What came of all pairs at one clearance, as far as reports have shown."""
 
-    def __init__(self, truth: Truth, interactions: Interactions, clearance_m: float) -> None:
+    def __init__(self, truth: EncounterFinder, interactions: Interactions, clearance_m: float) -> None:
         self._truth, self._interactions, self._clearance_m = truth, interactions, clearance_m
 
     def of(self, pair: Pair) -> PairOutcomes:
@@ -136,6 +137,6 @@ class Outcomes:
         return min(self._truth.silences.left_s(robot, from_s) for robot in pair)
 
 
-def _touches(spans: Sequence[Span], at_s: float) -> bool:
+def _touches(spans: Sequence[OutcomeSpan], at_s: float) -> bool:
     """Whether any of the spans lies at a moment or begins within `WITHIN_S` after it."""
     return any(span.onset_s <= at_s + WITHIN_S and span.end_s >= at_s for span in spans)

@@ -21,13 +21,13 @@ _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (nu
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
+class SampledMotion:
     """Where the r robots that are there at some time of a stretch of s samples are; nan while they are not."""
 
     first: int
     """The first sample, in steps since the epoch."""
     robot: Ints
-    """(r,) index into `Motion.names`, ascending by name of the robot within what `Motion` knows."""
+    """(r,) index into `RecordedMotion.names`, ascending by name of the robot within what `RecordedMotion` knows."""
     x_m: Floats
     """(r, s)"""
     y_m: Floats
@@ -42,7 +42,7 @@ class Stretch:
     """(r, s) since when it has been there without a break."""
 
 
-class Motion:
+class RecordedMotion:
     """Every robot's newest report, and the legs between reports that have not been looked at yet."""
 
     def __init__(self) -> None:
@@ -76,13 +76,13 @@ class Motion:
         """How long each robot was there."""
         return dict(zip(self.names, self._last[: len(self.names), _PRESENT].tolist(), strict=True))
 
-    def stretch(self, first: int, samples: int, step_s: float) -> Stretch:
+    def stretch(self, first: int, samples: int, step_s: float) -> SampledMotion:
         """The motion at so many samples from `first` on; forgets what lies before their end."""
         legs = np.concatenate([np.empty((0, len(_LEG))), *self._told])
         self._told = [legs[np.floor(legs[:, 2] / step_s) >= first + samples]]
         robot, there = _joined(legs, len(self.names), first, samples, step_s)
         x_m, y_m, yaw_rad, floor, since_s = there[:5]
-        return Stretch(first, robot, x_m, y_m, yaw_rad, there[5:7] / 2, there[7:], floor, since_s)
+        return SampledMotion(first, robot, x_m, y_m, yaw_rad, there[5:7] / 2, there[7:], floor, since_s)
 
     def row(self, robot: str) -> int:
         """The index of a robot that has reported."""

@@ -31,15 +31,15 @@ MOST_PENDING = 32
 NOWHERE = frozenset[str]()
 
 
-class Span(NamedTuple):
+class TimeSpan(NamedTuple):
     """From when to when."""
 
     from_s: float
     to_s: float
 
-    def within(self, other: "Span") -> "Span":
+    def within(self, other: "TimeSpan") -> "TimeSpan":
         """What the two have in common; ends before it begins where that is nothing."""
-        return Span(max(self.from_s, other.from_s), min(self.to_s, other.to_s))
+        return TimeSpan(max(self.from_s, other.from_s), min(self.to_s, other.to_s))
 
     @property
     def lasts_s(self) -> float:
@@ -49,7 +49,7 @@ class Span(NamedTuple):
 class Stand(NamedTuple):
     """A robot stood, outside of every resource or in one."""
 
-    span: Span
+    span: TimeSpan
     floor: str
     x_m: float
     y_m: float
@@ -62,26 +62,26 @@ class Stand(NamedTuple):
 
     def since(self, t_s: float) -> "Stand":
         """What is left of it after a time."""
-        return self._replace(span=self.span.within(Span(t_s, inf)))
+        return self._replace(span=self.span.within(TimeSpan(t_s, inf)))
 
 
 class Stay(NamedTuple):
     """A robot was in a place."""
 
-    span: Span
+    span: TimeSpan
     bottom_m: float
     top_m: float
 
 
-class Wait(NamedTuple):
+class QueueWait(NamedTuple):
     """A robot waited for a place."""
 
     place: str
     robot: str
-    span: Span
+    span: TimeSpan
 
 
-class Entry(NamedTuple):
+class PlaceEntry(NamedTuple):
     """A robot that was outside of a place came into it."""
 
     place: str
@@ -104,7 +104,7 @@ class _Report(NamedTuple):
 
 
 @dataclass(slots=True, eq=False)
-class _Seen:
+class _RobotState:
     floor: str
     x_m: float
     y_m: float
@@ -119,32 +119,32 @@ class _Seen:
     pending: list[Stand] = field(default_factory=list)
 
 
-class Conduct:
+class ResourceUse:
     """Robots as they report; what is kept is each stop, and when each place was full."""
 
     def __init__(self, resources: Iterable[Resource], zones: Iterable[Zone]) -> None:
         places: list[Place] = [*resources, *zones]
         self._capacity = {one.id: one.capacity for one in places}
-        self._resources, self._zones = _Outlines(resources), _Outlines(zones)
+        self._resources, self._zones = _PlaceOutlines(resources), _PlaceOutlines(zones)
         self._inside: dict[str, dict[str, Stay]] = {place: {} for place in self._capacity}
         """By place and robot, the stays that have not ended."""
         self._stays: dict[str, list[Stay]] = {place: [] for place in self._capacity}
         """By place, those that have, in the order in which they did."""
         self._crowded_s: dict[str, float] = {}
         """Since when more robots are in a place than it takes."""
-        self._robots: dict[str, _Seen] = {}
+        self._robots: dict[str, _RobotState] = {}
         self.stands: dict[str, list[Stand]] = {}
         """By robot."""
-        self.waits: list[Wait] = []
-        self.crowds: dict[str, list[Span]] = {place: [] for place in self._capacity}
+        self.waits: list[QueueWait] = []
+        self.crowds: dict[str, list[TimeSpan]] = {place: [] for place in self._capacity}
         """By place, when more robots were in it than it takes."""
-        self._entries: list[Entry] = []
+        self._entries: list[PlaceEntry] = []
         """Those that nobody has asked for yet."""
         self.last_seen_s: dict[str, float] = {}
         self._known_s: dict[str, float] = {}
         """By robot, since when it was heard."""
 
-    def take(self, batch: Batch) -> None:
+    def add_batch(self, batch: Batch) -> None:
         """Robots that have reported, and those that are gone."""
         for robot, report in zip(batch.robots, self._reports(batch), strict=True):
             self._see(robot, report)
@@ -161,12 +161,12 @@ class Conduct:
         known_s = self._known_s.setdefault(robot, new.t_s)
         if one and new.t_s >= one.seen_s:
             entered = new.places - one.places
-            self._entries += [Entry(place, robot, new.t_s, known_s) for place in sorted(entered)]
+            self._entries += [PlaceEntry(place, robot, new.t_s, known_s) for place in sorted(entered)]
         if one and new.t_s - one.seen_s > (STILL_S if _is_at(one, new) else JOINED_S):
             self._leave(robot)
             one = None
         if one is None:
-            one = self._robots[robot] = _Seen(
+            one = self._robots[robot] = _RobotState(
                 floor=new.floor,
                 x_m=new.x_m,
                 y_m=new.y_m,
@@ -188,7 +188,7 @@ class Conduct:
         one.outside, one.bottom_m, one.top_m = new.outside, new.bottom_m, new.top_m
         self._occupy(robot, one, new.places, new.t_s)
 
-    def new_entries(self) -> list[Entry]:
+    def new_entries(self) -> list[PlaceEntry]:
         """Those since this was asked last."""
         entries, self._entries = self._entries, []
         return entries
@@ -197,26 +197,26 @@ class Conduct:
         """(n, 2) from when to when robots were in a place, as far as they have left it."""
         return np.array([stay.span for stay in self._stays[place]]).reshape(-1, 2)
 
-    def _move(self, robot: str, one: _Seen) -> None:
+    def _move(self, robot: str, one: _RobotState) -> None:
         """It stands no longer where it stood."""
-        span = Span(one.came_s, one.seen_s)
+        span = TimeSpan(one.came_s, one.seen_s)
         if span.lasts_s >= STOOD_S:
             stand = Stand(span, one.floor, one.x_m, one.y_m, one.outside, one.goals, one.bottom_m, one.top_m)
             self.stands.setdefault(robot, []).append(stand)
             one.pending = [*one.pending[1 - MOST_PENDING :], stand]
 
-    def _occupy(self, robot: str, one: _Seen, places: frozenset[str], t_s: float) -> None:
+    def _occupy(self, robot: str, one: _RobotState, places: frozenset[str], t_s: float) -> None:
         if places == one.places:
             return
         for place in one.places - places:
             stay = self._inside[place].pop(robot)
-            self._stays[place].append(stay._replace(span=Span(stay.span.from_s, t_s)))
+            self._stays[place].append(stay._replace(span=TimeSpan(stay.span.from_s, t_s)))
             self._count(place, t_s)
         entered = places - one.places
         if entered:
             self._waited(robot, one, entered)
         for place in entered:
-            self._inside[place][robot] = Stay(Span(t_s, inf), one.bottom_m, one.top_m)
+            self._inside[place][robot] = Stay(TimeSpan(t_s, inf), one.bottom_m, one.top_m)
             self._count(place, t_s)
         one.places = places
 
@@ -233,9 +233,9 @@ class Conduct:
         if len(inside) > capacity and len(largest_group_at_one_height([*inside.values()])) > capacity:
             self._crowded_s.setdefault(place, t_s)
         elif place in self._crowded_s:
-            self.crowds[place].append(Span(self._crowded_s.pop(place), t_s))
+            self.crowds[place].append(TimeSpan(self._crowded_s.pop(place), t_s))
 
-    def _waited(self, robot: str, one: _Seen, entered: frozenset[str]) -> None:
+    def _waited(self, robot: str, one: _RobotState, entered: frozenset[str]) -> None:
         """It has entered places, or is gone: which of its stops were waits."""
         for stand in one.pending:
             near = {place for one in (self._resources, self._zones) for place in entered if one.is_near(place, stand)}
@@ -243,10 +243,10 @@ class Conduct:
             for place in sorted(wanted_s) if stand.outside else ():
                 waited = list(self._full_during(place, stand.since(wanted_s[place])))
                 if sum(span.lasts_s for span in waited) >= WAITED_S:
-                    self.waits.append(Wait(place, robot, Span(waited[0].from_s, waited[-1].to_s)))
+                    self.waits.append(QueueWait(place, robot, TimeSpan(waited[0].from_s, waited[-1].to_s)))
         one.pending = []
 
-    def _full_during(self, place: str, stood: Stand) -> Iterator[Span]:
+    def _full_during(self, place: str, stood: Stand) -> Iterator[TimeSpan]:
         """When the place was full for a robot that stood, in order."""
         ended = self._stays[place]
         first = bisect_right(ended, stood.span.from_s, key=lambda stay: stay.span.to_s)
@@ -254,7 +254,7 @@ class Conduct:
         changes = [change for stay in stays for change in ((stay.span.from_s, 1), (stay.span.to_s, -1))]
         inside, since_s = 0, -inf
         for t_s, change in sorted(changes):
-            full = Span(since_s, t_s).within(stood.span)
+            full = TimeSpan(since_s, t_s).within(stood.span)
             if inside >= self._capacity[place] and full.lasts_s > 0:
                 yield full
             inside, since_s = inside + change, t_s
@@ -289,12 +289,12 @@ class Conduct:
         return goals
 
 
-def _is_at(one: _Seen, new: _Report) -> bool:
+def _is_at(one: _RobotState, new: _Report) -> bool:
     """Whether a robot is where it was."""
     return new.floor == one.floor and hypot(new.x_m - one.x_m, new.y_m - one.y_m) <= STANDS_M
 
 
-class _Outlines:
+class _PlaceOutlines:
     """Places, to ask which of them something touches on its floor."""
 
     def __init__(self, places: Iterable[Place]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from deconflict.sweep.geometry.rectangles import gap
 from ingest.batch import Floats, Ints
 from ingest.kernels import inner, kernel
-from metrics.truth.recorded_motion import Stretch
+from metrics.truth.recorded_motion import SampledMotion
 
 
 class Separations(NamedTuple):
@@ -37,7 +37,7 @@ class Separations(NamedTuple):
         )
 
 
-def separations(stretch: Stretch, within_m: float) -> Separations:
+def separations(stretch: SampledMotion, within_m: float) -> Separations:
     """Every two robots at every sample at which they are no further apart than `within_m`, neither above the other."""
     (a, b, column), (apart_m, reach_m) = _near(
         stretch.x_m, stretch.y_m, stretch.half_m, stretch.height_m, stretch.floor, within_m

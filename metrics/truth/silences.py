@@ -13,13 +13,13 @@ import numpy as np
 
 from deconflict.foresight.presence.report_intervals import GAPS, GRACE_S, grace_after_s
 from ingest.batch import Bools, Floats, Forecasts, Ints
-from metrics.truth.recorded_motion import Stretch
+from metrics.truth.recorded_motion import SampledMotion
 
 MINUTE_S = 60.0
 
 
 @dataclass(slots=True, eq=False)
-class Silence:
+class RobotSilence:
     """One silence of one robot."""
 
     begin_s: float
@@ -46,9 +46,9 @@ class Silences:
         """The newest of them."""
         self._place = np.zeros((0, 8))
         """x_m, y_m, yaw_rad, floor, half sides, bottom and top, by the newest report."""
-        self._of: dict[int, list[Silence]] = {}
+        self._of: dict[int, list[RobotSilence]] = {}
         """In order."""
-        self._ongoing: dict[int, Silence] = {}
+        self._ongoing: dict[int, RobotSilence] = {}
         self._by_minute_s: defaultdict[int, float] = defaultdict(float)
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
@@ -73,7 +73,7 @@ class Silences:
             self._fall_silent(row)
         return [self._names[row] for row in fallen]
 
-    def look(self, stretch: Stretch) -> None:
+    def look(self, stretch: SampledMotion) -> None:
         """Look for robots that drive through the place of a silent one."""
         rows = np.array([row for row, silence in self._ongoing.items() if not silence.is_passed], np.int64)
         if not len(rows) or not len(stretch.robot):
@@ -128,13 +128,13 @@ class Silences:
         if silence is None:
             if now_s - self._heard_s[row] <= self._limit_s(row):
                 return False
-            silence = Silence(float(self._heard_s[row]))
+            silence = RobotSilence(float(self._heard_s[row]))
             self._of.setdefault(row, []).append(silence)
         silence.end_s = now_s
         return True
 
     def _fall_silent(self, row: int) -> None:
-        self._ongoing[row] = Silence(float(self._heard_s[row]))
+        self._ongoing[row] = RobotSilence(float(self._heard_s[row]))
         self._of.setdefault(row, []).append(self._ongoing[row])
 
     def _limit_s(self, row: int) -> float:
@@ -157,7 +157,7 @@ class Silences:
         self._heard_s[-more:] = -inf
 
 
-def _near(places: Floats, stretch: Stretch) -> Bools:
+def _near(places: Floats, stretch: SampledMotion) -> Bools:
     """(s, r) whether the middle of each robot of a stretch comes into the box around each place (s, 8)."""
     x_m, y_m, _, _, half_length_m, half_width_m, _, _ = places.T[:, :, None]
     reach_m = np.hypot(half_length_m, half_width_m)
@@ -168,7 +168,7 @@ def _near(places: Floats, stretch: Stretch) -> Bools:
     return near
 
 
-def _drives_through(place: Floats, stretch: Stretch, other: int) -> bool:
+def _drives_through(place: Floats, stretch: SampledMotion, other: int) -> bool:
     """Whether the middle of a robot of a stretch comes within the outline at a place (8,)."""
     x_m, y_m, yaw_rad, floor, half_length_m, half_width_m, bottom_m, top_m = place.tolist()
     dx_m, dy_m = stretch.x_m[other] - x_m, stretch.y_m[other] - y_m

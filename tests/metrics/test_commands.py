@@ -1,4 +1,4 @@
-"""What the commands on logs refuse, before they read any, and what they say of what they have read."""
+"""What the commands on logs refuse before they read a log, and what they log about a log that they read."""
 
 import gzip
 import json
@@ -20,8 +20,8 @@ def run(*words: str | Path) -> None:
 
 
 def scores(out: Path) -> dict[str, Any]:
-    told: dict[str, Any] = json.loads(out.read_text())
-    return {name: value for name, value in told.items() if name != "speed_x_real_time"}
+    document: dict[str, Any] = json.loads(out.read_text())
+    return {name: value for name, value in document.items() if name != "speed_x_real_time"}
 
 
 @pytest.fixture
@@ -30,12 +30,12 @@ def log(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("clearance", ["-1", "nan", "inf", "-0.1", "wide"])
-def test_a_clearance_that_is_no_distance_is_refused(
+def test_a_clearance_that_is_not_a_distance_is_refused(
     log: Path, clearance: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit, match="2"):
         run("replay", log, f"--clearance={clearance}")
-    assert f"{clearance!r} is no distance: give metres, 0 or more" in capsys.readouterr().err
+    assert f"{clearance!r} is not a distance: give metres, 0 or more" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -48,27 +48,27 @@ def test_a_clearance_that_is_no_distance_is_refused(
         ("conform", "--json"),
     ],
 )
-def test_what_has_no_place_to_be_written_to_is_refused_before_anything_is_read(
+def test_an_output_that_cannot_be_written_is_refused_before_anything_is_read(
     tmp_path: Path, log: Path, command: str, option: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("metrics.commands.Reader.read", lambda *_: pytest.fail("it was read"))
     for out in (tmp_path / "none" / "out", tmp_path, log / "out"):
-        with pytest.raises(LogError, match="can't be written: give a file in a directory that is there"):
+        with pytest.raises(LogError, match="can't be written: give a file in an existing directory"):
             run(command, log, option, out)
     kept = log.read_bytes()
-    with pytest.raises(LogError, match="is the log that is to be read"):
+    with pytest.raises(LogError, match="is a log to be read"):
         run(command, log.parent, option, log)
     assert log.read_bytes() == kept
 
 
 @pytest.mark.parametrize("command", ["replay", "conform"])
-def test_a_log_without_any_message_is_told(tmp_path: Path, command: str) -> None:
+def test_a_log_without_any_message_is_refused(tmp_path: Path, command: str) -> None:
     with pytest.raises(LogError, match=f"no log is in {tmp_path}"):
         run(command, tmp_path)
     log, out = tmp_path / "empty.jsonl", tmp_path / "out.json"
     for text, torn in (
         ("", ""),
-        ("torn\n" * 3, " and 3 lines that are none"),
+        ("torn\n" * 3, ", only 3 lines that can't be read"),
         ('{"tick":"2009-11-17T10:00:21Z"}\n', ""),
     ):
         log.write_text(text)
@@ -79,22 +79,22 @@ def test_a_log_without_any_message_is_told(tmp_path: Path, command: str) -> None
 
 
 @pytest.mark.parametrize("command", ["replay", "conform", "site suggest"])
-def test_a_log_that_is_not_there_is_refused(tmp_path: Path, command: str) -> None:
+def test_a_missing_log_is_refused(tmp_path: Path, command: str) -> None:
     with pytest.raises(LogError, match=r"none.jsonl can't be read"):
         run(*command.split(), tmp_path / "none.jsonl")
 
 
-@pytest.mark.parametrize("told", ['{"scores": 3}', '{"scores": [{"clearance_m": 0.3}]}', "[]", "{", "\xff", None])
-def test_what_is_no_result_is_not_compared(tmp_path: Path, told: str | None) -> None:
-    one = tmp_path / "one.json"
-    if told is not None:
-        one.write_bytes(told.encode("latin-1"))
-    with pytest.raises(LogError, match=r"one.json (can't be read|is no result|or .* lacks)"):
-        run("replay", "--compare", one, one)
+@pytest.mark.parametrize("text", ['{"scores": 3}', '{"scores": [{"clearance_m": 0.3}]}', "[]", "{", "\xff", None])
+def test_a_file_that_is_not_a_result_is_not_compared(tmp_path: Path, text: str | None) -> None:
+    result = tmp_path / "one.json"
+    if text is not None:
+        result.write_bytes(text.encode("latin-1"))
+    with pytest.raises(LogError, match=r"one.json (can't be read|is not the result|or .* lacks)"):
+        run("replay", "--compare", result, result)
 
 
 def in_two(log: Path) -> tuple[Path, Path]:
-    """The first half of a log in the file that comes last by name, and packed."""
+    """A log in two files. The first half is compressed and comes last by name."""
     lines = log.read_bytes().splitlines(keepends=True)
     first, second = log.with_name("b.jsonl"), log.with_name("a.jsonl")
     first.write_bytes(gzip.compress(b"".join(lines[: len(lines) // 2])))
@@ -115,8 +115,8 @@ def test_files_in_the_wrong_order_give_the_scores_of_the_whole(tmp_path: Path, l
 
 
 def swap(lines: list[str]) -> list[str]:
-    """Each two neighbours, which stand 50 ms apart at most or a second, the other way round."""
-    return [one for pair in zip(lines[1::2], lines[::2], strict=True) for one in pair]
+    """The lines with each two neighbours swapped."""
+    return [line for pair in zip(lines[1::2], lines[::2], strict=True) for line in pair]
 
 
 def of_each_robot(lines: list[str]) -> list[str]:
@@ -125,7 +125,7 @@ def of_each_robot(lines: list[str]) -> list[str]:
 
 @pytest.mark.parametrize(("disorder", "level"), [(swap, logging.INFO), (of_each_robot, logging.WARNING)])
 @pytest.mark.parametrize("command", ["replay", "conform"])
-def test_messages_out_of_order_are_counted_and_told_as_loudly_as_they_deserve(
+def test_messages_out_of_order_are_counted_and_a_large_disorder_is_a_warning(
     tmp_path: Path,
     log: Path,
     command: str,
@@ -137,13 +137,17 @@ def test_messages_out_of_order_are_counted_and_told_as_loudly_as_they_deserve(
     log.write_text("".join(disorder(spread_out(lines))))
     caplog.set_level(logging.INFO)
     run(command, log, "--json", tmp_path / "out.json")
-    told = scores(tmp_path / "out.json")
-    assert (told["messages"], told["late_messages"] > 10, told["late_by_s"] > 1) == (52, True, level == logging.WARNING)
-    (said,) = (one for one in caplog.records if one.name == "metrics.commands")
-    assert (said.levelno, "sort the lines" in said.message) == (level, level == logging.WARNING)
-    assert f"{told['late_messages']} messages stand behind others" in said.message
+    result = scores(tmp_path / "out.json")
+    assert (result["messages"], result["late_messages"] > 10, result["late_by_s"] > 1) == (
+        52,
+        True,
+        level == logging.WARNING,
+    )
+    (warning,) = (record for record in caplog.records if record.name == "metrics.commands")
+    assert (warning.levelno, "sort the lines" in warning.message) == (level, level == logging.WARNING)
+    assert f"{result['late_messages']} messages come after messages" in warning.message
 
 
 def spread_out(lines: list[str]) -> list[str]:
-    """The second of each two a few milliseconds later."""
+    """The lines with the second of each two a few milliseconds later."""
     return [line.replace(".05", ".056", 1) if n % 2 else line for n, line in enumerate(lines)]

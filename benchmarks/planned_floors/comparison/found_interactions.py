@@ -13,9 +13,9 @@ from benchmarks.planned_floors.truth.outcomes import Happenings
 from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Reader
-from metrics.replay.engine_passes import Reading
-from metrics.scoring.forecast_scores import ForecastErrors
-from metrics.truth.interactions import GaveWay, Interactions
+from metrics.replay.engine_passes import PassReader
+from metrics.scoring.forecast_scores import ForecastScores
+from metrics.truth.interactions import Interactions, YieldEvent
 
 EARLY_S, LATE_S = 2.5, 1.0
 """An interaction belongs to a stop if it begins at most `EARLY_S` before the stop, or `LATE_S` after its end."""
@@ -27,13 +27,13 @@ MET_WITHIN_S = 3.0
 
 def interactions(log: Path, site: Site) -> Interactions:
     """The interactions of one log, found as `deconflict replay` finds them."""
-    reading, errors, found = Reading(site), ForecastErrors(), Interactions()
-    for due in chain(reading.take(Reader().read([log])), reading.finish()):
-        batch = due.batch
+    passes, errors, found = PassReader(site), ForecastScores(), Interactions()
+    for engine_pass in chain(passes.passes_of(Reader().read([log])), passes.last_passes()):
+        batch = engine_pass.batch
         makers = list(zip(batch.vendors, batch.models, strict=True))
-        errors.take(batch.robots, makers, batch.forecasts, None)
-        errors.advance(due.now_s)
-        found.take(batch, errors.usually_aside_m(makers))
+        errors.add(batch.robots, makers, batch.forecasts, None)
+        errors.advance(engine_pass.now_s)
+        found.add_batch(batch, errors.usually_aside_m(makers))
     return found
 
 
@@ -56,7 +56,7 @@ def finder_figures(log: Path, truth: Path, site: Site) -> dict[str, Figure]:
     }
 
 
-def _stops_of(case: GaveWay, stops: list[Stop]) -> list[Stop]:
+def _stops_of(case: YieldEvent, stops: list[Stop]) -> list[Stop]:
     """The stops of the robot that an interaction belongs to."""
     return [
         stop
@@ -65,7 +65,7 @@ def _stops_of(case: GaveWay, stops: list[Stop]) -> list[Stop]:
     ]
 
 
-def _is_true(case: GaveWay, stops: list[Stop], happened: Happenings) -> bool:
+def _is_true(case: YieldEvent, stops: list[Stop], happened: Happenings) -> bool:
     """Whether one of the robot's `stops` was for the other robot, or the pair had an outcome then."""
     return any(stop.by == case.other for stop in stops) or any(
         outcome.onset_s - LATE_S <= case.onset_s <= outcome.end_s + LATE_S

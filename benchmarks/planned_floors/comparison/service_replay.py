@@ -11,36 +11,37 @@ from benchmarks.planned_floors.scoring.judged_cases import Sample
 from deconflict.operator.blackbox.start_state import Start
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Reader
-from metrics.replay.engine_passes import Pass, Reading
-from metrics.replay.replay import Run, streamed
+from metrics.replay.engine_passes import EnginePass, PassReader
+from metrics.replay.engine_run import EngineRun
+from metrics.replay.replay import advisory_lines
 
 
 @dataclass(slots=True)
 class Published:
-    """What one engine published of a log."""
+    """Everything that one engine published over a log."""
 
     revisions: list[dict[str, Any]] = field(default_factory=list)
     """Revisions, as `deconflict replay --advisories` writes them."""
     samples: list[Sample] = field(default_factory=list)
     """Probabilities, once a second."""
 
-    def take(self, run: Run, due: Pass) -> None:
-        """Let the engine make a pass."""
-        revised = run.step(due)
-        self.revisions += streamed([revised])
-        for (a, b), probability in revised.probabilities:
-            self.samples.append((min((a, b), (b, a)), due.now_s, probability))
+    def add_pass(self, engine: EngineRun, engine_pass: EnginePass) -> None:
+        """Run one pass of the engine and keep its output."""
+        output = engine.advance(engine_pass)
+        self.revisions += advisory_lines([output])
+        for (a, b), probability in output.probabilities:
+            self.samples.append((min((a, b), (b, a)), engine_pass.now_s, probability))
 
 
 def replayed(log: Path, site: Site, changes: Mapping[str, Change]) -> dict[str, Published]:
     """What the service published with each change, by name; each engine begins with nothing learned."""
-    reading = Reading(site)
-    runs = {name: Run(site, site.conflict.clearance_m, Start()) for name in changes}
+    reader = PassReader(site)
+    engines = {name: EngineRun(site, site.conflict.clearance_m, Start()) for name in changes}
     for name, change in changes.items():
-        change(runs[name].engine)
+        change(engines[name].engine)
     published = {name: Published() for name in changes}
-    passes: Iterable[Pass] = chain(reading.take(Reader().read([log])), reading.finish())
-    for due in passes:
-        for name, run in runs.items():
-            published[name].take(run, due)
+    passes: Iterable[EnginePass] = chain(reader.passes_of(Reader().read([log])), reader.last_passes())
+    for engine_pass in passes:
+        for name, engine in engines.items():
+            published[name].add_pass(engine, engine_pass)
     return published

@@ -16,8 +16,8 @@ import numpy as np
 from ingest.batch import Floats, Pair
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.summaries import mean, means, median, medians, spread
-from metrics.scoring.warnings.calibration_scores import Tally, Vendors
-from metrics.truth.encounters import Encounter
+from metrics.scoring.warnings.calibration_scores import CalibrationTally, Vendors
+from metrics.truth.encounters import RecordedEncounter
 
 HORIZON_S = 10.0
 STANDING_S = 2.0
@@ -46,7 +46,7 @@ class Alert:
 
 
 @dataclass(frozen=True, slots=True)
-class Presence:
+class RobotPresence:
     """Who was on the floor, and for how long."""
 
     vendor_of: Mapping[str, str] = field(default_factory=dict)
@@ -66,7 +66,7 @@ class Presence:
 
 
 @dataclass(slots=True)
-class Cases:
+class AlertCases:
     """What became of each foreseeable encounter and of each alert, in the order they began."""
 
     encounters: int
@@ -77,32 +77,32 @@ class Cases:
     """(m,) 1 for one that came true, 0 for a nuisance, nan for one that can't be told."""
     places: list[tuple[str, float, float] | None] = field(default_factory=list)
     """(m,) of the alerts."""
-    tally: Tally = field(default_factory=Tally)
+    tally: CalibrationTally = field(default_factory=CalibrationTally)
     heeded: int = 0
     """Alerts that can't be told since a robot waited as advised."""
 
 
 _MEASURED = {"recall": means, "recall_any": means, "lead_time_s": medians, "start_error_s": medians}
-"""What each column of `Cases.met` comes to."""
+"""What each column of `AlertCases.met` comes to."""
 
 
 def score(
-    encounters: Sequence[Encounter],
+    encounters: Sequence[RecordedEncounter],
     alerts: Sequence[Alert],
     clearance_m: float,
-    presence: Presence | None = None,
-    tallies: Mapping[Vendors, Tally] | None = None,
+    presence: RobotPresence | None = None,
+    tallies: Mapping[Vendors, CalibrationTally] | None = None,
 ) -> dict[str, Any]:
     """The figures of one clearance, in all, by vendor and by pair of vendors; a share over nothing is None.
 
     `tallies` are those of the probabilities, by pair of vendors in ascending order.
     """
-    there = presence or Presence()
+    there = presence or RobotPresence()
     by_vendors = _split(encounters, alerts, there)
     for vendors, tally in (tallies or {}).items():
         by_vendors.setdefault(vendors, _cases([], [])).tally = tally
     whole = _cases(encounters, alerts)
-    whole.tally = Tally.joined((tallies or {}).values())
+    whole.tally = CalibrationTally.joined((tallies or {}).values())
     names = sorted(set(there.vendor_of.values()))
     return {
         "clearance_m": clearance_m,
@@ -118,9 +118,11 @@ def score(
     }
 
 
-def _split(encounters: Sequence[Encounter], alerts: Sequence[Alert], there: Presence) -> dict[Vendors, Cases]:
+def _split(
+    encounters: Sequence[RecordedEncounter], alerts: Sequence[Alert], there: RobotPresence
+) -> dict[Vendors, AlertCases]:
     """The cases of each pair of vendors."""
-    parts: dict[Vendors, tuple[list[Encounter], list[Alert]]] = {}
+    parts: dict[Vendors, tuple[list[RecordedEncounter], list[Alert]]] = {}
     for one in encounters:
         parts.setdefault(there.vendors(one.pair), ([], []))[0].append(one)
     for alert in alerts:
@@ -128,21 +130,21 @@ def _split(encounters: Sequence[Encounter], alerts: Sequence[Alert], there: Pres
     return {vendors: _cases(*part) for vendors, part in parts.items()}
 
 
-def _joined(by_vendors: Mapping[Vendors, Cases], names: Sequence[str]) -> Cases:
+def _joined(by_vendors: Mapping[Vendors, AlertCases], names: Sequence[str]) -> AlertCases:
     """The cases in which a robot of any of these vendors took part."""
     parts = [cases for vendors, cases in by_vendors.items() if not set(vendors).isdisjoint(names)]
-    return Cases(
+    return AlertCases(
         sum(part.encounters for part in parts),
         np.concatenate([np.empty((0, 4)), *(part.met for part in parts)]),
         np.concatenate([np.empty(0), *(part.alerts for part in parts)]),
         [place for part in parts for place in part.places],
-        Tally.joined(part.tally for part in parts),
+        CalibrationTally.joined(part.tally for part in parts),
         sum(part.heeded for part in parts),
     )
 
 
-def _cases(encounters: Sequence[Encounter], alerts: Sequence[Alert]) -> Cases:
-    by_pair: dict[Pair, list[Encounter]] = {}
+def _cases(encounters: Sequence[RecordedEncounter], alerts: Sequence[Alert]) -> AlertCases:
+    by_pair: dict[Pair, list[RecordedEncounter]] = {}
     for one in encounters:
         by_pair.setdefault(one.pair, []).append(one)
     ordered = [
@@ -155,7 +157,7 @@ def _cases(encounters: Sequence[Encounter], alerts: Sequence[Alert]) -> Cases:
         stood_of.setdefault(alert.pair, []).append((alert, seconds[seconds < alert.cleared_s]))
     met = [_met(one, stood_of.get(one.pair, [])) for one in encounters if one.foreseeable]
     scored = [(alert, _outcome(alert, seconds, by_pair.get(alert.pair, []))) for alert, seconds in stood]
-    return Cases(
+    return AlertCases(
         len(encounters),
         np.array(met, np.float64).reshape(-1, 4),
         np.array([outcome for _, outcome in scored], np.float64),
@@ -164,8 +166,8 @@ def _cases(encounters: Sequence[Encounter], alerts: Sequence[Alert]) -> Cases:
     )
 
 
-def _met(encounter: Encounter, stood: Sequence[tuple[Alert, Floats]]) -> tuple[float, float, float, float]:
-    """A row of `Cases.met`, of the pair's alerts as they were raised, each with the whole seconds at which it stood."""
+def _met(encounter: RecordedEncounter, stood: Sequence[tuple[Alert, Floats]]) -> tuple[float, float, float, float]:
+    """A row of `AlertCases.met`, from the alerts of its pair and the whole seconds at which each stood."""
     start_s = encounter.start_s
     at_any_time = float(any(_standing(seconds, start_s, HORIZON_S) for _, seconds in stood))
     for alert, seconds in stood:
@@ -174,7 +176,7 @@ def _met(encounter: Encounter, stood: Sequence[tuple[Alert, Floats]]) -> tuple[f
     return 0.0, at_any_time, nan, nan
 
 
-def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
+def _figures(cases: AlertCases, robot_hours: float) -> dict[str, Any]:
     told = cases.alerts[~np.isnan(cases.alerts)]
     precision = mean(told)
     return {
@@ -195,7 +197,7 @@ def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
     }
 
 
-def _intervals(cases: Cases) -> dict[str, Any]:
+def _intervals(cases: AlertCases) -> dict[str, Any]:
     """The middle 95 % of each figure over encounters, alerts or groups of pairs drawn again."""
     told = cases.alerts[~np.isnan(cases.alerts)]
     return {
@@ -205,7 +207,7 @@ def _intervals(cases: Cases) -> dict[str, Any]:
     }
 
 
-def _listed(cases: Cases) -> dict[str, Any]:
+def _listed(cases: AlertCases) -> dict[str, Any]:
     """Every case in short, for comparisons: a letter or a number each, in the order they began."""
     return {
         "recalled": "".join("ny"[int(value)] for value in cases.met[:, 0]),
@@ -223,7 +225,7 @@ def _placed(places: Sequence[tuple[str, float, float] | None]) -> list[str]:
     return ["" if one is None else f"{one[1]:.1f} {one[2]:.1f} {one[0]}" for one in places]
 
 
-def _seconds(alert: Alert, encounters: Sequence[Encounter]) -> Floats:
+def _seconds(alert: Alert, encounters: Sequence[RecordedEncounter]) -> Floats:
     """(s,) the whole seconds at which an alert stood outside of its pair's encounters; one that was cleared before a
     whole second came is judged at that."""
     first, end_s = ceil(alert.raised_s), min(alert.cleared_s, alert.left_s)
@@ -238,7 +240,7 @@ def _standing(seconds: Floats, start_s: float, before_s: float) -> bool:
     return bool(np.any((seconds < start_s) & (seconds >= start_s - before_s)))
 
 
-def _outcome(alert: Alert, seconds: Floats, encounters: Sequence[Encounter]) -> float:
+def _outcome(alert: Alert, seconds: Floats, encounters: Sequence[RecordedEncounter]) -> float:
     """1 for a true alert, 0 for a nuisance, nan for one that can't be told; it stood at whole seconds (s,)."""
     if any(_standing(seconds, one.start_s, HORIZON_S) for one in encounters):
         return 1.0

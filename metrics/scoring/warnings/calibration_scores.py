@@ -22,9 +22,9 @@ from ingest.batch import Bools, Floats, Ints, Pair
 from ingest.kernels import kernel
 from metrics.scoring.bootstrap import GROUPS, Interval, interval
 from metrics.scoring.summaries import brier, brier_skill, brier_skills, briers
-from metrics.scoring.warnings.likely_pairs import Likely
-from metrics.scoring.warnings.outcomes_by_moment import HORIZON_S, Fates
-from metrics.truth.advised_waits import Waits
+from metrics.scoring.warnings.likely_pairs import LikelyPairs
+from metrics.scoring.warnings.outcomes_by_moment import HORIZON_S, OutcomeLookup
+from metrics.truth.advised_waits import AdvisedWaits
 
 SETTLED_S = 120.0
 """The first minutes, in which probabilities rest on what was known before the log began."""
@@ -46,7 +46,7 @@ EVERY = np.ones(PARTS + 2)
 Vendors = tuple[str, str]
 
 
-class Samples(NamedTuple):
+class CalibrationSamples(NamedTuple):
     """What was said of pairs, and what came of it. Arrays are (n,)."""
 
     group: Ints
@@ -61,12 +61,12 @@ class Samples(NamedTuple):
     """Whether no robot left before."""
 
     @classmethod
-    def of(cls, group: Ints, probability: Floats, part: Ints, known: Bools) -> "Samples":
+    def of(cls, group: Ints, probability: Floats, part: Ints, known: Bools) -> "CalibrationSamples":
         squared = [off**2 for off in (probability - (part < STAYED)).tolist()]
         return cls(group, np.searchsorted(_STEPS, probability), probability, np.array(squared), part, known)
 
 
-class Tally:
+class CalibrationTally:
     """Samples counted by what became of them, by probability and by group of pairs: bounded however long a log is."""
 
     def __init__(self) -> None:
@@ -77,12 +77,12 @@ class Tally:
         self.left = np.zeros(PARTS + 1)
         """Samples of which a robot left before anything happened, by when it did."""
 
-    def add(self, samples: Samples, rows: Ints) -> None:
+    def add(self, samples: CalibrationSamples, rows: Ints) -> None:
         """Count the samples of `rows` (m,)."""
         _count(rows, *samples, self.fine, self.groups, self.left)
 
     @classmethod
-    def joined(cls, parts: Iterable["Tally"]) -> "Tally":
+    def joined(cls, parts: Iterable["CalibrationTally"]) -> "CalibrationTally":
         whole = cls()
         for part in parts:
             whole.fine += part.fine
@@ -153,19 +153,19 @@ class Tally:
         return {"brier": interval(groups, briers), "brier_skill": interval(groups, brier_skills)}
 
 
-class Calibration:
+class CalibrationScores:
     """Probabilities of one kind, sampled at whole seconds and told apart by pair of vendors."""
 
-    def __init__(self, waits: Waits) -> None:
+    def __init__(self, waits: AdvisedWaits) -> None:
         """`waits` tell when robots waited as advised."""
         self._waits = waits
         self._waiting: deque[tuple[float, Sequence[tuple[Pair, float]]]] = deque()
         self._second = -1
         self._settled_from_s = inf
-        self.by_vendors: defaultdict[Vendors, Tally] = defaultdict(Tally)
-        self.settled = Tally()
+        self.by_vendors: defaultdict[Vendors, CalibrationTally] = defaultdict(CalibrationTally)
+        self.settled = CalibrationTally()
         """What was said after the first minutes."""
-        self.likely = Likely()
+        self.likely = LikelyPairs()
         self.heeded = 0
         """Samples of which a robot waited as advised before anything happened."""
         self.doubted = 0
@@ -181,7 +181,7 @@ class Calibration:
             self._waiting.append((now_s, probabilities))
             self.likely.publish(now_s, probabilities)
 
-    def resolve(self, fates: Fates, vendor_of: Mapping[str, str]) -> None:
+    def resolve(self, fates: OutcomeLookup, vendor_of: Mapping[str, str]) -> None:
         """Count every sample of which it is known what followed."""
         due: list[tuple[float, Sequence[tuple[Pair, float]]]] = []
         while self._waiting and self._waiting[0][0] + HORIZON_S <= fates.until_s:
@@ -191,11 +191,11 @@ class Calibration:
             pairs, said = zip(*chain.from_iterable(told for _, told in due), strict=True)
             self._judge(at_s, pairs, np.array(said), fates, vendor_of)
 
-    def whole(self) -> Tally:
-        return Tally.joined(self.by_vendors.values())
+    def whole(self) -> CalibrationTally:
+        return CalibrationTally.joined(self.by_vendors.values())
 
     def _judge(
-        self, at_s: Floats, pairs: Sequence[Pair], said: Floats, fates: Fates, vendor_of: Mapping[str, str]
+        self, at_s: Floats, pairs: Sequence[Pair], said: Floats, fates: OutcomeLookup, vendor_of: Mapping[str, str]
     ) -> None:
         """Count samples (n,), but for those that were said within what they foretell."""
         index: dict[Pair, int] = {}
@@ -210,7 +210,7 @@ class Calibration:
         part = part_of(np.where(came, began_s, left_s) - at_s, HORIZON_S)
         part = np.where(came, np.minimum(part, STAYED - 1), part)
         group = np.array([crc32("".join(pair).encode()) % GROUPS for pair in every])[which]
-        samples = Samples.of(group, said, part, came | (part == STAYED))
+        samples = CalibrationSamples.of(group, said, part, came | (part == STAYED))
         rows = np.flatnonzero(outside & ~heeded & ~doubted)
         vendors = [_sorted(vendor_of[a], vendor_of[b]) for a, b in every]
         self._add(samples, rows, [vendors[one] for one in which[rows].tolist()])
@@ -225,7 +225,7 @@ class Calibration:
             waited_s[row] = self._waits.began_s(every[which[row]], at_s[row], at_s[row] + HORIZON_S)
         return waited_s
 
-    def _add(self, samples: Samples, rows: Ints, vendors: Sequence[Vendors]) -> None:
+    def _add(self, samples: CalibrationSamples, rows: Ints, vendors: Sequence[Vendors]) -> None:
         """Count the samples of `rows` (m,), each of two vendors."""
         chosen: dict[Vendors, list[int]] = {}
         for row, both in zip(rows.tolist(), vendors, strict=True):

@@ -6,15 +6,15 @@ from math import ceil
 from typing import NamedTuple
 
 from ingest.batch import Pair
-from metrics.scoring.warnings.alert_scores import Alert, Presence
+from metrics.scoring.warnings.alert_scores import Alert, RobotPresence
 from metrics.scoring.warnings.calibration_scores import Vendors
-from metrics.truth.advised_waits import Waits
-from metrics.truth.pair_outcomes import NOTHING, WITHIN_S, Outcomes, PairOutcomes, Verdict
+from metrics.truth.advised_waits import AdvisedWaits
+from metrics.truth.pair_outcomes import NOTHING, WITHIN_S, AllPairOutcomes, PairOutcomes, Verdict
 
 LEADS_S = (2.0, 4.0, 6.0)
 
 
-class Judged(NamedTuple):
+class JudgedAlert(NamedTuple):
     """One alert, and what came of it."""
 
     alert: Alert
@@ -25,7 +25,7 @@ class Judged(NamedTuple):
     """Whole seconds at which it stood, by `Verdict`; one that stood at none counts by the moment it was raised."""
 
 
-class Onset(NamedTuple):
+class JudgedOnset(NamedTuple):
     """A fresh onset of a pair, and how it was told of."""
 
     pair: Pair
@@ -38,19 +38,21 @@ class Onset(NamedTuple):
     any stood in the 10 s before."""
 
 
-class Cases(NamedTuple):
+class JudgedCases(NamedTuple):
     """All that is judged of one source of alerts."""
 
-    alerts: list[Judged]
+    alerts: list[JudgedAlert]
     """As they were raised."""
-    onsets: list[Onset]
+    onsets: list[JudgedOnset]
     """By time."""
 
 
-def judged(alerts: Iterable[Alert], outcomes: Outcomes, there: Presence, waits: Waits, end_s: float) -> Cases:
+def judged(
+    alerts: Iterable[Alert], outcomes: AllPairOutcomes, there: RobotPresence, waits: AdvisedWaits, end_s: float
+) -> JudgedCases:
     """Alerts over a log that ended at `end_s`."""
     every, by_pair = outcomes.every(), _by_pair(alerts)
-    found: list[Judged] = []
+    found: list[JudgedAlert] = []
     for pair, of_pair in by_pair.items():
         came = every.get(pair, NOTHING)
         credited = _credited(of_pair, came)
@@ -58,15 +60,15 @@ def judged(alerts: Iterable[Alert], outcomes: Outcomes, there: Presence, waits: 
             counts = _seconds(alert, came, outcomes, waits, end_s)
             stood_s = max(min(alert.cleared_s, end_s) - alert.raised_s, 0.0)
             verdict = Verdict.TRUE if alert in credited else _verdict(counts)
-            found.append(Judged(alert, there.vendors(pair), stood_s, verdict, tuple(counts)))
+            found.append(JudgedAlert(alert, there.vendors(pair), stood_s, verdict, tuple(counts)))
     onsets = [
-        Onset(pair, there.vendors(pair), onset_s, is_stop, _told(by_pair.get(pair, ()), onset_s))
+        JudgedOnset(pair, there.vendors(pair), onset_s, is_stop, _told(by_pair.get(pair, ()), onset_s))
         for pair, came in every.items()
         for is_stop, onsets_s in ((True, came.stops_s), (False, came.meetings_s))
         for onset_s in onsets_s
     ]
     found.sort(key=lambda one: (one.alert.raised_s, one.alert.pair))
-    return Cases(found, sorted(onsets, key=lambda onset: (onset.onset_s, onset.pair)))
+    return JudgedCases(found, sorted(onsets, key=lambda onset: (onset.onset_s, onset.pair)))
 
 
 def _by_pair(alerts: Iterable[Alert]) -> dict[Pair, list[Alert]]:
@@ -89,7 +91,9 @@ def _credited(alerts: Sequence[Alert], came: PairOutcomes) -> set[Alert]:
     return credited
 
 
-def _seconds(alert: Alert, came: PairOutcomes, outcomes: Outcomes, waits: Waits, end_s: float) -> list[int]:
+def _seconds(
+    alert: Alert, came: PairOutcomes, outcomes: AllPairOutcomes, waits: AdvisedWaits, end_s: float
+) -> list[int]:
     """How many whole seconds of an alert have each verdict."""
     heeded_s = waits.began_s(alert.pair, alert.raised_s, alert.cleared_s)
     counts = [0] * len(Verdict)
@@ -112,7 +116,7 @@ def _verdict(counts: Sequence[int]) -> Verdict:
 
 
 def _told(alerts: Sequence[Alert], onset_s: float) -> tuple[bool, ...]:
-    """How an onset was told of by the alerts of its pair, see `Onset.told`."""
+    """How an onset was told of by the alerts of its pair, see `JudgedOnset.told`."""
     standing_s = [alert.raised_s for alert in alerts if alert.raised_s <= onset_s < alert.cleared_s]
     leads = [any(raised_s <= onset_s - lead_s for raised_s in standing_s) for lead_s in LEADS_S]
     at_any_time = any(one.raised_s <= onset_s and one.cleared_s > onset_s - WITHIN_S for one in alerts)

@@ -16,7 +16,7 @@ AHEAD_S = 2.0
 """What came true should have been likely so long before its onset."""
 
 
-class Likely:
+class LikelyPairs:
     """Samples with a probability above `LIKELY`: a pair and a second each."""
 
     def __init__(self) -> None:

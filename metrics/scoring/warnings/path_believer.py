@@ -19,7 +19,7 @@ LOOK_S = 1.0
 
 
 @dataclass(slots=True)
-class Standing:
+class StandingAlert:
     """An alert that has not been cleared."""
 
     alert: Alert
@@ -30,7 +30,7 @@ class Standing:
         return replace(self.alert, cleared_s=self.looked_s + LOOK_S)
 
 
-class Believer:
+class PathBeliever:
     """One clearance's alerts: each a run of whole seconds at which a conflict of its pair is predicted within 10 s."""
 
     def __init__(self, clearance_m: float) -> None:
@@ -38,11 +38,11 @@ class Believer:
         self._sweeper = Sweeper(clearance_m=clearance_m, horizon_s=HORIZON_S)
         self._vendor_of: dict[str, str] = {}
         """By robot that has reported."""
-        self._standing: dict[Pair, Standing] = {}
+        self._standing: dict[Pair, StandingAlert] = {}
         self._over: list[Alert] = []
         self._second: int | None = None
 
-    def take(self, batch: Batch) -> None:
+    def add_batch(self, batch: Batch) -> None:
         """Take in the robots of a batch that have reported; not those of which an older report is told again."""
         if batch.gone:
             self._sweeper.discard(batch.gone)
@@ -55,7 +55,7 @@ class Believer:
         self._vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
         self._sweeper.update(batch.robots, batch.forecasts)
 
-    def look(self, now_s: float, fallen_silent: Iterable[str]) -> None:
+    def advance(self, now_s: float, fallen_silent: Iterable[str]) -> None:
         """Look, at the first pass of each second; these robots have fallen silent since the last."""
         before, self._second = self._second, floor(now_s)
         if before == self._second:
@@ -67,9 +67,9 @@ class Believer:
         pairs = [found.pairs[row] for row in ahead.tolist()]
         new = [at for at, pair in enumerate(pairs) if pair not in standing]
         alerts = self._raised(found, ahead[new], now_s)
-        stays = {pair: Standing(standing[pair].alert, now_s) for pair in pairs if pair in standing}
+        stays = {pair: StandingAlert(standing[pair].alert, now_s) for pair in pairs if pair in standing}
         self._over += [one.over() for pair, one in self._standing.items() if pair not in stays]
-        self._standing = stays | {alert.pair: Standing(alert, now_s) for alert in alerts}
+        self._standing = stays | {alert.pair: StandingAlert(alert, now_s) for alert in alerts}
 
     def alerts(self) -> list[Alert]:
         """Those that are over, and those that stand."""

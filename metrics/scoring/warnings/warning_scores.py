@@ -16,18 +16,18 @@ import numpy as np
 from ingest.batch import Floats
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.summaries import mean, means, ratio, ratios
-from metrics.scoring.warnings.alert_scores import Presence
+from metrics.scoring.warnings.alert_scores import RobotPresence
 from metrics.scoring.warnings.calibration_scores import Vendors
-from metrics.scoring.warnings.judged_alerts import LEADS_S, Cases, Judged, Onset
+from metrics.scoring.warnings.judged_alerts import LEADS_S, JudgedAlert, JudgedCases, JudgedOnset
 from metrics.truth.pair_outcomes import IN_VAIN, Verdict
 from metrics.truth.silences import MINUTE_S
 
 TOLD = (*(f"told_{lead_s:g}_s" for lead_s in LEADS_S), "told_at_any_time")
-"""What each of `Onset.told` is called."""
+"""What each of `JudgedOnset.told` is called."""
 HOUR_S = 3600.0
 
 
-def figures(cases: Cases, there: Presence, by_minute_s: Mapping[int, float]) -> dict[str, Any]:
+def figures(cases: JudgedCases, there: RobotPresence, by_minute_s: Mapping[int, float]) -> dict[str, Any]:
     """The figures in all, with intervals, by class of encounter and by pair of vendors; a share over nothing is None.
 
     `by_minute_s` is how long robots were there in all, by minute since the epoch.
@@ -43,7 +43,7 @@ def figures(cases: Cases, there: Presence, by_minute_s: Mapping[int, float]) -> 
     }
 
 
-def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
+def _figures(cases: JudgedCases, robot_hours: float) -> dict[str, Any]:
     stood_s = sum(one.stood_s for one in cases.alerts)
     return {
         **_counts(cases.alerts),
@@ -55,7 +55,7 @@ def _figures(cases: Cases, robot_hours: float) -> dict[str, Any]:
     }
 
 
-def _counts(alerts: Sequence[Judged]) -> dict[str, Any]:
+def _counts(alerts: Sequence[JudgedAlert]) -> dict[str, Any]:
     """What came of alerts, and of the whole seconds at which they stood."""
     found, seconds = Counter(one.verdict for one in alerts), _seconds(alerts)
     return {
@@ -73,24 +73,24 @@ def _counts(alerts: Sequence[Judged]) -> dict[str, Any]:
     }
 
 
-def _told(onsets: Sequence[Onset]) -> dict[str, Any]:
+def _told(onsets: Sequence[JudgedOnset]) -> dict[str, Any]:
     rows = _told_rows(onsets)
     return {"fresh": len(onsets), **{name: mean(rows[:, column]) for column, name in enumerate(TOLD)}}
 
 
-def _by_vendor_pair(cases: Cases, there: Presence) -> Iterator[dict[str, Any]]:
-    parts: dict[Vendors, Cases] = {}
+def _by_vendor_pair(cases: JudgedCases, there: RobotPresence) -> Iterator[dict[str, Any]]:
+    parts: dict[Vendors, JudgedCases] = {}
     for alert in cases.alerts:
-        parts.setdefault(alert.vendors, Cases([], [])).alerts.append(alert)
+        parts.setdefault(alert.vendors, JudgedCases([], [])).alerts.append(alert)
     for onset in cases.onsets:
-        parts.setdefault(onset.vendors, Cases([], [])).onsets.append(onset)
+        parts.setdefault(onset.vendors, JudgedCases([], [])).onsets.append(onset)
     names = sorted(set(there.vendor_of.values()))
     for pair in combinations_with_replacement(names, 2):
         if pair in parts:
             yield {"vendors": list(pair), **_figures(parts[pair], there.hours(pair))}
 
 
-def _intervals(cases: Cases, by_minute_s: Mapping[int, float]) -> dict[str, Any]:
+def _intervals(cases: JudgedCases, by_minute_s: Mapping[int, float]) -> dict[str, Any]:
     """The middle 95 % of each figure over alerts, onsets or minutes drawn again."""
     minutes = _minutes(cases, by_minute_s)
     told = {"stops": _told_rows(_stops(cases)), "encounters": _told_rows(_encounters(cases))}
@@ -106,7 +106,7 @@ def _intervals(cases: Cases, by_minute_s: Mapping[int, float]) -> dict[str, Any]
     }
 
 
-def _listed(cases: Cases) -> dict[str, Any]:
+def _listed(cases: JudgedCases) -> dict[str, Any]:
     """Every case in short, for comparisons: a letter each, in the order they began."""
     stops, encounters = _told_rows(_stops(cases)), _told_rows(_encounters(cases))
     return {
@@ -120,33 +120,33 @@ def _letters(values: Floats) -> str:
     return "".join("ny"[int(value)] for value in values)
 
 
-def _stops(cases: Cases) -> list[Onset]:
+def _stops(cases: JudgedCases) -> list[JudgedOnset]:
     return [one for one in cases.onsets if one.is_stop]
 
 
-def _encounters(cases: Cases) -> list[Onset]:
+def _encounters(cases: JudgedCases) -> list[JudgedOnset]:
     return [one for one in cases.onsets if not one.is_stop]
 
 
-def _came_true(alerts: Sequence[Judged]) -> Floats:
+def _came_true(alerts: Sequence[JudgedAlert]) -> Floats:
     """(n,) 1 for a true alert, 0 for one in vain, nan for one that can't be told."""
     value_of = {Verdict.TRUE: 1.0} | dict.fromkeys(IN_VAIN, 0.0)
     return np.array([value_of.get(one.verdict, np.nan) for one in alerts], np.float64)
 
 
-def _seconds(alerts: Sequence[Judged]) -> Floats:
+def _seconds(alerts: Sequence[JudgedAlert]) -> Floats:
     """(n, 2) of each alert the whole seconds that were true, and those that were true or in vain."""
     counts = np.array([one.seconds for one in alerts], np.float64).reshape(-1, len(Verdict))
     true = counts[:, Verdict.TRUE]
     return np.stack([true, true + counts[:, list(IN_VAIN)].sum(axis=1)], axis=1)
 
 
-def _told_rows(onsets: Sequence[Onset]) -> Floats:
+def _told_rows(onsets: Sequence[JudgedOnset]) -> Floats:
     """(n, told) 1 where an onset was told of, 0 where not."""
     return np.array([onset.told for onset in onsets], np.float64).reshape(-1, len(TOLD))
 
 
-def _minutes(cases: Cases, by_minute_s: Mapping[int, float]) -> Floats:
+def _minutes(cases: JudgedCases, by_minute_s: Mapping[int, float]) -> Floats:
     """(m, 3) of each minute the alerts raised in it, the minutes for which these stood, and the robot-hours."""
     minutes = sorted(by_minute_s)
     rows = np.zeros((len(minutes), 3))

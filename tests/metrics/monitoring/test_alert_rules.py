@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from metrics.monitoring.alert_rules import ALERTS, OBJECTIVE_S, RECORDED, rules_file
+from metrics.monitoring.alert_rules import ALERTING_RULES, OBJECTIVE_S, RECORDING_RULES, rules_file
 
 RUNBOOK = (Path(__file__).parents[3] / "docs" / "runbook.md").read_text()
 
@@ -97,7 +97,7 @@ def promtool(folder: Path, groups: list[dict[str, Any]], name: str = "case") -> 
 
 
 def group(case: Case) -> dict[str, Any]:
-    """The case as promtool reads it: one sample of `ALERTS` while the alert fires, none while it is quiet."""
+    """The case as promtool reads it: one sample of `ALERTING_RULES` while the alert fires, none while it is quiet."""
     labels = "".join(f',{key}="{value}"' for key, value in (case.fires or {}).items())
     asked = f'count(ALERTS{{alertname="{case.alert}",alertstate="firing"{labels}}})'
     found = [] if case.fires is None else [{"labels": "{}", "value": 1}]
@@ -115,7 +115,7 @@ def test_promtool_finds_nothing_to_complain_about(tmp_path: Path) -> None:
         ["promtool", "check", "rules", str(tmp_path / "rules.yml")], capture_output=True, text=True, check=False
     )
     assert checked.returncode == 0, checked.stderr
-    assert f"{len(RECORDED) + len(ALERTS)} rules found" in checked.stdout
+    assert f"{len(RECORDING_RULES) + len(ALERTING_RULES)} rules found" in checked.stdout
 
 
 @needs_promtool
@@ -125,7 +125,7 @@ def test_each_alert_fires_and_is_quiet_as_it_should_be(tmp_path: Path) -> None:
 
 
 def test_each_alert_has_a_case_that_fires_and_one_that_is_quiet() -> None:
-    names = {alert.name for alert in ALERTS}
+    names = {alert.name for alert in ALERTING_RULES}
     assert {case.alert for case in CASES if case.fires is not None} == names
     assert {case.alert for case in CASES if case.fires is None} == names
 
@@ -150,4 +150,4 @@ def test_an_alert_says_whom_it_concerns_and_how_much(tmp_path: Path) -> None:
 
 def test_the_runbook_has_a_section_for_each_alert_and_says_how_urgent_it_is() -> None:
     sections = dict(re.findall(r"^## (\w+)\n\n\*(\w+)\.\*", RUNBOOK, re.M))
-    assert sections == {alert.name: alert.severity.capitalize() for alert in ALERTS}
+    assert sections == {alert.name: alert.severity.capitalize() for alert in ALERTING_RULES}

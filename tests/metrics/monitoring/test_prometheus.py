@@ -11,7 +11,7 @@ import pytest
 
 from deconflict.roles.service import in_one_process
 from deconflict.simulation.vendors.senders import simulate
-from metrics.monitoring.alert_rules import RECORDED
+from metrics.monitoring.alert_rules import RECORDING_RULES
 from metrics.monitoring.dashboards import dashboards
 from metrics.monitoring.exposition import render
 from tests.helpers.patience import PATIENCE_S
@@ -39,7 +39,7 @@ async def test_every_query_of_every_panel_and_rule_has_data_while_the_demo_runs(
         for one in dashboards()
         for panel, query in one.queries()
     }
-    queries |= {one.name: one.name for one in RECORDED}
+    queries |= {one.name: one.name for one in RECORDING_RULES}
     async with in_one_process(on_free_ports(), tmp_path / "data", render) as (receiver, operator):
         url = f"ws://127.0.0.1:{receiver.receiver.port}"
         talking = asyncio.create_task(simulate(url, ROBOTS, None, 1, stop=asyncio.Event()))

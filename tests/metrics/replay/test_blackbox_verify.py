@@ -34,7 +34,7 @@ def file(floor: Floor) -> Path:
 
 def test_the_replay_of_a_black_box_tells_what_was_told(file: Path) -> None:
     verdict = verify(file)
-    assert (verdict.same, verdict.told > 2, verdict.restarts) == (True, True, 0), verdict.words()
+    assert (verdict.same, verdict.published > 2, verdict.restarts) == (True, True, 0), verdict.text()
 
 
 def test_without_what_the_engine_had_learned_it_would_not(file: Path, tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_decisions_that_were_written_into_it_are_found_out_by_the_replay(file: P
 
 def test_the_commands_prove_list_and_replay(floor: Floor, file: Path, tmp_path: Path) -> None:
     proved = deconflict("blackbox", "verify", str(file))
-    assert (proved.returncode, "the replay tells the same" in proved.stdout) == (0, True), proved.stderr
+    assert (proved.returncode, "the replay gives the same" in proved.stdout) == (0, True), proved.stderr
     listed = deconflict("blackbox", "list", "--data", str(floor.data)).stdout
     assert str(file) in listed
     assert "no conflict had Alder B-1 come" in listed
@@ -85,9 +85,9 @@ def test_a_box_that_was_cut_off_and_ended_anew_is_found_out_by_the_register_besi
             for line in list(lines_of_bytes(before))[:-50]:
                 out.write(chain.link(unlinked(line)))
             out.write(chain.end())
-        with pytest.raises(BoxError, match="was written anew"):
+        with pytest.raises(BoxError, match="was rewritten"):
             verify(file)
-        assert "was written anew" in deconflict("blackbox", "verify", str(file)).stderr
+        assert "was rewritten" in deconflict("blackbox", "verify", str(file)).stderr
     finally:
         file.write_bytes(before)
     assert verify(file).same
@@ -100,7 +100,7 @@ def test_a_box_that_was_taken_out_of_the_chain_is_missed_by_the_next(floor: Floo
     assert verify(tmp_path / made["file"]).same
     register = tmp_path / REGISTER
     register.write_text(register.read_text().replace("ab" * 32, "cd" * 32))
-    with pytest.raises(BoxError, match="does not follow the one before it"):
+    with pytest.raises(BoxError, match="does not follow the file before it"):
         verify(tmp_path / made["file"])
 
 
@@ -112,7 +112,7 @@ def lines_of_bytes(packed: bytes) -> list[bytes]:
 def test_what_is_no_black_box_is_said_to_be_none(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "box.jsonl.zst"
     file.write_bytes(content if content[:1] != b"{" else zstandard.compress(content))
-    with pytest.raises(BoxError, match=r"is no black box|has format 9"):
+    with pytest.raises(BoxError, match=r"is not a black box|has format 9"):
         verify(file)
 
 

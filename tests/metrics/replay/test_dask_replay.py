@@ -53,7 +53,7 @@ def client() -> Iterator[Client]:
 @pytest.fixture(scope="module")
 def alone(log: Path, site: Site) -> Run:
     reader, lines = Reader(), list[str]()
-    result = replay.replay(reader, reader.read([log]), site, CLEARANCES_M, tell=lambda line: lines.append(str(line)))
+    result = replay.replay(reader, reader.read([log]), site, CLEARANCES_M, on_line=lambda line: lines.append(str(line)))
     assert lines, "a log in which nothing is told proves nothing"
     return text(result), lines
 
@@ -73,7 +73,7 @@ def test_windows_of_any_length_give_what_a_single_run_gives(
         reader.read([log]),
         site,
         CLEARANCES_M,
-        tell=lambda line: lines.append(str(line)),
+        on_line=lambda line: lines.append(str(line)),
         window_s=window_s,
     )
     assert (text(result), lines) == alone
@@ -88,7 +88,9 @@ def test_a_worker_that_dies_on_the_way_changes_nothing(client: Client, log: Path
             killed.extend(list(client.run(os.getpid).values())[:1])
             os.kill(killed[0], signal.SIGKILL)
 
-    result = dask_replay.replay(client, reader, reader.read([log]), site, CLEARANCES_M, watch=kill, window_s=WINDOW_S)
+    result = dask_replay.replay(
+        client, reader, reader.read([log]), site, CLEARANCES_M, on_batch=kill, window_s=WINDOW_S
+    )
     assert killed
     assert text(result) == alone[0]
     assert seen == sorted(set(seen))

@@ -7,7 +7,7 @@ import pytest
 from deconflict.settings.site import DEFAULT
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import EngineStarted, Event, Received, Tick
-from metrics.replay.engine_passes import HELD_S, Pass, Reading
+from metrics.replay.engine_passes import HELD_S, EnginePass, PassReader
 from tests.helpers.saying import identity, robot, status
 
 NOW_S = 1_790_000_000.0
@@ -16,13 +16,13 @@ NOW_S = 1_790_000_000.0
 OURS, ANOTHERS = Connection(1, "peer"), Connection(0)
 
 
-def passes(*events: Event) -> list[Pass]:
-    reading = Reading(DEFAULT)
-    return [*reading.take(events), *reading.finish()]
+def passes(*events: Event) -> list[EnginePass]:
+    reader = PassReader(DEFAULT)
+    return [*reader.passes_of(events), *reader.last_passes()]
 
 
 def heard(*events: Event) -> list[bool]:
-    return [one.heard for one in passes(*events)]
+    return [engine_pass.is_own_log for engine_pass in passes(*events)]
 
 
 def said(at_s: float, connection: Connection = OURS) -> Received:
@@ -30,7 +30,7 @@ def said(at_s: float, connection: Connection = OURS) -> Received:
 
 
 def times_s(*events: Event) -> list[float]:
-    return [one.now_s - NOW_S for one in passes(*events)]
+    return [engine_pass.now_s - NOW_S for engine_pass in passes(*events)]
 
 
 def test_what_came_before_the_engine_began_is_in_its_first_pass_and_makes_none_by_itself() -> None:
@@ -38,7 +38,7 @@ def test_what_came_before_the_engine_began_is_in_its_first_pass_and_makes_none_b
     started = passes(*early, EngineStarted(NOW_S + 5.0), Tick(NOW_S + 5.1), said(5.2), Tick(NOW_S + 5.3))
     assert [one.now_s - NOW_S for one in started] == pytest.approx([5.1, 5.3])
     assert started[0].batch.robots == (robot("A-1"),)
-    assert started[0].heard
+    assert started[0].is_own_log
     assert times_s(*early, Tick(NOW_S + 5.1)) == pytest.approx([5.1])
 
 
@@ -48,11 +48,11 @@ def test_a_log_without_ticks_is_stepped_through_whoever_recorded_it(connection: 
 
 
 def test_where_time_goes_back_no_pass_is_made_twice_and_every_message_is_heard() -> None:
-    reading, times_s = Reading(DEFAULT), [0.0, 1.0, 0.4, 0.6, 1.1, 0.2, 1.3]
-    made = [*reading.take(said(t_s, ANOTHERS) for t_s in times_s), *reading.finish()]
+    reader, times_s = PassReader(DEFAULT), [0.0, 1.0, 0.4, 0.6, 1.1, 0.2, 1.3]
+    made = [*reader.passes_of(said(t_s, ANOTHERS) for t_s in times_s), *reader.last_passes()]
     assert [one.now_s - NOW_S for one in made] == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.25, 1.5])
-    assert reading.messages == 7
-    assert reading.span_s == pytest.approx(1.3)
+    assert reader.messages == 7
+    assert reader.span_s == pytest.approx(1.3)
 
 
 def test_a_shuffled_log_makes_no_more_passes_than_one_in_order() -> None:
@@ -62,11 +62,11 @@ def test_a_shuffled_log_makes_no_more_passes_than_one_in_order() -> None:
 
 
 def test_a_long_log_of_ours_without_ticks_is_not_kept_in_memory_until_its_end() -> None:
-    reading = Reading(DEFAULT)
-    list(reading.take([said(0.0), said(HELD_S - 1.0)]))
-    assert reading.messages == 0
-    assert list(reading.take([said(HELD_S + 1.0), said(HELD_S + 2.0)]))
-    assert reading.messages == 4
+    reader = PassReader(DEFAULT)
+    list(reader.passes_of([said(0.0), said(HELD_S - 1.0)]))
+    assert reader.messages == 0
+    assert list(reader.passes_of([said(HELD_S + 1.0), said(HELD_S + 2.0)]))
+    assert reader.messages == 4
 
 
 def test_robots_of_the_services_own_recording_heard_its_advice_and_those_of_other_logs_did_not() -> None:

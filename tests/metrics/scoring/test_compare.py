@@ -3,16 +3,16 @@ from typing import Any
 import numpy as np
 
 from deconflict.foresight.probability.censoring import STAYED
-from metrics.scoring.compare import Change, changes, page
+from metrics.scoring.compare import FigureChange, changes, page
 from metrics.scoring.warnings.alert_scores import Alert, score
-from metrics.scoring.warnings.calibration_scores import Samples, Tally
-from metrics.truth.encounters import Encounter
+from metrics.scoring.warnings.calibration_scores import CalibrationSamples, CalibrationTally
+from metrics.truth.encounters import RecordedEncounter
 
 
 def result(recalled: int, of: int = 60, shift_s: float = 0.0) -> dict[str, Any]:
     """So many encounters, the first of which were foreseen by an alert 5 s before."""
     pairs = [(f"a{n}", f"b{n}") for n in range(of)]
-    encounters = [Encounter(pair, 100.0 * n + 20, 100.0 * n + 22, True) for n, pair in enumerate(pairs)]
+    encounters = [RecordedEncounter(pair, 100.0 * n + 20, 100.0 * n + 22, True) for n, pair in enumerate(pairs)]
     alerts = [
         Alert(pair, ("A", "B"), one.start_s - 5 - shift_s, one.end_s, one.start_s, one.end_s + 60)
         for pair, one in list(zip(pairs, encounters, strict=True))[:recalled]
@@ -20,7 +20,7 @@ def result(recalled: int, of: int = 60, shift_s: float = 0.0) -> dict[str, Any]:
     return {"messages": 9, "robots": 2 * of, "span_s": 100.0 * of, "scores": [score(encounters, alerts, 0.3)]}
 
 
-def change(name: str, a: dict[str, Any], b: dict[str, Any]) -> Change:
+def change(name: str, a: dict[str, Any], b: dict[str, Any]) -> FigureChange:
     return next(one for one in changes(a["scores"][0], b["scores"][0], same_log=True) if one.figure == name)
 
 
@@ -54,10 +54,10 @@ def test_the_page_says_when_the_logs_differ() -> None:
 
 def published(seed: int, off: float = 0.0) -> dict[str, Any]:
     """A result with probabilities of ten of the groups of pairs, `off` further from what came of them."""
-    rng, told, n = np.random.default_rng(seed), Tally(), np.arange(500)
+    rng, told, n = np.random.default_rng(seed), CalibrationTally(), np.arange(500)
     came_true = rng.random(500) < 0.3
     said = np.where(came_true, 0.6, 0.2 + rng.random(500) / 2) + np.where(came_true, -off, off)
-    told.add(Samples.of(n % 10, said, np.where(came_true, 0, STAYED), np.ones(500, bool)), n)
+    told.add(CalibrationSamples.of(n % 10, said, np.where(came_true, 0, STAYED), np.ones(500, bool)), n)
     return result(30) | {"scores": [score([], [], 0.3, tallies={("A", "B"): told})]}
 
 

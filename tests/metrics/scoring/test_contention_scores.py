@@ -11,7 +11,7 @@ from ingest.languages.massrobotics import timestamps
 from ingest.recording.log_reader import Reader
 from metrics.replay.replay import replay
 from metrics.report.html_report import page
-from metrics.truth.resource_use import Conduct
+from metrics.truth.resource_use import ResourceUse
 from tests.deconflict.contention.queues.made_driver import Driver
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, aisle, resource, site
 from tests.helpers.saying import identity
@@ -144,26 +144,26 @@ def test_what_is_said_of_a_place_is_held_against_who_came_when(tmp_path: Path) -
 
 
 def test_reports_half_a_minute_apart_of_a_robot_that_stands_are_of_one_stay() -> None:
-    conduct, fleet = Conduct([CHARGER], ()), Scene(site(CHARGER), {}).fleet
+    resource_use, fleet = ResourceUse([CHARGER], ()), Scene(site(CHARGER), {}).fleet
     for t in (0.0, 5.0, 35.0, 65.0, 100.0):
         fleet.receive(Script([(0, 9 if t == 0 else 0, 0)]).says("A", t), NOW_S + t, LINE)
-        conduct.take(fleet.cut(NOW_S + t))
-    conduct.finish()
-    assert [(one.place, one.t_s - NOW_S) for one in conduct.new_entries()] == [("c1", 5.0)]
-    assert (conduct.stays_s("c1") - NOW_S).tolist() == [[5.0, 100.0]]
+        resource_use.add_batch(fleet.cut(NOW_S + t))
+    resource_use.finish()
+    assert [(one.place, one.t_s - NOW_S) for one in resource_use.new_entries()] == [("c1", 5.0)]
+    assert (resource_use.stays_s("c1") - NOW_S).tolist() == [[5.0, 100.0]]
 
 
 @pytest.mark.parametrize(("names_at_s", "waits"), [(0, [0.0]), (40, [40.0]), (57, [])])
 def test_a_robot_that_stands_far_away_waits_for_a_place_since_it_named_it(names_at_s: int, waits: list[float]) -> None:
-    conduct, fleet = Conduct([CHARGER], ()), Scene(site(CHARGER), {}).fleet
+    resource_use, fleet = ResourceUse([CHARGER], ()), Scene(site(CHARGER), {}).fleet
     far = [(0.0, 50.0, 0.0), (60.0, 50.0, 0.0), (70.0, 60.0, 0.0)]
     for t in range(70):
         goals = [(99.0, 0.0, 0.0)] if t >= names_at_s else ()
         fleet.receive(Script([(0.0, 0.0, 0.0)]).says("A", t), NOW_S + t, LINE)
         fleet.receive(Script(far, goals).says("B", t), NOW_S + t, LINE)
-        conduct.take(fleet.cut(NOW_S + t))
-    conduct.finish()
-    assert [one.span.from_s - NOW_S for one in conduct.waits] == waits
+        resource_use.add_batch(fleet.cut(NOW_S + t))
+    resource_use.finish()
+    assert [one.span.from_s - NOW_S for one in resource_use.waits] == waits
 
 
 def test_a_charger_that_a_robot_will_need_is_foretold_before_it_says_so(tmp_path: Path) -> None:

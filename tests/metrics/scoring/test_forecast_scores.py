@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ingest.batch import Floats, Forecasts
-from metrics.scoring.forecast_scores import KINDS, ForecastErrors
+from metrics.scoring.forecast_scores import KINDS, ForecastScores
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 from metrics.truth.recorded_motion import JOINED_S
 
@@ -26,18 +26,18 @@ def said(t_s: float, here: tuple[float, float], there: tuple[float, float]) -> F
     )
 
 
-def driven(speed_mps: float, said_mps: float, aside_m: float = 0.0, until_s: int = 40) -> ForecastErrors:
+def driven(speed_mps: float, said_mps: float, aside_m: float = 0.0, until_s: int = 40) -> ForecastScores:
     """One that goes along x at a speed, and says that it goes at another and ends up aside."""
-    errors = ForecastErrors()
+    errors = ForecastScores()
     for second in range(until_s):
         x_m = speed_mps * second
-        errors.take(["a"], [MAKER], said(float(second), (x_m, 0.0), (x_m + 10 * said_mps, aside_m)))
+        errors.add(["a"], [MAKER], said(float(second), (x_m, 0.0), (x_m + 10 * said_mps, aside_m)))
         errors.advance(float(second))
     errors.finish()
     return errors
 
 
-def row(errors: ForecastErrors, horizon: int) -> dict[str, float]:
+def row(errors: ForecastScores, horizon: int) -> dict[str, float]:
     found: dict[str, float] = errors.figures()["by_model"][0]["horizons"][horizon - 1]
     return found
 
@@ -56,10 +56,10 @@ def test_a_slower_robot_is_off_along_its_track_and_a_stray_one_across() -> None:
 
 
 def test_a_vendor_is_told_of_with_all_its_models() -> None:
-    errors = ForecastErrors()
+    errors = ForecastScores()
     for second in range(40):
         for name, model, ahead_m in (("a", "Fast", 12.0), ("b", "Slow", 8.0), ("c", "Slow", 10.0)):
-            errors.take([name], [("Alder", model)], said(float(second), (second, 0.0), (second + ahead_m, 0.0)))
+            errors.add([name], [("Alder", model)], said(float(second), (second, 0.0), (second + ahead_m, 0.0)))
     errors.finish()
     (alder,) = errors.figures()["by_vendor"]
     told = alder["horizons"][9]
@@ -68,17 +68,17 @@ def test_a_vendor_is_told_of_with_all_its_models() -> None:
 
 
 def test_it_makes_no_difference_how_long_a_log_is_held() -> None:
-    at_once = ForecastErrors()
+    at_once = ForecastScores()
     for second in range(40):
-        at_once.take(["a"], [MAKER], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)))
+        at_once.add(["a"], [MAKER], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)))
     at_once.finish()
     assert at_once.figures() == driven(0.8, 1.0).figures()
 
 
 def test_what_nobody_saw_is_not_counted() -> None:
-    errors = ForecastErrors()
+    errors = ForecastScores()
     for t_s in (0.0, 1.0, 30.0, 31.0):
-        errors.take(["a"], [MAKER], said(t_s, (t_s, 0.0), (t_s + 10, 0.0)))
+        errors.add(["a"], [MAKER], said(t_s, (t_s, 0.0), (t_s + 10, 0.0)))
     errors.finish()
     # at 0 and 30 s one second ahead is known; of the others nothing is
     assert [one["cases"] for one in errors.figures()["all"]] == [2] + [0] * 9
@@ -93,12 +93,12 @@ def test_quantiles_are_those_of_the_lengths_to_two_percent() -> None:
 
 
 def test_bands_cover_the_share_of_errors_within_them() -> None:
-    errors = ForecastErrors()
+    errors = ForecastScores()
     for second in range(40):
         # off by 0.2 m for each second ahead; every other forecast comes with bands that are too narrow
         bands = np.full((1, 10, 3), 5.0 if second % 2 else 0.1)
         bands[0, :, 2] = 5.0
-        errors.take(["a"], [MAKER], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)), bands)
+        errors.add(["a"], [MAKER], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)), bands)
     errors.finish()
     told = row(errors, 5)
     assert [told["banded"], told["covered_50"], told["covered_90"]] == pytest.approx([35, 17 / 35, 1.0])
@@ -135,13 +135,13 @@ def errors_by_hand(of: Forecasts, horizon_s: float, reports: list[Forecasts]) ->
 
 
 def test_errors_are_those_of_every_forecast_held_against_every_report_by_hand() -> None:
-    rng, errors = np.random.default_rng(1), ForecastErrors()
+    rng, errors = np.random.default_rng(1), ForecastScores()
     reports: dict[str, list[Forecasts]] = {}
     for second in np.arange(0, 60, 0.5):
         for robot in ("a", "b", "c"):
             if rng.random() < 0.6:
                 reports.setdefault(robot, []).append(wandering(rng, second))
-                errors.take([robot], [("Alder", robot)], reports[robot][-1])
+                errors.add([robot], [("Alder", robot)], reports[robot][-1])
         errors.advance(second)
     errors.finish()
     figures = errors.figures()

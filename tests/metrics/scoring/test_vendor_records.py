@@ -38,7 +38,7 @@ def measured(
 def test_a_flag_that_stood_is_told_with_when_it_ended_and_its_largest_size() -> None:
     records = VendorRecords()
     for minute, by_s in enumerate((None, 2.0, 3.0, 1.0, None, None)):
-        records.look(NOW_S + 60 * minute, measured(by_s))
+        records.update(NOW_S + 60 * minute, measured(by_s))
     (alder,) = records.figures({"Alder": 0.02})
     (flag,) = alder["flags"]
     (live,) = vendor_health(measured(3.0))[0].flags
@@ -49,14 +49,14 @@ def test_a_flag_that_stood_is_told_with_when_it_ended_and_its_largest_size() -> 
 
 def test_a_flag_that_stands_at_the_end_has_no_end() -> None:
     records = VendorRecords()
-    records.look(NOW_S, measured(2.0))
+    records.update(NOW_S, measured(2.0))
     assert [one["until"] for one in records.figures({})[0]["flags"]] == [None]
 
 
 def test_robots_that_did_other_than_they_said_are_told_at_their_most() -> None:
     records = VendorRecords()
     for robots, forecasts in ((1, 4), (3, 9), (0, 9)):
-        records.look(NOW_S, measured(distrusted=robots, forecasts=forecasts))
+        records.update(NOW_S, measured(distrusted=robots, forecasts=forecasts))
     (alder,) = records.figures({})
     assert (alder["distrusted"], alder["forecasts_distrusted"], alder["ece"]) == (3, 9, None)
 
@@ -64,7 +64,7 @@ def test_robots_that_did_other_than_they_said_are_told_at_their_most() -> None:
 def test_however_often_a_vendor_changes_the_newest_flags_are_kept() -> None:
     records = VendorRecords()
     for n in range(MOST_FLAGS + 20):
-        records.look(NOW_S + 60 * n, measured(2.0, since_s=NOW_S + 60 * n))
+        records.update(NOW_S + 60 * n, measured(2.0, since_s=NOW_S + 60 * n))
     flags = records.figures({})[0]["flags"]
     assert [seconds(one["since"]) for one in flags] == [NOW_S + 60 * n for n in range(20, MOST_FLAGS + 20)]
 

@@ -6,14 +6,16 @@ from math import inf
 import numpy as np
 
 from ingest.batch import Forecasts
-from metrics.truth.encounters import Truth
+from metrics.truth.encounters import EncounterFinder
 
 
 def zero(_: float) -> float:
     return 0.0
 
 
-def reported(truth: Truth, t_s: float, *robots: tuple[str, int, float], bottom_m: Sequence[float] = ()) -> None:
+def reported(
+    truth: EncounterFinder, t_s: float, *robots: tuple[str, int, float], bottom_m: Sequence[float] = ()
+) -> None:
     """Robots of 1 x 1 x 1 m, each with its name, floor and x; on the ground unless their heights are given."""
     n = len(robots)
     forecasts = Forecasts(
@@ -33,12 +35,12 @@ def reported(truth: Truth, t_s: float, *robots: tuple[str, int, float], bottom_m
 
 def driven(
     *pieces: tuple[float, float, float], until_s: float, finished: bool = True, above_m: Callable[[float], float] = zero
-) -> Truth:
+) -> EncounterFinder:
     """A 1 x 1 x 1 m robot at the origin, another at x, moving from (from_s, x) at a speed, piece after piece.
 
     `above_m` says by time how high the foot of the second is.
     """
-    truth = Truth([0.3])
+    truth = EncounterFinder([0.3])
     for second in range(int(until_s) + 1):
         t_s = float(second)
         from_s, x_m, speed_mps = max((piece for piece in pieces if piece[0] <= t_s), key=lambda piece: piece[0])

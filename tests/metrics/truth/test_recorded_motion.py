@@ -5,14 +5,14 @@ from math import ceil, floor, inf, nan, pi
 import numpy as np
 
 from ingest.batch import Forecasts
-from metrics.truth.recorded_motion import JOINED_S, Motion
+from metrics.truth.recorded_motion import JOINED_S, RecordedMotion
 
 STEP_S, SAMPLES = 0.1, 50
 Report = tuple[float, float, float, float, int, float, float, float, float]
 """When, x, y, yaw, floor, length, width, bottom and top."""
 
 
-def reported(motion: Motion, reports: dict[str, Report]) -> None:
+def reported(motion: RecordedMotion, reports: dict[str, Report]) -> None:
     columns = [np.array(column, float) for column in zip(*reports.values(), strict=True)]
     t_s, x_m, y_m, yaw_rad, on, *sizes_m = columns
     poses = (np.arange(len(t_s) + 1), t_s, x_m, y_m, yaw_rad, on.astype(np.int64))
@@ -38,7 +38,7 @@ def by_hand(reports: list[Report], first: int) -> dict[int, list[float]]:
 
 
 def test_robots_are_where_the_reports_before_and_after_put_them_and_nowhere_in_between_those_too_far_apart() -> None:
-    rng, motion = np.random.default_rng(1), Motion()
+    rng, motion = np.random.default_rng(1), RecordedMotion()
     taken: dict[str, list[Report]] = {}
     first = 0
     for second in range(40):

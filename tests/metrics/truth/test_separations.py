@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from deconflict.sweep.geometry.rectangles import gap
-from metrics.truth.recorded_motion import Stretch
+from metrics.truth.recorded_motion import SampledMotion
 from metrics.truth.separations import separations
 
 SAMPLES = 50
 
 
-def wandering(robots: int, size_m: float) -> Stretch:
+def wandering(robots: int, size_m: float) -> SampledMotion:
     """Robots that go about a square on two floors, each away for some time."""
     rng = np.random.default_rng(robots)
     x_m, y_m = rng.uniform(0, size_m, (2, robots, 1)) + np.cumsum(rng.normal(scale=0.1, size=(2, robots, SAMPLES)), 2)
@@ -25,7 +25,7 @@ def wandering(robots: int, size_m: float) -> Stretch:
     bottom_m = np.repeat(rng.choice([-np.inf, 0.0, 1.0, 5.0], (robots, 1)), SAMPLES, 1)
     height_m = np.stack([bottom_m, np.where(bottom_m == -np.inf, np.inf, bottom_m + 2)])
     yaw_rad = rng.normal(size=(robots, SAMPLES))
-    return Stretch(700, np.arange(robots) * 2, x_m, y_m, yaw_rad, half_m, height_m, floor, since_s)
+    return SampledMotion(700, np.arange(robots) * 2, x_m, y_m, yaw_rad, half_m, height_m, floor, since_s)
 
 
 @pytest.mark.parametrize(("robots", "size_m", "fewest"), [(0, 1.0, 0), (1, 1.0, 0), (40, 6.0, 1000), (25, 60.0, 1)])

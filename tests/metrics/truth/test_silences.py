@@ -5,20 +5,20 @@ from math import inf
 import numpy as np
 import pytest
 
-from metrics.scoring.warnings.outcomes_by_moment import HORIZON_S, InteractionFates
-from metrics.truth.encounters import Truth
+from metrics.scoring.warnings.outcomes_by_moment import HORIZON_S, InteractionOutcomes
+from metrics.truth.encounters import EncounterFinder
 from metrics.truth.interactions import Interactions
-from metrics.truth.pair_outcomes import Outcomes, Verdict
+from metrics.truth.pair_outcomes import AllPairOutcomes, Verdict
 from tests.metrics.truth.made_motion import reported
 
 SILENT_FROM_S, PASSES_AT_S = 10, 20
 PAIR = ("other", "silent")
 
 
-def floor(passes_m: float) -> Truth:
+def floor(passes_m: float) -> EncounterFinder:
     """One stands at the origin and is silent from 10 s on; another one drives by at 1 m/s and ends `passes_m` short of
     where it stood, or beyond."""
-    truth = Truth([0.3])
+    truth = EncounterFinder([0.3])
     for second in range(60):
         t_s = float(second)
         robots = [("other", 0, min(t_s - PASSES_AT_S, -passes_m)), ("far", 0, 50.0)]
@@ -35,8 +35,8 @@ def test_a_pair_is_kept_apart_where_one_fell_silent_and_the_other_drove_through_
     passes_m: float, verdict: Verdict
 ) -> None:
     truth, at_s = floor(passes_m), float(SILENT_FROM_S - 1)
-    outcomes = Outcomes(truth, Interactions(), 0.3)
+    outcomes = AllPairOutcomes(truth, Interactions(), 0.3)
     assert outcomes.of(PAIR).verdict(at_s, outcomes.left_s(PAIR, at_s)) is verdict
-    fate = InteractionFates(truth, outcomes).of([PAIR], np.zeros(1, np.int64), np.array([at_s]))
+    fate = InteractionOutcomes(truth, outcomes).of([PAIR], np.zeros(1, np.int64), np.array([at_s]))
     assert fate.began_s.tolist() == [inf]
     assert (fate.left_s[0] < at_s + HORIZON_S) == (verdict is Verdict.UNKNOWN)

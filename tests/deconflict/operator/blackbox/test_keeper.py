@@ -52,8 +52,8 @@ async def test_a_near_miss_is_kept_listed_fetched_and_proved(tmp_path: Path) -> 
     assert miss["warned_s"] > 0
     (tmp_path / box["file"]).write_bytes(fetched.content)
     verdict = await asyncio.to_thread(verify, tmp_path / box["file"])
-    assert (verdict.sha256, verdict.told > 0) == (box["sha256"], True)
-    assert verdict.same, verdict.words()
+    assert (verdict.sha256, verdict.published > 0) == (box["sha256"], True)
+    assert verdict.same, verdict.text()
     assert 'deconflict_blackboxes_total{outcome="kept"} 1.0' in text
 
 

@@ -3,14 +3,14 @@ from math import inf
 import pytest
 
 from metrics.scoring.warnings.alert_scores import Alert, score
-from metrics.truth.encounters import Encounter, Truth
+from metrics.truth.encounters import EncounterFinder, RecordedEncounter
 from tests.metrics.truth.made_motion import driven, reported
 
 PAIR = ("a", "b")
 
 
-def encounter(start_s: float, end_s: float, foreseeable: bool = True) -> Encounter:
-    return Encounter(PAIR, start_s, end_s, foreseeable)
+def encounter(start_s: float, end_s: float, foreseeable: bool = True) -> RecordedEncounter:
+    return RecordedEncounter(PAIR, start_s, end_s, foreseeable)
 
 
 def alert(
@@ -131,7 +131,7 @@ def test_drawing_apart_a_little_is_the_same_encounter_and_far_another() -> None:
 
 
 def test_a_gap_in_the_reports_is_not_joined() -> None:
-    truth = Truth([0.3])
+    truth = EncounterFinder([0.3])
     for t_s in (0.0, 1.0, 4.0, 5.0):
         reported(truth, t_s, ("a", 0, 0.0), ("b", 0, 1.1))
     truth.finish()
@@ -139,7 +139,7 @@ def test_a_gap_in_the_reports_is_not_joined() -> None:
 
 
 def test_robots_on_different_floors_do_not_meet() -> None:
-    truth = Truth([0.3])
+    truth = EncounterFinder([0.3])
     for t_s in map(float, range(6)):
         reported(truth, t_s, ("a", 0, 0.0), ("b", 1, 0.0))
     truth.finish()

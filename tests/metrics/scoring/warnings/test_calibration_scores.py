@@ -4,27 +4,30 @@ import pytest
 from deconflict.foresight.probability.censoring import STAYED
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.summaries import means
-from metrics.scoring.warnings.calibration_scores import Calibration, Samples, Tally
-from metrics.scoring.warnings.outcomes_by_moment import ContactFates
-from metrics.truth.advised_waits import Waits
+from metrics.scoring.warnings.calibration_scores import CalibrationSamples, CalibrationScores, CalibrationTally
+from metrics.scoring.warnings.outcomes_by_moment import ContactOutcomes
+from metrics.truth.advised_waits import AdvisedWaits
 from tests.metrics.truth.made_motion import driven, reported
 
 PAIR = ("a", "b")
 VENDORS = {"a": "Alder", "b": "Corvid"}
 
 
-def tally(*said: tuple[float, int, int]) -> Tally:
+def tally(*said: tuple[float, int, int]) -> CalibrationTally:
     """So many samples of a probability, of which so many came true."""
-    made = Tally()
+    made = CalibrationTally()
     for probability, samples, came_true in said:
         n = np.arange(samples)
         part = np.where(n < came_true, 0, STAYED)
-        made.add(Samples.of(n % 7, np.full(samples, probability), part, np.ones(samples, bool)), n)
+        made.add(CalibrationSamples.of(n % 7, np.full(samples, probability), part, np.ones(samples, bool)), n)
     return made
 
 
-def add(tally: Tally, group: int, probability: float, part: int) -> None:
-    tally.add(Samples.of(np.array([group]), np.array([probability]), np.array([part]), np.array([True])), np.array([0]))
+def add(tally: CalibrationTally, group: int, probability: float, part: int) -> None:
+    tally.add(
+        CalibrationSamples.of(np.array([group]), np.array([probability]), np.array([part]), np.array([True])),
+        np.array([0]),
+    )
 
 
 def test_probabilities_that_mean_what_they_say_have_no_calibration_error() -> None:
@@ -46,22 +49,22 @@ def test_always_saying_the_base_rate_has_no_skill() -> None:
 
 
 def test_where_nothing_was_published_or_nothing_ever_happened_there_is_no_figure() -> None:
-    nothing = Tally().figures()
+    nothing = CalibrationTally().figures()
     assert nothing["samples"] == 0
     assert nothing["ece"] is nothing["brier"] is nothing["brier_skill"] is None
     assert tally((0.1, 50, 0)).figures()["brier_skill"] is None
 
 
 def test_bins_hold_the_same_number_of_samples() -> None:
-    made = Tally()
+    made = CalibrationTally()
     said, nothing = np.linspace(0.0, 1.0, 5000) ** 4, np.zeros(5000, np.int64)
-    made.add(Samples.of(nothing, said, np.full(5000, STAYED), np.ones(5000, bool)), np.arange(5000))
+    made.add(CalibrationSamples.of(nothing, said, np.full(5000, STAYED), np.ones(5000, bool)), np.arange(5000))
     assert made.bins()[:, 0].tolist() == pytest.approx([500] * 10, abs=60)
 
 
 def test_pairs_that_are_known_stand_for_those_of_which_a_robot_left() -> None:
     # three in ten meet in the sixth second; before that, a robot of half of the pairs has left
-    made = Tally()
+    made = CalibrationTally()
     for n in range(200):
         if n % 2:
             made.left[2] += 1
@@ -69,7 +72,7 @@ def test_pairs_that_are_known_stand_for_those_of_which_a_robot_left() -> None:
             add(made, n % 7, 0.3, 5 if n % 20 < 6 else STAYED)
     assert made.figures()["ece"] == pytest.approx(0.0)
     # and here those that would meet in the first second do so before half of the others leave
-    made = Tally()
+    made = CalibrationTally()
     for n in range(100):
         if n < 30:
             add(made, n % 7, 0.3, 0)
@@ -86,7 +89,7 @@ def test_all_who_left_may_be_taken_to_have_not_met() -> None:
     made = tally((0.2, 100, 40), (0.8, 100, 100))
     n = np.arange(100)
     # whichever part of the horizon they left in
-    made.add(Samples.of(n % 7, np.full(100, 0.2), n % STAYED, np.zeros(100, bool)), n)
+    made.add(CalibrationSamples.of(n % 7, np.full(100, 0.2), n % STAYED, np.zeros(100, bool)), n)
     figures = made.figures()
     assert figures["samples"] == 200
     assert figures["ece_all"] == pytest.approx(100 / 300 * 0.2)
@@ -95,18 +98,18 @@ def test_all_who_left_may_be_taken_to_have_not_met() -> None:
     assert figures["ece_unweighted"] == pytest.approx(0.2)
 
 
-def followed(calibration: Calibration, *probabilities: float) -> Calibration:
+def followed(calibration: CalibrationScores, *probabilities: float) -> CalibrationScores:
     """b comes to a at 2 m/s from 40 m, below 0.3 m from 19.35 s on, and is gone at 30 s; a probability each second."""
     truth = driven((0, 40.0, -2.0), until_s=30)
     for second, probability in enumerate(probabilities):
         calibration.sample(second + 0.05, [(PAIR, probability)])
         calibration.sample(second + 0.55, [(PAIR, 1.0 - probability)])
-    calibration.resolve(ContactFates(truth, 0.3), VENDORS)
+    calibration.resolve(ContactOutcomes(truth, 0.3), VENDORS)
     return calibration
 
 
 def test_a_sample_a_second_comes_true_where_an_encounter_begins_within_ten_seconds() -> None:
-    made = followed(Calibration(Waits()), *[0.25] * 15)
+    made = followed(CalibrationScores(AdvisedWaits()), *[0.25] * 15)
     (whole,) = made.by_vendors.values()
     assert made.by_vendors.keys() == {("Alder", "Corvid")}
     # of 0.05 ... 14.05 s, those after 9.35 s
@@ -114,17 +117,17 @@ def test_a_sample_a_second_comes_true_where_an_encounter_begins_within_ten_secon
 
 
 def test_seconds_within_an_encounter_and_those_before_a_robot_leaves_are_left_out() -> None:
-    made = followed(Calibration(Waits()), *[0.25] * 30)
+    made = followed(CalibrationScores(AdvisedWaits()), *[0.25] * 30)
     (whole,) = made.by_vendors.values()
     # in the encounter from 19.35 to 20.65 s; after 20 s nobody knows what would have been in ten seconds
     assert (whole.known().sum(), whole.fine[0, :STAYED].sum(), whole.left.sum()) == (20, 10, 9)
 
 
 def test_seconds_before_a_robot_waits_as_advised_are_counted_apart() -> None:
-    waits = Waits()
+    waits = AdvisedWaits()
     for at_s in (14.0, 15.0, 16.0):
-        waits.see(at_s, ["a"])
-    made = followed(Calibration(waits), *[0.25] * 25)
+        waits.add(at_s, ["a"])
+    made = followed(CalibrationScores(waits), *[0.25] * 25)
     (whole,) = made.by_vendors.values()
     # of those of 4.05 to 15.05 s nobody knows; those of 16.05 to 19.05 s came true
     assert made.heeded == 12
@@ -133,23 +136,23 @@ def test_seconds_before_a_robot_waits_as_advised_are_counted_apart() -> None:
 
 def test_the_first_minutes_are_counted_apart() -> None:
     truth = driven((0, 40.0, 0.0), until_s=200)
-    made = Calibration(Waits())
+    made = CalibrationScores(AdvisedWaits())
     for second in range(180):
         made.sample(float(second), [(PAIR, 0.1)])
-    made.resolve(ContactFates(truth, 0.3), VENDORS)
+    made.resolve(ContactOutcomes(truth, 0.3), VENDORS)
     assert (made.whole().known().sum(), made.settled.known().sum()) == (180, 60)
 
 
 def test_nothing_is_counted_before_it_is_known() -> None:
-    made = Calibration(Waits())
+    made = CalibrationScores(AdvisedWaits())
     truth = driven((0, 40.0, 0.0), until_s=10, finished=False)
     made.sample(5.0, [(PAIR, 0.1)])
-    made.resolve(ContactFates(truth, 0.3), VENDORS)
+    made.resolve(ContactOutcomes(truth, 0.3), VENDORS)
     assert made.whole().fine.sum() == 0
     for second in range(11, 25):
         reported(truth, float(second), ("a", 0, 0.0), ("b", 0, 40.0))
         truth.advance(float(second))
-    made.resolve(ContactFates(truth, 0.3), VENDORS)
+    made.resolve(ContactOutcomes(truth, 0.3), VENDORS)
     assert made.whole().fine[0].sum() == 1
 
 

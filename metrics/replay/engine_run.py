@@ -1,0 +1,76 @@
+"""The engine of one clearance, driven through the passes of a recorded log."""
+
+from math import floor
+
+from deconflict.advisory import AdvisoryState, ConflictAdvisory
+from deconflict.engine.engine import Engine
+from deconflict.operator.blackbox.start_state import Start
+from deconflict.settings.site import Site
+from ingest.batch import Batch, Floats
+from metrics.replay.engine_output import EngineOutput, PairProbabilities
+from metrics.replay.engine_passes import EnginePass
+from metrics.scoring.place_scores import EVERY_S, PlaceForecast, forecast_of
+
+
+class EngineRun:
+    """One clearance's engine over one log."""
+
+    def __init__(self, site: Site, clearance_m: float, start: Start) -> None:
+        conflict = site.conflict.model_copy(update={"clearance_m": clearance_m})
+        self.clearance_m = clearance_m
+        self.engine = Engine(
+            site.model_copy(update={"conflict": conflict}),
+            start.open,
+            start.encounters,
+            burdens_s=start.burdens_s,
+            learned=start.learned,
+        )
+        self._second = -1
+        """The newest second whose probabilities were read."""
+        self._place_slot = -1
+        """The newest `EVERY_S` whose place forecast was read."""
+
+    def advance(self, engine_pass: EnginePass) -> EngineOutput:
+        """Run one pass of the engine."""
+        now_s, batch = engine_pass.now_s, engine_pass.batch
+        bands_m = self._bands_m(batch)
+        self.engine.receive(batch)
+        advisories = self.engine.step(now_s, engine_pass.effort, engine_pass.pending, engine_pass.is_own_log)
+        waiting = self.engine.foresight.robots_following_advice(now_s)
+        measures = self.measures() if engine_pass.measures else None
+        probabilities, contact_probabilities = self._probabilities(now_s)
+        return EngineOutput(
+            [advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory)],
+            [advisory for advisory in advisories if not isinstance(advisory, ConflictAdvisory)],
+            [advisory.kind for advisory in advisories if advisory.state is AdvisoryState.RAISED],
+            probabilities,
+            contact_probabilities,
+            bands_m,
+            waiting,
+            measures,
+            self._place_forecast(now_s),
+        )
+
+    def measures(self) -> dict[str, object]:
+        """The engine's measures at present, as a document."""
+        return self.engine.measures.as_document()
+
+    def _probabilities(self, now_s: float) -> tuple[PairProbabilities, PairProbabilities]:
+        """Probabilities of an interaction and of contact. Empty except at the first pass of each second."""
+        if floor(now_s) == self._second:
+            return (), ()
+        self._second = floor(now_s)
+        return self.engine.probabilities(), self.engine.foresight.contact_probabilities()
+
+    def _place_forecast(self, now_s: float) -> PlaceForecast | None:
+        """The forecast for shared places at the first pass of each `EVERY_S`; None at other passes."""
+        if floor(now_s / EVERY_S) == self._place_slot:
+            return None
+        self._place_slot = floor(now_s / EVERY_S)
+        return forecast_of(self.engine.turns(), self.engine.needs(), self.engine.site.resources)
+
+    def _bands_m(self, batch: Batch) -> Floats:
+        ledger = self.engine.foresight.ledger
+        rows = ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
+        bands_m: Floats = ledger.bands_m[rows]
+        return bands_m

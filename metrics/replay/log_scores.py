@@ -1,0 +1,161 @@
+"""The scores of a replay: what happened on the floor, compared with the output of every engine."""
+
+from collections.abc import Sequence
+from math import floor, inf
+from typing import Any
+
+from deconflict.contention.robots.batch_merging import Gathering
+from deconflict.settings.site import Site
+from ingest.batch import Batch
+from ingest.languages.massrobotics import timestamps
+from metrics.replay import conformance_counts
+from metrics.replay.clearance_scores import ClearanceScores
+from metrics.replay.engine_output import EngineOutput
+from metrics.replay.engine_passes import EnginePass, PassReader
+from metrics.scoring.arrival_scores import ArrivalScores
+from metrics.scoring.contention_scores import ContentionScores
+from metrics.scoring.forecast_scores import ForecastScores
+from metrics.scoring.vendor_records import VendorRecords
+from metrics.truth.absences import Absences
+from metrics.truth.encounters import EncounterFinder
+from metrics.truth.interactions import Interactions
+from metrics.truth.nearest_scenes import NearestScene
+
+WARNED_BEFORE_S = 10.0
+"""An advisory that was cleared longer than this before a near moment does not count as a warning of it."""
+MERGED_ROBOTS = 1024
+"""Robots whose reports are processed together. Large, because only the final figures are needed, not short passes."""
+
+
+class LogScores:
+    """What happened in one log, and the scores of every clearance. The first clearance's engine gives all figures that
+    do not depend on the clearance."""
+
+    def __init__(self, site: Site, clearances_m: Sequence[float]) -> None:
+        self.truth, self.interactions = EncounterFinder(clearances_m), Interactions()
+        self.absences = Absences(clearances_m)
+        self.by_clearance = [
+            ClearanceScores(clearance_m, self.truth, self.interactions, self.absences) for clearance_m in clearances_m
+        ]
+        self.forecasts, self.arrivals, self.contention = ForecastScores(), ArrivalScores(), ContentionScores(site)
+        self._merging = Gathering(MERGED_ROBOTS)
+        self.vendor_of: dict[str, str] = {}
+        """By robot that has reported its position."""
+        self._name_of: dict[str, str] = {}
+        """Display name of each of these robots."""
+        self._floors: Sequence[str] = ()
+        """Floor ids by the index that batches use."""
+        self._floor_names = {datum.id: datum.name for datum in site.datums}
+        self._vendors = VendorRecords()
+        self._second: int | None = None
+
+    def add(self, engine_pass: EnginePass, outputs: Sequence[EngineOutput]) -> None:
+        """Add one pass and the output of each engine at it."""
+        now_s, batch = engine_pass.now_s, engine_pass.batch
+        self.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
+        self._name_of.update(zip(batch.robots, batch.names, strict=True))
+        self._floors = batch.floors
+        self.truth.report(batch.robots, batch.forecasts)
+        self.absences.add_batch(batch)
+        self._add_forecasts(batch, outputs, now_s)
+        self._add_contention(batch, outputs, now_s)
+        for scores, output in zip(self.by_clearance, outputs, strict=True):
+            scores.add(now_s, batch, output)
+        self._advance_believers(now_s)
+        if engine_pass.measures and outputs and outputs[0].measures:
+            self._vendors.update(now_s, (engine_pass.measures, outputs[0].measures))
+        known_until_s = self.truth.until_s
+        self.truth.advance(now_s)
+        if self.truth.until_s > known_until_s:
+            self._resolve()
+
+    def result(self, passes: PassReader, measures: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        """What the log holds, and the scores of every clearance. Call it once, after the last pass.
+
+        `measures` are the final measures of the first clearance's engine; empty if there is no engine.
+        """
+        self._finish()
+        scores = [scores.figures(self.vendor_of, passes.now_s) for scores in self.by_clearance]
+        ece = {row["vendor"]: row["ece"] for row in scores[0]["by_vendor"]} if scores else {}
+        scenes = self.truth.scenes.finish(self.truth.motion) if self.by_clearance else []
+        nearest = [self._scene(scene, passes.first_s) for scene in scenes]
+        self._vendors.update(passes.now_s, (passes.measures(), *measures))
+        return {
+            "messages": passes.messages,
+            "robots": len(self.vendor_of),
+            "span_s": passes.span_s,
+            "scores": scores,
+            "interactions": self.interactions.figures(),
+            "vendors": self._vendors.figures(ece),
+            "forecast_error": self.forecasts.figures(),
+            "arrivals": self.arrivals.figures(),
+            "contention": self.contention.figures(),
+            "places": self.contention.place_figures(),
+            "advisories_raised": dict(sorted(self.by_clearance[0].raised.items())) if self.by_clearance else {},
+            "nearest": nearest,
+            "conformance": conformance_counts.findings(passes.fleet.measures),
+        }
+
+    def _add_forecasts(self, batch: Batch, outputs: Sequence[EngineOutput], now_s: float) -> None:
+        makers = list(zip(batch.vendors, batch.models, strict=True))
+        self.forecasts.add(batch.robots, makers, batch.forecasts, outputs[0].bands_m if outputs else None)
+        self.forecasts.advance(now_s)
+        self.interactions.add_batch(batch, self.forecasts.usually_aside_m(makers))
+
+    def _add_contention(self, batch: Batch, outputs: Sequence[EngineOutput], now_s: float) -> None:
+        for merged in self._merging.put(batch):
+            self._add_merged(merged.batch)
+        revisions, place_forecast = (outputs[0].other_revisions, outputs[0].place_forecast) if outputs else ((), None)
+        self.contention.add_output(now_s, revisions, place_forecast)
+
+    def _add_merged(self, batch: Batch) -> None:
+        """Add the reports of several passes to the scores that need only a final result."""
+        self.arrivals.add_batch(batch)
+        self.contention.add_batch(batch)
+
+    def _advance_believers(self, now_s: float) -> None:
+        """Advance the path believers at the first pass of each second."""
+        before, self._second = self._second, floor(now_s)
+        if before == self._second:
+            return
+        fallen_silent = self.truth.silences.fallen_silent(now_s)
+        for scores in self.by_clearance:
+            scores.believer.advance(now_s, fallen_silent)
+
+    def _finish(self) -> None:
+        """Process what is still held back."""
+        for merged in self._merging.rest():
+            self._add_merged(merged.batch)
+        self.truth.finish()
+        self.absences.finish()
+        self.forecasts.finish()
+        self._resolve()
+
+    def _resolve(self) -> None:
+        for scores in self.by_clearance:
+            scores.resolve(self.vendor_of)
+
+    def _scene(self, scene: NearestScene, first_s: float) -> dict[str, Any]:
+        """One of the nearest moments, and when the first clearance's advisory was raised before it.
+
+        An advisory that was still open comes before a cleared one, and an earlier one before a later one.
+        """
+        at_s = scene.at_s
+        before = [
+            (advisory.cleared_s < at_s, advisory.raised_s, advisory.cleared_s)
+            for advisory in self.by_clearance[0].advisories.values()
+            if advisory.pair == scene.pair and advisory.raised_s < at_s and advisory.cleared_s > at_s - WARNED_BEFORE_S
+        ]
+        was_cleared, raised_s, cleared_s = min(before, default=(False, None, inf))
+        floor_id = self._floors[scene.floor] if scene.floor >= 0 else ""
+        return {
+            "vendors": [self.vendor_of[robot] for robot in scene.pair],
+            "names": [self._name_of[robot] for robot in scene.pair],
+            "at": timestamps.write(round(at_s, 1)),
+            "into_s": round(at_s - first_s, 1),
+            "floor": floor_id,
+            "floor_name": self._floor_names.get(floor_id, ""),
+            "warned_s": None if raised_s is None else at_s - raised_s,
+            "warned_until_s": at_s - cleared_s if was_cleared else None,
+            **scene.document(),
+        }
