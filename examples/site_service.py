@@ -1,13 +1,13 @@
-"""A service of the site that acts on advisories, and loses none when it is killed and started again.
+"""A service of the site that acts on advisories. It loses none if it is killed and started again.
 
     python examples/site_service.py http://127.0.0.1:8080 place.json
 
-It takes up every advisory that is urgent and that nobody has taken up, which stands for whatever a site does: calling
-a fleet manager, switching a light. What it has dealt with it notes in `place.json`, after dealing with it. So after a
-crash it may meet an advisory once more, and sees by its newest revision that it is taken up.
+It acknowledges every urgent advisory that nobody has acknowledged. This stands for what a site does: call a fleet
+manager, switch a light. After each advisory it writes its position in the stream to `place.json`. So after a crash it
+may receive an advisory a second time. The newest revision then shows that the advisory is acknowledged.
 
-`DECONFLICT_TOKEN` is the token of a person of the site file who may acknowledge, and `DECONFLICT_AUTHORITY` the file of
-the authority that signed the service's certificate; each only where the site has such.
+`DECONFLICT_TOKEN` is the token of a person of the site file who may acknowledge. `DECONFLICT_AUTHORITY` is the file of
+the authority that signed the service's certificate. Set each only if the site uses it.
 """
 
 import asyncio
@@ -44,14 +44,14 @@ async def deal_with(client: Client, advisory: AnyAdvisory) -> None:
     try:
         newest = (await client.revisions(advisory.id))[-1]
         if newest.acknowledgement is None and newest.state is not AdvisoryState.CLEARED:
-            told = " and ".join(sorted(set(newest.vendors)))
-            await client.acknowledge(advisory.id, name=NAME, reason=f"told {told}")
+            vendors = " and ".join(sorted(set(newest.vendors)))
+            await client.acknowledge(advisory.id, name=NAME, reason=f"told {vendors}")
     except NoSuchAdvisoryError:
-        return  # it was over long ago
+        return  # it was cleared and removed long ago
 
 
 def note(place: Path, seq: int) -> None:
-    """Replace the file in one step, so that a crash leaves the old one or the new one."""
+    """Replace the file in one step: after a crash it is the old one or the new one, as a whole."""
     new = place.with_suffix(".new")
     new.write_text(json.dumps({"seq": seq}))
     new.replace(place)
