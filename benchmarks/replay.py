@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks.offer import Circling
 from deconflict.__main__ import COLLECTED_EVERY
 from deconflict.advice.hold_desk import Desk
-from deconflict.advisories.conflict_lifecycle import Lives
+from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
@@ -54,7 +54,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "sweep": ((Sweeper, "update"), (Sweeper, "find_conflicts")),
     "who is still there": ((Presence, "receive"), (Presence, "advance")),
     "probabilities": ((ProbabilityEstimator, "receive"), (ProbabilityEstimator, "estimate")),
-    "life of advisories": ((Lives, "step"),),
+    "life of advisories": ((ConflictLifecycle, "revise"),),
     "advice on conflicts": ((Desk, "step"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
     "truth, arrivals": (

@@ -21,7 +21,7 @@ from benchmarks.offer import ROBOTS_A_CONNECTION, Circling, vendor_of
 from benchmarks.replay import timed
 from deconflict.__main__ import COLLECTED_EVERY
 from deconflict.advice.hold_desk import Desk
-from deconflict.advisories.conflict_lifecycle import Lives
+from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
 from deconflict.engine.engine import Engine
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
@@ -39,7 +39,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "batches": ((Fleet, "cut"), (Batch, "to_bytes")),
     "sweep": ((Sweeper, "update"), (Sweeper, "find_conflicts")),
     "probabilities": ((ProbabilityEstimator, "receive"), (ProbabilityEstimator, "estimate")),
-    "life": ((Lives, "step"),),
+    "life": ((ConflictLifecycle, "revise"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
     "advice": ((Desk, "step"),),
 }

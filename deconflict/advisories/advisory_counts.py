@@ -1,4 +1,4 @@
-"""How many advisories there are, and how they end, as measures."""
+"""Metrics of advisories: how many are open, how many revisions there were, and how conflicts ended."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -9,29 +9,28 @@ from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Se
 from ingest.measures.measures import Measures
 
 OUTCOMES = {PASSED: "met", STAND: "met", UNPREDICTED: "not_met"}
-"""By why a conflict was cleared, whether its robots came within the clearance; "left" where one was taken away."""
+"""By reason of clearing, whether the robots came within the clearance; "left" for all other reasons."""
 NEAR_MISSES = "deconflict_near_misses_total"
-TALLIED = ("deconflict_advisories_total", "deconflict_advisories_open", "deconflict_conflicts_ended_total")
+ADVISORY_METRICS = ("deconflict_advisories_total", "deconflict_advisories_open", "deconflict_conflicts_ended_total")
+"""What the two functions below that take `measures` write."""
 
 
-def by_severity(advisories: Iterable[AnyAdvisory]) -> Counter[tuple[str, Severity]]:
-    """How many there are of each kind and severity."""
+def count_by_severity(advisories: Iterable[AnyAdvisory]) -> Counter[tuple[str, Severity]]:
+    """How many advisories there are of each kind and severity."""
     return Counter(map(attrgetter("kind", "severity"), advisories))
 
 
-def tally(measures: Measures, revisions: Iterable[AnyAdvisory]) -> None:
-    """Count these revisions, by kind, and how conflicts end."""
-    for one in revisions:
-        measures.count("deconflict_advisories_total", one.kind, AdvisoryState(one.state).value)
-        if isinstance(one, ConflictAdvisory) and one.cleared_because:
-            for vendor in sorted(set(one.vendors)):
-                outcome = OUTCOMES.get(one.cleared_because, "left")
+def count_revisions(measures: Measures, revisions: Iterable[AnyAdvisory]) -> None:
+    """Count revisions by kind and state, and cleared conflicts by vendor and outcome."""
+    for revision in revisions:
+        measures.count("deconflict_advisories_total", revision.kind, AdvisoryState(revision.state).value)
+        if isinstance(revision, ConflictAdvisory) and revision.cleared_because:
+            outcome = OUTCOMES.get(revision.cleared_because, "left")
+            for vendor in sorted(set(revision.vendors)):
                 measures.count("deconflict_conflicts_ended_total", vendor, outcome)
 
 
-def tell_open(measures: Measures, open_now: Mapping[tuple[str, Severity], int]) -> None:
-    """Bring up to date how many advisories are open, by kind and severity."""
-    levels: dict[tuple[str, ...], float] = {
-        (kind, severity.value): count for (kind, severity), count in open_now.items()
-    }
+def set_open_count(measures: Measures, counts: Mapping[tuple[str, Severity], int]) -> None:
+    """Set how many advisories are open, by kind and severity."""
+    levels: dict[tuple[str, ...], float] = {(kind, severity.value): count for (kind, severity), count in counts.items()}
     measures.level("deconflict_advisories_open", levels)

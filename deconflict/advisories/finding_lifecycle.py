@@ -1,18 +1,22 @@
-"""The life of advisories on contention, deadlocks, blockages and claims: which findings are told, and until when.
+"""The life of advisories on contention, deadlocks, blockages and claims: which findings are published, and until when.
 
-nothing --(2 of 3 looks find it)--> raised
-raised, updated --(who, when, how long or how badly changed enough)--> updated
-raised, updated --(not found for a while)--> cleared
+    no advisory --(2 of 3 looks find it)--> raised
+    raised, updated --(robots, time, duration or severity changed enough)--> updated
+    raised, updated --(not found for a while)--> cleared
+
+`contention` and `engine.claim_lifecycle` look about once a second and hand over what they find; all decisions on its
+advisory are made here.
 """
 
 import json
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 from uuid import uuid5
 
-from deconflict.advisories.conflict_wording import ADVISORIES, SEVERITIES
+from deconflict.advisories import revision_rules
+from deconflict.advisories.conflict_wording import ADVISORIES
 from deconflict.advisory import (
     AdvisoryState,
     BlockageAdvisory,
@@ -23,20 +27,25 @@ from deconflict.advisory import (
     Location,
     Recommendation,
     Severity,
+    Wait,
     moment,
 )
 
-LOOKS, WANTED = 3, 2
+LOOKS, LOOKS_NEEDED = 3, 2
+"""This many of the last looks must find something before an advisory is raised on it."""
 UPDATE_GAP_S, ADVICE_GAP_S = 5.0, 2.0
-"""At most one revision in this time, unless the severity rises; and one that advises another order."""
+"""Shortest time between two revisions, unless severity rises; and before one that advises another order."""
 MOVED_S, MOVED_SHARE = 3.0, 0.2
-"""Changes of a time, or of this share of what was left, that are worth a revision."""
+"""A change of a time by more than both, in seconds and as a share of the time left, is worth a revision."""
 RESTORED_S = 15.0
-"""A restored advisory that is not found again within this time is cleared."""
+"""A restored advisory is cleared if it is not found again within this time."""
 
-Told = ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory
+FindingAdvisory = ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory
+"""Every kind of advisory but conflicts."""
+NameVendor = Callable[[str], tuple[str, str]]
+"""The name and the vendor of a robot that is known, by its UUID."""
 
-MODELS: dict[str, type[Told]] = {
+MODELS: dict[str, type[FindingAdvisory]] = {
     "contention": ContentionAdvisory,
     "double_occupancy": ContentionAdvisory,
     "deadlock": DeadlockAdvisory,
@@ -44,7 +53,7 @@ MODELS: dict[str, type[Told]] = {
     "foreign_claim": ClaimAdvisory,
     "two_places": ClaimAdvisory,
 }
-OVER = {
+CLEARED_BECAUSE = {
     "contention": "nobody is expected to wait long any more",
     "double_occupancy": "no more robots are there than it takes",
     "deadlock": "they no longer wait for each other",
@@ -59,16 +68,16 @@ class Finding(NamedTuple):
 
     kind: Kind
     about: str
-    """What stays the same while it lasts: the resource, the blocker, the ring's robots, who claims whose."""
+    """What stays the same while it lasts: the resource, the blocker, the ring's robots, or owner and claimant."""
     severity: Severity
     robots: tuple[str, ...]
     """In ascending order."""
     predicted_s: float
     location: Location | None
     summary: Callable[[], str]
-    """Worded where it is told: most looks find what was told before."""
+    """Called only if a revision is made: most looks find nothing new."""
     evidence: dict[str, Any]
-    """The fields of its kind of advisory."""
+    """The fields of its own kind of advisory."""
     recommendation: Recommendation | None = None
 
     @property
@@ -77,79 +86,113 @@ class Finding(NamedTuple):
 
 
 @dataclass(slots=True, eq=False)
-class _Track:
+class _WatchedFinding:
+    """What is remembered of something that was found lately."""
+
     looks: deque[bool] = field(default_factory=lambda: deque(maxlen=LOOKS))
+    """Whether each of the last looks found it."""
     found_s: float = 0.0
-    advisory: Told | None = None
+    """When it was found last."""
+    advisory: FindingAdvisory | None = None
+    """The newest revision of its open advisory."""
 
 
-class Telling:
-    """Every finding under watch, and the advisories open on them."""
+class FindingLifecycle:
+    """Every finding of the last looks, and the open advisories on them."""
 
-    def __init__(self, clear_after_s: float, restored: Iterable[Told] = ()) -> None:
+    def __init__(self, clear_after_s: float, restored: Iterable[FindingAdvisory] = ()) -> None:
+        """`restored` are advisories that were open before a restart."""
         self._clear_after_s = clear_after_s
-        self._tracks: dict[str, _Track] = {}
-        self._restored = True
-        for one in restored:
-            self._tracks[finding_key(one)] = _Track(advisory=one)
+        self._watched = {finding_key(advisory): _WatchedFinding(advisory=advisory) for advisory in restored}
+        self._is_first_look = True
 
-    def open(self) -> list[Told]:
-        return [track.advisory for track in self._tracks.values() if track.advisory]
+    def open(self) -> list[FindingAdvisory]:
+        """The newest revision of every open advisory."""
+        return [watched.advisory for watched in self._watched.values() if watched.advisory]
 
-    def adopt(self, told: Told) -> None:
-        """Go on from a revision that another decided."""
-        track = self._tracks.setdefault(finding_key(told), _Track())
-        track.advisory = None if told.state is AdvisoryState.CLEARED else told
-        track.found_s = max(track.found_s, told.updated_at.timestamp())
+    def adopt(self, revision: FindingAdvisory) -> None:
+        """Continue from a revision that another process made."""
+        watched = self._watched.setdefault(finding_key(revision), _WatchedFinding())
+        watched.advisory = None if revision.state is AdvisoryState.CLEARED else revision
+        watched.found_s = max(watched.found_s, revision.updated_at.timestamp())
 
-    def step(self, now_s: float, findings: Iterable[Finding], party: Callable[[str], tuple[str, str]]) -> list[Told]:
-        """The revisions that this look makes, by key. `party` gives the name and vendor of a robot that is known."""
-        if self._restored:
-            self._restored = False
-            for track in self._tracks.values():
-                track.found_s = now_s + RESTORED_S - self._clear_after_s
-        found = {one.key: one for one in findings}
-        revisions: list[Told] = []
-        for key in sorted(found.keys() | self._tracks.keys()):
-            track = self._tracks.setdefault(key, _Track())
-            track.looks.append(key in found)
-            revision = self._advance(track, found.get(key), now_s, party)
+    def revise(self, now_s: float, findings: Iterable[Finding], name_vendor: NameVendor) -> list[FindingAdvisory]:
+        """The revisions of one look, ordered by key."""
+        if self._is_first_look:
+            self._is_first_look = False
+            for watched in self._watched.values():
+                watched.found_s = now_s + RESTORED_S - self._clear_after_s
+        found = {finding.key: finding for finding in findings}
+        revisions: list[FindingAdvisory] = []
+        for key in sorted(found.keys() | self._watched.keys()):
+            watched = self._watched.setdefault(key, _WatchedFinding())
+            watched.looks.append(key in found)
+            revision = self._revision(watched, found.get(key), now_s, name_vendor)
             if revision:
                 revisions.append(revision)
-                track.advisory = None if revision.state is AdvisoryState.CLEARED else revision
-            if track.advisory is None and not any(track.looks):
-                del self._tracks[key]
+                watched.advisory = None if revision.state is AdvisoryState.CLEARED else revision
+            if watched.advisory is None and not any(watched.looks):
+                del self._watched[key]
         return revisions
 
-    def _advance(
-        self, track: _Track, finding: Finding | None, now_s: float, party: Callable[[str], tuple[str, str]]
-    ) -> Told | None:
-        before = track.advisory
+    def _revision(
+        self, watched: _WatchedFinding, finding: Finding | None, now_s: float, name_vendor: NameVendor
+    ) -> FindingAdvisory | None:
+        before = watched.advisory
         if finding:
-            track.found_s = max(track.found_s, now_s)
+            watched.found_s = max(watched.found_s, now_s)
             if before:
-                return _updated(before, finding, now_s, party)
-            return _raised(finding, now_s, party) if sum(track.looks) >= WANTED else None
-        if before and now_s - track.found_s >= self._clear_after_s:
-            return before.ended(now_s, OVER[before.kind])
+                return _updated(before, finding, now_s, name_vendor)
+            return _raised(finding, now_s, name_vendor) if sum(watched.looks) >= LOOKS_NEEDED else None
+        if before and now_s - watched.found_s >= self._clear_after_s:
+            return before.ended(now_s, CLEARED_BECAUSE[before.kind])
         return None
 
 
-def finding_key(one: Told) -> str:
+def finding_key(advisory: FindingAdvisory) -> str:
     """The `Finding.key` of what an advisory is about."""
-    if isinstance(one, ContentionAdvisory):
-        return f"{one.kind} {one.resource}"
-    if isinstance(one, ClaimAdvisory):
-        return f"{one.kind} {about_claim(one.owner, one.claimant)}"
-    return f"{one.kind} {one.blocker if isinstance(one, BlockageAdvisory) else ' '.join(one.robots)}"
+    if isinstance(advisory, ContentionAdvisory):
+        return f"{advisory.kind} {advisory.resource}"
+    if isinstance(advisory, ClaimAdvisory):
+        return f"{advisory.kind} {about_claim(advisory.owner, advisory.claimant)}"
+    about = advisory.blocker if isinstance(advisory, BlockageAdvisory) else " ".join(advisory.robots)
+    return f"{advisory.kind} {about}"
 
 
 def about_claim(owner: str, claimant: str) -> str:
+    """The `Finding.about` of a claim."""
     return json.dumps([owner, claimant])
 
 
-def _fields(finding: Finding, now_s: float, party: Callable[[str], tuple[str, str]]) -> dict[str, Any]:
-    parties = [party(uuid) for uuid in finding.robots]
+def _raised(finding: Finding, now_s: float, name_vendor: NameVendor) -> FindingAdvisory:
+    return MODELS[finding.kind](
+        id=str(uuid5(ADVISORIES, f"{finding.key} {round(now_s * 1e6)}")),
+        kind=finding.kind,
+        revision=1,
+        state=AdvisoryState.RAISED,
+        raised_at=moment(now_s),
+        **_fields(finding, now_s, name_vendor),
+    )
+
+
+def _updated(
+    before: FindingAdvisory, finding: Finding, now_s: float, name_vendor: NameVendor
+) -> FindingAdvisory | None:
+    """The next revision; None if the finding differs too little, or it is too soon."""
+    is_worse = revision_rules.rises(finding.severity, before.severity)
+    advice = finding.recommendation
+    is_other_advice = advice is not None and advice is not before.recommendation
+    is_other_order = is_other_advice and _order(advice) != _order(before.recommendation)
+    gap_s = ADVICE_GAP_S if is_other_order else UPDATE_GAP_S
+    if not is_worse and now_s - before.updated_at.timestamp() < gap_s:
+        return None
+    if not is_worse and not is_other_order and not _is_news(before, finding, now_s):
+        return None
+    return before.followed(**_fields(finding, now_s, name_vendor))
+
+
+def _fields(finding: Finding, now_s: float, name_vendor: NameVendor) -> dict[str, Any]:
+    parties = [name_vendor(uuid) for uuid in finding.robots]
     return {
         "severity": finding.severity,
         "robots": finding.robots,
@@ -157,7 +200,7 @@ def _fields(finding: Finding, now_s: float, party: Callable[[str], tuple[str, st
         "vendors": tuple(vendor for _, vendor in parties),
         "updated_at": moment(now_s),
         "predicted_at": moment(finding.predicted_s),
-        "time_to_conflict_s": _left_s(finding, now_s),
+        "time_to_conflict_s": _time_left_s(finding, now_s),
         "location": finding.location,
         "summary": finding.summary(),
         "recommendation": finding.recommendation,
@@ -165,52 +208,39 @@ def _fields(finding: Finding, now_s: float, party: Callable[[str], tuple[str, st
     }
 
 
-def _raised(finding: Finding, now_s: float, party: Callable[[str], tuple[str, str]]) -> Told:
-    return MODELS[finding.kind](
-        id=str(uuid5(ADVISORIES, f"{finding.key} {round(now_s * 1e6)}")),
-        kind=finding.kind,
-        revision=1,
-        state=AdvisoryState.RAISED,
-        raised_at=moment(now_s),
-        **_fields(finding, now_s, party),
-    )
-
-
-def _updated(before: Told, finding: Finding, now_s: float, party: Callable[[str], tuple[str, str]]) -> Told | None:
-    rises = SEVERITIES.index(finding.severity) > SEVERITIES.index(before.severity)
-    advice = finding.recommendation
-    other = advice is not None and advice is not before.recommendation
-    anew = other and _order(advice) != _order(before.recommendation)
-    if not rises and now_s - before.updated_at.timestamp() < (ADVICE_GAP_S if anew else UPDATE_GAP_S):
-        return None
-    if not rises and not anew and not _differs(before, finding, now_s):
-        return None
-    return before.followed(**_fields(finding, now_s, party))
-
-
-def _differs(before: Told, finding: Finding, now_s: float) -> bool:
-    """Whether a person or a site service would act otherwise on the new telling."""
+def _is_news(before: FindingAdvisory, finding: Finding, now_s: float) -> bool:
+    """Whether a person or a site service would act otherwise on the finding than on the advisory."""
     left_s = max(before.predicted_at.timestamp() - now_s, 0.0)
     moved_s = abs((moment(finding.predicted_s) - before.predicted_at).total_seconds())
-    begun = before.time_to_conflict_s == 0 and _left_s(finding, now_s) == 0
-    if not begun and moved_s > max(MOVED_S, MOVED_SHARE * left_s):
+    has_begun = before.time_to_conflict_s == 0 and _time_left_s(finding, now_s) == 0
+    if not has_begun and moved_s > max(MOVED_S, MOVED_SHARE * left_s):
         return True
     if finding.severity != before.severity or finding.robots != before.robots:
         return True
-    told = finding.evidence
+    return _is_other_evidence(before, finding.evidence)
+
+
+def _is_other_evidence(before: FindingAdvisory, evidence: Mapping[str, Any]) -> bool:
+    """Whether the fields of a kind of advisory differ enough."""
     if isinstance(before, ContentionAdvisory):
-        longer_s = abs(told["wait_s"] - before.wait_s)
-        return bool(longer_s > max(MOVED_S, MOVED_SHARE * before.wait_s) or told["queue_length"] != before.queue_length)
+        longer_s = abs(evidence["wait_s"] - before.wait_s)
+        has_other_wait = longer_s > max(MOVED_S, MOVED_SHARE * before.wait_s)
+        return bool(has_other_wait or evidence["queue_length"] != before.queue_length)
     if isinstance(before, BlockageAdvisory):
-        return bool(told["holds_up"] != before.holds_up)
+        return bool(evidence["holds_up"] != before.holds_up)
     if isinstance(before, ClaimAdvisory):
-        return bool(told["claimed"] >= 2 * before.claimed)
-    return [(one.waiter, one.holder) for one in told["cycle"]] != [(one.waiter, one.holder) for one in before.cycle]
+        return bool(evidence["claimed"] >= 2 * before.claimed)
+    return _who_waits(evidence["cycle"]) != _who_waits(before.cycle)
 
 
-def _left_s(finding: Finding, now_s: float) -> float:
+def _who_waits(cycle: Iterable[Wait]) -> list[tuple[str, str]]:
+    return [(wait.waiter, wait.holder) for wait in cycle]
+
+
+def _time_left_s(finding: Finding, now_s: float) -> float:
     return round(max(finding.predicted_s - now_s, 0.0), 3)
 
 
 def _order(advice: Recommendation | None) -> list[tuple[str, str]]:
+    """The robots and resources of a recommendation's slots, in order."""
     return [(slot.robot, slot.resource) for slot in advice.slots] if advice else []

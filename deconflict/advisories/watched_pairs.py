@@ -1,4 +1,8 @@
-"""Pairs under watch, in columns: a pass finds by them the few pairs of which something may have to be told."""
+"""The table of watched pairs: one row of columns for each, so that kernels look at all of them at once.
+
+A pair is watched while it has an open advisory, is within the clearance, or had an alerting look lately. The
+columns are named in `watched_pair_rows`.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,141 +13,115 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.advisories.conflict_wording import (
-    DEEPER_M,
-    FADES_S,
-    LIKELIER,
-    MOVED_M,
-    MOVED_S,
-    SEVERITIES,
-    SLACK_S,
-    SURE,
-    UPDATE_GAP_S,
-    Prediction,
-    Predictions,
-)
+from deconflict.advisories import revision_rules
+from deconflict.advisories.conflict_predictions import Prediction, Predictions
+from deconflict.advisories.revision_rules import SEVERITIES, Weighed
 from deconflict.advisories.watched_pair_kernels import (
-    AS_TOLD,
-    BOUNDS,
-    LIKELIHOOD,
-    NEWS,
-    OVER,
-    RAISES,
-    ROW,
-    STILL,
-    TOLD,
-    UNLIKELY,
-    elsewhere,
-    stirring,
+    FORGET,
+    UPDATE_IF_MOVED,
+    WATCH,
+    PredictionColumns,
+    examine_pairs,
+    meet_elsewhere,
 )
+from deconflict.advisories.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
 from deconflict.advisory import ConflictAdvisory
 from deconflict.foresight.presence.silence_outcomes import PROBABLY_LEFT
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, Encounters
 from ingest.batch import Floats, Ints, Pair
 
-HELD_SHARE = 0.15
-"""An advisory stands until its probability is below this share of the one that raises."""
 TOUCHING_M = 0.1
-"""A pair that begins nearer than this is touching already, for all that forecasts can tell."""
+"""A pair that begins nearer than this touches already, as far as forecasts can say."""
 ROUNDED = 1e-3
-"""Probabilities, distances and places are told to so much."""
+"""Advisories give probabilities, distances and places rounded to this."""
 
-_NEWLY = np.zeros((), ROW)
-_NEWLY["there"], _NEWLY["predicted_s"], _NEWLY["until_s"], _NEWLY["still_since_s"] = True, -inf, -inf, inf
-
-
-class Weighed(NamedTuple):
-    """A prediction that was not worth a revision yet."""
-
-    contact_s: float
-    separation_m: float
-    sure: bool
-    """Whether it was likely enough for its severity."""
-    until_s: float
-    """When time alone may make it worth one."""
+_NEW_ROW = np.zeros((), WATCHED_PAIR)
+_NEW_ROW["in_use"], _NEW_ROW["still_since_s"] = True, inf
+_NEW_ROW["predicted_s"], _NEW_ROW["weighed_until_s"] = -inf, -inf
 
 
 @dataclass(slots=True, eq=False)
-class Track:
-    """One pair under watch."""
+class WatchedPair:
+    """One watched pair."""
 
     pair: Pair
     row: int
     advisory: ConflictAdvisory | None = None
+    """The newest revision of its open advisory."""
 
 
-_NOBODY = Track(("", ""), -1)
-"""Has the rows that are free."""
+_NO_PAIR = WatchedPair(("", ""), -1)
+"""Stands in the rows that are free."""
 
 
-class Stirred(NamedTuple):
-    """A prediction that may have to be told."""
+class FoundPrediction(NamedTuple):
+    """A prediction that may need a revision."""
 
-    track: Track
+    watched: WatchedPair
     prediction: Prediction
-    why: int
-    """As `stirring` says."""
+    code: int
+    """One of the codes of `watched_pair_kernels`, from `RAISE` on."""
 
 
-class Stirring(NamedTuple):
-    """What a pass has to look at."""
+class Examination(NamedTuple):
+    """What one pass has to look at."""
 
-    found: list[Stirred]
-    missed: list[Track]
-    """The pairs of which nothing is predicted."""
-    rests: list[bool]
-    """Whether there is nothing to clear of each: no advisory, or one of which something was predicted lately."""
+    found: list[FoundPrediction]
+    unpredicted: list[WatchedPair]
+    """The watched pairs without a prediction."""
+    nothing_to_clear: list[bool]
+    """For each of them, whether it has no advisory, or one that was predicted lately."""
 
 
-class Tracks:
-    """Every pair under watch."""
+class WatchedPairs:
+    """Every watched pair."""
 
     def __init__(self, settings: Conflict) -> None:
-        self._remembered = (1 << settings.confirm[1]) - 1
-        """A bit for each look that counts."""
-        self._bounds = _bounds(settings)
-        self._wanted_looks = settings.confirm[0]
+        self._thresholds = _thresholds(settings)
+        self._looks_mask = int(self._thresholds["looks_mask"][0])
         self._row_of: dict[Pair, int] = {}
-        self._by_row: list[Track] = []
-        self._rows: NDArray[Any] = np.zeros(0, ROW)
-        self._told: NDArray[Any] = np.zeros(0, TOLD)
-
-    def get(self, pair: Pair) -> Track | None:
-        row = self._row_of.get(pair)
-        return None if row is None else self._by_row[row]
+        self._by_row: list[WatchedPair] = []
+        self._pairs: NDArray[Any] = np.zeros(0, WATCHED_PAIR)
+        self._advisories: NDArray[Any] = np.zeros(0, OPEN_ADVISORY)
 
     def __len__(self) -> int:
         return len(self._row_of)
 
-    def new(self, pair: Pair) -> Track:
-        """A pair that is not under watch yet."""
+    def get(self, pair: Pair) -> WatchedPair | None:
+        row = self._row_of.get(pair)
+        return None if row is None else self._by_row[row]
+
+    def add(self, pair: Pair) -> WatchedPair:
+        """Watch a pair that is not watched yet."""
         self._make_room(1)
-        row = int(self._rows["there"].argmin())
-        self._rows[row] = _NEWLY
-        return self._begun(pair, row)
+        row = int(self._pairs["in_use"].argmin())
+        self._pairs[row] = _NEW_ROW
+        return self._register(pair, row)
 
-    def keep(self, track: Track) -> None:
-        """Remember a pair as it is now, or forget it where there is nothing left to remember."""
-        row = self._rows[track.row]
-        if track.advisory is None and not row["inside"] and not row["looks"]:
-            row["there"] = False
-            del self._row_of[track.pair]
+    def forget_if_idle(self, watched: WatchedPair) -> None:
+        """Stop to watch a pair of which there is nothing left to remember."""
+        row = self._pairs[watched.row]
+        if watched.advisory is None and not row["inside"] and not row["looks"]:
+            row["in_use"] = False
+            del self._row_of[watched.pair]
 
-    def tell(self, track: Track, advisory: ConflictAdvisory | None, floor: int | None) -> None:
-        """This is the pair's advisory from now on, against which nothing was weighed yet. It is of that floor, -1 where
-        that is not known; of the one before if None."""
-        track.advisory, row = advisory, self._rows[track.row]
-        row["until_s"] = -inf
+    def set_advisory(self, watched: WatchedPair, advisory: ConflictAdvisory | None, floor: int | None) -> None:
+        """Set the newest revision of a pair's open advisory, with which nothing has been compared yet.
+
+        `floor` is the index of its floor, -1 if that is not known; None keeps the floor of the revision before.
+        """
+        watched.advisory = advisory
+        self._pairs["weighed_until_s"][watched.row] = -inf
         if advisory is None:
-            self._told["stands"][track.row] = False
+            self._advisories["is_open"][watched.row] = False
             return
-        self._told[track.row] = (
+        self._advisories[watched.row] = (
             True,
             advisory.time_to_conflict_s == 0,
             SEVERITIES.index(advisory.severity),
             CLASSES.index(advisory.encounter_class),
-            self._told["floor"][track.row] if floor is None else floor,
+            self._advisories["floor"][watched.row] if floor is None else floor,
             advisory.updated_at.timestamp(),
             advisory.probability or 0.0,
             advisory.predicted_at.timestamp(),
@@ -152,131 +130,133 @@ class Tracks:
             advisory.location.y,
         )
 
-    def missed(self, track: Track) -> None:
-        """Either robot had something new to say, and nothing is predicted."""
-        row = self._rows[track.row]
-        row["looks"], row["until_s"] = int(row["looks"]) << 1 & self._remembered, -inf
+    def record_quiet_look(self, watched: WatchedPair) -> None:
+        """Record that a robot has a new forecast by which nothing is predicted."""
+        row = self._pairs[watched.row]
+        row["looks"], row["weighed_until_s"] = int(row["looks"]) << 1 & self._looks_mask, -inf
 
-    def part(self, track: Track) -> None:
-        """The two have drawn apart."""
-        self._rows["inside"][track.row] = False
+    def mark_apart(self, watched: WatchedPair) -> None:
+        """Record that the two have drawn apart."""
+        self._pairs["inside"][watched.row] = False
 
-    def overlook(self, track: Track) -> None:
-        """Remember no looks."""
-        self._rows["looks"][track.row] = 0
+    def forget_looks(self, watched: WatchedPair) -> None:
+        self._pairs["looks"][watched.row] = 0
 
-    def met(self, track: Track) -> bool:
-        """Whether the two came within the clearance while the advisory stood."""
-        return bool(self._rows["met"][track.row])
+    def have_met(self, watched: WatchedPair) -> bool:
+        """Whether the two came within the clearance while the advisory was open."""
+        return bool(self._pairs["met"][watched.row])
 
-    def weigh(self, track: Track, one: Weighed) -> None:
-        """This is what was weighed last."""
-        row = self._rows[track.row]
-        row["contact_s"], row["separation_m"], row["sure"], row["until_s"] = one
+    def set_weighed(self, watched: WatchedPair, weighed: Weighed) -> None:
+        """Remember the prediction that was weighed last."""
+        row = self._pairs[watched.row]
+        row["weighed_contact_s"], row["weighed_separation_m"] = weighed.contact_s, weighed.separation_m
+        row["weighed_sure"], row["weighed_until_s"] = weighed.sure, weighed.until_s
 
-    def predicted_s(self, track: Track) -> float:
-        """When something was last predicted of an advisory's pair."""
-        return float(self._rows["predicted_s"][track.row])
+    def predicted_s(self, watched: WatchedPair) -> float:
+        """When a pair with an advisory was last predicted as likely enough."""
+        return float(self._pairs["predicted_s"][watched.row])
 
-    def predict(self, track: Track, now_s: float) -> None:
-        """Something is predicted of an advisory's pair."""
-        self._rows["predicted_s"][track.row] = now_s
+    def set_predicted_s(self, watched: WatchedPair, at_s: float) -> None:
+        self._pairs["predicted_s"][watched.row] = at_s
 
-    def stirring(
+    def examine(
         self, predictions: Predictions, now_s: float, encounters: Callable[[Sequence[Pair], Floats], Encounters]
-    ) -> Stirring:
-        """Note what is predicted, and tell which predictions and pairs a pass has to look at.
+    ) -> Examination:
+        """Record the predictions of a pass; return those that may need a revision, and the pairs without a prediction.
 
-        A new pair must be within the clearance or likely to come. Of a pair with an advisory nothing is looked at while
-        it is not to be told again yet, or has begun; nor what tells the same as its advisory, by `encounters` too (see
-        `Scene`); nor what is not fresh and as it was when it was weighed.
+        Which predictions these are stands in `watched_pair_kernels`. `encounters` says how pairs meet, as
+        `ConflictScene.encounters` does.
         """
         pairs = predictions.pairs
         self._make_room(len(pairs))
-        at = np.fromiter(map(self._row_of.get, pairs, repeat(-1)), np.int64, len(pairs))
-        stirred, why, missed, rests = stirring(
-            self._rows,
-            self._told,
-            at,
-            *predictions[1:6],
-            predictions.deciding,
-            predictions.still,
-            predictions.there,
-            self._remembered,
-            self._wanted_looks,
-            now_s,
-            self._bounds,
+        rows = np.fromiter(map(self._row_of.get, pairs, repeat(-1)), np.int64, len(pairs))
+        chosen, codes, unpredicted, nothing_to_clear = examine_pairs(
+            self._pairs, self._advisories, rows, _columns(predictions), now_s, self._thresholds
         )
-        some = list(zip(stirred.tolist(), why.tolist(), strict=True))
-        differs = self._elsewhere(predictions, at, [row for row, reason in some if reason == AS_TOLD], encounters)
-        due = [one for one in some if one[1] in _TO_TELL or one[0] in differs]
-        for row, reason in some:
-            if reason == OVER:
-                del self._row_of[pairs[row]]
-            elif pairs[row] not in self._row_of:
-                self._begun(pairs[row], int(at[row]))
-        said = predictions.some([row for row, _ in due])
-        found = [Stirred(self._by_row[at[row]], one, why) for (row, why), one in zip(due, said, strict=True)]
-        return Stirring(found, [self._by_row[row] for row in missed.tolist()], rests.tolist())
+        coded = list(zip(chosen.tolist(), codes.tolist(), strict=True))
+        same = [i for i, code in coded if code == UPDATE_IF_MOVED]
+        moved = self._moved(predictions, rows, same, encounters)
+        for i, code in coded:
+            if code == FORGET:
+                del self._row_of[pairs[i]]
+            elif pairs[i] not in self._row_of:
+                self._register(pairs[i], int(rows[i]))
+        due = [(i, code) for i, code in coded if code not in _NOT_DUE or i in moved]
+        found = [
+            FoundPrediction(self._by_row[rows[i]], prediction, code)
+            for (i, code), prediction in zip(due, predictions.at([i for i, _ in due]), strict=True)
+        ]
+        return Examination(found, [self._by_row[row] for row in unpredicted.tolist()], nothing_to_clear.tolist())
 
-    def _elsewhere(
+    def _moved(
         self,
         predictions: Predictions,
-        at: Ints,
-        some: list[int],
+        rows: Ints,
+        chosen: list[int],
         encounters: Callable[[Sequence[Pair], Floats], Encounters],
     ) -> set[int]:
-        """Those of some predictions that tell the same as advisories by which the two may meet elsewhere."""
-        if not some:
+        """Those of some predictions whose pairs may meet in another way or place than their advisories say."""
+        if not chosen:
             return set()
-        met = encounters([predictions.pairs[row] for row in some], predictions.contact_s[some])
-        return set(compress(some, elsewhere(self._told, at[some], met, MOVED_M - ROUNDED).tolist()))
+        met = encounters([predictions.pairs[i] for i in chosen], predictions.contact_s[chosen])
+        limit_m = revision_rules.MOVED_M - ROUNDED
+        return set(compress(chosen, meet_elsewhere(self._advisories, rows[chosen], met, limit_m).tolist()))
 
-    def _begun(self, pair: Pair, row: int) -> Track:
-        self._row_of[pair], track = row, Track(pair, row)
-        self._by_row[row] = track
-        return track
+    def _register(self, pair: Pair, row: int) -> WatchedPair:
+        watched = WatchedPair(pair, row)
+        self._row_of[pair], self._by_row[row] = row, watched
+        return watched
 
     def _make_room(self, pairs: int) -> None:
-        """Have free rows for so many more."""
-        short = len(self._row_of) + pairs - len(self._rows)
-        if short > 0:
-            more = max(short, len(self._rows), 16)
-            self._rows = np.concatenate([self._rows, np.zeros(more, ROW)])
-            self._told = np.concatenate([self._told, np.zeros(more, TOLD)])
-            self._by_row += [_NOBODY] * more
+        """Have free rows for so many more pairs."""
+        missing = len(self._row_of) + pairs - len(self._pairs)
+        if missing > 0:
+            more = max(missing, len(self._pairs), 16)
+            self._pairs = np.concatenate([self._pairs, np.zeros(more, WATCHED_PAIR)])
+            self._advisories = np.concatenate([self._advisories, np.zeros(more, OPEN_ADVISORY)])
+            self._by_row += [_NO_PAIR] * more
 
 
-def held_probability(settings: Conflict) -> float:
-    """A conflict less likely than this lets no advisory stand."""
-    return settings.raise_probability * HELD_SHARE
+_NOT_DUE = (WATCH, FORGET, UPDATE_IF_MOVED)
 
 
-def _bounds(settings: Conflict) -> NDArray[Any]:
-    """(1,) of `BOUNDS`."""
-    bounds = np.zeros(1, BOUNDS)
-    for name, bound in {
+def _columns(predictions: Predictions) -> PredictionColumns:
+    return PredictionColumns(
+        predictions.contact_s,
+        predictions.separation_m,
+        predictions.start_separation_m,
+        predictions.fresh,
+        predictions.probability,
+        predictions.deciding,
+        predictions.still,
+        predictions.both_present,
+    )
+
+
+def _thresholds(settings: Conflict) -> NDArray[Any]:
+    """(1,) of `THRESHOLDS`. As advisories are rounded, a change is surely too small only `ROUNDED` below its bound."""
+    thresholds = np.zeros(1, THRESHOLDS)
+    for name, value in {
         "clearance_m": settings.clearance_m,
         "apart_m": settings.clearance_m + settings.clear_margin_m,
         "touching_m": TOUCHING_M,
-        "raises": settings.raise_probability,
-        "held": held_probability(settings),
-        "sure": SURE,
+        "raise_probability": settings.raise_probability,
+        "held_probability": revision_rules.held_probability(settings),
+        "sure": revision_rules.SURE,
         "evident": settings.evident_probability,
-        "left": PROBABLY_LEFT,
+        "left_probability": PROBABLY_LEFT,
         "urgent_s": settings.urgent_s,
         "clear_after_s": settings.clear_after_s,
-        "fades_s": FADES_S,
+        "fades_s": revision_rules.FADES_S,
         "warning_s": settings.warning_s,
         "critical_s": settings.critical_s,
-        "slack_s": SLACK_S,
-        "gap_s": UPDATE_GAP_S,
-        "likelier": LIKELIER - ROUNDED,
-        "moved_s": MOVED_S - ROUNDED,
-        "deeper_m": DEEPER_M - ROUNDED,
+        "slack_s": revision_rules.SLACK_S,
+        "gap_s": revision_rules.UPDATE_GAP_S,
+        "likelier": revision_rules.LIKELIER - ROUNDED,
+        "moved_s": revision_rules.MOVED_S - ROUNDED,
+        "deeper_m": revision_rules.DEEPER_M - ROUNDED,
+        "looks_mask": (1 << settings.confirm[1]) - 1,
+        "looks_needed": settings.confirm[0],
     }.items():
-        bounds[name] = bound
-    return bounds
-
-
-_TO_TELL = (RAISES, UNLIKELY, STILL, NEWS, LIKELIHOOD)
+        thresholds[name] = value
+    return thresholds

@@ -30,7 +30,7 @@ from deconflict.cluster.tiles.channels import reach_m
 from deconflict.cluster.tiles.tile_owners import Table, revised
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
-from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, note_waits
+from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
 from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import InForce
@@ -230,4 +230,4 @@ class Member:
         self._lines.append(line)
 
     def _measure_waits(self, arrivals: Mapping[str, Floats]) -> None:
-        note_waits(self.measures, arrivals, time.time())
+        observe_latency(self.measures, arrivals, time.time())

@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import hypot, inf
 
-from deconflict.advisories.finding_lifecycle import Finding, Telling, Told
+from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle
 from deconflict.contention import findings
 from deconflict.contention.queues.charger_forecast import Need, Shortage, needs, shortages
 from deconflict.contention.queues.dwell_times import Dwells
@@ -58,13 +58,13 @@ class Contention:
         zones: Iterable[Zone],
         settings: ContentionSettings,
         measures: Measures,
-        restored: Iterable[Told] = (),
+        restored: Iterable[FindingAdvisory] = (),
         advising: Callable[[Geometry], Advising] = advising_alone,
     ) -> None:
         self.geometry = Geometry(resources, zones)
         self.robots = Robots(self.geometry)
         self._settings, self._measures = settings, measures
-        self._telling = Telling(settings.clear_after_s, restored)
+        self._lifecycle = FindingLifecycle(settings.clear_after_s, restored)
         self._dwells = {one.id: Dwells(one) for one in self.geometry.resources.values()}
         self._advising = advising(self.geometry)
         self._flows = {one.id: Flow(one.capacity) for one in self.geometry.zones.values()}
@@ -81,8 +81,8 @@ class Contention:
         self._needs_s = -inf
         measures.ask(self._measure)
 
-    def open(self) -> list[Told]:
-        return self._telling.open()
+    def open(self) -> list[FindingAdvisory]:
+        return self._lifecycle.open()
 
     @property
     def needs(self) -> Sequence[Need]:
@@ -94,9 +94,9 @@ class Contention:
         """Everybody's turn at each place that somebody has or wants, by the last look."""
         return self._turns
 
-    def adopt(self, told: Told) -> None:
+    def adopt(self, told: FindingAdvisory) -> None:
         """Go on from a revision that another decided."""
-        self._telling.adopt(told)
+        self._lifecycle.adopt(told)
 
     def learned(self) -> dict[str, Part]:
         """What is worth keeping over a restart: how wrong arrival times were, and how long robots keep what."""
@@ -131,7 +131,7 @@ class Contention:
         for due in self._gathering.rest():
             self._take_in(due)
 
-    def step(self, now_s: float) -> list[Told]:
+    def step(self, now_s: float) -> list[FindingAdvisory]:
         """The revisions of this look; none between looks."""
         if now_s - self._looked_s < LOOK_S:
             return []
@@ -147,7 +147,7 @@ class Contention:
         found = [*self._contended(now_s), *self._short(now_s), *self._doubled(now_s)]
         found += self._locked(passing, journeys, in_way, now_s)
         self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
-        return self._telling.step(now_s, found, self._party)
+        return self._lifecycle.revise(now_s, found, self._party)
 
     def _party(self, uuid: str) -> tuple[str, str]:
         one = self.robots[uuid]

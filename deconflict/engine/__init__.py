@@ -1,1 +1,1 @@
-"""The engine: batches in, advisory revisions out. It drives the sweep, foresight, advice and contention."""
+"""The engine: batches in, advisory revisions out. It drives the sweep, foresight, advisories, advice and contention."""

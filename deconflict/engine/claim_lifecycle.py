@@ -1,9 +1,13 @@
-"""Advisories on whose word a robot's position is: claims of the receiving half in, advisory revisions out."""
+"""Advisories on robots that two vendors report, or that are reported from two places at once.
+
+Claims of the receiving half in, advisory revisions out. When an advisory is raised and cleared, `finding_lifecycle`
+decides.
+"""
 
 from collections.abc import Iterable
 from math import inf
 
-from deconflict.advisories.finding_lifecycle import Finding, Telling, Told, about_claim
+from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, about_claim
 from deconflict.advisory import Location, Severity
 from deconflict.foresight.presence.live_robots import LiveRobots
 from ingest.batch import Claim
@@ -12,61 +16,63 @@ LOOK_S = 1.0
 CLEAR_AFTER_S = 3.0
 
 
-class Claims:
-    """Tells of the claims that stand, a look a second. `live` is the engine's own."""
+class ClaimLifecycle:
+    """Looks once a second at the claims that stand."""
 
-    def __init__(self, live: LiveRobots, restored: Iterable[Told] = ()) -> None:
+    def __init__(self, live: LiveRobots, restored: Iterable[FindingAdvisory] = ()) -> None:
+        """`live` are the engine's robots, `restored` the advisories that were open before a restart."""
         self._live = live
-        self._telling = Telling(CLEAR_AFTER_S, restored)
+        self._lifecycle = FindingLifecycle(CLEAR_AFTER_S, restored)
         self._standing: tuple[Claim, ...] = ()
         self._looked_s = -inf
 
-    def open(self) -> list[Told]:
-        return self._telling.open()
+    def open(self) -> list[FindingAdvisory]:
+        """The newest revision of every open advisory."""
+        return self._lifecycle.open()
 
-    def adopt(self, told: Told) -> None:
-        """Go on from a revision that another decided."""
-        self._telling.adopt(told)
+    def adopt(self, revision: FindingAdvisory) -> None:
+        """Continue from a revision that another process made."""
+        self._lifecycle.adopt(revision)
 
     def receive(self, standing: tuple[Claim, ...]) -> None:
-        """Take in the claims that stand now."""
+        """Replace the claims by those that stand now."""
         self._standing = standing
 
-    def step(self, now_s: float) -> list[Told]:
+    def step(self, now_s: float) -> list[FindingAdvisory]:
         """The revisions of this look; none between looks."""
         if now_s - self._looked_s < LOOK_S:
             return []
         self._looked_s = now_s
-        owners = {uuid: one.owner for one in self._standing for uuid in one.robots}
-        found = [self._finding(one) for one in self._standing]
-        return self._telling.step(now_s, found, lambda uuid: self._party(uuid, owners[uuid]))
+        owners = {uuid: claim.owner for claim in self._standing for uuid in claim.robots}
+        findings = [self._finding(claim) for claim in self._standing]
+        return self._lifecycle.revise(now_s, findings, lambda uuid: self._name_vendor(uuid, owners[uuid]))
 
-    def _finding(self, one: Claim) -> Finding:
-        who = ", ".join(self._party(uuid, one.owner)[0] for uuid in one.robots[:3])
-        others = f" and {one.claimed - 3} others" if one.claimed > 3 else ""
-        foreign = one.owner != one.claimant
-        said = (
-            f"{one.claimant} reports {who}{others} of {one.owner}: refused; see GET /quarantine"
-            if foreign
-            else f"{who}{others} of {one.owner}: reported from two places at once; two robots may have one UUID"
+    def _finding(self, claim: Claim) -> Finding:
+        names = ", ".join(self._name_vendor(uuid, claim.owner)[0] for uuid in claim.robots[:3])
+        robots = f"{names} and {claim.claimed - 3} others" if claim.claimed > 3 else names
+        is_foreign = claim.owner != claim.claimant
+        summary = (
+            f"{claim.claimant} reports {robots} of {claim.owner}: refused; see GET /quarantine"
+            if is_foreign
+            else f"{robots} of {claim.owner}: reported from two places at once; two robots may have one UUID"
         )
         return Finding(
-            kind="foreign_claim" if foreign else "two_places",
-            about=about_claim(one.owner, one.claimant),
+            kind="foreign_claim" if is_foreign else "two_places",
+            about=about_claim(claim.owner, claim.claimant),
             severity=Severity.WARNING,
-            robots=tuple(sorted(one.robots)),
-            predicted_s=one.since_s,
-            location=self._place(one.robots),
-            summary=lambda: said,
-            evidence={"owner": one.owner, "claimant": one.claimant, "claimed": one.claimed},
+            robots=tuple(sorted(claim.robots)),
+            predicted_s=claim.since_s,
+            location=self._location(claim.robots),
+            summary=lambda: summary,
+            evidence={"owner": claim.owner, "claimant": claim.claimant, "claimed": claim.claimed},
         )
 
-    def _party(self, uuid: str, owner: str) -> tuple[str, str]:
+    def _name_vendor(self, uuid: str, owner: str) -> tuple[str, str]:
         robot = self._live.robots.get(uuid)
         return (robot.name, robot.vendor) if robot else (f"{owner} {uuid[:8]}", owner)
 
-    def _place(self, uuids: Iterable[str]) -> Location | None:
-        """Where the first of them that has a place was seen last."""
+    def _location(self, uuids: Iterable[str]) -> Location | None:
+        """Where the first of some robots is whose place is known; None if none is."""
         for uuid in uuids:
             robot = self._live.robots.get(uuid)
             if robot and robot.forecast.floor[0] >= 0:

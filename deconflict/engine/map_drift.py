@@ -1,7 +1,8 @@
-"""Whether a vendor's frame has drifted: docks and chargers are marks that its robots come to rest at again and again.
+"""Whether a vendor's frame has drifted, measured at docks and chargers, where its robots come to rest again and again.
 
-Where robots of a vendor rest at a resource at first is the mark; how far they later rest from it, in the middle over
-all its resources, is the drift. A dock that was moved shifts only its own rests, a robot that parks badly only one.
+The first rests of a vendor's robots at a resource make its mark. How far they rest from the mark later, in the median
+over all its resources, is the drift. A dock that was moved shifts only its own rests, a robot that parks badly only
+its own.
 """
 
 from collections import deque
@@ -20,132 +21,133 @@ from deconflict.settings.shared_places import Resource
 from ingest.batch import Basis, Batch
 from ingest.measures.change_detection import Change, Level, Limits
 
-FIRST = 10
-"""Rests at one resource that make its mark."""
-LATER, FEWEST = 30, 10
-"""Of a vendor's rests after that, so many of the newest count, and from so many on."""
-MARKS = ("charger", "dock")
+MARK_RESTS = 10
+"""This many first rests at a resource make its mark."""
+NEWEST_RESTS, FEWEST_RESTS = 30, 10
+"""The drift is the median of this many newest rests of a vendor; it is not known with fewer than the second."""
+MARKED_KINDS = ("charger", "dock")
+"""Kinds of resources at which robots come to rest at one spot."""
 
 LIMITS = Limits(least_spread=0.05, least_change=0.15)
-"""Metres along each axis."""
+"""For changes of the offset, in metres along each axis."""
 
-Spot = tuple[float, float]
+Point = tuple[float, float]
+"""x and y in metres, or an offset."""
 Bounds = tuple[float, float, float, float]
-"""West, south, east and north."""
+"""West, south, east and north in metres."""
 
 
 @dataclass(slots=True, eq=False)
-class Rests:
-    """Keeps, for each vendor, a mark at each resource and the newest offsets from it."""
+class MapDrift:
+    """Keeps, for each vendor, a mark at each resource and the newest offsets from the marks."""
 
     _places: dict[str, list[tuple[str, Polygon, Bounds]]]
-    """Datum to the resources on it, and the bounds of each."""
+    """By datum: id, outline and bounds of each resource on it."""
     _resting: set[str] = field(default_factory=set)
-    _firsts: dict[tuple[str, str], list[Spot]] = field(default_factory=dict)
-    """Vendor and resource to its first rests."""
-    _offsets: dict[str, deque[Spot]] = field(default_factory=dict)
+    """Robots that stand."""
+    _first_rests: dict[tuple[str, str], list[Point]] = field(default_factory=dict)
+    """By vendor and resource, the first rests: they make the mark."""
+    _offsets: dict[str, deque[Point]] = field(default_factory=dict)
+    """By vendor, the newest offsets from its marks."""
     _levels: dict[str, tuple[Level, Level]] = field(default_factory=dict)
-    """Of x and of y, by vendor."""
+    """By vendor, the change detection of the offsets' x and y."""
 
     @classmethod
-    def at(cls, resources: Iterable[Resource]) -> "Rests":
+    def at(cls, resources: Iterable[Resource]) -> "MapDrift":
         places: dict[str, list[tuple[str, Polygon, Bounds]]] = {}
-        for one in resources:
-            if one.kind in MARKS:
-                outline = Polygon(one.polygon)
-                places.setdefault(one.datum, []).append((one.id, outline, outline.bounds))
+        for resource in resources:
+            if resource.kind in MARKED_KINDS:
+                outline = Polygon(resource.polygon)
+                places.setdefault(resource.datum, []).append((resource.id, outline, outline.bounds))
         return cls(places)
 
-    def see(self, batch: Batch) -> None:
-        """Robots that reported: one that is forecast to stay where it is rests; those that are gone rest no more."""
+    def observe(self, batch: Batch) -> None:
+        """Note which robots of a batch rest: those that are forecast to stay where they are."""
         if not self._places:
             return
-        first, told = batch.forecasts.start[:-1], batch.forecasts
-        stand = (batch.basis == Basis.STATIONARY.value) & (told.floor[first] >= 0)
-        standing = set(compress(batch.robots, stand.tolist()))
-        self._resting.difference_update(batch.gone, set(batch.robots) - standing)
-        if standing <= self._resting:
+        first, forecasts = batch.forecasts.start[:-1], batch.forecasts
+        rests = (batch.basis == Basis.STATIONARY.value) & (forecasts.floor[first] >= 0)
+        resting = set(compress(batch.robots, rests.tolist()))
+        self._resting.difference_update(batch.gone, set(batch.robots) - resting)
+        if resting <= self._resting:
             return
-        for row in np.flatnonzero(stand).tolist():
+        for row in np.flatnonzero(rests).tolist():
             knot = first[row]
-            at, datum = (float(told.x_m[knot]), float(told.y_m[knot])), batch.floors[told.floor[knot]]
-            self.stands(batch.robots[row], batch.vendors[row], datum, at, float(batch.event_s[row]))
+            point = float(forecasts.x_m[knot]), float(forecasts.y_m[knot])
+            datum = batch.floors[forecasts.floor[knot]]
+            self.begin_rest(batch.robots[row], batch.vendors[row], datum, point, float(batch.event_s[row]))
 
-    def moves(self, uuid: str) -> None:
+    def end_rest(self, uuid: str) -> None:
         """The robot drives, or has left."""
         self._resting.discard(uuid)
 
-    def stands(self, uuid: str, vendor: str, datum: str, at: Spot, at_s: float) -> None:
-        """The robot stands at a place, metres in the datum's frame; counts once until it moves."""
+    def begin_rest(self, uuid: str, vendor: str, datum: str, point: Point, at_s: float) -> None:
+        """The robot stands at a point in the datum's frame; counts once until `end_rest`."""
         if uuid in self._resting:
             return
         self._resting.add(uuid)
-        x, y = at
+        x, y = point
         for resource, outline, (west, south, east, north) in self._places.get(datum, ()):
-            if west <= x <= east and south <= y <= north and outline.contains(shapely.Point(at)):
-                self._rested(vendor, resource, at, at_s)
+            if west <= x <= east and south <= y <= north and outline.contains(shapely.Point(point)):
+                self._add_rest(vendor, resource, point, at_s)
 
     def drift_m(self) -> dict[tuple[str, ...], float]:
-        """By vendor, how far its robots now rest from the marks; only those that rested often enough."""
+        """By vendor, how far its robots now rest from the marks; only vendors with enough rests."""
         return {
             (vendor,): hypot(median(x for x, _ in offsets), median(y for _, y in offsets))
             for vendor, offsets in self._offsets.items()
-            if len(offsets) >= FEWEST
+            if len(offsets) >= FEWEST_RESTS
         }
+
+    def changed(self) -> dict[str, Change]:
+        """By vendor whose robots rest elsewhere than before: since when, and by how many metres."""
+        changed = {}
+        for vendor, levels in self._levels.items():
+            changes = [level.change for level in levels if level.change]
+            if changes:
+                since_s = min(change.since_s for change in changes)
+                changed[vendor] = Change(since_s, hypot(*(change.by for change in changes)))
+        return changed
 
     def learned(self) -> Part:
         """The marks, and the newest offsets from them."""
-        marks = [[vendor, resource, list(at)] for (vendor, resource), at in self._firsts.items()]
+        marks = [[vendor, resource, list(points)] for (vendor, resource), points in self._first_rests.items()]
         return {
             "marks": marks,
-            "offsets": {vendor: list(seen) for vendor, seen in self._offsets.items()},
-            "levels": {vendor: [level.learned() for level in axes] for vendor, axes in self._levels.items()},
+            "offsets": {vendor: list(offsets) for vendor, offsets in self._offsets.items()},
+            "levels": {vendor: [level.learned() for level in levels] for vendor, levels in self._levels.items()},
         }
 
     def resume(self, part: Part) -> None:
-        """Go on with what `learned` told; marks of resources that are no more are dropped. Raises `UnreadableError`."""
+        """Continue from what `learned` gave, but for resources that are no more. Raises `UnreadableError`."""
         known = {resource for places in self._places.values() for resource, *_ in places}
         try:
-            for vendor, resource, at in part.get("marks", ()):
+            for vendor, resource, points in part.get("marks", ()):
                 if resource in known:
-                    self._firsts[vendor, resource] = [(float(x), float(y)) for x, y in at[:FIRST]]
-            for vendor, seen in part.get("offsets", {}).items():
-                self._offsets[vendor] = deque(((float(x), float(y)) for x, y in seen), maxlen=LATER)
+                    self._first_rests[vendor, resource] = [(float(x), float(y)) for x, y in points[:MARK_RESTS]]
+            for vendor, offsets in part.get("offsets", {}).items():
+                self._offsets[vendor] = deque(((float(x), float(y)) for x, y in offsets), maxlen=NEWEST_RESTS)
             for vendor, (x, y) in part.get("levels", {}).items():
                 self._levels[vendor] = (Level.resumed(LIMITS, x), Level.resumed(LIMITS, y))
         except (TypeError, ValueError, AttributeError) as error:
-            raise UnreadableError(f"marks of docks and chargers are not told: {error}") from error
+            raise UnreadableError(f"cannot read the marks of docks and chargers: {error}") from error
 
-    def changed(self) -> dict[str, Change]:
-        """Since when robots rest elsewhere than they did, and by how many metres, of vendors of which that is so."""
-        told = {}
-        for vendor, axes in self._levels.items():
-            changes = [level.change for level in axes if level.change]
-            if changes:
-                told[vendor] = Change(min(one.since_s for one in changes), hypot(*(one.by for one in changes)))
-        return told
-
-    def _rested(self, vendor: str, resource: str, at: Spot, at_s: float) -> None:
-        firsts = self._firsts.setdefault((vendor, resource), [])
-        if len(firsts) < FIRST:
-            firsts.append(at)
+    def _add_rest(self, vendor: str, resource: str, point: Point, at_s: float) -> None:
+        first_rests = self._first_rests.setdefault((vendor, resource), [])
+        if len(first_rests) < MARK_RESTS:
+            first_rests.append(point)
             return
-        mark = (median(x for x, _ in firsts), median(y for _, y in firsts))
-        offsets = self._offsets.setdefault(vendor, deque(maxlen=LATER))
-        off = (at[0] - mark[0], at[1] - mark[1])
-        offsets.append(off)
-        axes = self._levels.setdefault(vendor, _levels())
-        for level, metres in zip(axes, off, strict=True):
+        mark = (median(x for x, _ in first_rests), median(y for _, y in first_rests))
+        offset = (point[0] - mark[0], point[1] - mark[1])
+        self._offsets.setdefault(vendor, deque(maxlen=NEWEST_RESTS)).append(offset)
+        levels = self._levels.setdefault(vendor, (Level(LIMITS), Level(LIMITS)))
+        for level, metres in zip(levels, offset, strict=True):
             level.take(metres, at_s)
-        if not all(level.seen for level in axes):
-            self._mark_anew(vendor)
+        if not all(level.seen for level in levels):
+            self._forget_marks(vendor)
 
-    def _mark_anew(self, vendor: str) -> None:
-        """Its frame has been elsewhere for so long that it is usual there."""
-        for key in [one for one in self._firsts if one[0] == vendor]:
-            del self._firsts[key]
+    def _forget_marks(self, vendor: str) -> None:
+        """Learn a vendor's marks again: its frame has been elsewhere for so long that this is now usual."""
+        for key in [key for key in self._first_rests if key[0] == vendor]:
+            del self._first_rests[key]
         del self._offsets[vendor], self._levels[vendor]
-
-
-def _levels() -> tuple[Level, Level]:
-    return Level(LIMITS), Level(LIMITS)

@@ -1,4 +1,4 @@
-"""How long messages wait from their arrival until the engine has decided on them."""
+"""Metric: the time from a message's arrival until its advisories are published."""
 
 from collections.abc import Mapping
 
@@ -8,33 +8,33 @@ from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
 
 LEARNED_EVERY_S = 60.0
-"""What was learned is handed to the operator face so often, and at the end."""
+"""The engine hands what it has learned to the operator role so often, and at its end."""
 
 
 STEPPED_S = 30.0
-"""A batch is never so old: the host's clock has been set, and the service's goes on."""
+"""A difference of clocks larger than this means that the host's clock was set: no batch is so old."""
 
 
 def arrivals_s(batch: Batch, host_s: float) -> dict[str, Floats]:
-    """When each message that the batch reflects arrived, by vendor, by the host's clock, which says `host_s` now.
+    """By vendor, when each message that a batch reflects arrived, by the host's clock, which is at `host_s` now.
 
-    Those that a newer one of the same robot has replaced count as long as the first of them; a robot that is only told
-    again counts nothing.
+    Messages that a newer one of the same robot replaced count as arrived with the first of them. A robot that is only
+    repeated counts nothing.
     """
     by_vendor = {}
     ahead_s = host_s - batch.now_s
     ahead_s = ahead_s if abs(ahead_s) > STEPPED_S else 0.0
     newest_s, first_s = batch.arrival_s, batch.first_arrival_s
     numbers = {vendor: number for number, vendor in enumerate(dict.fromkeys(batch.vendors))}
-    said_by = np.fromiter(map(numbers.__getitem__, batch.vendors), np.int64, len(batch))
+    vendor_number = np.fromiter(map(numbers.__getitem__, batch.vendors), np.int64, len(batch))
     for vendor, number in numbers.items():
-        rows = np.flatnonzero((said_by == number) & (batch.statuses > 0))
+        rows = np.flatnonzero((vendor_number == number) & (batch.statuses > 0))
         arrived_s = np.concatenate([newest_s[rows], np.repeat(first_s[rows], batch.statuses[rows] - 1)])
         by_vendor[vendor] = arrived_s + ahead_s
     return by_vendor
 
 
-def note_waits(measures: Measures, arrivals_s: Mapping[str, Floats], now_s: float) -> None:
-    """How long messages that arrived then, by vendor, took until what they led to is told."""
+def observe_latency(measures: Measures, arrivals_s: Mapping[str, Floats], now_s: float) -> None:
+    """Observe the latency of messages, by vendor, whose advisories are published at `now_s`."""
     for vendor, arrived_s in arrivals_s.items():
         measures.observe("deconflict_message_to_advisory_seconds", (now_s - arrived_s).clip(0), vendor)

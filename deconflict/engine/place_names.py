@@ -1,4 +1,4 @@
-"""Where something is, in words that a person on the floor can walk to: a place of the site, or the nearest mark."""
+"""Names of places in words that a person on the floor can walk to: a place of the site, or the nearest mark."""
 
 from collections.abc import Iterable, Sequence
 from math import inf
@@ -13,12 +13,12 @@ from deconflict.settings.shared_places import Place, Resource, outlines
 from ingest.settings import Datum
 
 FARTHEST_M = 15.0
-"""A mark that is farther than this says less than the coordinates do."""
+"""A mark that is farther away helps less than coordinates."""
 AT_M = 1.5
-"""Nearer than this a person would say "at"."""
+"""Nearer than this a person says "at"."""
 
 
-class Spot(NamedTuple):
+class FloorPoint(NamedTuple):
     """A point in the frame of a floor."""
 
     datum: str
@@ -27,8 +27,8 @@ class Spot(NamedTuple):
     y_m: float
 
 
-class Named(NamedTuple):
-    """Shapes of a floor, to look up by where they lie, and what each is called."""
+class NamedShapes(NamedTuple):
+    """Shapes of one floor in a spatial index, and their names."""
 
     shapes: shapely.STRtree
     names: tuple[str, ...]
@@ -38,68 +38,72 @@ class Named(NamedTuple):
         return cls(shapely.STRtree([shape for _, shape in named]), tuple(name for name, _ in named))
 
 
-class Landmarks:
-    """The named places and reference points of a site."""
+class PlaceNames:
+    """Describes points by the named places and reference points of a site."""
 
     def __init__(self, datums: Iterable[Datum], places: Iterable[Place]) -> None:
         datums = tuple(datums)
-        self._floors = {one.id: one.name for one in datums}
-        marks = {one.id: _marks(one) for one in datums}
+        self._floor_names = {datum.id: datum.name for datum in datums}
+        marks = {datum.id: _marks(datum) for datum in datums}
         inside: dict[str, list[tuple[float, str, shapely.Polygon]]] = {}
         for place in places:
-            word = "at" if isinstance(place, Resource) else "in"
-            for datum, outline in outlines(place):
+            preposition = "at" if isinstance(place, Resource) else "in"
+            for datum_id, outline in outlines(place):
                 shape = shapely.Polygon(outline)
-                inside.setdefault(datum, []).append((shape.area, f"{word} {place.label}", shape))
-                marks.setdefault(datum, []).append((place.label, shape))
-        self._marks = {datum: Named.of(here) for datum, here in marks.items()}
+                inside.setdefault(datum_id, []).append((shape.area, f"{preposition} {place.label}", shape))
+                marks.setdefault(datum_id, []).append((place.label, shape))
+        self._marks = {datum_id: NamedShapes.of(named) for datum_id, named in marks.items()}
+        """By floor, what a point can be near to."""
         self._inside = {
-            datum: Named.of([(words, shape) for _, words, shape in sorted(here, key=itemgetter(0, 1))])
-            for datum, here in inside.items()
+            datum_id: NamedShapes.of([(phrase, shape) for _, phrase, shape in sorted(named, key=itemgetter(0, 1))])
+            for datum_id, named in inside.items()
         }
-        """The smallest first."""
+        """By floor, what a point can be inside of, the smallest first."""
 
-    def places(self, spots: Sequence[Spot]) -> list[str]:
-        """Says where each of some points is, "3 m from Column C3 on Ground hall".
+    def describe(self, points: Sequence[FloorPoint]) -> list[str]:
+        """Where each point is, such as "3 m from Column C3 on Ground hall".
 
-        The smallest place that holds the point, else the nearest mark or place and how far it is, else the coordinates;
-        and the floor.
+        The smallest place that holds the point, or else the nearest mark or place and its distance, or else the
+        coordinates; and the floor.
         """
-        told = [""] * len(spots)
-        for datum in {spot.datum for spot in spots}:
-            rows = [row for row, spot in enumerate(spots) if spot.datum == datum]
-            for row, words in zip(rows, self._words(datum, [spots[row][1:] for row in rows]), strict=True):
-                told[row] = f"{words} on {self._floors.get(datum, datum)}"
-        return told
+        described = [""] * len(points)
+        for datum_id in {point.datum for point in points}:
+            rows = [row for row, point in enumerate(points) if point.datum == datum_id]
+            phrases = self._phrases(datum_id, [points[row][1:] for row in rows])
+            for row, phrase in zip(rows, phrases, strict=True):
+                described[row] = f"{phrase} on {self._floor_names.get(datum_id, datum_id)}"
+        return described
 
-    def _words(self, datum: str, at_m: Sequence[tuple[float, float]]) -> list[str]:
-        """Of points on one floor."""
-        words = [f"near ({x_m:.1f}, {y_m:.1f})" for x_m, y_m in at_m]
-        marks = self._marks.get(datum)
+    def _phrases(self, datum_id: str, at_m: Sequence[tuple[float, float]]) -> list[str]:
+        """Where each of some points of one floor is, without the floor."""
+        phrases = [f"near ({x_m:.1f}, {y_m:.1f})" for x_m, y_m in at_m]
+        marks = self._marks.get(datum_id)
         if marks is None:
-            return words
+            return phrases
         points = shapely.points(at_m)
-        for row, (away_m, name) in _nearest(marks, points).items():
-            words[row] = f"at {name}" if away_m < AT_M else f"{away_m:.0f} m from {name}"
-        if inside := self._inside.get(datum):
+        for row, (distance_m, name) in _nearest(marks, points).items():
+            phrases[row] = f"at {name}" if distance_m < AT_M else f"{distance_m:.0f} m from {name}"
+        if inside := self._inside.get(datum_id):
             found = zip(*inside.shapes.query(points, predicate="covered_by").tolist(), strict=True)
             for row, place in sorted(found, reverse=True):
-                words[row] = inside.names[place]
-        return words
+                phrases[row] = inside.names[place]
+        return phrases
 
 
-def _nearest(marks: Named, points: NDArray[np.object_]) -> dict[int, tuple[float, str]]:
-    """How far the nearest mark or place is of those points that are near any, and its name; of several as near the
-    first by name."""
-    found, away_m = marks.shapes.query_nearest(points, max_distance=FARTHEST_M, return_distance=True)
+def _nearest(marks: NamedShapes, points: NDArray[np.object_]) -> dict[int, tuple[float, str]]:
+    """By row of `points`, the distance and the name of the nearest mark or place; only if one is near enough.
+
+    Of several at the same distance, the first by name.
+    """
+    found, distance_m = marks.shapes.query_nearest(points, max_distance=FARTHEST_M, return_distance=True)
     nearest: dict[int, tuple[float, str]] = {}
-    for row, mark, metres in zip(*found.tolist(), away_m.tolist(), strict=True):
+    for row, mark, metres in zip(*found.tolist(), distance_m.tolist(), strict=True):
         nearest[row] = min((metres, marks.names[mark]), nearest.get(row, (inf, "")))
     return nearest
 
 
 def _marks(datum: Datum) -> list[tuple[str, shapely.Geometry]]:
-    """The marks of a floor that lie in metres and have a name that a person uses."""
+    """The reference points of a floor that have a name; none if its coordinates are not metres."""
     if datum.coordinates != "metres":
         return []
-    return [(one.name, shapely.Point(one.x, one.y)) for one in datum.reference_points if one.name]
+    return [(point.name, shapely.Point(point.x, point.y)) for point in datum.reference_points if point.name]

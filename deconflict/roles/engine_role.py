@@ -17,8 +17,8 @@ from pydantic_core import to_json
 
 from deconflict.advisory import ADVISORY, AnyAdvisory, Recommendation
 from deconflict.engine.engine import Engine
-from deconflict.engine.load_shedding import Effort, Pace
-from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, note_waits
+from deconflict.engine.load_shedding import Effort, LoadShedder
+from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
 from deconflict.runtime.heartbeat import LONG_S, SILENT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
@@ -65,7 +65,7 @@ class EngineRole:
         self._failed: deque[Exception] = deque()
         """And why it could not be."""
         self._kept_s = time.monotonic()
-        self._pace = Pace(site.engine.deadline_s)
+        self._load = LoadShedder(site.engine.deadline_s)
 
     def run(self, stop: threading.Event, goes_on: Callable[[int], object] = lambda _: None) -> None:
         """Step until `stop` is set. `goes_on` is told each time for how many seconds this may now be silent."""
@@ -87,7 +87,7 @@ class EngineRole:
             goes_on(LONG_S if ask == EVERYTHING else SILENT_S)
             pending = engine.pending()
             try:
-                batch = Batch.from_bytes(self._receiver.call("batch", b"%b %d %d" % (ask, self._pace.effort, pending)))
+                batch = Batch.from_bytes(self._receiver.call("batch", b"%b %d %d" % (ask, self._load.effort, pending)))
             except LinkDownError:
                 ask = EVERYTHING
                 stop.wait(RETRY_S)
@@ -96,7 +96,7 @@ class EngineRole:
             ask = b"changes"
             if changed := self._in_force.changed():
                 engine, ask = engine.renewed(changed), EVERYTHING
-                self._pace = Pace(changed.engine.deadline_s, self._pace.effort)
+                self._load = LoadShedder(changed.engine.deadline_s, self._load.effort)
         self._outbox.keep(engine.learned())
 
     def _restored(self, stop: threading.Event) -> Engine | None:
@@ -141,7 +141,7 @@ class EngineRole:
     def _step(self, engine: Engine, batch: Batch, pending: int, *, judged: bool) -> None:
         began_s = time.perf_counter()
         engine.receive(batch)
-        revisions = engine.step(batch.now_s, self._pace.effort, pending)
+        revisions = engine.step(batch.now_s, self._load.effort, pending)
         took_s = time.perf_counter() - began_s
         engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
         if judged:
@@ -160,13 +160,13 @@ class EngineRole:
 
     def _judge(self, measures: Measures, took_s: float) -> None:
         """Say whether a pass was late, and do less or more from now on."""
-        before = self._pace.effort
-        measures.count("deconflict_deadlines_missed_total", by=self._pace.took(took_s))
-        measures.level("deconflict_engine_effort_reduced", {(): self._pace.effort})
-        if self._pace.effort > before:
-            log.warning("the engine can't keep up, a pass took %.2f s: %s", took_s, LEFT_OUT[self._pace.effort])
-        elif self._pace.effort < before:
-            log.info("the engine keeps up again: %s", LEFT_OUT[self._pace.effort])
+        before = self._load.effort
+        measures.count("deconflict_deadlines_missed_total", by=self._load.add_pass(took_s))
+        measures.level("deconflict_engine_effort_reduced", {(): self._load.effort})
+        if self._load.effort > before:
+            log.warning("the engine can't keep up, a pass took %.2f s: %s", took_s, LEFT_OUT[self._load.effort])
+        elif self._load.effort < before:
+            log.info("the engine keeps up again: %s", LEFT_OUT[self._load.effort])
 
 
 class Outbox:
@@ -233,7 +233,7 @@ class Outbox:
             if parcel:
                 self._publish(parcel)
             self._taken_bytes += _weight(parcel, arrivals_s)
-            note_waits(self.measures, arrivals_s, time.time())
+            observe_latency(self.measures, arrivals_s, time.time())
             self._keep()
         self._keep()
 

@@ -13,7 +13,7 @@ from threading import Lock
 from typing import Any
 
 from deconflict.advice.async_answers import Submit
-from deconflict.advisories.finding_lifecycle import Told
+from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import ConflictAdvisory
 from deconflict.cluster.judging.global_judge import Commons
 from deconflict.cluster.judging.outbox import Outbox
@@ -90,7 +90,7 @@ class Lookout:
             await self._bus.want([EVERY], inbox)
             self._asked = renewals
 
-    def _new(self, stands: Sequence[Told], kept: bytes | None) -> Commons:
+    def _new(self, stands: Sequence[FindingAdvisory], kept: bytes | None) -> Commons:
         """Goes on with what stands, and with what those who watched before have learned."""
         try:
             return Commons(self.site, stands, self._submit, unpacked(kept) if kept else None)
@@ -123,7 +123,7 @@ class Lookout:
 
     def _step(
         self, commons: Commons, parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]
-    ) -> list[Told]:
+    ) -> list[FindingAdvisory]:
         with self._turn:
             for told, over in ((lines, False), (overruled, True)):
                 for line in told:

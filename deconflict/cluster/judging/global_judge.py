@@ -10,14 +10,14 @@ import numpy as np
 from deconflict.advice.async_answers import Aside, Submit, at_once
 from deconflict.advice.burden import Account
 from deconflict.advice.priorities import Priorities
-from deconflict.advisories.advisory_counts import by_severity, tally, tell_open
-from deconflict.advisories.finding_lifecycle import Told
+from deconflict.advisories.advisory_counts import count_by_severity, count_revisions, set_open_count
+from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import ClaimAdvisory
 from deconflict.cluster.judging.cross_ingest_claims import Doubts
 from deconflict.cluster.tiles.channels import Floors, late
 from deconflict.contention.contention import Contention
 from deconflict.contention.queues.queue_advice import Advising
-from deconflict.engine.claim_lifecycle import Claims
+from deconflict.engine.claim_lifecycle import ClaimLifecycle
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.presence.presence_batches import contention_batches
@@ -36,7 +36,7 @@ class Commons:
     def __init__(
         self,
         site: Site,
-        restored: Iterable[Told] = (),
+        restored: Iterable[FindingAdvisory] = (),
         submit: Submit = at_once,
         learned: Mapping[str, Part] | None = None,
     ) -> None:
@@ -63,7 +63,7 @@ class Commons:
         )
         queues = [one for one in restored if not isinstance(one, ClaimAdvisory)]
         self._contention = Contention(site.resources, site.zones, site.contention, self.measures, queues, advising)
-        self._claims = Claims(self._live, [one for one in restored if isinstance(one, ClaimAdvisory)])
+        self._claims = ClaimLifecycle(self._live, [one for one in restored if isinstance(one, ClaimAdvisory)])
         self._doubts = Doubts()
         self._revisions = OrderedDict((one.id, one.revision) for one in restored)
         """The last revision of each advisory that was told."""
@@ -71,7 +71,7 @@ class Commons:
             self._contention.resume(learned)
             self._presence.resume(learned)
 
-    def open(self) -> list[Told]:
+    def open(self) -> list[FindingAdvisory]:
         return [*self._contention.open(), *self._claims.open()]
 
     def learned(self) -> dict[str, Part]:
@@ -102,7 +102,7 @@ class Commons:
             del self._arrived_s[uuid]
         return tuple(gone)
 
-    def step(self, now_s: float) -> list[Told]:
+    def step(self, now_s: float) -> list[FindingAdvisory]:
         """The revisions of this look; none between looks."""
         self._aside.settle(self._aside.pending())
         for batch in contention_batches(self._live, self._presence.advance(now_s), now_s):
@@ -110,20 +110,20 @@ class Commons:
         self._claims.receive(self._doubts.standing(now_s))
         revisions = [*self._contention.step(now_s), *self._claims.step(now_s)]
         self._account.settle(revisions)
-        tally(self.measures, revisions)
-        tell_open(self.measures, by_severity(self.open()))
+        count_revisions(self.measures, revisions)
+        set_open_count(self.measures, count_by_severity(self.open()))
         for one in revisions:
             self._remember(one)
         return revisions
 
-    def hear(self, told: Told, *, overruled: bool = False) -> None:
+    def hear(self, told: FindingAdvisory, *, overruled: bool = False) -> None:
         """Take in a revision that was told, its own too; `overruled` where another's stands in place of its own."""
         if told.revision <= self._revisions.get(told.id, 0) and not overruled:
             return
         self._remember(told)
         (self._claims if isinstance(told, ClaimAdvisory) else self._contention).adopt(told)
 
-    def _remember(self, told: Told) -> None:
+    def _remember(self, told: FindingAdvisory) -> None:
         self._revisions[told.id] = told.revision
         self._revisions.move_to_end(told.id)
         if len(self._revisions) > REMEMBERED:

@@ -14,7 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deconflict.advisories.advisory_counts import NEAR_MISSES, TALLIED, by_severity, tally, tell_open
+from deconflict.advisories.advisory_counts import (
+    ADVISORY_METRICS,
+    NEAR_MISSES,
+    count_by_severity,
+    count_revisions,
+    set_open_count,
+)
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.cluster.tiles.channels import GONE, Extents, Floors, channel, late, wide_channel
 from deconflict.cluster.tiles.tiles import Area, Grid, Place, Tile
@@ -133,14 +139,14 @@ class Shard:
                 self._remember(due[-1])
         near = self._places(a for a, _ in self.engine.near_misses)
         self._told.count(NEAR_MISSES, by=sum(place in self.area for place in near))
-        tally(self._told, [told.advisory for told in due])
-        tell_open(self._told, by_severity(told.advisory for told in self._mine()))
+        count_revisions(self._told, [told.advisory for told in due])
+        set_open_count(self._told, count_by_severity(told.advisory for told in self._mine()))
         return due
 
     def measured(self) -> list[dict[str, Any]]:
         """`Measures.as_document()` of its engine and of what it told; silences are counted where all are heard."""
         engine = self.engine.measures.as_document()
-        by_others = (*TALLIED, NEAR_MISSES, SILENCES, PROBABLY_LEFT_ROBOTS)
+        by_others = (*ADVISORY_METRICS, NEAR_MISSES, SILENCES, PROBABLY_LEFT_ROBOTS)
         values = {name: rows for name, rows in engine["values"].items() if name not in by_others}
         return [engine | {"values": values}, self._told.as_document()]
 

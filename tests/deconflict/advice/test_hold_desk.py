@@ -57,7 +57,7 @@ def test_advice_that_is_followed_ends_the_conflict_at_the_promised_cost() -> Non
     assert after[-1].state is AdvisoryState.CLEARED
     assert after[-1].cleared_because == UNPREDICTED
     assert floor.courses[name](40) == pytest.approx(free(40 - told.recommendation.cost_s))
-    assert floor.engine._account.burdens_s == {"Alder": hold.hold_s}, "who waited as advised has yielded"
+    assert floor.engine._advice.burden.burdens_s == {"Alder": hold.hold_s}, "who waited as advised has yielded"
 
 
 def test_a_robot_that_ignores_advice_is_still_told_of() -> None:
@@ -225,8 +225,8 @@ def test_the_vendor_that_waited_before_does_not_wait_again(burdened: str) -> Non
 def test_what_was_advised_is_charged_when_the_advisory_ends() -> None:
     floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)})
     first, _ = until_advised(floor)
-    assert floor.engine._account.burdens_s == {}
+    assert floor.engine._advice.burden.burdens_s == {}
     floor.run(40, first.updated_at.timestamp() - NOW_S + 0.25)
     ended = [one for one in floor.advisories if one.state is AdvisoryState.CLEARED]
-    assert floor.engine._account.burdens_s == yielded_s(ended[0])
+    assert floor.engine._advice.burden.burdens_s == yielded_s(ended[0])
     assert sum(yielded_s(ended[0]).values()) > 0

@@ -17,14 +17,14 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from deconflict.advisories.conflict_lifecycle import Lives
-from deconflict.advisories.conflict_wording import Party, Prediction, Scene
-from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory, EncounterClass
+from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisories.conflict_predictions import Prediction
+from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory
 from deconflict.operator.store.store import Store
 from deconflict.settings.site import Conflict
-from deconflict.sweep.geometry.encounter import Encounter
 from ingest.batch import Pair
-from tests.helpers.made_predictions import each, in_columns
+from tests.helpers.made_predictions import in_columns
+from tests.helpers.made_scene import MadeScene
 
 SETTINGS = Conflict()
 ABSENT_AFTER_S = 20.0
@@ -33,69 +33,67 @@ PAIRS: tuple[Pair, ...] = (("a", "b"), ("a", "c"), ("b", "c"))
 SHARES = st.sampled_from((0.0, 0.1, 0.2, 0.4, 0.6, 0.9, 1.0))
 
 
+class ChangingScene(MadeScene):
+    """Robots that come and go, and how far apart each pair is."""
+
+    def __init__(self) -> None:
+        self.present = set(ROBOTS)
+        self.apart_m: dict[Pair, float] = {}
+
+    def is_present(self, uuid: str) -> bool:
+        return uuid in self.present
+
+    def separation_m(self, pair: Pair, now_s: float) -> float | None:
+        return self.apart_m.get(pair, 9.0)
+
+
 class Histories(RuleBasedStateMachine):
-    """Three robots, their lives and the store that the revisions go to."""
+    """Three robots, the life of their advisories, and the store that the revisions go to."""
 
     @initialize()
     def begin(self) -> None:
         self.folder = TemporaryDirectory()
         self.store = Store(Path(self.folder.name))
-        self.lives = Lives(SETTINGS, ABSENT_AFTER_S)
+        self.lifecycle = ConflictLifecycle(SETTINGS, ABSENT_AFTER_S)
         self.now_s = 1_790_000_000.0
-        self.apart_m: dict[Pair, float] = {}
-        self.here = set(ROBOTS)
+        self.scene = ChangingScene()
         self.answers: dict[str, str] = {}
 
-    def scene(self) -> Scene:
-        def meet(*_: object) -> Encounter:
-            return Encounter(EncounterClass.CROSSING, 1.2, 3.0, 4.0, 0)
-
-        return Scene(
-            here=self.here.__contains__,
-            absence=lambda _: None,
-            party=lambda uuid: Party(f"Alder {uuid}", "Alder", "path", standing=False),
-            stands=lambda _: False,
-            meet=meet,
-            encounters=each(meet),
-            separation_m=lambda pair, _: self.apart_m.get(pair, 9.0),
-            datum=lambda _: "datum-1",
-            places=lambda met: ["in Aisle 4"] * len(met),
-        )
-
     @rule(
-        said=st.dictionaries(
+        predicted=st.dictionaries(
             st.sampled_from(PAIRS),
             st.tuples(st.floats(0.0, 10.0), SHARES, st.sampled_from((0.0, 0.2, 0.35, 1.0, 5.0)), SHARES, st.booleans()),
         ),
-        news=st.sets(st.sampled_from(ROBOTS)),
+        updated=st.sets(st.sampled_from(ROBOTS)),
         after_s=st.sampled_from((0.1, 0.5, 1.0, 3.0, 30.0)),
         reach_s=st.sampled_from((5.0, float("inf"))),
     )
-    def passes(self, said: dict[Pair, Any], news: set[str], after_s: float, reach_s: float) -> None:
+    def passes(self, predicted: dict[Pair, Any], updated: set[str], after_s: float, reach_s: float) -> None:
         self.now_s += after_s
         predictions = []
-        for pair, (in_s, separation_m, start_m, probability, fresh) in said.items():
-            self.apart_m[pair] = start_m
-            if self.here.issuperset(pair) and in_s <= reach_s:
+        for pair, (in_s, separation_m, start_m, probability, fresh) in predicted.items():
+            self.scene.apart_m[pair] = start_m
+            if self.scene.present.issuperset(pair) and in_s <= reach_s:
                 predictions.append(
                     Prediction(pair, self.now_s + in_s, min(separation_m, start_m), start_m, fresh, probability)
                 )
-        said_now = in_columns(predictions)
-        told = self.lives.step(self.now_s, said_now, news & self.here, self.scene(), self.now_s + reach_s)
-        stored = self.store.append(told)
-        assert self.store.append(told) == stored, "a sender that sends again doubles nothing"
+        updated &= self.scene.present
+        until_s = self.now_s + reach_s
+        revisions = self.lifecycle.revise(self.now_s, in_columns(predictions), updated, self.scene, until_s)
+        stored = self.store.append(revisions)
+        assert self.store.append(revisions) == stored, "revisions that are sent again are stored once"
 
     @rule(uuid=st.sampled_from(ROBOTS))
     def comes_or_goes(self, uuid: str) -> None:
-        self.here ^= {uuid}
+        self.scene.present ^= {uuid}
 
     @rule()
     def restarts(self) -> None:
         """What runs goes on from what is stored, as a new engine does."""
         self.store.close()
         self.store = Store(Path(self.folder.name))
-        self.lives = Lives(SETTINGS, ABSENT_AFTER_S, self.store.encounters())
-        self.lives.restore(one for one in self.store.open() if one.kind == "conflict")
+        self.lifecycle = ConflictLifecycle(SETTINGS, ABSENT_AFTER_S, self.store.encounters())
+        self.lifecycle.restore(one for one in self.store.open() if one.kind == "conflict")
 
     @precondition(lambda self: self.store.open())
     @rule(data=st.data(), name=st.sampled_from(("Kim", "Lee")))
@@ -108,9 +106,11 @@ class Histories(RuleBasedStateMachine):
 
     @invariant()
     def what_runs_is_what_is_stored_as_open(self) -> None:
-        running = {one.id: one.revision for one in self.lives.told.values()}
+        running = {one.id: one.revision for one in self.lifecycle.advisories.values()}
         assert running == {one.id: one.revision for one in self.store.open()}
-        assert len({one.robots for one in self.lives.told.values()}) == len(running), "two are open on one pair"
+        assert len({one.robots for one in self.lifecycle.advisories.values()}) == len(running), (
+            "two are open on one pair"
+        )
 
     @invariant()
     def every_story_is_whole(self) -> None:

@@ -1,17 +1,21 @@
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import hypot
 from uuid import uuid5
 
 import pytest
 
-from deconflict.advisories.conflict_lifecycle import Lives
-from deconflict.advisories.conflict_wording import ADVISORIES, Party, Prediction, Scene
-from deconflict.advisories.watched_pairs import HELD_SHARE
+from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisories.conflict_predictions import Prediction
+from deconflict.advisories.conflict_scene import Party
+from deconflict.advisories.conflict_wording import ADVISORIES
+from deconflict.advisories.revision_rules import HELD_SHARE
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 from ingest.batch import Pair
-from tests.helpers.made_predictions import each, in_columns
+from tests.helpers.made_predictions import in_columns
+from tests.helpers.made_scene import MadeScene
 
 PAIR: Pair = ("a", "b")
 SETTINGS = Conflict(
@@ -30,10 +34,10 @@ UNLIKELY = round(SETTINGS.raise_probability * HELD_SHARE / 2, 3)
 
 
 @dataclass
-class Story:
-    """Two robots, told pass by pass, a second apart."""
+class Story(MadeScene):
+    """Two robots and their predictions, pass by pass, a second apart."""
 
-    lives: Lives = field(default_factory=lambda: Lives(SETTINGS, ABSENT_AFTER_S))
+    lifecycle: ConflictLifecycle = field(default_factory=lambda: ConflictLifecycle(SETTINGS, ABSENT_AFTER_S))
     now_s: float = 1000.0
     apart_m: float | None = 5.0
     floor: dict[str, Party] = field(
@@ -44,25 +48,27 @@ class Story:
     )
     x_m: float = 3.0
 
-    def scene(self) -> Scene:
-        def meet(*_: object) -> Encounter:
-            return Encounter(EncounterClass.CROSSING, 1.2, self.x_m, 4.0, 0)
+    def is_present(self, uuid: str) -> bool:
+        return uuid in self.floor
 
-        return Scene(
-            here=self.floor.__contains__,
-            absence=lambda _: None,
-            party=self.floor.__getitem__,
-            stands=lambda uuid: uuid in self.floor and self.floor[uuid].standing,
-            meet=meet,
-            encounters=each(meet),
-            separation_m=lambda _, __: self.apart_m,
-            datum=lambda _: "datum-1",
-            places=lambda met: ["in Aisle 4 on Hall"] * len(met),
-        )
+    def party(self, uuid: str, now_s: float) -> Party:
+        return self.floor[uuid]
 
-    def quiet(self, told: bool = True) -> list[ConflictAdvisory]:
-        """A pass in which no conflict is predicted."""
-        return self._step([], told)
+    def stands(self, uuid: str) -> bool:
+        return uuid in self.floor and self.floor[uuid].standing
+
+    def encounter(self, pair: Pair, contact_s: float) -> Encounter:
+        return Encounter(EncounterClass.CROSSING, 1.2, self.x_m, 4.0, 0)
+
+    def separation_m(self, pair: Pair, now_s: float) -> float | None:
+        return self.apart_m
+
+    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
+        return ["in Aisle 4 on Hall"] * len(encounters)
+
+    def quiet(self, updated: bool = True) -> list[ConflictAdvisory]:
+        """A pass in which no conflict is predicted; robot a has a new forecast if `updated`."""
+        return self._step([], updated)
 
     def predicted(
         self,
@@ -77,9 +83,9 @@ class Story:
         one = Prediction(PAIR, self.now_s + 1 + in_s, separation_m, start_m, fresh, probability, still=still)
         return self._step([one], fresh)
 
-    def _step(self, predictions: list[Prediction], told: bool) -> list[ConflictAdvisory]:
+    def _step(self, predictions: list[Prediction], updated: bool) -> list[ConflictAdvisory]:
         self.now_s += 1.0
-        return self.lives.step(self.now_s, in_columns(predictions), {"a"} if told else set(), self.scene())
+        return self.lifecycle.revise(self.now_s, in_columns(predictions), {"a"} if updated else set(), self)
 
     def raised(self, in_s: float = 8.0) -> ConflictAdvisory:
         self.predicted(in_s)
@@ -131,9 +137,9 @@ def test_what_had_begun_and_is_to_come_again_is_told_without_news_too() -> None:
     assert later.time_to_conflict_s == 3.0
 
 
-def cleared(story: Story) -> None:
-    """Neither robot says anything until the advisory is cleared."""
-    while not any(one.state is AdvisoryState.CLEARED for one in story.quiet(told=False)):
+def clear(story: Story) -> None:
+    """Neither robot reports until the advisory is cleared."""
+    while not any(one.state is AdvisoryState.CLEARED for one in story.quiet(updated=False)):
         pass
 
 
@@ -143,7 +149,7 @@ def test_looks_at_what_has_begun_count_when_it_is_over() -> None:
     assert story.predicted(0)
     assert story.predicted(0) == []
     assert story.predicted(0) == []
-    cleared(story)
+    clear(story)
     assert story.predicted(9) == []
     assert story.predicted(8)
 
@@ -153,7 +159,7 @@ def test_looks_at_what_is_not_to_be_told_again_yet_count_when_it_is_over() -> No
     story.raised(8)
     story.now_s -= 0.5
     assert story.predicted(7) == []
-    cleared(story)
+    clear(story)
     assert story.predicted(9, probability=0.0) == []
     assert story.predicted(8)
 
@@ -189,8 +195,8 @@ def test_an_old_forecast_repeated_confirms_nothing() -> None:
 
 def test_an_evident_conflict_needs_no_confirmation() -> None:
     settings = SETTINGS.model_copy(update={"evident_probability": 0.6})
-    assert Story(Lives(settings, ABSENT_AFTER_S)).predicted(9, probability=0.55) == []
-    (advisory,) = Story(Lives(settings, ABSENT_AFTER_S)).predicted(9, probability=0.65)
+    assert Story(ConflictLifecycle(settings, ABSENT_AFTER_S)).predicted(9, probability=0.55) == []
+    (advisory,) = Story(ConflictLifecycle(settings, ABSENT_AFTER_S)).predicted(9, probability=0.65)
     assert advisory.state is AdvisoryState.RAISED
 
 
@@ -261,7 +267,7 @@ def test_it_clears_when_not_predicted_for_long_enough() -> None:
         "no longer predicted",
     )
     assert cleared.cleared_at is not None
-    assert story.lives.told == {}
+    assert story.lifecycle.advisories == {}
 
 
 def test_a_prediction_that_comes_back_keeps_the_advisory() -> None:
@@ -272,7 +278,7 @@ def test_a_prediction_that_comes_back_keeps_the_advisory() -> None:
         (faded.id, AdvisoryState.UPDATED, UNLIKELY),
         (faded.id, AdvisoryState.UPDATED, 1.0),
     ]
-    assert len(story.lives.told) == 1
+    assert len(story.lifecycle.advisories) == 1
 
 
 def test_it_stays_until_they_have_drawn_apart() -> None:
@@ -313,7 +319,7 @@ def test_having_met_before_the_advisory_is_not_having_passed_each_other() -> Non
 def test_a_second_encounter_is_a_new_advisory_with_the_next_ordinal() -> None:
     story = Story()
     first = story.raised()
-    while story.lives.told:
+    while story.lifecycle.advisories:
         story.quiet()
     second = story.raised()
     assert (first.encounter, second.encounter) == (1, 2)
@@ -357,8 +363,8 @@ def test_a_robot_that_left_the_floor_ends_the_advisory() -> None:
 
 def test_a_restored_advisory_waits_for_its_robots_and_keeps_its_id() -> None:
     first = Story().raised()
-    later = Story(lives=Lives(SETTINGS, ABSENT_AFTER_S, {PAIR: 1}), now_s=1100.0)
-    later.lives.restore([first])
+    later = Story(lifecycle=ConflictLifecycle(SETTINGS, ABSENT_AFTER_S, {PAIR: 1}), now_s=1100.0)
+    later.lifecycle.restore([first])
     known, later.floor = later.floor, {}
     assert [one for _ in range(50) for one in later.quiet()] == []
     later.floor = known
@@ -367,9 +373,9 @@ def test_a_restored_advisory_waits_for_its_robots_and_keeps_its_id() -> None:
 
 
 def test_a_restored_advisory_whose_robots_never_return_is_cleared_in_time() -> None:
-    later = Story(lives=Lives(SETTINGS, ABSENT_AFTER_S), now_s=1100.0, floor={})
-    later.lives.restore([Story().raised()])
-    told = [one for _ in range(70) for one in later.quiet(told=False)]
+    later = Story(lifecycle=ConflictLifecycle(SETTINGS, ABSENT_AFTER_S), now_s=1100.0, floor={})
+    later.lifecycle.restore([Story().raised()])
+    told = [one for _ in range(70) for one in later.quiet(updated=False)]
     assert [one.state for one in told] == [AdvisoryState.CLEARED]
 
 
@@ -378,7 +384,7 @@ def test_pairs_no_longer_of_interest_are_forgotten() -> None:
     story.predicted(9)
     for _ in range(3):
         story.quiet()
-    assert len(story.lives.tracks) == 0
+    assert len(story.lifecycle.pairs) == 0
 
 
 def test_the_same_story_gives_the_same_advisories() -> None:

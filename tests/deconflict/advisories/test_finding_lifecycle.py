@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisories.finding_lifecycle import RESTORED_S, UPDATE_GAP_S, Finding, Telling, Told
+from deconflict.advisories.finding_lifecycle import RESTORED_S, UPDATE_GAP_S, Finding, FindingAdvisory, FindingLifecycle
 from deconflict.advisory import ContentionAdvisory, Location, Severity
 from tests.helpers.saying import HALL
 
@@ -25,28 +25,28 @@ def finding(wait_s: float = 30.0, severity: Severity = Severity.CAUTION, in_s: f
     return Finding("contention", "c1", severity, ("a", "b"), NOW_S + in_s, here, lambda: "a queue", evidence)
 
 
-def party(uuid: str) -> tuple[str, str]:
+def name_vendor(uuid: str) -> tuple[str, str]:
     return uuid.upper(), "Alder"
 
 
-def run(telling: Telling, *looks: Finding | None, from_s: float = 0.0) -> list[Told]:
+def run(lifecycle: FindingLifecycle, *looks: Finding | None, from_s: float = 0.0) -> list[FindingAdvisory]:
     """One look a second."""
-    told: list[Told] = []
+    told: list[FindingAdvisory] = []
     for second, one in enumerate(looks):
-        told += telling.step(NOW_S + from_s + second, [one] if one else [], party)
+        told += lifecycle.revise(NOW_S + from_s + second, [one] if one else [], name_vendor)
     return told
 
 
-def states(told: list[Told]) -> list[str]:
+def states(told: list[FindingAdvisory]) -> list[str]:
     return [one.state.value for one in told]
 
 
 def test_one_look_of_three_is_not_enough() -> None:
-    assert run(Telling(3.0), finding(), None, None, finding(), None, None) == []
+    assert run(FindingLifecycle(3.0), finding(), None, None, finding(), None, None) == []
 
 
 def test_two_looks_of_three_raise_it_and_its_absence_clears_it() -> None:
-    told = run(Telling(3.0), finding(), None, finding(), finding(), None, None, None, None)
+    told = run(FindingLifecycle(3.0), finding(), None, finding(), finding(), None, None, None, None)
     assert states(told) == ["raised", "cleared"]
     assert told[0].id == told[1].id
     assert told[1].updated_at.timestamp() - NOW_S == 6
@@ -54,34 +54,39 @@ def test_two_looks_of_three_raise_it_and_its_absence_clears_it() -> None:
 
 
 def test_a_flicker_clears_nothing() -> None:
-    assert states(run(Telling(3.0), finding(), finding(), None, None, finding(), None, None, finding())) == ["raised"]
+    assert states(run(FindingLifecycle(3.0), finding(), finding(), None, None, finding(), None, None, finding())) == [
+        "raised"
+    ]
 
 
 @pytest.mark.parametrize(("wait_s", "updates"), [(31.0, 0), (35.0, 0), (37.0, 1)])
 def test_a_wait_is_told_again_when_it_has_changed_enough(wait_s: float, updates: int) -> None:
-    told = run(Telling(3.0), finding(), finding(), *[finding(wait_s)] * 6)
+    told = run(FindingLifecycle(3.0), finding(), finding(), *[finding(wait_s)] * 6)
     assert states(told) == ["raised"] + ["updated"] * updates
 
 
 def test_updates_keep_their_distance_but_for_a_severity_that_rises() -> None:
     waits = [finding(30.0 + 20 * step) for step in range(24)]
-    told = run(Telling(3.0), *waits)
+    told = run(FindingLifecycle(3.0), *waits)
     gaps = [b.updated_at.timestamp() - a.updated_at.timestamp() for a, b in pairwise(told)]
     assert len(told) > 3
     assert min(gaps) >= UPDATE_GAP_S
-    assert states(run(Telling(3.0), finding(), finding(), finding(severity=Severity.WARNING))) == ["raised", "updated"]
+    assert states(run(FindingLifecycle(3.0), finding(), finding(), finding(severity=Severity.WARNING))) == [
+        "raised",
+        "updated",
+    ]
 
 
 def test_a_restored_advisory_goes_on_under_its_id() -> None:
-    (before,) = run(Telling(3.0), finding(), finding())
-    told = run(Telling(3.0, [before]), None, None, finding(60.0), from_s=10.0)
+    (before,) = run(FindingLifecycle(3.0), finding(), finding())
+    told = run(FindingLifecycle(3.0, [before]), None, None, finding(60.0), from_s=10.0)
     assert isinstance(told[0], ContentionAdvisory)
     assert [(one.id, one.revision) for one in told] == [(before.id, 2)]
     assert told[0].wait_s == 60.0
 
 
 def test_a_restored_advisory_that_is_not_found_again_is_cleared_in_time() -> None:
-    (before,) = run(Telling(3.0), finding(), finding())
-    told = run(Telling(3.0, [before]), *[None] * 20, from_s=100.0)
+    (before,) = run(FindingLifecycle(3.0), finding(), finding())
+    told = run(FindingLifecycle(3.0, [before]), *[None] * 20, from_s=100.0)
     assert states(told) == ["cleared"]
     assert told[0].updated_at.timestamp() == NOW_S + 100 + RESTORED_S

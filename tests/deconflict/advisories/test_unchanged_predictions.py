@@ -5,14 +5,16 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from deconflict.advisories.conflict_lifecycle import Lives
-from deconflict.advisories.conflict_wording import Party, Prediction, Predictions, Scene
-from deconflict.advisories.watched_pairs import Stirring, Tracks
+from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisories.conflict_predictions import Prediction, Predictions
+from deconflict.advisories.conflict_scene import Party
+from deconflict.advisories.watched_pairs import Examination, WatchedPairs
 from deconflict.advisory import ConflictAdvisory, EncounterClass
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter
 from ingest.batch import Pair
-from tests.helpers.made_predictions import each, in_columns
+from tests.helpers.made_predictions import in_columns
+from tests.helpers.made_scene import MadeScene
 
 SETTINGS = Conflict(clearance_m=0.3, clear_after_s=1.0, clear_margin_m=0.1, warning_s=5.0, critical_s=2.0)
 PAIRS: tuple[Pair, ...] = tuple(("a", f"b{n}") for n in range(20))
@@ -22,24 +24,23 @@ PASSES = 150
 NOWHERE = np.array((np.nan, np.nan, -1, -1), ENCOUNTER)
 
 
-class Every(Tracks):
-    """Leaves no advisory alone that stands: not for what was weighed or asked, nor for the time since it was told, nor
-    for how the two meet."""
+class EveryPair(WatchedPairs):
+    """Leaves no open advisory alone: whatever was weighed before, however new it is, and however the two meet."""
 
     def __init__(self, settings: Conflict) -> None:
         super().__init__(settings)
-        self._bounds["gap_s"] = -np.inf
+        self._thresholds["gap_s"] = -np.inf
 
-    def stirring(self, predictions: Predictions, now_s: float, _: object) -> Stirring:
-        self._rows["until_s"] = -np.inf
-        return super().stirring(predictions, now_s, lambda pairs, _: np.full(len(pairs), NOWHERE))
+    def examine(self, predictions: Predictions, now_s: float, _: object) -> Examination:
+        self._pairs["weighed_until_s"] = -np.inf
+        return super().examine(predictions, now_s, lambda pairs, _: np.full(len(pairs), NOWHERE))
 
 
-class Thorough(Lives):
-    """Weighs everything anew."""
+class ThoroughLifecycle(ConflictLifecycle):
+    """Weighs every prediction anew in each pass."""
 
     def __post_init__(self) -> None:
-        self.tracks = Every(self.settings)
+        self.pairs = EveryPair(self.settings)
 
 
 @dataclass
@@ -55,7 +56,7 @@ class Meeting:
 
 
 @dataclass
-class Floor:
+class Floor(MadeScene):
     """Pairs that draw near while their probabilities shift; some of them with news at a pass."""
 
     seed: int
@@ -66,22 +67,18 @@ class Floor:
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
 
-    def scene(self) -> Scene:
-        def meet(pair: Pair, _: float) -> Encounter:
-            one = self.meetings[pair]
-            return Encounter(one.encounter_class, 1.2, one.x_m, 4.0, one.floor)
+    def party(self, uuid: str, now_s: float) -> Party:
+        return Party(uuid, "Alder", "path", standing=False)
 
-        return Scene(
-            here=lambda _: True,
-            absence=lambda _: None,
-            party=lambda uuid: Party(uuid, "Alder", "path", standing=False),
-            stands=self.standing.__contains__,
-            meet=meet,
-            encounters=each(meet),
-            separation_m=lambda *_: 5.0,
-            datum=lambda met: f"datum-{met.floor}",
-            places=lambda met: ["in Aisle 4"] * len(met),
-        )
+    def stands(self, uuid: str) -> bool:
+        return uuid in self.standing
+
+    def encounter(self, pair: Pair, contact_s: float) -> Encounter:
+        meeting = self.meetings[pair]
+        return Encounter(meeting.encounter_class, 1.2, meeting.x_m, 4.0, meeting.floor)
+
+    def datum(self, met: Encounter) -> str:
+        return f"datum-{met.floor}"
 
     def tick(self) -> tuple[list[Prediction], set[str]]:
         """What is predicted, and the robots that have something new to say."""
@@ -131,12 +128,12 @@ class Floor:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_what_is_left_alone_would_have_told_nothing(seed: int) -> None:
-    floor, lives, thorough = Floor(seed), Lives(SETTINGS, 60.0), Thorough(SETTINGS, 60.0)
+    floor, lifecycle, thorough = Floor(seed), ConflictLifecycle(SETTINGS, 60.0), ThoroughLifecycle(SETTINGS, 60.0)
     told: list[ConflictAdvisory] = []
     for _ in range(PASSES):
         found, heard = floor.tick()
-        now = lives.step(floor.now_s, in_columns(found), heard, floor.scene())
-        assert now == thorough.step(floor.now_s, in_columns(found), heard, floor.scene())
+        now = lifecycle.revise(floor.now_s, in_columns(found), heard, floor)
+        assert now == thorough.revise(floor.now_s, in_columns(found), heard, floor)
         told += now
     assert len({one.state for one in told}) == 3
     assert len(told) > 2 * len(PAIRS)

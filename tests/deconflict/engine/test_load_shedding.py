@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
-from deconflict.engine.engine import COARSE_M, FAR_LOOK_S, Engine
-from deconflict.engine.load_shedding import LESS_AFTER, MORE_AFTER, Effort, Pace
+from deconflict.engine.engine import COARSE_M, Engine
+from deconflict.engine.load_shedding import EASY_PASSES, LATE_PASSES, Effort, LoadShedder
+from deconflict.engine.shared_advisories import REDUCED_LOOK_S
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Forecasts
@@ -21,16 +22,16 @@ LATE_S, EASY_S, TIGHT_S = 0.6, 0.1, 0.4
 
 def after(*passes_s: float, start: Effort = Effort.FULL) -> list[Effort]:
     """The effort after each pass."""
-    pace, efforts = Pace(DEADLINE_S, start), []
+    shedder, efforts = LoadShedder(DEADLINE_S, start), []
     for pass_s in passes_s:
-        assert pace.took(pass_s) is (pass_s > DEADLINE_S)
-        efforts.append(pace.effort)
+        assert shedder.add_pass(pass_s) is (pass_s > DEADLINE_S)
+        efforts.append(shedder.effort)
     return efforts
 
 
 def test_late_passes_in_a_row_leave_out_separations_first_and_far_conflicts_then() -> None:
     assert after(LATE_S, EASY_S, LATE_S, TIGHT_S) == [Effort.FULL] * 4
-    assert after(*[LATE_S] * (3 * LESS_AFTER))[LESS_AFTER - 1 :: LESS_AFTER] == [
+    assert after(*[LATE_S] * (3 * LATE_PASSES))[LATE_PASSES - 1 :: LATE_PASSES] == [
         Effort.COARSE,
         Effort.NEAR,
         Effort.NEAR,
@@ -39,22 +40,22 @@ def test_late_passes_in_a_row_leave_out_separations_first_and_far_conflicts_then
 
 def test_easy_passes_bring_it_back_step_by_step_and_tight_ones_do_not() -> None:
     assert after(*[TIGHT_S] * 500, start=Effort.NEAR)[-1] is Effort.NEAR
-    back = after(*[EASY_S] * (2 * MORE_AFTER), start=Effort.NEAR)
-    assert [back[MORE_AFTER - 2], back[MORE_AFTER - 1], back[-1]] == [Effort.NEAR, Effort.COARSE, Effort.FULL]
+    back = after(*[EASY_S] * (2 * EASY_PASSES), start=Effort.NEAR)
+    assert [back[EASY_PASSES - 2], back[EASY_PASSES - 1], back[-1]] == [Effort.NEAR, Effort.COARSE, Effort.FULL]
 
 
 def test_what_proved_too_much_is_tried_again_later_each_time() -> None:
-    pace = Pace(DEADLINE_S, Effort.COARSE)
+    shedder = LoadShedder(DEADLINE_S, Effort.COARSE)
     waits = []
     for _ in range(4):
         easy = 0
-        while pace.effort is Effort.COARSE:
-            pace.took(EASY_S)
+        while shedder.effort is Effort.COARSE:
+            shedder.add_pass(EASY_S)
             easy += 1
         waits.append(easy)
-        for _ in range(LESS_AFTER):
-            pace.took(LATE_S)
-    assert waits == [MORE_AFTER, 2 * MORE_AFTER, 4 * MORE_AFTER, 8 * MORE_AFTER]
+        for _ in range(LATE_PASSES):
+            shedder.add_pass(LATE_S)
+    assert waits == [EASY_PASSES, 2 * EASY_PASSES, 4 * EASY_PASSES, 8 * EASY_PASSES]
 
 
 def straight(n: int, random: np.random.Generator) -> Forecasts:
@@ -133,13 +134,13 @@ def test_what_is_open_and_far_stands_while_nobody_looks_that_far() -> None:
 def test_queues_are_looked_at_less_often_at_the_least_effort() -> None:
     def looks(effort: Effort) -> int:
         engine, seen = Engine(floor_with(resource("d1", 0.0, 0.0))), 0
-        for tick in range(int(4 * FAR_LOOK_S)):
+        for tick in range(int(4 * REDUCED_LOOK_S)):
             engine.measures.values.pop("deconflict_deadlocks_ahead", None)
             engine.step(NOW_S + tick, effort)
             seen += "deconflict_deadlocks_ahead" in engine.measures.values
         return seen
 
-    assert (looks(Effort.COARSE), looks(Effort.NEAR)) == (4 * FAR_LOOK_S, 4)
+    assert (looks(Effort.COARSE), looks(Effort.NEAR)) == (4 * REDUCED_LOOK_S, 4)
 
 
 def test_the_deadline_is_the_sites() -> None:

@@ -3,7 +3,7 @@ from random import Random
 import pytest
 
 from deconflict.engine.engine import Engine
-from deconflict.engine.map_drift import FEWEST, FIRST, Rests
+from deconflict.engine.map_drift import FEWEST_RESTS, MARK_RESTS, MapDrift
 from deconflict.settings.shared_places import Resource
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
@@ -24,53 +24,53 @@ DOCKS = tuple(
 )
 
 
-def rest(rests: Rests, dock: int, x_m: float, y_m: float, vendor: str = "Acme", at_s: float = NOW_S) -> None:
+def rest_at(drift: MapDrift, dock: int, x_m: float, y_m: float, vendor: str = "Acme", at_s: float = NOW_S) -> None:
     """A robot comes to a dock, stands, says so twice, and goes."""
     at = (10 * dock + 1 + x_m, 1 + y_m)
-    rests.stands("A-1", vendor, HALL, at, at_s)
-    rests.stands("A-1", vendor, HALL, at, at_s)
-    rests.moves("A-1")
+    drift.begin_rest("A-1", vendor, HALL, at, at_s)
+    drift.begin_rest("A-1", vendor, HALL, at, at_s)
+    drift.end_rest("A-1")
 
 
-def settled(spread_m: float = 0.05) -> tuple[Rests, Random]:
+def with_marks(spread_m: float = 0.05) -> tuple[MapDrift, Random]:
     """Every dock has its mark."""
-    rests, rng = Rests.at(DOCKS), Random(3)
-    for _ in range(FIRST):
+    drift, rng = MapDrift.at(DOCKS), Random(3)
+    for _ in range(MARK_RESTS):
         for dock in range(3):
-            rest(rests, dock, rng.gauss(0, spread_m), rng.gauss(0, spread_m))
-    return rests, rng
+            rest_at(drift, dock, rng.gauss(0, spread_m), rng.gauss(0, spread_m))
+    return drift, rng
 
 
 def test_a_frame_that_has_shifted_is_seen_by_how_much() -> None:
-    rests, rng = settled()
-    assert rests.drift_m() == {}
+    drift, rng = with_marks()
+    assert drift.drift_m() == {}
     for row in range(30):
-        rest(rests, row % 3, 0.3 + rng.gauss(0, 0.05), -0.4 + rng.gauss(0, 0.05))
-    assert rests.drift_m()["Acme",] == pytest.approx(0.5, abs=0.04)
+        rest_at(drift, row % 3, 0.3 + rng.gauss(0, 0.05), -0.4 + rng.gauss(0, 0.05))
+    assert drift.drift_m()["Acme",] == pytest.approx(0.5, abs=0.04)
 
 
 def test_a_frame_that_stays_does_not_drift() -> None:
-    rests, rng = settled()
+    drift, rng = with_marks()
     for row in range(60):
-        rest(rests, row % 3, rng.gauss(0, 0.05), rng.gauss(0, 0.05))
-    assert rests.drift_m()["Acme",] < 0.05
+        rest_at(drift, row % 3, rng.gauss(0, 0.05), rng.gauss(0, 0.05))
+    assert drift.drift_m()["Acme",] < 0.05
 
 
 def test_one_dock_that_was_moved_is_no_drift() -> None:
-    rests, rng = settled()
+    drift, rng = with_marks()
     for row in range(60):
-        rest(rests, row % 3, (0.6 if row % 3 == 0 else 0.0) + rng.gauss(0, 0.05), rng.gauss(0, 0.05))
-    assert rests.drift_m()["Acme",] < 0.1
+        rest_at(drift, row % 3, (0.6 if row % 3 == 0 else 0.0) + rng.gauss(0, 0.05), rng.gauss(0, 0.05))
+    assert drift.drift_m()["Acme",] < 0.1
 
 
 def test_it_takes_enough_rests_and_each_vendor_has_its_own_marks() -> None:
-    rests, _ = settled()
-    for _ in range(FEWEST - 1):
-        rest(rests, 0, 0.5, 0.0)
-    rest(rests, 0, 0.5, 0.0, vendor="Bolt")
-    assert rests.drift_m() == {}
-    rest(rests, 0, 0.5, 0.0)
-    assert set(rests.drift_m()) == {("Acme",)}
+    drift, _ = with_marks()
+    for _ in range(FEWEST_RESTS - 1):
+        rest_at(drift, 0, 0.5, 0.0)
+    rest_at(drift, 0, 0.5, 0.0, vendor="Bolt")
+    assert drift.drift_m() == {}
+    rest_at(drift, 0, 0.5, 0.0)
+    assert set(drift.drift_m()) == {("Acme",)}
 
 
 def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
@@ -78,8 +78,8 @@ def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
     fleet = Fleet(Vendors(()), Frames(site.datums, ()), site.reading, Measures(), Quarantine())
     engine, t_s, line = Engine(site), NOW_S, Connection(1)
     fleet.receive(identity("A-1", t_s), t_s, line)
-    for row in range(FIRST + FEWEST):
-        x_m = 1.0 if row < FIRST else 1.4
+    for row in range(MARK_RESTS + FEWEST_RESTS):
+        x_m = 1.0 if row < MARK_RESTS else 1.4
         away = points((t_s + 5, 8.0, 8.0, 0.0))
         for said in (status("A-1", t_s, 5.0, 8.0, path=away), status("A-1", t_s + 20, x_m, 1.0)):
             fleet.receive(said, t_s, line)
@@ -91,25 +91,25 @@ def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
 
 
 def test_marks_are_kept_over_a_restart_but_for_docks_that_are_no_more() -> None:
-    rests, _ = settled()
-    resumed, smaller = Rests.at(DOCKS), Rests.at(DOCKS[:1])
+    drift, _ = with_marks()
+    resumed, smaller = MapDrift.at(DOCKS), MapDrift.at(DOCKS[:1])
     for one in (resumed, smaller):
-        one.resume(rests.learned())
-    for one in (rests, resumed, smaller):
-        for _ in range(FEWEST):
-            rest(one, 1, 0.5, 0.0)
-    assert resumed.drift_m() == rests.drift_m()
-    assert rests.drift_m()["Acme",] == pytest.approx(0.5, abs=0.1)
+        one.resume(drift.learned())
+    for one in (drift, resumed, smaller):
+        for _ in range(FEWEST_RESTS):
+            rest_at(one, 1, 0.5, 0.0)
+    assert resumed.drift_m() == drift.drift_m()
+    assert drift.drift_m()["Acme",] == pytest.approx(0.5, abs=0.1)
     assert smaller.drift_m() == {}
 
 
 def test_a_frame_that_moves_is_told_with_since_when_until_it_is_back() -> None:
-    rests, rng = settled()
+    drift, rng = with_marks()
     told = []
     for row in range(150):
         shift_m = 0.4 if 60 <= row < 100 else 0.0
-        rest(rests, row % 3, shift_m + rng.gauss(0, 0.05), rng.gauss(0, 0.05), at_s=NOW_S + 300 * row)
-        told.append(rests.changed().get("Acme"))
+        rest_at(drift, row % 3, shift_m + rng.gauss(0, 0.05), rng.gauss(0, 0.05), at_s=NOW_S + 300 * row)
+        told.append(drift.changed().get("Acme"))
     assert not any(told[:60])
     change = told[99]
     assert change
@@ -119,12 +119,12 @@ def test_a_frame_that_moves_is_told_with_since_when_until_it_is_back() -> None:
 
 
 def test_a_frame_that_stays_elsewhere_for_a_day_has_its_marks_there() -> None:
-    rests, rng = settled()
+    drift, rng = with_marks()
     told, every_s = [], 600.0
-    for row in range(60 + int(ADOPTED_S / every_s) + 6 * FIRST):
+    for row in range(60 + int(ADOPTED_S / every_s) + 6 * MARK_RESTS):
         shift_m = 0.4 if row >= 60 else 0.0
-        rest(rests, row % 3, shift_m + rng.gauss(0, 0.05), rng.gauss(0, 0.05), at_s=NOW_S + every_s * row)
-        told.append((rests.drift_m().get(("Acme",), 0.0), rests.changed()))
+        rest_at(drift, row % 3, shift_m + rng.gauss(0, 0.05), rng.gauss(0, 0.05), at_s=NOW_S + every_s * row)
+        told.append((drift.drift_m().get(("Acme",), 0.0), drift.changed()))
     assert told[100][0] > 0.3
     assert told[100][1]
     assert told[-1][0] < 0.1
@@ -134,7 +134,7 @@ def test_a_frame_that_stays_elsewhere_for_a_day_has_its_marks_there() -> None:
 def test_the_engine_says_since_when_a_frame_has_moved() -> None:
     site = Site(datums=(Datum(id=HALL, name="Hall"),), resources=DOCKS)
     fleet = Fleet(Vendors(()), Frames(site.datums, ()), site.reading, Measures(), Quarantine())
-    engine, line, moved_at = Engine(site), Connection(1), FIRST + 2 * LEARNED
+    engine, line, moved_at = Engine(site), Connection(1), MARK_RESTS + 2 * LEARNED
     fleet.receive(identity("A-1", NOW_S), NOW_S, line)
     for row in range(moved_at + LEARNED):
         t_s, x_m = NOW_S + 40 * row, 1.0 if row < moved_at else 1.4

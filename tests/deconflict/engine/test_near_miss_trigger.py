@@ -2,7 +2,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deconflict.engine.near_miss_trigger import Trigger
+from deconflict.engine.near_miss_trigger import NearMissTrigger
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Forecasts
 
@@ -11,7 +11,7 @@ from ingest.batch import Forecasts
 class Stage:
     """Two squares of a metre, the second put where the test says."""
 
-    trigger: Trigger
+    trigger: NearMissTrigger
     sweeper: Sweeper
     now_s: float = 0.0
 
@@ -30,11 +30,11 @@ class Stage:
             top_m=np.ones(2),
         )
         self.sweeper.update(["a", "b"], two)
-        return self.trigger.step(self.sweeper.find_conflicts(self.now_s))
+        return self.trigger.new_pairs(self.sweeper.find_conflicts(self.now_s))
 
 
 def test_a_pair_is_told_of_once_until_it_has_drawn_apart() -> None:
-    stage = Stage(Trigger(0.3, 0.1), Sweeper(clearance_m=0.5))
+    stage = Stage(NearMissTrigger(0.3, 0.1), Sweeper(clearance_m=0.5))
     told = [stage.at(gap_m) for gap_m in (1.0, 0.45, 0.25, 0.0, 0.35, 0.2, 0.45, 0.25)]
     assert [bool(one) for one in told] == [False, False, True, False, False, False, False, True]
     assert told[2] == [("a", "b")]

@@ -1,6 +1,6 @@
 import pytest
 
-from deconflict.engine.place_names import Landmarks, Spot
+from deconflict.engine.place_names import FloorPoint, PlaceNames
 from deconflict.settings.shared_places import Resource, Zone
 from ingest.settings import Datum, ReferencePoint
 
@@ -25,26 +25,26 @@ AISLE = Zone(
     axis=((20, 3), (40, 3)),
 )
 DOCK = Resource(id="d1", name="Dock 1", kind="dock", datum="hall", polygon=((30, 2), (34, 2), (34, 4), (30, 4)))
-LANDMARKS = Landmarks((HALL, ABROAD), (DOCK, AISLE))
+PLACE_NAMES = PlaceNames((HALL, ABROAD), (DOCK, AISLE))
 
 
-SAID = [
-    (Spot("hall", 22.0, 1.0), "in Aisle 4 on Ground hall"),
-    (Spot("hall", 31.0, 3.0), "at Dock 1 on Ground hall"),
-    (Spot("hall", 3.0, 4.0), "5 m from Column A1 on Ground hall"),
-    (Spot("hall", 0.5, 0.5), "at Column A1 on Ground hall"),
-    (Spot("hall", 30.0, 9.0), "3 m from Aisle 4 on Ground hall"),
-    (Spot("abroad", 48.0, 11.0), "near (48.0, 11.0) on Yard"),
-    (Spot("hall", 0.0, -40.0), "near (0.0, -40.0) on Ground hall"),
-    (Spot("nowhere", 1.0, 2.0), "near (1.0, 2.0) on nowhere"),
+DESCRIBED = [
+    (FloorPoint("hall", 22.0, 1.0), "in Aisle 4 on Ground hall"),
+    (FloorPoint("hall", 31.0, 3.0), "at Dock 1 on Ground hall"),
+    (FloorPoint("hall", 3.0, 4.0), "5 m from Column A1 on Ground hall"),
+    (FloorPoint("hall", 0.5, 0.5), "at Column A1 on Ground hall"),
+    (FloorPoint("hall", 30.0, 9.0), "3 m from Aisle 4 on Ground hall"),
+    (FloorPoint("abroad", 48.0, 11.0), "near (48.0, 11.0) on Yard"),
+    (FloorPoint("hall", 0.0, -40.0), "near (0.0, -40.0) on Ground hall"),
+    (FloorPoint("nowhere", 1.0, 2.0), "near (1.0, 2.0) on nowhere"),
 ]
 
 
-@pytest.mark.parametrize(("spot", "said"), SAID)
-def test_a_point_is_told_by_what_a_person_knows_on_the_floor(spot: Spot, said: str) -> None:
-    assert LANDMARKS.places([spot]) == [said]
+@pytest.mark.parametrize(("point", "phrase"), DESCRIBED)
+def test_a_point_is_told_by_what_a_person_knows_on_the_floor(point: FloorPoint, phrase: str) -> None:
+    assert PLACE_NAMES.describe([point]) == [phrase]
 
 
 def test_many_points_are_told_each_as_it_is_alone() -> None:
-    assert LANDMARKS.places([spot for spot, _ in SAID * 2]) == [said for _, said in SAID * 2]
-    assert LANDMARKS.places([]) == []
+    assert PLACE_NAMES.describe([point for point, _ in DESCRIBED * 2]) == [phrase for _, phrase in DESCRIBED * 2]
+    assert PLACE_NAMES.describe([]) == []

@@ -82,7 +82,7 @@ def test_nobody_is_warned_of_a_robot_that_has_left_by_an_exit(door: Mapping[str,
 def test_a_robot_that_has_probably_left_is_still_an_obstacle(door: Mapping[str, Part]) -> None:
     floor = at_the_door(door)
     assert robot("first") in floor.engine.live.robots
-    robots, _ = floor.engine._sweeper.copied([robot("first")])
+    robots, _ = floor.engine._sweep.sweeper.copied([robot("first")])
     assert robots["count"].tolist() == [1]
 
 
@@ -93,7 +93,7 @@ def test_once_another_has_driven_through_its_place_it_is_nowhere(door: Mapping[s
     (cleared,) = floor.conflicts(AdvisoryState.CLEARED)
     assert cleared.id == raised.id
     assert cleared.cleared_because == "Alder first is not there: Alder second has driven through its place"
-    robots, _ = floor.engine._sweeper.copied([robot("first")])
+    robots, _ = floor.engine._sweep.sweeper.copied([robot("first")])
     assert robots["count"].tolist() == [0]
     assert floor.engine.probabilities() == []
     floor.wait(60.0)

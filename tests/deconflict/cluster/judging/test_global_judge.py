@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import dataclass, field
 
-from deconflict.advisories.finding_lifecycle import Told
+from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
 from deconflict.cluster.judging.global_judge import Commons
 from deconflict.engine.engine import Engine
@@ -40,7 +40,7 @@ class Floor:
         return self.whole.cut(NOW_S + t), [one.cut(NOW_S + t) for one in self.parts]
 
 
-def others(told: list[AnyAdvisory]) -> list[Told]:
+def others(told: list[AnyAdvisory]) -> list[FindingAdvisory]:
     return [one for one in told if not isinstance(one, ConflictAdvisory)]
 
 
@@ -60,7 +60,7 @@ def test_it_tells_what_the_engine_of_one_machine_tells_whichever_ingest_hears_a_
 
 def test_who_takes_over_goes_on_with_what_is_open_and_is_told_of_what_others_decided() -> None:
     floor, first, second = Floor(scripts()), Commons(SITE), Commons(SITE)
-    told: list[Told] = []
+    told: list[FindingAdvisory] = []
     for tick in range(TICKS * 70):
         now_s = NOW_S + tick / TICKS
         _, shared = floor.tick(tick)
@@ -74,7 +74,7 @@ def test_who_takes_over_goes_on_with_what_is_open_and_is_told_of_what_others_dec
         for one in fresh:
             commons.hear(one)
         told += fresh
-    lives: dict[str, list[Told]] = {}
+    lives: dict[str, list[FindingAdvisory]] = {}
     for one in told:
         lives.setdefault(one.id, []).append(one)
     assert Counter(life[0].kind for life in lives.values()) == {"deadlock": 1, "contention": 1}
@@ -84,8 +84,8 @@ def test_who_takes_over_goes_on_with_what_is_open_and_is_told_of_what_others_dec
 
 def test_what_another_told_in_its_place_stands() -> None:
     floor, one, other = Floor(scripts()), Commons(SITE), Commons(SITE)
-    mine: list[Told] = []
-    theirs: list[Told] = []
+    mine: list[FindingAdvisory] = []
+    theirs: list[FindingAdvisory] = []
     for tick in range(TICKS * 6):
         _, shared = floor.tick(tick)
         one.receive(shared)

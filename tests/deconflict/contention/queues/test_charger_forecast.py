@@ -36,7 +36,7 @@ def inside(place: Resource, level_pct: float = 50.0) -> Driver:
 
 def needed(scene: Scene) -> dict[str, float]:
     """By robot, how likely it is to need a charger within a quarter of an hour."""
-    contention = scene.engine._contention
+    contention = scene.engine._shared.contention
     return {need.robot: round(float(need.likely[-1]), 2) for need in contention.needs}
 
 
@@ -122,9 +122,9 @@ def test_nor_where_there_is_room_for_all() -> None:
 
 def test_where_a_vendor_is_charged_at_one_of_two_it_needs_that_one() -> None:
     scene = Scene(site(C1, C2), {"A": inside(C1), "B": stands(20, at(24.0), 600.0)})
-    batteries = scene.engine._contention.robots.batteries
+    batteries = scene.engine._shared.contention.robots.batteries
     scene.run(1)
-    slot = scene.engine._contention.robots._slots[robot("A")]
+    slot = scene.engine._shared.contention.robots._slots[robot("A")]
     batteries.came(slot, 24.0)
     batteries.left(slot, "Alder", "c1", 90.0)
     (one,) = told_of(scene, 30)

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, field
 
-from deconflict.advisories.conflict_lifecycle import Lives
-from deconflict.advisories.conflict_wording import Party, Prediction, Scene
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass
+from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisories.conflict_predictions import Prediction
+from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.settings.site import Conflict
-from deconflict.sweep.geometry.encounter import Encounter
 from ingest.batch import Pair
-from tests.helpers.made_predictions import each, in_columns
+from tests.helpers.made_predictions import in_columns
+from tests.helpers.made_scene import MadeScene
 
 SETTINGS = Conflict(clearance_m=0.3, confirm=(1, 1), clear_after_s=1.0, raise_probability=0.4)
 PAIR: Pair = ("a", "b")
@@ -16,37 +16,27 @@ START_S = 1_790_000_000.0
 
 
 @dataclass
-class Story:
+class Story(MadeScene):
     """A drives at b, which may have left."""
 
-    lives: Lives = field(default_factory=lambda: Lives(SETTINGS, 60.0))
+    lifecycle: ConflictLifecycle = field(default_factory=lambda: ConflictLifecycle(SETTINGS, 60.0))
     now_s: float = START_S
-    absence: str | None = None
+    why_absent: str | None = None
     told: list[ConflictAdvisory] = field(default_factory=list)
 
-    def scene(self) -> Scene:
-        def meet(*_: object) -> Encounter:
-            return Encounter(EncounterClass.CROSSING, 1.2, 3.0, 4.0, 0)
+    def absence(self, uuid: str) -> str | None:
+        return self.why_absent if uuid == "b" else None
 
-        return Scene(
-            here=lambda _: True,
-            absence=lambda uuid: self.absence if uuid == "b" else None,
-            party=lambda uuid: Party(f"Alder {uuid}", "Alder", "path", standing=False),
-            stands=lambda _: False,
-            meet=meet,
-            encounters=each(meet),
-            separation_m=lambda *_: 0.1,
-            datum=lambda _: "hall",
-            places=lambda met: ["in Aisle 4"] * len(met),
-        )
+    def separation_m(self, pair: Pair, now_s: float) -> float | None:
+        return 0.1
 
     def passes(self, seconds: float, start_m: float, probability: float, there: float) -> list[AdvisoryState]:
         """Looks four times a second; what is told."""
         told: list[ConflictAdvisory] = []
         for _ in range(round(seconds * 4)):
             self.now_s += 0.25
-            one = Prediction(PAIR, self.now_s + 1.0, 0.0, start_m, True, probability * there, there=there)
-            told += self.lives.step(self.now_s, in_columns([one]), set(PAIR), self.scene())
+            one = Prediction(PAIR, self.now_s + 1.0, 0.0, start_m, True, probability * there, both_present=there)
+            told += self.lifecycle.revise(self.now_s, in_columns([one]), set(PAIR), self)
         self.told += told
         return [one.state for one in told if one.state is not AdvisoryState.UPDATED]
 
@@ -55,7 +45,7 @@ def test_within_the_clearance_an_advisory_is_cleared_once_a_robot_has_probably_l
     story = Story()
     assert story.passes(1.0, 3.0, 0.9, 1.0) == [AdvisoryState.RAISED]
     assert story.passes(5.0, 0.2, 0.9, 0.6) == []
-    story.absence = "is silent and has probably left"
+    story.why_absent = "is silent and has probably left"
     assert story.passes(5.0, 0.2, 0.9, 0.04) == [AdvisoryState.CLEARED]
     assert story.told[-1].cleared_because == "Alder b is silent and has probably left"
 
@@ -77,8 +67,8 @@ def test_nobody_is_about_to_touch_who_has_probably_left() -> None:
 def test_one_that_is_predicted_no_more_is_cleared_though_the_two_have_not_drawn_apart() -> None:
     story = Story()
     story.passes(1.0, 3.0, 0.9, 1.0)
-    story.absence = "is silent and has probably left"
+    story.why_absent = "is silent and has probably left"
     for _ in range(12):
         story.now_s += 0.25
-        story.told += story.lives.step(story.now_s, in_columns([]), set(PAIR), story.scene())
+        story.told += story.lifecycle.revise(story.now_s, in_columns([]), set(PAIR), story)
     assert story.told[-1].cleared_because == "Alder b is silent and has probably left"

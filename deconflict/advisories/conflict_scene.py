@@ -1,0 +1,66 @@
+"""What the life of conflict advisories asks of the engine: who is on the floor, and how two robots meet."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from deconflict.sweep.geometry.encounter import Encounter, Encounters
+from ingest.batch import Floats, Pair
+
+
+@dataclass(frozen=True, slots=True)
+class Party:
+    """What an advisory says of one robot."""
+
+    name: str
+    vendor: str
+    basis: str
+    """What its forecast rests on, as `ConflictAdvisory.basis` has it."""
+    standing: bool
+    silent_s: float | None = None
+    """How long it has been silent; None if it reports."""
+
+    @property
+    def subject(self) -> str:
+        """Its name as the subject of a sentence, with how long it has been silent."""
+        return self.name if self.silent_s is None else f"{self.name}, silent for {self.silent_s:.0f} s,"
+
+
+class ConflictScene(Protocol):
+    """The robots and the places around a conflict. The engine's is `engine.live_scene.LiveScene`."""
+
+    def is_present(self, uuid: str) -> bool:
+        """Whether a robot is on the floor."""
+        ...
+
+    def absence(self, uuid: str) -> str | None:
+        """Why a robot is not on the floor, in words that follow its name; None if it is, as far as is known."""
+        ...
+
+    def party(self, uuid: str, now_s: float) -> Party:
+        """What an advisory says of a robot that is on the floor."""
+        ...
+
+    def stands(self, uuid: str) -> bool:
+        """Whether a robot is on the floor and stands there."""
+        ...
+
+    def encounter(self, pair: Pair, contact_s: float) -> Encounter:
+        """How two robots meet at `contact_s`."""
+        ...
+
+    def encounters(self, pairs: Sequence[Pair], contact_s: Floats) -> Encounters:
+        """How each pair meets at its time, as `encounter` but for rounding errors; the place is nan if not known."""
+        ...
+
+    def separation_m(self, pair: Pair, now_s: float) -> float | None:
+        """The separation of two robots; None if they are on different floors."""
+        ...
+
+    def datum(self, met: Encounter) -> str:
+        """The id of the datum of an encounter's floor."""
+        ...
+
+    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
+        """Where each encounter is, in words."""
+        ...

@@ -1,0 +1,81 @@
+"""All advice of one engine: holds for conflicts, slots for queues, and what both have in common."""
+
+from collections.abc import Iterable, Mapping
+from functools import partial
+
+from deconflict.advice.async_answers import Aside, Submit
+from deconflict.advice.burden import Account
+from deconflict.advice.delay_windows import Mover, Near
+from deconflict.advice.hold_desk import MOST_NEAR, NEAR_M, Desk
+from deconflict.advice.priorities import Priorities
+from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisory import AnyAdvisory, ConflictAdvisory
+from deconflict.contention.queues.queue_advice import Advising
+from deconflict.foresight.presence.live_robots import LiveRobots
+from deconflict.settings.site import Site
+from deconflict.sweep.incremental import Sweeper
+from ingest.batch import Basis, Batch
+from ingest.measures.measures import Measures
+
+
+class EngineAdvice:
+    """Asks for advice, and gives the answers that are due."""
+
+    def __init__(
+        self,
+        site: Site,
+        live: LiveRobots,
+        sweeper: Sweeper,
+        measures: Measures,
+        submit: Submit,
+        burdens_s: Mapping[str, float] | None,
+    ) -> None:
+        """`submit` has an answer worked out; `burdens_s` are the seconds that each vendor has waited by now."""
+        self._live, self._sweeper = live, sweeper
+        self._priorities = Priorities(site.vendors)
+        self.submit = submit
+        self._answers = Aside(submit)
+        self.burden = Account(burdens_s)
+        self._holds = Desk(site, self.burden, measures, self._answers.submit)
+        self.queue_advice = partial(
+            Advising,
+            account=self.burden,
+            effort=site.advice.effort,
+            submit=self._answers.submit,
+            priority=self._priority,
+            measures=measures,
+        )
+        """Makes the advice on queues; `Contention` calls it with its geometry."""
+
+    def pending(self) -> int:
+        """How many of the newest questions have no answer yet."""
+        return self._answers.pending()
+
+    def settle(self, pending: int) -> None:
+        """Treat so many of the newest questions as not answered until the next call."""
+        self._answers.settle(pending)
+
+    def add_holds(self, now_s: float, conflicts: ConflictLifecycle) -> list[ConflictAdvisory]:
+        """The revisions that give conflicts the holds that are due."""
+        due = self._holds.step(now_s, conflicts.advisories, conflicts.pop_changed(), self._nearby)
+        revisions = (conflicts.add_advice(pair, advice, now_s) for pair, advice in due)
+        return [revision for revision in revisions if revision]
+
+    def charge(self, revisions: Iterable[AnyAdvisory]) -> None:
+        """Add the waits that ended with these revisions to the burdens of the vendors."""
+        self.burden.settle(revisions)
+
+    def _nearby(self, group: set[str]) -> Near:
+        """The robots of a group that are on the floor, and those near to them, as they are now."""
+        uuids = self._live.group_with_nearest(group & self._live.robots.keys(), NEAR_M, MOST_NEAR)
+        rows = [(robot.batch, robot.row) for robot in map(self._live.robots.__getitem__, uuids)]
+        vendors = [batch.vendors[row] for batch, row in rows]
+        return Near(uuids, vendors, *self._sweeper.copied(uuids), lambda i: self._mover(*rows[i]))
+
+    def _mover(self, batch: Batch, row: int) -> Mover:
+        vendor, holdable = batch.vendors[row], int(batch.basis[row]) != Basis.STATIONARY
+        return Mover(batch.names[row], vendor, holdable, self._priorities.of(vendor, batch.models[row]))
+
+    def _priority(self, uuid: str) -> float:
+        robot = self._live.robots[uuid]
+        return self._priorities.of(robot.vendor, robot.model)

@@ -1,0 +1,45 @@
+"""What the engine measures of itself: conflicts, advisories, near misses, the sweep's work and map drift."""
+
+from collections.abc import Callable, Iterable, Sequence
+
+from deconflict.advisories.advisory_counts import NEAR_MISSES, count_by_severity, count_revisions, set_open_count
+from deconflict.advisory import AnyAdvisory
+from deconflict.engine.map_drift import MapDrift
+from deconflict.foresight.probability.estimator import ProbabilityEstimator
+from deconflict.sweep.incremental import PairConflicts
+from ingest.batch import Pair
+from ingest.measures import clock_changes
+from ingest.measures.measures import Measures
+
+
+class EngineMetrics:
+    """Counts what each pass does; works out levels when somebody asks for the measures."""
+
+    def __init__(
+        self,
+        measures: Measures,
+        open_advisories: Callable[[], Iterable[AnyAdvisory]],
+        foresight: ProbabilityEstimator,
+        map_drift: MapDrift,
+    ) -> None:
+        self._measures, self._open_advisories = measures, open_advisories
+        self._foresight, self._map_drift = foresight, map_drift
+        self._conflicts = 0
+        """Pairs in predicted conflict at the last pass."""
+        measures.ask(self._set_levels)
+
+    def count_pass(
+        self, conflicts: PairConflicts, near_misses: Sequence[Pair], revisions: Iterable[AnyAdvisory]
+    ) -> None:
+        self._conflicts = len(conflicts.pairs)
+        self._measures.count(NEAR_MISSES, by=len(near_misses))
+        count_revisions(self._measures, revisions)
+        self._measures.count("deconflict_sweep_segment_pairs_total", by=conflicts.segment_pairs)
+        self._measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)
+
+    def _set_levels(self) -> None:
+        set_open_count(self._measures, count_by_severity(self._open_advisories()))
+        self._measures.level("deconflict_datum_drift_metres", self._map_drift.drift_m())
+        changes = {"forecast": self._foresight.degradation.changed(), "datum": self._map_drift.changed()}
+        clock_changes.tell(self._measures, changes)
+        self._measures.level("deconflict_conflicts", {(): self._conflicts})

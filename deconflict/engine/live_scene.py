@@ -1,0 +1,68 @@
+"""The robots and places around a conflict, as the engine knows them: its `ConflictScene`."""
+
+from collections.abc import Sequence
+
+from deconflict.advisories.conflict_lifecycle import LEFT
+from deconflict.advisories.conflict_scene import Party
+from deconflict.engine.place_names import FloorPoint, PlaceNames
+from deconflict.foresight.presence.live_robots import LiveRobots
+from deconflict.foresight.presence.presence import Presence
+from deconflict.foresight.probability.estimator import ProbabilityEstimator
+from deconflict.sweep.geometry.encounter import Encounter, Encounters, encounter, separation_m
+from deconflict.sweep.incremental import Sweeper
+from ingest.batch import Basis, Floats, Pair
+
+PROBABLY_LEFT = "is silent and has probably left"
+_BASIS_NAMES = {basis: basis.name.lower() for basis in Basis}
+
+
+class LiveScene:
+    """Implements `advisories.conflict_scene.ConflictScene`; each method is described there."""
+
+    def __init__(
+        self,
+        live: LiveRobots,
+        presence: Presence,
+        foresight: ProbabilityEstimator,
+        sweeper: Sweeper,
+        place_names: PlaceNames,
+    ) -> None:
+        self._live, self._presence, self._foresight = live, presence, foresight
+        self._sweeper, self._place_names = sweeper, place_names
+
+    def is_present(self, uuid: str) -> bool:
+        return uuid in self._live.robots
+
+    def absence(self, uuid: str) -> str | None:
+        if uuid in self._live.robots:
+            return PROBABLY_LEFT if self._presence.has_probably_left(uuid) else None
+        removed = self._presence.removal_of(uuid)
+        return f"is not there: {removed.by} has driven through its place" if removed else LEFT
+
+    def party(self, uuid: str, now_s: float) -> Party:
+        robot = self._live.robots[uuid]
+        silent_s = self._presence.silent_s(uuid, now_s)
+        remarks = {"distrusted": self._foresight.is_distrusted(uuid), "silent": silent_s is not None}
+        basis = _BASIS_NAMES[robot.basis] + "".join(f" ({remark})" for remark, holds in remarks.items() if holds)
+        return Party(robot.name, robot.vendor, basis, robot.basis is Basis.STATIONARY, silent_s)
+
+    def stands(self, uuid: str) -> bool:
+        robot = self._live.robots.get(uuid)
+        return robot is not None and (robot.basis is Basis.STATIONARY or self._foresight.is_standing(uuid))
+
+    def encounter(self, pair: Pair, contact_s: float) -> Encounter:
+        a, b = (self._live.robots[uuid] for uuid in pair)
+        return encounter((a.batch_forecasts, a.row), (b.batch_forecasts, b.row), contact_s)
+
+    def encounters(self, pairs: Sequence[Pair], contact_s: Floats) -> Encounters:
+        return self._sweeper.encounters(pairs, contact_s)
+
+    def separation_m(self, pair: Pair, now_s: float) -> float | None:
+        a, b = (self._live.robots[uuid] for uuid in pair)
+        return separation_m((a.batch_forecasts, a.row), (b.batch_forecasts, b.row), now_s)
+
+    def datum(self, met: Encounter) -> str:
+        return self._live.floors[met.floor]
+
+    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
+        return self._place_names.describe([FloorPoint(self.datum(met), met.x_m, met.y_m) for met in encounters])

@@ -1,0 +1,78 @@
+"""The sweep of the live robots, each as wide as its position is uncertain: a robot that stops reporting grows."""
+
+from collections.abc import Iterable, Sequence
+from heapq import heappop, heappush
+from math import floor
+
+import numpy as np
+
+from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
+from deconflict.settings.site import Site
+from deconflict.sweep.incremental import PairConflicts, Sweeper
+from ingest.batch import Batch, Floats, Forecasts
+from ingest.measures.measures import Measures
+
+GROWTH_STEP_M = 0.1
+"""Uncertainty grows in steps of this, so that a quiet robot is swept again only when that matters."""
+
+
+class RobotSweep:
+    """Keeps the sweep up to date with the live robots."""
+
+    def __init__(self, site: Site, live: LiveRobots, measures: Measures) -> None:
+        self._conflict, self._reading = site.conflict, site.reading
+        self._live, self._measures = live, measures
+        self.sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s)
+        self._quiet: list[tuple[float, str]] = []
+        """A heap with one entry for each robot: when to look at its silence next, and its UUID."""
+
+    def add(self, batch: Batch, new_robots: Iterable[str]) -> None:
+        """Add the forecasts of a batch; `new_robots` are those that were not live before it."""
+        for uuid in new_robots:
+            heappush(self._quiet, (self._live.robots[uuid].event_s + self._reading.quiet_after_s, uuid))
+        self._update(batch.robots, batch.forecasts, 2 * batch.doubt_m)
+
+    def discard(self, robots: Iterable[str]) -> None:
+        self.sweeper.discard(robots)
+
+    def step(self, now_s: float, reach_s: float, accuracy_m: float) -> PairConflicts:
+        """The pairs in conflict within `reach_s`, their separations to `accuracy_m`; quiet robots grow first."""
+        if grown := self._grow_quiet(now_s):
+            robots, forecasts = self._live.forecasts(sorted(grown))
+            widened_m = np.array([self._live.robots[uuid].widened_m for uuid in robots])
+            self._update(robots, forecasts, widened_m)
+        return self.sweeper.find_conflicts(now_s, reach_s, accuracy_m)
+
+    def _update(self, robots: Sequence[str], forecasts: Forecasts, widened_m: Floats) -> None:
+        for _, reason in self.sweeper.update(robots, _widened(forecasts, widened_m), widened_m):
+            self._measures.count("deconflict_invalid_forecasts_total", reason)
+
+    def _grow_quiet(self, now_s: float) -> set[str]:
+        """Grow the robots whose next step of growth is due; return them."""
+        grown = set()
+        while self._quiet and self._quiet[0][0] <= now_s:
+            _, uuid = heappop(self._quiet)
+            robot = self._live.robots.get(uuid)
+            if robot is None:
+                continue
+            next_s = robot.event_s + self._reading.quiet_after_s
+            if next_s <= now_s:
+                next_s = self._grow(robot, now_s - next_s, next_s)
+                grown.add(uuid)
+            heappush(self._quiet, (next_s, uuid))
+        return grown
+
+    def _grow(self, robot: LiveRobot, quiet_for_s: float, since_s: float) -> float:
+        """Grow the uncertainty of a robot that is quiet since `since_s`; return when to look at it next."""
+        rate_mps, limit_m = self._conflict.silent_growth_mps, self._conflict.silent_growth_limit_m
+        steps = floor(quiet_for_s * rate_mps / GROWTH_STEP_M) + 1
+        robot.growth_m = min(steps * GROWTH_STEP_M, limit_m)
+        if rate_mps == 0 or robot.growth_m >= limit_m:
+            return since_s + quiet_for_s + self._reading.forget_after_s
+        return since_s + steps * GROWTH_STEP_M / rate_mps
+
+
+def _widened(forecasts: Forecasts, by_m: Floats) -> Forecasts:
+    f = forecasts
+    sizes_m = (f.length_m + by_m, f.width_m + by_m, f.bottom_m, f.top_m)
+    return Forecasts(f.start, f.t_s, f.x_m, f.y_m, f.yaw_rad, f.floor, *sizes_m)

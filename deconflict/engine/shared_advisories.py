@@ -1,0 +1,76 @@
+"""Advisories on what is not of one place: queues, deadlocks, blockages and claims."""
+
+from collections.abc import Callable, Iterable, Mapping
+
+from deconflict.advisories.finding_lifecycle import FindingAdvisory
+from deconflict.advisory import AnyAdvisory, ClaimAdvisory, ConflictAdvisory
+from deconflict.contention.contention import Contention
+from deconflict.contention.queues.queue_advice import Advising
+from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.engine.claim_lifecycle import ClaimLifecycle
+from deconflict.engine.load_shedding import Effort
+from deconflict.foresight.presence import presence_batches
+from deconflict.foresight.presence.lasting_silences import PresenceChanges
+from deconflict.foresight.presence.live_robots import LiveRobots
+from deconflict.runtime.learned_state import Part
+from deconflict.settings.site import Site
+from ingest.batch import Batch
+from ingest.measures.measures import Measures
+
+REDUCED_LOOK_S = 10.0
+"""Time between two looks at queues when the engine can't keep up."""
+
+
+class SharedAdvisories:
+    """Contention and claims of one engine; of neither if a cluster judges them elsewhere."""
+
+    def __init__(
+        self,
+        site: Site,
+        live: LiveRobots,
+        measures: Measures,
+        restored: Iterable[AnyAdvisory],
+        queue_advice: Callable[[Geometry], Advising],
+        *,
+        enabled: bool,
+    ) -> None:
+        """Without `enabled` nothing is judged, and what is `restored` stays as it is."""
+        self._live, self._enabled = live, enabled
+        findings = [advisory for advisory in restored if not isinstance(advisory, ConflictAdvisory)]
+        queues = [advisory for advisory in findings if not isinstance(advisory, ClaimAdvisory)]
+        claims = [advisory for advisory in findings if isinstance(advisory, ClaimAdvisory)]
+        self.contention = Contention(site.resources, site.zones, site.contention, measures, queues, queue_advice)
+        self._claims = ClaimLifecycle(live, claims)
+        self._looked_s = float("-inf")
+
+    def open(self) -> list[FindingAdvisory]:
+        """The newest revision of every open advisory."""
+        return [*self.contention.open(), *self._claims.open()]
+
+    def learned(self) -> dict[str, Part]:
+        return self.contention.learned()
+
+    def resume(self, learned: Mapping[str, Part]) -> None:
+        self.contention.resume(learned)
+
+    def receive(self, batch: Batch) -> None:
+        """Add the robots that changed, and the claims that stand."""
+        if self._enabled:
+            self.contention.receive(batch)
+            self._claims.receive(batch.claims)
+
+    def update_presence(self, changes: PresenceChanges, now_s: float) -> None:
+        """Let silent robots want nothing any more once they have probably left."""
+        if self._enabled:
+            for batch in presence_batches.contention_batches(self._live, changes, now_s):
+                self.contention.receive(batch)
+
+    def step(self, now_s: float, effort: Effort) -> list[FindingAdvisory]:
+        """The revisions of this pass; most have none, as looks are at least a second apart."""
+        if not self._enabled:
+            return []
+        revisions: list[FindingAdvisory] = []
+        if effort < Effort.NEAR or now_s - self._looked_s >= REDUCED_LOOK_S:
+            revisions += self.contention.step(now_s)
+            self._looked_s = now_s
+        return [*revisions, *self._claims.step(now_s)]

@@ -1,0 +1,43 @@
+"""A scene for the life of conflict advisories: every robot is present and drives, and all meet at one place."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from deconflict.advisories.conflict_scene import ConflictScene, Party
+from deconflict.advisory import EncounterClass
+from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter, Encounters
+from ingest.batch import Floats, Pair
+
+
+class MadeScene(ConflictScene):
+    """Implements `ConflictScene`; tests override what they are about."""
+
+    def is_present(self, uuid: str) -> bool:
+        return True
+
+    def absence(self, uuid: str) -> str | None:
+        return None
+
+    def party(self, uuid: str, now_s: float) -> Party:
+        return Party(f"Alder {uuid}", "Alder", "path", standing=False)
+
+    def stands(self, uuid: str) -> bool:
+        return False
+
+    def encounter(self, pair: Pair, contact_s: float) -> Encounter:
+        return Encounter(EncounterClass.CROSSING, 1.2, 3.0, 4.0, 0)
+
+    def encounters(self, pairs: Sequence[Pair], contact_s: Floats) -> Encounters:
+        met = map(self.encounter, pairs, contact_s.tolist())
+        rows = [(one.x_m, one.y_m, CLASSES.index(one.encounter_class), one.floor) for one in met]
+        return np.array(rows, ENCOUNTER)
+
+    def separation_m(self, pair: Pair, now_s: float) -> float | None:
+        return 5.0
+
+    def datum(self, met: Encounter) -> str:
+        return "datum-1"
+
+    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
+        return ["in Aisle 4"] * len(encounters)
