@@ -1,4 +1,4 @@
-"""Prometheus rules to record and to alert, from the catalogue. `docs/runbook.md` says what to do about each alert."""
+"""Recording and alerting rules for Prometheus, built from the catalogue. `docs/runbook.md` explains each alert."""
 
 import json
 from collections.abc import Iterator
@@ -8,9 +8,9 @@ from typing import Literal
 from metrics.monitoring.promql import increase, level, rate, share_within, time_share
 
 OBJECTIVE_S = 0.25
-"""A valid status is reflected in the advisories within this time (`docs/metrics.md`)."""
+"""The objective: a valid status is reflected in the advisories within this time (`docs/metrics.md`)."""
 OBJECTIVE_SHARE = 0.99
-"""Of all valid statuses, over 30 days."""
+"""Share of valid statuses for which this must hold, over 30 days."""
 RUNBOOK = "docs/runbook.md"
 
 VENDOR = ["vendor"]
@@ -18,7 +18,7 @@ VENDOR = ["vendor"]
 
 @dataclass(frozen=True, slots=True)
 class RecordingRule:
-    """A query that is evaluated all the time, under a name of its own."""
+    """A query that Prometheus evaluates continuously and stores under a name."""
 
     name: str
     query: str
@@ -26,19 +26,19 @@ class RecordingRule:
 
 @dataclass(frozen=True, slots=True)
 class AlertingRule:
-    """A condition that a person should know of. Summary and description are templates of Prometheus."""
+    """A condition that a person should know about. Summary and description are Prometheus templates."""
 
     name: str
     query: str
     lasting: str
-    """How long the condition must hold."""
+    """How long the condition must hold before the alert fires."""
     severity: Literal["page", "ticket"]
     summary: str
     description: str
 
     @property
     def section(self) -> str:
-        """Where the runbook says what to do."""
+        """The section of the runbook about this alert."""
         return f"{RUNBOOK}#{self.name.lower()}"
 
 
@@ -48,7 +48,7 @@ def _within(window: str) -> RecordingRule:
 
 
 def _burning(long: str, short: str, times: float) -> str:
-    """Both windows miss the objective so often that the month's allowance goes `times` too fast.
+    """Both windows miss the objective so often that the month's error budget is spent `times` too fast.
 
     Multiwindow burn rates: Google, The Site Reliability Workbook, chapter 5.
     """
@@ -95,8 +95,8 @@ ALERTING_RULES = (
         "absent(deconflict_build_info)",
         "1m",
         "page",
-        "The deconfliction service is not there",
-        "Prometheus has read nothing from the service for a minute. Nobody is told of conflicts.",
+        "The deconfliction service is absent",
+        "Prometheus has read nothing from the service for a minute. Nobody is warned of conflicts.",
     ),
     AlertingRule(
         "DeconflictRoleDown",
@@ -111,7 +111,7 @@ ALERTING_RULES = (
         f"{level('deconflict_robots', VENDOR)} > 0 unless on (vendor) vendor:deconflict_accepted:rate5m > 0",
         "1m",
         "page",
-        "No robot of {{ $labels.vendor }} reports",
+        "No robot of {{ $labels.vendor }} sends valid messages",
         "{{ $value }} robots of {{ $labels.vendor }} are on the floor and none has sent a valid message for five "
         "minutes. They are treated as obstacles where they were last seen.",
     ),
@@ -121,9 +121,9 @@ ALERTING_RULES = (
         " > 0.2 + 1.5 * avg_over_time(vendor:deconflict_deviations_per_message:ratio_rate15m[1d] offset 30m)",
         "10m",
         "ticket",
-        "Messages of {{ $labels.vendor }} conform less than they did",
-        '{{ $labels.vendor }} now has {{ printf "%.2f" $value }} rejections or deviations a message: more than one '
-        "message in twenty is rejected, or there are half as many deviations again as on the day before.",
+        "Messages of {{ $labels.vendor }} conform less than before",
+        '{{ $labels.vendor }} now has {{ printf "%.2f" $value }} rejections or deviations per message: more than one '
+        "message in twenty is rejected, or there are over 1.5 times as many deviations as on the day before.",
     ),
     AlertingRule(
         "DeconflictClockDrift",
@@ -132,32 +132,32 @@ ALERTING_RULES = (
         "ticket",
         "The clocks of {{ $labels.vendor }} drift",
         'The estimated clock offset of {{ $labels.vendor }} has moved by {{ printf "%.2f" $value }} s within an hour. '
-        "A steady offset is corrected; one that moves makes forecasts early or late.",
+        "A constant offset is corrected. A changing offset makes forecasts early or late.",
     ),
     AlertingRule(
         "DeconflictDatumDrift",
         f"{level('deconflict_datum_drift_metres', VENDOR, over='max')} > 0.2",
         "30m",
         "ticket",
-        "The frame of {{ $labels.vendor }} has drifted",
-        'Robots of {{ $labels.vendor }} now come to rest at docks and chargers {{ printf "%.2f" $value }} m from where '
-        "they did at first. Their positions, and forecasts, are off by as much.",
+        "The coordinate frame of {{ $labels.vendor }} has drifted",
+        'Robots of {{ $labels.vendor }} now stop at docks and chargers {{ printf "%.2f" $value }} m from where '
+        "they stopped at first. Their positions and forecasts have the same error.",
     ),
     AlertingRule(
         "DeconflictForecastsWorse",
         level("deconflict_forecast_change_metres", VENDOR, over="max") + " > 0",
         "10m",
         "ticket",
-        "Forecasts of {{ $labels.vendor }} are worse than they were",
-        'Forecasts of {{ $labels.vendor }} 3 s ahead are {{ printf "%.2f" $value }} m further off than usual. '
-        "Its conflicts are told with wider errors: later, or needlessly.",
+        "Forecasts of {{ $labels.vendor }} have become worse",
+        'The error of forecasts of {{ $labels.vendor }} 3 s ahead is {{ printf "%.2f" $value }} m larger than usual. '
+        "Its conflicts are predicted with wider errors: warnings come later, or needlessly.",
     ),
     AlertingRule(
         "DeconflictNuisanceRate",
         f"vendor:deconflict_nuisance:ratio_increase1h > 0.5 and on (vendor) ({increase(_ENDED, '1h', VENDOR)} > 10)",
         "15m",
         "ticket",
-        "Most conflicts told of {{ $labels.vendor }} do not come about",
+        "Most predicted conflicts of {{ $labels.vendor }} do not happen",
         "{{ $value | humanizePercentage }} of the conflicts with robots of {{ $labels.vendor }} that ended in the "
         "last hour were cleared without the robots coming within the clearance.",
     ),
@@ -174,7 +174,7 @@ ALERTING_RULES = (
         _burning("6h", "30m", 6.0),
         "15m",
         "ticket",
-        "Advisories lag behind the messages of {{ $labels.vendor }} again and again",
+        "Advisories repeatedly lag behind the messages of {{ $labels.vendor }}",
         _late("six hours"),
     ),
     AlertingRule(
@@ -182,8 +182,8 @@ ALERTING_RULES = (
         "deconflict:engine_busy:ratio_rate5m > 0.8",
         "5m",
         "page",
-        "The engine hardly keeps up",
-        "The engine computes {{ $value | humanizePercentage }} of the time; near 100 % its passes come late and "
+        "The engine is close to overload",
+        "The engine computes {{ $value | humanizePercentage }} of the time. Near 100 % its passes are late and "
         "messages are replaced before they are read.",
     ),
     AlertingRule(
@@ -192,7 +192,7 @@ ALERTING_RULES = (
         f" unless on (outlet) {rate('deconflict_outlet_deliveries_total', '5m', ['outlet'])} > 0",
         "5m",
         "ticket",
-        "The outlet {{ $labels.outlet }} takes no advisories",
+        "The outlet {{ $labels.outlet }} accepts no advisories",
         "Nothing has been delivered to {{ $labels.outlet }} for five minutes and attempts fail; advisories wait.",
     ),
     AlertingRule(
@@ -200,7 +200,7 @@ ALERTING_RULES = (
         f"{level('deconflict_advisories_open', where={'kind': 'deadlock'})} > 0",
         "0s",
         "page",
-        "Robots block each other, or will",
+        "Robots block each other now or soon",
         "{{ $value }} deadlock advisories are open. GET /advisories?kind=deadlock names the robots and "
         "who waits for whom.",
     ),
@@ -209,8 +209,8 @@ ALERTING_RULES = (
         f"{level('deconflict_advisories_open', where={'kind': 'foreign_claim'})} > 0",
         "0s",
         "ticket",
-        "A vendor reports robots of another",
-        "{{ $value }} times a vendor reports robots that belong to another. Its reports are refused and change "
+        "A vendor reports robots of another vendor",
+        "{{ $value }} times a vendor reports robots that belong to another. These reports are refused and change "
         "no forecast. GET /advisories?kind=foreign_claim names both vendors and the robots.",
     ),
     AlertingRule(
@@ -219,23 +219,23 @@ ALERTING_RULES = (
         "0s",
         "page",
         "A robot is reported from two places at once",
-        "Robots of {{ $value }} vendors are reported where they can't have come from. The newest report counts, and "
-        "nobody is warned of them at the other place. GET /advisories?kind=two_places names the robots.",
+        "Robots of {{ $value }} vendors are reported at places that they can't have reached. The newest report counts, "
+        "and nobody is warned of them at the other place. GET /advisories?kind=two_places names the robots.",
     ),
 )
 
 
 def rules_file() -> str:
-    """The rules as a file for Prometheus. Its strings are quoted as JSON, which YAML reads as the same."""
+    """The rules as a file for Prometheus. Strings are quoted as JSON, which is also valid YAML."""
     return "\n".join(["# Written by `deconflict dashboards`.", "groups:", *_groups()]) + "\n"
 
 
 def _groups() -> Iterator[str]:
     yield "  - name: deconflict-recorded"
     yield "    rules:"
-    for one in RECORDING_RULES:
-        yield f"      - record: {one.name}"
-        yield f"        expr: {json.dumps(one.query)}"
+    for rule in RECORDING_RULES:
+        yield f"      - record: {rule.name}"
+        yield f"        expr: {json.dumps(rule.query)}"
     yield "  - name: deconflict-alerts"
     yield "    rules:"
     for alert in ALERTING_RULES:

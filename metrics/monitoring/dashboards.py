@@ -1,7 +1,7 @@
 """The Grafana dashboards and the Prometheus rules, as files.
 
-Every metric of the catalogue is in one of the dashboards: what `pages` and `health` do not place gets a panel of its
-own, in the last row of the third.
+Every metric of the catalogue is in one of the dashboards. A metric that neither `site_pages` nor `health_page` uses
+gets its own panel, in the last row of the third dashboard.
 """
 
 import json
@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from metrics.monitoring.alert_rules import rules_file
-from metrics.monitoring.exposition import CATALOGUE, CatalogueEntry
+from metrics.monitoring.catalogue import CATALOGUE, CatalogueEntry
 from metrics.monitoring.health_page import ENGINE
 from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query, as_json, names_in
 from metrics.monitoring.promql import level, quantile, rate
@@ -17,17 +17,17 @@ from metrics.monitoring.site_pages import SITE, VENDORS, WINDOW
 
 
 def dashboards() -> list[Dashboard]:
-    """All of them, the third with a panel for each metric that none has placed."""
-    placed = [SITE, VENDORS, ENGINE]
-    shown = {name for one in placed for _, query in one.queries() for name in names_in(query.promql)}
-    rest = tuple(_plain(name, entry) for name, entry in CATALOGUE.items() if name not in shown)
+    """All dashboards. The third also has a panel for each metric that no dashboard uses."""
+    pages = [SITE, VENDORS, ENGINE]
+    shown = {name for page in pages for _, query in page.queries() for name in names_in(query.promql)}
+    rest = tuple(_single_metric_panel(name, entry) for name, entry in CATALOGUE.items() if name not in shown)
     if rest:
-        placed[-1] = replace(ENGINE, rows=(*ENGINE.rows, PanelRow("More", rest)))
-    return placed
+        pages[-1] = replace(ENGINE, rows=(*ENGINE.rows, PanelRow("More", rest)))
+    return pages
 
 
-def _plain(name: str, entry: CatalogueEntry) -> Panel:
-    """A panel with nothing but the metric, by all of its labels."""
+def _single_metric_panel(name: str, entry: CatalogueEntry) -> Panel:
+    """A panel of one metric, by all of its labels."""
     title = name.removeprefix("deconflict_").removesuffix("_total").replace("_", " ").capitalize()
     legend = " ".join(f"{{{{{label}}}}}" for label in entry.labels)
     if entry.kind == "histogram":
@@ -49,13 +49,15 @@ providers:
 
 
 def files() -> dict[str, str]:
-    """Everything for Grafana and Prometheus: file name to content."""
-    pages = {f"grafana/{one.uid}.json": json.dumps(as_json(one), indent=1) + "\n" for one in dashboards()}
-    return pages | {"grafana/provider.yml": PROVIDER, "prometheus/deconflict.rules.yml": rules_file()}
+    """All files for Grafana and Prometheus: content by file name."""
+    documents = {
+        f"grafana/{dashboard.uid}.json": json.dumps(as_json(dashboard), indent=1) + "\n" for dashboard in dashboards()
+    }
+    return documents | {"grafana/provider.yml": PROVIDER, "prometheus/deconflict.rules.yml": rules_file()}
 
 
 def write(folder: Path) -> list[Path]:
-    """Write every file below `folder`; what was written."""
+    """Write every file below `folder`. Returns their paths."""
     written = []
     for name, content in files().items():
         path = folder / name

@@ -1,4 +1,4 @@
-"""The dashboard of the engine's health, and of what feeds it and what it feeds."""
+"""The dashboard of the health of the engine, the ingest, the store and the stream."""
 
 from metrics.monitoring.alert_rules import OBJECTIVE_S
 from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query
@@ -28,7 +28,7 @@ ENGINE = Dashboard(
                     tuple(Query(quantile(share, _STEP, WINDOW), f"p{share * 100:g}") for share in (0.5, 0.95, 0.99)),
                 ),
                 Panel(
-                    "Share of time computing",
+                    "Share of time that the engine computes",
                     "percentunit",
                     (Query(time_share(_STEP, WINDOW), "engine"),),
                     warn_above=0.8,
@@ -43,7 +43,7 @@ ENGINE = Dashboard(
                     ),
                 ),
                 Panel(
-                    "Pairs under watch, by what became of them",
+                    "Watched pairs, by outcome",
                     "ops",
                     (
                         Query(
@@ -84,12 +84,16 @@ ENGINE = Dashboard(
                     ),
                 ),
                 Panel(
-                    "Messages beyond a vendor's share",
+                    "Messages over a vendor's rate limit",
                     "ops",
                     (Query(or_zero_by_vendor(rate("deconflict_messages_shed_total", WINDOW, VENDOR)), "{{vendor}}"),),
                 ),
                 Panel("Recording", "Bps", (rated("deconflict_recorded_bytes_total", legend="written"),)),
-                Panel("Lines not recorded", "ops", (rated("deconflict_recorded_lines_dropped_total", legend="lost"),)),
+                Panel(
+                    "Lines lost by the recording",
+                    "ops",
+                    (rated("deconflict_recorded_lines_dropped_total", legend="lost"),),
+                ),
             ),
         ),
         PanelRow(
@@ -118,12 +122,12 @@ ENGINE = Dashboard(
                     ),
                 ),
                 Panel(
-                    "Learning that could not be read or kept",
+                    "Failures to read or write what was learned",
                     "ops",
                     (rated("deconflict_learning_failures_total", ["what"], "{{what}}"),),
                 ),
                 Panel(
-                    "Followers of the stream, and pages",
+                    "Subscribers of the stream, and open pages",
                     "short",
                     (
                         Query(level("deconflict_stream_subscribers"), "stream"),
@@ -148,7 +152,7 @@ ENGINE = Dashboard(
                         ),
                     ),
                 ),
-                Panel("Followers dropped", "ops", (rated("deconflict_stream_dropped_total", legend="dropped"),)),
+                Panel("Subscribers disconnected", "ops", (rated("deconflict_stream_dropped_total", legend="dropped"),)),
             ),
         ),
     ),

@@ -1,22 +1,22 @@
-"""What a dashboard shows, as Grafana's JSON: panels of queries, laid out in rows of 24 columns."""
+"""Dashboards as Grafana's JSON: panels of queries, laid out in rows of 24 columns."""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from metrics.monitoring.exposition import CATALOGUE
+from metrics.monitoring.catalogue import CATALOGUE
 
 Document = dict[str, Any]
 COLUMNS = 24
 SCHEMA_VERSION = 39
-"""Of Grafana's dashboard JSON; Grafana 10 wrote it, later releases read it."""
+"""Version of Grafana's dashboard JSON. Grafana 10 wrote this version; later releases can read it."""
 SOURCE = {"type": "prometheus", "uid": "${source}"}
 
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A PromQL query, and what its series are called, such as `{{vendor}}`."""
+    """A PromQL query, and the legend of its series, such as `{{vendor}}`."""
 
     promql: str
     legend: str = ""
@@ -24,7 +24,7 @@ class Query:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One picture. Its description is what the catalogue says of the metrics it shows."""
+    """One panel. Its description is the catalogue's help for the metrics that it shows."""
 
     title: str
     unit: str
@@ -47,7 +47,7 @@ class PanelRow:
 
 @dataclass(frozen=True, slots=True)
 class Dashboard:
-    """One page of rows."""
+    """One dashboard of rows."""
 
     uid: str
     title: str
@@ -61,13 +61,13 @@ class Dashboard:
 
 
 def names_in(promql: str) -> set[str]:
-    """The metrics of the catalogue that a query reads."""
-    words = (re.sub("_(bucket|sum|count)$", "", word) for word in re.findall(r"\bdeconflict_\w+", promql))
-    return {word for word in words if word in CATALOGUE}
+    """The metrics of the catalogue that a query uses."""
+    names = (re.sub("_(bucket|sum|count)$", "", name) for name in re.findall(r"\bdeconflict_\w+", promql))
+    return {name for name in names if name in CATALOGUE}
 
 
 def as_json(dashboard: Dashboard) -> Document:
-    """The dashboard as Grafana reads it from a file."""
+    """The dashboard in the form that Grafana reads from a file."""
     return {
         "uid": dashboard.uid,
         "title": dashboard.title,
@@ -136,7 +136,7 @@ def _target(row: int, query: Query, kind: str) -> Document:
 
 
 def _one_table(queries: Sequence[Query]) -> Iterator[Document]:
-    """One line a vendor, one column a query named by its legend."""
+    """One row for each vendor, and one column for each query, named by its legend."""
     yield {"id": "joinByField", "options": {"byField": "vendor", "mode": "outer"}}
     names = {f"Value #{_letter(row)}": query.legend for row, query in enumerate(queries)}
     times = {"Time": True} | {f"Time {row + 1}": True for row in range(len(queries))}

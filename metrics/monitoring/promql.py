@@ -1,41 +1,41 @@
-"""PromQL built from the catalogue, so that no dashboard and no rule asks for a metric or a label that is not there."""
+"""PromQL built from the catalogue, so that no dashboard or rule uses a metric or label that does not exist."""
 
 from collections.abc import Iterable, Mapping
 
 from ingest.measures.measures import LATENCY_BOUNDS_S
-from metrics.monitoring.exposition import CATALOGUE, CatalogueEntry
+from metrics.monitoring.catalogue import CATALOGUE, CatalogueEntry
 
 Where = Mapping[str, str]
-"""Label to the value it must have."""
+"""Required value by label."""
 
 
 class UnknownSeriesError(ValueError):
-    """A query asks for what the catalogue does not have."""
+    """A query uses a metric or label that the catalogue does not have."""
 
 
 def level(name: str, by: Iterable[str] = (), *, where: Where | None = None, over: str = "sum") -> str:
-    """A gauge, brought together by `over`: sum, max, min or avg."""
+    """A gauge, aggregated by `over`: sum, max, min or avg."""
     return f"{over}{_by(by)} ({_series(name, 'gauge', by, where)})"
 
 
 def rate(name: str, window: str, by: Iterable[str] = (), *, where: Where | None = None) -> str:
-    """A counter's rise, per second."""
+    """The increase of a counter per second."""
     return f"sum{_by(by)} (rate({_series(name, 'counter', by, where)}[{window}]))"
 
 
 def increase(name: str, window: str, by: Iterable[str] = (), *, where: Where | None = None) -> str:
-    """A counter's rise within the window."""
+    """The increase of a counter within the window."""
     return f"sum{_by(by)} (increase({_series(name, 'counter', by, where)}[{window}]))"
 
 
 def quantile(share: float, name: str, window: str, by: Iterable[str] = ()) -> str:
-    """A histogram's quantile."""
+    """The `share` quantile of a histogram."""
     buckets = _series(name, "histogram", by, None, "_bucket")
     return f"histogram_quantile({share}, sum{_by([*by, 'le'])} (rate({buckets}[{window}])))"
 
 
 def share_within(bound_s: float, name: str, window: str, by: Iterable[str] = ()) -> str:
-    """Share of a histogram's observations that are not above one of its bounds."""
+    """Share of a histogram's observations that are at most `bound_s`, which must be one of its bounds."""
     if bound_s not in LATENCY_BOUNDS_S:
         raise UnknownSeriesError(f"{name} has no bound at {bound_s}")
     within = _series(name, "histogram", by, None, "_bucket") + f'{{le="{bound_s}"}}'
@@ -44,12 +44,12 @@ def share_within(bound_s: float, name: str, window: str, by: Iterable[str] = ())
 
 
 def time_share(name: str, window: str) -> str:
-    """Share of the time that a histogram of durations accounts for."""
+    """Share of the time that the durations of a histogram add up to."""
     return f"sum (rate({_series(name, 'histogram', (), None, '_sum')}[{window}]))"
 
 
 def or_zero_by_vendor(query: str) -> str:
-    """0 for each vendor with robots that the query tells nothing of."""
+    """The query, with 0 for each vendor that has robots but no result."""
     return f"{query} or 0 * {level('deconflict_robots', ['vendor'])}"
 
 

@@ -1,4 +1,4 @@
-"""What the dashboards of the site and of its vendors show. That of the service itself is in `health`."""
+"""The dashboards of the site and of its vendors. The dashboard of the service is in `health_page`."""
 
 from collections.abc import Iterable
 
@@ -25,8 +25,8 @@ _OFF = "deconflict_forecast_error_metres"
 _WITHIN = share_within(OBJECTIVE_S, STATUS_WAIT, WINDOW, VENDOR)
 
 
-def _told(query: str, legend: str) -> Query:
-    """A query of what is told only at times; 0 at others."""
+def _sometimes_absent(query: str, legend: str) -> Query:
+    """A query of a series that is absent at times; 0 at these times."""
     return Query(f"{query} or vector(0)", legend)
 
 
@@ -35,12 +35,12 @@ def rated(name: str, by: Iterable[str] = (), legend: str = "") -> Query:
 
 
 def rare(name: str, legend: str) -> Query:
-    """A counter with labels that may not have begun: 0 until then."""
+    """A counter with labels that may not exist yet; 0 until it does."""
     return Query(f"{rate(name, WINDOW)} or vector(0)", legend)
 
 
 def each(title: str, unit: str, name: str, label: str, warn_above: float | None = None) -> Panel:
-    """One line for each value of a label; 0 where the site has none."""
+    """One line for each value of a label; 0 if the site has none."""
     query = f"{level(name, [label], over='max')} or vector(0)"
     return Panel(title, unit, (Query(query, f"{{{{{label}}}}}"),), warn_above=warn_above)
 
@@ -129,11 +129,13 @@ SITE = Dashboard(
             ),
         ),
         PanelRow(
-            "What is shared",
+            "Shared places",
             (
                 each("Robots at each resource and zone", "short", "deconflict_resource_occupancy", "resource"),
-                each("Robots that have it or will want it", "short", "deconflict_resource_demand", "resource"),
-                each("Longest wait expected", "s", "deconflict_resource_wait_seconds", "resource"),
+                each(
+                    "Robots that occupy or will need each resource", "short", "deconflict_resource_demand", "resource"
+                ),
+                each("Longest expected wait", "s", "deconflict_resource_wait_seconds", "resource"),
                 each("Robots that leave a zone", "ops", "deconflict_zone_flow_per_second", "zone"),
                 each("Saturation of zones", "percentunit", "deconflict_zone_saturation_ratio", "zone", warn_above=1.0),
                 Panel("Deadlocks ahead", "short", (Query(level("deconflict_deadlocks_ahead"), "rings"),), warn_above=1),
@@ -154,14 +156,14 @@ VENDORS = Dashboard(
                     "short",
                     (
                         Query(level("deconflict_robots", VENDOR), "robots"),
-                        Query(_PER_MESSAGE, "messages a second"),
-                        Query(_DEVIATIONS, "deviations a message"),
+                        Query(_PER_MESSAGE, "messages per second"),
+                        Query(_DEVIATIONS, "deviations per message"),
                         Query(_REJECTED, "share rejected"),
                         Query(level("deconflict_clock_offset_seconds", VENDOR, over="max"), "clock offset, s"),
                         Query(level("deconflict_clock_delay_seconds", VENDOR, over="max"), "delay, s"),
                         Query(level("deconflict_forecast_age_seconds", VENDOR, over="max"), "forecast age, s"),
                         Query(_WITHIN, "share within 250 ms"),
-                        Query(_NUISANCE, "conflicts that did not come about"),
+                        Query(_NUISANCE, "share of conflicts that did not happen"),
                     ),
                     "table",
                     24,
@@ -180,7 +182,7 @@ VENDORS = Dashboard(
                         Query(level("deconflict_messages_per_second", VENDOR), "{{vendor}}, last minute"),
                     ),
                 ),
-                Panel("Deviations a message", "short", (Query(_DEVIATIONS, "{{vendor}}"),)),
+                Panel("Deviations per message", "short", (Query(_DEVIATIONS, "{{vendor}}"),)),
                 Panel("Share rejected", "percentunit", (Query(_REJECTED, "{{vendor}}"),), warn_above=0.05),
                 Panel(
                     "Deviations by rule",
@@ -205,7 +207,7 @@ VENDORS = Dashboard(
             "Forecasts",
             (
                 Panel(
-                    "Off by at most this, in 80 % of cases",
+                    "80 % error of forecasts",
                     "m",
                     (
                         Query(
@@ -247,7 +249,7 @@ VENDORS = Dashboard(
                     (Query(level("deconflict_clock_offset_seconds", VENDOR, over="max"), "{{vendor}}"),),
                 ),
                 Panel(
-                    "From true to arrived",
+                    "Delay from measurement to arrival",
                     "s",
                     (Query(level("deconflict_clock_delay_seconds", VENDOR, over="max"), "{{vendor}}"),),
                 ),
@@ -263,10 +265,10 @@ VENDORS = Dashboard(
                     warn_below=OBJECTIVE_SHARE,
                 ),
                 Panel(
-                    "Changed since",
+                    "Time since a change",
                     "dateTimeFromNow",
                     (
-                        _told(
+                        _sometimes_absent(
                             f"1000 * {level(clock_changes.SINCE, ['vendor', 'what'], over='max')}",
                             "{{vendor}} {{what}}",
                         ),
@@ -274,58 +276,65 @@ VENDORS = Dashboard(
                     "stat",
                 ),
                 Panel(
-                    "Changed by, metres",
+                    "Size of a change, metres",
                     "m",
                     tuple(
-                        _told(level(clock_changes.AMOUNTS[what], VENDOR, over="max"), f"{{{{vendor}}}} {what}")
+                        _sometimes_absent(
+                            level(clock_changes.AMOUNTS[what], VENDOR, over="max"), f"{{{{vendor}}}} {what}"
+                        )
                         for what in ("forecast", "datum")
                     ),
                 ),
                 Panel(
-                    "Changed by, seconds",
+                    "Size of a change, seconds",
                     "s",
-                    (_told(level(clock_changes.AMOUNTS["clock"], VENDOR, over="max"), "{{vendor}} clock"),),
+                    (_sometimes_absent(level(clock_changes.AMOUNTS["clock"], VENDOR, over="max"), "{{vendor}} clock"),),
                 ),
                 Panel(
-                    "Robots that do other than they say, and forecasts of theirs",
+                    "Robots whose motion contradicts their forecasts",
                     "short",
                     (
-                        _told(level("deconflict_robots_distrusted", VENDOR), "{{vendor}} robots"),
-                        _told(
+                        _sometimes_absent(level("deconflict_robots_distrusted", VENDOR), "{{vendor}} robots"),
+                        _sometimes_absent(
                             rate("deconflict_forecasts_distrusted_total", WINDOW, VENDOR),
                             "{{vendor}} forecasts/s",
                         ),
                     ),
                 ),
-                each("Drift of the frame", "m", "deconflict_datum_drift_metres", "vendor", warn_above=0.2),
-                each("Time to a destination over the time told", "short", "deconflict_arrival_time_ratio", "vendor"),
+                each("Drift of the coordinate frame", "m", "deconflict_datum_drift_metres", "vendor", warn_above=0.2),
+                each(
+                    "Actual time to a destination, divided by the announced time",
+                    "short",
+                    "deconflict_arrival_time_ratio",
+                    "vendor",
+                ),
                 Panel(
-                    "Arrivals early or late, median",
+                    "Median error of announced arrivals",
                     "s",
                     (
-                        _told(
+                        _sometimes_absent(
                             level(
                                 "deconflict_arrival_error_seconds",
                                 ["vendor", "ahead_up_to_s"],
                                 over="max",
                                 where={"share": "0.5"},
                             ),
-                            "{{vendor}}, told up to {{ahead_up_to_s}} s ahead",
+                            "{{vendor}}, up to {{ahead_up_to_s}} s ahead",
                         ),
                     ),
                 ),
                 Panel(
-                    "Arrivals that came late",
+                    "Share of late arrivals",
                     "percentunit",
                     (
-                        _told(
+                        _sometimes_absent(
                             level("deconflict_arrivals_late_ratio", ["vendor", "ahead_up_to_s"], over="max"),
-                            "{{vendor}}, told up to {{ahead_up_to_s}} s ahead",
+                            "{{vendor}}, up to {{ahead_up_to_s}} s ahead",
                         ),
                     ),
                 ),
                 Panel(
-                    "Conflicts that did not come about, of those ended in an hour",
+                    "Share of conflicts that did not happen, last hour",
                     "percentunit",
                     (Query(_NUISANCE, "{{vendor}}"),),
                 ),

@@ -1,4 +1,4 @@
-"""The drawings of a replay's report, each from a part of the result of `metrics/replay/replay.py`."""
+"""The drawings of a replay's report. Each draws a part of the result of `metrics/replay/replay.py`."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -9,28 +9,28 @@ from metrics.report.svg import Chart, Point, fitted
 
 Part = Mapping[str, Any]
 COLOURS = 6
-"""Lines that can be told apart."""
+"""Number of colours that a reader can distinguish."""
 SCALES_M = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2)
-"""Lengths of a scale bar."""
+"""Possible lengths of a scale bar."""
 LEADS_S = 12
-"""Whole seconds of lead time that have a bar; the last holds what is longer."""
+"""Number of bars, one for each whole second of lead time. The last also counts longer times."""
 
 
-def reliability(bins: Sequence[Part]) -> str:
-    """What was said against what came true; the area of a dot is its share of the samples."""
+def reliability(rows: Sequence[Part]) -> str:
+    """Published probability against the share that came true. The area of a dot is its share of the samples."""
     chart = Chart((0.0, 1.0), (0.0, 1.0))
     chart.axes("probability published", "share that came true")
     chart.line([(0.0, 0.0), (1.0, 1.0)], "ideal")
-    most = max((one["samples"] for one in bins), default=1)
-    chart.line([(one["probability"], one["came_true"]) for one in bins], "line c0")
-    for one in bins:
-        title = f"said {one['probability']:.2f}, came true {one['came_true']:.2f}, {one['samples']} samples"
-        chart.dot((one["probability"], one["came_true"]), 3 + 5 * sqrt(one["samples"] / most), "dot c0", title)
+    most = max((row["samples"] for row in rows), default=1)
+    chart.line([(row["probability"], row["came_true"]) for row in rows], "line c0")
+    for row in rows:
+        title = f"published {row['probability']:.2f}, came true {row['came_true']:.2f}, {row['samples']} samples"
+        chart.dot((row["probability"], row["came_true"]), 3 + 5 * sqrt(row["samples"] / most), "dot c0", title)
     return chart.drawn("Reliability diagram")
 
 
 def lead_times(leads_s: Sequence[float]) -> str:
-    """How many encounters were foreseen how long before."""
+    """Number of predicted encounters by lead time."""
     counts = Counter(min(max(int(lead), 0), LEADS_S - 1) for lead in leads_s)
     chart = Chart((0.0, LEADS_S), (0.0, max(counts.values(), default=1) * 1.05))
     chart.axes("lead time, seconds", "encounters")
@@ -41,7 +41,7 @@ def lead_times(leads_s: Sequence[float]) -> str:
 
 
 def errors(models: Sequence[Part]) -> str:
-    """Median (line) and p90 (dashes) of the distance by horizon, a colour for each vendor and model."""
+    """Median (line) and p90 (dashed) of the distance by horizon, in one colour for each vendor and model."""
     shown = models[:COLOURS]
     values = [row["distance_p90_m"] or 0.0 for model in shown for row in model["horizons"]]
     chart = Chart((0.0, 10.0), (0.0, max(values, default=1.0) or 1.0))
@@ -55,7 +55,7 @@ def errors(models: Sequence[Part]) -> str:
 
 
 def heat(alerts: Sequence[tuple[Point, str]]) -> str:
-    """Where conflicts were predicted, a metre or more a cell: darker is more, the title says how many came true."""
+    """Where conflicts were predicted. A darker cell has more; its title says how many came true."""
     xs, ys = [x for (x, _), _ in alerts], [y for (_, y), _ in alerts]
     reach = max(max(xs) - min(xs), max(ys) - min(ys), 8.0)
     cell = next(size for size in (0.5, 1.0, 2.0, 5.0, 10.0, 50.0, reach) if reach / size <= 60)
@@ -76,10 +76,11 @@ def heat(alerts: Sequence[tuple[Point, str]]) -> str:
     return chart.drawn("Where conflicts were predicted")
 
 
-def scene(one: Part) -> str:
-    """Two robots around the moment they were nearest: their ways, an outline every second, the nearest filled."""
-    tracks = [_track(text) for text in one["tracks"]]
-    sizes = [(float(length), float(width)) for length, width in one["sizes_m"]]
+def scene(document: Part) -> str:
+    """Two robots around the moment when they were nearest: their tracks, and an outline each second, filled at that
+    moment."""
+    tracks = [_track(text) for text in document["tracks"]]
+    sizes = [(float(length), float(width)) for length, width in document["sizes_m"]]
     room = [
         (x + sign * hypot(*size) / 2, y + sign * hypot(*size) / 2)
         for track, size in zip(tracks, sizes, strict=True)
@@ -89,18 +90,18 @@ def scene(one: Part) -> str:
     chart = fitted(room, 200, 200, 16)
     for number, (track, size) in enumerate(zip(tracks, sizes, strict=True)):
         chart.line([(x, y) for x, y, _ in track], f"line c{number}")
-        for pose in track[one["nearest"] % 5 :: 5]:
+        for pose in track[document["nearest"] % 5 :: 5]:
             chart.polygon(_corners(pose, size), f"outline c{number}")
     for number, (track, size) in enumerate(zip(tracks, sizes, strict=True)):
-        chart.polygon(_corners(track[one["nearest"]], size), f"envelope c{number}", one["robots"][number])
+        chart.polygon(_corners(track[document["nearest"]], size), f"envelope c{number}", document["robots"][number])
     _scale(chart)
     return chart.drawn("Two envelopes where they were nearest")
 
 
 def _scale(chart: Chart) -> None:
-    """A bar of a round length in the lower left corner, and how long it is."""
+    """Draw a bar in the lower left corner with its length in metres."""
     metre = chart.at(1.0, 0.0)[0] - chart.at(0.0, 0.0)[0]
-    length_m = next((one for one in SCALES_M if one * metre <= 0.35 * chart.width), SCALES_M[-1])
+    length_m = next((scale_m for scale_m in SCALES_M if scale_m * metre <= 0.35 * chart.width), SCALES_M[-1])
     end = 8 + length_m * metre
     y = chart.height - 6
     chart.marks.append(f'<path class="scale" d="M8 {y - 4}V{y}H{end:.1f}V{y - 4}"/>')

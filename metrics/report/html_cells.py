@@ -1,4 +1,4 @@
-"""Tables and values of a page for people."""
+"""Tables and formatted values for the HTML report."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -7,12 +7,12 @@ from typing import Any
 Part = Mapping[str, Any]
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], words: int = 1) -> str:
-    """Cells are escaped; the first `words` columns are words, the others numbers."""
-    top = "".join(f"<th>{escape(one)}</th>" for one in head)
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1) -> str:
+    """A table with escaped cells. The first `text_columns` columns hold text, the others numbers."""
+    top = "".join(f"<th>{escape(title)}</th>" for title in head)
     body = "".join(
         "<tr>"
-        + "".join(f"<td{'' if n < words else ' class=n'}>{escape(cell)}</td>" for n, cell in enumerate(row))
+        + "".join(f"<td{'' if n < text_columns else ' class=n'}>{escape(cell)}</td>" for n, cell in enumerate(row))
         + "</tr>"
         for row in rows
     )
@@ -23,8 +23,8 @@ def figure(drawing: str, caption: str) -> str:
     return f"<figure>{drawing}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
-def maker(one: Part) -> str:
-    return f"{one['vendor']} {one['model']}".strip()
+def maker(row: Part) -> str:
+    return f"{row['vendor']} {row['model']}".strip()
 
 
 def sure(score: Part, name: str) -> str:
@@ -45,5 +45,5 @@ def spread(value: Part | None) -> str:
 
 
 def moment(stamp: str) -> str:
-    """A time of the log for a person, UTC."""
+    """A timestamp as text for a person, UTC."""
     return f"{stamp[:10]} {stamp[11:19]} UTC"

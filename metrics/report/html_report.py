@@ -1,4 +1,4 @@
-"""A replay's result as one page for people: opens offline, needs no script, prints."""
+"""A replay's result as one HTML page. It opens offline, needs no script, and can be printed."""
 
 from collections.abc import Iterator, Sequence
 from html import escape
@@ -11,7 +11,7 @@ from metrics.scoring.forecast_scores import BANDS
 
 
 def page(result: Part, title: str) -> str:
-    """The whole page, for the result of `metrics/replay/replay.py`."""
+    """The whole page for a result of `metrics/replay/replay.py`."""
     body = "\n".join(_sections(result))
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -28,47 +28,47 @@ def _sections(result: Part) -> Iterator[str]:
     )
     if "late_messages" in result:
         yield (
-            f"<p>{result['late_messages']:,} messages stood behind others that came up to {result['late_by_s']:g} s"
-            " later, and were taken where they stood.</p>"
+            f"<p>{result['late_messages']:,} messages come after messages that were received up to"
+            f" {result['late_by_s']:g} s later. They were read in the order of the log.</p>"
         )
     yield "<h2>Figures</h2>" + _figures(result["scores"])
     for score in result["scores"]:
         yield f"<h2>Clearance {score['clearance_m']:g} m</h2>" + "".join(_score(score))
     yield "<h2>Silent robots</h2>" + _silences(result["scores"])
     yield "<h2>Vendors</h2>" + _scorecard(result) + _trust(result["vendors"])
-    yield "<h2>How far forecasts were off</h2>" + _errors(result["forecast_error"]["by_model"])
+    yield "<h2>Forecast errors</h2>" + _errors(result["forecast_error"]["by_model"])
     if result["arrivals"]:
-        yield "<h2>How far arrivals were off</h2>" + arrivals(result["arrivals"])
+        yield "<h2>Errors of announced arrivals</h2>" + arrivals(result["arrivals"])
     if result["contention"]:
         yield "<h2>Queues, crowds, deadlocks and blockages</h2>" + contention(result["contention"])
     if result["places"]:
-        yield "<h2>What was said of places, by how far ahead</h2>" + places(result["places"])
-    yield "<h2>The nearest moments</h2>" + _scenes(result["nearest"])
+        yield "<h2>Forecasts for shared places</h2>" + places(result["places"])
+    yield "<h2>Nearest moments</h2>" + _scenes(result["nearest"])
     yield "<h2>Departures from the standard</h2>" + _conformance(result["conformance"])
 
 
 def _figures(scores: Sequence[Part]) -> str:
     rows = [
         [
-            f"{one['clearance_m']:g} m",
-            f"{one['foreseeable']}",
-            sure(one, "recall"),
-            share(one["recall_any"]),
-            f"{one['alerts']}",
-            f"{one['censored'] + one['heeded']}",
-            sure(one, "precision"),
-            spread(one["lead_time_s"]),
-            number(one["start_error_s"]),
-            number(one["ece"], 3),
-            number(one["brier_skill"], 2),
+            f"{score['clearance_m']:g} m",
+            f"{score['foreseeable']}",
+            sure(score, "recall"),
+            share(score["recall_any"]),
+            f"{score['alerts']}",
+            f"{score['censored'] + score['heeded']}",
+            sure(score, "precision"),
+            spread(score["lead_time_s"]),
+            number(score["start_error_s"]),
+            number(score["ece"], 3),
+            number(score["brier_skill"], 2),
         ]
-        for one in scores
+        for score in scores
     ]
-    head = ("clearance", "encounters foreseeable", "recall", "at any time", "alerts", "can't be told", "precision")
+    head = ("clearance", "encounters foreseeable", "recall", "at any time", "alerts", "outcome unknown", "precision")
     more = ("lead time, s (p10 to p90)", "start error, s", "calibration error", "Brier skill")
     return table((*head, *more), rows) + (
-        '<p class="note">Recall: share of foreseeable encounters with an alert standing at a second of the last 2 s.'
-        " Precision: share of alerts that an encounter followed within 10 s. In brackets: 95 % interval.</p>"
+        '<p class="note">Recall: share of foreseeable encounters with an open alert in the last 2 s before them.'
+        " Precision: share of alerts followed by an encounter within 10 s. In brackets: 95 % interval.</p>"
     )
 
 
@@ -76,10 +76,10 @@ def _score(score: Part) -> Iterator[str]:
     cases = score["cases"]
     leads = [float(text) for text in cases["lead_time_s"].split() if text != "-"]
     yield '<div class="row">'
-    yield figure(figures.lead_times(leads), f"Lead time of the {len(leads)} encounters that were foreseen")
+    yield figure(figures.lead_times(leads), f"Lead time of the {len(leads)} encounters with an alert")
     if score["reliability"]:
-        told = f"Of {score['samples']:,} probabilities published: the nearer to the diagonal the truer"
-        yield figure(figures.reliability(score["reliability"]), told)
+        caption = f"{score['samples']:,} published probabilities. Perfect calibration is on the diagonal"
+        yield figure(figures.reliability(score["reliability"]), caption)
     for floor, alerts in sorted(_by_floor(cases).items()):
         caption = f"Where conflicts were predicted, floor {floor}: {len(alerts)} alerts"
         yield figure(figures.heat(alerts), caption)
@@ -87,25 +87,25 @@ def _score(score: Part) -> Iterator[str]:
 
 
 def _silences(scores: Sequence[Part]) -> str:
-    """What was told of robots that had fallen silent."""
+    """Advisories about robots that had become silent."""
     rows = [
         [
-            f"{one['clearance_m']:g} m",
-            f"{told['raised']:,}",
-            f"{told['about_gone']:,}",
-            share(told["about_gone_share"]),
-            f"{told['silent_there']:,}",
-            f"{told['meetings']:,}",
-            share(told["told_of_share"]),
+            f"{score['clearance_m']:g} m",
+            f"{silences['raised']:,}",
+            f"{silences['about_gone']:,}",
+            share(silences["about_gone_share"]),
+            f"{silences['silent_there']:,}",
+            f"{silences['meetings']:,}",
+            share(silences["told_of_share"]),
         ]
-        for one in scores
-        for told in (one["silences"],)
+        for score in scores
+        for silences in (score["silences"],)
     ]
-    head = ("clearance", "advisories", "about somebody gone", "share of them", "silences of robots that were there")
-    return table((*head, "meetings with these", "told of"), rows) + (
-        '<p class="note">Gone: from the longer of 5 s and three of its usual intervals after it was heard last, for'
-        " good or until it came back elsewhere. A meeting: another robot came within the clearance of where one"
-        " stood.</p>"
+    head = ("clearance", "advisories", "about a robot that was gone", "share", "silences of robots that were there")
+    return table((*head, "encounters with these", "share with an advisory"), rows) + (
+        '<p class="note">A robot counts as gone from 5 s, or three of its usual intervals if that is longer, after its'
+        " last report; for good, or until it reported from another place. An encounter with a silent robot: another"
+        " robot came within the clearance of its place.</p>"
     )
 
 
@@ -119,73 +119,75 @@ def _by_floor(cases: Part) -> dict[str, list[tuple[Point, str]]]:
 
 
 def _scorecard(result: Part) -> str:
-    """A line for each vendor, at the first clearance."""
+    """One row for each vendor, at the first clearance."""
     score = result["scores"][0]
-    conduct = {one["vendor"]: one for one in result["conformance"]}
-    ahead = {one["vendor"]: one["horizons"][2] for one in result["forecast_error"]["by_vendor"]}
-    grades = {one["vendor"]: one["grade"] for one in result["vendors"]}
+    conformance = {row["vendor"]: row for row in result["conformance"]}
+    ahead = {row["vendor"]: row["horizons"][2] for row in result["forecast_error"]["by_vendor"]}
+    grades = {row["vendor"]: row["grade"] for row in result["vendors"]}
     rows = []
-    for one in score["by_vendor"]:
-        off, said = ahead.get(one["vendor"]), conduct.get(one["vendor"])
-        departures = sum(found["count"] for found in said["findings"]) if said else 0
-        messages = said["accepted"] + said["rejected"] if said else 0
+    for vendor in score["by_vendor"]:
+        errors, counts = ahead.get(vendor["vendor"]), conformance.get(vendor["vendor"])
+        departures = sum(finding["count"] for finding in counts["findings"]) if counts else 0
+        messages = counts["accepted"] + counts["rejected"] if counts else 0
         rows.append(
             [
-                one["vendor"],
-                grades.get(one["vendor"]) or "-",
-                f"{one['robot_hours']:.2f}",
-                f"{one['foreseeable']}",
-                share(one["recall"]),
-                share(one["precision"]),
-                number(one["alerts_per_robot_hour"]),
-                number(one["lead_time_s"] and one["lead_time_s"]["median"]),
-                "-" if off is None else f"{number(off['distance_median_m'], 2)} / {number(off['distance_p90_m'], 2)}",
+                vendor["vendor"],
+                grades.get(vendor["vendor"]) or "-",
+                f"{vendor['robot_hours']:.2f}",
+                f"{vendor['foreseeable']}",
+                share(vendor["recall"]),
+                share(vendor["precision"]),
+                number(vendor["alerts_per_robot_hour"]),
+                number(vendor["lead_time_s"] and vendor["lead_time_s"]["median"]),
+                "-"
+                if errors is None
+                else f"{number(errors['distance_median_m'], 2)} / {number(errors['distance_p90_m'], 2)}",
                 f"{messages:,}",
-                f"{said['rejected']:,}" if said else "-",
+                f"{counts['rejected']:,}" if counts else "-",
                 f"{100 * departures / messages:.1f}" if messages else "-",
             ]
         )
-    head = ("vendor", "grade", "robot-hours", "encounters", "recall", "precision", "alerts a robot-hour")
-    more = ("lead time, s", "off after 3 s, m: median / p90", "messages", "rejected", "departures in 100 messages")
+    head = ("vendor", "grade", "robot-hours", "encounters", "recall", "precision", "alerts per robot-hour")
+    more = ("lead time, s", "error 3 s ahead, m: median / p90", "messages", "rejected", "departures per 100 messages")
     return f"<p>At a clearance of {score['clearance_m']:g} m.</p>" + table((*head, *more), rows)
 
 
 def _trust(vendors: Sequence[Part]) -> str:
-    """How far each vendor's word can be trusted, and what changed of it."""
+    """How reliable each vendor's reports are, and what changed."""
     rows = [
         [
-            one["vendor"],
-            one["grade"] or "-",
-            one["grade_words"],
-            " / ".join(share(band["covered"]) for band in one["coverage"]) or "-",
-            number(one["ece"], 3),
-            f"{one['distrusted']:,}",
-            f"{one['forecasts_distrusted']:,}",
+            score["vendor"],
+            score["grade"] or "-",
+            score["grade_words"],
+            " / ".join(share(band["covered"]) for band in score["coverage"]) or "-",
+            number(score["ece"], 3),
+            f"{score['distrusted']:,}",
+            f"{score['forecasts_distrusted']:,}",
         ]
-        for one in vendors
+        for score in vendors
     ]
     head = ("vendor", "grade", "why", "in the 50 / 80 / 90 % bands", "calibration error")
-    more = ("robots at once that did other than they said", "forecasts distrusted")
+    more = ("most robots that contradicted their forecasts", "distrusted forecasts")
     flags = [
-        [one["vendor"], flag["words"], moment(flag["since"]), moment(flag["until"]) if flag["until"] else "the end"]
-        for one in vendors
-        for flag in one["flags"]
+        [score["vendor"], flag["words"], moment(flag["since"]), moment(flag["until"]) if flag["until"] else "the end"]
+        for score in vendors
+        for flag in score["flags"]
     ]
-    changed = table(("vendor", "what changed", "since", "until"), flags, words=4) if flags else ""
+    changed = table(("vendor", "what changed", "since", "until"), flags, text_columns=4) if flags else ""
     none = "" if flags else '<p class="note">No vendor\'s forecasts, positions or clocks changed.</p>'
-    return "<h3>What their word is worth</h3>" + table((*head, *more), rows, words=3) + changed + none
+    return "<h3>Reliability of reports</h3>" + table((*head, *more), rows, text_columns=3) + changed + none
 
 
 def _errors(models: Sequence[Part]) -> str:
     if not models:
-        return "<p>No robot said where it goes.</p>"
+        return "<p>No robot announced where it goes.</p>"
     legend = "".join(
-        f'<li><span class="key c{number}"></span>{escape(maker(one))}</li>'
-        for number, one in enumerate(models[: figures.COLOURS])
+        f'<li><span class="key c{number}"></span>{escape(maker(maker_row))}</li>'
+        for number, maker_row in enumerate(models[: figures.COLOURS])
     )
     rows = [
         [
-            maker(one),
+            maker(maker_row),
             f"{row['horizon_s']:g}",
             f"{row['cases']:,}",
             *(
@@ -194,41 +196,41 @@ def _errors(models: Sequence[Part]) -> str:
             ),
             " / ".join(share(row[f"covered_{band:.0%}".rstrip("%")]) for band in BANDS),
         ]
-        for one in models
-        for row in one["horizons"]
+        for maker_row in models
+        for row in maker_row["horizons"]
         if row["horizon_s"] in (1.0, 3.0, 5.0, 10.0)
     ]
     head = (
         "vendor and model",
         "s ahead",
         "cases",
-        "off, m: median / p90",
-        "along the track",
-        "across it",
+        "error, m: median / p90",
+        "along the heading",
+        "across the heading",
         "in the 50 / 80 / 90 % bands",
     )
-    chart = figure(figures.errors(models), "Distance from forecast to truth: median (line), p90 (dashes)")
+    chart = figure(figures.errors(models), "Distance from forecast to actual position: median (line), p90 (dashed)")
     return f'<div class="row">{chart}<ul class="legend">{legend}</ul></div>' + table(head, rows)
 
 
 def _scenes(scenes: Sequence[Part]) -> str:
-    drawn = [one for one in scenes if one["tracks"]]
+    drawn = [scene for scene in scenes if scene["tracks"]]
     if not drawn:
         return "<p>No two robots came near each other.</p>"
     cells = []
-    for one in drawn:
+    for scene in drawn:
         names = " and ".join(
-            f'<span class="key c{number}"></span>{escape(name)}' for number, name in enumerate(one["names"])
+            f'<span class="key c{number}"></span>{escape(name)}' for number, name in enumerate(scene["names"])
         )
-        depth = "touching" if one["separation_m"] == 0 else f"{one['separation_m']:.2f} m apart"
-        floor = one["floor_name"] or one["floor"][:8] or "no floor"
-        when = f"{moment(one['at'])}, {one['into_s']:.1f} s into the log"
-        where = f"{floor}, x {one['x_m']:.1f}, y {one['y_m']:.1f}"
-        lines = (names, escape(f"{depth}; {_warned(one)}"), escape(when), escape(where))
-        cells.append(f"<figure>{figures.scene(one)}<figcaption>{'<br>'.join(lines)}</figcaption></figure>")
+        depth = "touching" if scene["separation_m"] == 0 else f"{scene['separation_m']:.2f} m apart"
+        floor = scene["floor_name"] or scene["floor"][:8] or "no floor"
+        when = f"{moment(scene['at'])}, {scene['into_s']:.1f} s into the log"
+        where = f"{floor}, x {scene['x_m']:.1f}, y {scene['y_m']:.1f}"
+        lines = (names, escape(f"{depth}; {_warned(scene)}"), escape(when), escape(where))
+        cells.append(f"<figure>{figures.scene(scene)}<figcaption>{'<br>'.join(lines)}</figcaption></figure>")
     return (
         f'<div class="row small">{"".join(cells)}</div>'
-        '<p class="note">Six seconds before to three after, an outline every second; filled where nearest.</p>'
+        '<p class="note">Six seconds before to three after. An outline each second; the nearest is filled.</p>'
     )
 
 
@@ -242,13 +244,19 @@ def _warned(scene: Part) -> str:
 
 def _conformance(vendors: Sequence[Part]) -> str:
     rows = [
-        [vendor["vendor"], one["rule"], f"{one['count']:,}", "rejected" if one["rejects"] else "read", one["meaning"]]
+        [
+            vendor["vendor"],
+            finding["rule"],
+            f"{finding['count']:,}",
+            "rejected" if finding["rejects"] else "read",
+            finding["meaning"],
+        ]
         for vendor in vendors
-        for one in vendor["findings"]
+        for finding in vendor["findings"]
     ]
     if not rows:
         return "<p>No departures from the standard.</p>"
-    return table(("vendor", "rule", "how often", "", "what was seen, and how it is read"), rows, words=5)
+    return table(("vendor", "rule", "count", "", "departure, and how it is read"), rows, text_columns=5)
 
 
 def _span(seconds: float) -> str:

@@ -1,7 +1,7 @@
-"""A replay as an MCAP file for the robot viewers that people use: envelopes and forecasts drawn, advisories as a log.
+"""A replay as an MCAP file for robot viewers: drawn envelopes and forecasts, and advisories as log messages.
 
-Messages are JSON in Foxglove's well-known schemas `foxglove.SceneUpdate` and `foxglove.Log`, of which the schemas
-written here hold the fields that are used. Frames are floors.
+Messages are JSON in Foxglove's schemas `foxglove.SceneUpdate` and `foxglove.Log`. The schemas in the file contain only
+the fields that are used. Each floor is a frame.
 """
 
 import json
@@ -18,7 +18,7 @@ Message = dict[str, Any]
 
 SCENE, LOG = "foxglove.SceneUpdate", "foxglove.Log"
 UNKNOWN_HEIGHT_M = 1.0
-"""Drawn for a robot whose height nobody told."""
+"""Drawn height of a robot with unknown height."""
 LEVELS = {"caution": 2, "warning": 3, "critical": 4}
 """Severities as levels of a foxglove.Log: info, warning, error."""
 COLOURS = ((0.12, 0.44, 0.70), (0.76, 0.25, 0.05), (0.18, 0.49, 0.20), (0.48, 0.25, 0.63), (0.54, 0.43, 0.0))
@@ -34,17 +34,17 @@ class McapExport:
         self._log = self._channel("/advisories", LOG, _LOG_SCHEMA)
 
     def add_batch(self, now_s: float, batch: Batch) -> None:
-        """Draw the robots of a batch, each in place of what was drawn of it before."""
+        """Draw the robots of a batch. Each drawing replaces the robot's last one."""
         if len(batch) or batch.gone:
             entities = [_entity(batch, row) for row in range(len(batch)) if _floor(batch, row) >= 0]
             gone = [{"timestamp": _stamp(now_s), "type": 0, "id": uuid} for uuid in batch.gone]
             self._write(self._scene, now_s, {"deletions": gone, "entities": entities})
 
     def add_line(self, line: Message) -> None:
-        """Log one revision of an advisory, a line of `replay --advisories`."""
+        """Log one revision of an advisory, given as a line of `replay --advisories`."""
         at_s = datetime.fromisoformat(line["at"]).timestamp()
         message = f"{line['event']}: {line['summary']}"
-        said = {
+        entry = {
             "timestamp": _stamp(at_s),
             "level": LEVELS[line["severity"]],
             "message": message if line["probability"] is None else f"{message} (probability {line['probability']:.2f})",
@@ -52,10 +52,10 @@ class McapExport:
             "file": line["id"],
             "line": 0,
         }
-        self._write(self._log, at_s, said)
+        self._write(self._log, at_s, entry)
 
     def finish(self) -> None:
-        """Write the index; without it viewers read the file slowly."""
+        """Write the index. Without it viewers read the file slowly."""
         self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _channel(self, topic: str, name: str, schema: Message) -> int:
@@ -73,15 +73,18 @@ def _floor(batch: Batch, row: int) -> int:
 
 
 def _entity(batch: Batch, row: int) -> Message:
-    """One robot: its envelope where it is, its name, and the way that it says it will go on this floor."""
-    one = batch.forecasts.one(row)
-    tall = np.isfinite(one.top_m[0])
-    height_m = float(one.top_m[0] - one.bottom_m[0]) if tall else UNKNOWN_HEIGHT_M
+    """One robot: its envelope, its name, and its announced path on this floor."""
+    forecast = batch.forecasts.one(row)
+    tall = np.isfinite(forecast.top_m[0])
+    height_m = float(forecast.top_m[0] - forecast.bottom_m[0]) if tall else UNKNOWN_HEIGHT_M
     middle_m = height_m / 2
     colour = _colour(batch.vendors[row])
-    x, y, yaw = float(one.x_m[0]), float(one.y_m[0]), float(one.yaw_rad[0])
-    here = one.floor == one.floor[0]
-    way = [_vector(px, py, 0.0) for px, py in zip(one.x_m[here].tolist(), one.y_m[here].tolist(), strict=True)]
+    x, y, yaw = float(forecast.x_m[0]), float(forecast.y_m[0]), float(forecast.yaw_rad[0])
+    on_floor = forecast.floor == forecast.floor[0]
+    path = [
+        _vector(px, py, 0.0)
+        for px, py in zip(forecast.x_m[on_floor].tolist(), forecast.y_m[on_floor].tolist(), strict=True)
+    ]
     return {
         "timestamp": _stamp(float(batch.event_s[row])),
         "frame_id": batch.floors[_floor(batch, row)],
@@ -96,7 +99,7 @@ def _entity(batch: Batch, row: int) -> Message:
         "cubes": [
             {
                 "pose": _pose(x, y, middle_m, yaw),
-                "size": _vector(float(one.length_m[0]), float(one.width_m[0]), height_m),
+                "size": _vector(float(forecast.length_m[0]), float(forecast.width_m[0]), height_m),
                 "color": colour,
             }
         ],
@@ -108,13 +111,13 @@ def _entity(batch: Batch, row: int) -> Message:
                 "pose": _pose(0.0, 0.0, 0.0, 0.0),
                 "thickness": 0.05,
                 "scale_invariant": False,
-                "points": way,
+                "points": path,
                 "color": colour,
                 "colors": [],
                 "indices": [],
             }
         ]
-        if len(way) > 1
+        if len(path) > 1
         else [],
         "triangles": [],
         "texts": [
@@ -173,7 +176,7 @@ _LINE = _object(
     colors=_list(_COLOUR),
     indices=_list(_WHOLE),
 )
-_WORDS = _object(pose=_POSE, billboard=_FLAG, font_size=_NUMBER, scale_invariant=_FLAG, color=_COLOUR, text=_TEXT)
+_TEXTS = _object(pose=_POSE, billboard=_FLAG, font_size=_NUMBER, scale_invariant=_FLAG, color=_COLOUR, text=_TEXT)
 _SCENE_SCHEMA = _object(
     deletions=_list(_object(timestamp=_TIME, type=_WHOLE, id=_TEXT)),
     entities=_list(
@@ -186,7 +189,7 @@ _SCENE_SCHEMA = _object(
             metadata=_list(_object(key=_TEXT, value=_TEXT)),
             cubes=_list(_object(pose=_POSE, size=_XYZ, color=_COLOUR)),
             lines=_list(_LINE),
-            texts=_list(_WORDS),
+            texts=_list(_TEXTS),
             **{name: _list(_object()) for name in ("arrows", "spheres", "cylinders", "triangles", "models")},
         )
     ),

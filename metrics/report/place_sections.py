@@ -1,4 +1,4 @@
-"""What a replay's page tells of places that robots share: arrivals, queues, and what was said of them."""
+"""Sections of a replay's report about shared places: arrivals, contention, and forecasts for places."""
 
 from collections.abc import Sequence
 
@@ -8,71 +8,71 @@ from metrics.report.html_cells import Part, number, share, spread, sure, table
 def arrivals(rows: Sequence[Part]) -> str:
     cells = [
         [
-            one["vendor"],
-            _ahead(one),
-            f"{one['cases']:,}",
-            f"{number(one['off_median_s'])} / {number(one['off_p90_s'])}",
-            share(one["late"]),
-            f"{one['out']:,}",
+            row["vendor"],
+            _ahead(row),
+            f"{row['cases']:,}",
+            f"{number(row['off_median_s'])} / {number(row['off_p90_s'])}",
+            share(row["late"]),
+            f"{row['out']:,}",
         ]
-        for one in rows
+        for row in rows
     ]
-    head = ("vendor", "told up to so long ahead", "words", "off, s: median / p90", "share late", "not come yet")
+    head = ("vendor", "announced up to", "announcements", "error, s: median / p90", "share late", "not arrived")
     return table(head, cells) + (
-        '<p class="note">Of a robot that had not come when it was heard of last, only those words count whose time was'
-        " over; it is late by as long as it was awaited after that, or longer.</p>"
+        '<p class="note">If a robot never arrived, only announcements count whose time passed before its last report.'
+        " It is late by at least the time between the two.</p>"
     )
 
 
-def _foretold(kinds: Sequence[Part]) -> str:
-    """Which advisories came true, by how far ahead they were raised."""
+def _by_ahead(kinds: Sequence[Part]) -> str:
+    """The share of advisories that came true, by how far ahead they were raised."""
     rows = [
         [one["kind"].replace("_", " "), _ahead(part), f"{part['alerts']:,}", share(part["precision"])]
         for one in kinds
         for part in one["by_ahead"]
     ]
-    return table(("advisory", "raised up to so long ahead", "told", "came true"), rows) if rows else ""
+    return table(("advisory", "raised up to", "advisories", "came true"), rows) if rows else ""
 
 
-def _ahead(one: Part) -> str:
-    seconds = one["ahead_up_to_s"]
+def _ahead(row: Part) -> str:
+    seconds = row["ahead_up_to_s"]
     return f"{seconds:g} s" if seconds < 60 else f"{seconds / 60:g} min"
 
 
 def places(rows: Sequence[Part]) -> str:
     cells = [
         [
-            _ahead(one),
-            f"{one['said']:,}",
-            share(one["came"]),
-            f"{number(one['off_median_s'])} / {number(one['off_p90_s'])}",
-            share(one["late"]),
-            f"{one['entries']:,}",
-            share(one["foretold"]),
-            f"{one['full_said']:,}",
-            share(one["full_precision"]),
-            f"{one['full_happened']:,}",
-            share(one["full_recall"]),
+            _ahead(row),
+            f"{row['said']:,}",
+            share(row["came"]),
+            f"{number(row['off_median_s'])} / {number(row['off_p90_s'])}",
+            share(row["late"]),
+            f"{row['entries']:,}",
+            share(row["foretold"]),
+            f"{row['full_said']:,}",
+            share(row["full_precision"]),
+            f"{row['full_happened']:,}",
+            share(row["full_recall"]),
         ]
-        for one in rows
+        for row in rows
     ]
     needed = [
         [
-            _ahead(one),
-            f"{one['need_said']:,}",
-            share(one["need_likely"]),
-            share(one["need_came"]),
-            number(one["need_brier"], 3),
+            _ahead(row),
+            f"{row['need_said']:,}",
+            share(row["need_likely"]),
+            share(row["need_came"]),
+            number(row["need_brier"], 3),
         ]
-        for one in rows
-        if one["need_said"]
+        for row in rows
+        if row["need_said"]
     ]
-    comes = ("said up to so long ahead", "to come", "came", "off, s: median / p90", "late", "came at all", "foretold")
-    full = ("said to be full", "was", "was full", "foretold")
-    needs = ("a charger needed within", "said", "how likely, mean", "came to one", "Brier score")
+    comes = ("predicted up to", "predicted", "arrived", "error, s: median / p90", "late", "all arrivals", "predicted")
+    full = ("predicted full", "was full", "all full times", "predicted")
+    needs = ("a charger needed within", "predicted", "mean probability", "came to one", "Brier score")
     note = (
-        '<p class="note">Said every ten seconds of each resource: who has it from when on, and whether it is full so'
-        " long after. A robot came at all where it was heard for so long before.</p>"
+        '<p class="note">Every ten seconds the service predicts for each resource who will occupy it from when, and'
+        " whether it will be full. An arrival counts only if the robot was known for that long before.</p>"
     )
     return table((*comes, *full), cells) + note + (table(needs, needed) if needed else "")
 
@@ -80,23 +80,23 @@ def places(rows: Sequence[Part]) -> str:
 def contention(kinds: Sequence[Part]) -> str:
     rows = [
         [
-            one["kind"].replace("_", " "),
-            f"{one['alerts']:,}",
-            f"{one['censored']:,}",
-            sure(one, "precision"),
-            spread(one["lead_time_s"]),
-            number(one["wait_error_s"]),
-            "-" if one["happened"] is None else f"{one['happened']:,}",
-            sure(one, "recall"),
-            share(one["recall_any"]),
+            row["kind"].replace("_", " "),
+            f"{row['alerts']:,}",
+            f"{row['censored']:,}",
+            sure(row, "precision"),
+            spread(row["lead_time_s"]),
+            number(row["wait_error_s"]),
+            "-" if row["happened"] is None else f"{row['happened']:,}",
+            sure(row, "recall"),
+            share(row["recall_any"]),
         ]
-        for one in kinds
+        for row in kinds
     ]
-    head = ("advisory", "told", "can't be told", "came true", "lead time, s (p10 to p90)", "wait off by, s")
-    more = ("happened", "told before it began", "or while it lasted")
+    head = ("advisory", "count", "outcome unknown", "came true", "lead time, s (p10 to p90)", "error of the wait, s")
+    more = ("events", "with an advisory before", "or during it")
     note = (
-        '<p class="note">A queue came true where one of its robots stood for 5 s while the place was full; a crowd'
-        " where more were inside than it takes; a deadlock where all of its ring stood for 5 s; a blockage where one"
-        " stood behind the blocker.</p>"
+        '<p class="note">A contention came true if one of its robots stood for 5 s while the place was full; a double'
+        " occupancy if more robots were inside than the capacity; a deadlock if all robots of its ring stood for 5 s;"
+        " a blockage if a robot stood behind the blocker.</p>"
     )
-    return table((*head, *more), rows) + note + _foretold(kinds)
+    return table((*head, *more), rows) + note + _by_ahead(kinds)

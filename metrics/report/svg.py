@@ -1,4 +1,4 @@
-"""Drawings as SVG text: a chart with axes, and what goes into it. The same numbers give the same bytes."""
+"""Drawings as SVG text: a chart with axes and marks. The same input gives the same bytes."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ Point = tuple[float, float]
 
 @dataclass(slots=True)
 class Chart:
-    """A plot of `width` by `height` with room for axes; marks are added in data coordinates."""
+    """A plot of `width` by `height` with space for axes. Marks are added in data coordinates."""
 
     x_range: tuple[float, float]
     y_range: tuple[float, float]
@@ -21,7 +21,7 @@ class Chart:
     marks: list[str] = field(default_factory=list)
 
     def at(self, x: float, y: float) -> Point:
-        """Where a point of the data is drawn."""
+        """The position in the drawing of a point of the data."""
         top, right, bottom, left = self.margin
         (x0, x1), (y0, y1) = self.x_range, self.y_range
         across = (x - x0) / ((x1 - x0) or 1.0)
@@ -49,14 +49,14 @@ class Chart:
             f' fill-opacity="{opacity:.2f}">{_title(title)}</rect>'
         )
 
-    def text(self, x: float, y: float, words: str, style: str, anchor: str = "middle") -> None:
-        """Words at a place of the drawing, not of the data."""
+    def text(self, x: float, y: float, content: str, style: str, anchor: str = "middle") -> None:
+        """Add text at a position of the drawing, not of the data."""
         self.marks.append(
-            f'<text class="{style}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(words)}</text>'
+            f'<text class="{style}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(content)}</text>'
         )
 
     def axes(self, x_label: str, y_label: str) -> None:
-        """Ticks with a grid, and what the axes mean."""
+        """Add ticks with grid lines, and the labels of the axes."""
         top, right, bottom, left = self.margin
         for value in ticks(*self.x_range):
             x, y = self.at(value, self.y_range[0])
@@ -74,7 +74,7 @@ class Chart:
         )
 
     def drawn(self, name: str) -> str:
-        """The drawing, with a name for those who cannot see it."""
+        """The drawing as SVG. `name` is its description for screen readers."""
         return (
             f'<svg role="img" aria-label="{escape(name)}" viewBox="0 0 {self.width} {self.height}"'
             f' width="{self.width}" height="{self.height}">{"".join(self.marks)}</svg>'
@@ -87,12 +87,12 @@ def ticks(low: float, high: float, about: int = 5) -> Sequence[float]:
         return [low]
     rough = (high - low) / about
     scale: float = 10 ** floor(log10(rough))
-    step = next(one * scale for one in (1, 2, 5, 10) if one * scale >= rough)
+    step = next(factor * scale for factor in (1, 2, 5, 10) if factor * scale >= rough)
     return [round(n * step, 10) for n in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
 
 
 def fitted(points: Sequence[Point], width: int, height: int, margin: int = 8) -> Chart:
-    """A chart without axes that holds all points, a metre as long across as up."""
+    """A chart without axes that contains all points, with the same scale on both axes."""
     xs, ys = [x for x, _ in points], [y for _, y in points]
     inner_x, inner_y = width - 2 * margin, height - 2 * margin
     metre = min(inner_x / max(max(xs) - min(xs), 1.0), inner_y / max(max(ys) - min(ys), 1.0))
@@ -101,5 +101,5 @@ def fitted(points: Sequence[Point], width: int, height: int, margin: int = 8) ->
     return Chart((x - half_x, x + half_x), (y - half_y, y + half_y), width, height, (margin,) * 4)
 
 
-def _title(words: str) -> str:
-    return f"<title>{escape(words)}</title>" if words else ""
+def _title(content: str) -> str:
+    return f"<title>{escape(content)}</title>" if content else ""

@@ -7,7 +7,8 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from ingest.measures.measures import FURTHEST, LARGEST, Measures
-from metrics.monitoring.exposition import CATALOGUE, UNCATALOGUED, combine, render, table
+from metrics.monitoring.catalogue import CATALOGUE, UNCATALOGUED, table
+from metrics.monitoring.exposition import combine, render
 
 METRICS_PAGE = Path(__file__).parents[3] / "docs" / "metrics.md"
 

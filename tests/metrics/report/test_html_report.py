@@ -23,16 +23,16 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return scored(log_of_a_crossing(folder / "log.jsonl"), [0.3])
 
 
-def test_the_page_opens_offline_and_says_the_same_each_time(result: dict[str, Any]) -> None:
-    told = page(result, "Replay")
-    assert told == page(copy.deepcopy(result), "Replay")
+def test_the_page_opens_offline_and_is_the_same_each_time(result: dict[str, Any]) -> None:
+    html = page(result, "Replay")
+    assert html == page(copy.deepcopy(result), "Replay")
     for outside in ("http", "src=", "@import", "url(", "<script"):
-        assert outside not in told
+        assert outside not in html
     for part in ("Lead time", "Where conflicts were predicted", "Departures", "Distance from forecast"):
-        assert part in told
+        assert part in html
 
 
-def test_what_vendors_say_is_shown_as_text(result: dict[str, Any]) -> None:
+def test_names_from_vendors_are_shown_as_text(result: dict[str, Any]) -> None:
     hostile = copy.deepcopy(result)
     name = '<script>alert("1")</script>'
     for one in (*hostile["scores"][0]["by_vendor"], *hostile["conformance"], *hostile["forecast_error"]["by_model"]):
@@ -42,49 +42,49 @@ def test_what_vendors_say_is_shown_as_text(result: dict[str, Any]) -> None:
         one["floor_name"] = name
     for one in hostile["vendors"]:
         one["vendor"] = name
-    told = page(hostile, name)
-    assert "<script" not in told
-    assert "&lt;script&gt;" in told
+    html = page(hostile, name)
+    assert "<script" not in html
+    assert "&lt;script&gt;" in html
 
 
 def test_a_log_in_which_nothing_happened_has_a_page() -> None:
-    told = page(replay(Reader(), [], DEFAULT, [0.3]), "Replay")
-    assert "No two robots came near each other" in told
-    assert "No departures from the standard" in told
+    html = page(replay(Reader(), [], DEFAULT, [0.3]), "Replay")
+    assert "No two robots came near each other" in html
+    assert "No departures from the standard" in html
 
 
-def test_messages_out_of_order_are_told_where_there_are_any(result: dict[str, Any]) -> None:
-    told = "3 messages stood behind others that came up to 0.5 s later"
-    assert told in page({**result, "late_messages": 3, "late_by_s": 0.5}, "Replay")
-    assert "stood behind" not in page(result, "Replay")
+def test_messages_out_of_order_are_mentioned_if_there_are_any(result: dict[str, Any]) -> None:
+    note = "3 messages come after messages that were received up to 0.5 s later"
+    assert note in page({**result, "late_messages": 3, "late_by_s": 0.5}, "Replay")
+    assert "come after messages" not in page(result, "Replay")
 
 
 def test_the_nearest_moment_is_where_the_two_crossed(result: dict[str, Any]) -> None:
-    one = result["nearest"][0]
-    assert one["separation_m"] == 0.0
-    at = [tuple(map(float, track.split(";")[one["nearest"]].split()[:2])) for track in one["tracks"]]
+    moment = result["nearest"][0]
+    assert moment["separation_m"] == 0.0
+    at = [tuple(map(float, track.split(";")[moment["nearest"]].split()[:2])) for track in moment["tracks"]]
     assert [abs(value) < 0.2 for place in at for value in place] == [True] * 4
-    assert one["warned_s"] > 7
-    assert one["warned_until_s"] is None
-    assert (abs(one["x_m"]) < 0.5, abs(one["y_m"]) < 0.5) == (True, True)
+    assert moment["warned_s"] > 7
+    assert moment["warned_until_s"] is None
+    assert (abs(moment["x_m"]) < 0.5, abs(moment["y_m"]) < 0.5) == (True, True)
 
 
-def test_the_nearest_moment_is_told_with_its_time_place_names_and_a_scale(result: dict[str, Any]) -> None:
-    one = result["nearest"][0]
-    assert datetime.fromisoformat(one["at"]).timestamp() == pytest.approx(one["at_s"], abs=1e-3)
-    assert one["into_s"] == pytest.approx(one["at_s"] - NOW_S, abs=0.11)
-    assert sorted(one["names"]) == ["Alder A-1", "Alder B-1"]
-    told = page(result, "Replay")
-    where = f"x {one['x_m']:.1f}, y {one['y_m']:.1f}"
-    for part in ("Alder A-1", "Alder B-1", f"{one['at'][:10]} {one['at'][11:19]} UTC", "s into the log", where):
-        assert part in told
-    root = ET.fromstring(figures.scene(one))  # noqa: S314 - our own text
-    (words,), (bar,) = ([mark for mark in root.iter() if mark.tag == tag] for tag in ("text", "path"))
+def test_the_nearest_moment_is_shown_with_its_time_place_names_and_a_scale(result: dict[str, Any]) -> None:
+    moment = result["nearest"][0]
+    assert datetime.fromisoformat(moment["at"]).timestamp() == pytest.approx(moment["at_s"], abs=1e-3)
+    assert moment["into_s"] == pytest.approx(moment["at_s"] - NOW_S, abs=0.11)
+    assert sorted(moment["names"]) == ["Alder A-1", "Alder B-1"]
+    html = page(result, "Replay")
+    where = f"x {moment['x_m']:.1f}, y {moment['y_m']:.1f}"
+    for part in ("Alder A-1", "Alder B-1", f"{moment['at'][:10]} {moment['at'][11:19]} UTC", "s into the log", where):
+        assert part in html
+    root = ET.fromstring(figures.scene(moment))  # noqa: S314 - our own text
+    (label,), (bar,) = ([mark for mark in root.iter() if mark.tag == tag] for tag in ("text", "path"))
     begin, end = re.fullmatch(r"M(\S+) \S+V\S+H(\S+)V\S+", bar.attrib["d"]).groups()  # type: ignore[union-attr]
     envelope = next(mark for mark in root.iter("polygon") if mark.attrib["class"].startswith("envelope"))
     corners = [tuple(map(float, corner.split(","))) for corner in envelope.attrib["points"].split()]
-    metre = dist(corners[0], corners[1]) / one["sizes_m"][0][0]
-    assert words.text == f"{(float(end) - float(begin)) / metre:.0f} m"
+    metre = dist(corners[0], corners[1]) / moment["sizes_m"][0][0]
+    assert label.text == f"{(float(end) - float(begin)) / metre:.0f} m"
 
 
 @pytest.mark.parametrize(
@@ -104,14 +104,14 @@ def test_a_moment_says_whether_its_advisory_had_been_cleared(
     assert told in page(changed, "Replay")
 
 
-def test_the_scorecard_says_what_a_vendors_word_is_worth(result: dict[str, Any]) -> None:
+def test_the_scorecard_shows_how_reliable_a_vendor_is(result: dict[str, Any]) -> None:
     changed = copy.deepcopy(result)
     (vendor,) = changed["vendors"]
     assert "No vendor's forecasts, positions or clocks changed" in page(changed, "Replay")
     flag = {"what": "clock", "since": "2026-11-22T08:00:00Z", "by": -3.0, "words": "clocks 3.0 s faster than usual"}
     vendor.update(grade="C", grade_words="so and so", flags=[flag | {"until": None}], forecasts_distrusted=4321)
     vendor["coverage"] = [{"share": share, "covered": share + 0.01} for share in (0.5, 0.8, 0.9)]
-    told = page(changed, "Replay")
+    html = page(changed, "Replay")
     for part in (
         "so and so",
         "clocks 3.0 s faster",
@@ -120,7 +120,7 @@ def test_the_scorecard_says_what_a_vendors_word_is_worth(result: dict[str, Any])
         "4,321",
         "0.51 / 0.81 / 0.91",
     ):
-        assert part in told
+        assert part in html
 
 
 def test_drawings_are_well_formed_and_lie_within_their_bounds() -> None:
