@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint types audit check-wheel clean
+.PHONY: demo check test lint types audit check-wheel clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed; set PYTHON=python3.x") if sys.version_info < (3, 11) else None'
@@ -15,6 +15,10 @@ $(READY): pyproject.toml constraints.txt
 
 demo: $(READY)
 	$(BIN)/deconflict demo
+
+# The short inner loop: what breaks most often, in under a minute.
+check: lint types
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m 'not slow'
 
 test: lint types
 	$(BIN)/python -m pytest -n 2 --dist worksteal

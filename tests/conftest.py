@@ -1,6 +1,42 @@
 """What all tests share."""
 
+from pathlib import Path
+
 import hypothesis
+import pytest
 
 hypothesis.settings.register_profile("untimed", deadline=None)
 hypothesis.settings.load_profile("untimed")
+
+TESTS = Path(__file__).parent
+SLOW = (
+    "benchmarks",
+    "deconflict/cluster",
+    "deconflict/engine/test_recorded_traffic.py",
+    "deconflict/operator",
+    "deconflict/roles",
+    "deconflict/runtime/test_logging_setup.py",
+    "deconflict/runtime/test_systemd.py",
+    "deconflict/settings/test_hot_reload.py",
+    "deconflict/settings/importers",
+    "deconflict/simulation",
+    "deconflict/sweep",
+    "fuzz",
+    "ingest/port",
+    "ingest/recording",
+    "ingest/test_kernels.py",
+    "metrics/monitoring",
+    "metrics/replay",
+    "metrics/report",
+    "metrics/scoring",
+    "test_examples.py",
+    "test_oracle.py",
+)
+"""Folders and files whose tests start processes, play long scenes, or look at ten thousand cases."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the slow tests: `make check` leaves them out."""
+    for item in items:
+        if item.path.relative_to(TESTS).as_posix().startswith(SLOW):
+            item.add_marker("slow")

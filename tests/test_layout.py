@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from functools import cache
 from itertools import chain
 from pathlib import Path
 
@@ -51,6 +52,7 @@ def files(folder: str) -> Iterator[Path]:
     return (ROOT / folder).rglob("*.py")
 
 
+@cache
 def imported_modules(source: str) -> list[str]:
     """Every module, and every name from a module, that a file imports: `a.b` and `a.b.c` of `from a.b import c`."""
     modules: list[str] = []
@@ -86,6 +88,7 @@ def siblings(importer: str, imported: str) -> tuple[str, str, str]:
     return "/".join(ours[:depth]), ours[depth], theirs[depth]
 
 
+@cache
 def imports_between_siblings() -> dict[tuple[str, str, str], list[str]]:
     """By folder and two of its entries, the imports from the first into the second."""
     found = defaultdict(list)

@@ -146,7 +146,7 @@ def test_a_rejection_says_what_had_been_found_by_then() -> None:
     assert message.findings == ("uuid-upper-case",)
 
 
-names = st.text(st.characters(codec="utf-8"), min_size=1).filter(str.strip)
+names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=parser.MAX_TEXT).filter(str.strip)
 coordinates = st.floats(-1e6, 1e6)
 yaws_rad = st.floats(-3.1, 3.1)
 shares_pct = st.floats(1, 100)
