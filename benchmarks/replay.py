@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.offer import Circling
 from deconflict.__main__ import COLLECTED_EVERY
-from deconflict.advice.hold_desk import Desk
+from deconflict.advice.hold_desk import HoldDesk
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
 from deconflict.foresight.presence.live_robots import LiveRobots
@@ -55,7 +55,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "who is still there": ((Presence, "receive"), (Presence, "advance")),
     "probabilities": ((ProbabilityEstimator, "receive"), (ProbabilityEstimator, "estimate")),
     "life of advisories": ((ConflictLifecycle, "revise"),),
-    "advice on conflicts": ((Desk, "step"),),
+    "advice on conflicts": ((HoldDesk, "step"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
     "truth, arrivals": (
         (ArrivalScores, "add_batch"),

@@ -1,4 +1,4 @@
-"""Questions and answers: what is worked out aside, and given at event times, so that a replay gives the same advice."""
+"""Questions whose answers are worked out elsewhere, and given at event times, so that a replay gives the same advice."""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,24 +8,24 @@ from typing import Protocol
 from deconflict.advisory import Recommendation
 
 ANSWER_AFTER_S = 0.5
-"""An answer is given at the first step so long after it was asked for, however soon it was worked out."""
+"""An answer is given in the first pass so long after its question, even if it was worked out sooner."""
 
 
-class Answer(Protocol):
-    """What is being worked out."""
+class PendingAnswer(Protocol):
+    """An answer that is being worked out."""
 
     def done(self) -> bool: ...
 
     def result(self) -> Recommendation: ...
 
 
-Submit = Callable[[Callable[[], Recommendation]], Answer]
-"""Has the work done, as `concurrent.futures.Executor.submit` does."""
+Submit = Callable[[Callable[[], Recommendation]], PendingAnswer]
+"""Has a question worked out, as `concurrent.futures.Executor.submit` does."""
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
-    """An answer that is there."""
+class ReadyAnswer:
+    """An answer that was worked out at once."""
 
     advice: Recommendation
 
@@ -36,52 +36,54 @@ class Done:
         return self.advice
 
 
-def at_once(work: Callable[[], Recommendation]) -> Answer:
-    return Done(work())
+def answer_at_once(question: Callable[[], Recommendation]) -> PendingAnswer:
+    return ReadyAnswer(question())
 
 
-class Aside:
-    """What is worked out aside, in the order in which it was asked.
+class AsyncAnswers:
+    """Answers in the order of their questions.
 
-    What is there at a step is settled before it, and recorded: an answer that comes late is as late in a replay.
+    How many answers were ready at a pass is settled before it, and recorded: an answer that came late comes as late in
+    a replay.
     """
 
     def __init__(self, submit: Submit) -> None:
-        self._work = submit
-        self._asked, self._there = 0, 0
-        self._under_way: deque[Answer] = deque()
+        self._work_out = submit
+        self._asked, self._ready = 0, 0
+        """How many questions there were, and how many of the first of them count as answered."""
+        self._under_way: deque[PendingAnswer] = deque()
 
-    def submit(self, work: Callable[[], Recommendation]) -> Answer:
-        answer = self._work(work)
+    def submit(self, question: Callable[[], Recommendation]) -> PendingAnswer:
+        answer = self._work_out(question)
         self._asked += 1
         if not answer.done():
             self._under_way.append(answer)
-        return Numbered(self, self._asked, answer)
+        return NumberedAnswer(self, self._asked, answer)
 
     def pending(self) -> int:
-        """How many answers, the newest, are not there yet."""
+        """How many of the newest questions have no answer yet."""
         while self._under_way and self._under_way[0].done():
             self._under_way.popleft()
         return len(self._under_way)
 
     def settle(self, pending: int) -> None:
-        """So many, the newest, count as not there until this is said again."""
-        self._there = self._asked - pending
+        """Let so many of the newest questions count as not answered until the next call."""
+        self._ready = self._asked - pending
 
-    def has(self, number: int) -> bool:
-        return number <= self._there
+    def is_ready(self, number: int) -> bool:
+        return number <= self._ready
 
 
 @dataclass(frozen=True, slots=True)
-class Numbered:
-    """One answer of those worked out aside."""
+class NumberedAnswer:
+    """The answer to the question of a number; it is done once `answers` counts it as answered."""
 
-    aside: Aside
+    answers: AsyncAnswers
     number: int
-    answer: Answer
+    answer: PendingAnswer
 
     def done(self) -> bool:
-        return self.aside.has(self.number)
+        return self.answers.is_ready(self.number)
 
     def result(self) -> Recommendation:
         return self.answer.result()

@@ -1,5 +1,7 @@
-"""Conflicts ahead in groups that share robots, kept from step to step: only those of which a conflict changed or has
-begun are made anew."""
+"""Groups of future conflicts that share robots, kept from pass to pass.
+
+A pass builds anew only the groups of which a conflict changed or began.
+"""
 
 from collections.abc import Iterable, Mapping
 from datetime import datetime
@@ -13,101 +15,101 @@ from ingest.batch import Pair
 Pairs = tuple[Pair, ...]
 
 
-class Group(NamedTuple):
-    """Conflicts that share robots."""
+class ConflictGroup(NamedTuple):
+    """Conflicts that share robots, directly or through others."""
 
     first: datetime
     """When the first of them is predicted."""
     pairs: Pairs
     standing: Recommendation | None
-    """The advice that stands in it."""
+    """The advice that its robots have now; None if they have no holds."""
 
 
-class Groups:
-    """The groups of the conflicts that are ahead."""
+class ConflictGroups:
+    """The groups of all future conflicts."""
 
     def __init__(self) -> None:
-        self.all: dict[Pairs, Group] = {}
-        self._of: dict[str, Group] = {}
-        """By robot."""
+        self.all: dict[Pairs, ConflictGroup] = {}
+        self._of_robot: dict[str, ConflictGroup] = {}
         self._begins: list[tuple[datetime, Pair]] = []
-        """A heap of when conflicts begin, and may have begun before they were told of anew."""
+        """A heap of predicted times; those of older revisions stay in it."""
 
-    def of(self, pair: Pair) -> Group | None:
-        """The group that a conflict is in if it is ahead."""
-        return self._of.get(pair[0])
+    def group_of(self, pair: Pair) -> ConflictGroup | None:
+        """The group of a conflict; None if the conflict is not in the future."""
+        return self._of_robot.get(pair[0])
 
-    def step(self, from_s: float, conflicts: Mapping[Pair, ConflictAdvisory], changed: Iterable[Pair]) -> None:
-        """Heed those of the open `conflicts` that are predicted for later than `from_s`.
+    def update(self, from_s: float, conflicts: Mapping[Pair, ConflictAdvisory], changed: Iterable[Pair]) -> None:
+        """Group those of the open `conflicts` that are predicted for later than `from_s`.
 
-        Those that are not `changed` are as they were in the last step, which was no later.
+        Conflicts that are not in `changed` are as they were in the last update, which was no later.
         """
         from_then, changed = moment(from_s), set(changed)
         stale = changed.copy()
         while self._begins and self._begins[0][0] <= from_then:
             stale.add(heappop(self._begins)[1])
-        ahead = []
-        for pair in stale | self._taken_apart(stale):
-            one = conflicts.get(pair)
-            if one and one.predicted_at > from_then:
-                ahead.append(one)
+        future = []
+        for pair in stale | self._dissolve(stale):
+            advisory = conflicts.get(pair)
+            if advisory and advisory.predicted_at > from_then:
+                future.append(advisory)
                 if pair in changed:
-                    heappush(self._begins, (one.predicted_at, pair))
-        for group in _connected(ahead):
+                    heappush(self._begins, (advisory.predicted_at, pair))
+        for group in _connected(future):
             self.all[group.pairs] = group
-            self._of.update((robot, group) for pair in group.pairs for robot in pair)
+            self._of_robot.update((robot, group) for pair in group.pairs for robot in pair)
 
-    def _taken_apart(self, stale: Iterable[Pair]) -> set[Pair]:
-        """The conflicts of the groups that have robots of `stale` ones, which are no groups any more."""
+    def _dissolve(self, stale: Iterable[Pair]) -> set[Pair]:
+        """Remove the groups that have robots of `stale` conflicts; return all conflicts of these groups."""
         pairs = set[Pair]()
         for robot in {robot for pair in stale for robot in pair}:
-            if group := self._of.get(robot):
+            if group := self._of_robot.get(robot):
                 del self.all[group.pairs]
                 for pair in group.pairs:
-                    self._of.pop(pair[0], None)
-                    self._of.pop(pair[1], None)
+                    self._of_robot.pop(pair[0], None)
+                    self._of_robot.pop(pair[1], None)
                 pairs.update(group.pairs)
         return pairs
 
 
-def _connected(conflicts: Iterable[ConflictAdvisory]) -> list[Group]:
+def _connected(conflicts: Iterable[ConflictAdvisory]) -> list[ConflictGroup]:
     """Groups of conflicts that share robots."""
-    group_of: dict[str, list[ConflictAdvisory]] = {}
+    members_of: dict[str, list[ConflictAdvisory]] = {}
     groups: list[list[ConflictAdvisory]] = []
-    for one in conflicts:
-        a, b = one.robots
-        members = _joined(group_of, group_of.get(a), group_of.get(b))
+    for advisory in conflicts:
+        a, b = advisory.robots
+        members = _merged(members_of, members_of.get(a), members_of.get(b))
         if not members:
             groups.append(members)
-        members.append(one)
-        group_of[a] = group_of[b] = members
+        members.append(advisory)
+        members_of[a] = members_of[b] = members
     return [_group(members) for members in groups if members]
 
 
-def _joined(
-    group_of: dict[str, list[ConflictAdvisory]],
-    one: list[ConflictAdvisory] | None,
-    other: list[ConflictAdvisory] | None,
+def _merged(
+    members_of: dict[str, list[ConflictAdvisory]],
+    a: list[ConflictAdvisory] | None,
+    b: list[ConflictAdvisory] | None,
 ) -> list[ConflictAdvisory]:
-    """The members of two groups, in the larger one's list; the other's is left empty."""
-    if one is None or other is None or one is other:
-        return one or other or []
-    joined, emptied = (one, other) if len(one) >= len(other) else (other, one)
-    joined += emptied
-    group_of.update((robot, joined) for each in emptied for robot in each.robots)
-    emptied.clear()
-    return joined
+    """The members of two groups, in the larger one's list; the smaller one's list is emptied."""
+    if a is None or b is None or a is b:
+        return a or b or []
+    larger, smaller = (a, b) if len(a) >= len(b) else (b, a)
+    larger += smaller
+    members_of.update((robot, larger) for advisory in smaller for robot in advisory.robots)
+    smaller.clear()
+    return larger
 
 
-def _group(members: list[ConflictAdvisory]) -> Group:
+def _group(members: list[ConflictAdvisory]) -> ConflictGroup:
     if len(members) == 1:
-        (one,) = members
-        return Group(one.predicted_at, (one.robots,), _standing(one))
+        (advisory,) = members
+        return ConflictGroup(advisory.predicted_at, (advisory.robots,), _standing(advisory))
     members.sort(key=attrgetter("robots"))
     standing = next(filter(None, map(_standing, members)), None)
-    return Group(min(one.predicted_at for one in members), tuple(one.robots for one in members), standing)
+    first = min(advisory.predicted_at for advisory in members)
+    return ConflictGroup(first, tuple(advisory.robots for advisory in members), standing)
 
 
-def _standing(one: ConflictAdvisory) -> Recommendation | None:
-    advice = one.recommendation
+def _standing(advisory: ConflictAdvisory) -> Recommendation | None:
+    advice = advisory.recommendation
     return advice if advice and advice.holds else None

@@ -1,9 +1,9 @@
-"""What delaying robots on their paths does to each pair: the differences of delay that bring two together.
+"""Which differences of delay bring two robots together, if robots wait before they follow their paths.
 
-A held robot stands where it is, then follows its forecast, late by its hold. Let u and v say how far two robots are
-along their forecasts, in seconds. Both stand until the first sets off, then one goes and the other stands, then both
-go: the path through (u, v) depends on the difference of the holds alone, and so does whether it meets a conflict.
-Differences on the grid of holds are swept as they are, standing included, so on that grid the answer is exact.
+A held robot stands where it is, then follows its forecast, late by its hold. Let u and v be how far two robots are
+along their forecasts, in seconds. Both stand until the first departs, then one moves and the other stands, then both
+move. The path through (u, v) depends only on the difference of the holds, and so does whether it meets a conflict. The
+sweep is run for each difference on the grid of holds, standing included, so on that grid the answer is exact.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -21,37 +21,38 @@ from ingest.batch import Bools, Floats, Ints, Pair
 STEP_S = 0.5
 """Holds are multiples of this."""
 SHORT_S = 2.0
-"""A forecast that ends no more than this before the horizon goes on as it ended; one that ends sooner stands."""
+"""A forecast that ends no more than this before the horizon is extrapolated; after one that ends sooner, it stands."""
 
 
-class Mover(NamedTuple):
-    """One robot that others meet."""
+class PlannedRobot(NamedTuple):
+    """What a plan has to know of one robot."""
 
     name: str
     vendor: str
     holdable: bool = True
-    """False where it stands anyway."""
+    """False if it stands anyway."""
     priority: float = 1.0
-    """What a second of its waiting counts."""
+    """Weight of a second of its waiting."""
 
 
-class Near(NamedTuple):
+class NearbyRobots(NamedTuple):
     """n robots that are near each other."""
 
     uuids: Sequence[str]
-    """(n,) ascending."""
+    """(n,) in ascending order."""
     vendors: Sequence[str]
     """(n,)"""
     robots: Robots
     """(n,) as they are swept."""
     knots: Knots
-    mover: Callable[[int], Mover]
-    """Who is in a row of them."""
+    """Their forecasts."""
+    planned: Callable[[int], PlannedRobot]
+    """The robot of a row."""
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
-    """From when on robots may be held, and for how long; how far ahead forecasts are used."""
+class HoldWindow:
+    """When holds begin, how long they may last, and how far ahead forecasts are used."""
 
     start_s: float
     horizon_s: float
@@ -60,71 +61,67 @@ class Window:
 
     @property
     def steps(self) -> int:
-        """The longest hold, in `STEP_S`."""
+        """The longest hold, in units of `STEP_S`."""
         return int(self.longest_hold_s / STEP_S)
 
 
-class Fan(NamedTuple):
-    """Some pairs at each difference of holds of up to so many steps: d differences in `STEP_S`, from the least on."""
+class DifferenceGrid(NamedTuple):
+    """Pairs at each difference of their holds: d differences in units of `STEP_S`, in ascending order."""
 
     hold_s: Floats
     """(robots * (steps + 1),) every hold of every robot."""
     a: Ints
-    """(pairs * d,) which of those the first of each pair is at each difference."""
+    """(pairs * d,) index in `hold_s` of the first robot of each pair at each difference."""
     b: Ints
-    """(pairs * d,) which the second is."""
+    """(pairs * d,) index in `hold_s` of the second robot."""
     late_s: Floats
-    """(pairs * d,) how late the one that is held is."""
+    """(pairs * d,) how late the held robot of the two is."""
 
 
-class Delays:
+class DelayWindows:
     """What holding some of the robots that are near each other does to their pairs."""
 
-    def __init__(self, near: Near, window: Window) -> None:
+    def __init__(self, near: NearbyRobots, window: HoldWindow) -> None:
         self._near, self._window = near, window
-        self._row, self._rows = {uuid: row for row, uuid in enumerate(near.uuids)}, np.arange(len(near.uuids))
+        self._row_of, self._rows = {uuid: row for row, uuid in enumerate(near.uuids)}, np.arange(len(near.uuids))
 
-    def meetings(self, held_s: Mapping[str, float], of: Collection[str]) -> dict[Pair, float]:
-        """Who comes within the clearance of one `of` these, and when first, where some robots are held for so long.
+    def contacts_s(self, held_s: Mapping[str, float], of: Collection[str]) -> dict[Pair, float]:
+        """The pairs of robots in `of` that come within the clearance, and when first, if robots are held for `held_s`.
 
-        Until the last that is held has had its horizon. Pairs that begin within the clearance are left out.
+        Until the last held robot has had its horizon. Pairs that begin within the clearance are left out.
         """
         window, uuids = self._window, self._near.uuids
-        a, b = _pairs_with(len(uuids), [self._row[uuid] for uuid in of])
+        a, b = _pairs_with(len(uuids), [self._row_of[uuid] for uuid in of])
         until_s = np.full(len(a), window.start_s + window.horizon_s + max(held_s.values(), default=0.0))
         hold_s = np.zeros(len(uuids))
         for uuid, seconds in held_s.items():
-            hold_s[self._row[uuid]] = seconds
-        met_s, begins_m = self._first_meetings(self._rows, hold_s, a, b, until_s, window.clearance_m)
-        (met,) = ((met_s < inf) & (begins_m > window.clearance_m)).nonzero()
-        return {
-            (uuids[one], uuids[other]): at_s
-            for one, other, at_s in zip(a[met].tolist(), b[met].tolist(), met_s[met].tolist(), strict=True)
-        }
+            hold_s[self._row_of[uuid]] = seconds
+        contact_s, start_m = self._first_contacts(self._rows, hold_s, a, b, until_s, window.clearance_m)
+        (found,) = ((contact_s < inf) & (start_m > window.clearance_m)).nonzero()
+        columns = a[found].tolist(), b[found].tolist(), contact_s[found].tolist()
+        return {(uuids[first], uuids[second]): at_s for first, second, at_s in zip(*columns, strict=True)}
 
     def allowed(self, pairs: Sequence[Pair]) -> Bools:
-        """(pairs, d) for each the differences of hold, first less second, in `STEP_S` from the least on, at which they
-        keep apart.
+        """(pairs, d) whether each pair keeps apart at each difference of holds, first less second, in ascending order.
 
-        Two that begin within the clearance must not touch, whatever else; two that touch already may have any
-        difference.
+        Two that begin within the clearance only must not touch. Two that touch already may have any difference.
         """
-        row = {robot: row for row, robot in enumerate(dict.fromkeys(robot for pair in pairs for robot in pair))}
+        row_of = {robot: row for row, robot in enumerate(dict.fromkeys(robot for pair in pairs for robot in pair))}
         window, steps = self._window, self._window.steps
-        fan = _fan(steps, tuple((row[one], row[other]) for one, other in pairs))
-        rows = np.array([self._row[robot] for robot in row], np.int64).repeat(steps + 1)
-        until_s = fan.late_s + (window.start_s + window.horizon_s)
-        met_s, begins_m = self._first_meetings(rows, fan.hold_s, fan.a, fan.b, until_s, window.clearance_m)
-        allowed: Bools = (met_s == inf).reshape(len(pairs), -1)
-        is_near = begins_m[:: 2 * steps + 1] <= window.clearance_m
+        grid = _difference_grid(steps, tuple((row_of[a], row_of[b]) for a, b in pairs))
+        rows = np.array([self._row_of[robot] for robot in row_of], np.int64).repeat(steps + 1)
+        until_s = grid.late_s + (window.start_s + window.horizon_s)
+        contact_s, start_m = self._first_contacts(rows, grid.hold_s, grid.a, grid.b, until_s, window.clearance_m)
+        allowed: Bools = (contact_s == inf).reshape(len(pairs), -1)
+        is_near = start_m[:: 2 * steps + 1] <= window.clearance_m
         if is_near.any():
-            each = is_near.repeat(2 * steps + 1)
-            met_s, begins_m = self._first_meetings(rows, fan.hold_s, fan.a[each], fan.b[each], until_s[each], 0.0)
-            touch = begins_m[:: 2 * steps + 1, None] <= 0.0
-            allowed[is_near] = (met_s == inf).reshape(-1, 2 * steps + 1) | touch
+            some = is_near.repeat(2 * steps + 1)
+            contact_s, start_m = self._first_contacts(rows, grid.hold_s, grid.a[some], grid.b[some], until_s[some], 0.0)
+            touch = start_m[:: 2 * steps + 1, None] <= 0.0
+            allowed[is_near] = (contact_s == inf).reshape(-1, 2 * steps + 1) | touch
         return allowed
 
-    def _first_meetings(
+    def _first_contacts(
         self, rows: Ints, hold_s: Floats, a: Ints, b: Ints, until_s: Floats, clearance_m: float
     ) -> tuple[Floats, Floats]:
         """See `first_contacts`: the pairs `a` and `b` of the robots of `rows` (n,), each `hold_s` (n,) late."""
@@ -135,25 +132,26 @@ class Delays:
 
 
 @lru_cache(64)
-def _fan(steps: int, pairs: tuple[tuple[int, int], ...]) -> Fan:
-    """Of pairs of robots by number, of which the first is 0."""
+def _difference_grid(steps: int, pairs: tuple[tuple[int, int], ...]) -> DifferenceGrid:
+    """The grid of pairs of robots, which are numbered from 0."""
     holds, differences = np.arange(steps + 1, dtype=np.float64), np.arange(-steps, steps + 1)
     first, second = np.maximum(differences, 0), np.maximum(-differences, 0)
     a, b = np.array(pairs, np.int64).T[:, :, None] * (steps + 1)
     late_s = np.tile((first + second) * STEP_S, len(pairs))
-    return Fan(np.tile(holds * STEP_S, 1 + int(np.max(pairs))), (a + first).ravel(), (b + second).ravel(), late_s)
+    hold_s = np.tile(holds * STEP_S, 1 + int(np.max(pairs)))
+    return DifferenceGrid(hold_s, (a + first).ravel(), (b + second).ravel(), late_s)
 
 
 def _pairs_with(robots: int, chosen: Sequence[int]) -> tuple[Ints, Ints]:
-    """Rows of every two of so many of which one at least is chosen, the lower first."""
-    (a, b), is_chosen = _pairs_of(robots), np.zeros(robots, bool)
+    """Rows of all pairs of so many robots that have at least one of `chosen`, the lower row first."""
+    (a, b), is_chosen = _all_pairs(robots), np.zeros(robots, bool)
     is_chosen[chosen] = True
     (rows,) = (is_chosen[a] | is_chosen[b]).nonzero()
     return a[rows], b[rows]
 
 
 @cache
-def _pairs_of(robots: int) -> tuple[Ints, Ints]:
-    """Rows of every two of so many."""
+def _all_pairs(robots: int) -> tuple[Ints, Ints]:
+    """Rows of all pairs of so many robots."""
     a, b = np.triu_indices(robots, 1)
     return np.ascontiguousarray(a), np.ascontiguousarray(b)

@@ -1,25 +1,26 @@
-"""What a second of each robot's waiting counts when advice weighs who should wait."""
+"""The weight of a second of each robot's waiting when advice chooses who should wait."""
 
 from collections.abc import Iterable
 
 from ingest.settings import Vendor
 
 USUAL, OF_PEOPLE = 1.0, 10.0
+"""Priority of robots, and of people, if the site does not set it."""
 
 
 class Priorities:
-    """Of the site's vendors and their models; robots of other vendors count as usual."""
+    """Priorities of the site's vendors and their models; other vendors have the usual one."""
 
     def __init__(self, vendors: Iterable[Vendor]) -> None:
-        self._vendors = {one.name: one for one in vendors}
+        self._vendors = {vendor.name: vendor for vendor in vendors}
 
     def of(self, vendor: str, model: str) -> float:
-        """The model's, else the vendor's, else the usual one."""
-        said = self._vendors.get(vendor)
-        if said is None:
+        """The model's priority, or else the vendor's, or else the usual one."""
+        settings = self._vendors.get(vendor)
+        if settings is None:
             return USUAL
-        by_model = said.models[model].priority if model in said.models else None
-        given = said.priority if by_model is None else by_model
-        if given is not None:
-            return given
-        return OF_PEOPLE if said.participant == "person" else USUAL
+        of_model = settings.models[model].priority if model in settings.models else None
+        priority = settings.priority if of_model is None else of_model
+        if priority is not None:
+            return priority
+        return OF_PEOPLE if settings.participant == "person" else USUAL

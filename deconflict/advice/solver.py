@@ -1,4 +1,4 @@
-"""How much the solver may do, and the one way in which it is asked: bounded, on one worker, with a fixed seed."""
+"""The one way in which CP-SAT is called: with bounded effort, on one worker, with a fixed seed."""
 
 from dataclasses import dataclass
 
@@ -6,31 +6,31 @@ from ortools.sat.python import cp_model
 
 
 @dataclass(frozen=True, slots=True)
-class Solved:
-    """What came of one solve."""
+class Solution:
+    """The result of one solve."""
 
     found: bool
-    """Whether `value` may be asked of the solver."""
+    """Whether the solver has values."""
     proven: bool
-    """The best there is, or, where nothing is found, proof that there is nothing."""
+    """Whether they are optimal; or, if none were found, whether there are none."""
     bound: float
-    """Nothing costs less than this, in the units of the objective."""
+    """No solution costs less, in units of the objective."""
     solver: cp_model.CpSolver
 
 
-class Model(cp_model.CpModel):
-    """A model without its methods' old names, which take longer to make than a small problem to solve."""
+class LeanModel(cp_model.CpModel):
+    """A model without the old names of its methods: adding them takes longer than solving a small problem."""
 
     def _add_pre_pep8_methods(self) -> None:
         pass
 
 
-def solve(model: cp_model.CpModel, effort: float, *, presolve: bool = True) -> Solved:
-    """The best that `effort` finds.
+def solve(model: cp_model.CpModel, effort: float, *, presolve: bool = True) -> Solution:
+    """The best solution that `effort` finds.
 
     `effort` is in the solver's deterministic time, about seconds of one processor: the same model and effort give the
-    same answer on every machine. Without `presolve` the model is taken as it stands: OR-Tools 9.15 "proves" dear plans
-    optimal where differences with gaps stand beside a bound on a sum, once it has simplified them.
+    same solution on every machine. Use `presolve=False` for differences with gaps beside a bound on a sum: presolve of
+    OR-Tools 9.15 "proves" expensive plans optimal there.
     """
     solver = cp_model.CpSolver()
     solver.parameters.max_deterministic_time = effort
@@ -40,4 +40,4 @@ def solve(model: cp_model.CpModel, effort: float, *, presolve: bool = True) -> S
     status = solver.solve(model)
     found = status in (cp_model.OPTIMAL, cp_model.FEASIBLE)
     proven = status in (cp_model.OPTIMAL, cp_model.INFEASIBLE)
-    return Solved(found, proven, solver.best_objective_bound if found else 0.0, solver)
+    return Solution(found, proven, solver.best_objective_bound if found else 0.0, solver)

@@ -7,7 +7,7 @@ the same calls give the same advisories.
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 
-from deconflict.advice.async_answers import Submit, at_once
+from deconflict.advice.async_answers import Submit, answer_at_once
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.revision_rules import held_probability
@@ -46,7 +46,7 @@ class Engine:
         site: Site,
         restored: Iterable[AnyAdvisory] = (),
         ordinals: dict[Pair, int] | None = None,
-        submit: Submit = at_once,
+        submit: Submit = answer_at_once,
         burdens_s: Mapping[str, float] | None = None,
         learned: Mapping[str, Part] | None = None,
         *,

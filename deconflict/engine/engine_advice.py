@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Mapping
 from functools import partial
 
-from deconflict.advice.async_answers import Aside, Submit
-from deconflict.advice.burden import Account
-from deconflict.advice.delay_windows import Mover, Near
-from deconflict.advice.hold_desk import MOST_NEAR, NEAR_M, Desk
+from deconflict.advice.async_answers import AsyncAnswers, Submit
+from deconflict.advice.burden import Burden
+from deconflict.advice.delay_windows import NearbyRobots, PlannedRobot
+from deconflict.advice.hold_desk import MOST_NEAR, NEAR_M, HoldDesk
 from deconflict.advice.priorities import Priorities
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
@@ -34,9 +34,9 @@ class EngineAdvice:
         self._live, self._sweeper = live, sweeper
         self._priorities = Priorities(site.vendors)
         self.submit = submit
-        self._answers = Aside(submit)
-        self.burden = Account(burdens_s)
-        self._holds = Desk(site, self.burden, measures, self._answers.submit)
+        self._answers = AsyncAnswers(submit)
+        self.burden = Burden(burdens_s)
+        self._holds = HoldDesk(site, self.burden, measures, self._answers.submit)
         self.queue_advice = partial(
             Advising,
             account=self.burden,
@@ -63,18 +63,18 @@ class EngineAdvice:
 
     def charge(self, revisions: Iterable[AnyAdvisory]) -> None:
         """Add the waits that ended with these revisions to the burdens of the vendors."""
-        self.burden.settle(revisions)
+        self.burden.charge(revisions)
 
-    def _nearby(self, group: set[str]) -> Near:
+    def _nearby(self, group: set[str]) -> NearbyRobots:
         """The robots of a group that are on the floor, and those near to them, as they are now."""
         uuids = self._live.group_with_nearest(group & self._live.robots.keys(), NEAR_M, MOST_NEAR)
         rows = [(robot.batch, robot.row) for robot in map(self._live.robots.__getitem__, uuids)]
         vendors = [batch.vendors[row] for batch, row in rows]
-        return Near(uuids, vendors, *self._sweeper.copied(uuids), lambda i: self._mover(*rows[i]))
+        return NearbyRobots(uuids, vendors, *self._sweeper.copied(uuids), lambda i: self._planned(*rows[i]))
 
-    def _mover(self, batch: Batch, row: int) -> Mover:
+    def _planned(self, batch: Batch, row: int) -> PlannedRobot:
         vendor, holdable = batch.vendors[row], int(batch.basis[row]) != Basis.STATIONARY
-        return Mover(batch.names[row], vendor, holdable, self._priorities.of(vendor, batch.models[row]))
+        return PlannedRobot(batch.names[row], vendor, holdable, self._priorities.of(vendor, batch.models[row]))
 
     def _priority(self, uuid: str) -> float:
         robot = self._live.robots[uuid]

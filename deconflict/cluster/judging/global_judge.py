@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.advice.async_answers import Aside, Submit, at_once
-from deconflict.advice.burden import Account
+from deconflict.advice.async_answers import AsyncAnswers, Submit, answer_at_once
+from deconflict.advice.burden import Burden
 from deconflict.advice.priorities import Priorities
 from deconflict.advisories.advisory_counts import count_by_severity, count_revisions, set_open_count
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
@@ -37,7 +37,7 @@ class Commons:
         self,
         site: Site,
         restored: Iterable[FindingAdvisory] = (),
-        submit: Submit = at_once,
+        submit: Submit = answer_at_once,
         learned: Mapping[str, Part] | None = None,
     ) -> None:
         """`learned` is what an earlier one's `learned()` told. Raises `UnreadableError` where it can't be that."""
@@ -46,7 +46,7 @@ class Commons:
         self._presence = Presence(self._live, self.measures)
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""
-        self._account, self._aside, priorities = Account(), Aside(submit), Priorities(site.vendors)
+        self._account, self._aside, priorities = Burden(), AsyncAnswers(submit), Priorities(site.vendors)
 
         def priority(uuid: str) -> float:
             one = self._live.robots[uuid]
@@ -109,7 +109,7 @@ class Commons:
             self._contention.receive(batch)
         self._claims.receive(self._doubts.standing(now_s))
         revisions = [*self._contention.step(now_s), *self._claims.step(now_s)]
-        self._account.settle(revisions)
+        self._account.charge(revisions)
         count_revisions(self.measures, revisions)
         set_open_count(self.measures, count_by_severity(self.open()))
         for one in revisions:

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 
-from deconflict.advice.async_answers import ANSWER_AFTER_S, Answer, Submit, at_once
-from deconflict.advice.burden import Account
+from deconflict.advice.async_answers import ANSWER_AFTER_S, PendingAnswer, Submit, answer_at_once
+from deconflict.advice.burden import Burden
 from deconflict.advice.priorities import USUAL
 from deconflict.advisory import Recommendation
 from deconflict.contention.queues.queue_forecast import Request, Row, Turns
@@ -44,7 +44,7 @@ class _Question:
     """The newest answer that was given."""
     signature: Signature = ()
     asked_s: float = -inf
-    answer: Answer | None = None
+    answer: PendingAnswer | None = None
     """Yet to be given."""
     late: bool = False
     """Not there when its time had come."""
@@ -53,7 +53,7 @@ class _Question:
 
 def advising_alone(geometry: Geometry) -> "Advising":
     """Advice where nothing is known of earlier burdens, at the usual effort."""
-    return Advising(geometry, Account(), EFFORT, at_once, lambda _: USUAL, Measures())
+    return Advising(geometry, Burden(), EFFORT, answer_at_once, lambda _: USUAL, Measures())
 
 
 class Advising:
@@ -65,7 +65,7 @@ class Advising:
     def __init__(
         self,
         geometry: Geometry,
-        account: Account,
+        account: Burden,
         effort: float,
         submit: Submit,
         priority: Callable[[str], float],
@@ -169,7 +169,7 @@ class Advising:
         work = partial(advise_slots, queues, now_s, burdens_s=burdens_s, standing=standing, effort=self._effort)
         one.answer, one.asked_s, one.signature, one.late = self._submit(work), now_s, signature, False
 
-    def _take(self, one: _Question, answer: Answer) -> None:
+    def _take(self, one: _Question, answer: PendingAnswer) -> None:
         """An answer that is still worked out when its time has come is counted, and taken later."""
         if answer.done():
             one.advice, one.answer = answer.result(), None

@@ -8,7 +8,7 @@ from operator import attrgetter
 
 from ortools.sat.python import cp_model
 
-from deconflict.advice.solver import Model, solve
+from deconflict.advice.solver import LeanModel, solve
 from deconflict.advisory import Recommendation, Slot
 from deconflict.contention.queues.lower_bounds import Task, least_weighted_ends
 from deconflict.contention.queues.queue_forecast import Request
@@ -253,7 +253,7 @@ class SlotModel:
     """The choice of place and start for each job, as CP-SAT reads it."""
 
     def __init__(self, group: Group, hint: list[Served]) -> None:
-        self.group, self.model = group, Model()
+        self.group, self.model = group, LeanModel()
         ends = [end for inside in group.inside for end in inside]
         last = max([0, *ends, *(job.arrival for job in group.jobs)]) + sum(job.keeps for job in group.jobs)
         self.starts = [

@@ -1,11 +1,11 @@
-"""Groups that are kept from step to step are those that would be found anew."""
+"""ConflictGroups that are kept from step to step are those that would be found anew."""
 
 from itertools import combinations
 
 import numpy as np
 import pytest
 
-from deconflict.advice.conflict_groups import Group, Groups
+from deconflict.advice.conflict_groups import ConflictGroup, ConflictGroups
 from deconflict.advisory import ConflictAdvisory, Hold, Recommendation, moment
 from tests.deconflict.engine.made_engine import NOW_S
 from tests.helpers.made_advisories import made
@@ -19,17 +19,17 @@ def conflict(rng: np.random.Generator, pair: tuple[str, str], now_s: float) -> C
     return made(1, robots=pair, predicted_at=moment(now_s + rng.uniform(-0.5, 5.0)), recommendation=advice)
 
 
-def as_sets(groups: Groups) -> set[tuple[Group, frozenset[str]]]:
+def as_sets(groups: ConflictGroups) -> set[tuple[ConflictGroup, frozenset[str]]]:
     """Each group, and the robots that lead to it."""
     return {
-        (group, frozenset(robot for pair in group.pairs for robot in pair if groups.of((robot, "")) is group))
+        (group, frozenset(robot for pair in group.pairs for robot in pair if groups.group_of((robot, "")) is group))
         for group in groups.all.values()
     }
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_groups_that_are_kept_are_those_that_would_be_found_anew(seed: int) -> None:
-    rng, kept, sizes = np.random.default_rng(seed), Groups(), set[int]()
+    rng, kept, sizes = np.random.default_rng(seed), ConflictGroups(), set[int]()
     conflicts: dict[tuple[str, str], ConflictAdvisory] = {}
     for step in range(200):
         now_s = NOW_S + step / 10
@@ -38,9 +38,9 @@ def test_groups_that_are_kept_are_those_that_would_be_found_anew(seed: int) -> N
             conflicts.pop(pair, None)
             if rng.random() < 0.7:
                 conflicts[pair] = conflict(rng, pair, now_s)
-        kept.step(now_s, conflicts, changed)
-        anew = Groups()
-        anew.step(now_s, conflicts, conflicts)
+        kept.update(now_s, conflicts, changed)
+        anew = ConflictGroups()
+        anew.update(now_s, conflicts, conflicts)
         assert as_sets(kept) == as_sets(anew)
         sizes |= {len(group.pairs) for group in anew.all.values()}
         ahead = {pair for pair, one in conflicts.items() if one.predicted_at > moment(now_s)}
@@ -49,13 +49,13 @@ def test_groups_that_are_kept_are_those_that_would_be_found_anew(seed: int) -> N
 
 
 def test_a_group_holds_the_conflicts_that_share_robots_and_begins_with_the_first() -> None:
-    groups = Groups()
+    groups = ConflictGroups()
     conflicts = {
         pair: made(1, robots=pair, predicted_at=moment(NOW_S + in_s))
         for pair, in_s in {("b", "c"): 4.0, ("a", "b"): 3.0, ("x", "y"): 2.0}.items()
     }
-    groups.step(NOW_S, conflicts, conflicts)
+    groups.update(NOW_S, conflicts, conflicts)
     assert set(groups.all.values()) == {
-        Group(moment(NOW_S + 3.0), (("a", "b"), ("b", "c")), None),
-        Group(moment(NOW_S + 2.0), (("x", "y"),), None),
+        ConflictGroup(moment(NOW_S + 3.0), (("a", "b"), ("b", "c")), None),
+        ConflictGroup(moment(NOW_S + 2.0), (("x", "y"),), None),
     }

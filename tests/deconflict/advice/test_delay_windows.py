@@ -1,4 +1,4 @@
-"""Robots that are held stand, then do late what they said; swept as they are, they meet whom they then would."""
+"""Held robots stand, then follow their forecasts late; they meet whom a sweep of that says."""
 
 from dataclasses import replace
 from math import pi
@@ -6,11 +6,11 @@ from math import pi
 import numpy as np
 import pytest
 
-from deconflict.advice.delay_windows import SHORT_S, Delays, Window
+from deconflict.advice.delay_windows import SHORT_S, DelayWindows, HoldWindow
 from deconflict.sweep.geometry.knots import Knots, Robots, delayed
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Forecasts
-from tests.deconflict.advice.made_near import Seen, near
+from tests.deconflict.advice.made_near import SeenRobot, near
 from tests.helpers.made_encounters import NOW_S, robot
 
 LEAVES_S, HORIZON_S, BEYOND_S = NOW_S + 1.3, 10.0, 20.0
@@ -47,7 +47,7 @@ def said(forecast: Forecasts, t: float) -> tuple[float, float, float]:
     return x_m, y_m, yaw_rad
 
 
-def test_a_robot_that_is_held_stands_and_then_does_late_what_it_said() -> None:
+def test_a_held_robot_stands_and_then_follows_its_forecast_late() -> None:
     forecasts = [wandering(HORIZON_S + 5.0) for _ in range(6)]
     hold_s = [0.0, 0.5, 3.0, 7.5, 0.0, 15.0]
     robots, knots = late(Forecasts.joined(forecasts), hold_s)
@@ -61,7 +61,7 @@ def test_a_robot_that_is_held_stands_and_then_does_late_what_it_said() -> None:
 
 
 @pytest.mark.parametrize(("short_s", "stands"), [(SHORT_S / 2, False), (SHORT_S * 2, True)])
-def test_a_forecast_that_ends_shortly_before_the_horizon_goes_on_as_it_ended(short_s: float, stands: bool) -> None:
+def test_a_forecast_that_ends_shortly_before_the_horizon_is_extrapolated(short_s: float, stands: bool) -> None:
     forecast = wandering(HORIZON_S - short_s)
     (one,), knots = late(forecast, [2.0])
     end_s, after_s = float(forecast.t_s[-1]) + 2.0, 5.0
@@ -72,18 +72,19 @@ def test_a_forecast_that_ends_shortly_before_the_horizon_goes_on_as_it_ended(sho
 
 def test_a_robot_that_cannot_be_swept_meets_nobody() -> None:
     crossing = [robot([0, 8], [-4, 4], [0, 0], 0.0, (1.0, 0.6)), robot([0, 8], [0, 0], [-4, 4], 1.6, (1.0, 0.6))]
-    told = [*crossing, replace(crossing[1], width_m=np.array([np.nan]))]
-    delays = Delays(near([Seen(name, one) for name, one in zip("abc", told, strict=True)]), Window(NOW_S, 10, 0.3, 2))
-    assert delays.meetings({}, "abc").keys() == {("a", "b")}
+    forecasts = [*crossing, replace(crossing[1], width_m=np.array([np.nan]))]
+    robots = [SeenRobot(name, forecast) for name, forecast in zip("abc", forecasts, strict=True)]
+    delays = DelayWindows(near(robots), HoldWindow(NOW_S, 10, 0.3, 2))
+    assert delays.contacts_s({}, "abc").keys() == {("a", "b")}
     none, every = delays.allowed([("a", "b"), ("a", "c")])
     assert sum(none) < sum(every) == 9
 
 
-def test_those_whom_some_meet_are_those_of_all_meetings_that_are_theirs() -> None:
-    names, window = "abcdef", Window(NOW_S + 0.5, HORIZON_S, 0.5, 4.0)
-    delays = Delays(near([Seen(name, wandering(HORIZON_S)) for name in names]), window)
+def test_the_contacts_of_some_robots_are_theirs_among_all_contacts() -> None:
+    names, window = "abcdef", HoldWindow(NOW_S + 0.5, HORIZON_S, 0.5, 4.0)
+    delays = DelayWindows(near([SeenRobot(name, wandering(HORIZON_S)) for name in names]), window)
     for held_s in ({}, {"b": 1.5, "e": 4.0}):
-        every = delays.meetings(held_s, names)
-        some = delays.meetings(held_s, "bd")
+        every = delays.contacts_s(held_s, names)
+        some = delays.contacts_s(held_s, "bd")
         assert some == {pair: at_s for pair, at_s in every.items() if not {"b", "d"}.isdisjoint(pair)}
         assert 0 < len(some) < len(every)

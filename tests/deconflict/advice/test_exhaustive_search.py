@@ -1,4 +1,4 @@
-"""The cheapest plan by trying, and by folding up: held against every plan there is, and each hold tried by itself."""
+"""The cheapest plan by search and by elimination, compared with all plans there are."""
 
 from itertools import product
 from random import Random
@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deconflict.advice.exhaustive_search import NONE, UNKNOWN, Choice, in_turn, least
-from deconflict.advice.variable_elimination import folded
+from deconflict.advice.exhaustive_search import NO_PLAN, UNKNOWN, HoldChoice, cheapest_plan, plan_in_order
+from deconflict.advice.variable_elimination import only_cheapest_plan
 
 BUDGET = 1 << 60
 STEPS = 3
 
 
 @st.composite
-def choices(draw: st.DrawFn) -> Choice:
+def choices(draw: st.DrawFn) -> HoldChoice:
     robots = draw(st.integers(1, 5))
 
     def each(low: int, high: int) -> np.ndarray:
@@ -26,10 +26,12 @@ def choices(draw: st.DrawFn) -> Choice:
     pairs = draw(st.permutations(every).map(lambda some: some[: draw(st.integers(0, len(every)))]))
     rows = st.lists(st.booleans(), min_size=2 * STEPS + 1, max_size=2 * STEPS + 1)
     allowed = np.array([draw(rows) for _ in pairs], bool).reshape(-1, 2 * STEPS + 1)
-    return Choice(each(0, STEPS), each(1, 3), each(1, 3), each(0, 2), np.array(pairs, np.int64).reshape(-1, 2), allowed)
+    return HoldChoice(
+        each(0, STEPS), each(1, 3), each(1, 3), each(0, 2), np.array(pairs, np.int64).reshape(-1, 2), allowed
+    )
 
 
-def fits(choice: Choice, plan: tuple[int, ...]) -> bool:
+def fits(choice: HoldChoice, plan: tuple[int, ...]) -> bool:
     """Whether those that have a hold in `plan`, the last of all robots, keep apart."""
     first = len(choice.longest) - len(plan)
     return all(
@@ -39,19 +41,19 @@ def fits(choice: Choice, plan: tuple[int, ...]) -> bool:
     )
 
 
-def counted(choice: Choice, plan: tuple[int, ...]) -> int:
+def score(choice: HoldChoice, plan: tuple[int, ...]) -> int:
     return sum(step * one + held * (one > 0) for step, held, one in zip(choice.step, choice.held, plan, strict=True))
 
 
-def plans(choice: Choice, budget: int) -> list[tuple[int, tuple[int, ...]]]:
-    """What each plan counts, the cheapest and then the first in order before others."""
+def plans(choice: HoldChoice, budget: int) -> list[tuple[int, tuple[int, ...]]]:
+    """The score of each plan, the lowest and then the first in order before others."""
     every = product(*(range(longest + 1) for longest in choice.longest.tolist()))
     within = (one for one in every if fits(choice, one) and sum(np.multiply(choice.weight, one)) <= budget)
-    return sorted((counted(choice, one), one) for one in within)
+    return sorted((score(choice, one), one) for one in within)
 
 
-def tries(choice: Choice, budget: int) -> int:
-    """How many holds are tried where each is, one after the other."""
+def tries(choice: HoldChoice, budget: int) -> int:
+    """How many holds are tried if none is skipped."""
     robots, tried, rest = len(choice.longest), 0, [0] * (len(choice.longest) + 1)
     middle, best = choice.allowed.shape[1] // 2, None
 
@@ -89,21 +91,21 @@ def tries(choice: Choice, budget: int) -> int:
 
 
 @given(choices(), st.sampled_from([0, 3, BUDGET]))
-def test_trying_finds_the_first_of_the_cheapest_plans(choice: Choice, budget: int) -> None:
+def test_the_search_finds_the_first_of_the_cheapest_plans(choice: HoldChoice, budget: int) -> None:
     every = plans(choice, budget)
-    count, holds = least(choice, budget)
-    assert (count, tuple(holds)) == every[0] if every else count == NONE
+    count, holds = cheapest_plan(choice, budget)
+    assert (count, tuple(holds)) == every[0] if every else count == NO_PLAN
 
 
 @given(choices(), st.sampled_from([0, 3, BUDGET]))
-def test_holds_that_are_passed_over_count_as_tried(choice: Choice, budget: int) -> None:
+def test_holds_that_are_passed_over_count_as_tried(choice: HoldChoice, budget: int) -> None:
     most = tries(choice, budget)
-    assert least(choice, budget, most)[0] != UNKNOWN
-    assert least(choice, budget, most - 1)[0] == UNKNOWN
+    assert cheapest_plan(choice, budget, most)[0] != UNKNOWN
+    assert cheapest_plan(choice, budget, most - 1)[0] == UNKNOWN
 
 
 @given(choices(), st.randoms())
-def test_each_waits_for_those_before_it(choice: Choice, random: Random) -> None:
+def test_each_waits_for_those_before_it(choice: HoldChoice, random: Random) -> None:
     order = random.sample(range(len(choice.longest)), len(choice.longest))
     plan: dict[int, int] = {}
     for robot in order:
@@ -115,44 +117,44 @@ def test_each_waits_for_those_before_it(choice: Choice, random: Random) -> None:
                 plan = held
                 break
     waits = len(plan) == len(order)
-    assert in_turn(choice, order) == ([plan[robot] for robot in sorted(plan)] if waits else None)
+    assert plan_in_order(choice, order) == ([plan[robot] for robot in sorted(plan)] if waits else None)
 
 
 @given(choices())
-def test_folding_up_finds_the_cheapest_plan_and_whether_it_is_alone(choice: Choice) -> None:
+def test_elimination_finds_the_cheapest_plan_and_whether_it_is_the_only_one(choice: HoldChoice) -> None:
     every = plans(choice, BUDGET)
-    count, holds = folded(choice)
+    count, holds = only_cheapest_plan(choice)
     if count == UNKNOWN:
         assert len(choice.pairs) >= 6, "four robots that all meet, at least"
     elif not every:
-        assert count == NONE
+        assert count == NO_PLAN
     else:
         alone = len(every) == 1 or every[1][0] > every[0][0]
         assert (count, holds) == (every[0][0], list(every[0][1]) if alone else None)
 
 
 @pytest.mark.parametrize(("robots", "known"), [(3, True), (4, False)])
-def test_robots_that_all_meet_are_folded_up_where_they_are_three(robots: int, known: bool) -> None:
+def test_robots_that_all_meet_are_eliminated_if_they_are_three(robots: int, known: bool) -> None:
     pairs = np.array([(a, b) for a in range(robots) for b in range(a + 1, robots)], np.int64)
     allowed = np.ones((len(pairs), 2 * STEPS + 1), bool)
     ones, longest = np.ones(robots, np.int64), np.full(robots, STEPS)
-    choice = Choice(longest, ones, ones, ones, pairs, allowed)
-    assert (folded(choice)[0] != UNKNOWN) == known
-    assert folded(choice, most=10)[0] == UNKNOWN
+    choice = HoldChoice(longest, ones, ones, ones, pairs, allowed)
+    assert (only_cheapest_plan(choice)[0] != UNKNOWN) == known
+    assert only_cheapest_plan(choice, most_additions=10)[0] == UNKNOWN
 
 
 @pytest.mark.parametrize("robots", [4, 5])
-def test_a_ring_is_folded_up(robots: int) -> None:
+def test_a_ring_is_eliminated(robots: int) -> None:
     """Here two robots that share no pair come to do so when the one between them is left out."""
     rng, known = np.random.default_rng(robots), 0
     pairs = np.array([(a, a + 1) for a in range(robots - 1)] + [(0, robots - 1)], np.int64)
     for _ in range(40):
         longest, weight = np.full(robots, STEPS), rng.integers(1, 90, robots)
         allowed = rng.random((robots, 2 * STEPS + 1)) < 0.4
-        choice = Choice(longest, weight, weight, np.zeros(robots, np.int64), pairs, allowed)
-        count, holds = folded(choice)
-        assert count == least(choice, BUDGET)[0]
+        choice = HoldChoice(longest, weight, weight, np.zeros(robots, np.int64), pairs, allowed)
+        count, holds = only_cheapest_plan(choice)
+        assert count == cheapest_plan(choice, BUDGET)[0]
         if holds is not None:
-            assert holds == least(choice, BUDGET)[1]
+            assert holds == cheapest_plan(choice, BUDGET)[1]
             known += 1
     assert 5 < known < 40

@@ -8,10 +8,10 @@ import pytest
 from shapely import Polygon, box
 from shapely.affinity import rotate, translate
 
-from deconflict.advice.async_answers import ANSWER_AFTER_S, Answer
-from deconflict.advice.burden import Account, yielded_s
-from deconflict.advice.delay_windows import Near
-from deconflict.advice.hold_desk import MOST_PAIRS, PAIRS_PER_S, Desk
+from deconflict.advice.async_answers import ANSWER_AFTER_S, PendingAnswer
+from deconflict.advice.burden import Burden, yielded_s
+from deconflict.advice.delay_windows import NearbyRobots
+from deconflict.advice.hold_desk import MOST_PAIRS, PAIRS_PER_S, HoldDesk
 from deconflict.advisories.conflict_lifecycle import PASSED, UNPREDICTED
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, moment
 from deconflict.engine.engine import Engine
@@ -60,7 +60,7 @@ def test_advice_that_is_followed_ends_the_conflict_at_the_promised_cost() -> Non
     assert floor.engine._advice.burden.burdens_s == {"Alder": hold.hold_s}, "who waited as advised has yielded"
 
 
-def test_a_robot_that_ignores_advice_is_still_told_of() -> None:
+def test_a_robot_that_ignores_advice_keeps_its_advisory() -> None:
     floor = crossing()
     told = floor.run(40)
     assert any(one.recommendation and one.recommendation.holds for one in told)
@@ -82,7 +82,7 @@ def test_an_answer_from_a_thread_is_given_at_the_same_event_time() -> None:
     def run(floor: Floor) -> list[ConflictAdvisory]:
         return floor.run(20)
 
-    def in_time(work: Callable[[], Recommendation]) -> Answer:
+    def in_time(work: Callable[[], Recommendation]) -> PendingAnswer:
         """Here time passes faster than any thread can follow."""
         answer = pool.submit(work)
         answer.result()
@@ -98,7 +98,7 @@ class Asking:
     """A desk that is asked of open conflicts, a step each quarter of a second; which pairs it answers, and when."""
 
     def __init__(self) -> None:
-        self.desk = Desk(SITE, Account(), Measures())
+        self.desk = HoldDesk(SITE, Burden(), Measures())
         self.now_s = NOW_S
         self.open: dict[Pair, ConflictAdvisory] = {}
 
@@ -130,17 +130,17 @@ def test_a_group_that_gets_smaller_is_not_asked_of_again_before_its_time() -> No
     assert asking.steps(1, "ab") == [(3.5, "ab")]
 
 
-def test_a_group_that_goes_on_growing_is_answered_all_the_same() -> None:
+def test_a_group_that_keeps_growing_is_answered_nevertheless() -> None:
     asking, pairs = Asking(), ["ab", "bc", "cd", "de", "ef", "fg"]
     told = [one for count in range(1, 7) for one in asking.steps(1, *pairs[:count])]
     assert told == []
     assert asking.steps(1, *pairs) == [(1.5, pair) for pair in pairs[:5]]
 
 
-def test_an_answer_that_is_late_holds_nothing_up_and_is_counted() -> None:
+def test_a_late_answer_delays_nothing_and_is_counted() -> None:
     free = Event()
 
-    def slow(work: Callable[[], Recommendation]) -> Answer:
+    def slow(work: Callable[[], Recommendation]) -> PendingAnswer:
         return pool.submit(lambda: (free.wait(PATIENCE_S), work())[1])
 
     with ThreadPoolExecutor(1) as pool:
@@ -181,7 +181,7 @@ def test_an_answer_that_came_late_comes_as_late_in_a_replay() -> None:
     assert again.run(20) == told
 
 
-def test_a_crowded_floor_is_advised_bit_by_bit_the_soonest_first() -> None:
+def test_a_crowded_floor_is_advised_in_parts_the_soonest_conflicts_first() -> None:
     pairs = round(MOST_PAIRS) + 40
     conflicts: dict[Pair, ConflictAdvisory] = {
         (f"a{n}", f"b{n}"): made(n, robots=(f"a{n}", f"b{n}"), predicted_at=moment(NOW_S + 5 + (pairs - n) / 100))
@@ -189,12 +189,12 @@ def test_a_crowded_floor_is_advised_bit_by_bit_the_soonest_first() -> None:
     }
     asked: list[set[str]] = []
 
-    def nobody(group: set[str]) -> Near:
+    def nobody(group: set[str]) -> NearbyRobots:
         asked.append(group)
         return near([])
 
     measures = Measures()
-    desk = Desk(SITE, Account(), measures)
+    desk = HoldDesk(SITE, Burden(), measures)
     desk.step(NOW_S, conflicts, conflicts, nobody)
     assert asked == [{f"a{n}", f"b{n}"} for n in reversed(range(40, pairs))]
     assert measures.values["deconflict_advice_waiting"] == {(): 40}
@@ -213,7 +213,7 @@ def test_advice_comes_no_sooner_than_its_time() -> None:
 
 @pytest.mark.parametrize("burdened", ["Alder", "Basalt"])
 def test_the_vendor_that_waited_before_does_not_wait_again(burdened: str) -> None:
-    """Both cost the same here, so the account decides."""
+    """Both plans cost the same here, so the burden decides."""
     floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)}, makers={"B": "Basalt"})
     floor.engine = Engine(floor.site, burdens_s={burdened: 60.0})
     told, _ = until_advised(floor)

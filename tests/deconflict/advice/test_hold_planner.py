@@ -11,16 +11,16 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from deconflict.advice import exhaustive_search, hold_planner
-from deconflict.advice.delay_windows import STEP_S, Delays, Window
+from deconflict.advice import exhaustive_search, hold_planner, hold_search
+from deconflict.advice.delay_windows import STEP_S, DelayWindows, HoldWindow
 from deconflict.advice.exhaustive_search import UNKNOWN
 from deconflict.advice.hold_planner import advise_holds
 from deconflict.advisory import Hold, Recommendation
 from ingest.batch import Pair
-from tests.deconflict.advice.made_near import Seen, near
+from tests.deconflict.advice.made_near import SeenRobot, near
 from tests.helpers.made_encounters import NOW_S, robot
 
-WINDOW = Window(NOW_S, 10.0, 0.3, 6.0)
+WINDOW = HoldWindow(NOW_S, 10.0, 0.3, 6.0)
 B_WAITS = Hold(robot="b", hold_s=2.0)
 
 
@@ -32,19 +32,19 @@ def through(
     speed_mps: float = 1.0,
     vendor: str = "acme",
     priority: float = 1.0,
-) -> Seen:
+) -> SeenRobot:
     """Goes straight through the origin."""
     reach_m = 10 * speed_mps - before_m
     along = [-before_m, reach_m]
     x, y = [m * cos(yaw_rad) for m in along], [m * sin(yaw_rad) for m in along]
-    return Seen(name, robot([0, 10], x, y, yaw_rad, (1.0, 0.6)), vendor, priority=priority)
+    return SeenRobot(name, robot([0, 10], x, y, yaw_rad, (1.0, 0.6)), vendor, priority=priority)
 
 
-def standing(name: str, x_m: float, y_m: float = 0.0) -> Seen:
-    return Seen(name, robot([0], [x_m], [y_m], 0.0, (1.0, 0.6)), holdable=False)
+def standing(name: str, x_m: float, y_m: float = 0.0) -> SeenRobot:
+    return SeenRobot(name, robot([0], [x_m], [y_m], 0.0, (1.0, 0.6)), holdable=False)
 
 
-def pairs_of(movers: list[Seen]) -> list[Pair]:
+def pairs_of(movers: list[SeenRobot]) -> list[Pair]:
     return [(a.robot, b.robot) for a, b in combinations(movers, 2)]
 
 
@@ -52,11 +52,11 @@ def held_s(advice: Recommendation) -> dict[str, float]:
     return {one.robot: one.hold_s for one in advice.holds}
 
 
-def met(robots: list[Seen], window: Window, held_s: dict[str, float]) -> dict[Pair, float]:
-    return Delays(near(robots), window).meetings(held_s, [one.robot for one in robots])
+def met(robots: list[SeenRobot], window: HoldWindow, held_s: dict[str, float]) -> dict[Pair, float]:
+    return DelayWindows(near(robots), window).contacts_s(held_s, [one.robot for one in robots])
 
 
-def cheapest_s(movers: list[Seen], window: Window) -> float | None:
+def cheapest_s(movers: list[SeenRobot], window: HoldWindow) -> float | None:
     """The least weighted waiting over every choice of holds, each swept as it is; None where none is clear."""
 
     def cost(holds: tuple[float, ...]) -> float:
@@ -64,9 +64,9 @@ def cheapest_s(movers: list[Seen], window: Window) -> float | None:
 
     grid = [k * STEP_S for k in range(window.steps + 1)]
     choices = sorted(product(*(grid if one.holdable else [0.0] for one in movers)), key=cost)
-    delays, names = Delays(near(movers), window), [one.robot for one in movers]
+    delays, names = DelayWindows(near(movers), window), [one.robot for one in movers]
     return next(
-        (cost(holds) for holds in choices if not delays.meetings(dict(zip(names, holds, strict=True)), names)),
+        (cost(holds) for holds in choices if not delays.contacts_s(dict(zip(names, holds, strict=True)), names)),
         None,
     )
 
@@ -80,7 +80,7 @@ def cheapest_s(movers: list[Seen], window: Window) -> float | None:
     )
 )
 def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, float, float]]) -> None:
-    window = Window(NOW_S, 10.0, 0.3, 4.0)
+    window = HoldWindow(NOW_S, 10.0, 0.3, 4.0)
     movers = [
         through(str(row), yaw, before_m=m, speed_mps=v, priority=weight)
         for row, (yaw, m, v, weight) in enumerate(courses)
@@ -105,7 +105,7 @@ def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, f
 
 
 @pytest.mark.parametrize("robots", [2, 3, 4])
-def test_few_robots_are_planned_as_by_folding_them_up_or_the_solver(
+def test_few_robots_get_the_same_plan_as_by_elimination_or_by_the_solver(
     monkeypatch: pytest.MonkeyPatch, robots: int
 ) -> None:
     rng, told = Random(3), []
@@ -124,23 +124,24 @@ def test_few_robots_are_planned_as_by_folding_them_up_or_the_solver(
         question = partial(advise_holds, near(movers), pairs_of(movers), WINDOW, burdens_s={"bolt": 5.0})
         alone = question()
         again = partial(question, standing=alone.model_copy(update={"holds": (Hold(robot="a", hold_s=2.0),)}))
-        tried = [counted(alone, movers), counted(again(), movers)]
+        tried = [plan_key(alone, movers), plan_key(again(), movers)]
         with monkeypatch.context() as patched:
-            for leaves_it in ("least", "folded"):
-                patched.setattr(hold_planner, leaves_it, lambda *_: (UNKNOWN, None))
-                assert tried == [counted(question(), movers), counted(again(), movers)]
+            for gives_up in ("cheapest_plan", "only_cheapest_plan"):
+                for module in (hold_search, hold_planner):
+                    patched.setattr(module, gives_up, lambda *_: (UNKNOWN, None), raising=module is hold_search)
+                assert tried == [plan_key(question(), movers), plan_key(again(), movers)]
         told.append(bool(alone.holds))
     assert sum(told) > 3
 
 
-def counted(advice: Recommendation, movers: list[Seen]) -> tuple[float, int, float, str]:
-    """What a plan is chosen by: its cost, how many it holds, and how long the burdened wait."""
+def plan_key(advice: Recommendation, movers: list[SeenRobot]) -> tuple[float, int, float, str]:
+    """What a plan is chosen by: its cost, how many robots it holds, and how long the burdened wait."""
     vendor_of = {one.robot: one.vendor for one in movers}
     burdened_s = sum(one.hold_s for one in advice.holds if vendor_of[one.robot] == "bolt")
     return advice.cost_s, len(advice.holds), burdened_s, advice.note
 
 
-def test_advice_that_stands_tells_whether_another_would_be_cheaper() -> None:
+def test_the_bound_of_standing_advice_is_the_cost_of_the_cheapest_plan() -> None:
     pair = [through("a", 0.0, before_m=5.3), through("b", pi / 2)]
     fresh = advise_holds(near(pair), [("a", "b")], WINDOW)
     kept = advise_holds(near(pair), [("a", "b")], WINDOW, standing=fresh.model_copy(update={"holds": (B_WAITS,)}))
@@ -150,14 +151,13 @@ def test_advice_that_stands_tells_whether_another_would_be_cheaper() -> None:
     assert (same.holds, same.bound_s, same.proven_optimal) == (fresh.holds, fresh.cost_s, True)
 
 
-def test_where_the_cheapest_takes_too_long_to_find_advice_that_stands_claims_no_bound(
+def test_standing_advice_has_no_bound_if_the_cheapest_plan_takes_too_long_to_find(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pair, most = [through("a", 0.0, before_m=5.3), through("b", pi / 2)], iter((exhaustive_search.MOST_TRIED, 1))
     before = advise_holds(near(pair), [("a", "b")], WINDOW)
-    monkeypatch.setattr(
-        hold_planner, "least", lambda choice, budget: exhaustive_search.least(choice, budget, next(most))
-    )
+    search = exhaustive_search.cheapest_plan
+    monkeypatch.setattr(hold_search, "cheapest_plan", lambda choice, budget: search(choice, budget, next(most)))
     again = advise_holds(near(pair), [("a", "b")], WINDOW, standing=before)
     assert again.holds == before.holds
     assert (again.bound_s, again.proven_optimal) == (0.0, False)
@@ -165,7 +165,7 @@ def test_where_the_cheapest_takes_too_long_to_find_advice_that_stands_claims_no_
 
 def test_differences_are_those_at_which_the_sweep_finds_nothing() -> None:
     a, b = through("a", 0.0), through("b", 1.2, before_m=4.0)
-    (allowed,) = Delays(near([a, b]), WINDOW).allowed([("a", "b")])
+    (allowed,) = DelayWindows(near([a, b]), WINDOW).allowed([("a", "b")])
     swept = [
         step
         for step in range(-WINDOW.steps, WINDOW.steps + 1)
@@ -196,7 +196,7 @@ def test_a_robot_that_stands_is_not_told_to_wait() -> None:
 def test_no_hold_brings_another_pair_together() -> None:
     """C comes up close behind A and would meet it if A waited: of two equal holds B's is the one that works."""
     a, b = through("a", 0.0, vendor="bolt"), through("b", pi / 2)
-    tail = Seen("c", robot([0, 10], [-7.0, 3.0], [0.0, 0.0], 0.0, (1.0, 0.6)), holdable=False)
+    tail = SeenRobot("c", robot([0, 10], [-7.0, 3.0], [0.0, 0.0], 0.0, (1.0, 0.6)), holdable=False)
     burdens_s = {"acme": 60.0}
     alone = advise_holds(near([a, b]), [("a", "b")], WINDOW, burdens_s=burdens_s)
     assert [one.robot for one in alone.holds] == ["a"]
@@ -214,7 +214,7 @@ def test_a_tie_goes_against_the_least_burdened(burdened: str, yields: str) -> No
     assert [one.robot for one in advice.holds] == [yields]
 
 
-def test_who_holds_changes_only_for_what_the_change_is_worth() -> None:
+def test_another_robot_is_held_only_if_that_saves_enough() -> None:
     pair = [through("a", 0.0, before_m=5.3, vendor="bolt"), through("b", pi / 2)]
     question = partial(advise_holds, near(pair), [("a", "b")], WINDOW, burdens_s={"bolt": 60.0})
     fresh = question()
@@ -224,7 +224,7 @@ def test_who_holds_changes_only_for_what_the_change_is_worth() -> None:
     assert question(standing=before, switch_s=0.25).holds == fresh.holds
 
 
-def test_where_each_pair_can_be_cleared_but_not_all_the_ring_is_named() -> None:
+def test_a_ring_without_a_plan_is_named_although_each_of_its_pairs_has_one() -> None:
     """Each two of a, b and c keep apart if one waits 2 s; three would need 4 s, and nobody may wait longer than 3 s.
 
     d only meets a, which both waiting d and waiting a would clear.
@@ -234,7 +234,7 @@ def test_where_each_pair_can_be_cleared_but_not_all_the_ring_is_named() -> None:
     for two in combinations(ring, 2):
         alone = advise_holds(near(list(two)), pairs_of(list(two)), window)
         assert alone.holds, f"{two[0].robot} and {two[1].robot} alone"
-    other = Seen("d", robot([0, 10], [-4.0, -4.0], [-6.0, 4.0], pi / 2, (1.0, 0.6)))
+    other = SeenRobot("d", robot([0, 10], [-4.0, -4.0], [-6.0, 4.0], pi / 2, (1.0, 0.6)))
     movers = [*ring, other]
     assert cheapest_s(movers, window) is None
     met = [pair for pair in pairs_of(movers) if set(pair) <= set("abc") or pair == ("a", "d")]

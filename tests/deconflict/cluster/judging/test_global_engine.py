@@ -8,7 +8,7 @@ from typing import Any
 
 from websockets.asyncio.client import connect
 
-from deconflict.advice.async_answers import at_once
+from deconflict.advice.async_answers import answer_at_once
 from deconflict.advisory import AdvisoryState
 from deconflict.cluster.engine_member import Member
 from deconflict.cluster.judging.global_engine import Lookout
@@ -105,7 +105,7 @@ async def test_a_lookout_goes_on_looking_while_nothing_can_be_told_and_tells_it_
         told: list[Line] = []
         await bus.hear_told(told.append, after=Seen(0, "", 0))
         await bounded(bus, 1)
-        lookout, robots = Lookout(SITE, bus, Teller(bus), at_once), scripts()
+        lookout, robots = Lookout(SITE, bus, Teller(bus), answer_at_once), scripts()
         chores = (lookout.run(lambda: True), lookout.outbox.run(), feed(bus, robots))
         tasks = [asyncio.create_task(one) for one in chores]
         while not counted(lookout, AdvisoryState.RAISED):

@@ -6,7 +6,7 @@ from threading import Event
 
 import pytest
 
-from deconflict.advice.async_answers import Answer, at_once
+from deconflict.advice.async_answers import PendingAnswer, answer_at_once
 from deconflict.advisory import AnyAdvisory, Recommendation
 from deconflict.contention.queues.queue_advice import MOST_SOLVED
 from deconflict.engine.engine import Engine
@@ -30,7 +30,7 @@ def queues(chargers: int = 1) -> Scene:
 
 
 def test_an_answer_of_a_thread_is_given_at_the_same_look() -> None:
-    def in_time(work: Callable[[], Recommendation]) -> Answer:
+    def in_time(work: Callable[[], Recommendation]) -> PendingAnswer:
         answer = pool.submit(work)
         answer.result()
         return answer
@@ -44,7 +44,7 @@ def test_an_answer_of_a_thread_is_given_at_the_same_look() -> None:
 def test_an_answer_that_is_late_holds_no_look_up_and_is_told_when_it_is_there() -> None:
     free = Event()
 
-    def slow(work: Callable[[], Recommendation]) -> Answer:
+    def slow(work: Callable[[], Recommendation]) -> PendingAnswer:
         return pool.submit(lambda: (free.wait(PATIENCE_S), work())[1])
 
     with ThreadPoolExecutor(1) as pool:
@@ -63,9 +63,9 @@ def test_an_answer_that_is_late_holds_no_look_up_and_is_told_when_it_is_there() 
 def test_where_many_places_are_contended_each_gets_its_advice_in_turn(chargers: int) -> None:
     asked = [0]
 
-    def counted(work: Callable[[], Recommendation]) -> Answer:
+    def counted(work: Callable[[], Recommendation]) -> PendingAnswer:
         asked[-1] += 1
-        return at_once(work)
+        return answer_at_once(work)
 
     scene = queues(chargers)
     scene.engine = Engine(scene.site, submit=counted)
