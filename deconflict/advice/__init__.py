@@ -1,1 +1,1 @@
-"""Advice: which robots should wait, and how long, at the least cost. Pure: data and the time in, a recommendation out."""
+"""Advice: which robots should wait, and how long, at the least cost. Pure: data and the time in, advice out."""

@@ -1,4 +1,4 @@
-"""Questions whose answers are worked out elsewhere, and given at event times, so that a replay gives the same advice."""
+"""Questions whose answers are worked out elsewhere, and given at event times, so that a replay gives the same ones."""
 
 from collections import deque
 from collections.abc import Callable
