@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from metrics.monitoring.dashboards import dashboards, files
 from metrics.monitoring.catalogue import CATALOGUE
+from metrics.monitoring.dashboards import dashboards, files
 from metrics.monitoring.panels import COLUMNS, Dashboard, as_json, names_in
 
 KEPT = Path(__file__).parents[3] / "dashboards"
