@@ -25,7 +25,7 @@ from websockets.exceptions import WebSocketException
 
 from benchmarks.endtoend import Load, Running, service
 from deconflict.roles.supervisor import Watched
-from ingest.recording.log_reader import Reader, segments
+from ingest.recording.log_reader import LogReader, segments
 
 
 @dataclass
@@ -115,7 +115,7 @@ def run(kills: int, robots: int, seed: int) -> dict[str, Any]:
         loop.call_soon_threadsafe(stop.set)
         following.result()
         offered = offering.stop()
-        reader = Reader()
+        reader = LogReader()
         lines = sum(1 for _ in reader.read(segments(one.data / "log")))
     return {
         "kills": len(took_s),

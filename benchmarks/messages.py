@@ -15,7 +15,8 @@ from typing import Any
 
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import Site
-from ingest.languages.massrobotics.parser import document, read
+from ingest.languages.massrobotics.message_document import message_document
+from ingest.languages.massrobotics.parser import read
 from ingest.languages.massrobotics.report_models import StatusReport
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -114,7 +115,7 @@ def batch_us(report: dict[str, Any], vendor: str | None = None) -> float:
             if fleet.receive(raw, now_s, connection):
                 raise SystemExit("a message was rejected")
             if (number + 1) % (ROBOTS // TICKS) == 0:
-                fleet.cut(now_s)
+                fleet.next_batch(now_s)
         best_s = min(best_s, process_time() - began_s)
     return best_s / ROBOTS * 1e6
 
@@ -146,7 +147,11 @@ def main() -> None:
     print(f"{'status, ten points':<30}{'bytes':>8}{columns}{'document us':>13}")
     for name, (report, vendor) in cases.items():
         raw = json.dumps(report).encode()
-        read_us, document_us, row_us = us(partial(read, raw)), us(partial(document, raw)), batch_us(report, vendor)
+        read_us, document_us, row_us = (
+            us(partial(read, raw)),
+            us(partial(message_document, raw)),
+            batch_us(report, vendor),
+        )
         columns = f"{read_us:>10.1f}{read_us / alone_us:>7.1f}{row_us:>10.1f}{row_us / alone_us:>7.1f}"
         print(f"{name:<30}{len(raw):>8}{columns}{document_us:>13.1f}")
 

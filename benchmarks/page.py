@@ -47,7 +47,7 @@ async def tick(face: Served, fleet: Fleet, robots: int, start_s: float) -> None:
         now_s = time.time()
         for row in range(step % max(1, robots // TOLD), robots, max(1, robots // TOLD)):
             say(fleet, row, robots, now_s)
-        face.sources.recent.add(now_s, fleet.cut(now_s).to_bytes())
+        face.sources.recent.add(now_s, fleet.next_batch(now_s).to_bytes())
         step += 1
         await asyncio.sleep(max(0.0, start_s + step * TICK_S - time.time()))
 
@@ -58,7 +58,7 @@ async def measured(page: Page, robots: int) -> tuple[float, float]:
             fleet, start_s = fleet_of(Site(), Measures()), time.time()
             for row in range(robots):
                 say(fleet, row, robots, start_s)
-            face.sources.whole = fleet.whole(start_s)
+            face.sources.whole = fleet.snapshot(start_s)
             ticking = asyncio.create_task(tick(face, fleet, robots, start_s))
             await page.goto(face.http)
             await page.wait_for_function(f"() => document.getElementById('status').textContent.includes('{robots} ')")

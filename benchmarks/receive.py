@@ -30,7 +30,7 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.receiver import Receiver, descriptors
 from ingest.recording.recorder import Recorder, quantise
-from ingest.security.vendor_credentials import Credentials
+from ingest.security.vendor_credentials import VendorCredentials
 from ingest.settings import Datum
 from ingest.settings import Receiver as Settings
 
@@ -142,7 +142,7 @@ async def run(load: Load, *, recorded: bool, read: bool) -> dict[str, float]:
                 await asyncio.sleep(TICK_S)
                 now_s = quantise(time.time())
                 recorder.tick(now_s)
-                fleet.cut(now_s).to_bytes()
+                fleet.next_batch(now_s).to_bytes()
 
         receiver = _receiver(deliver, measures, overtake)
         await receiver.start()
@@ -181,7 +181,14 @@ def _receiver(
         return quantise(time.time())
 
     return Receiver(
-        Settings(port=0), Credentials(()), deliver, ignore, ignore, overtaken=overtaken, measures=measures, clock=now_s
+        Settings(port=0),
+        VendorCredentials(()),
+        deliver,
+        ignore,
+        ignore,
+        overtaken=overtaken,
+        measures=measures,
+        clock=now_s,
     )
 
 

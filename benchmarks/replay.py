@@ -38,7 +38,7 @@ from deconflict.simulation.vendors.dialects import DIALECTS
 from deconflict.sweep.incremental import Sweeper
 from ingest.fleet.fleet import Fleet
 from ingest.languages.massrobotics import timestamps
-from ingest.recording.log_reader import Reader
+from ingest.recording.log_reader import LogReader
 from metrics.replay.clearance_scores import ClearanceScores
 from metrics.replay.replay import replay
 from metrics.scoring.arrival_scores import ArrivalScores
@@ -50,7 +50,7 @@ START_S = 1_790_000_000.0
 STEP_S = 0.1
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "read messages": ((Fleet, "receive"),),
-    "cut batches": ((Fleet, "cut"), (LiveRobots, "update")),
+    "cut batches": ((Fleet, "next_batch"), (LiveRobots, "update")),
     "sweep": ((Sweeper, "update"), (Sweeper, "find_conflicts")),
     "who is still there": ((Presence, "receive"), (Presence, "advance")),
     "probabilities": ((ProbabilityEstimator, "receive"), (ProbabilityEstimator, "estimate")),
@@ -137,7 +137,7 @@ def timed(spent: dict[str, float], stage: str, owner: Any, name: str) -> Iterato
 def replayed(log: Path, site: Site) -> tuple[dict[str, Any], float]:
     """The result, and the seconds that it took."""
     began = time.process_time()
-    reader = Reader()
+    reader = LogReader()
     result = replay(reader, reader.read([log]), site, [site.conflict.clearance_m])
     return result, time.process_time() - began
 
@@ -156,7 +156,7 @@ def stages(log: Path, site: Site) -> tuple[dict[str, float], float]:
 
 def read_alone(log: Path) -> float:
     began = time.process_time()
-    for _ in Reader().read([log]):
+    for _ in LogReader().read([log]):
         pass
     return time.process_time() - began
 

@@ -28,7 +28,7 @@ from deconflict.foresight.presence.lasting_silences import PresenceChanges
 from deconflict.foresight.presence.presence import Presence
 from deconflict.settings.site import Site
 from ingest.batch import Batch
-from ingest.recording.log_reader import Reader
+from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
 
 TOLD_S = 2.0
@@ -81,7 +81,7 @@ def alerts_of(lines: Iterable[str], kind: type[Presence] = Presence) -> tuple[li
     with TemporaryDirectory() as folder, patch.object(engine, "Presence", kind):
         path = Path(folder) / "log.jsonl"
         path.write_text("".join(lines))
-        reader = Reader()
+        reader = LogReader()
         scores = replay(reader, reader.read([path]), Site(), [0.3], on_line=tell)["scores"][0]
     return list(told.values()), scores
 

@@ -36,7 +36,7 @@ START_S = 1_790_000_000.0
 TICK_S = 0.1
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "read messages": ((Fleet, "receive"),),
-    "batches": ((Fleet, "cut"), (Batch, "to_bytes")),
+    "batches": ((Fleet, "next_batch"), (Batch, "to_bytes")),
     "sweep": ((Sweeper, "update"), (Sweeper, "find_conflicts")),
     "probabilities": ((ProbabilityEstimator, "receive"), (ProbabilityEstimator, "estimate")),
     "life": ((ConflictLifecycle, "revise"),),
@@ -73,7 +73,7 @@ class Floor:
             said = self.world.statuses(due, START_S, START_S + now_s)
             for robot, status in zip(due.tolist(), said, strict=True):
                 self.fleet.receive(status, START_S + now_s, self.lines[robot // ROBOTS_A_CONNECTION])
-            batch = Batch.from_bytes(self.fleet.cut(START_S + now_s).to_bytes())
+            batch = Batch.from_bytes(self.fleet.next_batch(START_S + now_s).to_bytes())
             began_s = process_time()
             self.engine.receive(batch)
             self.engine.step(START_S + now_s)

@@ -76,7 +76,7 @@ class Forecasts:
         by_knot = {name: getattr(self, name)[knots] for name in _BY_KNOT}
         return type(self)(start=start, **by_knot, **{name: getattr(self, name)[rows] for name in _BY_ROBOT})
 
-    def one(self, row: int) -> Self:
+    def single(self, row: int) -> Self:
         """The forecast of one robot, as views."""
         first, end = self.start[row], self.start[row + 1]
         by_knot = [getattr(self, name)[first:end] for name in _BY_KNOT]

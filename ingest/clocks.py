@@ -90,7 +90,7 @@ class SenderClock:
         self.delay_s = 0.0
         """Of the newest message."""
 
-    def take(self, stamp_s: float, arrival_s: float, resolution_s: float) -> float:
+    def event_time(self, stamp_s: float, arrival_s: float, resolution_s: float) -> float:
         """Learn from one message; when what it says was true, by the service's clock, never after its arrival.
 
         `resolution_s` is what the last digit of its stamp is worth. Where that is much coarser than the delays it is

@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from deconflict.operator.blackbox.start_state import Start, head_of, site_of, start_of
 from deconflict.settings import overrides, site
-from ingest.recording.log_reader import UNREADABLE, Event, Reader, by_time
+from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
 from metrics.scoring import compare
 
@@ -102,7 +102,7 @@ def _replay(args: argparse.Namespace) -> int:
     from metrics.replay.replay import replay  # noqa: PLC0415 - brings numba
     from metrics.report import html_report  # noqa: PLC0415 - brings numba
 
-    reader, clearances_m = Reader(), args.clearance or [settings.conflict.clearance_m]
+    reader, clearances_m = LogReader(), args.clearance or [settings.conflict.clearance_m]
     with ExitStack() as files:
         on_line, on_batch = _sinks(args, files)
         events = files.enter_context(_with_progress(reader, logs))
@@ -133,7 +133,7 @@ def _on_cluster(address: str, files: ExitStack) -> Callable[..., dict[str, Any]]
 
 
 def _conform(args: argparse.Namespace) -> int:
-    reader, settings, logs = Reader(), _settings(args), files_of(args.logs)
+    reader, settings, logs = LogReader(), _settings(args), files_of(args.logs)
     _check_outputs(logs, args.json)
     with _with_progress(reader, logs) as events:
         result = conformance_counts.conform(reader, events, settings)
@@ -243,7 +243,7 @@ def _write(out: Path, text: str) -> None:
         raise LogError(f"{out} can't be written: {error.strerror}") from error
 
 
-def _check_order(reader: Reader, logs: Iterable[Path], result: dict[str, Any]) -> None:
+def _check_order(reader: LogReader, logs: Iterable[Path], result: dict[str, Any]) -> None:
     """Log how many messages were out of order. Raises `LogError` if there was no message at all."""
     if not result["messages"]:
         unreadable = f", only {reader.unreadable} lines that can't be read" if reader.unreadable else ""
@@ -262,7 +262,7 @@ def _named(logs: Iterable[Path]) -> str:
 
 
 @contextmanager
-def _with_progress(reader: Reader, files: Sequence[Path]) -> Iterator[Iterator[Event]]:
+def _with_progress(reader: LogReader, files: Sequence[Path]) -> Iterator[Iterator[Event]]:
     """The events of the files, with a progress bar if standard error is a terminal."""
     console = Console(stderr=True)
     if not console.is_terminal:

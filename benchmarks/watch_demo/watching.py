@@ -68,7 +68,7 @@ class Watch:
         now_s = self.floor.now_s
         for arrival_s, raw, connection in self._post.arrived(now_s):
             self._fleet.receive(raw, arrival_s, connection)
-        self._engine.receive(self._fleet.cut(now_s, self._everything))
+        self._engine.receive(self._fleet.next_batch(now_s, self._everything))
         self._everything = False
         for advisory in self._engine.step(now_s):
             self._take(advisory)

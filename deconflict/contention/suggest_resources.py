@@ -20,7 +20,7 @@ from deconflict.settings.shared_places import Resource
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import Reader, Received, by_time
+from ingest.recording.log_reader import LogReader, Received, by_time
 
 DWELL_S = 10.0
 """A robot that stands for less than this only pauses."""
@@ -84,14 +84,14 @@ def suggested(logs: Iterable[Path], site: Site) -> str:
 def dwells(logs: Iterable[Path], site: Site) -> Iterator[Dwell]:
     """Every stop in the logs; one that the log's end cuts off too."""
     fleet, standing, cut_s = fleet_of(site, Measures()), dict[str, _Stand](), 0.0
-    for event in Reader().read(by_time(logs)):
+    for event in LogReader().read(by_time(logs)):
         if not isinstance(event, Received) or event.refused:
             continue
         fleet.receive(event.raw, event.arrival_s, event.connection)
         if event.arrival_s - cut_s >= LOOK_S:
             cut_s = event.arrival_s
-            yield from _ended(standing, fleet.cut(cut_s))
-    yield from _ended(standing, fleet.cut(cut_s))
+            yield from _ended(standing, fleet.next_batch(cut_s))
+    yield from _ended(standing, fleet.next_batch(cut_s))
     yield from _long(stand.dwell() for stand in standing.values())
 
 

@@ -41,5 +41,5 @@ class EngineMetrics:
         set_open_count(self._measures, count_by_severity(self._open_advisories()))
         self._measures.level("deconflict_datum_drift_metres", self._map_drift.drift_m())
         changes = {"forecast": self._foresight.degradation.changed(), "datum": self._map_drift.changed()}
-        clock_changes.tell(self._measures, changes)
+        clock_changes.publish(self._measures, changes)
         self._measures.level("deconflict_conflicts", {(): self._conflicts})

@@ -19,7 +19,7 @@ from shapely import Polygon
 from deconflict.runtime.learned_state import Part, UnreadableError
 from deconflict.settings.shared_places import Resource
 from ingest.batch import Basis, Batch
-from ingest.measures.change_detection import Change, Level, Limits
+from ingest.measures.change_detection import ChangeDetector, ChangeLimits, LevelChange
 
 MARK_RESTS = 10
 """This many first rests at a resource make its mark."""
@@ -28,7 +28,7 @@ NEWEST_RESTS, FEWEST_RESTS = 30, 10
 MARKED_KINDS = ("charger", "dock")
 """Kinds of resources at which robots come to rest at one spot."""
 
-LIMITS = Limits(least_spread=0.05, least_change=0.15)
+LIMITS = ChangeLimits(least_spread=0.05, least_change=0.15)
 """For changes of the offset, in metres along each axis."""
 
 Point = tuple[float, float]
@@ -49,7 +49,7 @@ class MapDrift:
     """By vendor and resource, the first rests: they make the mark."""
     _offsets: dict[str, deque[Point]] = field(default_factory=dict)
     """By vendor, the newest offsets from its marks."""
-    _levels: dict[str, tuple[Level, Level]] = field(default_factory=dict)
+    _levels: dict[str, tuple[ChangeDetector, ChangeDetector]] = field(default_factory=dict)
     """By vendor, the change detection of the offsets' x and y."""
 
     @classmethod
@@ -99,14 +99,14 @@ class MapDrift:
             if len(offsets) >= FEWEST_RESTS
         }
 
-    def changed(self) -> dict[str, Change]:
+    def changed(self) -> dict[str, LevelChange]:
         """By vendor whose robots rest elsewhere than before: since when, and by how many metres."""
         changed = {}
         for vendor, levels in self._levels.items():
             changes = [level.change for level in levels if level.change]
             if changes:
                 since_s = min(change.since_s for change in changes)
-                changed[vendor] = Change(since_s, hypot(*(change.by for change in changes)))
+                changed[vendor] = LevelChange(since_s, hypot(*(change.by for change in changes)))
         return changed
 
     def learned(self) -> Part:
@@ -128,7 +128,7 @@ class MapDrift:
             for vendor, offsets in part.get("offsets", {}).items():
                 self._offsets[vendor] = deque(((float(x), float(y)) for x, y in offsets), maxlen=NEWEST_RESTS)
             for vendor, (x, y) in part.get("levels", {}).items():
-                self._levels[vendor] = (Level.resumed(LIMITS, x), Level.resumed(LIMITS, y))
+                self._levels[vendor] = (ChangeDetector.resumed(LIMITS, x), ChangeDetector.resumed(LIMITS, y))
         except (TypeError, ValueError, AttributeError) as error:
             raise UnreadableError(f"cannot read the marks of docks and chargers: {error}") from error
 
@@ -140,9 +140,9 @@ class MapDrift:
         mark = (median(x for x, _ in first_rests), median(y for _, y in first_rests))
         offset = (point[0] - mark[0], point[1] - mark[1])
         self._offsets.setdefault(vendor, deque(maxlen=NEWEST_RESTS)).append(offset)
-        levels = self._levels.setdefault(vendor, (Level(LIMITS), Level(LIMITS)))
+        levels = self._levels.setdefault(vendor, (ChangeDetector(LIMITS), ChangeDetector(LIMITS)))
         for level, metres in zip(levels, offset, strict=True):
-            level.take(metres, at_s)
+            level.add(metres, at_s)
         if not all(level.seen for level in levels):
             self._forget_marks(vendor)
 

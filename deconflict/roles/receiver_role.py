@@ -18,19 +18,20 @@ from deconflict.settings.fleet_factory import fleet_of, load_fast_path
 from deconflict.settings.hot_reload import InForce
 from deconflict.settings.site import Site
 from ingest.clocks import SteadyClock
+from ingest.fleet import fleet_report
 from ingest.fleet.introductions import Introduction
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.recovery import recover
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.dialer import Dialer
-from ingest.port.rate_limits import Arrived
+from ingest.port.rate_limits import ArrivedMessage
 from ingest.port.receiver import Receiver
 from ingest.recording.log_reader import segments
 from ingest.recording.recorder import Recorder, quantise
 from ingest.security.tokens import SecretError
-from ingest.security.vendor_credentials import Credentials
+from ingest.security.vendor_credentials import VendorCredentials
 
 logger = logging.getLogger(__name__)
 
@@ -64,7 +65,7 @@ class ReceiverRole:
         self.recorder = Recorder(site.recorder, log, self.measures, self._now_s)
         self.receiver = Receiver(
             site.receiver,
-            Credentials(site.vendors),
+            VendorCredentials(site.vendors),
             self._deliver,
             self._refuse,
             self._closed,
@@ -120,16 +121,16 @@ class ReceiverRole:
         rule = self.fleet.receive(raw, arrival_s, connection)
         self.recorder.received(raw, arrival_s, connection, rule)
 
-    def _overtaken(self, one: Arrived, uuid: str) -> None:
-        self.fleet.overtaken(uuid, one.arrival_s, one.connection)
+    def _overtaken(self, one: ArrivedMessage, uuid: str) -> None:
+        self.fleet.count_overtaken(uuid, one.arrival_s, one.connection)
         self.recorder.overtaken(*one)
 
     def _refuse(self, rule: str, reason: str, arrival_s: float, connection: Connection) -> None:
-        self.fleet.refuse(rule, reason, b"", arrival_s, connection)
+        self.fleet.reject(rule, reason, b"", arrival_s, connection)
         self.recorder.received(b"", arrival_s, connection, rule)
 
     def _closed(self, connection: Connection) -> None:
-        self.fleet.closed(connection)
+        self.fleet.connection_closed(connection)
         self.recorder.closed(connection, self._now_s())
 
     async def _renew(self) -> None:
@@ -142,14 +143,14 @@ class ReceiverRole:
 
     def _take_up(self, site: Site) -> None:
         try:
-            self.receiver.renew(Credentials(site.vendors))
+            self.receiver.renew(VendorCredentials(site.vendors))
         except SecretError as error:
             logger.error("vendors' credentials stay as they were: %s", error)
         self.receiver.bound(site.receiver)
         self.recorder.renew(site.recorder)
         before, self.site = self.site, site
         if (before.datums, before.vendors, before.reading) != (site.datums, site.vendors, site.reading):
-            self.fleet.renew(Vendors(site.vendors), Frames(site.datums, site.vendors), site.reading)
+            self.fleet.reconfigure(VendorRegistry(site.vendors), FrameRegistry(site.datums, site.vendors), site.reading)
         self._dial()
 
     def _dial(self) -> None:
@@ -184,7 +185,7 @@ class ReceiverRole:
         self.recorder.tick(now_s, effort, pending)
         self.measures.count("deconflict_ticks_total")
         self._ask_for_fast_path()
-        batch = self.fleet.cut(now_s, everything).to_bytes()
+        batch = self.fleet.next_batch(now_s, everything).to_bytes()
         self._recent.add(now_s, batch)
         if not was_behind and self.recorder.behind:
             await asyncio.to_thread(self.recorder.sync, DISK_S)
@@ -206,13 +207,13 @@ class ReceiverRole:
     async def _follow(self, payload: bytes) -> bytes:
         """The batch after the one with the given number, as the engine was given it, for who watches the floor."""
         told = await self._recent.after(int(payload))
-        return told or parcel(self._recent.number, self.fleet.whole(self._now_s()).to_bytes(), whole=True)
+        return told or parcel(self._recent.number, self.fleet.snapshot(self._now_s()).to_bytes(), whole=True)
 
     async def _robots(self, _: bytes) -> bytes:
         """All the documents, a few at a time: those of ten thousand robots take seconds, and messages can't wait."""
         told, now_s = [], self._now_s()
         for number, robot in enumerate(sorted(self.fleet.robots.values(), key=attrgetter("uuid"))):
-            told.append(json.dumps(self.fleet.document(robot, now_s)))
+            told.append(json.dumps(fleet_report.robot_document(self.fleet, robot, now_s)))
             if number % DOCUMENTS_AT_ONCE == 0:
                 await asyncio.sleep(0)
         return f"[{','.join(told)}]".encode()
@@ -237,7 +238,7 @@ class ReceiverRole:
         return b""
 
     async def _measures(self, _: bytes) -> bytes:
-        self.fleet.measure(self._now_s())
+        fleet_report.measure(self.fleet, self._now_s())
         self.measures.level("deconflict_host_clock_off_seconds", {(): self._clock.off_s})
         return json.dumps([self.measures.as_document()]).encode()
 

@@ -5,16 +5,16 @@ from typing import Any
 from deconflict.settings.site import Site
 from ingest.fleet.fast_path_types import FastPath
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 
 
 def fleet_of(site: Site, measures: Measures) -> Fleet:
     """An empty fleet that reads messages as the site says."""
-    frames = Frames(site.datums, site.vendors)
-    return Fleet(Vendors(site.vendors), frames, site.reading, measures, Quarantine())
+    frames = FrameRegistry(site.datums, site.vendors)
+    return Fleet(VendorRegistry(site.vendors), frames, site.reading, measures, Quarantine())
 
 
 def fast_fleet_of(site: Site, measures: Measures) -> Fleet:

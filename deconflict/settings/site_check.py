@@ -13,7 +13,7 @@ from deconflict.settings.map_checks import map_problems
 from deconflict.settings.shared_places import PRIOR_SERVICE_S, Resource, Zone, outlines
 from deconflict.settings.site import Site, SiteError, datum_of, load, problems
 from ingest.frames.fitting import Fit, FitError, Method
-from ingest.frames.frame_registry import Frames, Pose, fit_map
+from ingest.frames.frame_registry import FrameRegistry, Pose, fit_map
 from ingest.frames.projection import Projection
 from ingest.settings import Datum, Vendor, VendorMap
 
@@ -170,7 +170,7 @@ def _point_lines(found: Fit, one: VendorMap, datum: Datum) -> Iterator[str]:
 def _example_lines(judged: MapReport) -> Iterator[str]:
     """Where the map's origin lies, and a robot in the middle of the readings, as the service will place it."""
     vendor = Vendor(name=judged.vendor, maps=(judged.map,))
-    frame = Frames([judged.datum], [vendor]).frame(judged.vendor, judged.map.datum)
+    frame = FrameRegistry([judged.datum], [vendor]).frame(judged.vendor, judged.map.datum)
     x, y = np.mean(list(judged.map.readings.values()), axis=0).tolist()
     poses = [(0.0, 0.0, 0.0), (x, y, 0.0)]
     for what, sent, placed in zip(("its origin", "a robot"), poses, frame.placed(poses), strict=True):

@@ -35,7 +35,7 @@ def draw(
     first contact. Without `axes` a figure is made. Raises `IndexError` where there is no such conflict.
     """
     pair = found.pairs[row].tolist()
-    robots = [forecasts.one(one) for one in pair]
+    robots = [forecasts.single(one) for one in pair]
     contact_s = float(found.contact_s[row])
     axes = Figure(figsize=(7.0, 5.0), layout="constrained").add_subplot() if axes is None else axes
     floor = pose_at(robots[0], contact_s).floor

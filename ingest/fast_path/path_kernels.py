@@ -1,6 +1,6 @@
 """The forecast of a robot whose status repeats its last, in one kernel.
 
-`ingest/fleet/forecast.py` computes the same forecast, knot by knot. The kernel gives up on times
+`ingest/fleet/prediction/forecast.py` computes the same forecast, knot by knot. The kernel gives up on times
 that are past or out of order, on a path that contradicts the robot's motion, and on motion that needs a correction.
 """
 

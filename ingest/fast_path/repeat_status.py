@@ -13,15 +13,18 @@ import numpy as np
 from ingest.batch import Basis, Floats
 from ingest.fast_path.path_kernels import AS_IT_IS, go_on
 from ingest.fast_path.scanner_kernels import OF_DESTINATIONS, OF_PATH
-from ingest.fast_path.status_scanner import ScannedStatus, Texts
-from ingest.fleet import ownership_claims, plausibility
-from ingest.fleet.forecast import JUMP_SLACK_M, NO_STOPS, Forecast, Sighting, View, jump_mps, size
+from ingest.fast_path.status_scanner import ScannedStatus, StatusTexts
+from ingest.fleet.owners import ownership_claims
+from ingest.fleet.prediction import plausibility
+from ingest.fleet.prediction.forecast import size
+from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
+from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, jump_mps
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
 from ingest.languages.massrobotics import path_points, vocabulary
+from ingest.languages.massrobotics.amounts import HOUR_S
 from ingest.languages.massrobotics.conformance_rules import Findings
-from ingest.languages.massrobotics.parser import HOUR_S
 from ingest.port.connection import Connection
 
 _PATH_END, _STOPS_END = OF_PATH + 1, OF_DESTINATIONS + 1
@@ -33,9 +36,9 @@ class RepeatReader:
 
     robot: Robot
     connection: Connection
-    texts: Texts
-    view: View
-    view_of: tuple[bool, str]
+    texts: StatusTexts
+    context: ForecastContext
+    context_key: tuple[bool, str]
     """As the robot's: another load may be read in the same view."""
     basis: Basis
     """Of its forecasts: stationary, or by path or velocity."""
@@ -52,7 +55,7 @@ class RepeatReader:
     def is_valid(self, connection: Connection) -> bool:
         """Whether the robot still reports over this connection and is read by the same settings."""
         robot = self.robot
-        return self.connection is connection and robot.view is self.view and robot.view_of is self.view_of
+        return self.connection is connection and robot.context is self.context and robot.context_key is self.context_key
 
     def read(self, scanned: ScannedStatus, event_s: float) -> tuple[str, ...] | None:
         """Update the robot and its forecast. Returns the findings; None, and no change, for any other status."""
@@ -84,7 +87,7 @@ class RepeatReader:
         robot.battery_pct, run_time_left_h = scanned.rows.item(2, 0), scanned.rows.item(2, 1)
         robot.run_time_left_s = run_time_left_h * HOUR_S
         robot.seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
-        robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.view.body, z_m))
+        robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.context.body, z_m))
         robot.stops = rows[room : room + ahead] if ahead else NO_STOPS
         return self._found_in(scanned, stamp_s) if odd else self.found
 
@@ -92,10 +95,10 @@ class RepeatReader:
         findings: Findings = dict.fromkeys(self.found)
         at, (first_s, last_s, _, latest_s) = scanned.at, scanned.rows[3].tolist()
         if self.texts.path:
-            path_points.judge_path(at[_PATH_END] - at[OF_PATH], (first_s, last_s), stamp_s, findings)
+            path_points.check_path(at[_PATH_END] - at[OF_PATH], (first_s, last_s), stamp_s, findings)
         if self.texts.destinations:
             stops = at[_STOPS_END] - at[OF_DESTINATIONS]
-            path_points.judge_destinations(stops, latest_s, stamp_s, findings)
+            path_points.check_destinations(stops, latest_s, stamp_s, findings)
         return tuple(findings)
 
 
@@ -103,23 +106,25 @@ def repeat_reader(
     robot: Robot, scanned: ScannedStatus, connection: Connection, names_as_uuid: str | None
 ) -> RepeatReader | None:
     """For a robot whose last status was scanned; None where each of its statuses has to be read in full."""
-    texts, view = scanned.texts, robot.view
+    texts, context = scanned.texts, robot.context
     basis = _basis(texts)
-    if view is None or robot.view_of[1] != texts.datum or basis is None:
+    if context is None or robot.context_key[1] != texts.datum or basis is None:
         return None
-    frame, floor = view.frame_of("")
-    path_frame, path_floor = view.frame_of(texts.path[0]) if basis is Basis.PATH and texts.path else (frame, floor)
-    stops_frame, stops_floor = view.frame_of(texts.destinations[0]) if texts.destinations else (frame, floor)
+    frame, floor = context.frame_of("")
+    path_frame, path_floor = context.frame_of(texts.path[0]) if basis is Basis.PATH and texts.path else (frame, floor)
+    stops_frame, stops_floor = context.frame_of(texts.destinations[0]) if texts.destinations else (frame, floor)
     if floor == NOWHERE or path_floor != floor or not _alike(frame, path_frame, stops_frame):
         return None
-    limits = np.array([basis, robot.view_of[0], frame.mirrored, stops_floor, *_limits(view)], np.float64)
+    limits = np.array([basis, robot.context_key[0], frame.mirrored, stops_floor, *_limits(context)], np.float64)
     table = frame.transform.table if frame.transform else AS_IT_IS
-    most_knots = ceil(view.reading.horizon_s) + 1 if basis is Basis.VELOCITY else 1
+    most_knots = ceil(context.reading.horizon_s) + 1 if basis is Basis.VELOCITY else 1
     found = _found(scanned, frame, names_as_uuid)
-    return RepeatReader(robot, connection, texts, view, robot.view_of, basis, most_knots, floor, table, limits, found)
+    return RepeatReader(
+        robot, connection, texts, context, robot.context_key, basis, most_knots, floor, table, limits, found
+    )
 
 
-def _basis(texts: Texts) -> Basis | None:
+def _basis(texts: StatusTexts) -> Basis | None:
     """Of the forecasts of a robot that sends its speed too; None where its statuses have to be read in full."""
     if texts.state == "navigating" and not texts.path:
         return None if texts.destinations else Basis.VELOCITY
@@ -134,9 +139,9 @@ def _alike(frame: Frame, *others: Frame) -> bool:
     )
 
 
-def _limits(view: View) -> tuple[float, ...]:
+def _limits(context: ForecastContext) -> tuple[float, ...]:
     """Those of `go_on` that the view and the rules give."""
-    body, reading = view.body, view.reading
+    body, reading = context.body, context.reading
     return (
         *body.offset_m,
         jump_mps(body),

@@ -21,19 +21,20 @@ from ingest.fast_path.scanner_kernels import (
     read_status,
 )
 from ingest.languages.massrobotics import path_points, vocabulary
+from ingest.languages.massrobotics.amounts import HOUR_S
 from ingest.languages.massrobotics.conformance_rules import Findings, RejectedError
-from ingest.languages.massrobotics.parser import HOUR_S, rejection
-from ingest.languages.massrobotics.timestamps import worth_s
+from ingest.languages.massrobotics.parser import rejection
+from ingest.languages.massrobotics.timestamps import digit_resolution_s
 from ingest.languages.model import NO_PATH, Path, Rejection, Status
 
 _OF_STAMPS = (), ("stamp-no-offset",), ("stamp-offset-no-colon",)
 """Findings, by how a stamp departs."""
-_RESOLUTIONS_S = [worth_s(digits) for digits in range(10)]
+_RESOLUTIONS_S = [digit_resolution_s(digits) for digits in range(10)]
 _REMEMBERED = 1024
 """Combinations of texts that are kept: robots send the same few again and again."""
 
 
-class Texts(msgspec.Struct, frozen=True, gc=False, eq=False):
+class StatusTexts(msgspec.Struct, frozen=True, gc=False, eq=False):
     """What the texts of a status mean, except its UUID. Statuses with the same texts share one object."""
 
     state: str
@@ -54,7 +55,7 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
     """(r, 4) numbers, as `ingest/fast_path/scanner_kernels.py` has them."""
     at: list[int]
     """Where things are, as it marks them."""
-    texts: Texts
+    texts: StatusTexts
 
     @property
     def uuid(self) -> bytes:
@@ -160,7 +161,7 @@ def _texts(
     destinations_depart: int,
     destinations_right: bytes | None,
     destinations_other: bytes | None,
-) -> Texts:
+) -> StatusTexts:
     """Of times that depart so, negative where there are no points, and such a state and datums."""
     findings: Findings = dict.fromkeys(_OF_STAMPS[departs])
     name, known = vocabulary.state(state.decode(), findings)
@@ -170,7 +171,7 @@ def _texts(
         path = _datum_of_points(path_departs, path_right, path_other)
     if destinations_depart >= 0:
         destinations = _datum_of_points(destinations_depart, destinations_right, destinations_other)
-    return Texts(name, known, datum, tuple(findings), path, destinations)
+    return StatusTexts(name, known, datum, tuple(findings), path, destinations)
 
 
 @lru_cache(_REMEMBERED)

@@ -1,4 +1,4 @@
-"""Rows of a batch out of what is known of each robot."""
+"""Builds a batch from the states of robots."""
 
 from collections.abc import Iterable, Sequence, Sized
 from itertools import chain
@@ -9,23 +9,23 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ingest.batch import Batch, Claim, Destinations, Floats, Forecasts, Ints
-from ingest.fleet.forecast import NO_STOPS, Forecast
+from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast
 from ingest.fleet.robot import Robot
 
 
 def batch(
     robots: Sequence[Robot], now_s: float, floors: tuple[str, ...], gone: tuple[str, ...], claims: tuple[Claim, ...]
 ) -> Batch:
-    """The batch of some robots, each of which has a forecast, as they are known now."""
-    forecasts: list[Forecast] = list(_each(robots, "forecast"))
+    """The batch of the given robots, as they are known now. Each must have a forecast and a sighting."""
+    forecasts: list[Forecast] = list(_values(robots, "forecast"))
     return Batch(
         now_s=now_s,
         floors=floors,
-        robots=tuple(_each(robots, "uuid")),
-        vendors=tuple(_each(robots, "vendor")),
-        models=tuple(_each(robots, "model")),
-        names=tuple(_each(robots, "name")),
-        states=tuple(_each(robots, "state")),
+        robots=tuple(_values(robots, "uuid")),
+        vendors=tuple(_values(robots, "vendor")),
+        models=tuple(_values(robots, "model")),
+        names=tuple(_values(robots, "name")),
+        states=tuple(_values(robots, "state")),
         statuses=_column(robots, "statuses", np.int64),
         first_arrival_s=_column(robots, "first_arrival_s"),
         arrival_s=_column(robots, "arrival_s"),
@@ -34,25 +34,27 @@ def batch(
         doubt_m=_column(robots, "doubt_m"),
         battery_pct=_column(robots, "battery_pct"),
         run_time_left_s=_column(robots, "run_time_left_s"),
-        forecasts=_layout(forecasts),
-        destinations=_destinations(list(_each(robots, "stops"))),
+        forecasts=_forecasts(forecasts),
+        destinations=_destinations(list(_values(robots, "stops"))),
         gone=gone,
         claims=claims,
     )
 
 
-def _each(of: Sequence[Any], name: str) -> Iterable[Any]:
-    return map(attrgetter(name), of)
+def _values(items: Sequence[Any], name: str) -> Iterable[Any]:
+    """The attribute `name`, which may be dotted, of each item."""
+    return map(attrgetter(name), items)
 
 
-def _column(of: Sequence[Any], name: str, kind: DTypeLike = np.float64) -> NDArray[Any]:
-    return np.fromiter(_each(of, name), kind, len(of))
+def _column(items: Sequence[Any], name: str, dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """(n,) the attribute `name` of n items."""
+    return np.fromiter(_values(items, name), dtype, len(items))
 
 
-def _layout(forecasts: list[Forecast]) -> Forecasts:
+def _forecasts(forecasts: list[Forecast]) -> Forecasts:
     if not forecasts:
         return Forecasts.empty()
-    knots = list(_each(forecasts, "knots"))
+    knots = list(_values(forecasts, "knots"))
     t_s, x_m, y_m, yaw_rad = _columns(np.concatenate(knots))
     return Forecasts(
         start=_starts(knots),
@@ -60,7 +62,7 @@ def _layout(forecasts: list[Forecast]) -> Forecasts:
         x_m=x_m,
         y_m=y_m,
         yaw_rad=yaw_rad,
-        floor=np.fromiter(chain.from_iterable(_each(forecasts, "floors")), np.int64, len(t_s)),
+        floor=np.fromiter(chain.from_iterable(_values(forecasts, "floors")), np.int64, len(t_s)),
         length_m=_column(forecasts, "length_m"),
         width_m=_column(forecasts, "width_m"),
         bottom_m=_column(forecasts, "bottom_m"),
@@ -74,7 +76,7 @@ def _destinations(stops_of: list[Floats]) -> Destinations:
 
 
 def _starts(parts: Sequence[Sized]) -> Ints:
-    """(n + 1,) where each of n parts begins, one after the other, and where the last one ends."""
+    """(n + 1,) the first row of each of n parts, one after the other, and the end of the last one."""
     return np.fromiter(chain((0,), map(len, parts)), np.int64, len(parts) + 1).cumsum()
 
 

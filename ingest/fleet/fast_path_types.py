@@ -1,4 +1,7 @@
-"""What the fleet asks of a fast path. `ingest/fast_path` has one; without it the fleet reads the same, but slower."""
+"""The interface between the fleet and a fast path.
+
+`ingest/fast_path` implements it. Without a fast path the fleet gives the same results, but slower.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,8 +12,8 @@ from ingest.languages.model import Rejection, Status
 from ingest.port.connection import Connection
 
 
-class ScannedStatus(Protocol):
-    """A status whose bytes were scanned, and which is not built yet."""
+class ScannedStatusProtocol(Protocol):
+    """A status whose bytes were scanned, but for which no `Status` exists yet."""
 
     @property
     def raw(self) -> bytes: ...
@@ -21,7 +24,7 @@ class ScannedStatus(Protocol):
 
     @property
     def texts(self) -> object:
-        """The same object for all statuses with the same state, datums and findings on them."""
+        """One object shared by all statuses with the same state, datums and findings on them."""
 
     @property
     def stamp_s(self) -> float: ...
@@ -30,14 +33,14 @@ class ScannedStatus(Protocol):
     def stamp_resolution_s(self) -> float: ...
 
     def message(self, names_as_uuid: str | None) -> Status | Rejection:
-        """What `parser.read` gives for it."""
+        """The same result as `parser.read`."""
 
 
-Scanned = TypeVar("Scanned", bound=ScannedStatus)
-Read_contra = TypeVar("Read_contra", bound=ScannedStatus, contravariant=True)
+Scanned = TypeVar("Scanned", bound=ScannedStatusProtocol)
+Read_contra = TypeVar("Read_contra", bound=ScannedStatusProtocol, contravariant=True)
 
 
-class RepeatReader(Protocol[Read_contra]):
+class RepeatReaderProtocol(Protocol[Read_contra]):
     """Reads the statuses of one robot that differ from its last only in motion."""
 
     @property
@@ -48,20 +51,23 @@ class RepeatReader(Protocol[Read_contra]):
 
     @property
     def texts(self) -> object:
-        """Those of the statuses that it reads."""
+        """The texts of the statuses that it reads."""
 
     def is_valid(self, connection: Connection) -> bool:
         """Whether the robot still reports over this connection and is read by the same settings."""
 
     def read(self, scanned: Read_contra, event_s: float) -> tuple[str, ...] | None:
-        """Update the robot and its forecast. Returns the findings; None, and no change, for any other status."""
+        """Update the robot and its forecast. Returns the findings. None, without any change, for any other status."""
 
 
 @dataclass(frozen=True, slots=True)
 class FastPath(Generic[Scanned]):
-    """Compiled shortcuts."""
+    """Functions that read plain messages faster than the parser."""
 
     scan: Callable[[bytes], Scanned | None]
-    """A plain status from its bytes; None for any other message."""
-    repeat_reader: Callable[[Robot, Scanned, Connection, str | None], RepeatReader[Scanned] | None]
-    """For a robot whose last status was scanned; None where each of its statuses has to be read in full."""
+    """The scanned status of a message. None for a message that is not a plain status."""
+    repeat_reader: Callable[[Robot, Scanned, Connection, str | None], RepeatReaderProtocol[Scanned] | None]
+    """A reader for a robot whose last status was scanned. None if each of its statuses has to be read in full.
+
+    The arguments are the robot, its last status, the connection, and the vendor if names are read as UUIDs.
+    """

@@ -1,4 +1,7 @@
-"""A robot's identity report as one ingest hands it to another, which the robot has not told of itself."""
+"""Identity reports that ingests pass on to one another.
+
+A robot that moves to another ingest may not send its identity report there again.
+"""
 
 from base64 import b64decode, b64encode
 from dataclasses import dataclass, field
@@ -7,19 +10,20 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Introduction:
-    """What a robot said of itself, when that arrived, and for whom it was said."""
+    """An identity report, and how it arrived."""
 
     uuid: str
     raw: bytes
+    """The message."""
     arrival_s: float
     vendor: str | None
-    """Of the connection that it came over, where that tells."""
+    """Vendor of the connection over which it came; None if it had none."""
     owner: str
-    """Whose robot it was from then on."""
+    """The robot's vendor from then on."""
     assigned: bool = False
-    """Whether the site file gives the robot to its owner."""
+    """Whether the site file assigns the robot to its owner."""
     elsewhere: bool = field(default=False, compare=False)
-    """Whether it came to another ingest."""
+    """Whether it arrived at another ingest."""
 
     @classmethod
     def of_document(cls, document: dict[str, Any]) -> "Introduction":
@@ -37,8 +41,8 @@ class Introduction:
         }
 
     def is_news_to(self, known: "Introduction | None") -> bool:
-        """Whether it was said after what is known, is something else, and is not another vendor's word on its robot."""
+        """Whether it is newer than the known report, differs from it, and its vendor may report the robot."""
         if known is None:
             return True
-        may_say = self.owner == known.owner or self.assigned
-        return may_say and self.arrival_s > known.arrival_s and self.raw != known.raw
+        may_report = self.owner == known.owner or self.assigned
+        return may_report and self.arrival_s > known.arrival_s and self.raw != known.raw

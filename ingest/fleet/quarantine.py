@@ -1,4 +1,4 @@
-"""Rejected messages, kept for a person to read: the newest of each vendor, within bounds."""
+"""Rejected messages, kept for people to read: the newest of each vendor, limited in number and size."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -13,53 +13,56 @@ MOST_VENDORS = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Rejected:
-    """One rejected message and why."""
+class RejectedMessage:
+    """A rejected message and the reason."""
 
     raw: bytes
+    """Its first `KEPT_BYTES`."""
     size: int
+    """Bytes of the whole message."""
     rule: str
     reason: str
     connection: int
+    """Number of the connection."""
     arrival_s: float
 
 
 class Quarantine:
-    """The newest rejects of each vendor, so that one vendor's flood hides no other's."""
+    """The newest rejected messages of each vendor, so that many of one vendor do not displace those of others."""
 
     def __init__(self) -> None:
-        self._by_vendor: dict[str, deque[Rejected]] = {}
-        self.pushed_out = 0
-        """Rejects no longer kept."""
+        self._by_vendor: dict[str, deque[RejectedMessage]] = {}
+        self.displaced = 0
+        """How many messages were displaced or not kept."""
 
-    def add(self, rejected: Rejected, vendor: str) -> None:
+    def add(self, message: RejectedMessage, vendor: str) -> None:
         if vendor not in self._by_vendor and len(self._by_vendor) >= MOST_VENDORS:
-            self.pushed_out += 1
+            self.displaced += 1
             return
         kept = self._by_vendor.setdefault(vendor, deque(maxlen=KEPT_PER_VENDOR))
-        self.pushed_out += len(kept) == KEPT_PER_VENDOR
-        kept.append(rejected)
+        self.displaced += len(kept) == KEPT_PER_VENDOR
+        kept.append(message)
 
     def documents(self) -> list[dict[str, Any]]:
         """JSON-ready, newest first."""
-        everything = [(one, vendor) for vendor, kept in self._by_vendor.items() for one in kept]
-        everything.sort(key=lambda pair: pair[0].arrival_s, reverse=True)
-        return [_document(one, vendor) for one, vendor in everything]
+        messages = [(message, vendor) for vendor, kept in self._by_vendor.items() for message in kept]
+        messages.sort(key=lambda pair: pair[0].arrival_s, reverse=True)
+        return [_document(message, vendor) for message, vendor in messages]
 
 
-def _document(one: Rejected, vendor: str) -> dict[str, Any]:
+def _document(message: RejectedMessage, vendor: str) -> dict[str, Any]:
     return {
-        "received": timestamps.write(one.arrival_s),
+        "received": timestamps.write(message.arrival_s),
         "vendor": vendor,
-        "connection": one.connection,
-        "rule": one.rule,
-        "reason": one.reason,
-        "message": one.raw.decode(errors="backslashreplace"),
-        "size_bytes": one.size,
-        "cut_short": one.size > len(one.raw),
+        "connection": message.connection,
+        "rule": message.rule,
+        "reason": message.reason,
+        "message": message.raw.decode(errors="backslashreplace"),
+        "size_bytes": message.size,
+        "cut_short": message.size > len(message.raw),
     }
 
 
-def rejected(raw: bytes, rule: str, reason: str, connection: int, arrival_s: float) -> Rejected:
-    """A reject with as much of its message as is kept."""
-    return Rejected(raw[:KEPT_BYTES], len(raw), rule, reason, connection, arrival_s)
+def rejected_message(raw: bytes, rule: str, reason: str, connection: int, arrival_s: float) -> RejectedMessage:
+    """The record of a rejected message."""
+    return RejectedMessage(raw[:KEPT_BYTES], len(raw), rule, reason, connection, arrival_s)

@@ -6,28 +6,28 @@ from typing import NamedTuple
 
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import Closed, Reader, Received
+from ingest.recording.log_reader import Closed, LogReader, Received
 
 RECOVERED_SEGMENTS = 2
-"""Newest segments of the log that are read back at a start."""
+"""Newest segments of the log that are read at a start."""
 
 
 class Recovered(NamedTuple):
     messages: int
-    """How many were read again."""
+    """How many messages were read."""
     connection: int
-    """The last that has a number in the log, 0 for none; each start numbers on from there."""
+    """The highest connection number in the log, 0 if it has none. New connections are numbered from there on."""
 
 
 def recover(fleet: Fleet, files: Sequence[Path], now_s: float) -> Recovered:
-    """Bring a fleet to what it was, from the end of the files of a log.
+    """Restore the state of a fleet from the newest `files` of a log.
 
-    Identities count whatever their age, statuses as far back as a robot is not yet silent. What is only repeated here
-    was counted when it came, so nothing is counted again.
+    Identities are read whatever their age, statuses only if they are too recent for their robot to be silent. Nothing
+    is counted in the fleet's measures, since it was counted when it arrived.
     """
-    counted, fleet.measures = fleet.measures, Measures()
+    measures, fleet.measures = fleet.measures, Measures()
     since_s, messages, connection = now_s - fleet.reading.silent_after_s, 0, 0
-    for event in Reader().read(files[-RECOVERED_SEGMENTS:]):
+    for event in LogReader().read(files[-RECOVERED_SEGMENTS:]):
         if isinstance(event, Received | Closed):
             connection = max(connection, event.connection.id)
         if not isinstance(event, Received) or event.refused or event.arrival_s > now_s:
@@ -35,7 +35,7 @@ def recover(fleet: Fleet, files: Sequence[Path], now_s: float) -> Recovered:
         if event.arrival_s >= since_s or b'"operationalState"' not in event.raw:
             fleet.receive(event.raw, event.arrival_s, event.connection)
             messages += 1
-    fleet.measures = counted
+    fleet.measures = measures
     for robot in fleet.robots.values():
         robot.statuses = 0
     return Recovered(messages, connection)

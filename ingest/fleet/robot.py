@@ -1,21 +1,19 @@
-"""One robot as its messages tell of it, and what people are shown of that."""
+"""The state of one robot, as its messages report it."""
 
 from dataclasses import dataclass, field
-from math import dist, isfinite, isnan, nan
-from typing import Any
+from math import nan
 
-from ingest.batch import Basis, Floats
+from ingest.batch import Floats
 from ingest.clocks import SenderClock
-from ingest.fleet.forecast import NO_STOPS, Forecast, Sighting, View
 from ingest.fleet.introductions import Introduction
+from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.frames.frame_registry import Frame
-from ingest.languages.massrobotics import parser
 from ingest.languages.model import Identity
 
 
 @dataclass(slots=True, eq=False)
 class Robot:
-    """What one robot said last, and what was made of it."""
+    """The newest messages of one robot, and what is derived from them."""
 
     uuid: str
     vendor: str
@@ -28,69 +26,47 @@ class Robot:
     introduction: Introduction | None = None
     """The report that its identity was read from."""
     status_raw: bytes = b""
+    """The bytes of its newest status."""
     state: str = ""
+    """Operational state as the schema spells it, or as the sender does if the standard does not have it."""
     known_state: bool = True
+    """Whether the standard has this state."""
     statuses: int = 0
-    """How many came since the robot was last in a batch."""
+    """How many statuses came since the robot was last in a batch."""
     first_arrival_s: float = nan
     """When the first of them arrived."""
     arrival_s: float = nan
+    """When its newest message arrived."""
     seen: Sighting | None = None
-    """The newest sighting, headings and speeds reconciled with the one before it."""
+    """The newest sighting, reconciled with the one before it."""
     frame: Frame | None = None
+    """The frame in which it reported that sighting."""
     forecast: Forecast | None = None
     stops: Floats = field(default_factory=lambda: NO_STOPS)
-    """As `ingest/fleet/forecast.py` has them."""
+    """The destinations ahead, as `prediction.forecast.stops` returns them."""
     doubt_m: float = 0.0
+    """How far off its position may be."""
     battery_pct: float = nan
+    """nan if its newest status does not say it."""
     run_time_left_s: float = nan
-    """How much longer its battery lasts, by its newest status as the level; nan where that does not say."""
+    """How much longer its battery lasts; nan if its newest status does not say it."""
     owned: bool = False
-    """Whether its vendor is settled: it identified itself, or spoke over a connection of that vendor."""
-    view: View | None = None
-    """How its messages are read; None where something of that may have changed."""
-    view_of: tuple[bool, str] = (False, "")
-    """What the view is of: whether the robot is loaded, and its datum."""
+    """Whether its vendor is settled: it identified itself, or reported over a connection of that vendor."""
+    context: ForecastContext | None = None
+    """How its messages are read; None if settings or identity may have changed."""
+    context_key: tuple[bool, str] = (False, "")
+    """What the context depends on: whether the robot is loaded, and its datum."""
     uuid_as_sent: bytes = b""
-    """Where the fast path has a reader of its repeated statuses."""
+    """The key of its repeat reader in the fast path; empty if it has none."""
     deviations: dict[str, int] = field(default_factory=dict)
+    """How many of its messages broke each conformance rule."""
 
     def __post_init__(self) -> None:
         self.settle(self.vendor)
 
     def settle(self, vendor: str) -> None:
-        """Be a vendor's robot, by the identity that it has now."""
-        self.vendor, self.view = vendor, None
+        """Make it a robot of the vendor, with a name and model from its present identity."""
+        self.vendor, self.context = vendor, None
         self.model = self.identity.model if self.identity else ""
         serial = self.identity.serial if self.identity else self.uuid[:8]
         self.name = serial if serial.casefold().startswith(vendor.casefold()) else f"{vendor} {serial}"
-
-
-def told(robot: Robot, raw: bytes) -> dict[str, Any] | None:
-    """What a message said, under the UUID that it was read as: the sender's own may be a name."""
-    return parser.document(raw) | {"uuid": robot.uuid} if raw else None
-
-
-def placed(robot: Robot) -> dict[str, Any]:
-    """The floor-frame part of a robot's document; absent before its first status."""
-    if not (robot.seen and robot.frame and robot.forecast):
-        return {"floor": None, "location": None, "envelope": None, "forecast": None}
-    one, seen = robot.forecast, robot.seen
-    tall = isfinite(one.top_m)
-    return {
-        "floor": robot.frame.floor,
-        "comparable": robot.frame.comparable,
-        "location": {"x": seen.x_m, "y": seen.y_m, "yaw_rad": None if isnan(seen.yaw_rad) else seen.yaw_rad},
-        "event_s": seen.t_s,
-        "doubt_m": robot.doubt_m,
-        "envelope": {
-            "length_m": one.length_m,
-            "width_m": one.width_m,
-            "height_m": one.top_m - one.bottom_m if tall else None,
-        },
-        "forecast": {
-            "basis": Basis(one.basis).name.lower(),
-            "reach_m": round(dist(one.knots[0][1:3], one.knots[-1][1:3]), 3),
-            "knots": [[round(float(value), 3) for value in knot] for knot in one.knots],
-        },
-    }

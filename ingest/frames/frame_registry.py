@@ -54,7 +54,7 @@ class Frame:
         return x, y, yaw_rad
 
 
-class Frames:
+class FrameRegistry:
     """Every frame that the site knows, and those that messages bring."""
 
     def __init__(self, datums: Sequence[Datum], vendors: Sequence[Vendor]) -> None:

@@ -1,4 +1,4 @@
-"""What a message of any language says: an identity, a status, or why it is rejected."""
+"""What a message in any language says: an identity, a status, or why it is rejected."""
 
 from dataclasses import dataclass
 from math import nan
@@ -6,7 +6,7 @@ from math import nan
 import msgspec
 
 Row = tuple[float, float, float, float]
-"""t_s, x, y, yaw_rad, nan where the heading is unknown."""
+"""t_s, x, y, yaw_rad. The yaw is nan if the heading is unknown."""
 
 
 class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -15,11 +15,11 @@ class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
     poses: tuple[Row, ...]
     """(p,)"""
     datums: tuple[str, ...]
-    """(p,) lower case; "" is the robot's own."""
+    """(p,) in lower case; "" is the robot's own datum."""
     in_order: bool
-    """Whether each is later than the one before."""
+    """Whether each pose is later than the one before."""
     ends_s: tuple[float, float]
-    """The first time and the last; nan of no pose."""
+    """The first and the last time; nan if there is no pose."""
 
     @property
     def times(self) -> list[float]:
@@ -39,7 +39,7 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
     model: str
     serial: str
     envelope_m: tuple[float, float, float]
-    """Height 0 where unknown."""
+    """Length, width and height; height 0 if unknown."""
     max_speed_mps: float | None
     findings: tuple[str, ...]
 
@@ -51,22 +51,23 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     stamp_s: float
     stamp_resolution_s: float
     state: str
-    """As the schema spells it, or the sender's own word."""
+    """As the schema spells it, or as the sender does if the standard does not have it."""
     known_state: bool
+    """Whether the standard has the state."""
     x: float
     y: float
     z: float
     yaw_rad: float
-    """nan where unknown."""
+    """nan if unknown."""
     datum: str
-    """Lower case; "" where none was sent."""
+    """In lower case; "" if none was sent."""
     linear_mps: float | None
     turn_rad_per_s: float | None
     """The rotation made in one second."""
     load_used_pct: float | None
     battery_pct: float | None
     run_time_left_s: float | None
-    """How much longer its battery lasts."""
+    """How much longer its battery lasts; None if not sent, as with the other amounts."""
     error_codes: tuple[str, ...]
     destinations: Path
     path: Path
@@ -75,10 +76,10 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
 
 @dataclass(frozen=True, slots=True)
 class Rejection:
-    """A message that can't be understood: which rule, and what the sender should change."""
+    """Why a message is not accepted: the rule that it broke, and what the sender should change."""
 
     rule: str
     reason: str
     uuid: str | None = None
-    """Of the robot, where that much could be read."""
+    """The robot's UUID; None if it could not be read."""
     findings: tuple[str, ...] = ()

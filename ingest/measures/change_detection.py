@@ -34,7 +34,7 @@ UP, DOWN = 0, 1
 Sides = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
-class Change(NamedTuple):
+class LevelChange(NamedTuple):
     """What is no longer as it was."""
 
     since_s: float
@@ -43,7 +43,7 @@ class Change(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class ChangeLimits:
     """What counts as a change; both in the units of the values."""
 
     least_spread: float
@@ -54,11 +54,11 @@ class Limits:
 
 
 @dataclass(slots=True)
-class Level:
+class ChangeDetector:
     """One thing that is measured."""
 
     __pydantic_config__: ClassVar = ConfigDict(allow_inf_nan=False)
-    limits: Limits
+    limits: ChangeLimits
     seen: int = 0
     usual: float = 0.0
     variance: Annotated[float, Field(ge=0)] = 0.0
@@ -70,7 +70,7 @@ class Level:
     """When the values began that each sum is of."""
     newest: Annotated[list[tuple[float, float]], Field(max_length=NEWEST)] = field(default_factory=list)
     """Times and values."""
-    change: Change | None = None
+    change: LevelChange | None = None
     calm: int = 0
 
     @property
@@ -78,7 +78,7 @@ class Level:
         """The usual deviation."""
         return max(sqrt(self.variance), self.limits.least_spread)
 
-    def take(self, value: float, at_s: float) -> None:
+    def add(self, value: float, at_s: float) -> None:
         """One more value, of the time from `at_s` on; times may go back where a clock is set back."""
         self.newest = [*self.newest[1 - NEWEST :], (at_s, value)]
         if self.seen < LEARNED:
@@ -95,7 +95,7 @@ class Level:
         return told
 
     @classmethod
-    def resumed(cls, limits: Limits, told: object) -> "Level":
+    def resumed(cls, limits: ChangeLimits, told: object) -> "ChangeDetector":
         """The level that `learned` told. Raises `ValueError`."""
         level = _STATE.validate_python(told)
         level.limits = limits
@@ -131,12 +131,12 @@ class Level:
         since_s, self.sums = self.began_s[side], [0.0, 0.0]
         by = self._above(since_s)
         if abs(by) >= max(self.limits.least_change, WORTH * self.spread) and (side == UP or not self.limits.rises_only):
-            self.change, self.calm = Change(since_s, by), 0
+            self.change, self.calm = LevelChange(since_s, by), 0
 
-    def _follow(self, value: float, change: Change, at_s: float) -> None:
+    def _follow(self, value: float, change: LevelChange, at_s: float) -> None:
         usual = abs(value - self.usual) <= max(CALM_WITHIN * self.spread, self.limits.least_change / 2)
         self.calm = self.calm + 1 if usual else 0
-        self.change = Change(change.since_s, self._above(change.since_s))
+        self.change = LevelChange(change.since_s, self._above(change.since_s))
         if self.calm >= CALM:
             self.change = None
         elif at_s - change.since_s >= ADOPTED_S:
@@ -147,4 +147,4 @@ class Level:
         return median(later or [value for _, value in self.newest]) - self.usual
 
 
-_STATE = TypeAdapter(Level)
+_STATE = TypeAdapter(ChangeDetector)

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from functools import partial
 
 from ingest.port.connection import Connection
-from ingest.port.rate_limits import Arrived, uuid_in
-from ingest.port.time_slices import Turns
+from ingest.port.rate_limits import ArrivedMessage, uuid_in
+from ingest.port.time_slices import TimeSlices
 
 FIRST = re.compile(rb'\s*\{\s*"uuid"\s*:\s*"([^"]{1,64})"')
 """Most senders begin with the UUID, and nobody's but the robot's own stands there."""
@@ -23,15 +23,15 @@ class Backlog:
 
     def __init__(
         self,
-        turns: Turns,
+        turns: TimeSlices,
         deliver: Callable[[bytes, float, Connection], None],
-        overtaken: Callable[[Arrived, str], None],
+        overtaken: Callable[[ArrivedMessage, str], None],
     ) -> None:
         """`overtaken` is told the UUID too, as it was sent."""
         self._turns, self._deliver, self._overtaken = turns, deliver, overtaken
-        self._newest: dict[Robot, Arrived] = {}
+        self._newest: dict[Robot, ArrivedMessage] = {}
 
-    def put(self, one: Arrived) -> None:
+    def put(self, one: ArrivedMessage) -> None:
         if self._turns.at_once():
             self._deliver(*one)
             return

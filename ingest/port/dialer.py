@@ -9,7 +9,7 @@ from typing import cast
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidHandshake, InvalidURI
 
-from ingest.port.frame_cutter import Listened, ListenedClient
+from ingest.port.frame_cutter import FrameCuttingClient, FrameCuttingConnection
 from ingest.port.receiver import CLOSE_TIMEOUT_S, Receiver
 
 log = logging.getLogger(__name__)
@@ -66,12 +66,12 @@ class Dialer:
             open_timeout=self._receiver.settings.open_timeout_s,
             close_timeout=CLOSE_TIMEOUT_S,
             ping_interval=None,
-            create_connection=ListenedClient,
+            create_connection=FrameCuttingClient,
             logger=logging.getLogger("websockets.robots"),
         ) as socket:
             log.info("connected to %s at %s", self._vendor, self._url)
             await self._receiver.listen(
-                cast(Listened, socket), self._receiver.new_connection(self._url, "/", self._vendor)
+                cast(FrameCuttingConnection, socket), self._receiver.new_connection(self._url, "/", self._vendor)
             )
 
     def _tell(self, error: Exception) -> None:

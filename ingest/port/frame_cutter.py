@@ -37,7 +37,7 @@ _BUFFER = memoryview(bytearray(1 << 16))
 """Holds what a socket brings until it is cut, which is before the next one is read: a process has one event loop."""
 
 
-class Listened(Connection, asyncio.BufferedProtocol):
+class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
     """A connection that hands each message, text or binary, to whoever listens, in order and as it comes."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -121,11 +121,11 @@ class Listened(Connection, asyncio.BufferedProtocol):
         return b""
 
 
-class ListenedServer(Listened, ServerConnection):
+class FrameCuttingServer(FrameCuttingConnection, ServerConnection):
     """Of one who has connected to us."""
 
 
-class ListenedClient(Listened, ClientConnection):
+class FrameCuttingClient(FrameCuttingConnection, ClientConnection):
     """Of one whom we have dialled."""
 
 

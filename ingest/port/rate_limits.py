@@ -22,7 +22,7 @@ MOST_WAITING_BYTES = 32 << 20
 UUID = re.compile(rb'"uuid"\s*:\s*"([^"]{1,64})"', re.IGNORECASE)
 
 
-class Arrived(NamedTuple):
+class ArrivedMessage(NamedTuple):
     """One message as it came."""
 
     raw: bytes
@@ -31,16 +31,16 @@ class Arrived(NamedTuple):
 
 
 @dataclass(slots=True, eq=False)
-class Share:
+class TokenBucket:
     """One vendor's allowance."""
 
     tokens: float
     filled_s: float
-    waiting: OrderedDict[bytes, Arrived] = field(default_factory=OrderedDict)
+    waiting: OrderedDict[bytes, ArrivedMessage] = field(default_factory=OrderedDict)
     weight: int = 0
     """Bytes of what waits."""
 
-    def first(self) -> Arrived:
+    def first(self) -> ArrivedMessage:
         """Take out what has waited longest."""
         one = self.waiting.popitem(last=False)[1]
         self.weight -= len(one.raw)
@@ -51,27 +51,27 @@ class Share:
         self.filled_s = now_s
 
 
-class Shares:
+class RateLimits:
     """Every vendor's allowance. `now_s` is of a clock that nobody sets."""
 
     def __init__(self, messages_a_second: float) -> None:
         self.rate = messages_a_second
-        self._shares: dict[str, Share] = {}
+        self._shares: dict[str, TokenBucket] = {}
 
-    def admit(self, vendor: str, one: Arrived, now_s: float) -> tuple[bool, list[Arrived]]:
+    def admit(self, vendor: str, one: ArrivedMessage, now_s: float) -> tuple[bool, list[ArrivedMessage]]:
         """Whether a message may be taken at once; if not it waits, and what is shed for it is returned."""
         share = self._shares.get(vendor)
         if share is None:
             if len(self._shares) >= MOST_SHARES:
                 self._forget_idle(now_s)
-            share = self._shares[vendor] = Share(self.rate * BURST_S, now_s)
+            share = self._shares[vendor] = TokenBucket(self.rate * BURST_S, now_s)
         share.fill(now_s, self.rate)
         if share.tokens >= 1 and not share.waiting:
             share.tokens -= 1
             return True, []
         return False, _wait(share, one)
 
-    def due(self, now_s: float) -> list[Arrived]:
+    def due(self, now_s: float) -> list[ArrivedMessage]:
         """Messages whose turn has come, oldest first within a vendor; call it many times a second."""
         taken = []
         for share in self._shares.values():
@@ -103,7 +103,7 @@ def uuid_in(raw: bytes) -> bytes | None:
     return found.group(1).lower() if found else None
 
 
-def _wait(share: Share, one: Arrived) -> list[Arrived]:
+def _wait(share: TokenBucket, one: ArrivedMessage) -> list[ArrivedMessage]:
     """Let it wait in the place of the older message of its robot, or at the end; what is shed for it."""
     key = uuid_in(one.raw) or b"connection %d" % one.connection.id
     key += b" status" if b'"operationalState"' in one.raw else b""

@@ -25,13 +25,13 @@ from websockets.protocol import State
 from ingest.measures.measures import Measures
 from ingest.port.backlog import Backlog
 from ingest.port.connection import Connection
-from ingest.port.frame_cutter import Listened, ListenedServer
-from ingest.port.rate_limits import Arrived, Shares
-from ingest.port.time_slices import Turns
+from ingest.port.frame_cutter import FrameCuttingConnection, FrameCuttingServer
+from ingest.port.rate_limits import ArrivedMessage, RateLimits
+from ingest.port.time_slices import TimeSlices
 from ingest.security.certificates import Certificates, names
 from ingest.security.origin_check import is_page_elsewhere
-from ingest.security.tls_handshakes import Handshakes, turn_away
-from ingest.security.vendor_credentials import Credentials, Refusal
+from ingest.security.tls_handshakes import TlsHandshakes, turn_away
+from ingest.security.vendor_credentials import Refusal, VendorCredentials
 from ingest.settings import UNKNOWN
 from ingest.settings import Receiver as Settings
 
@@ -54,10 +54,10 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True, eq=False)
-class Line:
+class OpenConnection:
     """A socket that is listened to."""
 
-    socket: Listened
+    socket: FrameCuttingConnection
     connection: Connection
     now_s: Callable[[], float]
     """The event loop's clock, which nobody sets."""
@@ -78,12 +78,12 @@ class Receiver:
     def __init__(
         self,
         settings: Settings,
-        credentials: Credentials,
+        credentials: VendorCredentials,
         deliver: Deliver,
         refuse: Refuse,
         closed: Callable[[Connection], None],
         *,
-        overtaken: Callable[[Arrived, str], None],
+        overtaken: Callable[[ArrivedMessage, str], None],
         measures: Measures,
         clock: Callable[[], float],
         first_id: int = 1,
@@ -98,15 +98,15 @@ class Receiver:
         self._refuse, self._closed = refuse, closed
         self._measures, self._clock = measures, clock
         self._ids = count(first_id)
-        self._lines: dict[str, dict[int, Line]] = {}
+        self._lines: dict[str, dict[int, OpenConnection]] = {}
         """By peer and connection, oldest first."""
         self._total = 0
         self._server: Server | None = None
         self._reaper: asyncio.Task[None] | None = None
         self._closing: set[asyncio.Task[None]] = set()
         self._limit = settings.max_connections
-        self._shares = Shares(settings.max_messages_per_s)
-        self._turns = Turns()
+        self._shares = RateLimits(settings.max_messages_per_s)
+        self._turns = TimeSlices()
         self._backlog = Backlog(self._turns, deliver, overtaken)
         self._draining: asyncio.Task[None] | None = None
 
@@ -163,7 +163,7 @@ class Receiver:
         self.settings, self._shares.rate = settings, settings.max_messages_per_s
         self._limit = limited(settings.max_connections)
 
-    def renew(self, credentials: Credentials) -> None:
+    def renew(self, credentials: VendorCredentials) -> None:
         """Let vendors in by other credentials. Open connections stay, but those of a vendor that is no longer there."""
         self._credentials = credentials
         for line in self._all_lines():
@@ -175,10 +175,10 @@ class Receiver:
         """A connection with an id of its own; the dialled ones come here too."""
         return Connection(next(self._ids), peer, path, vendor)
 
-    async def listen(self, socket: Listened, connection: Connection) -> None:
+    async def listen(self, socket: FrameCuttingConnection, connection: Connection) -> None:
         """Deliver everything that comes over one socket until it ends."""
         now_s = asyncio.get_running_loop().time
-        line = Line(socket, connection, now_s, now_s())
+        line = OpenConnection(socket, connection, now_s, now_s())
         self._enter(line)
         try:
             socket.listen(partial(self._heard, line))
@@ -188,15 +188,15 @@ class Receiver:
             self._leave(connection)
             self._turns.do(partial(self._closed, connection))
 
-    def _heard(self, line: Line, raw: bytes) -> None:
+    def _heard(self, line: OpenConnection, raw: bytes) -> None:
         line.heard_s = line.now_s()
-        self._take(Arrived(raw, self._clock(), line.connection), line.heard_s)
+        self._take(ArrivedMessage(raw, self._clock(), line.connection), line.heard_s)
         transport = line.socket.transport
         if self._turns.full and transport.is_reading():
             transport.pause_reading()
             self._turns.when_room(transport.resume_reading)
 
-    def _take(self, one: Arrived, now_s: float) -> None:
+    def _take(self, one: ArrivedMessage, now_s: float) -> None:
         """Hand on a message now, or when its sender's share allows."""
         at_once, shed = self._shares.admit(one.connection.vendor or one.connection.peer, one, now_s)
         if at_once:
@@ -212,7 +212,7 @@ class Receiver:
             for one in self._shares.due(asyncio.get_running_loop().time()):
                 self._backlog.put(one)
 
-    def _enter(self, line: Line) -> None:
+    def _enter(self, line: OpenConnection) -> None:
         _keep_alive(line.socket)
         self._lines.setdefault(line.connection.peer, {})[line.connection.id] = line
         self._total += 1
@@ -223,7 +223,7 @@ class Receiver:
         self._total -= 1
         self._measure()
 
-    def _all_lines(self) -> list[Line]:
+    def _all_lines(self) -> list[OpenConnection]:
         return [line for same_peer in self._lines.values() for line in same_peer.values()]
 
     def _forget(self, connection: Connection) -> None:
@@ -232,7 +232,7 @@ class Receiver:
         if not same_peer:
             self._lines.pop(connection.peer, None)
 
-    def _ended(self, socket: Listened, connection: Connection) -> None:
+    def _ended(self, socket: FrameCuttingConnection, connection: Connection) -> None:
         """Count what we closed a connection for; what the peer closed it for is its own affair."""
         ended = socket.protocol
         code = ended.close_sent.code if ended.close_sent and not ended.close_rcvd_then_sent else None
@@ -273,7 +273,7 @@ class Receiver:
         if isinstance(vendor, Refusal):  # its credentials were withdrawn since it was admitted
             return
         self._make_room(peer)
-        await self.listen(cast(Listened, socket), self.new_connection(peer, socket.request.path, vendor))
+        await self.listen(cast(FrameCuttingConnection, socket), self.new_connection(peer, socket.request.path, vendor))
 
     def _make_room(self, peer: str) -> None:
         """Where one peer holds too many connections, the oldest goes: a sender that opens one for each message."""
@@ -301,19 +301,19 @@ class Receiver:
         if self._certificates:
             self._certificates.refresh()
 
-    def _dismiss(self, line: Line, counted_as: str, code: CloseCode, reason: str) -> None:
+    def _dismiss(self, line: OpenConnection, counted_as: str, code: CloseCode, reason: str) -> None:
         self._count_refused(counted_as)
         self._let_go(line, code, reason)
 
-    def _let_go(self, line: Line, code: CloseCode = CloseCode.GOING_AWAY, reason: str = "") -> None:
+    def _let_go(self, line: OpenConnection, code: CloseCode = CloseCode.GOING_AWAY, reason: str = "") -> None:
         """Close, and cut off a peer that does not do its part in time: waiting for messages alone would not."""
         self._forget(line.connection)
         task = asyncio.create_task(line.socket.close(code, reason))
         self._closing.add(task)
         task.add_done_callback(self._closing.discard)
 
-    def _shaking(self, certificates: Certificates) -> Handshakes:
-        return Handshakes(certificates, self.settings.open_timeout_s, partial(self._count_refused, "tls-failed"))
+    def _shaking(self, certificates: Certificates) -> TlsHandshakes:
+        return TlsHandshakes(certificates, self.settings.open_timeout_s, partial(self._count_refused, "tls-failed"))
 
     def _full(self) -> None:
         self._count_refused("full")
@@ -325,7 +325,7 @@ class Receiver:
         self._measures.level("deconflict_connections", {(): self._total})
 
 
-class _BoundedConnection(ListenedServer):
+class _BoundedConnection(FrameCuttingServer):
     """Aborts at once where there are `most` TCP connections, so that accepting can never run out of descriptors.
 
     Once it does, asyncio logs a traceback for each waiting connection and tries again every second.
@@ -336,7 +336,7 @@ class _BoundedConnection(ListenedServer):
         *args: Any,
         most: Callable[[], int],
         refused: Callable[[], None],
-        handshakes: Handshakes | None,
+        handshakes: TlsHandshakes | None,
         **kwargs: Any,
     ) -> None:
         super().__init__(*args, **kwargs)
@@ -360,7 +360,7 @@ class _BoundedConnection(ListenedServer):
         return len(self.server.handler_tasks) + more > self._most()
 
 
-def _keep_alive(socket: Listened) -> None:
+def _keep_alive(socket: FrameCuttingConnection) -> None:
     raw: sockets.socket | None = socket.transport.get_extra_info("socket")
     if raw is None or raw.fileno() < 0:
         return

@@ -16,7 +16,7 @@ MOST_WAITING, MOST_WEIGHT = 20_000, 64 << 20
 """Calls that wait, and what they weigh, before those who bring more are to wait themselves, until half is left."""
 
 
-class Turns:
+class TimeSlices:
     """Calls in the order in which they are given, at once while there is time. Belongs to one event loop."""
 
     def __init__(self, turn_s: float = TURN_S, clock: Callable[[], float] = time.monotonic) -> None:

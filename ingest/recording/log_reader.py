@@ -78,17 +78,17 @@ class EngineStarted:
 
 
 @dataclass(frozen=True, slots=True)
-class Noted:
-    """What a black box says besides: what it is, what was decided, and where it ends."""
+class BlackBoxNote:
+    """A line that only a black box has: what it is, what was decided, or where it ends."""
 
-    told: dict[str, Any]
+    document: dict[str, Any]
 
 
-Event = Received | Overtaken | Closed | Tick | EngineStarted | Noted
+Event = Received | Overtaken | Closed | Tick | EngineStarted | BlackBoxNote
 NOTES = ("blackbox", "decided", "end")
 
 
-class Reader:
+class LogReader:
     """Reads logs in order, a line at a time. Lines that can't be read are counted, named and left out."""
 
     def __init__(self) -> None:
@@ -138,7 +138,7 @@ class Reader:
 
     def _note(self, event: Event) -> None:
         if not isinstance(event, Received):
-            self.own |= isinstance(event, Tick | Noted | EngineStarted)
+            self.own |= isinstance(event, Tick | BlackBoxNote | EngineStarted)
         elif event.arrival_s >= self._newest_s:
             self._newest_s = event.arrival_s
         else:
@@ -266,7 +266,7 @@ def _told(line: str) -> Event:
     if "engine" in told:
         return EngineStarted(_time(told["at"]))
     if any(note in told for note in NOTES):
-        return Noted(told)
+        return BlackBoxNote(told)
     if "closed" in told:
         return Closed(_connection_of(told))
     if "overtaken" in told:

@@ -23,7 +23,7 @@ DAY_S = 86_400.0
 PATTERN = "log-[0-9]*.jsonl"
 
 
-class LogFiles:
+class RotatingLog:
     """One writer's files in a directory. Not for two threads at once, but others may change its `settings`."""
 
     def __init__(self, settings: Settings, directory: Path, clock: Callable[[], float]) -> None:

@@ -11,7 +11,7 @@ Write = Callable[[bytes], int]
 """Writes a block; how many of its bytes are written. What is not is lost."""
 
 
-class Writer:
+class LogWriter:
     """Blocks wait in memory up to `most_bytes`; one that would exceed them is dropped and its lines counted."""
 
     def __init__(self, write: Write, most_bytes: int) -> None:

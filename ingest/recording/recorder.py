@@ -32,8 +32,8 @@ from pathlib import Path
 from ingest.languages.massrobotics import timestamps
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.recording.log_rotation import LogFiles
-from ingest.recording.log_writer import Writer
+from ingest.recording.log_rotation import RotatingLog
+from ingest.recording.log_writer import LogWriter
 from ingest.settings import Recorder as Settings
 
 FLUSH_BYTES = 1 << 18
@@ -54,8 +54,8 @@ class Recorder:
 
     def __init__(self, settings: Settings, directory: Path, measures: Measures, clock: Callable[[], float]) -> None:
         self._enabled, self._measures = settings.enabled, measures
-        self._files = LogFiles(settings, directory, clock)
-        self._writer = Writer(self._files.write, MOST_WAITING_BYTES)
+        self._files = RotatingLog(settings, directory, clock)
+        self._writer = LogWriter(self._files.write, MOST_WAITING_BYTES)
         self._lines: list[bytes] = []
         self._bytes = 0
         """In `_lines`."""

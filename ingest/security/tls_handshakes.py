@@ -9,7 +9,7 @@ from collections.abc import Callable
 from ingest.security.certificates import Certificates
 
 
-class Handshakes:
+class TlsHandshakes:
     """Those that go on at one port. Each ends in a connection, or in `failed`."""
 
     def __init__(self, certificates: Certificates, within_s: float, failed: Callable[[], None]) -> None:

@@ -16,7 +16,7 @@ class Refusal:
     reason: str
 
 
-class Credentials:
+class VendorCredentials:
     """Each vendor's token and certificate names.
 
     Where no vendor has any, a connection speaks for whom its path names. Once one has, every connection needs one.

@@ -17,7 +17,7 @@ from deconflict.operator.blackbox.archive import FOLDER, Shelf
 from deconflict.operator.blackbox.hash_chain import Chain, ChainBrokenError, verified
 from deconflict.operator.blackbox.start_state import BoxError, head_of, site_of, start_of
 from ingest.languages.massrobotics import timestamps
-from ingest.recording.log_reader import Noted, Reader, lines_of
+from ingest.recording.log_reader import BlackBoxNote, LogReader, lines_of
 
 Line = dict[str, Any]
 
@@ -81,10 +81,10 @@ def verify(file: Path) -> Verification:
     except (ChainBrokenError, EOFError, OSError, zstandard.ZstdError) as error:
         raise BoxError(f"{file} was changed or cut off: {error}") from error
     _check_register(file, chain)
-    site, replayed, reader, published = site_of(head), list[Line](), Reader(), list[Line]()
+    site, replayed, reader, published = site_of(head), list[Line](), LogReader(), list[Line]()
     for event in reader.read([file]):
-        if isinstance(event, Noted) and "decided" in event.told:
-            advisory = ADVISORY.validate_python(event.told["advisory"])
+        if isinstance(event, BlackBoxNote) and "decided" in event.document:
+            advisory = ADVISORY.validate_python(event.document["advisory"])
             if isinstance(advisory, ConflictAdvisory):
                 published.append(advisory_line(advisory))
     events, clearances_m = reader.read([file]), [site.conflict.clearance_m]

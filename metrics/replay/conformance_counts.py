@@ -8,7 +8,7 @@ from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
 from ingest.languages.massrobotics.conformance_rules import RULES
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import Event, Reader, Received
+from ingest.recording.log_reader import Event, LogReader, Received
 
 Vendor = dict[str, Any]
 
@@ -17,7 +17,7 @@ def feed(fleet: Fleet, event: Received) -> None:
     """Feed one message of a log to the fleet. A message that was refused when it was recorded is refused again: some
     rules concern the socket, not the message."""
     if event.refused:
-        fleet.refuse(event.refused, "refused when it was recorded", event.raw, event.arrival_s, event.connection)
+        fleet.reject(event.refused, "refused when it was recorded", event.raw, event.arrival_s, event.connection)
     else:
         fleet.receive(event.raw, event.arrival_s, event.connection)
 
@@ -41,7 +41,7 @@ def findings(measures: Measures) -> list[Vendor]:
     ]
 
 
-def conform(reader: Reader, events: Iterable[Event], site: Site) -> dict[str, Any]:
+def conform(reader: LogReader, events: Iterable[Event], site: Site) -> dict[str, Any]:
     """The conformance findings of the events that `reader` reads. No engine runs."""
     measures = Measures()
     fleet = fleet_of(site, measures)
@@ -53,7 +53,7 @@ def conform(reader: Reader, events: Iterable[Event], site: Site) -> dict[str, An
     return {"messages": messages, **lines(reader), "conformance": findings(measures)}
 
 
-def lines(reader: Reader) -> dict[str, Any]:
+def lines(reader: LogReader) -> dict[str, Any]:
     """How many lines of the log could not be read. If messages are out of order, also how many and by how much."""
     late = {"late_messages": reader.late, "late_by_s": round(reader.late_by_s, 6)} if reader.late else {}
     return {"unreadable_lines": reader.unreadable, **late}

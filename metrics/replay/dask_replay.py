@@ -22,7 +22,7 @@ from dask.distributed import Client, Future, LocalCluster
 
 from deconflict.operator.blackbox.start_state import Start
 from deconflict.settings.site import Site
-from ingest.recording.log_reader import Event, Reader, Received, Tick
+from ingest.recording.log_reader import Event, LogReader, Received, Tick
 from metrics.replay.engine_output import EngineOutput
 from metrics.replay.engine_passes import EnginePass, PassReader
 from metrics.replay.engine_run import EngineRun
@@ -67,7 +67,7 @@ def cluster(address: str) -> Iterator[Client]:
 
 def replay(
     client: Client,
-    reader: Reader,
+    reader: LogReader,
     events: Iterable[Event],
     site: Site,
     clearances_m: Sequence[float],

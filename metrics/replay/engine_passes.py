@@ -15,8 +15,9 @@ from deconflict.engine.load_shedding import Effort
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import Site
 from ingest.batch import Batch
+from ingest.fleet import fleet_report
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import EngineStarted, Event, Noted, Received, Tick
+from ingest.recording.log_reader import BlackBoxNote, EngineStarted, Event, Received, Tick
 from metrics.replay import conformance_counts
 from metrics.scoring.vendor_records import LOOK_S
 
@@ -79,7 +80,7 @@ class PassReader:
                 if not self._has_own_ticks and floor(event.arrival_s / TICK_S) != self._ticked:
                     yield from self._passes_until(event.arrival_s)
                 self._feed_message(event)
-            elif isinstance(event, Tick | Noted | EngineStarted):
+            elif isinstance(event, Tick | BlackBoxNote | EngineStarted):
                 self._has_own_ticks = True
                 yield from self._feed(self._release())
                 self._needs_full_batch |= isinstance(event, EngineStarted)
@@ -94,7 +95,7 @@ class PassReader:
 
     def measures(self) -> dict[str, Any]:
         """The receiver's measures at present, as a document."""
-        self.fleet.measure(self.now_s)
+        fleet_report.measure(self.fleet, self.now_s)
         return self.fleet.measures.as_document()
 
     def _hold(self, event: Received) -> Sequence[Received]:
@@ -132,7 +133,7 @@ class PassReader:
         return range(max(before, now - LONGEST_GAP) + 1, now + 1)
 
     def _pass(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> EnginePass:
-        batch = self.fleet.cut(now_s, self._needs_full_batch)
+        batch = self.fleet.next_batch(now_s, self._needs_full_batch)
         self.now_s, self._needs_full_batch = now_s, False
         before, self._minute = self._minute, now_s // LOOK_S
         measures = self.measures() if before not in (None, self._minute) else None

@@ -14,7 +14,7 @@ from deconflict.advisory import ConflictAdvisory
 from deconflict.operator.blackbox.start_state import Start
 from deconflict.settings.site import Site
 from ingest.batch import Batch
-from ingest.recording.log_reader import Event, Reader
+from ingest.recording.log_reader import Event, LogReader
 from metrics.replay import conformance_counts
 from metrics.replay.engine_output import EngineOutput
 from metrics.replay.engine_passes import PassReader
@@ -28,7 +28,7 @@ BatchSink = Callable[[float, Batch], None]
 
 
 def replay(
-    reader: Reader,
+    reader: LogReader,
     events: Iterable[Event],
     site: Site,
     clearances_m: Sequence[float],
@@ -59,7 +59,7 @@ def replay(
     return document(result, reader, time.perf_counter() - began)
 
 
-def document(result: dict[str, Any], reader: Reader, took_s: float) -> dict[str, Any]:
+def document(result: dict[str, Any], reader: LogReader, took_s: float) -> dict[str, Any]:
     """A result together with how fast it was computed and what of the log could not be read."""
     return {
         "messages": result["messages"],

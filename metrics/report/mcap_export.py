@@ -74,7 +74,7 @@ def _floor(batch: Batch, row: int) -> int:
 
 def _entity(batch: Batch, row: int) -> Message:
     """One robot: its envelope, its name, and its announced path on this floor."""
-    forecast = batch.forecasts.one(row)
+    forecast = batch.forecasts.single(row)
     tall = np.isfinite(forecast.top_m[0])
     height_m = float(forecast.top_m[0] - forecast.bottom_m[0]) if tall else UNKNOWN_HEIGHT_M
     middle_m = height_m / 2

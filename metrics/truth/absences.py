@@ -103,7 +103,7 @@ class Absences:
         if not allowed_s < gap_s < inf:
             return
         told, of, floors = self._told[uuid]
-        before, back_s = told.one(of), float(batch.arrival_s[row])
+        before, back_s = told.single(of), float(batch.arrival_s[row])
         knot, now = int(batch.forecasts.start[row]), batch.forecasts
         if not was_there(before, floors, batch, row):
             self._gone.setdefault(uuid, []).append((back_s - gap_s + allowed_s, back_s))
@@ -122,7 +122,7 @@ class Absences:
             uuid = self._intervals.names[slot]
             if uuid not in self._silent and now_s - heard["arrival_s"][slot] > grace_s(heard[slot]):
                 told, row, _ = self._told[uuid]
-                before = told.one(row)
+                before = told.single(row)
                 pose = pose_at(before, float(before.t_s[0]))
                 self._silent[uuid] = SilentRobot(now_s)
                 if pose.floor >= 0:

@@ -11,12 +11,14 @@ from deconflict.advisory import ADVISORY
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import Site, SiteError, parsed, problems
 from ingest.batch import Batch, Floats
+from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.languages.massrobotics.conformance_rules import RULES
-from ingest.languages.massrobotics.parser import document, read
+from ingest.languages.massrobotics.message_document import message_document
+from ingest.languages.massrobotics.parser import read
 from ingest.languages.model import Rejection
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -34,7 +36,7 @@ SITE = Site(
     vendors=(Vendor(name="Alder", robots=(robot("A-1"),)), Vendor(name="Basalt", names_as_uuid=True)),
     reading=Reading(max_robots_per_vendor=4),
 )
-FRAMES = Frames(SITE.datums, SITE.vendors)
+FRAMES = FrameRegistry(SITE.datums, SITE.vendors)
 SPEAKERS = (Connection(1, path="/Alder", vendor="Alder"), Connection(2, path="/Basalt", vendor="Basalt"), Connection(3))
 TICKS = 3
 TICK_S = 0.5
@@ -50,12 +52,12 @@ def message(raw: bytes) -> None:
         assert RULES[told.rule].rejects, told.rule
         assert told.reason
     else:
-        json.dumps(document(raw), allow_nan=False)
+        json.dumps(message_document(raw), allow_nan=False)
 
 
 def floor(raw: bytes) -> None:
     """What several speakers say, a message a line, goes all the way to advisories; ticks fall between them."""
-    fleet = Fleet(Vendors(SITE.vendors), FRAMES, SITE.reading, Measures(), Quarantine())
+    fleet = Fleet(VendorRegistry(SITE.vendors), FRAMES, SITE.reading, Measures(), Quarantine())
     engine = Engine(SITE)
     lines = raw.split(b"\n")[:12]
     for number, line in enumerate(lines):
@@ -64,12 +66,12 @@ def floor(raw: bytes) -> None:
         rule = fleet.receive(line, now_s, speaker)
         assert rule is None or RULES[rule].rejects, rule
         if number % TICKS == 0:
-            _step(engine, fleet.cut(now_s))
+            _step(engine, fleet.next_batch(now_s))
     now_s = T + len(lines) * TICK_S
-    json.dumps(fleet.documents(now_s), allow_nan=False)
+    json.dumps(fleet_report.robot_documents(fleet, now_s), allow_nan=False)
     for after_s in ENDS_S[len(raw) % len(ENDS_S)]:
-        _step(engine, fleet.cut(now_s + after_s))
-    fleet.measure(now_s)
+        _step(engine, fleet.next_batch(now_s + after_s))
+    fleet_report.measure(fleet, now_s)
 
 
 def _step(engine: Engine, batch: Batch) -> None:
@@ -108,7 +110,7 @@ def site(raw: bytes) -> None:
         return
     assert Site.model_validate_json(told.model_dump_json()) == told
     if not problems(told):
-        Frames(told.datums, told.vendors)
+        FrameRegistry(told.datums, told.vendors)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,20 +8,20 @@ from deconflict.engine.load_shedding import Effort
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import EngineStarted, Reader, Received, Tick
+from ingest.recording.log_reader import EngineStarted, LogReader, Received, Tick
 
 
 def replayed(log: Path, site: Site) -> list[AnyAdvisory]:
     """Every revision, with the effort and the answers that the recorded passes had."""
     fleet, engine, told = fleet_of(site, Measures()), Engine(site), list[AnyAdvisory]()
     everything = False
-    for event in Reader().read([log]):
+    for event in LogReader().read([log]):
         if isinstance(event, Received):
             fleet.receive(event.raw, event.arrival_s, event.connection)
         elif isinstance(event, EngineStarted):
             everything = True
         elif isinstance(event, Tick):
-            engine.receive(fleet.cut(event.now_s, everything))
+            engine.receive(fleet.next_batch(event.now_s, everything))
             everything = False
             told += engine.step(event.now_s, Effort(event.effort), event.pending)
     return told

@@ -23,7 +23,7 @@ def drive(
         true_s = start_s + i * 1.0003 + coarse * random.uniform(0.0, 0.9)
         stamp_s = floor(true_s + ahead_s) if coarse else round(true_s + ahead_s, 3)
         arrival_s = true_s + random.uniform(0.03, 0.2)
-        event_s = clock.take(stamp_s, arrival_s, 1.0 if coarse else 0.001)
+        event_s = clock.event_time(stamp_s, arrival_s, 1.0 if coarse else 0.001)
         assert event_s <= arrival_s
         errors.append(event_s - true_s)
     return errors
@@ -47,7 +47,7 @@ def test_a_wrong_clock_is_corrected_from_the_first_message_on(ahead_s: float) ->
 
 def send(clock: SenderClock, stamp_s: float, arrival_s: float, resolution_s: float = 0.001) -> float:
     """The event time of one message."""
-    return clock.take(stamp_s, arrival_s, resolution_s)
+    return clock.event_time(stamp_s, arrival_s, resolution_s)
 
 
 @pytest.mark.parametrize("coarse", [False, True])
@@ -118,7 +118,7 @@ def test_what_is_sent_often_and_held_up_ends_with_the_newest() -> None:
 def test_a_slow_drift_is_followed() -> None:
     clock = SenderClock(TOLERANCE_S)
     for i in range(20_000):
-        clock.take(NOW_S + i * (1 + 50e-6), NOW_S + i + 0.05, 0.001)
+        clock.event_time(NOW_S + i * (1 + 50e-6), NOW_S + i + 0.05, 0.001)
     assert clock.offset_s == pytest.approx(-1.0 + 0.05, abs=0.01)
 
 

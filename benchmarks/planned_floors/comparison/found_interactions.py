@@ -12,7 +12,7 @@ from benchmarks.planned_floors.truth.floor_truth import Stop
 from benchmarks.planned_floors.truth.outcomes import Happenings
 from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
 from deconflict.settings.site import Site
-from ingest.recording.log_reader import Reader
+from ingest.recording.log_reader import LogReader
 from metrics.replay.engine_passes import PassReader
 from metrics.scoring.forecast_scores import ForecastScores
 from metrics.truth.interactions import Interactions, YieldEvent
@@ -28,7 +28,7 @@ MET_WITHIN_S = 3.0
 def interactions(log: Path, site: Site) -> Interactions:
     """The interactions of one log, found as `deconflict replay` finds them."""
     passes, errors, found = PassReader(site), ForecastScores(), Interactions()
-    for engine_pass in chain(passes.passes_of(Reader().read([log])), passes.last_passes()):
+    for engine_pass in chain(passes.passes_of(LogReader().read([log])), passes.last_passes()):
         batch = engine_pass.batch
         makers = list(zip(batch.vendors, batch.models, strict=True))
         errors.add(batch.robots, makers, batch.forecasts, None)

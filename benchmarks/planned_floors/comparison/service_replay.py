@@ -10,7 +10,7 @@ from benchmarks.planned_floors.comparison.service_parts import Change
 from benchmarks.planned_floors.scoring.judged_cases import Sample
 from deconflict.operator.blackbox.start_state import Start
 from deconflict.settings.site import Site
-from ingest.recording.log_reader import Reader
+from ingest.recording.log_reader import LogReader
 from metrics.replay.engine_passes import EnginePass, PassReader
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.replay import advisory_lines
@@ -40,7 +40,7 @@ def replayed(log: Path, site: Site, changes: Mapping[str, Change]) -> dict[str, 
     for name, change in changes.items():
         change(engines[name].engine)
     published = {name: Published() for name in changes}
-    passes: Iterable[EnginePass] = chain(reader.passes_of(Reader().read([log])), reader.last_passes())
+    passes: Iterable[EnginePass] = chain(reader.passes_of(LogReader().read([log])), reader.last_passes())
     for engine_pass in passes:
         for name, engine in engines.items():
             published[name].add_pass(engine, engine_pass)

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from ingest.batch import Batch, Claim, Ints
-from ingest.fleet import ownership_claims
-from ingest.fleet.forecast import Sighting
+from ingest.fleet.owners import ownership_claims
+from ingest.fleet.prediction.forecast_model import Sighting
 from ingest.settings import UNKNOWN
 
 STANDS_S = 2.0
@@ -22,7 +22,7 @@ class Doubts:
     def __init__(self) -> None:
         self._heard: dict[tuple[str, str], tuple[float, Claim]] = {}
         """By owner and claimant, when an ingest told a claim last, and it."""
-        self._between = ownership_claims.Claims()
+        self._between = ownership_claims.OwnershipClaims()
         self._seen: dict[str, tuple[str, float, Sighting]] = {}
         """By robot its owner, when it was heard of last, and where it was."""
 
@@ -49,10 +49,10 @@ class Doubts:
         if before and vendor == UNKNOWN:  # it has come to an ingest that does not know it yet
             vendor = before[0]
         if before and before[0] not in (vendor, UNKNOWN):
-            self._between.refused(uuid, before[0], vendor, arrival_s)
+            self._between.add_refused(uuid, before[0], vendor, arrival_s)
             return False
         if before and -1 not in (before[2].floor, now.floor):
-            self._between.seen(uuid, vendor, before[2], now, arrival_s - before[1], arrival_s)
+            self._between.add_sighting(uuid, vendor, before[2], now, arrival_s - before[1], arrival_s)
         self._seen[uuid] = vendor, arrival_s, now
         return True
 

@@ -18,14 +18,14 @@ from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
 from deconflict.runtime.learned_state import Part, UnreadableError
 from ingest.batch import Basis, Floats, Ints
 from ingest.kernels import kernel
-from ingest.measures.change_detection import Change, Level, Limits
+from ingest.measures.change_detection import ChangeDetector, ChangeLimits, LevelChange
 
 GATHERED_S, FEWEST = 120.0, 20
 """A value is of so long, and of so many errors."""
 SHARE: Floats = np.array([0.8])
 FINE_M = 0.2
 """Errors smaller than this hardly differ."""
-LIMITS = Limits(least_spread=0.15, least_change=0.4, rises_only=True)
+LIMITS = ChangeLimits(least_spread=0.15, least_change=0.4, rises_only=True)
 """Of logarithms: a change by less than half as much again is none."""
 
 
@@ -82,7 +82,7 @@ class DegradationDetector:
         self._since_s = np.zeros(0)
         """Of errors gathered, by vendor; inf where there are none."""
         self._counts = np.zeros((0, BINS))
-        self._levels: dict[str, Level] = {}
+        self._levels: dict[str, ChangeDetector] = {}
 
     def add_errors(self, errors: Errors, kinds: Mapping[ForecastKind, int], now_s: float) -> None:
         """Take in errors of robots; `kinds` are those of the ledger, in the order of their rows."""
@@ -93,10 +93,10 @@ class DegradationDetector:
             self._value(int(self._vendor_of[kind]))
             kind = self._gather(errors, kind + 1, now_s)
 
-    def changed(self) -> dict[str, Change]:
+    def changed(self) -> dict[str, LevelChange]:
         """By how many metres forecasts three seconds ahead are further off than they were, of vendors that changed."""
         return {
-            vendor: Change(level.change.since_s, exp(level.usual + level.change.by) - exp(level.usual))
+            vendor: LevelChange(level.change.since_s, exp(level.usual + level.change.by) - exp(level.usual))
             for vendor, level in self._levels.items()
             if level.change
         }
@@ -107,7 +107,7 @@ class DegradationDetector:
     def resume(self, part: Part) -> None:
         """Go on with what `learned` told. Raises `UnreadableError`."""
         try:
-            self._levels = {vendor: Level.resumed(LIMITS, told) for vendor, told in part.items()}
+            self._levels = {vendor: ChangeDetector.resumed(LIMITS, told) for vendor, told in part.items()}
         except ValueError as error:
             raise UnreadableError(str(error)) from error
         self._vendor_of = np.zeros(0, np.int64)
@@ -119,8 +119,8 @@ class DegradationDetector:
     def _value(self, row: int) -> None:
         """Hold what was gathered of a vendor against what is usual, and gather anew."""
         size_m = float(quantiles(self._counts[row], SHARE)[0])
-        level = self._levels.setdefault(list(self._vendors)[row], Level(LIMITS))
-        level.take(log(size_m + FINE_M), float(self._since_s[row]))
+        level = self._levels.setdefault(list(self._vendors)[row], ChangeDetector(LIMITS))
+        level.add(log(size_m + FINE_M), float(self._since_s[row]))
         self._since_s[row], self._counts[row] = inf, 0.0
 
     def _know(self, kinds: Iterable[ForecastKind]) -> None:

@@ -82,7 +82,7 @@ class LiveRobot:
     @property
     def forecast(self) -> Forecasts:
         """Of this robot alone."""
-        return self.batch_forecasts.one(self.row)
+        return self.batch_forecasts.single(self.row)
 
     @property
     def widened_m(self) -> float:

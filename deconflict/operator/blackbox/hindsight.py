@@ -138,7 +138,7 @@ def tracks(site: Site, events: Iterable[Received], robots: Iterable[str]) -> tup
                 robot = fleet.robots.get(uuid)
                 if robot:
                     track.take(robot)
-    return {uuid: one for uuid, one in found.items() if one.reports}, fleet.whole(now_s).floors
+    return {uuid: one for uuid, one in found.items() if one.reports}, fleet.snapshot(now_s).floors
 
 
 def met(a: Forecasts, b: Forecasts, clearance_m: float, begin_s: float, end_s: float) -> Met | None:

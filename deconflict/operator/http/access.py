@@ -19,7 +19,7 @@ from deconflict.settings.site import Operator, Person, Role, Site
 from ingest.security.certificates import Certificates
 from ingest.security.origin_check import host_of, is_loopback, is_sure
 from ingest.security.tokens import Tokens, secret
-from ingest.security.vendor_credentials import Credentials
+from ingest.security.vendor_credentials import VendorCredentials
 
 RANK: Mapping[Role, int] = {"read": 0, "acknowledge": 1, "administer": 2}
 COOKIE = "deconflict_session"
@@ -47,7 +47,7 @@ def exposed(site: Site) -> list[str]:
 
 def verify(site: Site) -> None:
     """Raises `SecretError` or `CertificateError` where something that the site file points at can't be used."""
-    Credentials(site.vendors)
+    VendorCredentials(site.vendors)
     People(site.operator.people)
     for source in (*(one.secret for one in site.webhooks), *([site.mqtt.password] if site.mqtt else [])):
         if source:

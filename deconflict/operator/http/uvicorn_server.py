@@ -15,7 +15,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from ingest.port.receiver import descriptors
 from ingest.security.certificates import Certificates
-from ingest.security.tls_handshakes import Handshakes, turn_away
+from ingest.security.tls_handshakes import TlsHandshakes, turn_away
 
 MAX_SAID_BYTES = 4096
 """Largest message accepted from a subscriber; none is expected."""
@@ -67,7 +67,7 @@ class FaceProtocol(H11Protocol):
 
     def connection_made(self, transport: Transport) -> None:  # type: ignore[override]
         """That it was accepted, and with TLS once more that hands are shaken."""
-        shaking: Handshakes | None = self._state.handshakes
+        shaking: TlsHandshakes | None = self._state.handshakes
         if shaking is not None and shaking.awaited(transport):
             if len(self.connections) + len(shaking) >= self._state.most_connections:
                 count_refused(self._state, "face-full")
@@ -119,7 +119,7 @@ def count_refused(state: Any, reason: str) -> None:
 class FaceServer(uvicorn.Server):
     """Leaves signals to the process it runs in; set `should_exit` to end it."""
 
-    def __init__(self, config: uvicorn.Config, handshakes: Handshakes | None) -> None:
+    def __init__(self, config: uvicorn.Config, handshakes: TlsHandshakes | None) -> None:
         super().__init__(config)
         self._handshakes = handshakes
 
@@ -143,7 +143,7 @@ def face_server(app: FastAPI, certificates: Certificates | None = None) -> FaceS
     app.state.most_connections = max(descriptors() - SPARE_FILES, 1)
     handshakes = None
     if certificates:
-        handshakes = Handshakes(certificates, HANDSHAKE_S, partial(count_refused, app.state, "face-tls-failed"))
+        handshakes = TlsHandshakes(certificates, HANDSHAKE_S, partial(count_refused, app.state, "face-tls-failed"))
     app.state.handshakes = handshakes
     return FaceServer(
         uvicorn.Config(

@@ -26,7 +26,7 @@ def floor_at(site: Site, log: Path, at_s: float) -> str:
     """The whole floor at a time as one frame of `Picture`, from the recording alone."""
     fleet, picture = fleet_of(site, Measures()), Picture()
     recover(fleet, segments_until(log, at_s), at_s)
-    picture.put(fleet.whole(at_s), whole=True)
+    picture.put(fleet.snapshot(at_s), whole=True)
     return picture.since(0)
 
 

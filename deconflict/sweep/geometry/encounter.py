@@ -87,7 +87,7 @@ def _columns(robot: Row) -> tuple[Ints, Floats, Floats, Floats, Floats, Ints, Fl
 
 def _shared(a: Row, b: Row, t_s: float) -> tuple[float, float]:
     """The middle of what two envelopes share."""
-    one, other = (envelope(robot, pose_at(robot, t_s)) for robot in (told.one(row) for told, row in (a, b)))
+    one, other = (envelope(robot, pose_at(robot, t_s)) for robot in (told.single(row) for told, row in (a, b)))
     middle = one.intersection(other).centroid
     return middle.x, middle.y
 

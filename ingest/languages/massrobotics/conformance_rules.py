@@ -1,7 +1,7 @@
 """Every way in which a message departs from the standard, by code.
 
-A rule that rejects means that the message could not be understood; any other was read as its sentence says, and
-counted. Codes are label values of metrics: they do not change. `python -m
+A message that breaks a rejecting rule can't be understood. A message that breaks another rule is read as the rule's
+sentence says, and counted. Codes are label values of metrics: they do not change. `python -m
 ingest.languages.massrobotics.conformance_rules` writes the table of docs/conformance.md.
 """
 
@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 Findings = dict[str, None]
-"""Codes of the rules that a message broke, each once, in the order they were found."""
+"""Codes of the rules that a message broke, each once, in the order in which they were found. The values are unused."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One deviation: what was seen, and how it was read."""
+    """One deviation: what the message has, and how it is read."""
 
     code: str
     sentence: str
@@ -23,15 +23,15 @@ class Rule:
     """Of the standard, or `schema` for its published JSON schema."""
     rejects: bool = False
     alone: bool = True
-    """Whether one message by itself shows it; what does not takes the robot's history, the site or the socket."""
+    """Whether one message by itself shows it. If not, it takes the robot's history, the site file or the socket."""
 
 
 class RejectedError(ValueError):
     """A message that can't be understood: the rule it broke, and what the sender should change."""
 
-    def __init__(self, rule: str, reason: str, said_uuid: object = None) -> None:
+    def __init__(self, rule: str, reason: str, sent_uuid: object = None) -> None:
         super().__init__(f"{rule}: {reason}")
-        self.rule, self.reason, self.said_uuid = rule, reason, said_uuid
+        self.rule, self.reason, self.sent_uuid = rule, reason, sent_uuid
 
 
 def _rejecting(code: str, sentence: str, clause: str) -> Rule:

@@ -1,7 +1,7 @@
 """Decodes the reports of `report_models` with `msgspec`, from structs derived from the same models.
 
-What it takes, pydantic takes with the same values, five times as slowly; what it does not take may still be read. It
-leaves alone whatever has a key that the standard does not have, since such keys are kept aside, and whatever is null.
+A report that it decodes has the same values as with pydantic, which is five times as slow. It decodes no report with an
+unknown key or a null: those are left to pydantic, which keeps unknown keys.
 """
 
 from types import NoneType, UnionType
@@ -15,9 +15,9 @@ _STATUS_KEY = b'"operationalState"'
 
 
 def decoded(raw: bytes) -> IdentityReport | StatusReport | None:
-    """A report all of whose keys and types are those of the standard, or None.
+    """The report if all its keys and types are those of the standard; None otherwise.
 
-    It has the attributes of its model, but is not an instance of it.
+    It has the attributes of its pydantic model, but is not an instance of it.
     """
     try:
         if _STATUS_KEY not in raw:
@@ -49,10 +49,9 @@ def _struct(model: type[Report]) -> type[msgspec.Struct]:
 
 
 def _kind(kind: Any) -> Any:
-    """The type that a model's field has in its struct, where it is not null."""
-    inner = tuple(
-        _kind(one) for one in get_args(kind)[: 1 if get_origin(kind) is Annotated else None] if one is not NoneType
-    )
+    """The type of a struct's field for a model's field. It does not allow null."""
+    arguments = get_args(kind)[: 1 if get_origin(kind) is Annotated else None]
+    inner = tuple(_kind(argument) for argument in arguments if argument is not NoneType)
     if get_origin(kind) is Annotated:
         return inner[0]
     if get_origin(kind) in {Union, UnionType}:

@@ -12,15 +12,15 @@ from ingest.languages.model import NO_PATH, Path, Row
 from ingest.settings import NIL_DATUM
 
 MAX_POSITION = 1e7
-"""Metres, or degrees: beyond it a location is absurd."""
+"""Metres or degrees. A location beyond it is absurd."""
 PATH_S, DESTINATIONS_S = 10.0, 900.0
 """How far ahead the standard lets a path and destinations reach."""
 MOST_POINTS = 10
 MOST_POINTS_USED = 200
 SLACK_S = 1.0
-"""How far a time may lie beyond a limit before it is a finding: stamps are rounded."""
+"""A time may lie this far beyond a limit without a finding, since stamps are rounded."""
 UNSET_CLOCK_S = 366 * 86400.0
-"""Times before this, in 1970, come of a clock that was never set or counts from the start of something."""
+"""Times before this, in 1970, come from a clock that was never set, or that counts from some start."""
 
 
 def absurd(x: float, y: float, z: float) -> bool:
@@ -29,9 +29,9 @@ def absurd(x: float, y: float, z: float) -> bool:
 
 
 def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
-    """Rotation about the vertical, -pi to pi; nan where there is none.
+    """Rotation about the vertical, -pi to pi; nan if the angle is missing or all zeros.
 
-    atan2(2 (wz + xy), w^2 + x^2 - y^2 - z^2): the direction of the turned x axis, whatever the quaternion's length.
+    atan2(2 (wz + xy), w^2 + x^2 - y^2 - z^2): the direction of the turned x axis, for a quaternion of any length.
     """
     if angle is None:
         findings["angle-missing"] = None
@@ -49,13 +49,13 @@ def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
 
 
 def path(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
-    """The path in the order sent, whatever its times. `ingest/fleet/forecast.py` replaces times that can't be used."""
+    """The path in the order sent. `ingest/fleet/prediction/path_forecast.py` replaces times that can't be used."""
     read = _read(points, findings)
     return read if points is None else checked_path(read, len(points), stamp_s, findings)
 
 
 def checked_path(read: Path, sent: int, stamp_s: float, findings: Findings) -> Path:
-    """A path that was read, of so many points sent, once it is noted what is wrong with their number and times."""
+    """Note what is wrong with the number and the times of a path of `sent` points. Returns the path."""
     if read is NO_PATH:
         return read
     ends_s = read.ends_s
@@ -63,12 +63,12 @@ def checked_path(read: Path, sent: int, stamp_s: float, findings: Findings) -> P
         times = read.times
         _note_disorder(times, findings)
         ends_s = min(times), max(times)
-    judge_path(sent, ends_s, stamp_s, findings)
+    check_path(sent, ends_s, stamp_s, findings)
     return read
 
 
-def judge_path(sent: int, ends_s: tuple[float, float], stamp_s: float, findings: Findings) -> None:
-    """Note what is wrong with the number of a path's points and their first and last times."""
+def check_path(sent: int, ends_s: tuple[float, float], stamp_s: float, findings: Findings) -> None:
+    """Note what is wrong with the number of a path's points and with their first and last time."""
     first_s, last_s = ends_s
     if sent > MOST_POINTS:
         findings["path-too-many"] = None
@@ -102,10 +102,10 @@ def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, fin
 
 
 def checked_destinations(read: Path, sent: int, stamp_s: float, findings: Findings) -> Path:
-    """Destinations that were read, as `checked_path`, in the order of their times."""
+    """Note what is wrong with `sent` destinations. Returns them in the order of their times."""
     if read is NO_PATH:
         return read
-    judge_destinations(sent, read.ends_s[1] if read.in_order else max(read.times), stamp_s, findings)
+    check_destinations(sent, read.ends_s[1] if read.in_order else max(read.times), stamp_s, findings)
     if read.in_order:
         return read
     times = read.times
@@ -117,8 +117,8 @@ def checked_destinations(read: Path, sent: int, stamp_s: float, findings: Findin
     return Path(poses, datums, len(set(times)) == len(times), (times[order[0]], times[order[-1]]))
 
 
-def judge_destinations(sent: int, latest_s: float, stamp_s: float, findings: Findings) -> None:
-    """Note what is wrong with the number of destinations and the latest of their times."""
+def check_destinations(sent: int, latest_s: float, stamp_s: float, findings: Findings) -> None:
+    """Note what is wrong with the number of destinations and with the latest of their times."""
     if sent > MOST_POINTS:
         findings["destinations-too-many"] = None
     if latest_s > stamp_s + DESTINATIONS_S + SLACK_S:
@@ -131,9 +131,9 @@ def _read(points: Sequence[PredictedLocation] | None, findings: Findings) -> Pat
     if not points:
         return NO_PATH
     points = points[:MOST_POINTS_USED]
-    rows = _conforming(points, findings)
+    rows = _conforming_rows(points, findings)
     if rows is None:
-        rows, points = _one_by_one(points, findings)
+        rows, points = _readable_rows(points, findings)
     if not rows:
         return NO_PATH
     datums = _datums(points, findings)
@@ -145,30 +145,30 @@ def _read(points: Sequence[PredictedLocation] | None, findings: Findings) -> Pat
     return Path(tuple(rows), datums, in_order, (rows[0][0], rows[-1][0]))
 
 
-def _conforming(points: Sequence[PredictedLocation], findings: Findings) -> list[Row] | None:
-    """The points (p, 4) where none has a finding except of timestamps, as is usual; otherwise None."""
+def _conforming_rows(points: Sequence[PredictedLocation], findings: Findings) -> list[Row] | None:
+    """The points (p, 4). None if one has a finding other than on its timestamp, which is rare."""
     read = timestamps.plain_seconds([point.timestamp for point in points])
     if read is None:
         return None
-    rows, most, (times, of_stamps) = [], MAX_POSITION, read
+    rows, limit, (times, stamp_findings) = [], MAX_POSITION, read
     for t_s, point in zip(times, points, strict=True):
         angle, at_x, at_y = point.angle, point.x, point.y
-        if angle is None or not (-most <= at_x <= most and -most <= at_y <= most and -most <= point.z <= most):
+        if angle is None or not (-limit <= at_x <= limit and -limit <= at_y <= limit and -limit <= point.z <= limit):
             return None
         x, y, z, w = angle.x, angle.y, angle.z, angle.w
         square_x, square_y, square_z, square_w = x * x, y * y, z * z, w * w
         if not 0.99 < square_x + square_y + square_z + square_w < 1.01:
             return None
         rows.append((t_s, at_x, at_y, atan2(2.0 * (w * z + x * y), square_w + square_x - square_y - square_z)))
-    if of_stamps:
-        findings.update(dict.fromkeys(of_stamps))
+    if stamp_findings:
+        findings.update(dict.fromkeys(stamp_findings))
     return rows
 
 
-def _one_by_one(
+def _readable_rows(
     points: Sequence[PredictedLocation], findings: Findings
 ) -> tuple[list[Row], Sequence[PredictedLocation]]:
-    """The points (p, 4) that can be read, and which they are."""
+    """The points that can be read, as rows (p, 4) and as sent."""
     rows, read = [], []
     for point in points:
         stamp = timestamps.parse(point.timestamp)
@@ -184,18 +184,17 @@ def _one_by_one(
 
 
 def _datums(points: Sequence[PredictedLocation], findings: Findings) -> tuple[str, ...]:
-    """(p,) of each point. Most points of a path name the datum of the one before."""
-    first = points[0]
-    right, other = first.planarDatumUUID, first.planarDatum
+    """(p,) the datum of each point. Most paths have one datum for all points."""
+    proper, misplaced = points[0].planarDatumUUID, points[0].planarDatum
     for point in points:
-        if point.planarDatumUUID != right or point.planarDatum != other:
+        if point.planarDatumUUID != proper or point.planarDatum != misplaced:
             return tuple(datum(each.planarDatumUUID, each.planarDatum, findings) for each in points)
-    return (datum(right, other, findings),) * len(points)
+    return (datum(proper, misplaced, findings),) * len(points)
 
 
-def datum(right: str | None, other: str | None, findings: Findings) -> str:
-    """Of a point, from the key where it belongs or from the other; "" is the robot's own."""
-    if right is None and other is None:
+def datum(proper: str | None, misplaced: str | None, findings: Findings) -> str:
+    """The datum of a point, as `vocabulary.datum` reads it. "" means the robot's own datum."""
+    if proper is None and misplaced is None:
         return ""
-    said = vocabulary.datum(right, other, findings, empty="datum-empty")
-    return "" if said == NIL_DATUM else said
+    name = vocabulary.datum(proper, misplaced, findings, empty="datum-empty")
+    return "" if name == NIL_DATUM else name

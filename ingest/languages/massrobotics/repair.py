@@ -42,23 +42,23 @@ _NUMBERS = frozenset(
 )
 
 
-def mend(told: dict[str, Any], model: type[Report], findings: Findings) -> dict[str, Any]:
-    """The report as it was meant, a new object; what is not plain stays as it is."""
+def repaired(document: dict[str, Any], model: type[Report], findings: Findings) -> dict[str, Any]:
+    """A copy of the report with values of the right types. A value whose meaning is not clear stays as it is."""
     known = model.model_fields
-    mended: dict[str, Any] = {}
-    for key, value in told.items():
+    copy: dict[str, Any] = {}
+    for key, value in document.items():
         if value is None:
             findings["null-value"] = None
         else:
-            mended[key] = _value(key, value, findings) if key in known else value
-    return mended
+            copy[key] = _value(key, value, findings) if key in known else value
+    return copy
 
 
-def without_misfits(mended: dict[str, Any], model: type[Report], findings: Findings) -> dict[str, Any]:
-    """The report without the optional values and the points that do not fit `model`; required ones stay."""
-    kept = dict(mended)
-    for key in _misfits(mended, model):
-        fitting = _fitting(key, mended[key], findings) if key in mended else None
+def without_misfits(document: dict[str, Any], model: type[Report], findings: Findings) -> dict[str, Any]:
+    """The report without the optional values and the points that do not fit `model`. Required values stay."""
+    kept = dict(document)
+    for key in _misfits(document, model):
+        fitting = _fitting(key, document[key], findings) if key in document else None
         if fitting is not None:
             kept[key] = fitting
         elif not model.model_fields[key].is_required():
@@ -68,7 +68,7 @@ def without_misfits(mended: dict[str, Any], model: type[Report], findings: Findi
 
 
 def finite(value: Any) -> bool:
-    """Whether every number in a value of JSON is finite."""
+    """Whether every number in a JSON value is finite."""
     if isinstance(value, float):
         return isfinite(value)
     if isinstance(value, dict):
@@ -78,39 +78,39 @@ def finite(value: Any) -> bool:
 
 def _value(key: str, value: Any, findings: Findings) -> Any:
     if key in _POINT_LISTS:
-        return _each(value, _point, findings)
+        return _list(value, _point, findings)
     if key == "errorCodes":
-        return _each(value, _text, findings)
+        return _list(value, _text, findings)
     if key in _NUMBERS:
         return number(value, findings)
     if key not in _OBJECTS:
         return _stamp(value) if key == "timestamp" else _text(value, findings)
-    return mend(value, _OBJECTS[key], findings) if isinstance(value, dict) else value
+    return repaired(value, _OBJECTS[key], findings) if isinstance(value, dict) else value
 
 
-def _each(value: Any, mend_one: Callable[[Any, Findings], Any], findings: Findings) -> list[Any]:
+def _list(value: Any, repaired_item: Callable[[Any, Findings], Any], findings: Findings) -> list[Any]:
     if not isinstance(value, list):
         findings["single-not-list"] = None
         value = [value]
     if None in value:
         findings["null-value"] = None
-    return [mend_one(one, findings) for one in value if one is not None]
+    return [repaired_item(item, findings) for item in value if item is not None]
 
 
 def _point(value: Any, findings: Findings) -> Any:
-    return mend(value, PredictedLocation, findings) if isinstance(value, dict) else value
+    return repaired(value, PredictedLocation, findings) if isinstance(value, dict) else value
 
 
 def number(value: Any, findings: Findings) -> Any:
-    """The number that a text says; anything else as it is."""
+    """The number if the value is a text that spells one. Any other value stays as it is."""
     if not isinstance(value, str):
         return value
     try:
-        said = float(value)
+        parsed = float(value)
     except ValueError:
         return value
     findings["number-as-text"] = None
-    return said
+    return parsed
 
 
 def _text(value: Any, findings: Findings) -> Any:
@@ -121,12 +121,12 @@ def _text(value: Any, findings: Findings) -> Any:
 
 
 def _stamp(value: Any) -> Any:
-    """A time sent as a number, which `stamps.parse` reads and counts."""
+    """A time sent as a number becomes text, which `timestamps.parse` reads and counts."""
     return _digits(value) if is_number(value) else value
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value of JSON is a finite number."""
+    """Whether a JSON value is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and finite(value)
 
 
@@ -135,17 +135,17 @@ def _digits(value: float) -> str:
 
 
 def _misfits(value: dict[str, Any], model: type[Report]) -> list[str]:
-    """Keys whose values do not fit the model, or that it misses."""
+    """Keys whose values do not fit the model, and required keys that are missing."""
     try:
         model.model_validate(value)
     except ValidationError as error:
         errors = error.errors(include_url=False, include_context=False, include_input=False)
-        return list(dict.fromkeys(str(one["loc"][0]) for one in errors))
+        return list(dict.fromkeys(str(misfit["loc"][0]) for misfit in errors))
     return []
 
 
 def _fitting(key: str, value: Any, findings: Findings) -> Any:
-    """What can be kept of a value that does not fit, or None."""
+    """The part of a value that fits. None if nothing can be kept."""
     if key in _POINT_LISTS:
         fitting = (_fitting_object(point, PredictedLocation, findings) for point in value[:MOST_POINTS_USED])
         points = [point for point in fitting if point is not None]

@@ -1,9 +1,9 @@
 """The two reports of the standard, as models of every key they may have.
 
-Types are strict and numbers finite; required keys are required, but for an angle and a datum, without which a
-location still tells where the robot is. What the schema asks of the text inside a string (UUID, timestamp, state)
-and of the length of lists is looked at where it is read, so that a deviation can be counted rather than refused.
-Keys that the standard does not have are kept aside.
+Types are strict and numbers are finite. Keys that the standard requires are required, except the angle and the datum:
+a location without them still says where the robot is. The models do not check the text inside a string (UUID,
+timestamp, state) or the length of a list. The parser checks those, so that it can count a deviation instead of
+rejecting the message. Keys that the standard does not have are kept in `__pydantic_extra__`.
 """
 
 from typing import Annotated
@@ -25,7 +25,7 @@ class Quaternion(Report):
 
 
 class Extent(Report):
-    """Metres along the heading, across it and up; z 0 where not sent."""
+    """Metres along the heading, across it and up. z is 0 if not sent."""
 
     x: float
     y: float
@@ -40,7 +40,7 @@ class Velocity(Report):
 
 
 class Location(Report):
-    """Where a robot is. Senders mix up the key of the datum, so both kinds of location have both."""
+    """Where a robot is. Senders confuse the two keys of the datum, so every location may have either."""
 
     x: float
     y: float

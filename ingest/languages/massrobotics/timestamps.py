@@ -1,4 +1,4 @@
-"""Timestamps as senders write them: RFC 3339, and what comes near it."""
+"""Timestamps as senders write them: RFC 3339, and spellings close to it."""
 
 import re
 from collections.abc import Iterable
@@ -16,14 +16,14 @@ _DATE, _TIME = r"(\d{4}-\d\d-\d\d)", r"(\d\d:\d\d:\d\d)"
 _OFFSET = r"(?:(Z)|([+-]\d\d)(:?)(\d\d)?)?"
 _HEAD = re.compile(rf"{_DATE}T{_TIME}", re.ASCII)
 _TAIL = re.compile(rf"(?:\.(\d+))?{_OFFSET}", re.ASCII)
-_SPELT = re.compile(rf"\s*{_DATE}[Tt ]{_TIME}(?:[.,](\d+))? *([Zz]|[+-][\d:]+)?\s*", re.ASCII)
+_VARIANT = re.compile(rf"\s*{_DATE}[Tt ]{_TIME}(?:[.,](\d+))? *([Zz]|[+-][\d:]+)?\s*", re.ASCII)
 _COUNT = re.compile(r"\s*(\d{1,20})(?:([. ])(\d{1,9}))?\s*", re.ASCII)
-_HEAD_LETTERS, _MOST_LETTERS = 19, 40
+_HEAD_LENGTH, _MAX_LENGTH = 19, 40
 _FINEST_S, _FINEST_DIGITS = 1e-9, 9
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _US = timedelta(microseconds=1)
-_REMEMBERED = 4096
-"""Heads and tails of stamps that are kept read: the same few come again and again."""
+_CACHED = 4096
+"""Parsed heads and tails of stamps that are cached: the same few come again and again."""
 
 
 class Stamp(msgspec.Struct, frozen=True, gc=False):
@@ -32,38 +32,39 @@ class Stamp(msgspec.Struct, frozen=True, gc=False):
     t_s: float
     """Seconds since the epoch."""
     resolution_s: float
-    """What one unit of the last digit sent is worth."""
+    """The time that one unit of the last digit sent stands for."""
     findings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class _Tail:
-    """What comes after the seconds of a date-time: the fraction, and how far from UTC the clock is set."""
+    """The part of a date-time after the seconds: the fraction and the offset from UTC."""
 
     after_us: int
+    """The fraction less the offset from UTC."""
     resolution_s: float
     findings: tuple[str, ...]
 
 
 def parse(text: str) -> Stamp | None:
-    """The moment that `text` names, or None where it names none."""
-    return _plain(text) or _spelt(text) or _epoch(text)
+    """The moment that `text` names. None if it is no time."""
+    return _rfc_3339(text) or _variant(text) or _epoch(text)
 
 
 def plain_seconds(texts: Iterable[str]) -> tuple[list[float], tuple[str, ...]] | None:
-    """The moments that `texts`, at least one, name, and the findings; None unless all are plain and plausible."""
+    """The moments that one or more `texts` name, and the findings. None unless all are RFC 3339 and plausible."""
     moments_s, after_us = [], 0
     known: str | None = None
     findings: tuple[str, ...] = ()
     for text in texts:
-        ending = text[_HEAD_LETTERS:]
-        if ending != known:  # the points of a path mostly have the fraction in common
-            tail = _tail(ending) if len(text) <= _MOST_LETTERS else None
+        ending = text[_HEAD_LENGTH:]
+        if ending != known:  # most paths have one fraction for all points
+            tail = _tail(ending) if len(text) <= _MAX_LENGTH else None
             if tail is None:
                 return None
             known, after_us = ending, tail.after_us
             findings += tail.findings
-        head_us = _head_us(text[:_HEAD_LETTERS])
+        head_us = _head_us(text[:_HEAD_LENGTH])
         if head_us is None:
             return None
         moments_s.append((head_us + after_us) / 1_000_000)
@@ -71,7 +72,7 @@ def plain_seconds(texts: Iterable[str]) -> tuple[list[float], tuple[str, ...]] |
 
 
 def plausible(t_s: float) -> bool:
-    """Whether a time lies in the years that a sender may mean."""
+    """Whether a time lies between 1970 and 2100."""
     return EARLIEST_S <= t_s <= LATEST_S
 
 
@@ -84,22 +85,22 @@ def write(t_s: float) -> str:
     return f"{_second(whole_s)}.{after_us:06d}Z"
 
 
-@lru_cache(_REMEMBERED)
+@lru_cache(_CACHED)
 def _second(t_s: int) -> str:
-    return datetime.fromtimestamp(t_s, UTC).isoformat()[:_HEAD_LETTERS]
+    return datetime.fromtimestamp(t_s, UTC).isoformat()[:_HEAD_LENGTH]
 
 
-def _plain(text: str) -> Stamp | None:
-    """A date-time as RFC 3339 spells it, whatever its offset."""
-    if len(text) > _MOST_LETTERS:
+def _rfc_3339(text: str) -> Stamp | None:
+    """A date-time as RFC 3339 spells it. The offset may lack a colon or be missing."""
+    if len(text) > _MAX_LENGTH:
         return None
-    head_us, tail = _head_us(text[:_HEAD_LETTERS]), _tail(text[_HEAD_LETTERS:])
+    head_us, tail = _head_us(text[:_HEAD_LENGTH]), _tail(text[_HEAD_LENGTH:])
     if head_us is None or tail is None:
         return None
     return Stamp((head_us + tail.after_us) / 1_000_000, tail.resolution_s, tail.findings)
 
 
-@lru_cache(_REMEMBERED)
+@lru_cache(_CACHED)
 def _head_us(text: str) -> int | None:
     found = _HEAD.fullmatch(text)
     if not found:
@@ -112,7 +113,7 @@ def _head_us(text: str) -> int | None:
     return (moment - _EPOCH) // _US + is_leap * 1_000_000
 
 
-@lru_cache(_REMEMBERED)
+@lru_cache(_CACHED)
 def _tail(text: str) -> _Tail | None:
     found = _TAIL.fullmatch(text)
     if not found:
@@ -130,24 +131,27 @@ def _tail(text: str) -> _Tail | None:
         findings.append("stamp-not-utc")
     fraction_us = int(f"{(fraction or '0')[:6]:0<6}")
     ahead_us = offset_min * (-60_000_000 if hours and hours[0] == "-" else 60_000_000)
-    return _Tail(fraction_us - ahead_us, worth_s(len(fraction or "")), tuple(findings))
+    return _Tail(fraction_us - ahead_us, digit_resolution_s(len(fraction or "")), tuple(findings))
 
 
-def _spelt(text: str) -> Stamp | None:
-    """A date-time with spaces, small letters or a comma, or with more digits than mean anything."""
-    found = _SPELT.fullmatch(text)
+def _variant(text: str) -> Stamp | None:
+    """A date-time with spaces, lower-case letters, a comma, or more digits than nanoseconds."""
+    found = _VARIANT.fullmatch(text)
     if not found:
         return None
     date, time, fraction, offset = found.groups(default="")
     head, offset = f"{date}T{time}", offset.upper()
-    stamp = _plain(f"{head}.{fraction[:_FINEST_DIGITS]}{offset}" if fraction else f"{head}{offset}")
+    stamp = _rfc_3339(f"{head}.{fraction[:_FINEST_DIGITS]}{offset}" if fraction else f"{head}{offset}")
     if stamp is None or text == f"{head}.{fraction}{offset}":
         return stamp
     return Stamp(stamp.t_s, stamp.resolution_s, (*stamp.findings, "stamp-spelling"))
 
 
 def _epoch(text: str) -> Stamp | None:
-    """Seconds with a fraction, seconds and nanoseconds, or a whole number of s, ms, us or ns by its size."""
+    """A time since 1970: seconds with a fraction, seconds and nanoseconds, or a whole number of s, ms, us or ns.
+
+    The unit of a whole number follows from its size.
+    """
     found = _COUNT.fullmatch(text)
     if not found:
         return None
@@ -156,12 +160,12 @@ def _epoch(text: str) -> Stamp | None:
     if separator == " ":
         t_s, resolution_s = int(whole) + int(fraction) * 1e-9, _FINEST_S
     elif separator == ".":
-        t_s, resolution_s = float(f"{whole}.{fraction}"), worth_s(len(fraction))
+        t_s, resolution_s = float(f"{whole}.{fraction}"), digit_resolution_s(len(fraction))
     else:
-        t_s, resolution_s = int(whole) / 1000**thousandths, worth_s(3 * thousandths)
+        t_s, resolution_s = int(whole) / 1000**thousandths, digit_resolution_s(3 * thousandths)
     return Stamp(t_s, resolution_s, ("stamp-epoch",))
 
 
-def worth_s(digits: int) -> float:
-    """What one unit of the last of so many digits of a second is worth."""
+def digit_resolution_s(digits: int) -> float:
+    """The time that one unit of the last digit of a fraction stands for."""
     return max(10.0 ** -min(max(digits, 0), 9), _FINEST_S)

@@ -1,4 +1,4 @@
-"""What the words of a message mean: UUIDs, datums and states, as they stand and as senders spell them."""
+"""UUIDs, datums and states of a message, as the standard spells them and as senders do."""
 
 import re
 from functools import lru_cache
@@ -10,7 +10,7 @@ from ingest.settings import NIL_DATUM
 NAMED_ROBOTS = UUID("b7f0f4f1-3a3c-5d52-9a63-2b2c8a0f9d10")
 """Namespace of the UUIDs of robots that are known by name."""
 MAX_WORD = 80
-"""Letters kept of a datum or state that the standard does not know."""
+"""Characters kept of a datum or state that the standard does not know."""
 
 STATES = frozenset(
     (
@@ -36,29 +36,33 @@ _ALIASES = {state.casefold(): state for state in STATES} | {
     "loadingunloading": "waitingExternalEvent",
     "moving": "navigating",
 }
-"""Letters and digits of a state, case folded, to the schema's spelling."""
+"""From the letters and digits of a state, case folded, to the schema's spelling."""
 
 _RFC_4122 = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[1-8][0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")
 _UUID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}")
-_UUID_LETTERS, _REMEMBERED = 36, 1024
-"""Datums that are known to be plain, or not: the same few come again and again."""
-_ROBOTS_REMEMBERED = 16_384
-"""UUIDs in spellings of their own that are kept read: each comes once a second."""
+_UUID_LENGTH = 36
+_DATUMS_CACHED = 1024
+"""Datums whose check is cached: the same few come again and again."""
+_ROBOTS_CACHED = 16_384
+"""Results cached for UUIDs that are not spelt as RFC 4122 does: each comes once a second."""
 _HEX = re.compile(r"[0-9a-f]{32}")
 
 
 def robot_uuid(text: str, names_as_uuid: str | None, findings: Findings) -> str:
-    """The UUID that `text` means, in lower case with dashes. A name becomes one of `names_as_uuid`, if given."""
+    """The UUID that `text` spells, in lower case with dashes. Raises `RejectedError` if it spells none.
+
+    With `names_as_uuid`, a vendor, any other text is a name, and the UUID is derived from vendor and name.
+    """
     if _RFC_4122.fullmatch(text):
         return text
-    uuid, found = (_known_robot if len(text) <= MAX_WORD else _robot)(text, names_as_uuid)
+    uuid, found = (_cached_robot if len(text) <= MAX_WORD else _robot)(text, names_as_uuid)
     if found:
         findings.update(dict.fromkeys(found))
     return uuid
 
 
 def _robot(text: str, names_as_uuid: str | None) -> tuple[str, tuple[str, ...]]:
-    """The UUID that `text` means, and the findings on it."""
+    """The UUID that `text` spells or names, and the findings on it."""
     plain = _plain_uuid(text)
     if plain:
         found = {
@@ -73,7 +77,7 @@ def _robot(text: str, names_as_uuid: str | None) -> tuple[str, tuple[str, ...]]:
     raise RejectedError("uuid-unreadable", reason)
 
 
-_known_robot = lru_cache(_ROBOTS_REMEMBERED)(_robot)
+_cached_robot = lru_cache(_ROBOTS_CACHED)(_robot)
 
 
 def is_uuid(text: str) -> bool:
@@ -87,15 +91,15 @@ def _plain_uuid(text: str) -> str | None:
     return f"{digits[:8]}-{digits[8:12]}-{digits[12:16]}-{digits[16:20]}-{digits[20:]}"
 
 
-def datum(right: str | None, other: str | None, findings: Findings, *, empty: str) -> str:
-    """A datum in lower case, from the key where it belongs or from the other.
+def datum(proper: str | None, misplaced: str | None, findings: Findings, *, empty: str) -> str:
+    """A datum in lower case. `proper` is under the key that the schema has for it, `misplaced` under the other key.
 
-    One that is absent, empty or nil breaks the rule `empty`; a nil one stays, since a site may map it.
+    A datum that is absent, empty or nil breaks the rule `empty`. A nil one is returned, since a site may map it.
     """
-    if other is not None:
+    if misplaced is not None:
         findings["datum-key"] = None
-    text = other if right is None else right
-    if text is not None and len(text) == _UUID_LETTERS and _is_plain_datum(text):
+    text = misplaced if proper is None else proper
+    if text is not None and len(text) == _UUID_LENGTH and _is_plain_datum(text):
         return text
     lower = (text or "").strip().lower()
     if lower in ("", NIL_DATUM):
@@ -107,13 +111,13 @@ def datum(right: str | None, other: str | None, findings: Findings, *, empty: st
     return lower[:MAX_WORD]
 
 
-@lru_cache(_REMEMBERED)
+@lru_cache(_DATUMS_CACHED)
 def _is_plain_datum(text: str) -> bool:
     return _UUID.fullmatch(text) is not None and text != NIL_DATUM
 
 
 def state(text: str, findings: Findings) -> tuple[str, bool]:
-    """The state in the schema's spelling, or the sender's own word, and whether the standard knows it."""
+    """The state and whether the standard has it: in the schema's spelling if it does, else as sent."""
     if text in STATES:
         if text == "offline":
             findings["state-offline"] = None

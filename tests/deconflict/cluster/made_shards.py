@@ -14,9 +14,9 @@ from deconflict.engine.engine import Engine
 from deconflict.settings.site import Conflict, Site
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum
@@ -38,7 +38,7 @@ Course = Callable[[float], Pose]
 
 
 def fleet() -> Fleet:
-    return Fleet(Vendors(()), Frames(SITE.datums, SITE.vendors), SITE.reading, Measures(), Quarantine())
+    return Fleet(VendorRegistry(()), FrameRegistry(SITE.datums, SITE.vendors), SITE.reading, Measures(), Quarantine())
 
 
 @dataclass
@@ -53,7 +53,7 @@ class Ingests:
         for number, name in enumerate(self.courses):
             if tick % TICKS == number // 2 % TICKS:
                 self._report(self.fleets[number % 2], name, tick / TICKS)
-        return [one.cut(NOW_S + tick / TICKS) for one in self.fleets]
+        return [one.next_batch(NOW_S + tick / TICKS) for one in self.fleets]
 
     def _report(self, one: Fleet, name: str, t: float) -> None:
         line = Connection(1)

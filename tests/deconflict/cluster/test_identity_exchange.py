@@ -11,6 +11,7 @@ from websockets.asyncio.client import connect
 
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from ingest.fleet import fleet_report
 from ingest.fleet.recovery import recover
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import segments
@@ -66,7 +67,7 @@ async def test_what_a_robot_says_of_itself_to_one_ingest_holds_where_its_statuse
             one.cancel()
     again = fleet_of(machines.site(), Measures())
     recover(again, segments(tmp_path / "east" / "log"), time.time())
-    assert sized(A=2.0, B=1.0)({"robots": again.documents(time.time())})
+    assert sized(A=2.0, B=1.0)({"robots": fleet_report.robot_documents(again, time.time())})
 
 
 async def test_ingests_of_one_machine_share_a_port(tmp_path: Path) -> None:

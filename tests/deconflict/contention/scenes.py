@@ -11,9 +11,9 @@ from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum
@@ -112,8 +112,8 @@ class Scene:
     told: list[AnyAdvisory] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        frames = Frames(self.site.datums, self.site.vendors)
-        self.fleet = Fleet(Vendors(()), frames, self.site.reading, Measures(), Quarantine())
+        frames = FrameRegistry(self.site.datums, self.site.vendors)
+        self.fleet = Fleet(VendorRegistry(()), frames, self.site.reading, Measures(), Quarantine())
         self.engine = Engine(self.site)
         for name, one in self.robots.items():
             self.fleet.receive(identity(name, NOW_S, manufacturerName=one.vendor), NOW_S, LINE)
@@ -126,7 +126,7 @@ class Scene:
             if tick % 4 == 0:
                 for name, one in self.robots.items():
                     self.fleet.receive(one.says(name, t), NOW_S + t, LINE)
-            self.engine.receive(Batch.from_bytes(self.fleet.cut(NOW_S + t).to_bytes()))
+            self.engine.receive(Batch.from_bytes(self.fleet.next_batch(NOW_S + t).to_bytes()))
             fresh += [one for one in self.engine.step(NOW_S + t) if one.kind != "conflict"]
         self.told += fresh
         return fresh

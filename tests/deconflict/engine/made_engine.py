@@ -11,9 +11,9 @@ from deconflict.engine.load_shedding import Effort
 from deconflict.settings.site import Conflict, Site
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum
@@ -59,8 +59,8 @@ class Floor:
     advisories: list[ConflictAdvisory] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        frames = Frames(self.site.datums, self.site.vendors)
-        self.fleet = Fleet(Vendors(()), frames, self.site.reading, Measures(), Quarantine())
+        frames = FrameRegistry(self.site.datums, self.site.vendors)
+        self.fleet = Fleet(VendorRegistry(()), frames, self.site.reading, Measures(), Quarantine())
         self.engine = Engine(self.site)
 
     def run(self, until_s: float, from_s: float = 0.0) -> list[ConflictAdvisory]:
@@ -72,7 +72,7 @@ class Floor:
                 for name in self.courses:
                     if t < self.silent_from_s.get(name, float("inf")):
                         self._report(name, t)
-            self.engine.receive(Batch.from_bytes(self.fleet.cut(NOW_S + t).to_bytes()))
+            self.engine.receive(Batch.from_bytes(self.fleet.next_batch(NOW_S + t).to_bytes()))
             pending = self.pending.setdefault(tick, self.engine.pending())
             revisions = self.engine.step(NOW_S + t, self.effort, pending)
             told += [one for one in revisions if isinstance(one, ConflictAdvisory)]

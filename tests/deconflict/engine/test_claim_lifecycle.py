@@ -7,7 +7,7 @@ from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.batch import Batch
-from ingest.fleet.ownership_claims import HELD_S, NAMED_ROBOTS
+from ingest.fleet.owners.ownership_claims import HELD_S, NAMED_ROBOTS
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum, Vendor
@@ -39,7 +39,7 @@ class Service:
         until_s = self.now_s + for_s
         while self.now_s < until_s:
             self.now_s += 0.5
-            self.engine.receive(Batch.from_bytes(self.fleet.cut(self.now_s).to_bytes()))
+            self.engine.receive(Batch.from_bytes(self.fleet.next_batch(self.now_s).to_bytes()))
             told += self.engine.step(self.now_s)
         assert all(ADVISORY.validate_json(one.model_dump_json()) == one for one in told)
         return [one for one in told if isinstance(one, ClaimAdvisory)]

@@ -82,7 +82,7 @@ def test_an_engine_that_restarts_goes_on_with_the_same_advisory() -> None:
     floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)})
     before = floor.run(6)
     floor.engine = Engine(SITE, [before[-1]], {before[-1].robots: 1})
-    floor.engine.receive(floor.fleet.cut(NOW_S + 6, everything=True))
+    floor.engine.receive(floor.fleet.next_batch(NOW_S + 6, everything=True))
     after = floor.run(30, from_s=6)
     assert {one.id for one in before + after} == {before[0].id}
     assert states(after) == [AdvisoryState.CLEARED]
@@ -96,7 +96,7 @@ def test_an_engine_for_a_changed_site_goes_on_with_what_is_open_and_learned() ->
     knows, knew, new = (str(one.learned()["ledger"]) for one in (renewed, floor.engine, Engine(wider)))
     assert knows == knew != new
     floor.engine = renewed
-    floor.engine.receive(floor.fleet.cut(NOW_S + 6, everything=True))
+    floor.engine.receive(floor.fleet.next_batch(NOW_S + 6, everything=True))
     after = floor.run(30, from_s=6)
     assert {one.id for one in before + after} == {before[0].id}
     assert after[-1].state is AdvisoryState.CLEARED

@@ -7,9 +7,9 @@ from deconflict.engine.map_drift import FEWEST_RESTS, MARK_RESTS, MapDrift
 from deconflict.settings.shared_places import Resource
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures import clock_changes
 from ingest.measures.change_detection import ADOPTED_S, LEARNED
 from ingest.measures.measures import Measures
@@ -75,7 +75,7 @@ def test_it_takes_enough_rests_and_each_vendor_has_its_own_marks() -> None:
 
 def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
     site = Site(datums=(Datum(id=HALL, name="Hall"),), resources=DOCKS)
-    fleet = Fleet(Vendors(()), Frames(site.datums, ()), site.reading, Measures(), Quarantine())
+    fleet = Fleet(VendorRegistry(()), FrameRegistry(site.datums, ()), site.reading, Measures(), Quarantine())
     engine, t_s, line = Engine(site), NOW_S, Connection(1)
     fleet.receive(identity("A-1", t_s), t_s, line)
     for row in range(MARK_RESTS + FEWEST_RESTS):
@@ -83,7 +83,7 @@ def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
         away = points((t_s + 5, 8.0, 8.0, 0.0))
         for said in (status("A-1", t_s, 5.0, 8.0, path=away), status("A-1", t_s + 20, x_m, 1.0)):
             fleet.receive(said, t_s, line)
-            engine.receive(fleet.cut(t_s))
+            engine.receive(fleet.next_batch(t_s))
             engine.step(t_s)
             t_s += 20
     engine.measures.as_document()
@@ -133,7 +133,7 @@ def test_a_frame_that_stays_elsewhere_for_a_day_has_its_marks_there() -> None:
 
 def test_the_engine_says_since_when_a_frame_has_moved() -> None:
     site = Site(datums=(Datum(id=HALL, name="Hall"),), resources=DOCKS)
-    fleet = Fleet(Vendors(()), Frames(site.datums, ()), site.reading, Measures(), Quarantine())
+    fleet = Fleet(VendorRegistry(()), FrameRegistry(site.datums, ()), site.reading, Measures(), Quarantine())
     engine, line, moved_at = Engine(site), Connection(1), MARK_RESTS + 2 * LEARNED
     fleet.receive(identity("A-1", NOW_S), NOW_S, line)
     for row in range(moved_at + LEARNED):
@@ -144,7 +144,7 @@ def test_the_engine_says_since_when_a_frame_has_moved() -> None:
             (status("A-1", t_s + 20, x_m, 1.0), t_s + 20),
         ):
             fleet.receive(said, at_s, line)
-            engine.receive(fleet.cut(at_s))
+            engine.receive(fleet.next_batch(at_s))
             engine.step(at_s)
     engine.measures.as_document()
     values = engine.measures.values

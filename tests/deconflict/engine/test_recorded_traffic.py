@@ -12,7 +12,7 @@ from deconflict.advisories.revision_rules import SURE
 from deconflict.advisory import AdvisoryState
 from deconflict.roles.service import in_one_process
 from deconflict.settings.site import Conflict, Operator, Site
-from ingest.recording.log_reader import Reader, Received
+from ingest.recording.log_reader import LogReader, Received
 from ingest.settings import Receiver
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_service import Running
@@ -27,7 +27,9 @@ pytestmark = pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS na
 async def test_recorded_traffic_gives_advisories(tmp_path: Path) -> None:
     site = Site(receiver=Receiver(port=0), operator=Operator(port=0), conflict=Conflict(clearance_m=0.5))
     log = [
-        event for event in Reader().read([Path(RECORDINGS or "") / "zara02.cv.jsonl.gz"]) if isinstance(event, Received)
+        event
+        for event in LogReader().read([Path(RECORDINGS or "") / "zara02.cv.jsonl.gz"])
+        if isinstance(event, Received)
     ]
     first_s = next(event.arrival_s for event in log if b"operationalState" in event.raw)
     async with in_one_process(site, tmp_path, render) as (receiver, operator):

@@ -32,7 +32,7 @@ class Judged(Watch):
         self.engine.receive(batch)
 
     def tick(self, everything: bool = False) -> PresenceChanges:
-        self.take(self.fleet.cut(NOW_S + self.now_s, everything))
+        self.take(self.fleet.next_batch(NOW_S + self.now_s, everything))
         self.told += self.engine.step(NOW_S + self.now_s)
         return PresenceChanges()
 
@@ -204,7 +204,7 @@ class Watched(Watch):
         self.told: list[AnyAdvisory] = []
 
     def tick(self, everything: bool = False) -> PresenceChanges:
-        self.commons.receive([self.fleet.cut(NOW_S + self.now_s, everything)])
+        self.commons.receive([self.fleet.next_batch(NOW_S + self.now_s, everything)])
         self.told += self.commons.step(NOW_S + self.now_s)
         return PresenceChanges()
 

@@ -2,7 +2,7 @@ from datetime import UTC, datetime
 
 from deconflict.operator.vendor_health import ForecastError, vendor_health
 from ingest.measures import clock_changes
-from ingest.measures.change_detection import Change
+from ingest.measures.change_detection import LevelChange
 from ingest.measures.measures import Labels, Measures
 
 SINCE_S = 1_792_000_000.0
@@ -70,8 +70,8 @@ def test_errors_are_told_by_how_far_ahead() -> None:
 def test_what_has_changed_is_told_in_words_with_since_when() -> None:
     receiver, engine = Measures(), Measures()
     receiver.count("deconflict_messages_total", "Acme", "accepted")
-    clock_changes.tell(receiver, {"clock": {"Acme": Change(SINCE_S, -3.04099)}})
-    clock_changes.tell(engine, {"forecast": {"Acme": Change(SINCE_S + 60, 0.41)}, "datum": {}})
+    clock_changes.publish(receiver, {"clock": {"Acme": LevelChange(SINCE_S, -3.04099)}})
+    clock_changes.publish(engine, {"forecast": {"Acme": LevelChange(SINCE_S + 60, 0.41)}, "datum": {}})
     (acme,) = vendor_health([receiver.as_document(), engine.as_document()])
     assert [(one.what, one.by, one.words) for one in acme.flags] == [
         ("clock", -3.041, "clocks 3.0 s faster than usual"),

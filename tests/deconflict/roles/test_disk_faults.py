@@ -16,7 +16,7 @@ from deconflict.operator.blackbox.published_advisories import told_in
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import Reader, Tick
+from ingest.recording.log_reader import LogReader, Tick
 from tests.deconflict.roles.made_disks import disk_of, fill, mount
 from tests.deconflict.roles.made_service import CROSSING, Running, drive, running
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
@@ -164,7 +164,7 @@ async def test_a_full_disk_silences_nobody_is_told_of_and_is_made_good_when_ther
     assert [one.revision for one in kept] == list(range(1, len(kept) + 1))
     assert kept[-1].seq == told["advisories"][0]["seq"]
     store.close()
-    events = list(Reader().read([small_disk / "log"]))
+    events = list(LogReader().read([small_disk / "log"]))
     assert any(isinstance(event, Tick) and event.now_s > resumed_s for event in events), "recording resumed"
 
 

@@ -12,9 +12,9 @@ from deconflict.roles.engine_role import Outbox, UndeliveredError
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.rpc import listening, socket_path
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Reading, Vendor
@@ -26,7 +26,7 @@ NOW_S = 1_792_000_000.0
 
 def fleet() -> Fleet:
     vendors = (Vendor(name="Acme"), Vendor(name="Bolt"))
-    return Fleet(Vendors(vendors), Frames((), vendors), Reading(), Measures(), Quarantine())
+    return Fleet(VendorRegistry(vendors), FrameRegistry((), vendors), Reading(), Measures(), Quarantine())
 
 
 def test_each_valid_status_counts_once_for_its_vendor_and_a_replaced_one_from_the_first() -> None:
@@ -34,7 +34,7 @@ def test_each_valid_status_counts_once_for_its_vendor_and_a_replaced_one_from_th
     for i in range(3):
         one.receive(status("A-1", NOW_S + i), NOW_S + i, acme)
     one.receive(status("B-1", NOW_S + 1), NOW_S + 1.5, bolt)
-    batch = one.cut(NOW_S + 3)
+    batch = one.next_batch(NOW_S + 3)
     waited = {
         vendor: sorted((arrivals - NOW_S).tolist()) for vendor, arrivals in arrivals_s(batch, batch.now_s).items()
     }
@@ -44,15 +44,15 @@ def test_each_valid_status_counts_once_for_its_vendor_and_a_replaced_one_from_th
 def test_arrivals_are_told_by_the_hosts_clock_also_after_it_was_set() -> None:
     one = fleet()
     one.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Acme"))
-    told = arrivals_s(one.cut(NOW_S + 0.1), NOW_S + 7200.1)
+    told = arrivals_s(one.next_batch(NOW_S + 0.1), NOW_S + 7200.1)
     assert told["Acme"].tolist() == pytest.approx([NOW_S + 7200.0])
 
 
 def test_a_floor_that_is_told_again_to_a_new_engine_counts_no_message_twice() -> None:
     one, acme = fleet(), Connection(1, vendor="Acme")
     one.receive(status("A-1", NOW_S), NOW_S, acme)
-    one.cut(NOW_S + 0.1)
-    again = arrivals_s(one.cut(NOW_S + 60, everything=True), NOW_S + 60)
+    one.next_batch(NOW_S + 0.1)
+    again = arrivals_s(one.next_batch(NOW_S + 60, everything=True), NOW_S + 60)
     assert {vendor: len(arrivals) for vendor, arrivals in again.items()} == {"Acme": 0}
 
 

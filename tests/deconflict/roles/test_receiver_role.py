@@ -15,7 +15,7 @@ from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import EngineStarted, Received, Tick
-from ingest.recording.log_rotation import LogFiles
+from ingest.recording.log_rotation import RotatingLog
 from ingest.settings import Receiver
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import status
@@ -77,13 +77,13 @@ async def test_messages_get_through_while_all_the_robots_are_told(tmp_path: Path
 async def test_a_disk_that_stalls_delays_no_batch_and_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    go_on, write = threading.Event(), LogFiles.write
+    go_on, write = threading.Event(), RotatingLog.write
 
-    def stalled(files: LogFiles, data: bytes) -> int:
+    def stalled(files: RotatingLog, data: bytes) -> int:
         assert go_on.wait(PATIENCE_S)
         return write(files, data)
 
-    monkeypatch.setattr(LogFiles, "write", stalled)
+    monkeypatch.setattr(RotatingLog, "write", stalled)
     try:
         async with serving(tmp_path) as role, connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
             engine = AsyncCaller(tmp_path, "receiver")

@@ -16,7 +16,7 @@ from deconflict.advice import hold_desk
 from deconflict.advisory import ADVISORY, AdvisoryState
 from deconflict.roles.service import in_one_process
 from deconflict.settings.site import Engine as EngineSettings
-from ingest.recording.log_reader import Reader, Tick
+from ingest.recording.log_reader import LogReader, Tick
 from ingest.settings import Vendor
 from metrics.monitoring.exposition import combine, render
 from tests.deconflict.roles.made_service import CROSSING, SITE, Course, drive, running
@@ -162,7 +162,7 @@ async def test_a_service_that_can_not_keep_up_says_so_still_warns_and_replays_to
         text = (await service.get("/metrics")).text
         assert "deconflict_engine_effort_reduced 2.0" in text
         assert float(text.split("\ndeconflict_deadlines_missed_total ")[1].split()[0]) > 10
-    efforts = [event.effort for event in Reader().read([tmp_path / "log"]) if isinstance(event, Tick)]
+    efforts = [event.effort for event in LogReader().read([tmp_path / "log"]) if isinstance(event, Tick)]
     assert (efforts[0], sorted(set(efforts)), efforts[-1]) == (0, [0, 1, 2], 2)
     assert live[0]["time_to_conflict_s"] <= SITE.conflict.warning_s
     assert replay(tmp_path / "log")[0] == live[0] | {"seq": 0}

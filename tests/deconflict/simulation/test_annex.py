@@ -63,7 +63,7 @@ def told(seconds: int) -> list[AnyAdvisory]:
             for row, role in enumerate(ROLES):
                 for message in DIALECTS[role].messages(annex.robot(row, tick / 4), now_s, introduce=tick == 0):
                     assert fleet.receive(message, now_s, lines[row]) is None
-        engine.receive(fleet.cut(now_s))
+        engine.receive(fleet.next_batch(now_s))
         revisions += engine.step(now_s)
     return revisions
 

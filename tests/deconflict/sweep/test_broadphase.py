@@ -101,7 +101,7 @@ def test_one_that_changed_is_not_held_against_all_over_again() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     sweeper.update([str(row) for row in range(300)], crowd)
     first = sweeper.find_conflicts(NOW_S)
-    sweeper.update(["7"], crowd.one(7))
+    sweeper.update(["7"], crowd.single(7))
     assert sweeper.find_conflicts(NOW_S).segment_pairs < first.segment_pairs / 10
 
 
@@ -212,7 +212,7 @@ def test_a_swept_box_holds_all_corners_of_its_robot_and_is_no_larger_than_it_mus
     forecasts, _, boxes = covered(60, 1, 0.1)
     nearest = []
     for slot in range(60):
-        one, track = forecasts.one(slot), Track(forecasts, slot)
+        one, track = forecasts.single(slot), Track(forecasts, slot)
         half_l, half_w = one.length_m[0] / 2, one.width_m[0] / 2
         for ring, slab in enumerate(range(int(NOW_S), int(NOW_S) + SLABS), int(NOW_S) % SLABS):
             box = boxes.all[ring % SLABS, slot]
@@ -236,7 +236,7 @@ def test_a_swept_box_holds_all_corners_of_its_robot_and_is_no_larger_than_it_mus
 def test_a_box_knows_the_knot_that_holds_when_it_begins() -> None:
     forecasts, table, boxes = covered(30, 2, 0.1)
     for ring, slot in np.argwhere(boxes.all["floor"] != ABSENT).tolist():
-        box, t_s = boxes.all[ring, slot], forecasts.one(slot).t_s
+        box, t_s = boxes.all[ring, slot], forecasts.single(slot).t_s
         assert box["knot"] == max(np.searchsorted(t_s, box["slab"], "right") - 1, 0)
     boxes.clear(np.arange(30))
     assert (boxes.all["floor"] == ABSENT).all()

@@ -59,9 +59,9 @@ def test_shows_both_robots_at_their_first_contact() -> None:
 def test_leaves_out_where_a_robot_is_on_another_floor_or_not_there_yet() -> None:
     late = robot([2, 10], [0, 0], [-3, 5], np.pi / 2, (2.0, 0.5))
     rides = robot([0, 7, 8, 10], [-5, 2, 3, 5], [0] * 4, 0, (1.0, 0.5), floor=[0, 1, 1, 1])
-    forecasts = Forecasts.joined([CROSSING.one(0), CROSSING.one(1), late])
+    forecasts = Forecasts.joined([CROSSING.single(0), CROSSING.single(1), late])
     assert shaded(drawn(forecasts), plot.COLOURS[1]).bounds[1] == pytest.approx(-4)
-    stays = Forecasts.joined([CROSSING.one(0), robot([0], [0], [0], 0, (1.0, 0.5)), rides])
+    stays = Forecasts.joined([CROSSING.single(0), robot([0], [0], [0], 0, (1.0, 0.5)), rides])
     found = sweep(stays, now_s=NOW_S, clearance_m=4.6)
     assert shaded(plot.draw(stays, found, 0, now_s=NOW_S), plot.COLOURS[1]).bounds[2] == pytest.approx(-4.5)
 

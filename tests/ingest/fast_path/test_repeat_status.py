@@ -9,10 +9,11 @@ import pytest
 from ingest.fast_path.loader import load
 from ingest.fast_path.repeat_status import RepeatReader
 from ingest.fast_path.status_scanner import ScannedStatus
+from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum, Model, Reading, Vendor
@@ -36,7 +37,11 @@ def fleet(*, fast: bool = True) -> Fleet:
     loads = Model(offset_m=(0.2, 0.1), loaded_envelope_m=(1.5, 1.0, 2.0))
     vendors = Vendor.model_validate({"name": "Alder", "maps": [mapped], "models": {"A1": loads}}), Vendor(name="Basalt")
     made = Fleet(
-        Vendors(vendors), Frames((hall, Datum(id=LOFT, name="Loft")), vendors), Reading(), Measures(), Quarantine()
+        VendorRegistry(vendors),
+        FrameRegistry((hall, Datum(id=LOFT, name="Loft")), vendors),
+        Reading(),
+        Measures(),
+        Quarantine(),
     )
     if fast:
         made.use(load())
@@ -136,9 +141,9 @@ def results(messages: list[Sent], *, fast: bool) -> tuple[list[bytes], list[dict
     for i, (raw, arrival_s, connection) in enumerate(messages):
         receiving.receive(raw, arrival_s, connection)
         if i % 4 == 0:
-            batches.append(receiving.cut(arrival_s).to_bytes())
+            batches.append(receiving.next_batch(arrival_s).to_bytes())
     measured = {name: dict(series) for name, series in receiving.measures.values.items()}
-    return batches, receiving.documents(NOW_S), measured
+    return batches, fleet_report.robot_documents(receiving, NOW_S), measured
 
 
 @pytest.fixture
@@ -171,9 +176,9 @@ def test_the_reader_of_a_robots_repeated_statuses_is_dropped_with_the_robot(repe
         one.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
     assert repeats == [True, True]
     later_s = NOW_S + 1 + Reading().forget_after_s
-    assert one.cut(later_s + 2).gone == (robot("R"),)
+    assert one.next_batch(later_s + 2).gone == (robot("R"),)
     one.receive(status("R", later_s + 3, 9.0, velocity={"linear": 1.0}), later_s + 3, LINES[0])
-    assert one.cut(later_s + 3).robots == (robot("R"),)
+    assert one.next_batch(later_s + 3).robots == (robot("R"),)
     assert len(repeats) == 2
 
 
@@ -183,8 +188,8 @@ def test_changed_settings_end_the_reading_of_repeated_statuses(repeats: list[boo
         path = points((NOW_S + i + 1, i + 1.0, 0.0, 0.0), (NOW_S + i + 2, i + 2.0, 0.0, 0.0))
         one.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
     assert repeats == [True, True, True]
-    one.renew(one.vendors, Frames((), ()), Reading(default_envelope_m=(3.0, 2.0, 0.0)))
+    one.reconfigure(one.vendors, FrameRegistry((), ()), Reading(default_envelope_m=(3.0, 2.0, 0.0)))
     path = points((NOW_S + 5, 5.0, 0.0, 0.0))
     one.receive(status("R", NOW_S + 4, 4.0, velocity={"linear": 1.0}, path=path), NOW_S + 4, LINES[0])
     assert len(repeats) == 3
-    assert one.cut(NOW_S + 4).forecasts.length_m.tolist() == [3.0]
+    assert one.next_batch(NOW_S + 4).forecasts.length_m.tolist() == [3.0]

@@ -2,10 +2,11 @@
 
 from typing import Any
 
+from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum, Reading, Vendor
@@ -19,7 +20,7 @@ LINE = Connection(1)
 
 def fleet(*vendors: Vendor, datums: tuple[Datum, ...] = (Datum(id=HALL, name="Hall"),), **reading: Any) -> Fleet:
     measures = Measures()
-    return Fleet(Vendors(vendors), Frames(datums, vendors), Reading(**reading), measures, Quarantine())
+    return Fleet(VendorRegistry(vendors), FrameRegistry(datums, vendors), Reading(**reading), measures, Quarantine())
 
 
 def counted(of: Fleet, name: str) -> dict[tuple[str, ...], float]:
@@ -27,5 +28,5 @@ def counted(of: Fleet, name: str) -> dict[tuple[str, ...], float]:
 
 
 def document(of: Fleet, name: str, now_s: float = NOW_S) -> dict[str, Any]:
-    (found,) = [one for one in of.documents(now_s) if one["uuid"] == robot(name)]
+    (found,) = [one for one in fleet_report.robot_documents(of, now_s) if one["uuid"] == robot(name)]
     return found

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from ingest.batch import Basis
-from ingest.fleet.vendor_registry import OTHER, Vendors
+from ingest.fleet import fleet_report
+from ingest.fleet.owners.vendor_registry import OTHER, VendorRegistry
 from ingest.frames.floor_index import MOST_UNKNOWN, NOWHERE
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.port.connection import Connection
 from ingest.settings import UNKNOWN, Datum, Model, Reading, Vendor
 from tests.helpers.saying import HALL, LOFT, identity, points, robot, stamp, status
@@ -20,13 +21,13 @@ def test_a_status_becomes_a_row_of_the_next_batch_and_only_of_that() -> None:
     one = fleet()
     assert one.receive(identity("A-1", NOW_S - 1), NOW_S - 1, LINE) is None
     assert one.receive(status("A-1", NOW_S, 3.0, 4.0), NOW_S + 0.05, LINE) is None
-    batch = one.cut(NOW_S + 0.1)
+    batch = one.next_batch(NOW_S + 0.1)
     assert (batch.robots, batch.vendors, batch.names) == ((robot("A-1"),), ("Alder",), ("Alder A-1",))
     assert batch.floors == (HALL,)
     assert batch.forecasts.x_m[0] == 3.0
     assert batch.event_s[0] == pytest.approx(NOW_S)
-    assert len(one.cut(NOW_S + 0.2)) == 0
-    assert one.cut(NOW_S + 0.3, everything=True).robots == (robot("A-1"),)
+    assert len(one.next_batch(NOW_S + 0.2)) == 0
+    assert one.next_batch(NOW_S + 0.3, everything=True).robots == (robot("A-1"),)
 
 
 def test_changed_settings_place_robots_anew_and_give_them_to_vendors_anew() -> None:
@@ -35,10 +36,10 @@ def test_changed_settings_place_robots_anew_and_give_them_to_vendors_anew() -> N
     one.receive(identity("A-1", NOW_S), NOW_S, Connection(1, vendor="Alder"))
     one.receive(status("A-1", NOW_S, 3.0, 4.0), NOW_S, Connection(1, vendor="Alder"))
     one.receive(status("B-1", NOW_S, 5.0), NOW_S, Connection(2, vendor="Basalt"))
-    one.cut(NOW_S)
+    one.next_batch(NOW_S)
     makers = Vendor(name="Grove", manufacturers=("alder",), default_envelope_m=(2.0, 2.0, 0.0))
-    one.renew(Vendors((makers,)), Frames((), ()), Reading(default_envelope_m=(3.0, 3.0, 0.0)))
-    batch = one.cut(NOW_S)
+    one.reconfigure(VendorRegistry((makers,)), FrameRegistry((), ()), Reading(default_envelope_m=(3.0, 3.0, 0.0)))
+    batch = one.next_batch(NOW_S)
     assert dict(zip(batch.robots, batch.vendors, strict=True)) == {robot("A-1"): "Grove", robot("B-1"): "Basalt"}
     assert sorted(batch.forecasts.length_m) == [1.0, 3.0]
     assert one.receive(status("B-1", NOW_S + 1), NOW_S + 1, Connection(3, vendor="Grove")) is None
@@ -50,9 +51,9 @@ def test_a_vendor_that_stays_is_read_by_its_changed_settings() -> None:
     one = fleet(Vendor(name="Alder"))
     one.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Alder"))
     vendors = (Vendor(name="Alder", default_envelope_m=(2.0, 1.5, 0.0)),)
-    one.renew(Vendors(vendors), Frames((), vendors), Reading())
+    one.reconfigure(VendorRegistry(vendors), FrameRegistry((), vendors), Reading())
     one.receive(status("A-1", NOW_S + 1), NOW_S + 1, Connection(1, vendor="Alder"))
-    assert one.cut(NOW_S + 1).forecasts.length_m[0] == 2.0
+    assert one.next_batch(NOW_S + 1).forecasts.length_m[0] == 2.0
 
 
 def test_robots_of_a_kind_are_read_in_one_way_until_settings_change() -> None:
@@ -61,11 +62,13 @@ def test_robots_of_a_kind_are_read_in_one_way_until_settings_change() -> None:
         one.receive(identity(name, NOW_S, robotModel=name[0], maxSpeed=1.0 + (name == "B-1")), NOW_S, LINE)
         one.receive(status(name, NOW_S, 1.0, 2.0, path=points((NOW_S + 20, 9.0, 2.0, 0.0))), NOW_S, LINE)
     first, second, other = (one.robots[robot(name)] for name in ("A-1", "A-2", "B-1"))
-    assert first.view is second.view is not other.view
-    one.renew(one.vendors, Frames((Datum(id=HALL, name="Hall"),), ()), Reading(horizon_s=5.0, quiet_after_s=3.0))
-    assert first.view is second.view
-    assert first.view
-    assert first.view.reading.horizon_s == 5.0
+    assert first.context is second.context is not other.context
+    one.reconfigure(
+        one.vendors, FrameRegistry((Datum(id=HALL, name="Hall"),), ()), Reading(horizon_s=5.0, quiet_after_s=3.0)
+    )
+    assert first.context is second.context
+    assert first.context
+    assert first.context.reading.horizon_s == 5.0
 
 
 def test_destinations_come_with_the_robot_by_time_and_each_on_its_floor() -> None:
@@ -75,7 +78,7 @@ def test_destinations_come_with_the_robot_by_time_and_each_on_its_floor() -> Non
     one.receive(status("A-1", NOW_S, destinations=[far | {"planarDatumUUID": LOFT}, near, *beyond]), NOW_S, LINE)
     one.receive(status("B-1", NOW_S), NOW_S, LINE)
     one.receive(status("C-1", NOW_S, destinations=[near], operationalState="manualOverride"), NOW_S, LINE)
-    batch = one.cut(NOW_S)
+    batch = one.next_batch(NOW_S)
     told = batch.destinations
     assert told.start.tolist() == [0, 2, 2, 2]
     assert told.t_s.tolist() == pytest.approx([NOW_S + 60, NOW_S + 600])
@@ -87,11 +90,11 @@ def test_a_robot_is_accepted_before_it_identifies_itself_with_its_vendors_envelo
     one = fleet(Vendor(name="Alder", default_envelope_m=(2.0, 1.5, 0.0)))
     line = Connection(1, vendor="Alder")
     one.receive(status("A-1", NOW_S), NOW_S, line)
-    assert one.cut(NOW_S).forecasts.length_m[0] == 2.0
+    assert one.next_batch(NOW_S).forecasts.length_m[0] == 2.0
     assert document(one, "A-1")["identified"] is False
     assert counted(one, "deviations_total")["Alder", "identity-missing"] == 1
     one.receive(identity("A-1", NOW_S), NOW_S, line)
-    assert one.cut(NOW_S).forecasts.length_m[0] == 1.0
+    assert one.next_batch(NOW_S).forecasts.length_m[0] == 1.0
     assert document(one, "A-1")["identified"] is True
 
 
@@ -110,7 +113,7 @@ def test_made_up_uuids_are_bounded_and_another_vendors_robots_still_come() -> No
     assert told == [None, None, None, "robots-too-many", "robots-too-many"]
     assert one.receive(status("A-1", NOW_S + 1), NOW_S + 1, alder) is None
     assert one.receive(status("B-1", NOW_S), NOW_S, Connection(2, vendor="Basalt")) is None
-    one.cut(NOW_S + 101)
+    one.next_batch(NOW_S + 101)
     assert one.receive(status("A-9", NOW_S + 102), NOW_S + 102, alder) is None
 
 
@@ -119,15 +122,15 @@ def test_a_robot_known_by_name_is_told_under_its_uuid_throughout() -> None:
     alder = Connection(1, vendor="Alder")
     for raw in (identity("A-1", NOW_S, uuid="Truck 7"), status("A-1", NOW_S, uuid="Truck 7")):
         assert one.receive(raw, NOW_S, alder) is None
-    (told,) = one.documents(NOW_S)
-    assert told["uuid"] == one.cut(NOW_S).robots[0] == told["identity"]["uuid"] == told["status"]["uuid"]
+    (told,) = fleet_report.robot_documents(one, NOW_S)
+    assert told["uuid"] == one.next_batch(NOW_S).robots[0] == told["identity"]["uuid"] == told["status"]["uuid"]
 
 
 def test_vendors_that_only_messages_name_are_bounded() -> None:
     one = fleet()
     for i in range(80):
         one.receive(identity(f"R-{i}", NOW_S, manufacturerName=f"Maker {i}"), NOW_S, Connection(i))
-    names = {each["vendor"] for each in one.documents(NOW_S)}
+    names = {each["vendor"] for each in fleet_report.robot_documents(one, NOW_S)}
     assert OTHER in names
     assert len(names) == 65
 
@@ -140,14 +143,14 @@ def test_a_rejected_message_is_counted_and_kept_for_a_person() -> None:
     assert counted(one, "rejections_total")[UNKNOWN, rule] == 1
     (kept,) = one.quarantine.documents()
     assert kept["rule"] == rule
-    assert len(one.cut(NOW_S)) == 0
+    assert len(one.next_batch(NOW_S)) == 0
 
 
 def test_the_newest_status_wins_and_what_it_replaced_is_counted() -> None:
     one = fleet()
     for i in range(3):
         one.receive(status("A-1", NOW_S + i, float(i)), NOW_S + i, LINE)
-    batch = one.cut(NOW_S + 3)
+    batch = one.next_batch(NOW_S + 3)
     assert batch.forecasts.x_m[0] == 2.0
     assert counted(one, "statuses_superseded_total")[UNKNOWN,] == 2
     assert (batch.statuses[0], batch.first_arrival_s[0], batch.arrival_s[0]) == (3, NOW_S, NOW_S + 2)
@@ -156,10 +159,10 @@ def test_the_newest_status_wins_and_what_it_replaced_is_counted() -> None:
 def test_a_robot_that_is_told_again_brings_no_status() -> None:
     one = fleet()
     one.receive(status("A-1", NOW_S), NOW_S, LINE)
-    assert one.cut(NOW_S + 0.1).statuses.tolist() == [1]
+    assert one.next_batch(NOW_S + 0.1).statuses.tolist() == [1]
     one.receive(identity("A-1", NOW_S), NOW_S, LINE)
-    assert one.cut(NOW_S + 0.2).statuses.tolist() == [0]
-    assert one.cut(NOW_S + 0.3, everything=True).statuses.tolist() == [0]
+    assert one.next_batch(NOW_S + 0.2).statuses.tolist() == [0]
+    assert one.next_batch(NOW_S + 0.3, everything=True).statuses.tolist() == [0]
 
 
 def test_a_status_that_is_older_than_the_last_is_counted_and_does_not_move_the_robot() -> None:
@@ -175,7 +178,7 @@ def test_a_clock_three_seconds_off_is_shown_and_corrected() -> None:
     for i in range(5):
         path = points((NOW_S + i + 4, 1.0, 0.0, 0.0))
         one.receive(status("A-1", NOW_S + i + 3.0, path=path), NOW_S + i + 0.05, LINE)
-    batch = one.cut(NOW_S + 5)
+    batch = one.next_batch(NOW_S + 5)
     assert batch.event_s[0] == pytest.approx(NOW_S + 4, abs=0.3)
     assert batch.forecasts.t_s[1] == pytest.approx(NOW_S + 5, abs=0.3)
     assert document(one, "A-1")["clock"]["offset_s"] == pytest.approx(-3.0, abs=0.3)
@@ -188,7 +191,7 @@ def test_a_clock_set_forward_leaves_the_forecast_where_it_belongs_from_the_first
         stamp_s = NOW_S + i + ahead_s
         path = points((stamp_s + 4, 4.0, 0.0, 0.0))
         one.receive(status("A-1", stamp_s, path=path), NOW_S + i + 0.1, LINE)
-    batch = one.cut(NOW_S + 4)
+    batch = one.next_batch(NOW_S + 4)
     assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 3, NOW_S + 7], abs=0.15)
 
 
@@ -198,7 +201,7 @@ def test_whole_second_stamps_are_made_whole_again_in_the_forecast_too() -> None:
         path = points((NOW_S + i + 4, 4.0, 0.0, 0.0))
         stamp = f"2026-09-21T14:13:{20 + i}+0000"
         one.receive(status("A-1", NOW_S + i, timestamp=stamp, path=path), NOW_S + i + 0.8, LINE)
-    batch = one.cut(NOW_S + 4)
+    batch = one.next_batch(NOW_S + 4)
     assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 2.8, NOW_S + 6.8], abs=0.01)
 
 
@@ -209,11 +212,11 @@ def test_made_up_datums_bring_only_so_many_floors_and_another_vendors_come_all_t
         here = {"x": 1.0, "y": 2.0, "planarDatum": robot(f"floor {i}")}
         path = [{"timestamp": stamp(NOW_S + i + 1), "x": 1.0, "y": 2.0, "planarDatumUUID": robot(f"far {i}")}]
         one.receive(status("M-1", NOW_S + i, location=here, path=path), NOW_S + i, mallory)
-    assert len(one.cut(NOW_S).floors) == MOST_UNKNOWN
+    assert len(one.next_batch(NOW_S).floors) == MOST_UNKNOWN
     assert document(one, "M-1")["deviations"]["datum-too-many"] >= MOST_UNKNOWN
     one.receive(status("A-1", NOW_S, location={"x": 1.0, "y": 2.0, "planarDatum": LOFT}), NOW_S, alder)
     one.receive(status("A-2", NOW_S), NOW_S, alder)
-    batch = one.cut(NOW_S)
+    batch = one.next_batch(NOW_S)
     assert [batch.floors[floor] for floor in batch.forecasts.floor[batch.forecasts.start[:-1]]] == [LOFT, HALL]
 
 
@@ -221,7 +224,7 @@ def test_an_unknown_datum_is_a_floor_of_its_own_and_found() -> None:
     one = fleet()
     one.receive(status("A-1", NOW_S), NOW_S, LINE)
     one.receive(status("B-1", NOW_S, location=_at(LOFT)), NOW_S, LINE)
-    batch = one.cut(NOW_S)
+    batch = one.next_batch(NOW_S)
     floors = dict(zip(batch.robots, batch.forecasts.floor.tolist(), strict=True))
     assert floors[robot("A-1")] != floors[robot("B-1")]
     assert document(one, "B-1")["deviations"]["datum-unknown"] == 1
@@ -232,25 +235,25 @@ def test_an_unknown_datum_is_a_floor_of_its_own_and_found() -> None:
 def test_no_datum_at_all_is_compared_with_nothing(datum: str) -> None:
     one = fleet()
     one.receive(status("A-1", NOW_S, location=_at(datum)), NOW_S, LINE)
-    assert one.cut(NOW_S).forecasts.floor.tolist() == [NOWHERE]
+    assert one.next_batch(NOW_S).forecasts.floor.tolist() == [NOWHERE]
     assert document(one, "A-1")["comparable"] is False
 
 
 def test_a_lost_robot_is_doubtful() -> None:
     one = fleet(lost_doubt_m=1.5)
     one.receive(status("A-1", NOW_S, errorCodes=["Robot Lost"]), NOW_S, LINE)
-    assert one.cut(NOW_S).doubt_m[0] == 1.5
+    assert one.next_batch(NOW_S).doubt_m[0] == 1.5
 
 
 def test_a_batch_tells_batteries_as_the_newest_status_does() -> None:
     one = fleet()
     one.receive(status("A", NOW_S, batteryPercentage=61.5, remainingRunTime=1.5), NOW_S, LINE)
     one.receive(status("B", NOW_S), NOW_S, LINE)
-    told = one.cut(NOW_S)
+    told = one.next_batch(NOW_S)
     assert (told.battery_pct[0], told.run_time_left_s[0]) == (61.5, 5400.0)
     assert np.isnan([told.battery_pct[1], told.run_time_left_s[1]]).all()
     one.receive(status("A", NOW_S + 1), NOW_S + 1, LINE)
-    assert np.isnan(one.cut(NOW_S + 1).battery_pct[0])
+    assert np.isnan(one.next_batch(NOW_S + 1).battery_pct[0])
 
 
 def test_the_load_changes_the_envelope() -> None:
@@ -258,20 +261,20 @@ def test_the_load_changes_the_envelope() -> None:
     one = fleet(Vendor(name="Alder", models={"A1": model}))
     one.receive(identity("A-1", NOW_S), NOW_S, LINE)
     one.receive(status("A-1", NOW_S, loadPercentageStillAvailable=100), NOW_S, LINE)
-    assert one.cut(NOW_S).forecasts.length_m[0] == 1.0
+    assert one.next_batch(NOW_S).forecasts.length_m[0] == 1.0
     one.receive(status("A-1", NOW_S + 1, loadPercentageStillAvailable=40), NOW_S + 1, LINE)
-    assert one.cut(NOW_S + 1).forecasts.length_m[0] == 1.5
+    assert one.next_batch(NOW_S + 1).forecasts.length_m[0] == 1.5
 
 
 def test_silence_never_removes_a_robot_until_it_is_forgotten_and_counted() -> None:
     one = fleet(forget_after_s=3600.0)
     one.receive(status("A-1", NOW_S), NOW_S, LINE)
-    one.cut(NOW_S)
+    one.next_batch(NOW_S)
     assert [document(one, "A-1", NOW_S + t)["presence"] for t in (1, 31, 61)] == ["present", "quiet", "silent"]
-    assert one.cut(NOW_S + 3599).gone == ()
-    assert one.cut(NOW_S + 3601).gone == (robot("A-1"),)
+    assert one.next_batch(NOW_S + 3599).gone == ()
+    assert one.next_batch(NOW_S + 3601).gone == (robot("A-1"),)
     assert counted(one, "robots_forgotten_total")[UNKNOWN,] == 1
-    assert one.documents(NOW_S + 3601) == []
+    assert fleet_report.robot_documents(one, NOW_S + 3601) == []
 
 
 def test_everything_the_standard_lets_a_robot_say_is_served() -> None:
@@ -310,10 +313,10 @@ def test_levels_are_by_vendor_and_state() -> None:
     one.receive(identity("A-1", NOW_S), NOW_S, LINE)
     one.receive(status("A-1", NOW_S), NOW_S, LINE)
     one.receive(status("A-2", NOW_S, operationalState="dancing"), NOW_S, LINE)
-    one.measure(NOW_S + 2)
+    fleet_report.measure(one, NOW_S + 2)
     assert counted(one, "robots") == {("Alder", "navigating"): 1, ("Alder", "other"): 1}
     assert counted(one, "forecast_age_seconds")["Alder",] == pytest.approx(2.0)
-    one.measure(NOW_S + 100)
+    fleet_report.measure(one, NOW_S + 100)
     assert counted(one, "robots") == {("Alder", "silent"): 2}
 
 
@@ -326,7 +329,7 @@ def test_the_same_messages_give_the_same_batches() -> None:
             x, y, yaw_rad = random.uniform(-3, 20, 3).tolist()
             raw = status(name, NOW_S + i, x, y, yaw_rad)
             one.receive(raw, NOW_S + i + 0.1, LINE)
-        return one.cut(NOW_S + 201).to_bytes()
+        return one.next_batch(NOW_S + 201).to_bytes()
 
     assert told() == told()
 
@@ -335,7 +338,7 @@ def test_basis_of_a_robot_that_only_sends_where_it_is_comes_from_its_motion() ->
     one = fleet()
     one.receive(status("A-1", NOW_S, 0.0), NOW_S, LINE)
     one.receive(status("A-1", NOW_S + 1, 1.0), NOW_S + 1, LINE)
-    batch = one.cut(NOW_S + 1)
+    batch = one.next_batch(NOW_S + 1)
     assert batch.basis.tolist() == [Basis.VELOCITY]
     assert batch.forecasts.x_m[-1] == pytest.approx(11.0)
 
@@ -360,7 +363,7 @@ def test_degrees_that_no_place_has_are_rejected_and_the_robot_stays_where_it_was
     assert abs(document(one, "A-1")["location"]["x"]) < 20
     path = points((NOW_S + 3, 4e6, 0.0, 0.0), (NOW_S + 4, 42.3601, -71.0601, 0.0))
     one.receive(status("A-1", NOW_S + 2, 42.3601, -71.0601, path=path), NOW_S + 2, LINE)
-    forecasts = one.cut(NOW_S + 2).forecasts
+    forecasts = one.next_batch(NOW_S + 2).forecasts
     assert np.isfinite(forecasts.x_m).all()
     assert len(forecasts.t_s) == 2
 

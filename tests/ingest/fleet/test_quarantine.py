@@ -1,8 +1,8 @@
-from ingest.fleet.quarantine import KEPT_BYTES, KEPT_PER_VENDOR, MOST_VENDORS, Quarantine, rejected
+from ingest.fleet.quarantine import KEPT_BYTES, KEPT_PER_VENDOR, MOST_VENDORS, Quarantine, rejected_message
 
 
 def add(to: Quarantine, vendor: str, arrival_s: float, raw: bytes = b"{") -> None:
-    to.add(rejected(raw, "not-json", "send JSON", 1, arrival_s), vendor)
+    to.add(rejected_message(raw, "not-json", "send JSON", 1, arrival_s), vendor)
 
 
 def test_a_reject_is_kept_with_what_a_person_needs() -> None:
@@ -30,7 +30,7 @@ def test_a_flood_of_one_vendor_hides_no_others() -> None:
     kept = [document["vendor"] for document in one.documents()]
     assert kept.count("Alder") == 1
     assert kept.count("Corvid") == KEPT_PER_VENDOR
-    assert one.pushed_out == 1000 - KEPT_PER_VENDOR
+    assert one.displaced == 1000 - KEPT_PER_VENDOR
     assert one.documents()[0]["received"].startswith("1970-01-01T00:16:41")
 
 
@@ -46,4 +46,4 @@ def test_vendors_are_bounded() -> None:
     for i in range(2 * MOST_VENDORS):
         add(one, f"V{i}", 1.0)
     assert len(one.documents()) == MOST_VENDORS
-    assert one.pushed_out == MOST_VENDORS
+    assert one.displaced == MOST_VENDORS

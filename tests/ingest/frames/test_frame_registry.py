@@ -10,7 +10,7 @@ from pyproj import Geod
 from ingest.batch import Floats
 from ingest.frames.angles import turn_between
 from ingest.frames.fitting import FitError
-from ingest.frames.frame_registry import Frame, Frames, fit_map
+from ingest.frames.frame_registry import Frame, FrameRegistry, fit_map
 from ingest.frames.transforms import Affine
 from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
 from tests.ingest.frames.made_maps import HALL, jolts, seeds, similarities, similarity
@@ -40,8 +40,8 @@ def own_map(readings: Floats, *, datum: str = "own", **told: Any) -> VendorMap:
     return VendorMap(datum=datum, site_datum="hall", readings=named, **told)
 
 
-def frames(*maps: VendorMap) -> Frames:
-    return Frames([METRES, DEGREES], [Vendor(name="acme", maps=maps)])
+def frames(*maps: VendorMap) -> FrameRegistry:
+    return FrameRegistry([METRES, DEGREES], [Vendor(name="acme", maps=maps)])
 
 
 def placed(frame: Frame, poses: Floats) -> Floats:
@@ -146,7 +146,7 @@ def test_a_vendors_own_map_goes_before_the_sites_datum_of_that_name() -> None:
 
 
 def test_what_the_site_does_not_know_is_a_floor_of_its_own_for_all_who_name_it() -> None:
-    one, other = frames().frame("acme", "svy21"), Frames([], []).frame("bolt", "svy21")
+    one, other = frames().frame("acme", "svy21"), FrameRegistry([], []).frame("bolt", "svy21")
     assert (one.floor, one.known, one.comparable) == ("svy21", False, True)
     assert other.floor == one.floor
 

@@ -7,12 +7,12 @@ from random import Random
 
 import pytest
 
-from ingest.measures.change_detection import ADOPTED_S, LEARNED, Change, Level, Limits
+from ingest.measures.change_detection import ADOPTED_S, LEARNED, ChangeDetector, ChangeLimits, LevelChange
 
 NOW_S = 1_790_000_000.0
 STEP_S = 120.0
 DAY = int(86_400 / STEP_S)
-LIMITS = Limits(least_spread=0.1, least_change=0.3)
+LIMITS = ChangeLimits(least_spread=0.1, least_change=0.3)
 
 
 def noise(n: int, seed: int, spread: float = 0.2, kept: float = 0.5) -> list[float]:
@@ -21,15 +21,15 @@ def noise(n: int, seed: int, spread: float = 0.2, kept: float = 0.5) -> list[flo
     return list(accumulate((rng.gauss(0, fresh) for _ in range(n)), lambda before, new: kept * before + new))
 
 
-def followed(values: list[float], limits: Limits = LIMITS) -> list[Change | None]:
-    level, told = Level(limits), []
+def followed(values: list[float], limits: ChangeLimits = LIMITS) -> list[LevelChange | None]:
+    level, told = ChangeDetector(limits), []
     for number, value in enumerate(values):
-        level.take(value, NOW_S + number * STEP_S)
+        level.add(value, NOW_S + number * STEP_S)
         told.append(level.change)
     return told
 
 
-def flags(told: list[Change | None]) -> int:
+def flags(told: list[LevelChange | None]) -> int:
     return sum(now is not None and before is None for before, now in zip([None, *told], told, strict=False))
 
 
@@ -75,7 +75,7 @@ def test_one_wild_value_is_none() -> None:
 def test_only_what_is_worse_where_that_is_asked() -> None:
     better = [value - (1.0 if n >= 100 else 0.0) for n, value in enumerate(noise(200, 5, spread=0.1))]
     assert any(followed(better))
-    assert not any(followed(better, Limits(0.1, 0.3, rises_only=True)))
+    assert not any(followed(better, ChangeLimits(0.1, 0.3, rises_only=True)))
 
 
 def test_less_than_is_of_interest_is_no_change() -> None:
@@ -92,24 +92,24 @@ def test_what_lasts_a_day_is_the_new_usual() -> None:
 
 
 def test_a_clock_that_is_set_back_by_years_neither_hides_nor_ends_a_change() -> None:
-    level = Level(LIMITS)
+    level = ChangeDetector(LIMITS)
     for number in range(100):
         at_s = NOW_S + number * STEP_S - (1e9 if number >= 70 else 0.0)
-        level.take(1.0 if number >= 50 else 0.0, at_s)
+        level.add(1.0 if number >= 50 else 0.0, at_s)
         assert bool(level.change) == (number >= 60) or 50 <= number < 60
     for number in range(100, 120):
-        level.take(0.0, NOW_S + number * STEP_S - 1e9)
+        level.add(0.0, NOW_S + number * STEP_S - 1e9)
     assert level.change is None
 
 
 def test_a_level_goes_on_after_a_restart() -> None:
     values = [value + (1.0 if n >= 60 else 0.0) for n, value in enumerate(noise(90, 6, spread=0.1))]
     for stop in (5, 40, 63, 80):
-        level = Level(LIMITS)
+        level = ChangeDetector(LIMITS)
         for number, value in enumerate(values):
             if number == stop:
-                level = Level.resumed(LIMITS, json.loads(json.dumps(level.learned())))
-            level.take(value, NOW_S + number * STEP_S)
+                level = ChangeDetector.resumed(LIMITS, json.loads(json.dumps(level.learned())))
+            level.add(value, NOW_S + number * STEP_S)
         assert level.change == followed(values)[-1]
 
 
@@ -117,6 +117,6 @@ def test_a_level_goes_on_after_a_restart() -> None:
     "wrong", [None, [], {"usual": float("nan")}, {"variance": -1.0}, {"sums": [1.0]}, {"seen": "x"}]
 )
 def test_what_is_no_level_is_refused(wrong: dict[str, object] | None) -> None:
-    told = Level(LIMITS).learned() | wrong if isinstance(wrong, dict) else wrong
-    with pytest.raises(ValueError, match="Level"):
-        Level.resumed(LIMITS, told)
+    told = ChangeDetector(LIMITS).learned() | wrong if isinstance(wrong, dict) else wrong
+    with pytest.raises(ValueError, match="ChangeDetector"):
+        ChangeDetector.resumed(LIMITS, told)

@@ -1,9 +1,10 @@
 """A vendor's clocks, from its messages on."""
 
+from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures import clock_changes
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -15,7 +16,11 @@ NOW_S = 1_792_000_000.0
 
 def hour(fast_s: float, from_s: int, until_s: int, robots: int = 3) -> dict[int, dict[tuple[str, ...], float]]:
     """By minute, how much clocks have changed that are fast for a while."""
-    fleet, line, told = Fleet(Vendors(()), Frames((), ()), Reading(), Measures(), Quarantine()), Connection(1), {}
+    fleet, line, told = (
+        Fleet(VendorRegistry(()), FrameRegistry((), ()), Reading(), Measures(), Quarantine()),
+        Connection(1),
+        {},
+    )
     names = [f"A-{number}" for number in range(robots)]
     for name in names:
         fleet.receive(identity(name, NOW_S), NOW_S, line)
@@ -24,9 +29,9 @@ def hour(fast_s: float, from_s: int, until_s: int, robots: int = 3) -> dict[int,
         for name in names:
             stamp_s = now_s - 0.05 + (fast_s if from_s <= second < until_s else 0.0)
             fleet.receive(status(name, stamp_s), now_s, line)
-        fleet.cut(now_s)
+        fleet.next_batch(now_s)
         if second % 60 == 0:
-            fleet.measure(now_s)
+            fleet_report.measure(fleet, now_s)
             told[second // 60] = dict(fleet.measures.values[clock_changes.AMOUNTS["clock"]])
             since = fleet.measures.values[clock_changes.SINCE].get(("Alder", "clock"))
             assert since is None or abs(since - (NOW_S + from_s)) <= 60

@@ -9,7 +9,7 @@ from typing import Any
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.receiver import Receiver
-from ingest.security.vendor_credentials import Credentials
+from ingest.security.vendor_credentials import VendorCredentials
 from ingest.settings import Receiver as Settings
 from ingest.settings import Vendor
 from tests.helpers.patience import PATIENCE_S
@@ -48,7 +48,7 @@ async def floor(vendors: tuple[Vendor, ...] = (), **settings: Any) -> AsyncItera
     ticks = iter(range(1_790_000_000, 1_800_000_000))
     receiver = Receiver(
         Settings(port=0, **settings),
-        Credentials(vendors),
+        VendorCredentials(vendors),
         lambda raw, arrival_s, connection: one.delivered.append((raw, arrival_s, connection)),
         lambda rule, reason, _, connection: one.refused.append((rule, reason, connection)),
         closed.append,

@@ -12,9 +12,9 @@ from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
 from ingest.port.backlog import Backlog, status_of
 from ingest.port.connection import Connection
-from ingest.port.rate_limits import Arrived
-from ingest.port.time_slices import Turns
-from ingest.recording.log_reader import Overtaken, Reader, Received, Tick
+from ingest.port.rate_limits import ArrivedMessage
+from ingest.port.time_slices import TimeSlices
+from ingest.recording.log_reader import LogReader, Overtaken, Received, Tick
 from ingest.recording.recorder import Recorder
 from ingest.settings import Recorder as Settings
 from tests.helpers.saying import identity, robot, status
@@ -27,7 +27,7 @@ class Behind:
     """A backlog whose messages all wait until they are let go, and a fleet and a recording behind it."""
 
     def __init__(self, directory: Path) -> None:
-        self.turns, self.measures = Turns(turn_s=0.0), Measures()
+        self.turns, self.measures = TimeSlices(turn_s=0.0), Measures()
         self.turns.do(lambda: None)
         self.fleet = fleet_of(Site(), self.measures)
         self.recorder = Recorder(Settings(), directory, Measures(), lambda: NOW_S)
@@ -36,19 +36,19 @@ class Behind:
         self._backlog = Backlog(self.turns, self._deliver, self._overtake)
 
     def put(self, raw: bytes, arrival_s: float, connection: Connection = ALDER) -> None:
-        self._backlog.put(Arrived(raw, arrival_s, connection))
+        self._backlog.put(ArrivedMessage(raw, arrival_s, connection))
 
-    def cut(self, now_s: float) -> Batch:
+    def next_batch(self, now_s: float) -> Batch:
         self.recorder.tick(now_s)
-        return self.fleet.cut(now_s)
+        return self.fleet.next_batch(now_s)
 
     def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         self.delivered.append(raw)
         self.recorder.received(raw, arrival_s, connection, self.fleet.receive(raw, arrival_s, connection))
 
-    def _overtake(self, one: Arrived, of: str) -> None:
+    def _overtake(self, one: ArrivedMessage, of: str) -> None:
         self.overtaken.append(one.raw)
-        self.fleet.overtaken(of, one.arrival_s, one.connection)
+        self.fleet.count_overtaken(of, one.arrival_s, one.connection)
         self.recorder.overtaken(*one)
 
 
@@ -56,12 +56,12 @@ def replayed(directory: Path) -> tuple[list[Batch], Counter[str]]:
     """The batches of a recording, and its events by kind."""
     fleet: Fleet = fleet_of(Site(), Measures())
     batches, kinds = [], Counter[str]()
-    for event in Reader().read([directory]):
+    for event in LogReader().read([directory]):
         kinds[type(event).__name__] += 1
         if isinstance(event, Received):
             fleet.receive(event.raw, event.arrival_s, event.connection)
         elif isinstance(event, Tick):
-            batches.append(fleet.cut(event.now_s))
+            batches.append(fleet.next_batch(event.now_s))
     return batches, kinds
 
 
@@ -85,10 +85,10 @@ def test_who_is_not_behind_reads_everything() -> None:
     async def at_once() -> list[bytes]:
         delivered: list[bytes] = []
         backlog = Backlog(
-            Turns(turn_s=60.0), lambda raw, *_: delivered.append(raw), lambda *_: pytest.fail("overtaken")
+            TimeSlices(turn_s=60.0), lambda raw, *_: delivered.append(raw), lambda *_: pytest.fail("overtaken")
         )
         for raw in said:
-            backlog.put(Arrived(raw, NOW_S, ALDER))
+            backlog.put(ArrivedMessage(raw, NOW_S, ALDER))
         return delivered
 
     said = [status("A-1", NOW_S + n) for n in range(5)]
@@ -112,12 +112,12 @@ def test_what_was_overtaken_is_counted_recorded_and_as_late_as_it_came(tmp_path:
         one = Behind(tmp_path)
         one.put(status("A-1", NOW_S - 1), NOW_S - 1)
         one.turns.finish()
-        one.cut(NOW_S - 0.5)
+        one.next_batch(NOW_S - 0.5)
         for n in range(4):
             one.put(status("A-1", NOW_S + n, x=n), NOW_S + n)
         one.put(status("A-2", NOW_S), NOW_S)
         one.turns.finish()
-        batch = one.cut(NOW_S + 4)
+        batch = one.next_batch(NOW_S + 4)
         one.recorder.close()
         return one, batch
 
@@ -128,7 +128,7 @@ def test_what_was_overtaken_is_counted_recorded_and_as_late_as_it_came(tmp_path:
     counted = one.measures.values
     assert counted["deconflict_messages_total"] == {("Alder", "accepted"): 3, ("Alder", "overtaken"): 3}
     assert counted["deconflict_statuses_superseded_total"] == {("Alder",): 3}
-    events = [event for event in Reader().read([tmp_path]) if isinstance(event, Overtaken)]
+    events = [event for event in LogReader().read([tmp_path]) if isinstance(event, Overtaken)]
     assert [(event.raw, event.arrival_s, event.connection.id) for event in events] == [
         (status("A-1", NOW_S + n, x=n), NOW_S + n, ALDER.id) for n in range(3)
     ]
@@ -139,12 +139,12 @@ def test_what_another_vendor_says_of_a_robot_and_overtakes_itself_is_that_vendor
         one = Behind(tmp_path)
         one.put(status("A-1", NOW_S), NOW_S)
         one.turns.finish()
-        one.cut(NOW_S + 0.5)
+        one.next_batch(NOW_S + 0.5)
         for n in range(3):
             one.put(status("A-1", NOW_S + n, x=900.0), NOW_S + n, BASALT)
         one.put(status("A-1", NOW_S + 4), NOW_S + 4)
         one.turns.finish()
-        return one, one.cut(NOW_S + 5)
+        return one, one.next_batch(NOW_S + 5)
 
     one, batch = asyncio.run(run())
     assert one.measures.values["deconflict_messages_total"] == {
@@ -162,9 +162,9 @@ def test_a_replay_of_who_was_behind_gives_the_same_batches(tmp_path: Path) -> No
             one.put(status(f"A-{rng.integers(8)}", NOW_S + n / 50, x=float(n)), NOW_S + n / 50)
             if n % 30 == 29:
                 await asyncio.sleep(0)
-                batches.append(one.cut(NOW_S + n / 50))
+                batches.append(one.next_batch(NOW_S + n / 50))
         one.turns.finish()
-        batches.append(one.cut(NOW_S + 20))
+        batches.append(one.next_batch(NOW_S + 20))
         one.recorder.close()
         assert one.overtaken
         return batches

@@ -10,7 +10,7 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.dialer import STEADY_S, Dialer
 from ingest.port.receiver import Receiver
-from ingest.security.vendor_credentials import Credentials
+from ingest.security.vendor_credentials import VendorCredentials
 from ingest.settings import Receiver as Settings
 from tests.helpers.patience import PATIENCE_S
 
@@ -33,7 +33,7 @@ class Dialled:
         given = Settings.model_validate({"dial_backoff_s": (0.01, 0.05)} | settings)
         self.receiver = Receiver(
             given,
-            Credentials(()),
+            VendorCredentials(()),
             self.deliver,
             lambda *_: None,
             lambda _: None,

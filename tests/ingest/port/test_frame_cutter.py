@@ -10,7 +10,7 @@ from websockets.http11 import Request
 from websockets.protocol import CLIENT, OPEN, SERVER, Protocol, Side
 from websockets.server import ServerProtocol
 
-from ingest.port.frame_cutter import Listened, stands_between_frames
+from ingest.port.frame_cutter import FrameCuttingConnection, stands_between_frames
 
 MOST = 2000
 
@@ -39,8 +39,8 @@ class Transport(asyncio.Transport):
         self.reading = True
 
 
-def opened(side: Side = SERVER) -> tuple[Listened, Transport]:
-    connection, transport = Listened(Protocol(side, state=OPEN, max_size=MOST)), Transport()
+def opened(side: Side = SERVER) -> tuple[FrameCuttingConnection, Transport]:
+    connection, transport = FrameCuttingConnection(Protocol(side, state=OPEN, max_size=MOST)), Transport()
     connection.connection_made(transport)
     return connection, transport
 

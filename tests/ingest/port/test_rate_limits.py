@@ -2,35 +2,35 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ingest.port.connection import Connection
-from ingest.port.rate_limits import MOST_SHARES, MOST_WAITING_BYTES, Arrived, Shares
+from ingest.port.rate_limits import MOST_SHARES, MOST_WAITING_BYTES, ArrivedMessage, RateLimits
 from tests.helpers.saying import identity, status
 
 ALDER, BASALT = Connection(1, vendor="Alder"), Connection(2, vendor="Basalt")
 
 
-def arrived(raw: bytes, t_s: float = 0.0, connection: Connection = ALDER) -> Arrived:
-    return Arrived(raw, t_s, connection)
+def arrived(raw: bytes, t_s: float = 0.0, connection: Connection = ALDER) -> ArrivedMessage:
+    return ArrivedMessage(raw, t_s, connection)
 
 
-def at_once(shares: Shares, vendor: str, one: Arrived, now_s: float) -> bool:
+def at_once(shares: RateLimits, vendor: str, one: ArrivedMessage, now_s: float) -> bool:
     return shares.admit(vendor, one, now_s)[0]
 
 
 def test_a_vendor_within_its_share_never_waits() -> None:
-    shares = Shares(10.0)
+    shares = RateLimits(10.0)
     assert all(at_once(shares, "Alder", arrived(b"{}"), i / 10) for i in range(100))
     assert not shares.waiting
 
 
 def test_a_flood_waits_and_another_vendor_does_not() -> None:
-    shares = Shares(10.0)
+    shares = RateLimits(10.0)
     taken = sum(at_once(shares, "Alder", arrived(status(f"A-{i}", 0.0)), 0.0) for i in range(1000))
     assert taken == 10
     assert at_once(shares, "Basalt", arrived(status("B-1", 0.0), connection=BASALT), 0.0)
 
 
 def test_the_newest_of_each_robot_waits_and_what_it_overtakes_is_shed() -> None:
-    shares = Shares(1.0)
+    shares = RateLimits(1.0)
     shares.admit("Alder", arrived(b"first"), 0.0)
     older, other, newer = (arrived(status(name, t)) for name, t in (("A-1", 1.0), ("A-2", 1.0), ("A-1", 2.0)))
     assert shares.admit("Alder", older, 0.0) == (False, [])
@@ -42,21 +42,21 @@ def test_the_newest_of_each_robot_waits_and_what_it_overtakes_is_shed() -> None:
 
 
 def test_an_identity_is_not_overtaken_by_a_status() -> None:
-    shares = Shares(1.0)
+    shares = RateLimits(1.0)
     shares.admit("Alder", arrived(b"first"), 0.0)
     assert shares.admit("Alder", arrived(identity("A-1", 0.0)), 0.0) == (False, [])
     assert shares.admit("Alder", arrived(status("A-1", 0.0)), 0.0) == (False, [])
 
 
 def test_what_cannot_be_told_apart_waits_as_one() -> None:
-    shares = Shares(1.0)
+    shares = RateLimits(1.0)
     shares.admit("Alder", arrived(b"first"), 0.0)
     shed = [shares.admit("Alder", arrived(b"no uuid %d" % i), 0.0)[1] for i in range(50)]
     assert [one.raw for each in shed for one in each] == [b"no uuid %d" % i for i in range(49)]
 
 
 def test_what_waits_is_bounded_by_its_weight_too_and_the_oldest_goes() -> None:
-    shares, load = Shares(1.0), "x" * 60_000
+    shares, load = RateLimits(1.0), "x" * 60_000
     sent = [arrived(status(f"A-{i}", 0.0, note=load)) for i in range(2 * MOST_WAITING_BYTES // len(load))]
     shed = [gone for one in sent for gone in shares.admit("Alder", one, 0.0)[1]]
     assert shed == sent[1 : len(shed) + 1]
@@ -68,7 +68,7 @@ def test_what_waits_is_bounded_by_its_weight_too_and_the_oldest_goes() -> None:
 
 
 def test_addresses_that_come_once_are_forgotten() -> None:
-    shares = Shares(10.0)
+    shares = RateLimits(10.0)
     for i in range(3 * MOST_SHARES):
         shares.admit(f"2001:db8::{i:x}", arrived(b"{}"), i / 10)
     assert len(shares) <= MOST_SHARES
@@ -76,7 +76,7 @@ def test_addresses_that_come_once_are_forgotten() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.floats(0, 0.4)), max_size=200))
 def test_every_message_is_taken_shed_or_waiting(sent: list[tuple[int, float]]) -> None:
-    shares, now_s, taken, shed = Shares(5.0), 0.0, 0, 0
+    shares, now_s, taken, shed = RateLimits(5.0), 0.0, 0, 0
     for robot, wait_s in sent:
         now_s += wait_s
         taken += len(shares.due(now_s))

@@ -225,14 +225,14 @@ FLOODED = """
 import asyncio, logging, resource, sys
 logging.basicConfig(level=logging.WARNING)
 resource.setrlimit(resource.RLIMIT_NOFILE, (320, 320))
-from ingest.security.vendor_credentials import Credentials
+from ingest.security.vendor_credentials import VendorCredentials
 from ingest.measures.measures import Measures
 from ingest.port.receiver import Receiver
 from ingest.settings import Receiver as Settings
 
 async def main():
     measures, nothing = Measures(), lambda *_: None
-    receiver = Receiver(Settings(port=0, open_timeout_s=60), Credentials(()), nothing, nothing, nothing,
+    receiver = Receiver(Settings(port=0, open_timeout_s=60), VendorCredentials(()), nothing, nothing, nothing,
                         overtaken=nothing, measures=measures, clock=lambda: 0.0)
     await receiver.start()
     print(receiver.port, flush=True)

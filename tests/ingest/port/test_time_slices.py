@@ -3,12 +3,12 @@ from functools import partial
 
 import pytest
 
-from ingest.port.time_slices import MOST_WAITING, MOST_WEIGHT, Turns
+from ingest.port.time_slices import MOST_WAITING, MOST_WEIGHT, TimeSlices
 
 
 def test_calls_are_made_in_their_order_and_at_once_where_there_is_time() -> None:
     async def run() -> tuple[list[int], list[int]]:
-        turns, done = Turns(turn_s=10.0), list[int]()
+        turns, done = TimeSlices(turn_s=10.0), list[int]()
         for n in range(5):
             turns.do(partial(done.append, n))
         return list(done), done
@@ -19,7 +19,7 @@ def test_calls_are_made_in_their_order_and_at_once_where_there_is_time() -> None
 
 def test_the_loop_goes_round_between_turns_and_nothing_changes_places() -> None:
     async def run() -> list[str | int]:
-        turns, done = Turns(turn_s=0.0), list[str | int]()
+        turns, done = TimeSlices(turn_s=0.0), list[str | int]()
         loop = asyncio.get_running_loop()
         for n in range(3):
             turns.do(partial(done.append, n))
@@ -34,7 +34,7 @@ def test_the_loop_goes_round_between_turns_and_nothing_changes_places() -> None:
 
 def test_at_the_end_all_that_waits_is_done() -> None:
     async def run() -> list[int]:
-        turns, done = Turns(turn_s=0.0), list[int]()
+        turns, done = TimeSlices(turn_s=0.0), list[int]()
         for n in range(3):
             turns.do(partial(done.append, n))
         turns.finish()
@@ -48,7 +48,7 @@ def test_what_takes_long_leaves_room_for_others() -> None:
     now_s = 0.0
 
     async def run() -> list[str]:
-        turns, done = Turns(turn_s=0.01, clock=lambda: now_s), list[str]()
+        turns, done = TimeSlices(turn_s=0.01, clock=lambda: now_s), list[str]()
 
         def work() -> None:
             nonlocal now_s
@@ -68,7 +68,7 @@ def test_what_takes_long_leaves_room_for_others() -> None:
 @pytest.mark.parametrize(("calls", "weight"), [(2 * MOST_WAITING, 0), (100, MOST_WEIGHT // 50)], ids=["many", "heavy"])
 def test_who_brings_too_much_is_told_when_there_is_room_again(calls: int, weight: int) -> None:
     async def run() -> list[int]:
-        turns, done, waited = Turns(turn_s=0.0), list[int](), asyncio.Event()
+        turns, done, waited = TimeSlices(turn_s=0.0), list[int](), asyncio.Event()
         for n in range(calls):
             assert turns.full == (n > calls // 2)
             turns.do(partial(done.append, n), weight)
@@ -97,7 +97,7 @@ def test_a_turn_is_as_long_as_what_the_loop_did_before_it_within_bounds(round_s:
         done += 1
 
     async def run() -> int:
-        turns = Turns(turn_s=0.01, clock=lambda: now_s)
+        turns = TimeSlices(turn_s=0.01, clock=lambda: now_s)
         turns.do(partial(spend, 0.01))
         for _ in range(200):
             turns.do(work)
@@ -111,7 +111,7 @@ def test_a_turn_is_as_long_as_what_the_loop_did_before_it_within_bounds(round_s:
 
 def test_a_call_that_fails_does_not_keep_the_others() -> None:
     async def run() -> list[int]:
-        turns, done = Turns(turn_s=0.0), list[int]()
+        turns, done = TimeSlices(turn_s=0.0), list[int]()
         asyncio.get_running_loop().set_exception_handler(lambda *_: done.append(-1))
         turns.do(lambda: done.append(1 // 0))
         turns.do(partial(done.append, 2))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.recording.log_reader import Event, Reader
+from ingest.recording.log_reader import Event, LogReader
 from ingest.recording.recorder import Recorder, quantise
 from ingest.settings import Recorder as Settings
 
@@ -29,5 +29,5 @@ def recorder(directory: Path, **settings: int) -> tuple[Recorder, Measures]:
 
 
 def read(*paths: Path) -> tuple[list[Event], int]:
-    reader = Reader()
+    reader = LogReader()
     return list(reader.read(paths)), reader.unreadable

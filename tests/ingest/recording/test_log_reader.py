@@ -9,7 +9,7 @@ import pytest
 import zstandard
 
 from ingest.languages.massrobotics import timestamps
-from ingest.recording.log_reader import TOLD_LINES, Reader, Received, Tick, by_time
+from ingest.recording.log_reader import TOLD_LINES, LogReader, Received, Tick, by_time
 from tests.helpers.saying import status
 from tests.ingest.recording.made_logs import LINE, NOW_S, read, recorder
 
@@ -139,7 +139,7 @@ def test_what_can_be_read_once_is_not_looked_into_for_its_order(tmp_path: Path) 
 
 
 def test_messages_that_stand_behind_later_ones_are_counted(tmp_path: Path) -> None:
-    reader = Reader()
+    reader = LogReader()
     log = heard(tmp_path / "log", NOW_S, NOW_S + 2, NOW_S + 1.5, NOW_S + 1, NOW_S + 2, NOW_S + 3)
     assert len(list(reader.read([log]))) == 6
     assert (reader.late, reader.own) == (2, False)

@@ -3,7 +3,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from ingest.recording.log_writer import Writer
+from ingest.recording.log_writer import LogWriter
 
 TIMEOUT_S = 20.0
 
@@ -29,7 +29,7 @@ def disk() -> Iterator[Disk]:
 
 
 def test_a_disk_that_stalls_stops_nobody_and_loses_nothing_that_fits(disk: Disk) -> None:
-    writer = Writer(disk.write, 1000)
+    writer = LogWriter(disk.write, 1000)
     blocks = [b"%d\n" % i for i in range(100)]
     for block in blocks:
         writer.put(block)
@@ -43,7 +43,7 @@ def test_a_disk_that_stalls_stops_nobody_and_loses_nothing_that_fits(disk: Disk)
 
 
 def test_what_finds_no_room_is_counted_and_told_once(disk: Disk, caplog: pytest.LogCaptureFixture) -> None:
-    writer = Writer(disk.write, 10)
+    writer = LogWriter(disk.write, 10)
     for block in (b"one\n", b"two\n", b"a\nb\nc\n", b"d\n", b"e\n"):
         writer.put(block)
     assert writer.failing
@@ -56,7 +56,7 @@ def test_what_finds_no_room_is_counted_and_told_once(disk: Disk, caplog: pytest.
 
 
 def test_a_close_waits_no_longer_than_it_is_told(disk: Disk) -> None:
-    writer = Writer(disk.write, 1000)
+    writer = LogWriter(disk.write, 1000)
     for block in (b"one\n", b"two\nthree\n"):
         writer.put(block)
     assert writer.close(0.0) is False
@@ -75,7 +75,7 @@ def broken(block: bytes) -> int:
 def test_lines_that_are_not_wholly_written_are_counted(
     write: Callable[[bytes], int], written: int, dropped: int
 ) -> None:
-    writer = Writer(write, 1000)
+    writer = LogWriter(write, 1000)
     writer.put(b"one\ntwo\n")
     assert writer.close(TIMEOUT_S)
     assert writer.tally() == (written, dropped)

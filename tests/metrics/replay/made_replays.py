@@ -6,7 +6,7 @@ from typing import Any
 
 from deconflict.settings.site import DEFAULT
 from ingest.languages.massrobotics import timestamps
-from ingest.recording.log_reader import Reader
+from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
 from tests.helpers.saying import identity, points, status
 
@@ -37,5 +37,5 @@ def log_of_a_crossing(path: Path, *, told: bool = True, apart_m: float = 0.0) ->
 
 
 def scored(log: Path, clearances_m: list[float]) -> dict[str, Any]:
-    reader = Reader()
+    reader = LogReader()
     return replay(reader, reader.read([log]), DEFAULT, clearances_m)

@@ -2,7 +2,7 @@ from pathlib import Path
 
 from deconflict.settings.site import DEFAULT
 from ingest.languages.massrobotics import timestamps
-from ingest.recording.log_reader import Reader
+from ingest.recording.log_reader import LogReader
 from metrics.replay.conformance_counts import conform, page
 from tests.helpers.saying import identity, status
 
@@ -24,7 +24,7 @@ def test_departures_are_counted_by_vendor_with_what_they_mean(tmp_path: Path) ->
     refused = f'{{"received":"{refused_at}","connection":1,"peer":"x","rejected":"message-too-large","raw":"["}}\n'
     log = tmp_path / "log.jsonl"
     log.write_text("".join([*lines, refused, "torn"]))
-    reader = Reader()
+    reader = LogReader()
     result = conform(reader, reader.read([log]), DEFAULT)
     known, unknown = sorted(result["conformance"], key=lambda vendor: vendor["vendor"] == "unknown")
     counts = {one["rule"]: one["count"] for vendor in (known, unknown) for one in vendor["findings"]}

@@ -14,7 +14,7 @@ import pytest
 from benchmarks.replay import write_log
 from deconflict.settings.site import Site, load
 from deconflict.simulation.demo_site import demo_site
-from ingest.recording.log_reader import Reader
+from ingest.recording.log_reader import LogReader
 from metrics.replay import replay
 from tests.helpers.patience import PATIENCE_S
 
@@ -52,7 +52,7 @@ def client() -> Iterator[Client]:
 
 @pytest.fixture(scope="module")
 def alone(log: Path, site: Site) -> Run:
-    reader, lines = Reader(), list[str]()
+    reader, lines = LogReader(), list[str]()
     result = replay.replay(reader, reader.read([log]), site, CLEARANCES_M, on_line=lambda line: lines.append(str(line)))
     assert lines, "a log in which nothing is told proves nothing"
     return text(result), lines
@@ -66,7 +66,7 @@ def text(result: dict[str, Any]) -> str:
 def test_windows_of_any_length_give_what_a_single_run_gives(
     client: Client, log: Path, site: Site, alone: Run, window_s: float
 ) -> None:
-    reader, lines = Reader(), list[str]()
+    reader, lines = LogReader(), list[str]()
     result = dask_replay.replay(
         client,
         reader,
@@ -80,7 +80,7 @@ def test_windows_of_any_length_give_what_a_single_run_gives(
 
 
 def test_a_worker_that_dies_on_the_way_changes_nothing(client: Client, log: Path, site: Site, alone: Run) -> None:
-    reader, killed, seen = Reader(), list[int](), list[float]()
+    reader, killed, seen = LogReader(), list[int](), list[float]()
 
     def kill(now_s: float, _: object) -> None:
         seen.append(now_s)

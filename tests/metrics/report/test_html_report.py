@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from deconflict.settings.site import DEFAULT
-from ingest.recording.log_reader import Reader
+from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
 from metrics.report import figures
 from metrics.report.html_report import page
@@ -48,7 +48,7 @@ def test_names_from_vendors_are_shown_as_text(result: dict[str, Any]) -> None:
 
 
 def test_a_log_in_which_nothing_happened_has_a_page() -> None:
-    html = page(replay(Reader(), [], DEFAULT, [0.3]), "Replay")
+    html = page(replay(LogReader(), [], DEFAULT, [0.3]), "Replay")
     assert "No two robots came near each other" in html
     assert "No departures from the standard" in html
 

@@ -8,7 +8,7 @@ import pytest
 
 from deconflict.settings.shared_places import Resource, Zone
 from ingest.languages.massrobotics import timestamps
-from ingest.recording.log_reader import Reader
+from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
 from metrics.report.html_report import page
 from metrics.truth.resource_use import ResourceUse
@@ -29,7 +29,7 @@ def log_of(path: Path, robots: dict[str, Script], until_s: int) -> Path:
 
 
 def run(folder: Path, robots: dict[str, Script], until_s: int, *places: Resource | Zone) -> dict[str, Any]:
-    reader = Reader()
+    reader = LogReader()
     return replay(reader, reader.read([log_of(folder / "log.jsonl", robots, until_s)]), site(*places), [0.3])
 
 
@@ -147,7 +147,7 @@ def test_reports_half_a_minute_apart_of_a_robot_that_stands_are_of_one_stay() ->
     resource_use, fleet = ResourceUse([CHARGER], ()), Scene(site(CHARGER), {}).fleet
     for t in (0.0, 5.0, 35.0, 65.0, 100.0):
         fleet.receive(Script([(0, 9 if t == 0 else 0, 0)]).says("A", t), NOW_S + t, LINE)
-        resource_use.add_batch(fleet.cut(NOW_S + t))
+        resource_use.add_batch(fleet.next_batch(NOW_S + t))
     resource_use.finish()
     assert [(one.place, one.t_s - NOW_S) for one in resource_use.new_entries()] == [("c1", 5.0)]
     assert (resource_use.stays_s("c1") - NOW_S).tolist() == [[5.0, 100.0]]
@@ -161,7 +161,7 @@ def test_a_robot_that_stands_far_away_waits_for_a_place_since_it_named_it(names_
         goals = [(99.0, 0.0, 0.0)] if t >= names_at_s else ()
         fleet.receive(Script([(0.0, 0.0, 0.0)]).says("A", t), NOW_S + t, LINE)
         fleet.receive(Script(far, goals).says("B", t), NOW_S + t, LINE)
-        resource_use.add_batch(fleet.cut(NOW_S + t))
+        resource_use.add_batch(fleet.next_batch(NOW_S + t))
     resource_use.finish()
     assert [one.span.from_s - NOW_S for one in resource_use.waits] == waits
 

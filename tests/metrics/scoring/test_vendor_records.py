@@ -8,7 +8,7 @@ from typing import Any
 from deconflict.operator.vendor_health import vendor_health
 from ingest.languages.massrobotics import timestamps
 from ingest.measures import clock_changes
-from ingest.measures.change_detection import Change
+from ingest.measures.change_detection import LevelChange
 from ingest.measures.measures import Measures
 from metrics.scoring.vendor_records import MOST_FLAGS, VendorRecords
 from tests.helpers.saying import identity, status
@@ -27,7 +27,7 @@ def measured(
     """What receiver and engine tell of a vendor whose clocks have changed by so much, if they have."""
     receiver, engine = Measures(), Measures()
     receiver.count("deconflict_messages_total", "Alder", "accepted", by=90)
-    clock_changes.tell(receiver, {"clock": {"Alder": Change(since_s, by_s)} if by_s else {}})
+    clock_changes.publish(receiver, {"clock": {"Alder": LevelChange(since_s, by_s)} if by_s else {}})
     engine.level("deconflict_robots_distrusted", {("Alder",): distrusted})
     engine.count("deconflict_forecasts_distrusted_total", "Alder", by=forecasts)
     engine.level("deconflict_forecast_grade", {("Alder", "B"): 1.0})

@@ -20,7 +20,7 @@ class Scored(Watch):
         self.absences = Absences([0.3, 0.5])
 
     def tick(self, everything: bool = False) -> None:  # type: ignore[override]
-        self.absences.add_batch(self.fleet.cut(NOW_S + self.now_s, everything))
+        self.absences.add_batch(self.fleet.next_batch(NOW_S + self.now_s, everything))
 
     def is_gone(self, name: str, at_s: float) -> bool:
         return self.absences.is_gone(robot(name), NOW_S + at_s)

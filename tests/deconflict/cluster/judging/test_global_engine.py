@@ -85,7 +85,7 @@ async def feed(bus: Bus, robots: dict[str, Script]) -> None:
         for name, script in robots.items():
             one.receive(identity(name, start_s, manufacturerName=script.vendor), now_s, line)
             one.receive(script.says(name, now_s - start_s, start_s), now_s, line)
-        await bus.send_rows(EVERY, one.cut(now_s).to_bytes())
+        await bus.send_rows(EVERY, one.next_batch(now_s).to_bytes())
         await asyncio.sleep(0.5)
 
 

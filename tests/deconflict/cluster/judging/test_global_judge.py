@@ -9,7 +9,7 @@ from deconflict.cluster.judging.global_judge import Commons
 from deconflict.engine.engine import Engine
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.ownership_claims import HELD_S
+from ingest.fleet.owners.ownership_claims import HELD_S
 from ingest.port.connection import Connection
 from tests.deconflict.cluster.judging.made_fleet import fleet
 from tests.deconflict.contention.scenes import NOW_S, Script
@@ -37,7 +37,7 @@ class Floor:
                     told.receive(identity(name, NOW_S, manufacturerName=one.vendor), NOW_S, line)
                 if tick % TICKS == 0:
                     told.receive(one.says(name, t), NOW_S + t, line)
-        return self.whole.cut(NOW_S + t), [one.cut(NOW_S + t) for one in self.parts]
+        return self.whole.next_batch(NOW_S + t), [one.next_batch(NOW_S + t) for one in self.parts]
 
 
 def others(told: list[AnyAdvisory]) -> list[FindingAdvisory]:
@@ -67,7 +67,7 @@ def test_who_takes_over_goes_on_with_what_is_open_and_is_told_of_what_others_dec
         if tick == TICKS * 8:
             assert {one.kind for one in first.open()} == {"deadlock", "contention"}
             second = Commons(SITE, first.open())
-            second.receive([one.whole(now_s) for one in floor.parts])
+            second.receive([one.snapshot(now_s) for one in floor.parts])
         commons = first if tick < TICKS * 8 else second
         commons.receive(shared)
         fresh = commons.step(now_s)
@@ -108,7 +108,7 @@ def claimed(at: dict[int, list[bytes]], seconds: float) -> list[ClaimAdvisory]:
         for number, said in at.items():
             for raw in said if tick % TICKS == number else ():
                 fleets[number].receive(raw, now_s, Connection(1))
-        commons.receive([one.cut(now_s) for one in fleets])
+        commons.receive([one.next_batch(now_s) for one in fleets])
         told += commons.step(now_s)
     return [one for one in told if isinstance(one, ClaimAdvisory)]
 
@@ -144,7 +144,7 @@ def test_a_claim_that_one_ingest_tells_stands_as_long_as_there() -> None:
     assert ingest.receive(status("A", NOW_S + 1), NOW_S + 1, other) == "uuid-of-another-vendor"
     for tick in range(TICKS * round(HELD_S + 10)):
         now_s = NOW_S + 1 + tick / TICKS
-        commons.receive([ingest.cut(now_s)])
+        commons.receive([ingest.next_batch(now_s)])
         told += commons.step(now_s)
     assert [one.state for one in told] == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
     assert 0 <= told[1].updated_at.timestamp() - NOW_S - 1 - HELD_S <= 8

@@ -15,7 +15,7 @@ def floor_of(robots: int) -> Scene:
 def cut(scene: Scene, t: float) -> Batch:
     for name, one in scene.robots.items():
         scene.fleet.receive(one.says(name, t), NOW_S + t, LINE)
-    return scene.fleet.cut(NOW_S + t)
+    return scene.fleet.next_batch(NOW_S + t)
 
 
 def heard(due: list[Gathered]) -> list[tuple[str, float]]:

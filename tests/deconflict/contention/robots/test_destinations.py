@@ -17,7 +17,7 @@ def told(at: Spot, *stops: tuple[float, float, float]) -> tuple[Stop, ...]:
     for name, script in scene.robots.items():
         scene.fleet.receive(script.says(name, 0.0), NOW_S, LINE)
     robots, gathering = Robots(Geometry([DOCK], ())), Gathering()
-    for due in [*gathering.put(scene.fleet.cut(NOW_S)), *gathering.rest()]:
+    for due in [*gathering.put(scene.fleet.next_batch(NOW_S)), *gathering.rest()]:
         robots.look(due)
     one, other = sorted(robots.values(), key=lambda seen: seen.y_m)
     assert other.stops == ()

@@ -104,7 +104,7 @@ def expected(at_s: float, stands: bool, *stops: tuple[float, float, float]) -> t
     scene, robots, gathering = Scene(site(DOCK), {"a": script}), Robots(Geometry([DOCK], ())), Gathering()
     for second in range(int(at_s) + 1):
         scene.fleet.receive(script.says("a", float(second)), NOW_S + second, LINE)
-        for due in gathering.put(scene.fleet.cut(NOW_S + second)):
+        for due in gathering.put(scene.fleet.next_batch(NOW_S + second)):
             robots.look(due)
     for due in gathering.rest():
         robots.look(due)

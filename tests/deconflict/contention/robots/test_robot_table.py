@@ -39,7 +39,7 @@ def batches(seconds: int) -> list[Batch]:
     for t in range(seconds):
         for name, one in scene.robots.items():
             scene.fleet.receive(one.says(name, float(t)), NOW_S + t, LINE)
-        found.append(scene.fleet.cut(NOW_S + t))
+        found.append(scene.fleet.next_batch(NOW_S + t))
     return found
 
 

@@ -9,7 +9,7 @@ from deconflict.foresight.forecast_errors.ledger import ForecastKind
 from deconflict.foresight.forecast_errors.track_kernels import Errors
 from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
 from ingest.batch import Basis
-from ingest.measures.change_detection import Change
+from ingest.measures.change_detection import LevelChange
 from tests.deconflict.foresight.forecast_errors.made_errors import off
 
 NOW_S = 1_790_000_000.0
@@ -28,7 +28,7 @@ def errors(rng: Generator, kind: int, robots: int, size_m: float) -> Errors:
 
 def run(
     changes: DegradationDetector, begin_s: int, end_s: int, size_m: float, kind: int = 0, seed: int = 1
-) -> list[dict[str, Change]]:
+) -> list[dict[str, LevelChange]]:
     """What is told each minute while a vendor's robots are off by so much."""
     rng, told = default_rng(seed), []
     for second in range(begin_s, end_s):

@@ -16,7 +16,7 @@ def test_many_at_once_are_where_each_is_alone(family: str) -> None:
     poses = poses_at(forecasts, since_s, after_s)
     for row in range(len(forecasts)):
         for column, moment_s in enumerate((since_s[row] + after_s).tolist()):
-            alone = pose_at(forecasts.one(row), moment_s)
+            alone = pose_at(forecasts.single(row), moment_s)
             x_m, y_m, yaw_rad, floor = poses[row, column]
             assert (x_m, y_m) == pytest.approx((alone.x_m, alone.y_m), abs=1e-6)
             assert np.cos(yaw_rad - alone.yaw_rad) == pytest.approx(1)

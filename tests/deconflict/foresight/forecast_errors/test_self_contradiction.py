@@ -105,11 +105,14 @@ def test_what_is_set_aside_goes_straight_on_and_the_others_as_they_say() -> None
     words["x_mps"][1], words["y_mps"][1] = 0.5, 0.25
     believed = straight_on(batch, np.array([1]), np.array([1]), words, 10.0)
     assert believed.basis.tolist() == [Basis.PATH, Basis.VELOCITY]
-    a, b, told = believed.forecasts.one(0), believed.forecasts.one(1), batch.forecasts
-    assert a.x_m.tolist() == told.one(0).x_m.tolist()
+    a, b, told = believed.forecasts.single(0), believed.forecasts.single(1), batch.forecasts
+    assert a.x_m.tolist() == told.single(0).x_m.tolist()
     assert (b.x_m.tolist(), b.y_m.tolist()) == ([0.0, 5.0], [9.0, 11.5])
-    assert (b.t_s - told.one(1).t_s[0]).tolist() == [0.0, 10.0]
-    assert (b.length_m.tolist(), b.yaw_rad.tolist()) == (told.one(1).length_m.tolist(), [told.one(1).yaw_rad[0]] * 2)
+    assert (b.t_s - told.single(1).t_s[0]).tolist() == [0.0, 10.0]
+    assert (b.length_m.tolist(), b.yaw_rad.tolist()) == (
+        told.single(1).length_m.tolist(),
+        [told.single(1).yaw_rad[0]] * 2,
+    )
 
 
 def test_two_that_say_they_stand_and_do_not_are_foreseen_and_called_distrusted() -> None:

@@ -8,9 +8,9 @@ from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum, Reading
@@ -34,7 +34,7 @@ class Watch:
     """Seconds since the start."""
 
     def __post_init__(self) -> None:
-        self.fleet = Fleet(Vendors(()), Frames(DATUMS, ()), Reading(), Measures(), Quarantine())
+        self.fleet = Fleet(VendorRegistry(()), FrameRegistry(DATUMS, ()), Reading(), Measures(), Quarantine())
         self.live = LiveRobots()
         self.presence = Presence(self.live, self.measures)
         if self.learned:
@@ -55,7 +55,7 @@ class Watch:
 
     def tick(self, everything: bool = False) -> PresenceChanges:
         """Take in what was said, and step."""
-        self.take(self.fleet.cut(NOW_S + self.now_s, everything))
+        self.take(self.fleet.next_batch(NOW_S + self.now_s, everything))
         self.changes.append(self.presence.advance(NOW_S + self.now_s))
         return self.changes[-1]
 

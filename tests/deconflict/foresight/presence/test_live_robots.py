@@ -5,9 +5,9 @@ import numpy as np
 from deconflict.foresight.presence.live_robots import LiveRobots
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
-from ingest.fleet.vendor_registry import Vendors
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from tests.deconflict.engine.made_engine import LINE, NOW_S, SITE
 from tests.helpers.saying import HALL, LOFT, robot, status
@@ -17,7 +17,7 @@ SPOTS = {f"R{n}": (*RNG.uniform(0, 40, 2).round(2).tolist(), HALL if n % 3 else 
 
 
 def new_fleet() -> Fleet:
-    return Fleet(Vendors(()), Frames(SITE.datums, ()), SITE.reading, Measures(), Quarantine())
+    return Fleet(VendorRegistry(()), FrameRegistry(SITE.datums, ()), SITE.reading, Measures(), Quarantine())
 
 
 def batch(fleet: Fleet, names: list[str], now_s: float) -> Batch:
@@ -26,7 +26,7 @@ def batch(fleet: Fleet, names: list[str], now_s: float) -> Batch:
         x, y, datum = SPOTS[name]
         location = {"x": x, "y": y, "angle": {"x": 0, "y": 0, "z": 0, "w": 1}, "planarDatum": datum}
         assert fleet.receive(status(name, now_s, location=location), now_s, LINE) is None
-    return fleet.cut(now_s)
+    return fleet.next_batch(now_s)
 
 
 def nearest(group: set[str], within_m: float, most: int, there: list[str]) -> list[str]:
@@ -69,6 +69,6 @@ def test_forecasts_of_several_batches_are_each_robots_newest() -> None:
     assert sorted(keys) == sorted(wanted)
     for row, key in enumerate(keys):
         name = next(name for name in SPOTS if robot(name) == key)
-        one = found.one(row)
+        one = found.single(row)
         assert (one.x_m[0], one.y_m[0]) == SPOTS[name][:2]
         assert one.t_s[0] == NOW_S + (name in ("R2", "R4"))

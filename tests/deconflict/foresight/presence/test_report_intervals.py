@@ -10,7 +10,7 @@ def reported(every_s: float, reports: int) -> ReportIntervals:
     for number in range(reports):
         watch.now_s = number * every_s
         watch.say("A", 0.0)
-        intervals.add_batch(watch.fleet.cut(NOW_S + watch.now_s))
+        intervals.add_batch(watch.fleet.next_batch(NOW_S + watch.now_s))
     return intervals
 
 
@@ -36,7 +36,7 @@ def test_one_long_gap_does_not_change_what_is_usual() -> None:
     for at_s in (0, 1, 2, 3, 60, 61, 62):
         watch.now_s = float(at_s)
         watch.say("A", 0.0)
-        intervals.add_batch(watch.fleet.cut(NOW_S + at_s))
+        intervals.add_batch(watch.fleet.next_batch(NOW_S + at_s))
     assert intervals.grace_s(robot("A")) == 5.0
 
 
@@ -46,7 +46,7 @@ def test_several_reports_between_two_batches_are_as_many_gaps() -> None:
         watch.now_s = float(at_s)
         watch.say("A", 0.0)
         if at_s % 4 == 0:
-            intervals.add_batch(watch.fleet.cut(NOW_S + at_s))
+            intervals.add_batch(watch.fleet.next_batch(NOW_S + at_s))
     assert intervals.grace_s(robot("A")) == 5.0
 
 
@@ -55,7 +55,7 @@ def test_a_robot_stood_that_has_not_moved_since_the_report_before() -> None:
     for second, x_m in enumerate((0.0, 1.0, 1.02, 1.03)):
         watch.now_s = float(second)
         watch.say("A", x_m)
-        intervals.add_batch(watch.fleet.cut(NOW_S + second))
+        intervals.add_batch(watch.fleet.next_batch(NOW_S + second))
         moved.append(intervals.moved(robot("A")))
     assert moved == [None, True, False, False]
 
@@ -63,8 +63,8 @@ def test_a_robot_stood_that_has_not_moved_since_the_report_before() -> None:
 def test_what_is_only_told_again_is_no_report() -> None:
     watch, intervals = Watch(), ReportIntervals()
     watch.say("A", 0.0)
-    first, new = intervals.add_batch(watch.fleet.cut(NOW_S))
-    again, known = intervals.add_batch(watch.fleet.cut(NOW_S + 1.0, True))
+    first, new = intervals.add_batch(watch.fleet.next_batch(NOW_S))
+    again, known = intervals.add_batch(watch.fleet.next_batch(NOW_S + 1.0, True))
     assert (len(first.rows), len(again.rows), new, known) == (1, 0, [0], [])
 
 
@@ -72,12 +72,12 @@ def test_a_slot_of_one_that_was_forgotten_is_another_ones() -> None:
     watch, intervals = Watch(), ReportIntervals()
     watch.say("A", 0.0)
     watch.say("B", 1.0)
-    intervals.add_batch(watch.fleet.cut(NOW_S))
+    intervals.add_batch(watch.fleet.next_batch(NOW_S))
     assert intervals.forget(robot("A"))
     assert not intervals.forget(robot("A"))
     watch.now_s = 1.0
     watch.say("C", 5.0)
-    intervals.add_batch(watch.fleet.cut(NOW_S + 1.0))
+    intervals.add_batch(watch.fleet.next_batch(NOW_S + 1.0))
     assert intervals.slots[robot("C")] != intervals.slots[robot("B")]
     assert [intervals.names[intervals.slots[robot(name)]] for name in "BC"] == [robot("B"), robot("C")]
     assert intervals.grace_s(robot("C")) == 30.0

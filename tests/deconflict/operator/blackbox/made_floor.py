@@ -89,7 +89,7 @@ def lived(data: Path, courses: dict[str, Course], seconds: int, sways_s: float =
                 sway_m = 0.5 * (t < sways_s)
                 say(status(name, now_s, x + sway_m * sin(2 * t), y + sway_m * sin(1.3 * t), yaw, path=path), now_s)
         recorder.tick(now_s)
-        engine.receive(fleet.cut(now_s))
+        engine.receive(fleet.next_batch(now_s))
         floor.decided += engine.step(now_s)
         floor.near += [Near(*pair, now_s) for pair in engine.near_misses]
         if tick % 80 == 0:

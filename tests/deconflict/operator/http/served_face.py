@@ -40,7 +40,7 @@ class GivenSources:
     reloads: int = 0
     recent: Recent = field(default_factory=Recent)
     shelf: Shelf | None = None
-    whole: Batch = field(default_factory=lambda: fleet_of(Site(), Measures()).whole(1.0))
+    whole: Batch = field(default_factory=lambda: fleet_of(Site(), Measures()).snapshot(1.0))
 
     async def robots(self) -> list[dict[str, Any]]:
         self._ask("receiver")

@@ -109,14 +109,14 @@ async def test_a_long_look_back_keeps_nobody_waiting(face: Served, client: httpx
 async def test_a_page_is_sent_the_floor_and_then_what_changes(face: Served) -> None:
     fleet = fleet_of(Site(), Measures())
     fleet.receive(status("A-1", NOW_S), NOW_S, Connection(1))
-    face.sources.whole = fleet.whole(NOW_S)
-    face.sources.recent.add(NOW_S, fleet.cut(NOW_S).to_bytes())
+    face.sources.whole = fleet.snapshot(NOW_S)
+    face.sources.recent.add(NOW_S, fleet.next_batch(NOW_S).to_bytes())
     async with connect(f"ws://{face.address}/live") as page:
         known: set[str] = set()
         while robot("A-1") not in known:
             known |= {row[0] for row in json.loads(await page.recv())["floor"]["robots"]}
         fleet.receive(status("A-2", NOW_S), NOW_S, Connection(1))
-        face.sources.recent.add(NOW_S + 0.1, fleet.cut(NOW_S + 0.1).to_bytes())
+        face.sources.recent.add(NOW_S + 0.1, fleet.next_batch(NOW_S + 0.1).to_bytes())
         while True:
             frame = json.loads(await page.recv())
             if frame["floor"]["robots"]:
@@ -138,7 +138,7 @@ async def test_a_page_that_reads_nothing_is_dropped_and_delays_nobody(tmp_path: 
             step = 0
             while face.measured("deconflict_stream_dropped_total") == 0:
                 step += 1
-                face.sources.whole = batch = replace(fleet.whole(NOW_S), now_s=NOW_S + step)
+                face.sources.whole = batch = replace(fleet.snapshot(NOW_S), now_s=NOW_S + step)
                 face.sources.recent.add(NOW_S + step, batch.to_bytes())
                 async with asyncio.timeout(PATIENCE_S):
                     while json.loads(await page.recv())["floor"]["now_s"] < NOW_S + step:
@@ -155,8 +155,8 @@ async def test_while_the_receiver_is_down_the_page_is_told_so_and_the_floor_come
             pass
         fleet = fleet_of(Site(), Measures())
         fleet.receive(status("A-1", NOW_S), NOW_S, Connection(1))
-        face.sources.whole = fleet.whole(NOW_S)
-        face.sources.recent.add(NOW_S, fleet.cut(NOW_S).to_bytes())
+        face.sources.whole = fleet.snapshot(NOW_S)
+        face.sources.recent.add(NOW_S, fleet.next_batch(NOW_S).to_bytes())
         face.sources.down.clear()
         while not json.loads(await page.recv())["floor"]["robots"]:
             pass

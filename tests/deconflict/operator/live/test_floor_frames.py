@@ -35,7 +35,7 @@ def moved(fleet: Fleet, *names: str, at_s: float = NOW_S, x: float = 0.0) -> Non
 def test_a_row_says_where_the_robot_is_and_will_be_as_the_seam_does(fleet: Fleet) -> None:
     path = points((NOW_S + 2, 4.0, 1.0, 0.0), (NOW_S + 4, 4.0, 3.0, 1.5))
     fleet.receive(status("A-1", NOW_S, 2.0, 1.0, path=path), NOW_S + 0.25, LINE)
-    batch, picture = fleet.cut(NOW_S + 0.3), Picture()
+    batch, picture = fleet.next_batch(NOW_S + 0.3), Picture()
     picture.put(batch, whole=True)
     told = frame(picture, 0)
     (row,) = told["robots"]
@@ -53,7 +53,7 @@ def test_the_row_ends_where_the_robot_leaves_the_floor(fleet: Fleet) -> None:
     path[1]["planarDatumUUID"] = LOFT
     fleet.receive(status("A-1", NOW_S, path=path), NOW_S, LINE)
     picture = Picture()
-    picture.put(fleet.cut(NOW_S), whole=True)
+    picture.put(fleet.next_batch(NOW_S), whole=True)
     (row,) = frame(picture, 0)["robots"]
     assert max(row[11][1::4]) < 9.0
 
@@ -61,11 +61,11 @@ def test_the_row_ends_where_the_robot_leaves_the_floor(fleet: Fleet) -> None:
 def test_a_frame_holds_what_changed_since_the_version_and_no_more(fleet: Fleet) -> None:
     picture = Picture()
     moved(fleet, "A-1", "A-2", "A-3")
-    picture.put(fleet.cut(NOW_S), whole=True)
+    picture.put(fleet.next_batch(NOW_S), whole=True)
     moved(fleet, "A-2", at_s=NOW_S + 1, x=1.0)
-    picture.put(fleet.cut(NOW_S + 1), whole=False)
+    picture.put(fleet.next_batch(NOW_S + 1), whole=False)
     moved(fleet, "A-3", at_s=NOW_S + 2, x=1.0)
-    picture.put(fleet.cut(NOW_S + 2), whole=False)
+    picture.put(fleet.next_batch(NOW_S + 2), whole=False)
     changed = {since: {row[0] for row in frame(picture, since)["robots"]} for since in range(4)}
     everybody = {robot("A-1"), robot("A-2"), robot("A-3")}
     assert changed == {0: everybody, 1: everybody - {robot("A-1")}, 2: {robot("A-3")}, 3: set()}
@@ -76,7 +76,7 @@ def test_following_frame_by_frame_is_the_same_as_the_whole(fleet: Fleet) -> None
     for step in range(30):
         names = [f"A-{i}" for i in range(8) if (step * 7 + i * 3) % 5 == 0]
         moved(fleet, *names, at_s=NOW_S + step * 40, x=float(step))
-        picture.put(fleet.cut(NOW_S + step * 40), whole=step == 0)
+        picture.put(fleet.next_batch(NOW_S + step * 40), whole=step == 0)
         if step % 3 == 0:
             told = frame(picture, version)
             known = {} if told["whole"] else known
@@ -90,9 +90,9 @@ def test_following_frame_by_frame_is_the_same_as_the_whole(fleet: Fleet) -> None
 def test_a_forgotten_robot_is_told_once_and_then_known_by_everybody(fleet: Fleet) -> None:
     picture = Picture()
     moved(fleet, "A-1")
-    picture.put(fleet.cut(NOW_S), whole=True)
+    picture.put(fleet.next_batch(NOW_S), whole=True)
     late_s = NOW_S + fleet.reading.forget_after_s + 1
-    picture.put(fleet.cut(late_s), whole=False)
+    picture.put(fleet.next_batch(late_s), whole=False)
     assert frame(picture, 1)["gone"] == [robot("A-1")]
     assert frame(picture, 2)["gone"] == []
     assert len(picture) == 0
@@ -104,10 +104,10 @@ def test_who_missed_more_departures_than_are_kept_is_sent_the_whole_floor(
     monkeypatch.setattr(module, "GONE_KEPT", 1)
     picture = Picture()
     moved(fleet, "A-1", "A-2")
-    picture.put(fleet.cut(NOW_S), whole=True)
+    picture.put(fleet.next_batch(NOW_S), whole=True)
     late_s = NOW_S + fleet.reading.forget_after_s + 1
     moved(fleet, "A-3", at_s=late_s)
-    picture.put(fleet.cut(late_s), whole=False)
-    picture.put(fleet.cut(late_s), whole=False)
+    picture.put(fleet.next_batch(late_s), whole=False)
+    picture.put(fleet.next_batch(late_s), whole=False)
     assert (frame(picture, 1)["whole"], frame(picture, 2)["whole"]) == (True, False)
     assert [row[0] for row in frame(picture, 1)["robots"]] == [robot("A-3")]

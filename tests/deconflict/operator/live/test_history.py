@@ -39,7 +39,7 @@ def driven(log: Path, seconds: int) -> dict[int, str]:
         recorder.tick(now_s)
         assert recorder.sync()
         picture = Picture()
-        picture.put(fleet.whole(now_s), whole=True)
+        picture.put(fleet.snapshot(now_s), whole=True)
         seen[second] = picture.since(0)
     recorder.close()
     return seen

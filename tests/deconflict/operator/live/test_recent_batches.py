@@ -24,7 +24,7 @@ def fleet(*names: str) -> Fleet:
 async def test_a_watcher_is_given_each_batch_in_turn_as_the_engine_was() -> None:
     kept = Recent()
     for step in range(3):
-        kept.add(NOW_S + step, fleet(f"A-{step}").cut(NOW_S + step).to_bytes())
+        kept.add(NOW_S + step, fleet(f"A-{step}").next_batch(NOW_S + step).to_bytes())
     told = await kept.after(round(NOW_S * 1e6))
     assert told
     number, whole, batch = opened(told)
@@ -34,17 +34,17 @@ async def test_a_watcher_is_given_each_batch_in_turn_as_the_engine_was() -> None
 
 async def test_a_watcher_that_is_up_to_date_waits_for_the_next_tick() -> None:
     kept = Recent()
-    kept.add(NOW_S, fleet().cut(NOW_S).to_bytes())
+    kept.add(NOW_S, fleet().next_batch(NOW_S).to_bytes())
     waiting = asyncio.create_task(kept.after(kept.number))
     await asyncio.sleep(0)
     assert not waiting.done()
-    kept.add(NOW_S + 0.1, fleet("A-1").cut(NOW_S).to_bytes())
+    kept.add(NOW_S + 0.1, fleet("A-1").next_batch(NOW_S).to_bytes())
     assert opened(await waiting or b"")[2]
 
 
 async def test_without_a_tick_a_watcher_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = Recent()
-    kept.add(NOW_S, fleet().cut(NOW_S).to_bytes())
+    kept.add(NOW_S, fleet().next_batch(NOW_S).to_bytes())
     monkeypatch.setattr(recent_batches, "PATIENCE_S", 0.01)
     assert await kept.after(kept.number) == parcel(kept.number, b"", whole=False)
 
@@ -54,14 +54,14 @@ async def test_before_the_first_tick_a_new_watcher_waits_and_is_then_given_the_w
     waiting = asyncio.create_task(kept.after(0))
     await asyncio.sleep(0)
     assert not waiting.done()
-    kept.add(NOW_S, fleet("A-1").cut(NOW_S).to_bytes())
+    kept.add(NOW_S, fleet("A-1").next_batch(NOW_S).to_bytes())
     assert await waiting is None
 
 
 async def test_who_is_too_far_behind_or_new_needs_the_whole_floor() -> None:
     kept = Recent()
     for step in range(KEPT + 2):
-        kept.add(NOW_S + step, fleet().cut(NOW_S + step).to_bytes())
+        kept.add(NOW_S + step, fleet().next_batch(NOW_S + step).to_bytes())
     assert await kept.after(0) is None
     assert await kept.after(round(NOW_S * 1e6)) is None
     assert await kept.after(round((NOW_S + 1) * 1e6)) is not None
@@ -69,8 +69,8 @@ async def test_who_is_too_far_behind_or_new_needs_the_whole_floor() -> None:
 
 def test_looking_at_the_whole_floor_changes_nothing_for_the_engine() -> None:
     looked, alone = fleet("A-1", "A-2"), fleet("A-1", "A-2")
-    assert looked.whole(NOW_S).robots == (robot("A-1"), robot("A-2"))
+    assert looked.snapshot(NOW_S).robots == (robot("A-1"), robot("A-2"))
     for one in (looked, alone):
         one.receive(identity("A-2", NOW_S), NOW_S, Connection(1))
-    assert looked.cut(NOW_S + 1).to_bytes() == alone.cut(NOW_S + 1).to_bytes()
+    assert looked.next_batch(NOW_S + 1).to_bytes() == alone.next_batch(NOW_S + 1).to_bytes()
     assert looked.unidentified() == [robot("A-1")]

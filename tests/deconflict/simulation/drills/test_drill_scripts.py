@@ -38,7 +38,7 @@ def played(*, ignored: bool) -> dict[str, Outcome]:
             if (step + 3 * row) % every == 0:
                 for message in DIALECTS[one.member.make.vendor].messages(one.robot(), now_s, introduce=step < every):
                     assert fleet.receive(message, now_s, lines[row]) is None
-        engine.receive(fleet.cut(now_s))
+        engine.receive(fleet.next_batch(now_s))
         for advisory in engine.step(now_s):
             outcomes.take(advisory, passed_on=service.take(advisory))
         everybody.step(STEP_S)

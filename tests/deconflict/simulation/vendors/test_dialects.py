@@ -17,7 +17,7 @@ from deconflict.simulation.fleet_plans import Plan
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.robot_state import Robot, robots
 from deconflict.simulation.vendors.dialects import DIALECTS, SITE_MAPS
-from ingest.frames.frame_registry import Frames
+from ingest.frames.frame_registry import FrameRegistry
 from ingest.languages.massrobotics.parser import read
 from ingest.languages.model import Identity, Status
 
@@ -107,7 +107,7 @@ def test_corvid_speaks_as_the_sample_sender_does(told: list[Robot]) -> None:
 
 def test_basalt_lands_where_it_is_by_the_maps_of_the_bundled_site(told: list[Robot]) -> None:
     bundled = site.load(demo_site())
-    frames = Frames(bundled.datums, bundled.vendors)
+    frames = FrameRegistry(bundled.datums, bundled.vendors)
     for robot in of(told, VendorName.BASALT):
         reading = read(DIALECTS[VendorName.BASALT].messages(robot, NOW_S)[-1])
         assert isinstance(reading, Status)

@@ -99,19 +99,19 @@ def test_floors_are_not_compared() -> None:
 
 
 def test_a_robot_stands_where_its_last_knot_left_it() -> None:
-    pose = pose_at(two(EASTWARD, EASTWARD)[0][0].one(0), 25.0)
+    pose = pose_at(two(EASTWARD, EASTWARD)[0][0].single(0), 25.0)
     assert (pose.x_m, pose.y_m, pose.speed_mps) == (10.0, 0.0, 0.0)
 
 
 def test_yaw_turns_the_shorter_way() -> None:
-    pose = pose_at(two([(0, 0, 0, pi - 0.1), (2, 0, 0, -pi + 0.1)], EASTWARD)[0][0].one(0), 1.0)
+    pose = pose_at(two([(0, 0, 0, pi - 0.1), (2, 0, 0, -pi + 0.1)], EASTWARD)[0][0].single(0), 1.0)
     assert abs(pose.yaw_rad) == pytest.approx(pi)
 
 
 @given(standing_robots)
 def test_the_separation_is_that_of_the_envelopes_and_the_place_is_midway(robots: tuple[Row, Row]) -> None:
     apart_m, met = separation_m(*robots, 0.0), encounter(*robots, 0.0)
-    one, other = (envelope(robot, pose_at(robot, 0.0)) for robot in (told.one(row) for told, row in robots))
+    one, other = (envelope(robot, pose_at(robot, 0.0)) for robot in (told.single(row) for told, row in robots))
     assert apart_m == pytest.approx(one.distance(other), abs=1e-6)
     for polygon in (one, other):
         assert polygon.distance(Point(met.x_m, met.y_m)) == pytest.approx(one.distance(other) / 2, abs=1e-6)
@@ -136,11 +136,11 @@ def test_envelopes_that_cross_without_a_corner_in_the_other_overlap() -> None:
 def test_robots_meet_where_their_poses_are(t_s: float) -> None:
     turning: list[Knot] = [(0, 5, -5, 3.0), (4, 6, 0, -3.0), (9, 0, 0, 0.0)]
     (told, _), _ = robots = two(EASTWARD, turning)
-    poses = [pose_at(told.one(row), t_s) for row in (0, 1)]
+    poses = [pose_at(told.single(row), t_s) for row in (0, 1)]
     dx, dy = poses[1].x_m - poses[0].x_m, poses[1].y_m - poses[0].y_m
     dvx, dvy = poses[1].vx_mps - poses[0].vx_mps, poses[1].vy_mps - poses[0].vy_mps
     met = encounter(*robots, t_s)
-    one, other = (envelope(told.one(row), pose) for row, pose in enumerate(poses))
+    one, other = (envelope(told.single(row), pose) for row, pose in enumerate(poses))
     assert separation_m(*robots, t_s) == pytest.approx(one.distance(other), abs=1e-9)
     assert met.closing_speed_mps == pytest.approx(-(dx * dvx + dy * dvy) / np.hypot(dx, dy))
 

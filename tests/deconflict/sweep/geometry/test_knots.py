@@ -28,7 +28,7 @@ def test_knots_go_on_just_as_the_forecast_says(family: str) -> None:
         until = np.append(own["t"][1:], own["t"][-1] + 5.0)
         on_floor, pose0, pose1 = Track(forecasts, row).between(own["t"], until)
         np.testing.assert_array_equal(own["floor"], on_floor)
-        np.testing.assert_array_equal(own["told_yaw"], forecasts.one(row).yaw_rad)
+        np.testing.assert_array_equal(own["told_yaw"], forecasts.single(row).yaw_rad)
         span = until - own["t"]
         for axis, (at, rate) in enumerate((("x", "vx"), ("y", "vy"))):
             np.testing.assert_allclose(own[at], pose0[:, axis], atol=1e-5)

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from ingest.languages.massrobotics import parser
 from ingest.languages.massrobotics.conformance_rules import RULES, RejectedError
-from ingest.languages.massrobotics.parser import Path, document, read
-from ingest.languages.model import Identity, Rejection, Status
+from ingest.languages.massrobotics.message_document import message_document
+from ingest.languages.massrobotics.parser import read
+from ingest.languages.model import Identity, Path, Rejection, Status
 from tests.helpers.saying import HALL, angle, identity, points, robot, stamp, status
 from tests.helpers.vectors import VECTORS, T, Vector, at, here, named, said, with_null
 
@@ -76,7 +77,7 @@ MENDED = {rule for rule in RULES if rule.startswith("stamp-")} | {
 
 @pytest.mark.parametrize("vector", accepted, ids=lambda vector: vector.name)
 def test_the_document_of_an_understood_message_is_mended(vector: Vector) -> None:
-    again = read(json.dumps(document(vector.raw), allow_nan=False).encode(), names_as_uuid=vector.names_as_uuid)
+    again = read(json.dumps(message_document(vector.raw), allow_nan=False).encode(), names_as_uuid=vector.names_as_uuid)
     assert not isinstance(again, Rejection)
     assert set(again.findings) <= set(vector.findings) - MENDED
 
@@ -93,7 +94,7 @@ def test_the_document_has_everything_that_was_said() -> None:
         path=[at(T + 1, planarDatum=HALL.upper(), timestamp="1700000001")],
         mood={"level": 3},
     )
-    assert document(raw) == {
+    assert message_document(raw) == {
         "uuid": robot("A-1"),
         "timestamp": "2023-11-14T22:13:20.000000Z",
         "operationalState": "manualOverride",
@@ -117,12 +118,12 @@ def test_the_document_has_everything_that_was_said() -> None:
 
 
 def test_the_document_keeps_a_weight_as_text() -> None:
-    assert document(named(cargoMaxWeight=4000))["cargoMaxWeight"] == "4000"
+    assert message_document(named(cargoMaxWeight=4000))["cargoMaxWeight"] == "4000"
 
 
 def test_the_document_of_a_rejected_message_is_refused() -> None:
     with pytest.raises(RejectedError, match="not-json"):
-        document(b"{")
+        message_document(b"{")
 
 
 def test_a_reason_is_short_however_long_the_message() -> None:
@@ -246,7 +247,7 @@ def check(raw: bytes) -> None:
     if isinstance(message, Rejection):
         assert RULES[message.rule].rejects
         return
-    assert json.loads(json.dumps(document(raw), allow_nan=False))["uuid"]
+    assert json.loads(json.dumps(message_document(raw), allow_nan=False))["uuid"]
     if isinstance(message, Status):
         assert all(np.isfinite(pose[:3]).all() for one in (message.path, message.destinations) for pose in one.poses)
         assert abs(message.x) + abs(message.y) < 1e8

@@ -94,7 +94,7 @@ def test_a_conforming_path_is_read_as_it_would_be_point_by_point(told: list[dict
     quick: Findings = {}
     read = path(points, T, quick)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(path_points, "_conforming", lambda *_: None)
+        patch.setattr(path_points, "_conforming_rows", lambda *_: None)
         slow: Findings = {}
         one_by_one = path(points, T, slow)
     assert repr(read) == repr(one_by_one)

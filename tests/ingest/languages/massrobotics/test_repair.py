@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ingest.languages.massrobotics.conformance_rules import Findings
-from ingest.languages.massrobotics.repair import finite, is_number, mend, number, without_misfits
+from ingest.languages.massrobotics.repair import finite, is_number, number, repaired, without_misfits
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from tests.helpers.vectors import T, at, here
 
@@ -22,27 +22,27 @@ REPORT: dict[str, Any] = {
 
 def test_what_needs_no_mending_comes_out_as_it_was() -> None:
     findings: Findings = {}
-    assert mend(REPORT, StatusReport, findings) == REPORT
+    assert repaired(REPORT, StatusReport, findings) == REPORT
     assert findings == {}
 
 
 def test_what_was_told_is_left_alone() -> None:
     told = REPORT | {"batteryPercentage": "81", "path": at(T), "location": here(x="1") | {"z": None}}
     before = repr(told)
-    without_misfits(mend(told, StatusReport, {}), StatusReport, {})
+    without_misfits(repaired(told, StatusReport, {}), StatusReport, {})
     assert repr(told) == before
 
 
 @pytest.mark.parametrize("timestamp", [1700000000, 1700000000.0])
 def test_a_time_sent_as_a_number_becomes_its_digits(timestamp: float) -> None:
-    assert mend(REPORT | {"timestamp": timestamp}, StatusReport, {})["timestamp"] == "1700000000"
+    assert repaired(REPORT | {"timestamp": timestamp}, StatusReport, {})["timestamp"] == "1700000000"
 
 
 @pytest.mark.parametrize("value", [True, [], {}, nan])
 def test_what_is_neither_text_nor_number_is_not_guessed(value: Any) -> None:
     findings: Findings = {}
-    mended = mend(REPORT | {"uuid": value}, StatusReport, findings)
-    assert mended["uuid"] is value
+    copy = repaired(REPORT | {"uuid": value}, StatusReport, findings)
+    assert copy["uuid"] is value
     assert findings == {}
 
 

@@ -1,8 +1,16 @@
 from itertools import pairwise
 
 from ingest.batch import Claim
-from ingest.fleet.forecast import Sighting
-from ingest.fleet.ownership_claims import HELD_S, JUMPS, MOST_CLAIMS, MOST_COUNTED, MOST_WATCHED, NAMED_ROBOTS, Claims
+from ingest.fleet.owners.ownership_claims import (
+    HELD_S,
+    JUMPS,
+    MOST_CLAIMS,
+    MOST_COUNTED,
+    MOST_WATCHED,
+    NAMED_ROBOTS,
+    OwnershipClaims,
+)
+from ingest.fleet.prediction.forecast_model import Sighting
 
 NOW_S = 1_790_000_000.0
 
@@ -13,16 +21,16 @@ def at(t_s: float, x_m: float, floor: int = 0) -> Sighting:
 
 def seen(*sightings: Sighting) -> tuple[Claim, ...]:
     """The claims that stand after a robot was reported so, each report on its own time."""
-    claims = Claims()
+    claims = OwnershipClaims()
     for before, now in pairwise(sightings):
-        claims.seen("r", "Alder", before, now, now.t_s - before.t_s, now.t_s)
+        claims.add_sighting("r", "Alder", before, now, now.t_s - before.t_s, now.t_s)
     return claims.standing(sightings[-1].t_s)
 
 
 def test_a_refused_report_stands_until_none_has_come_for_a_while() -> None:
-    claims = Claims()
-    claims.refused("r", "Alder", "Mallory", NOW_S)
-    claims.refused("s", "Alder", "Mallory", NOW_S + 5)
+    claims = OwnershipClaims()
+    claims.add_refused("r", "Alder", "Mallory", NOW_S)
+    claims.add_refused("s", "Alder", "Mallory", NOW_S + 5)
     told = Claim("Alder", "Mallory", ("r", "s"), 2, NOW_S)
     assert claims.standing(NOW_S + 5 + HELD_S) == (told,)
     assert claims.standing(NOW_S + 5.1 + HELD_S) == ()
@@ -46,19 +54,19 @@ def test_what_a_robot_can_do_is_no_claim() -> None:
 
 
 def test_clocks_that_are_hours_apart_hide_no_two_places() -> None:
-    claims = Claims()
+    claims = OwnershipClaims()
     there, here = at(0, 0.0), at(7200, 500.0)
     for t in range(JUMPS):
         before, now = (there, here) if t % 2 else (here, there)
-        claims.seen("r", "Alder", before, now, 0.5, NOW_S + t / 2)
+        claims.add_sighting("r", "Alder", before, now, 0.5, NOW_S + t / 2)
     assert claims.standing(NOW_S + 2)
 
 
 def test_claims_are_bounded_whatever_is_claimed() -> None:
-    claims = Claims()
+    claims = OwnershipClaims()
     for i in range(2 * MOST_COUNTED):
-        claims.refused(f"r{i}", "Alder", "Mallory", NOW_S)
-        claims.refused("r", "Alder", f"Mallory {i}", NOW_S)
+        claims.add_refused(f"r{i}", "Alder", "Mallory", NOW_S)
+        claims.add_refused("r", "Alder", f"Mallory {i}", NOW_S)
     standing = claims.standing(NOW_S)
     assert len(standing) == MOST_CLAIMS
     (much,) = [one for one in standing if one.claimant == "Mallory"]
@@ -67,10 +75,10 @@ def test_claims_are_bounded_whatever_is_claimed() -> None:
 
 
 def test_of_so_many_robots_that_jump_those_that_jumped_longest_ago_are_forgotten() -> None:
-    claims, there, here = Claims(), at(0, 0.0), at(0, 500.0)
+    claims, there, here = OwnershipClaims(), at(0, 0.0), at(0, 500.0)
     for uuid in ["r"] * (JUMPS - 1) + ["s"] * (JUMPS - 1) + [f"r{i}" for i in range(MOST_WATCHED - 1)] + ["r", "s"]:
-        claims.seen(uuid, "Alder", there, here, 0.5, NOW_S)
+        claims.add_sighting(uuid, "Alder", there, here, 0.5, NOW_S)
     assert [one.robots for one in claims.standing(NOW_S)] == []
     for uuid in ("t", "t", "t"):
-        claims.seen(uuid, "Alder", there, here, 0.5, NOW_S)
+        claims.add_sighting(uuid, "Alder", there, here, 0.5, NOW_S)
     assert [one.robots for one in claims.standing(NOW_S)] == [("t",)]

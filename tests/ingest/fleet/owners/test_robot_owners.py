@@ -25,7 +25,7 @@ def test_a_robot_that_its_vendor_spoke_for_is_refused_from_another() -> None:
         ("Basalt", "key-missing"): 1,
     }
     assert document(one, "A-1")["vendor"] == "Alder"
-    assert one.cut(NOW_S + 1).forecasts.x_m[0] == 3.0
+    assert one.next_batch(NOW_S + 1).forecasts.x_m[0] == 3.0
     assert one.receive(status("A-1", NOW_S + 2, 5.0), NOW_S + 2, alder) is None
 
 

@@ -6,8 +6,9 @@ import pytest
 from msgspec.structs import replace
 
 from ingest.batch import Basis
-from ingest.fleet.forecast import Body, Forecast, Sighting, View, body_of, forecast, matches
-from ingest.frames.frame_registry import Frame, Frames
+from ingest.fleet.prediction.forecast import forecast, matches
+from ingest.fleet.prediction.forecast_model import Forecast, ForecastContext, RobotBody, Sighting, robot_body
+from ingest.frames.frame_registry import Frame, FrameRegistry
 from ingest.languages.massrobotics.parser import read
 from ingest.languages.model import Status
 from ingest.settings import Model, Reading
@@ -15,19 +16,19 @@ from tests.helpers.saying import HALL, LOFT, points, status
 
 NOW_S = 1_790_000_000.0
 HERE = Sighting(NOW_S, 0, 1.0, 2.0, 0.0, 1.0)
-BODY = Body((1.0, 0.5, 0.4))
-FRAMES = Frames((), ())
+BODY = RobotBody((1.0, 0.5, 0.4))
+FRAMES = FrameRegistry((), ())
 
 
 def frame_of(datum: str) -> tuple[Frame, int]:
     return FRAMES.frame("Alder", datum or HALL), 1 if datum == LOFT else 0
 
 
-def ahead(here: Sighting = HERE, body: Body = BODY, offset_s: float = 0.0, **said: Any) -> Forecast:
+def ahead(here: Sighting = HERE, body: RobotBody = BODY, offset_s: float = 0.0, **said: Any) -> Forecast:
     message = read(status("robot", NOW_S - offset_s, here.x_m, here.y_m, **said))
     assert isinstance(message, Status)
     here = replace(here, clock_offset_s=offset_s)
-    return forecast(message, here, View(body, frame_of, Reading()))
+    return forecast(message, here, ForecastContext(body, frame_of, Reading()))
 
 
 def straight(speed_mps: float = 1.0, late_s: float = 0.0) -> list[dict[str, Any]]:
@@ -112,7 +113,7 @@ def test_useless_times_without_a_speed_fall_back_to_standing() -> None:
 
 def test_a_path_is_used_up_to_an_impossible_jump() -> None:
     given = points((NOW_S + 1, 2.0, 2.0, 0.0), (NOW_S + 2, 3.0, 2.0, 0.0), (NOW_S + 3, 90.0, 2.0, 0.0))
-    one = ahead(path=given, body=Body((1.0, 0.5, 0.4), max_speed_mps=1.5))
+    one = ahead(path=given, body=RobotBody((1.0, 0.5, 0.4), max_speed_mps=1.5))
     assert one.findings == ("path-contradicts-motion",)
     assert one.knots[-1][1] == pytest.approx(3.0)
 
@@ -172,16 +173,16 @@ def test_without_any_heading_the_circumscribed_square_stands() -> None:
 
 def test_an_envelope_that_is_not_centred_leads_the_location() -> None:
     here = Sighting(NOW_S, 0, 1.0, 2.0, pi / 2, 0.0)
-    one = ahead(here, Body((2.9, 1.0, 0.0), (1.15, 0.0)), operationalState="idle")
+    one = ahead(here, RobotBody((2.9, 1.0, 0.0), (1.15, 0.0)), operationalState="idle")
     assert one.knots[0][1:3] == pytest.approx([1.0, 3.15])
     assert (one.bottom_m, one.top_m) == (-np.inf, np.inf)
 
 
 def test_the_body_follows_the_load_where_the_site_says_how() -> None:
     model = Model(envelope_m=(1.0, 1.0, 0.5), loaded_envelope_m=(1.4, 1.2, 1.8), loaded_offset_m=(0.2, 0.0))
-    assert body_of(model, (9.0, 9.0, 9.0), False, 1.5) == Body((1.0, 1.0, 0.5), (0.0, 0.0), 1.5)
-    assert body_of(model, (9.0, 9.0, 9.0), True, 1.5) == Body((1.4, 1.2, 1.8), (0.2, 0.0), 1.5)
-    assert body_of(Model(), (9.0, 9.0, 9.0), True, None) == Body((9.0, 9.0, 9.0))
+    assert robot_body(model, (9.0, 9.0, 9.0), False, 1.5) == RobotBody((1.0, 1.0, 0.5), (0.0, 0.0), 1.5)
+    assert robot_body(model, (9.0, 9.0, 9.0), True, 1.5) == RobotBody((1.4, 1.2, 1.8), (0.2, 0.0), 1.5)
+    assert robot_body(Model(), (9.0, 9.0, 9.0), True, None) == RobotBody((9.0, 9.0, 9.0))
 
 
 def test_error_words_match_whatever_their_spelling() -> None:

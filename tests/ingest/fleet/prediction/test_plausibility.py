@@ -3,8 +3,8 @@ from math import nan, pi
 import pytest
 from msgspec.structs import replace
 
-from ingest.fleet.forecast import Sighting
-from ingest.fleet.plausibility import frequency, reconcile
+from ingest.fleet.prediction.forecast_model import Sighting
+from ingest.fleet.prediction.plausibility import frequency, reconcile
 
 BEFORE = Sighting(100.0, 0, 0.0, 0.0, 0.0, 1.0)
 AFTER = Sighting(101.0, 0, 1.0, 0.0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Which vendor a robot belongs to, and what the site says of that vendor."""
+"""The vendors of the site, and those that identity reports name."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -6,21 +6,24 @@ from functools import lru_cache
 from ingest.settings import UNKNOWN, Model, Vendor
 
 OTHER = "other"
+"""The vendor of all robots whose manufacturers are too many to keep."""
 MAX_UNCONFIGURED = 64
+"""Vendors kept that the site file does not have."""
 MAX_NAME = 40
+"""Characters kept of a manufacturer's name."""
 _PLAIN_MODEL = Model()
 
 
 @lru_cache(MAX_UNCONFIGURED)
-def _unheard_of(name: str) -> Vendor:
+def _default_settings(name: str) -> Vendor:
     return Vendor(name=name)
 
 
-class Vendors:
-    """The site's vendors, and those that only identity reports name.
+class VendorRegistry:
+    """Finds vendors by manufacturer and by robot.
 
-    Vendor names are label values of metrics, so those the site does not know are bounded: the first
-    `MAX_UNCONFIGURED` keep their own names, later ones share `OTHER`.
+    Vendor names are label values of metrics, so the number of vendors that the site file does not have is limited: the
+    first `MAX_UNCONFIGURED` keep their own names, later ones share `OTHER`.
     """
 
     def __init__(self, vendors: Sequence[Vendor]) -> None:
@@ -31,28 +34,30 @@ class Vendors:
             for manufacturer in (vendor.name, *vendor.manufacturers)
         }
         self._by_robot = {uuid.lower(): vendor.name for vendor in vendors for uuid in vendor.robots}
-        self._met: dict[str, Vendor] = {}
+        self._unconfigured: dict[str, Vendor] = {}
+        """By name, vendors that only identity reports name."""
 
     def configured(self, name: str) -> bool:
         """Whether the site file has this vendor."""
         return name in self._configured
 
     def of_manufacturer(self, manufacturer: str) -> str:
+        """The vendor's name for a `manufacturerName` of an identity report."""
         known = self._by_manufacturer.get(manufacturer.strip().casefold())
         if known:
             return known
         name = manufacturer.strip()[:MAX_NAME] or UNKNOWN
-        if name in self._met or len(self._met) < MAX_UNCONFIGURED:
-            self._met.setdefault(name, Vendor(name=name))
+        if name in self._unconfigured or len(self._unconfigured) < MAX_UNCONFIGURED:
+            self._unconfigured.setdefault(name, Vendor(name=name))
             return name
         return OTHER
 
     def of_robot(self, uuid: str) -> str | None:
-        """The vendor that the site file gives this robot to."""
+        """The vendor to which the site file assigns the robot. None if to none."""
         return self._by_robot.get(uuid)
 
     def settings(self, name: str) -> Vendor:
-        return self._configured.get(name) or self._met.get(name) or _unheard_of(name)
+        return self._configured.get(name) or self._unconfigured.get(name) or _default_settings(name)
 
     def model(self, vendor: str, model: str) -> Model:
         return self.settings(vendor).models.get(model) or _PLAIN_MODEL

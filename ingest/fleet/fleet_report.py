@@ -1,0 +1,101 @@
+"""What people and metrics are shown of a fleet."""
+
+from math import dist, isfinite, isnan
+from statistics import median
+from typing import Any
+
+from ingest.batch import Basis
+from ingest.clocks import SenderClock, vendor_offset
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.robot import Robot
+from ingest.languages.massrobotics.message_document import message_document
+from ingest.measures import clock_changes
+from ingest.settings import Reading
+
+
+def measure(fleet: Fleet, now_s: float) -> None:
+    """Bring the levels in the fleet's measures up to date."""
+    robots: dict[tuple[str, ...], float] = {}
+    ages_s: dict[str, list[float]] = {}
+    clocks: dict[str, list[SenderClock]] = {}
+    for robot in fleet.robots.values():
+        key = robot.vendor, _measured_state(robot, fleet.reading, now_s)
+        robots[key] = robots.get(key, 0) + 1
+        if robot.seen:
+            clocks.setdefault(robot.vendor, []).append(robot.clock)
+            ages_s.setdefault(robot.vendor, []).append(now_s - robot.seen.t_s)
+    level = fleet.measures.level
+    level("deconflict_robots", robots)
+    level("deconflict_forecast_age_seconds", {(vendor,): median(ages) for vendor, ages in ages_s.items()})
+    level("deconflict_clock_offset_seconds", {(vendor,): vendor_offset(group) for vendor, group in clocks.items()})
+    delays_s = {vendor: median(clock.delay_s for clock in group) for vendor, group in clocks.items()}
+    level("deconflict_clock_delay_seconds", {(vendor,): delay_s for vendor, delay_s in delays_s.items()})
+    level("deconflict_messages_per_second", fleet.message_rates.per_s())
+    clock_changes.publish(fleet.measures, {"clock": fleet.clock_changes.changed()})
+
+
+def presence(robot: Robot, reading: Reading, now_s: float) -> str:
+    """`present`, `quiet` or `silent`, by the time since its last message."""
+    age_s = now_s - robot.arrival_s
+    if age_s > reading.silent_after_s:
+        return "silent"
+    return "quiet" if age_s > reading.quiet_after_s else "present"
+
+
+def _measured_state(robot: Robot, reading: Reading, now_s: float) -> str:
+    if presence(robot, reading, now_s) == "silent":
+        return "silent"
+    return robot.state if robot.state and robot.known_state else "other"
+
+
+def robot_documents(fleet: Fleet, now_s: float) -> list[dict[str, Any]]:
+    """The documents of all robots, by UUID."""
+    return [robot_document(fleet, fleet.robots[uuid], now_s) for uuid in sorted(fleet.robots)]
+
+
+def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
+    """Everything that a robot reported and what was derived from it, JSON-ready."""
+    return {
+        "uuid": robot.uuid,
+        "name": robot.name,
+        "vendor": robot.vendor,
+        "participant": fleet.vendors.settings(robot.vendor).participant,
+        "identified": robot.identity is not None,
+        "presence": presence(robot, fleet.reading, now_s),
+        "age_s": round(now_s - robot.arrival_s, 3),
+        "state": robot.state,
+        "clock": {"offset_s": round(robot.clock.offset_s, 3), "delay_s": round(robot.clock.delay_s, 3)},
+        "deviations": dict(sorted(robot.deviations.items())),
+        "identity": _message(robot, robot.introduction.raw if robot.introduction else b""),
+        "status": _message(robot, robot.status_raw),
+        **_placement(robot),
+    }
+
+
+def _message(robot: Robot, raw: bytes) -> dict[str, Any] | None:
+    """A message with the UUID as which it was read, since the sender may use a name. None if there is no message."""
+    return message_document(raw) | {"uuid": robot.uuid} if raw else None
+
+
+def _placement(robot: Robot) -> dict[str, Any]:
+    """The part of a robot's document that is in the floor's frame. All None before its first status."""
+    if not (robot.seen and robot.frame and robot.forecast):
+        return {"floor": None, "location": None, "envelope": None, "forecast": None}
+    forecast, seen = robot.forecast, robot.seen
+    return {
+        "floor": robot.frame.floor,
+        "comparable": robot.frame.comparable,
+        "location": {"x": seen.x_m, "y": seen.y_m, "yaw_rad": None if isnan(seen.yaw_rad) else seen.yaw_rad},
+        "event_s": seen.t_s,
+        "doubt_m": robot.doubt_m,
+        "envelope": {
+            "length_m": forecast.length_m,
+            "width_m": forecast.width_m,
+            "height_m": forecast.top_m - forecast.bottom_m if isfinite(forecast.top_m) else None,
+        },
+        "forecast": {
+            "basis": Basis(forecast.basis).name.lower(),
+            "reach_m": round(dist(forecast.knots[0][1:3], forecast.knots[-1][1:3]), 3),
+            "knots": [[round(float(value), 3) for value in knot] for knot in forecast.knots],
+        },
+    }

@@ -1,0 +1,1 @@
+"""Which vendor a robot belongs to, and which vendor may report it."""

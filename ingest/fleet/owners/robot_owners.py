@@ -1,0 +1,121 @@
+"""Which vendor a robot belongs to, and whether a message about it is accepted from its sender."""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable
+
+from ingest.fleet.owners.ownership_claims import OwnershipClaims
+from ingest.fleet.owners.vendor_registry import VendorRegistry
+from ingest.fleet.robot import Robot
+from ingest.languages.model import Identity, Rejection, Status
+from ingest.port.connection import Connection
+from ingest.settings import UNKNOWN
+
+
+class RobotOwners:
+    """Settles the vendor of each robot. Refused reports go to `claims`."""
+
+    def __init__(self, vendors: VendorRegistry, max_robots_per_vendor: int, claims: OwnershipClaims) -> None:
+        self.vendors, self._max_robots_per_vendor, self._claims = vendors, max_robots_per_vendor, claims
+        self._robot_counts: Counter[str] = Counter()
+        """How many robots each vendor has."""
+        self._vendors_heard: defaultdict[int, set[str]] = defaultdict(set)
+        """By number of a connection that speaks for no vendor: the vendors of the robots that report over it."""
+
+    def names_as_uuid(self, connection: Connection) -> str | None:
+        """The vendor of the connection if its robots may send names as UUIDs; None otherwise."""
+        vendor = connection.vendor
+        return vendor if vendor and self.vendors.settings(vendor).names_as_uuid else None
+
+    def vendor_of(self, uuid: str, robot: Robot | None, connection: Connection) -> str:
+        """The vendor responsible for what a connection reports of a robot. `robot` is None if it is not known yet.
+
+        This is the connection's own vendor if it has one, whoever owns the robot.
+        """
+        if connection.vendor:
+            return connection.vendor
+        if robot:
+            return robot.vendor
+        heard = self._vendors_heard.get(connection.id, set())
+        only = next(iter(heard)) if len(heard) == 1 else UNKNOWN
+        return self.vendors.of_robot(uuid) or only
+
+    def other_owner(self, uuid: str, robot: Robot | None, speaker: str | None) -> str | None:
+        """The vendor that owns the robot, if that is another one than `speaker`. None if there is no conflict."""
+        owner = self.vendors.of_robot(uuid) or (robot.vendor if robot and robot.owned else None)
+        return owner if speaker not in (None, owner) else None
+
+    def rejection(
+        self, message: Identity | Status, robot: Robot | None, connection: Connection, arrival_s: float
+    ) -> Rejection | None:
+        """Why the message may not come from this sender. None if it may."""
+        speaker = self._speaker(message, connection)
+        if speaker is not None and (owner := self.other_owner(message.uuid, robot, speaker)):
+            self._claims.add_refused(message.uuid, owner, speaker, arrival_s)
+            reason = f"robot {message.uuid} is {owner}'s; that vendor may report it, or the site file name another"
+            return Rejection("uuid-of-another-vendor", reason)
+        if robot is None and self._is_full(self.vendor_of(message.uuid, None, connection)):
+            reason = "the vendor has as many robots as reading.max_robots_per_vendor allows; keep each robot's UUID"
+            return Rejection("robots-too-many", reason)
+        return None
+
+    def _speaker(self, message: Identity | Status, connection: Connection) -> str | None:
+        """The vendor that a message speaks for. None if neither the connection nor the message says it."""
+        if connection.vendor or isinstance(message, Status) or self.vendors.of_robot(message.uuid):
+            return connection.vendor
+        return self.vendors.of_manufacturer(message.manufacturer)
+
+    def _is_full(self, vendor: str) -> bool:
+        return self._robot_counts[vendor] >= self._max_robots_per_vendor
+
+    def add(self, robot: Robot) -> None:
+        """Count a new robot."""
+        self._robot_counts[robot.vendor] += 1
+
+    def remove(self, robot: Robot) -> None:
+        """Count a robot no more."""
+        self._robot_counts[robot.vendor] -= 1
+
+    def settle_by_connection(self, robot: Robot, message: Identity | Status, connection: Connection) -> None:
+        """Give a robot without owner to the vendor of the connection. An identity report makes it owned too."""
+        if robot.owned:
+            return
+        if connection.vendor:
+            self._settle(robot, self.vendors.of_robot(robot.uuid) or connection.vendor)
+        robot.owned = connection.vendor is not None or isinstance(message, Identity)
+
+    def settle_by_identity(self, robot: Robot, identity: Identity, connection: Connection) -> bool:
+        """Give a robot to the vendor that its identity report names. Returns whether the site file assigns it."""
+        assigned = self.vendors.of_robot(robot.uuid)
+        self._settle(robot, assigned or connection.vendor or self.vendors.of_manufacturer(identity.manufacturer))
+        return assigned is not None
+
+    def note_sender(self, robot: Robot, connection: Connection) -> None:
+        """Note that the robot reports over the connection."""
+        if not connection.vendor:
+            self._vendors_heard[connection.id].add(robot.vendor)
+
+    def connection_closed(self, connection: Connection) -> None:
+        self._vendors_heard.pop(connection.id, None)
+
+    def reconfigure(self, vendors: VendorRegistry, max_robots_per_vendor: int, robots: Iterable[Robot]) -> None:
+        """Use other settings from now on, and settle all robots by them.
+
+        A robot of a vendor that is no longer configured may be settled by the next vendor that reports it.
+        """
+        before, self.vendors, self._max_robots_per_vendor = self.vendors, vendors, max_robots_per_vendor
+        for robot in robots:
+            self._settle_again(robot, before)
+
+    def _settle_again(self, robot: Robot, before: VendorRegistry) -> None:
+        vendor = self.vendors.of_robot(robot.uuid)
+        if vendor is None and not self.vendors.configured(robot.vendor):
+            vendor = self.vendors.of_manufacturer(robot.identity.manufacturer) if robot.identity else robot.vendor
+            removed = before.configured(robot.vendor) and not self.vendors.configured(vendor)
+            robot.owned = robot.owned and not removed
+        if vendor:
+            self._settle(robot, vendor)
+
+    def _settle(self, robot: Robot, vendor: str) -> None:
+        self._robot_counts[robot.vendor] -= 1
+        self._robot_counts[vendor] += 1
+        robot.settle(vendor)

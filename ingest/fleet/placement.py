@@ -1,0 +1,95 @@
+"""Where a robot is on its floor, and where it will be."""
+
+from functools import lru_cache, partial
+from math import isfinite
+
+from ingest.fleet.owners.vendor_registry import VendorRegistry
+from ingest.fleet.prediction import plausibility
+from ingest.fleet.prediction.forecast import forecast, matches, stops
+from ingest.fleet.prediction.forecast_model import ForecastContext, RobotBody, Sighting, robot_body
+from ingest.fleet.robot import Robot
+from ingest.frames.floor_index import NOWHERE, FloorIndex
+from ingest.frames.frame_registry import Frame, FrameRegistry
+from ingest.languages.model import Identity, Rejection, Status
+from ingest.settings import Reading
+
+MAX_CONTEXTS = 1024
+"""Forecast contexts that are kept. Robots of one kind share one."""
+
+
+class Placement:
+    """Places robots on their floors and forecasts them, by the settings of the site."""
+
+    def __init__(self, vendors: VendorRegistry, frames: FrameRegistry, reading: Reading) -> None:
+        self._vendors, self._frames, self._reading = vendors, frames, reading
+        self._floors = FloorIndex(frames)
+        self._shared_context = lru_cache(MAX_CONTEXTS)(self._new_context)
+
+    @property
+    def floor_ids(self) -> tuple[str, ...]:
+        """The id of each floor, by its index."""
+        return self._floors.ids
+
+    def reconfigure(self, vendors: VendorRegistry, frames: FrameRegistry, reading: Reading) -> None:
+        """Use other settings from now on. The caller resets the context of each robot."""
+        self._vendors, self._frames, self._reading = vendors, frames, reading
+        self._floors.reconfigure(frames)
+        self._shared_context.cache_clear()
+
+    def rejection(self, status: Status, vendor: str) -> Rejection | None:
+        """Why the location of a status in degrees is no place on Earth. None if it is one."""
+        frame = self._frames.frame(vendor, status.datum)
+        if frame.projection is None:
+            return None
+        x_m, y_m, _ = frame.pose(status.x, status.y, 0.0)
+        if isfinite(x_m) and isfinite(y_m):
+            return None
+        reason = f"location {status.x}, {status.y} is nowhere on datum {status.datum}; check units and order"
+        return Rejection("position-absurd", reason)
+
+    def is_in_degrees(self, message: Identity | Status) -> bool:
+        """Whether the message is a status on a datum in degrees, so that its location may be no place on Earth."""
+        return isinstance(message, Status) and message.datum in self._frames.in_degrees
+
+    def sighting(self, robot: Robot, status: Status, event_s: float) -> tuple[Frame, Sighting]:
+        """Where the status puts the robot, in the floor's frame. A left-handed map reverses the turn rate."""
+        frame, floor = self._floors.of(robot.vendor, status.datum)
+        x_m, y_m, yaw_rad = frame.pose(status.x, status.y, status.yaw_rad)
+        turn_radps = status.turn_rad_per_s or 0.0
+        if turn_radps and frame.mirrored:
+            turn_radps = -turn_radps
+        offset_s = event_s - status.stamp_s
+        return frame, Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps, offset_s)
+
+    def forecast(
+        self, robot: Robot, status: Status, frame: Frame, sighting: Sighting, before: Sighting | None
+    ) -> tuple[str, ...]:
+        """Put the robot at `sighting`, reconciled with `before`, and forecast it from there. Returns the findings."""
+        context = self._context(robot, bool(status.load_used_pct), status.datum)
+        robot.frame = frame
+        robot.seen, findings = plausibility.reconcile(before, sighting)
+        robot.forecast = forecast(status, robot.seen, context)
+        robot.stops = stops(status, robot.seen, context)
+        lost = status.error_codes and matches(status.error_codes, self._reading.lost_errors)
+        robot.doubt_m = self._reading.lost_doubt_m if lost else 0.0
+        unknown = () if frame.known else ("datum-unknown",)
+        too_many = ("datum-too-many",) if frame.comparable and sighting.floor == NOWHERE else ()
+        return (*findings, *robot.forecast.findings, *unknown, *too_many)
+
+    def _context(self, robot: Robot, loaded: bool, datum: str) -> ForecastContext:
+        """The context in which a message of the robot is read. It seldom differs from the one before."""
+        key = loaded, datum
+        if robot.context is None or robot.context_key != key:
+            robot.context = self._shared_context(robot.vendor, datum, self._body(robot, loaded))
+            robot.context_key = key
+        return robot.context
+
+    def _new_context(self, vendor: str, datum: str, body: RobotBody) -> ForecastContext:
+        return ForecastContext(body, partial(self._floors.of_own, vendor, datum), self._reading)
+
+    def _body(self, robot: Robot, loaded: bool) -> RobotBody:
+        if robot.identity is None:
+            vendor = self._vendors.settings(robot.vendor)
+            return RobotBody(vendor.default_envelope_m or self._reading.default_envelope_m)
+        model = self._vendors.model(robot.vendor, robot.identity.model)
+        return robot_body(model, robot.identity.envelope_m, loaded, robot.identity.max_speed_mps)

@@ -1,0 +1,1 @@
+"""The forecast of one robot from its status."""

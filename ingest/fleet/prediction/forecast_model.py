@@ -1,0 +1,82 @@
+"""What a forecast is made from and what it is made of."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import msgspec
+import numpy as np
+
+from ingest.batch import Basis, Floats
+from ingest.frames.frame_registry import Frame
+from ingest.settings import Envelope, Model, Reading
+
+Knot = tuple[float, float, float, float]
+"""t_s, x_m, y_m, yaw_rad"""
+Route = tuple[Sequence[Knot], tuple[int, ...]]
+"""Knots of the location (k,), and the floor of each (k,)."""
+NO_STOPS: Floats = np.empty((0, 4))
+
+
+class FrameOf(Protocol):
+    """Frame and floor index of a datum that a vendor names. "" is the robot's own datum."""
+
+    def __call__(self, datum: str) -> tuple[Frame, int]: ...
+
+
+class RobotBody(msgspec.Struct, frozen=True, gc=False):
+    """A robot's envelope with its present load."""
+
+    envelope_m: Envelope
+    """Length, width and height."""
+    offset_m: tuple[float, float] = (0.0, 0.0)
+    """Its centre relative to the reported location: along the heading, and to its left."""
+    max_speed_mps: float | None = None
+    """None if the robot has not stated it."""
+
+
+class ForecastContext(msgspec.Struct, frozen=True):
+    """How the messages of a robot are read. Robots of one kind share it."""
+
+    body: RobotBody
+    frame_of: FrameOf
+    reading: Reading
+
+
+class Sighting(msgspec.Struct, frozen=True, gc=False):
+    """Where a robot was: its location, not the envelope centre, in the floor's frame."""
+
+    t_s: float
+    floor: int
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    """nan if the heading is unknown."""
+    linear_mps: float | None = None
+    """Speed along the heading, negative backwards; None if neither sent nor observed."""
+    turn_radps: float = 0.0
+    clock_offset_s: float = 0.0
+    """The robot's stamps plus this are service time."""
+
+
+class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """Where the centre of one envelope will be."""
+
+    basis: Basis
+    knots: tuple[Knot, ...] | Floats
+    """(k,) of `Knot`; (k, 4) if the fast path made them."""
+    floors: tuple[int, ...]
+    """(k,) floor index of each knot."""
+    length_m: float
+    width_m: float
+    bottom_m: float
+    """-inf if the height is unknown."""
+    top_m: float
+    """inf if the height is unknown."""
+    findings: tuple[str, ...] = ()
+
+
+def robot_body(model: Model, reported: Envelope, loaded: bool, max_speed_mps: float | None) -> RobotBody:
+    """The body with the envelope that the site states for the model and the load, else with the reported one."""
+    if loaded and model.loaded_envelope_m:
+        return RobotBody(model.loaded_envelope_m, model.loaded_offset_m or model.offset_m, max_speed_mps)
+    return RobotBody(model.envelope_m or reported, model.offset_m, max_speed_mps)

@@ -1,0 +1,117 @@
+"""The forecast of a robot along the path that it sent."""
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from math import hypot, isfinite
+from operator import itemgetter, lt
+
+from ingest.fleet.prediction.forecast_model import ForecastContext, Knot, RobotBody, Route, Sighting
+from ingest.frames.frame_registry import Frame
+from ingest.languages.model import Path
+
+MOVING_MPS = 0.02
+"""A robot with at most this speed stands."""
+JUMP_FACTOR, JUMP_SLACK_M = 2.0, 0.5
+"""A path that asks for more than this times the robot's greatest speed, plus this length, contradicts its motion."""
+PLAUSIBLE_SPEED_MPS = 5.0
+"""Greatest speed of a robot that has not stated one."""
+
+
+def route_by_path(path: Path, here: Sighting, context: ForecastContext, findings: list[str]) -> Route | None:
+    """The route along a path from `here` on, with unknown headings left as nan. None if the path can't be used.
+
+    A path whose times are past or out of order gets new times by the robot's speed. A path that jumps is used up to
+    the jump. It is used a little beyond the horizon, so that it still reaches it when the next status is late.
+    """
+    points: list[Knot] = []
+    floors: list[int] = []
+    for floor, placed in on_floors(path, here, context):
+        points += placed
+        floors += [floor] * len(placed)
+    if not points:
+        return None
+    times = [point[0] for point in points]
+    in_order = (path.in_order and not here.clock_offset_s) or all(map(lt, times, times[1:]))
+    if times[-1] <= here.t_s or not in_order:
+        retimed = _retimed(points, here, context.body)
+        if retimed is None:
+            return None
+        findings.append("path-retimed")
+        points, times = retimed, [point[0] for point in retimed]
+    ahead = bisect_right(times, here.t_s)
+    within = bisect_left(times, here.t_s + context.reading.horizon_s + context.reading.quiet_after_s) + 1
+    knots, all_floors = [knot_at(here), *points[ahead:within]], (here.floor, *floors[ahead:within])
+    reachable = _knots_before_jump(knots, all_floors, context.body)
+    if reachable < len(knots):
+        findings.append("path-contradicts-motion")
+    if reachable < 2:
+        return None
+    return knots[:reachable], all_floors[:reachable]
+
+
+def knot_at(here: Sighting) -> Knot:
+    """The first knot of a route."""
+    return here.t_s, here.x_m, here.y_m, here.yaw_rad
+
+
+def on_floors(path: Path, here: Sighting, context: ForecastContext) -> list[tuple[int, Sequence[Knot]]]:
+    """The poses of a path in the order sent, in service time and the floors' frames, grouped by floor index.
+
+    Only neighbours share a group. Points that have no place, such as degrees that no latitude has, are left out.
+    """
+    groups: list[tuple[int, Sequence[Knot]]] = []
+    for datum, poses in _by_datum(path) if path.datums else ():
+        frame, floor = context.frame_of(datum)
+        groups.append((floor, _placed(poses, frame, here.clock_offset_s)))
+    return groups
+
+
+def _by_datum(path: Path) -> Iterable[tuple[str, Sequence[Knot]]]:
+    """The poses in the order sent. Neighbours on one datum share a group."""
+    datums = path.datums
+    if datums.count(datums[0]) == len(datums):
+        return ((datums[0], path.poses),)
+    groups = groupby(zip(datums, path.poses, strict=True), itemgetter(0))
+    return [(datum, [pose for _, pose in group]) for datum, group in groups]
+
+
+def _placed(poses: Sequence[Knot], frame: Frame, clock_offset_s: float) -> Sequence[Knot]:
+    if frame.transform is not None:
+        return [(t_s + clock_offset_s, *frame.transform.pose(x, y, yaw_rad)) for t_s, x, y, yaw_rad in poses]
+    if frame.projection is not None:
+        placed = zip(poses, frame.placed([pose[1:] for pose in poses]), strict=True)
+        return [(pose[0] + clock_offset_s, x, y, yaw) for pose, (x, y, yaw) in placed if isfinite(x) and isfinite(y)]
+    if not clock_offset_s:
+        return poses
+    return [(t_s + clock_offset_s, x, y, yaw_rad) for t_s, x, y, yaw_rad in poses]
+
+
+def _retimed(points: list[Knot], here: Sighting, body: RobotBody) -> list[Knot] | None:
+    """The points in the order sent, with times by the robot's speed. None if the speed is not known."""
+    speed_mps = abs(here.linear_mps) if here.linear_mps else body.max_speed_mps
+    if not speed_mps or speed_mps <= MOVING_MPS:
+        return None
+    retimed: list[Knot] = []
+    along_m, last_x, last_y = 0.0, here.x_m, here.y_m
+    for _, x, y, yaw_rad in points:
+        along_m += max(hypot(x - last_x, y - last_y), 1e-3)
+        retimed.append((here.t_s + along_m / speed_mps, x, y, yaw_rad))
+        last_x, last_y = x, y
+    return retimed
+
+
+def jump_mps(body: RobotBody) -> float:
+    """The speed beyond which a path contradicts the robot's motion."""
+    return JUMP_FACTOR * (body.max_speed_mps or PLAUSIBLE_SPEED_MPS)
+
+
+def _knots_before_jump(knots: Sequence[Knot], floors: tuple[int, ...], body: RobotBody) -> int:
+    """How many knots the robot can reach one after the other. A change of floor is never a jump."""
+    limit_mps = jump_mps(body)
+    t, x, y, _ = knots[0]
+    for row, (next_t, next_x, next_y, _) in enumerate(knots):
+        if hypot(next_x - x, next_y - y) > limit_mps * (next_t - t) + JUMP_SLACK_M and floors[row - 1] == floors[row]:
+            return row
+        t, x, y = next_t, next_x, next_y
+    return len(knots)

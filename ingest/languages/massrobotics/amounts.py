@@ -1,0 +1,70 @@
+"""Amounts of a message: speeds, percentages, run times. Values out of range are clamped or left out, with a finding."""
+
+from math import isnan, nan
+
+from ingest.languages.massrobotics import path_points, repair
+from ingest.languages.massrobotics.conformance_rules import Findings
+from ingest.languages.massrobotics.report_models import StatusReport, Velocity
+
+MAX_SPEED_MPS = 100.0
+HOUR_S = 3600.0
+LOAD_USED_KEY = "loadPercentageUsed"
+"""A key after the text of the standard (5.3.4). Its schema asks for what is still available."""
+
+
+def motion(velocity: Velocity | None, findings: Findings) -> tuple[float | None, float | None]:
+    """Speed along the heading, and the turn made in one second. None if not sent."""
+    if velocity is None:
+        return None, None
+    turn_rad = path_points.yaw_rad(velocity.angular, findings) if velocity.angular else nan
+    return speed(velocity.linear, findings), None if isnan(turn_rad) else turn_rad
+
+
+def speed(speed_mps: float | None, findings: Findings) -> float | None:
+    if speed_mps is None or abs(speed_mps) <= MAX_SPEED_MPS:
+        return speed_mps
+    findings["speed-absurd"] = None
+    return None
+
+
+def speed_limit(speed_mps: float | None, findings: Findings) -> float | None:
+    """The greatest speed of a robot. None if it is not sent or not above zero."""
+    limit_mps = speed(speed_mps, findings)
+    if limit_mps is None or limit_mps > 0:
+        return limit_mps
+    findings["speed-limit-not-positive"] = None
+    return None
+
+
+def battery(battery_pct: float | None, findings: Findings) -> float | None:
+    if battery_pct is not None and 0.0 < battery_pct < 1.0:
+        findings["battery-fraction"] = None
+    return percentage(battery_pct, "battery-out-of-range", findings)
+
+
+def load_available(report: StatusReport, findings: Findings) -> float | None:
+    """How much more the robot could carry, in percent. Derived from the load used if only that is sent."""
+    available_pct = report.loadPercentageStillAvailable
+    extra = report.__pydantic_extra__
+    if extra and LOAD_USED_KEY in extra:
+        findings["load-used-key"] = None
+        used_pct = repair.number(extra[LOAD_USED_KEY], findings)
+        if available_pct is None and repair.is_number(used_pct):
+            available_pct = 100.0 - used_pct
+    return percentage(available_pct, "load-out-of-range", findings)
+
+
+def percentage(value_pct: float | None, rule: str, findings: Findings) -> float | None:
+    """The value clamped to 0 to 100. A value outside breaks `rule`."""
+    if value_pct is None or 0.0 <= value_pct <= 100.0:
+        return value_pct
+    findings[rule] = None
+    return min(max(value_pct, 0.0), 100.0)
+
+
+def run_time(hours: float | None, findings: Findings) -> float | None:
+    """Hours, not negative."""
+    if hours is None or hours >= 0.0:
+        return hours
+    findings["run-time-negative"] = None
+    return 0.0

@@ -1,0 +1,49 @@
+"""A message as people are shown it: everything that it says, spelt as the standard spells it."""
+
+from typing import Any
+
+from ingest.languages.massrobotics import amounts, timestamps, vocabulary
+from ingest.languages.massrobotics.parser import message_stamp
+from ingest.languages.massrobotics.report_models import StatusReport
+from ingest.languages.massrobotics.report_reader import validated_report
+
+
+def message_document(raw: bytes) -> dict[str, Any]:
+    """Everything that an accepted message says, JSON-ready. Unknown keys are included, times are in UTC.
+
+    Raises `RejectedError` for a message that `parser.read` rejects.
+    """
+    report = validated_report(raw, {})
+    document = report.model_dump(mode="json", exclude_none=True)
+    if vocabulary.is_uuid(report.uuid):
+        document["uuid"] = vocabulary.robot_uuid(report.uuid, None, {})
+    document["timestamp"] = timestamps.write(message_stamp(report.timestamp, {}).t_s)
+    if isinstance(report, StatusReport):
+        _spell_status(document, report)
+    elif report.maxRunTime is not None:
+        document["maxRunTime"] = amounts.run_time(report.maxRunTime, {})
+    return document
+
+
+def _spell_status(document: dict[str, Any], report: StatusReport) -> None:
+    document["operationalState"] = vocabulary.state(report.operationalState, {})[0]
+    values = {
+        "batteryPercentage": amounts.battery(report.batteryPercentage, {}),
+        "loadPercentageStillAvailable": amounts.load_available(report, {}),
+        "remainingRunTime": amounts.run_time(report.remainingRunTime, {}),
+    }
+    document.update((key, value) for key, value in values.items() if value is not None)
+    _spell_datum(document["location"], "planarDatum")
+    for point in (*document.get("path", ()), *document.get("destinations", ())):
+        _spell_datum(point, "planarDatumUUID")
+        stamp = timestamps.parse(point["timestamp"])
+        if stamp and timestamps.plausible(stamp.t_s):
+            point["timestamp"] = timestamps.write(stamp.t_s)
+
+
+def _spell_datum(location: dict[str, Any], key: str) -> None:
+    """Put the datum, in lower case, under the key that the schema has for it."""
+    keys = (key, *({"planarDatum", "planarDatumUUID"} - {key}))
+    datums = [location.pop(each) for each in keys if each in location]
+    if datums:
+        location[key] = vocabulary.datum(datums[0], None, {}, empty="datum-empty")
