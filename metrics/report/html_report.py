@@ -40,7 +40,7 @@ def _sections(result: Part) -> Iterator[str]:
     if result["arrivals"]:
         yield "<h2>Errors of announced arrivals</h2>" + arrivals(result["arrivals"])
     if result["contention"]:
-        yield "<h2>Queues, crowds, deadlocks and blockages</h2>" + contention(result["contention"])
+        yield "<h2>Contention, double occupancy, deadlocks and blockages</h2>" + contention(result["contention"])
     if result["places"]:
         yield "<h2>Forecasts for shared places</h2>" + places(result["places"])
     yield "<h2>Nearest moments</h2>" + _scenes(result["nearest"])

@@ -27,9 +27,9 @@ def arrivals(rows: Sequence[Part]) -> str:
 def _by_ahead(kinds: Sequence[Part]) -> str:
     """The share of advisories that came true, by how far ahead they were raised."""
     rows = [
-        [one["kind"].replace("_", " "), _ahead(part), f"{part['alerts']:,}", share(part["precision"])]
-        for one in kinds
-        for part in one["by_ahead"]
+        [kind_row["kind"].replace("_", " "), _ahead(part), f"{part['alerts']:,}", share(part["precision"])]
+        for kind_row in kinds
+        for part in kind_row["by_ahead"]
     ]
     return table(("advisory", "raised up to", "advisories", "came true"), rows) if rows else ""
 

@@ -1,8 +1,8 @@
-"""When robots came to their destinations, against when they had said they would: what contention forecasts rest on.
+"""Errors of announced arrival times, on which contention forecasts are based.
 
-A robot's word is kept when it first names a destination and every half minute after; it has come when its envelope's
-centre is within 0.75 m. The error of each word is told by how long ahead it was given. A robot that has not come by the
-time that it told, when it is heard of last, is late by at least as long as it was heard of after that.
+An announcement is kept when a robot first names a destination, and every half minute after that. The robot has arrived
+when the centre of its envelope is within 0.75 m. Errors are counted by how far ahead the arrival was announced. If a
+robot has not arrived at its last report, and the announced time has passed, it is late by at least the time between.
 """
 
 from collections.abc import Mapping
@@ -17,72 +17,74 @@ from metrics.scoring.place_scores import AHEAD_S
 
 
 class ArrivalScores:
-    """Words that wait for their robots, and counts of errors by vendor."""
+    """Announcements whose robots have not arrived yet, and counts of errors by vendor."""
 
     def __init__(self) -> None:
         self._promises = Promises()
         self._errors: dict[str, Ints] = {}
-        """(late or early, ahead, BINS) by vendor."""
-        self._out: dict[str, Ints] = {}
-        """(ahead,) by vendor: words whose robots had not come when they were heard of last."""
-        self._heard: dict[str, tuple[str, float]] = {}
-        """By robot, its vendor, and when it was heard of last."""
+        """By vendor (2, ahead, BINS): counts of early (0) and late (1) arrivals, by time ahead and size of the
+        error."""
+        self._not_arrived: dict[str, Ints] = {}
+        """By vendor (ahead,): announcements of robots that had not arrived at their last report."""
+        self._last_reports: dict[str, tuple[str, float]] = {}
+        """By robot: its vendor and the time of its last report."""
 
     def add_batch(self, batch: Batch) -> None:
-        """Robots that have reported, and where they say that they go."""
-        first, told = batch.forecasts.start[:-1], _known(batch.destinations)
-        heard = zip(batch.vendors, batch.event_s.tolist(), strict=True)
-        self._heard.update(zip(batch.robots, heard, strict=True))
+        """Add the reports of a batch with their announced destinations."""
+        first, destinations = batch.forecasts.start[:-1], _known(batch.destinations)
+        reports = zip(batch.vendors, batch.event_s.tolist(), strict=True)
+        self._last_reports.update(zip(batch.robots, reports, strict=True))
         floor, x_m, y_m = (getattr(batch.forecasts, name)[first] for name in ("floor", "x_m", "y_m"))
-        for row, kept in self._promises.hear(batch, batch.event_s, (floor, x_m, y_m), told):
-            for said in kept:
-                self._count(batch.vendors[row], float(batch.event_s[row]), said)
+        for row, announced in self._promises.hear(batch, batch.event_s, (floor, x_m, y_m), destinations):
+            for announcements in announced:
+                self._count(batch.vendors[row], float(batch.event_s[row]), announcements)
         for robot in batch.gone:
             self._promises.forget(robot)
 
     def figures(self) -> list[dict[str, Any]]:
-        """By vendor and by how long ahead: words of arrivals, how far off they were, and the share that came late.
+        """By vendor and time ahead: the number of announcements, their errors, and the share of late arrivals.
 
-        Ends what waits.
+        Also counts the announcements of robots that have not arrived. Call it once, after the last batch.
         """
-        for robot, said in list(self._promises.waiting()):
-            vendor, heard_s = self._heard[robot]
-            self._count(vendor, heard_s, [one for one in said if one.told_s < heard_s], came=False)
+        for robot, announcements in list(self._promises.waiting()):
+            vendor, heard_s = self._last_reports[robot]
+            past = [announcement for announcement in announcements if announcement.told_s < heard_s]
+            self._count(vendor, heard_s, past, has_arrived=False)
             self._promises.forget(robot)
         return [
             {
                 "vendor": vendor,
                 "ahead_up_to_s": ahead_s,
                 **_row(counts[:, column]),
-                "out": int(self._out[vendor][column]),
+                "out": int(self._not_arrived[vendor][column]),
             }
             for vendor, counts in sorted(self._errors.items())
             for column, ahead_s in enumerate(AHEAD_S.tolist())
             if counts[:, column].any()
         ]
 
-    def _count(self, vendor: str, now_s: float, said: list[Promise], *, came: bool = True) -> None:
-        """Words whose robot has come now, or has not by now."""
+    def _count(self, vendor: str, now_s: float, announcements: list[Promise], *, has_arrived: bool = True) -> None:
+        """Count announcements whose robot arrived at `now_s`, or had not arrived by then."""
         counts = self._errors.setdefault(vendor, np.zeros((2, len(AHEAD_S), BINS), np.int64))
-        out = self._out.setdefault(vendor, np.zeros(len(AHEAD_S), np.int64))
-        for at_s, told_s in said:
-            column, late_s = int(np.searchsorted(AHEAD_S, told_s - at_s)), now_s - told_s
+        not_arrived = self._not_arrived.setdefault(vendor, np.zeros(len(AHEAD_S), np.int64))
+        for at_s, announced_s in announcements:
+            column, late_s = int(np.searchsorted(AHEAD_S, announced_s - at_s)), now_s - announced_s
             if column < len(AHEAD_S):
                 counts[int(late_s > 0), column, bins_of(np.array([abs(late_s)]))] += 1
-                out[column] += not came
+                not_arrived[column] += not has_arrived
 
 
-def _known(told: Destinations) -> Destinations:
-    """Those that are compared with something."""
-    known = told.floor >= 0
+def _known(destinations: Destinations) -> Destinations:
+    """The destinations on a known floor."""
+    known = destinations.floor >= 0
     if known.all():
-        return told
-    start = np.concatenate([[0], np.cumsum(known)])[told.start]
-    return Destinations(start, *(getattr(told, name)[known] for name in ("t_s", "x_m", "y_m", "floor")))
+        return destinations
+    start = np.concatenate([[0], np.cumsum(known)])[destinations.start]
+    return Destinations(start, *(getattr(destinations, name)[known] for name in ("t_s", "x_m", "y_m", "floor")))
 
 
 def _row(counts: Ints) -> Mapping[str, Any]:
-    """`counts` (2, BINS) of early and late ones."""
+    """The figures of `counts` (2, BINS): early and late arrivals by size of the error."""
     both = counts.sum(axis=0)
     cases = int(both.sum())
     return {

@@ -1,4 +1,4 @@
-"""How sure a figure is: the same figure over cases drawn again, with replacement (Efron 1979)."""
+"""Bootstrap intervals: the distribution of a figure over cases drawn with replacement (Efron 1979)."""
 
 from collections.abc import Callable
 
@@ -10,18 +10,18 @@ DRAWS = 400
 LEVEL = 0.95
 SEED = 20_090_724
 GROUPS = 32
-"""Pairs fall into so many groups, which are drawn whole: seconds of one pair are no independent cases."""
+"""Pairs are divided into this many groups. A whole group is drawn, because the seconds of one pair are dependent."""
 DRAWN = 1_000_000
-"""Cases drawn at once, which bounds the memory."""
+"""Cases drawn at once. Bounds the memory."""
 
 Interval = tuple[float, float] | None
-"""The middle 95 % of the figure; None where it could not be told of most draws."""
+"""The central 95 % of the figure. None if the figure is unknown in most draws."""
 
 
 def interval(cases: Floats, figures: Callable[[Floats], Floats]) -> Interval:
-    """Of a figure over `cases` (n, ...). The draws are the same on every run.
+    """The interval of a figure over `cases` (n, ...). The draws are the same on every run.
 
-    `figures` tells it of samples (d, n, ...), each by itself: (d,), nan where it can't be told.
+    `figures` computes the figure of each of d samples (d, n, ...): (d,), nan if the figure is unknown.
     """
     if not len(cases):
         return None
@@ -33,7 +33,7 @@ def interval(cases: Floats, figures: Callable[[Floats], Floats]) -> Interval:
 
 
 def middle(values: list[float]) -> Interval:
-    """The middle 95 % of what draws gave."""
+    """The central 95 % of the values from the draws."""
     if len(values) < DRAWS / 2:
         return None
     low, high = np.percentile(values, (50 - 50 * LEVEL, 50 + 50 * LEVEL)).tolist()

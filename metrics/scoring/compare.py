@@ -1,7 +1,7 @@
 """Compares two results of `metrics/replay/replay.py`, figure by figure, with intervals.
 
-Over the same log both hold the same encounters and the same groups of pairs, so each is compared with itself (a paired
-bootstrap); alerts differ, and are drawn on either side.
+Two results of the same log have the same encounters and the same groups of pairs, so a paired bootstrap compares each
+with itself. The alerts differ, so each side draws its own.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,15 +25,15 @@ class FigureChange:
     before: float | None
     after: float | None
     interval: Interval
-    """Of the difference."""
+    """Interval of the difference."""
 
     @property
-    def told(self) -> str:
-        """What a person may make of it."""
+    def meaning(self) -> str:
+        """The direction of the change as text. Empty if there is no interval."""
         if self.interval is None:
             return ""
         low, high = self.interval
-        return "no change that shows" if low <= 0 <= high else "higher" if low > 0 else "lower"
+        return "no significant change" if low <= 0 <= high else "higher" if low > 0 else "lower"
 
 
 FIGURES: dict[str, tuple[str, Callable[[Floats], float | None]]] = {
@@ -47,7 +47,7 @@ BY_ENCOUNTER = ("recall", "recall_any", "lead_time_s", "start_error_s")
 
 
 def page(a: Mapping[str, Any], b: Mapping[str, Any]) -> str:
-    """The comparison for a person: A before, B after, the difference and where it lies with 95 %."""
+    """The comparison as text for a person: A before, B after, the difference and its 95 % interval."""
     return "\n".join([*_lines(a, b), ""])
 
 
@@ -57,12 +57,12 @@ def changes(a: Score, b: Score, same_log: bool) -> Iterator[FigureChange]:
         before, after = _values(a["cases"][key]), _values(b["cases"][key])
         paired = same_log and name in BY_ENCOUNTER and len(before) == len(after)
         yield FigureChange(name, figure(before), figure(after), _difference(before, after, figure, paired))
-    before, after = (np.array(one["cases"]["probabilities"], np.float64).reshape(-1, 3) for one in (a, b))
+    before, after = (np.array(score["cases"]["probabilities"], np.float64).reshape(-1, 3) for score in (a, b))
     paired = same_log and len(before) == len(after) == GROUPS
     of_a, of_b = before[:, 0] > 0, after[:, 0] > 0
     before, after = (before[of_a | of_b], after[of_a | of_b]) if paired else (before[of_a], after[of_b])
-    for name, told in (("brier", brier), ("brier_skill", brier_skill)):
-        yield FigureChange(name, a[name], b[name], _difference(before, after, told, paired))
+    for name, statistic in (("brier", brier), ("brier_skill", brier_skill)):
+        yield FigureChange(name, a[name], b[name], _difference(before, after, statistic, paired))
     for name in ("ece", "alerts_per_robot_hour"):
         yield FigureChange(name, a[name], b[name], None)
 
@@ -70,18 +70,18 @@ def changes(a: Score, b: Score, same_log: bool) -> Iterator[FigureChange]:
 def _lines(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
     same_log = all(a[name] == b[name] for name in ("messages", "robots", "span_s"))
     if not same_log:
-        yield "The logs differ: differences are of the logs as much as of the versions."
-    for one, other in _matched(a["scores"], b["scores"]):
-        what = " and ".join(dict.fromkeys(f"{score['clearance_m']} m" for score in (one, other)))
-        yield f"clearance {what}: {one['foreseeable']} and {other['foreseeable']} foreseeable encounters"
+        yield "The logs differ: a difference may come from the log or from the version."
+    for score_a, score_b in _matched(a["scores"], b["scores"]):
+        what = " and ".join(dict.fromkeys(f"{score['clearance_m']} m" for score in (score_a, score_b)))
+        yield f"clearance {what}: {score_a['foreseeable']} and {score_b['foreseeable']} foreseeable encounters"
         yield f"{'':<22}{'A':>9}{'B':>9}{'B - A':>9}   95 %"
-        yield from map(_row, changes(one, other, same_log))
+        yield from map(_row, changes(score_a, score_b, same_log))
 
 
 def _matched(a: Sequence[Score], b: Sequence[Score]) -> list[tuple[Score, Score]]:
-    """Those of one clearance, or in order where none is in both: a clearance may be what changed."""
-    of_a = {one["clearance_m"]: one for one in a}
-    found = [(of_a[one["clearance_m"]], one) for one in b if one["clearance_m"] in of_a]
+    """Pairs of scores of the same clearance. If no clearance is in both, pairs in order: it may be what changed."""
+    of_a = {score["clearance_m"]: score for score in a}
+    found = [(of_a[score["clearance_m"]], score) for score in b if score["clearance_m"] in of_a]
     return found or list(zip(a, b, strict=False))
 
 
@@ -90,11 +90,11 @@ def _row(change: FigureChange) -> str:
     interval = "" if change.interval is None else f"{change.interval[0]:+.3f} to {change.interval[1]:+.3f}"
     cells = "".join(f"{'-' if value is None else f'{value:.3f}':>9}" for value in (change.before, change.after))
     step = "-" if difference is None else f"{difference:+.3f}"
-    return f"{change.figure:<22}{cells}{step:>9}   {interval:<20} {change.told}".rstrip()
+    return f"{change.figure:<22}{cells}{step:>9}   {interval:<20} {change.meaning}".rstrip()
 
 
 def _values(listed: str) -> Floats:
-    """What `cases` lists: y and n, or numbers; nan for -."""
+    """The values of a list in `cases`: 1 and 0 for y and n, or numbers; nan for -."""
     if " " in listed or "." in listed:
         return np.array([np.nan if value == "-" else float(value) for value in listed.split()])
     return np.array([{"y": 1.0, "n": 0.0}.get(letter, np.nan) for letter in listed])

@@ -1,7 +1,7 @@
-"""How far robots were from where their forecasts had put them, 1 to 10 s ahead, by vendor and model.
+"""Errors of forecasts 1 to 10 s ahead, by vendor and model.
 
-The truth is the recorded motion of `metrics/truth/recorded_motion.py`. Along and across are those of the heading that
-was forecast.
+The truth is the recorded motion of `metrics/truth/recorded_motion.py`. Errors along and across refer to the forecast
+heading.
 """
 
 from collections.abc import Sequence
@@ -21,38 +21,38 @@ HORIZONS_S = np.arange(1.0, 11.0)
 BANDS = (0.5, 0.8, 0.9)
 KINDS = ("distance", "along", "across")
 USUAL, FEWEST_CASES = 0.9, 100
-"""Forecasts of a kind are usually no further off than this share of them; it is not known of fewer."""
+"""The usual error of a maker's forecasts is this quantile. It is unknown with fewer cases."""
 GATHERED_S = 5.0
-"""Forecasts of so long are held against the motion together."""
+"""Forecasts made within this time are compared with the motion together."""
 
 Maker = tuple[str, str]
 """Vendor and model."""
 
 
 class ForecastScores:
-    """Forecasts that wait for the motion they foretold, and counts of their errors."""
+    """Forecasts that wait for the motion that they predict, and counts of their errors."""
 
     def __init__(self) -> None:
         self._counts: Ints = np.zeros((len(KINDS), 0, len(HORIZONS_S), BINS), np.int64)
-        """By maker in the second dimension."""
+        """(kinds, makers, horizons, BINS) counts of errors."""
         self._inside: Ints = np.zeros((0, len(HORIZONS_S), len(BANDS) + 1), np.int64)
-        """By maker: how many lay within each band, and of how many bands are known."""
+        """(makers, horizons, bands + 1) number of errors within each band; last, number of errors with known bands."""
         self._index: dict[str, int] = {}
         self._makers: dict[Maker, int] = {}
         self._usually_aside_m: Floats = np.zeros((0, len(HORIZONS_S)))
-        """By maker: how far aside of their headings its robots usually come to be."""
+        """(makers, horizons) usual error across the forecast heading; 0 if unknown."""
         self._waiting: list[tuple[Ints, Ints, Floats, Forecasts]] = []
-        """Robot, maker, bands, forecast."""
+        """Robots, makers, bands and forecasts, by batch."""
         self._since_s: float | None = None
-        """When the first of those that wait was made."""
+        """When the oldest waiting forecast was made."""
 
     def add(
         self, robots: Sequence[str], makers: Sequence[Maker], forecasts: Forecasts, bands_m: Floats | None = None
     ) -> None:
-        """Take the forecasts of robots that have reported; their first knots are where they were.
+        """Add the forecasts of robots that have reported. The first knot of each is its present pose.
 
-        `bands_m` (n, horizons, bands) are the radii within which each is said to come true, with the probabilities of
-        `BANDS`; nan where none are.
+        `bands_m` (n, horizons, bands) are the radii that should contain the error with the probabilities of `BANDS`;
+        nan if they are unknown.
         """
         if not len(robots):
             return
@@ -64,7 +64,7 @@ class ForecastScores:
             self._since_s = float(forecasts.t_s[forecasts.start[:-1]].min())
 
     def advance(self, now_s: float) -> None:
-        """Count what can be told of all forecasts that were made long enough ago."""
+        """Count the errors of all forecasts that were made long enough ago."""
         if self._since_s is not None and now_s >= self._since_s + GATHERED_S + HORIZONS_S[-1] + LAG_S:
             self._count(self._since_s + GATHERED_S)
 
@@ -73,12 +73,12 @@ class ForecastScores:
             self._count(np.inf)
 
     def usually_aside_m(self, makers: Sequence[Maker]) -> Floats:
-        """(n, horizons) how far aside of their headings the robots of makers (n,) usually come to be, so many whole
-        seconds ahead, as far as it is known; 0 where it is not."""
+        """(n, horizons) usual error across the heading of the robots of makers (n,), by whole seconds ahead; 0 if it is
+        unknown."""
         return self._usually_aside_m[self._rows(makers)]
 
     def figures(self) -> dict[str, Any]:
-        """Median and p90 by horizon, of all, by vendor, and by vendor and model."""
+        """Median and p90 by horizon: of all robots, by vendor, and by vendor and model."""
         rows_of: dict[str, list[int]] = {}
         for (vendor, _), row in sorted(self._makers.items()):
             rows_of.setdefault(vendor, []).append(row)
@@ -98,7 +98,7 @@ class ForecastScores:
         }
 
     def _rows(self, makers: Sequence[Maker]) -> Ints:
-        """The rows of makers (n,) in what is counted."""
+        """The rows of makers (n,) in the counts. Adds rows for new makers."""
         new = [maker for maker in dict.fromkeys(makers) if maker not in self._makers]
         if new:
             self._makers |= {maker: row for row, maker in enumerate(new, len(self._makers))}
@@ -109,16 +109,23 @@ class ForecastScores:
 
     def _count(self, until_s: float) -> None:
         robot, maker, bands_m = (np.concatenate([waiting[n] for waiting in self._waiting]) for n in range(3))
-        told = Forecasts.joined(waiting[3] for waiting in self._waiting)
-        made_s = told.t_s[told.start[:-1]]
-        columns = (told.t_s, told.x_m, told.y_m, told.yaw_rad, ready(told.floor, np.int64), bands_m)
+        forecasts = Forecasts.joined(waiting[3] for waiting in self._waiting)
+        made_s = forecasts.t_s[forecasts.start[:-1]]
+        knots = (
+            forecasts.t_s,
+            forecasts.x_m,
+            forecasts.y_m,
+            forecasts.yaw_rad,
+            ready(forecasts.floor, np.int64),
+            bands_m,
+        )
         order = np.lexsort((made_s, robot))
-        errors, at = _held(order, robot, maker, told.start, *columns, until_s, HORIZONS_S, JOINED_S, self._inside)
+        errors, at = _errors(order, robot, maker, forecasts.start, *knots, until_s, HORIZONS_S, JOINED_S, self._inside)
         for counts, bins in zip(self._counts, bins_of(errors), strict=True):
             np.add.at(counts.reshape(-1), at * BINS + bins, 1)
         self._learn_usual()
         rows = np.flatnonzero(made_s >= until_s)
-        self._keep(robot[rows], maker[rows], bands_m[rows], told.take(rows))
+        self._keep(robot[rows], maker[rows], bands_m[rows], forecasts.take(rows))
 
     def _learn_usual(self) -> None:
         for maker, horizon in np.argwhere(self._counts[KINDS.index("across")].sum(axis=2) >= FEWEST_CASES).tolist():
@@ -147,7 +154,7 @@ _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (nu
         numba.int64[:, :, ::1],
     )
 )
-def _held(
+def _errors(
     order: Ints,
     robot: Ints,
     maker: Ints,
@@ -163,10 +170,11 @@ def _held(
     joined_s: float,
     inside: Ints,
 ) -> tuple[Floats, Ints]:
-    """Forecasts made before `until_s`, held against the motion; `order` is by robot and by when they were made.
+    """Compare forecasts made before `until_s` with the motion. `order` sorts them by robot, then by when they were
+    made.
 
-    (kinds, m) errors and (m,) maker and horizon of each, as an index into (makers, horizons); adds to `inside` (makers,
-    horizons, bands + 1) how many lie within each band, and of how many all are known.
+    Returns (kinds, m) errors, and (m,) maker and horizon of each as an index into (makers, horizons). Adds to `inside`
+    (makers, horizons, bands + 1) the number of errors within each band; last, the number whose bands are all known.
     """
     n, horizons, bands, m = len(order), len(horizons_s), bands_m.shape[2], 0
     errors, at = np.empty((3, n * horizons)), np.empty(n * horizons, np.int64)

@@ -5,7 +5,7 @@ import numpy as np
 from ingest.batch import Floats, Ints
 
 LEAST_M, GROWTH, BINS = 1e-3, 1.02, 700
-"""From a millimetre to a kilometre; what lies beyond counts as that."""
+"""The bins reach from a millimetre to a kilometre. Lengths outside count in the first or last bin."""
 
 
 def bins_of(lengths_m: Floats) -> Ints:
@@ -16,7 +16,7 @@ def bins_of(lengths_m: Floats) -> Ints:
 
 
 def quantile(counts: Ints, share: float) -> float | None:
-    """The `share` quantile of what (BINS,) counts, within 1 %; 0 below a millimetre and None of nothing."""
+    """The `share` quantile of `counts` (BINS,), within 1 %. 0 below a millimetre; None if all counts are 0."""
     total = int(counts.sum())
     if not total:
         return None

@@ -1,6 +1,7 @@
-"""What many cases come to: a figure over nothing is None.
+"""Statistics of many cases. A statistic of no cases is None.
 
-Each is worked out of many samples at once, for a bootstrap draws hundreds: nan there where it is a figure over nothing.
+A bootstrap draws hundreds of samples, so each statistic also has a function that computes it for many samples at once.
+There the statistic of no cases is nan.
 """
 
 from math import isnan
@@ -11,13 +12,13 @@ from ingest.batch import Floats
 
 
 def means(values: Floats) -> Floats:
-    """(d,) of the values of each row (d, n) that are known, which is not nan."""
+    """(d,) mean of the known values of each row (d, n). nan is unknown."""
     known = ~np.isnan(values)
     return _shares(np.where(known, values, 0.0).sum(axis=1), known.sum(axis=1))
 
 
 def medians(values: Floats) -> Floats:
-    """(d,) of the values of each row (d, n) that are known."""
+    """(d,) median of the known values of each row (d, n)."""
     if not values.shape[1]:
         return np.full(len(values), np.nan)
     rows, known = np.arange(len(values)), np.count_nonzero(~np.isnan(values), axis=1)
@@ -27,45 +28,45 @@ def medians(values: Floats) -> Floats:
 
 
 def briers(groups: Floats) -> Floats:
-    """(d,) mean squared errors of probabilities; `groups` (d, n, 3): samples, those that came true, squared errors."""
+    """(d,) Brier scores. `groups` (d, n, 3): number of samples, number that came true, sum of squared errors."""
     count, _, squared = groups.sum(axis=1).T
     return _shares(squared, count)
 
 
 def brier_skills(groups: Floats) -> Floats:
-    """(d,) the share by which each is less than the error of always saying the base rate."""
+    """(d,) Brier skill: the relative gain over a forecast that is always the base rate."""
     count, came_true, squared = groups.sum(axis=1).T
     return 1 - _shares(squared * count, came_true * (count - came_true))
 
 
 def ratios(rows: Floats) -> Floats:
-    """(d,) the sum of the first column over that of the second, of each of `rows` (d, n, 2)."""
+    """(d,) the sum of the first column divided by that of the second, for each of `rows` (d, n, 2)."""
     above, below = rows.sum(axis=1).T
     return _shares(above, below)
 
 
 def ratio(rows: Floats) -> float | None:
-    return _one(ratios(rows[None]))
+    return _single(ratios(rows[None]))
 
 
 def mean(values: Floats) -> float | None:
-    return _one(means(values[None]))
+    return _single(means(values[None]))
 
 
 def median(values: Floats) -> float | None:
-    return _one(medians(values[None]))
+    return _single(medians(values[None]))
 
 
 def brier(groups: Floats) -> float | None:
-    return _one(briers(groups[None]))
+    return _single(briers(groups[None]))
 
 
 def brier_skill(groups: Floats) -> float | None:
-    return _one(brier_skills(groups[None]))
+    return _single(brier_skills(groups[None]))
 
 
 def spread(values: Floats) -> dict[str, float] | None:
-    """Median, p10 and p90 of the values that are known."""
+    """Median, p10 and p90 of the known values."""
     known = values[~np.isnan(values)]
     if not len(known):
         return None
@@ -79,6 +80,6 @@ def _shares(parts: Floats, wholes: Floats) -> Floats:
     return shares
 
 
-def _one(figures: Floats) -> float | None:
+def _single(figures: Floats) -> float | None:
     value = float(figures[0])
     return None if isnan(value) else value

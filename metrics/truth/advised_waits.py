@@ -1,4 +1,4 @@
-"""When robots waited because they were advised to: what became of them then is no measure of what was foretold."""
+"""Times at which robots waited as advised. Outcomes at these times do not show whether a prediction was right."""
 
 from collections.abc import Iterable
 from math import inf
@@ -6,21 +6,21 @@ from math import inf
 from ingest.batch import Pair
 
 ONE_WAIT_S = 2.5
-"""A robot that is seen to wait again within this time waited throughout."""
+"""Two observations of a wait within this time belong to one wait."""
 
 
 class AdvisedWaits:
-    """By robot, from when to when it waited, in order."""
+    """The waits of each robot, in order."""
 
     def __init__(self) -> None:
         self._of: dict[str, list[tuple[float, float]]] = {}
 
     def __contains__(self, pair: Pair) -> bool:
-        """Whether one of a pair has ever waited."""
+        """Whether one robot of a pair has ever waited."""
         return not self._of.keys().isdisjoint(pair)
 
     def add(self, now_s: float, waiting: Iterable[str]) -> None:
-        """These robots wait now."""
+        """Add that these robots wait at `now_s`."""
         for robot in waiting:
             spans = self._of.setdefault(robot, [])
             if spans and now_s - spans[-1][1] <= ONE_WAIT_S:
@@ -29,7 +29,7 @@ class AdvisedWaits:
                 spans.append((now_s, now_s))
 
     def began_s(self, pair: Pair, from_s: float, to_s: float) -> float:
-        """When one of a pair first waited between two times; inf where neither did."""
+        """When one of a pair first waited between two times; inf if neither did."""
         first_s = inf
         for robot in pair:
             for began_s, ended_s in reversed(self._of.get(robot, ())):

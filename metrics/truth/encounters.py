@@ -1,9 +1,10 @@
-"""What happened: encounters of the recorded motion, found as a log is read, in bounded memory.
+"""Encounters of the recorded motion, found while a log is read, in bounded memory.
 
-Truth is each robot's reported positions on its floor, joined linearly at 10 Hz where two reports are at most 2.1 s
-apart; separation of two robots is that of their oriented envelopes. An encounter is a maximal run of one pair below a
-threshold; two runs are one where the gap is at most 1 s or the pair never drew further apart than it and 0.1 m. It is
-foreseeable where both robots were present for at least 2 s before its start.
+The motion of a robot is its reported positions on its floor. If two reports are at most 2.1 s apart, positions between
+them are interpolated linearly at 10 Hz. The separation of two robots is that of their oriented envelopes. An encounter
+is a maximal run of samples of a pair below a threshold. Two runs are one encounter if the gap is at most 1 s, or if the
+separation in the gap stays within 0.1 m above the threshold. An encounter is foreseeable if both robots were present
+for at least 2 s before its start.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,13 +21,14 @@ from metrics.truth.silences import Silences
 
 STEP_S = 0.1
 BRIDGED = 11
-"""Steps from the last sample of one run to the first of another that is the same encounter: 1 s lies between."""
+"""Two runs are one encounter if the first sample of the second is at most this many steps after the last of the
+first."""
 DRAWN_APART_M = 0.1
 FORESEEABLE_S = 2.0
 LAG_S = 3.0
-"""How long after a moment all reports about it have come."""
+"""All reports about a moment have arrived this long after it."""
 STRETCH = 50
-"""Samples that are looked at together."""
+"""Samples that are processed together."""
 
 
 @dataclass(slots=True, eq=False)
@@ -40,7 +42,7 @@ class RecordedEncounter:
 
 
 class EncounterFinder:
-    """Encounters below each of some thresholds, as reports come in."""
+    """Finds the encounters below each of several thresholds while reports arrive."""
 
     def __init__(self, thresholds_m: Sequence[float]) -> None:
         self.motion = RecordedMotion()
@@ -48,57 +50,57 @@ class EncounterFinder:
         self.silences = Silences()
         self._below = {threshold_m: ThresholdEncounters(threshold_m) for threshold_m in thresholds_m}
         self._next: int | None = None
-        """The next sample, in steps since the epoch."""
+        """The next sample to process, in steps since the epoch."""
         self._finished = False
 
     @property
     def until_s(self) -> float:
-        """Everything up to here has been looked at."""
+        """The motion up to this time has been processed."""
         if self._finished:
             return inf
         return -inf if self._next is None else (self._next - 1) * STEP_S
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
-        """Take the present poses, the first knots, of robots that have reported."""
+        """Add the present poses of robots that have reported. These are the first knots of the forecasts."""
         self.motion.report(robots, forecasts)
         self.silences.report(robots, forecasts)
         if self._next is None and len(robots):
             self._next = floor(float(forecasts.t_s[forecasts.start[:-1]].min()) / STEP_S) + 1
 
     def advance(self, now_s: float) -> None:
-        """Look at every stretch of samples that all reports have come for."""
+        """Process all samples whose reports have arrived, in groups of `STRETCH`."""
         while self._next is not None and (self._next + STRETCH - 1) * STEP_S <= now_s - LAG_S:
-            self._look(STRETCH)
+            self._process(STRETCH)
 
     def finish(self) -> None:
-        """Look at what is left, and end every encounter."""
+        """Process the remaining samples, and end every encounter."""
         last_s = self.motion.newest_s
         self.advance(last_s + LAG_S)
         if self._next is not None:
-            self._look(floor(last_s / STEP_S) - self._next + 1)
+            self._process(floor(last_s / STEP_S) - self._next + 1)
         self._finished = True
         self.silences.finish()
         for below in self._below.values():
             below.finish()
 
     def encounters(self, threshold_m: float) -> list[RecordedEncounter]:
-        """Those that have ended, by start."""
-        return sorted(self._below[threshold_m].closed, key=lambda one: (one.start_s, one.pair))
+        """The encounters that have ended, by start."""
+        return sorted(self._below[threshold_m].closed, key=lambda encounter: (encounter.start_s, encounter.pair))
 
     def by_pair(self, threshold_m: float) -> Mapping[Pair, Sequence[RecordedEncounter]]:
-        """Those of each pair as far as has been looked, by start; the last may go on."""
+        """The encounters of each pair so far, by start. The last one may not have ended."""
         return self._below[threshold_m].of_pair
 
-    def _look(self, samples: int) -> None:
+    def _process(self, samples: int) -> None:
         if self._next is None or samples <= 0:
             return
         first, self._next = self._next, self._next + samples
-        stretch = self.motion.stretch(first, samples, STEP_S)
-        near = separations(stretch, max(self._below) + DRAWN_APART_M)
+        sampled = self.motion.sampled(first, samples, STEP_S)
+        near = separations(sampled, max(self._below) + DRAWN_APART_M)
         for below in self._below.values():
-            below.follow(near, first, self._next - 1, self.motion)
-        self.scenes.look(stretch, near, self.motion)
-        self.silences.look(stretch)
+            below.advance(near, first, self._next - 1, self.motion)
+        self.scenes.add(sampled, near, self.motion)
+        self.silences.find_driven_through(sampled)
 
 
 class ThresholdEncounters:
@@ -110,10 +112,11 @@ class ThresholdEncounters:
         self.of_pair: dict[Pair, list[RecordedEncounter]] = {}
         self._open: dict[Pair, RecordedEncounter] = {}
         self._together: dict[Pair, int] = {}
-        """Pairs that have not drawn apart at the last sample, and the sample since when they have not."""
+        """Pairs within `DRAWN_APART_M` above the threshold at the last sample, and the sample since which they have
+        been."""
 
-    def follow(self, near: Separations, first: int, last: int, motion: RecordedMotion) -> None:
-        """Go on with the samples from `first` to `last`."""
+    def advance(self, near: Separations, first: int, last: int, motion: RecordedMotion) -> None:
+        """Process the samples from `first` to `last`."""
         near = near.take(np.flatnonzero(near.separation_m <= self.threshold_m + DRAWN_APART_M))
         spans, span_of = _runs(near)
         before, self._together = self._together, {}
@@ -129,15 +132,15 @@ class ThresholdEncounters:
         runs, _ = _runs(near.take(rows))
         for begin, end in rows[runs].tolist():
             pair = motion.pair(int(near.a[begin]), int(near.b[begin]))
-            self._meet(pair, near, begin, end, int(since[span_of[begin]]))
-        self._close(last)
+            self._add_run(pair, near, begin, end, int(since[span_of[begin]]))
+        self._close_ended(last)
 
     def finish(self) -> None:
         self.closed += self._open.values()
         self._open.clear()
 
-    def _meet(self, pair: Pair, near: Separations, begin: int, end: int, together_since: int) -> None:
-        """A run of the pair below the threshold, rows `begin` to `end`."""
+    def _add_run(self, pair: Pair, near: Separations, begin: int, end: int, together_since: int) -> None:
+        """Add a run of the pair below the threshold, rows `begin` to `end`."""
         start, end_s = int(near.sample[begin]), int(near.sample[end]) * STEP_S
         known = self._open.get(pair)
         if known is not None:
@@ -150,7 +153,7 @@ class ThresholdEncounters:
         encounter = self._open[pair] = RecordedEncounter(pair, start * STEP_S, end_s, foreseeable)
         self.of_pair.setdefault(pair, []).append(encounter)
 
-    def _close(self, last: int) -> None:
+    def _close_ended(self, last: int) -> None:
         for pair, encounter in list(self._open.items()):
             end = round(encounter.end_s / STEP_S)
             if last - end >= BRIDGED and self._together.get(pair, last + 1) > end:
@@ -158,7 +161,7 @@ class ThresholdEncounters:
 
 
 def _runs(near: Separations) -> tuple[Ints, Ints]:
-    """(r, 2) first and last row of each run of one pair at samples without a gap, and (m,) the run of each row."""
+    """(r, 2) first and last row of each run of one pair at consecutive samples, and (m,) the run of each row."""
     if not len(near.a):
         return np.empty((0, 2), np.int64), np.empty(0, np.int64)
     new = np.ones(len(near.a), bool)

@@ -1,4 +1,4 @@
-"""Who gave way to whom in a log, found from its reports by the code that the service learns from."""
+"""Interactions in a log: which robot yielded to which. Found in its reports by the same code that the service uses."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,25 +17,25 @@ from ingest.kernels import ready
 from metrics.truth.placebo import Placebo
 
 LOOKS_S: Floats = np.arange(AHEAD_S + 1.0)
-"""So long after each report its forecast is looked at."""
+"""Times after each report at which its forecast is sampled."""
 
 
 @dataclass(slots=True, eq=False)
 class YieldEvent:
-    """One robot that gave way to another, as far as is known."""
+    """One robot yielded to another."""
 
     robot: str
     other: str
     outcome: InteractionOutcome
     onset_s: float
     doubt_s: float
-    """By how much the onset may be off."""
+    """Uncertainty of the onset."""
     end_s: float
-    """When it went on; inf while it has not."""
+    """When it drove on; inf until then."""
     is_more: bool
-    """It is more of the pair's last interaction."""
+    """Whether it continues the pair's last interaction."""
     is_sparse: bool
-    """It shows in reports that are more than `SPARSE_S` apart."""
+    """Whether the robot's reports were more than `SPARSE_S` apart."""
 
     @property
     def pair(self) -> Pair:
@@ -43,11 +43,12 @@ class YieldEvent:
 
 
 class Interactions:
-    """As reports come in. Memory holds the newest reports of each robot, and a few numbers for each interaction."""
+    """Finds interactions while batches arrive. Keeps the newest reports of each robot, and a few numbers for each
+    interaction."""
 
     def __init__(self) -> None:
         self.by_pair: dict[Pair, list[YieldEvent]] = {}
-        """By onset."""
+        """In the order of onset."""
         self.placebo = Placebo()
         self._finder = InteractionFinder()
         self._slots: dict[str, int] = {}
@@ -63,62 +64,64 @@ class Interactions:
         self._gap_s = np.zeros(0)
         """From the report before to the newest."""
         self._open: dict[int, YieldEvent] = {}
-        """By slot of the robot that gives way and has not gone on."""
+        """By slot of a robot that yields and has not driven on."""
 
     def add_batch(self, batch: Batch, usual_m: Floats) -> None:
-        """Take in the n robots of a batch, whose forecasts are usually off by `usual_m` (n, AHEAD_S), so many whole
-        seconds ahead."""
+        """Add the n robots of a batch. `usual_m` (n, AHEAD_S) are the usual errors of their forecasts by whole seconds
+        ahead."""
         if batch.gone:
             self._forget(batch.gone)
         if not len(batch):
             return
-        slots, told = self._slots_of(batch.robots), batch.forecasts
-        self._half_m[:, slots] = told.length_m / 2, told.width_m / 2
-        self._levels_m[:, slots] = told.bottom_m, told.top_m
+        slots, forecasts = self._slots_of(batch.robots), batch.forecasts
+        self._half_m[:, slots] = forecasts.length_m / 2, forecasts.width_m / 2
+        self._levels_m[:, slots] = forecasts.bottom_m, forecasts.top_m
         self._vendor[slots] = [self._vendors.setdefault(vendor, len(self._vendors)) for vendor in batch.vendors]
-        self._hear(slots, batch.event_s)
-        reports = interaction_reports(batch, slots, poses_at(told, ready(batch.event_s), LOOKS_S), usual_m)
-        self.placebo.keep(reports)
+        self._update_times(slots, batch.event_s)
+        reports = interaction_reports(batch, slots, poses_at(forecasts, ready(batch.event_s), LOOKS_S), usual_m)
+        self.placebo.add_reports(reports)
         for interaction in self._finder.receive(reports, self._half_m, self._levels_m, self._vendor):
-            self._note(interaction)
-        self._end_what_is_over()
+            self._update_event(interaction)
+        self._end_finished()
 
     def figures(self) -> dict[str, Any]:
-        """How many interactions were found, and how far that is to be trusted."""
-        found = [one for of_pair in self.by_pair.values() for one in of_pair]
-        counts = {outcome.name.lower(): sum(one.outcome is outcome for one in found) for outcome in InteractionOutcome}
-        sparse = sum(one.is_sparse for one in found)
+        """The number of interactions found, and figures of their reliability."""
+        events = [event for of_pair in self.by_pair.values() for event in of_pair]
+        counts = {
+            outcome.name.lower(): sum(event.outcome is outcome for event in events) for outcome in InteractionOutcome
+        }
+        sparse = sum(event.is_sparse for event in events)
         return {
-            "found": len(found),
+            "found": len(events),
             **counts,
-            "more_of_the_last": sum(one.is_more for one in found),
+            "more_of_the_last": sum(event.is_more for event in events),
             "sparse": sparse,
-            "sparse_share": sparse / len(found) if found else None,
-            "doubt_s": float(np.median([one.doubt_s for one in found])) if found else None,
+            "sparse_share": sparse / len(events) if events else None,
+            "doubt_s": float(np.median([event.doubt_s for event in events])) if events else None,
             "placebo": self.placebo.figures(),
         }
 
-    def _hear(self, slots: Ints, event_s: Floats) -> None:
+    def _update_times(self, slots: Ints, event_s: Floats) -> None:
         gap_s = event_s - self._heard_s[slots]
         newer = gap_s > 0.0
         self._gap_s[slots[newer]], self._heard_s[slots[newer]] = gap_s[newer], event_s[newer]
 
-    def _note(self, interaction: Interaction) -> None:
+    def _update_event(self, interaction: Interaction) -> None:
         slot, other = interaction.robot, self._names[interaction.other]
-        gave_way = self._open.get(slot)
-        if gave_way is None or gave_way.onset_s != interaction.onset_s or gave_way.other != other:
-            gave_way = self._begin(interaction)
-        gave_way.outcome, gave_way.end_s = interaction.outcome, interaction.end_s
+        event = self._open.get(slot)
+        if event is None or event.onset_s != interaction.onset_s or event.other != other:
+            event = self._begin(interaction)
+        event.outcome, event.end_s = interaction.outcome, interaction.end_s
         if interaction.end_s < inf:
             del self._open[slot]
 
     def _begin(self, interaction: Interaction) -> YieldEvent:
-        """An interaction that was not known."""
+        """Add a new interaction."""
         slot = interaction.robot
         before = self._open.get(slot)
         if before is not None:
             before.end_s = interaction.onset_s
-        gave_way = YieldEvent(
+        event = YieldEvent(
             self._names[slot],
             self._names[interaction.other],
             interaction.outcome,
@@ -128,20 +131,20 @@ class Interactions:
             interaction.again,
             bool(self._gap_s[slot] > SPARSE_S),
         )
-        self._open[slot] = gave_way
-        self.by_pair.setdefault(gave_way.pair, []).append(gave_way)
-        self.placebo.look(interaction, self._half_m, self._levels_m)
-        return gave_way
+        self._open[slot] = event
+        self.by_pair.setdefault(event.pair, []).append(event)
+        self.placebo.check(interaction, self._half_m, self._levels_m)
+        return event
 
-    def _end_what_is_over(self) -> None:
-        """End the interactions of robots that have braked anew before they went on, or that are gone."""
+    def _end_finished(self) -> None:
+        """End the interactions of robots that braked again before they drove on, or that are gone."""
         if not self._open:
             return
         giving_way = self._finder.giving_way()
-        for slot, gave_way in list(self._open.items()):
+        for slot, event in list(self._open.items()):
             other = giving_way.get(slot, -1)
-            if other < 0 or self._names[other] != gave_way.other:
-                gave_way.end_s = max(float(self._heard_s[slot]), gave_way.onset_s)
+            if other < 0 or self._names[other] != event.other:
+                event.end_s = max(float(self._heard_s[slot]), event.onset_s)
                 del self._open[slot]
 
     def _slots_of(self, robots: Sequence[str]) -> Ints:
@@ -151,7 +154,7 @@ class Interactions:
         return slots
 
     def _slot(self, robot: str) -> int:
-        """A new robot's own."""
+        """Assign a slot to a new robot."""
         if self._spare:
             slot = self._spare.pop()
             self._names[slot] = robot
@@ -175,5 +178,5 @@ class Interactions:
         if slots:
             self._finder.forget(slots)
             self.placebo.forget(slots)
-            self._end_what_is_over()
+            self._end_finished()
             self._spare.extend(slots)

@@ -1,4 +1,4 @@
-"""The moments at which robots came nearest to each other in a log, with the motion around them."""
+"""The moments at which two robots were nearest to each other in a log, with the motion around them."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -13,9 +13,9 @@ from metrics.truth.separations import Separations
 KEPT = 10
 BEFORE_S, AFTER_S = 6.0, 3.0
 APART_S = 15.0
-"""Two near moments of one pair nearer in time than this are one scene."""
+"""Two near moments of one pair belong to one scene if they are closer in time than this."""
 STRETCHES = 5
-"""Stretches of motion that are held, enough for the time before and after."""
+"""Sampled motions that are kept, enough for the time before and after."""
 
 
 @dataclass(slots=True)
@@ -26,9 +26,9 @@ class NearestScene:
     at_s: float
     separation_m: float
     closeness: float
-    """Distance of the centres over the sum of the radii: tells overlaps apart."""
+    """Distance of the centres divided by the sum of the radii. Orders envelopes that overlap."""
     tracks: list[Floats] = field(default_factory=list)
-    """One of each robot: (k, 3) x, y and yaw at even steps of time; empty until its time has come."""
+    """One track for each robot: (k, 3) x, y and yaw at even steps of time. Empty until the motion after it is known."""
     sizes: list[tuple[float, float]] = field(default_factory=list)
     """Length and width of each envelope."""
     nearest: int = 0
@@ -37,7 +37,7 @@ class NearestScene:
     """Index of the floor on which they were."""
     x_m: float = 0.0
     y_m: float = 0.0
-    """Between their middles, then."""
+    """Midpoint between their centres at that moment."""
 
     @property
     def rank(self) -> tuple[float, float, float, tuple[str, str]]:
@@ -57,37 +57,37 @@ class NearestScene:
 
 
 class NearestScenes:
-    """The nearest `KEPT` so far."""
+    """The `KEPT` nearest scenes so far."""
 
     def __init__(self, step_s: float) -> None:
         self._step_s = step_s
         self._held: deque[SampledMotion] = deque(maxlen=STRETCHES)
         self._kept: list[NearestScene] = []
 
-    def look(self, stretch: SampledMotion, near: Separations, motion: RecordedMotion) -> None:
-        """Go on with a stretch of motion and those that were near in it."""
-        self._held.append(stretch)
+    def add(self, sampled: SampledMotion, near: Separations, motion: RecordedMotion) -> None:
+        """Add a sampled motion and the separations of near pairs in it."""
+        self._held.append(sampled)
         if len(self._kept) == KEPT:
             near = near.take(np.flatnonzero(near.separation_m <= self._kept[-1].separation_m))
         for row in _nearest_rows(near).tolist():
             pair = motion.pair(int(near.a[row]), int(near.b[row]))
             at_s = int(near.sample[row]) * self._step_s
             self._offer(NearestScene(pair, at_s, float(near.separation_m[row]), float(near.closeness[row])))
-        until = stretch.first + stretch.x_m.shape[1]
+        until = sampled.first + sampled.x_m.shape[1]
         self._draw(motion, until - round(AFTER_S / self._step_s))
 
     def finish(self, motion: RecordedMotion) -> list[NearestScene]:
-        """All of them, the nearest first."""
+        """All scenes, the nearest first."""
         if self._held:
             self._draw(motion, self._held[-1].first + self._held[-1].x_m.shape[1])
         return self._kept
 
     def _offer(self, scene: NearestScene) -> None:
-        same = [one for one in self._kept if one.pair == scene.pair and abs(one.at_s - scene.at_s) < APART_S]
-        if any(one.rank < scene.rank for one in same):
+        same = [known for known in self._kept if known.pair == scene.pair and abs(known.at_s - scene.at_s) < APART_S]
+        if any(known.rank < scene.rank for known in same):
             return
-        self._kept = [one for one in self._kept if one not in same]
-        self._kept = sorted([*self._kept, scene], key=lambda one: one.rank)[:KEPT]
+        self._kept = [known for known in self._kept if known not in same]
+        self._kept = sorted([*self._kept, scene], key=lambda known: known.rank)[:KEPT]
 
     def _draw(self, motion: RecordedMotion, until: int) -> None:
         for scene in self._kept:
@@ -97,7 +97,7 @@ class NearestScenes:
 
     def _track(self, scene: NearestScene, motion: RecordedMotion, middle: int) -> None:
         first, last = middle - round(BEFORE_S / self._step_s), middle + round(AFTER_S / self._step_s)
-        parts = [_part(stretch, [motion.row(robot) for robot in scene.pair], first, last) for stretch in self._held]
+        parts = [_part(sampled, [motion.row(robot) for robot in scene.pair], first, last) for sampled in self._held]
         sample = np.concatenate([samples for samples, _ in parts])
         poses = np.concatenate([pose for _, pose in parts], axis=1)
         there = np.flatnonzero(~np.isnan(poses[:, :, 0]).any(axis=0))
@@ -113,7 +113,7 @@ class NearestScenes:
 
 
 def _nearest_rows(near: Separations) -> Ints:
-    """The row of each pair in which it was nearest, of the `KEPT` nearest pairs."""
+    """For each of the `KEPT` nearest pairs, the row at which it was nearest."""
     order = np.lexsort((near.sample, near.closeness, near.separation_m))
     key = near.a[order] * (int(near.b.max(initial=0)) + 1) + near.b[order]
     _, first = np.unique(key, return_index=True)
@@ -121,21 +121,21 @@ def _nearest_rows(near: Separations) -> Ints:
     return rows
 
 
-def _part(stretch: SampledMotion, robots: list[int], first: int, last: int) -> tuple[Ints, Floats]:
-    """The samples of a stretch from `first` to `last`, and (2, k, 6) pose, half sizes and floor of both robots."""
-    samples = np.arange(max(first, stretch.first), min(last + 1, stretch.first + stretch.x_m.shape[1]))
+def _part(sampled: SampledMotion, robots: list[int], first: int, last: int) -> tuple[Ints, Floats]:
+    """The samples from `first` to `last`, and (2, k, 6) pose, half sizes and floor of both robots at them."""
+    samples = np.arange(max(first, sampled.first), min(last + 1, sampled.first + sampled.x_m.shape[1]))
     poses = np.full((2, len(samples), 6), np.nan)
     for which, robot in enumerate(robots):
-        row = int(np.searchsorted(stretch.robot, robot))
-        if row < len(stretch.robot) and stretch.robot[row] == robot:
-            columns = samples - stretch.first
+        row = int(np.searchsorted(sampled.robot, robot))
+        if row < len(sampled.robot) and sampled.robot[row] == robot:
+            columns = samples - sampled.first
             poses[which] = np.stack(
                 [
-                    stretch.x_m[row, columns],
-                    stretch.y_m[row, columns],
-                    stretch.yaw_rad[row, columns],
-                    *stretch.half_m[:, row, columns],
-                    stretch.floor[row, columns],
+                    sampled.x_m[row, columns],
+                    sampled.y_m[row, columns],
+                    sampled.yaw_rad[row, columns],
+                    *sampled.half_m[:, row, columns],
+                    sampled.floor[row, columns],
                 ],
                 axis=1,
             )

@@ -1,7 +1,7 @@
-"""What came of pairs: whether two robots got in each other's way within 10 s of a moment.
+"""Outcomes of pairs: whether two robots got in each other's way within 10 s of a moment.
 
-They do where they meet, which is an encounter at one clearance, or where one yields to the other. Spans of one pair
-that overlap are one outcome.
+They do if they meet, which is an encounter at one clearance, or if one yields to the other. Overlapping spans of one
+pair are one outcome.
 """
 
 from bisect import bisect_right
@@ -17,27 +17,28 @@ from metrics.truth.encounters import EncounterFinder, RecordedEncounter
 from metrics.truth.interactions import Interactions, YieldEvent
 
 WITHIN_S = 10.0
-"""A warning is true where the outcome follows within this."""
+"""A warning is true if an outcome follows within this time."""
 FRESH_S = 15.0
-"""An onset is fresh where the pair had not been in each other's way so shortly before."""
+"""An onset is fresh if the pair was not in each other's way in this time before it."""
 
 
 class Verdict(IntEnum):
-    """What came of an alert, or of a second of it."""
+    """The outcome of an alert, or of one second of it."""
 
     TRUE = 0
     """The pair got in each other's way."""
     KEPT_APART = 1
+    """Nothing happened."""
     ORDERED = 2
-    """One of the pair waited for the other by an order of their fleet."""
+    """One of the pair waited for the other on an order of their fleet."""
     REPEATED = 3
-    """What happened credits another alert of the pair."""
+    """The outcome credits another alert of the pair."""
     HEEDED = 4
     """One of the pair waited as advised."""
     UNKNOWN = 5
-    """A robot left before anything could be seen, or it is not known whether their fleet had ordered a wait."""
+    """A robot left before an outcome, or it is unknown whether their fleet had ordered a wait."""
     IN_PROGRESS = 6
-    """The pair was in each other's way already."""
+    """The pair was already in each other's way."""
 
 
 IN_VAIN = (Verdict.KEPT_APART, Verdict.ORDERED, Verdict.REPEATED)
@@ -52,30 +53,34 @@ class OutcomeSpan(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class PairOutcomes:
-    """What came of one pair. All are by onset."""
+    """The outcomes of one pair. Every list is ordered by onset."""
 
     spans: list[OutcomeSpan] = field(default_factory=list)
-    """In which the two were in each other's way; no two overlap."""
+    """Spans in which the two were in each other's way. No two overlap."""
     ordered: list[OutcomeSpan] = field(default_factory=list)
+    """Spans in which one waited on an order of their fleet."""
     doubted: list[OutcomeSpan] = field(default_factory=list)
-    """In which one waited, and it is not known whether their fleet had ordered it."""
+    """Spans in which one waited, and it is unknown whether their fleet had ordered it."""
     stops_s: list[float] = field(default_factory=list)
     """Fresh onsets of yielding."""
     meetings_s: list[float] = field(default_factory=list)
     """Fresh onsets of foreseeable encounters."""
 
     @classmethod
-    def of(cls, gave_way: Iterable[YieldEvent], encounters: Iterable[RecordedEncounter]) -> "PairOutcomes":
+    def of(cls, yield_events: Iterable[YieldEvent], encounters: Iterable[RecordedEncounter]) -> "PairOutcomes":
         by_outcome: dict[InteractionOutcome, list[OutcomeSpan]] = {outcome: [] for outcome in InteractionOutcome}
-        for one in gave_way:
-            by_outcome[one.outcome].append(OutcomeSpan(one.onset_s, one.end_s))
+        for event in yield_events:
+            by_outcome[event.outcome].append(OutcomeSpan(event.onset_s, event.end_s))
         pair = cls(ordered=by_outcome[InteractionOutcome.ORDERED], doubted=by_outcome[InteractionOutcome.UNKNOWN])
         stops = [(span, pair.stops_s) for span in by_outcome[InteractionOutcome.YIELDED]]
         meetings = [
-            (OutcomeSpan(one.start_s, one.end_s), pair.meetings_s if one.foreseeable else list[float]())
-            for one in encounters
+            (
+                OutcomeSpan(encounter.start_s, encounter.end_s),
+                pair.meetings_s if encounter.foreseeable else list[float](),
+            )
+            for encounter in encounters
         ]
-        for span, fresh_s in sorted([*stops, *meetings], key=lambda one: one[0]):
+        for span, fresh_s in sorted([*stops, *meetings], key=lambda span_and_list: span_and_list[0]):
             if not pair.spans or span.onset_s - pair.spans[-1].end_s > FRESH_S:
                 fresh_s.append(span.onset_s)
             pair._add(span)
@@ -88,8 +93,8 @@ class PairOutcomes:
         self.spans.append(span)
 
     def began_s(self, at_s: float) -> float:
-        """When the two next get in each other's way within `WITHIN_S`; `at_s` where they are already, inf where they
-        do not."""
+        """When the two next get in each other's way within `WITHIN_S`. `at_s` if they are already; inf if they do
+        not."""
         after = bisect_right(self.spans, (at_s, inf))
         if after and self.spans[after - 1].end_s >= at_s:
             return at_s
@@ -97,11 +102,11 @@ class PairOutcomes:
         return self.spans[after].onset_s if is_soon else inf
 
     def is_doubted(self, at_s: float) -> bool:
-        """Whether one waits within `WITHIN_S` and it is not known why."""
+        """Whether one waits within `WITHIN_S` for an unknown reason."""
         return _touches(self.doubted, at_s)
 
     def verdict(self, at_s: float, left_s: float) -> Verdict:
-        """What came of the pair after a moment, one of which left at `left_s`."""
+        """The verdict for the moment `at_s`. One of the pair left at `left_s`; inf if neither did."""
         began_s = self.began_s(at_s)
         if began_s < inf:
             return Verdict.IN_PROGRESS if began_s == at_s else Verdict.TRUE
@@ -113,30 +118,30 @@ class PairOutcomes:
 
 
 NOTHING = PairOutcomes()
-"""Of a pair that neither met nor waited."""
+"""The outcomes of a pair that neither met nor waited."""
 
 
 class AllPairOutcomes:
-    """What came of all pairs at one clearance, as far as reports have shown."""
+    """The outcomes of all pairs at one clearance, as far as reports show them."""
 
     def __init__(self, truth: EncounterFinder, interactions: Interactions, clearance_m: float) -> None:
         self._truth, self._interactions, self._clearance_m = truth, interactions, clearance_m
 
     def of(self, pair: Pair) -> PairOutcomes:
-        gave_way = self._interactions.by_pair.get(pair, ())
+        yield_events = self._interactions.by_pair.get(pair, ())
         encounters = self._truth.by_pair(self._clearance_m).get(pair, ())
-        return PairOutcomes.of(gave_way, encounters) if gave_way or encounters else NOTHING
+        return PairOutcomes.of(yield_events, encounters) if yield_events or encounters else NOTHING
 
     def every(self) -> dict[Pair, PairOutcomes]:
-        """Of each pair that met or waited."""
+        """The outcomes of each pair that met or waited."""
         pairs = {*self._interactions.by_pair, *self._truth.by_pair(self._clearance_m)}
         return {pair: self.of(pair) for pair in sorted(pairs)}
 
     def left_s(self, pair: Pair, from_s: float) -> float:
-        """When one of a pair left, see `Silences.left_s`."""
+        """When the first of a pair left, see `Silences.left_s`."""
         return min(self._truth.silences.left_s(robot, from_s) for robot in pair)
 
 
 def _touches(spans: Sequence[OutcomeSpan], at_s: float) -> bool:
-    """Whether any of the spans lies at a moment or begins within `WITHIN_S` after it."""
+    """Whether any of the spans contains a moment or begins within `WITHIN_S` after it."""
     return any(span.onset_s <= at_s + WITHIN_S and span.end_s >= at_s for span in spans)

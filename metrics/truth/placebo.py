@@ -1,7 +1,8 @@
-"""What the finder of interactions finds where there is nothing to find.
+"""A placebo test of the interaction finder: how often it finds an interaction by chance.
 
-For an interaction that was found, the same robot drives once more, and all others are where they were a minute before,
-but for those that have hardly moved since. Whoever is found in its way then is there by chance.
+For an interaction that was found, the test repeats the motion of the yielding robot among the other robots at their
+positions of a minute before. Robots that have hardly moved since are left out. An interaction that the finder finds
+there is a coincidence.
 """
 
 from collections.abc import Sequence
@@ -15,17 +16,17 @@ from ingest.batch import Bools, Floats, Ints
 
 SHIFT_S = 60.0
 OWN_S = 20.0
-"""The robot drives for so long up to where it is seen to give way."""
+"""Length of the yielding robot's motion before the interaction was found."""
 NEAR_M = 20.0
-"""Robots that were further from the robot than this are left out."""
+"""Robots that were further from the yielding robot than this are left out."""
 MOVED_M = 3.0
-"""As are those that are not so far from where they were: they are in its way as much as they were."""
+"""Robots that moved at most this far in the minute are left out: they are in its way as before."""
 FORECAST = 3
-"""Samples of a forecast that are kept of others: the report, and two seconds after it."""
+"""Samples of a forecast that are kept of other robots: the report, and two seconds after it."""
 TURN_S = 0.5
-"""The reports of so long are taken in together, of each robot the newest."""
+"""Reports within this time are processed together, the newest of each robot."""
 EVERY = 4
-"""One interaction in so many is looked at again."""
+"""One interaction in this many is tested."""
 NOBODY = InteractionReports(
     np.empty(0, np.int64),
     np.empty(0),
@@ -36,20 +37,20 @@ NOBODY = InteractionReports(
 
 
 class Placebo:
-    """Reports of the last minutes, and how many of the interactions looked at are found with others by chance."""
+    """Reports of the last minutes, and how many of the tested interactions were found again by chance."""
 
     def __init__(self) -> None:
         self._newest: list[InteractionReports] = []
-        """Of the last `OWN_S`."""
+        """Reports of the last `OWN_S`."""
         self._older: list[InteractionReports] = []
-        """Those before, with shorter forecasts."""
+        """Earlier reports, with shorter forecasts."""
         self._first_s = np.inf
         self._offered = 0
         self._looked_at = self._any = 0
         self._same_looked_at = self._same = 0
 
-    def keep(self, reports: InteractionReports) -> None:
-        """Keep the reports of a batch, and let go of those that nobody asks for any more."""
+    def add_reports(self, reports: InteractionReports) -> None:
+        """Add the reports of a batch, and drop those that are too old to be needed."""
         now_s = float(reports.event_s.max())
         self._first_s = min(self._first_s, now_s)
         self._newest.append(reports)
@@ -60,13 +61,13 @@ class Placebo:
             del self._older[0]
 
     def forget(self, slots: Sequence[int]) -> None:
-        """Other robots have these slots from now on."""
+        """Drop the reports of these slots. Other robots will use the slots."""
         for kept in (self._newest, self._older):
-            kept[:] = [_rows(one, ~np.isin(one.slot, slots)) for one in kept]
-            kept[:] = [one for one in kept if len(one.slot)]
+            kept[:] = [_rows(reports, ~np.isin(reports.slot, slots)) for reports in kept]
+            kept[:] = [reports for reports in kept if len(reports.slot)]
 
-    def look(self, interaction: Interaction, half_m: Floats, levels_m: Floats) -> None:
-        """Look for an interaction that was found just now again, with all others where they were a minute before."""
+    def check(self, interaction: Interaction, half_m: Floats, levels_m: Floats) -> None:
+        """Test an interaction that was just found, with all others at their positions of a minute before."""
         now = _joined(self._newest)
         own = _rows(now, now.slot == interaction.robot)
         until_s = float(own.event_s[-1])
@@ -76,7 +77,7 @@ class Placebo:
         if (self._offered - 1) % EVERY:
             return
         others = _elsewhere(self._a_minute_before(until_s), now)
-        found = again(interaction, own, _near(others, own.track[-1, 0]), half_m, levels_m)
+        found = found_again(interaction, own, _near(others, own.track[-1, 0]), half_m, levels_m)
         self._looked_at += 1
         self._any += found >= 0
         if interaction.other in others.slot:
@@ -84,8 +85,8 @@ class Placebo:
             self._same += found == interaction.other
 
     def figures(self) -> dict[str, Any]:
-        """How many interactions were looked at, and the share that was found again, with anybody; and the same of those
-        whose other robot was elsewhere a minute before, with that one."""
+        """The number of tested interactions, and the share found again with any robot. The same for interactions whose
+        other robot was at another place a minute before: the share found again with that robot."""
         return {
             "looked_at": self._looked_at,
             "any_robot": self._any / self._looked_at if self._looked_at else None,
@@ -94,18 +95,23 @@ class Placebo:
         }
 
     def _a_minute_before(self, until_s: float) -> InteractionReports:
-        """The reports of the minute before, as if they had come a minute later."""
+        """The reports of a minute before, with times shifted by a minute."""
         begin_s, end_s = until_s - SHIFT_S - OWN_S, until_s - SHIFT_S
-        then = _joined([one for one in self._older if one.event_s.max() >= begin_s and one.event_s.min() <= end_s])
+        then = _joined(
+            [reports for reports in self._older if reports.event_s.max() >= begin_s and reports.event_s.min() <= end_s]
+        )
         then = _rows(then, (then.event_s >= begin_s) & (then.event_s <= end_s))
         return then._replace(event_s=then.event_s + SHIFT_S, explained=np.ones(len(then.slot), np.bool_))
 
 
-def again(
+def found_again(
     interaction: Interaction, own: InteractionReports, others: InteractionReports, half_m: Floats, levels_m: Floats
 ) -> int:
-    """The slot of the robot to which one gives way that drives as `own` among `others`, as it did in an interaction
-    that was found; -1 where it gives way to nobody. `half_m` and `levels_m` are (2, slots)."""
+    """Run the finder on the motion `own` of the yielding robot of `interaction` among `others`.
+
+    Returns the slot of the robot to which it yields, or -1 if it yields to none. `half_m` and `levels_m` are (2,
+    slots).
+    """
     slots = np.unique(np.concatenate([own.slot, others.slot]))
     finder, vendor = InteractionFinder(), np.arange(len(slots))
     finder.grow(len(slots))
@@ -118,7 +124,7 @@ def again(
 
 
 def _elsewhere(then: InteractionReports, now: InteractionReports) -> InteractionReports:
-    """The reports of `then`, but for robots whose last place in it is within `MOVED_M` of their place `now`."""
+    """The reports of `then`, without robots whose last position in it is within `MOVED_M` of that in `now`."""
     (slots_then, rows_then), (slots_now, rows_now) = _last_rows(then), _last_rows(now)
     slots, of_then, of_now = np.intersect1d(slots_then, slots_now, assume_unique=True, return_indices=True)
     moves_m = then.track[rows_then[of_then], 0, :2] - now.track[rows_now[of_now], 0, :2]
@@ -126,19 +132,19 @@ def _elsewhere(then: InteractionReports, now: InteractionReports) -> Interaction
 
 
 def _last_rows(reports: InteractionReports) -> tuple[Ints, Ints]:
-    """The slots of reports, and the last row of each."""
+    """The slots in the reports, and the last row of each."""
     slots, from_end = np.unique(reports.slot[::-1], return_index=True)
     return slots, len(reports.slot) - 1 - from_end
 
 
 def _near(reports: InteractionReports, pose: Floats) -> InteractionReports:
-    """Those that were near where a robot is, `pose` (4,)."""
+    """The reports near the pose (4,) of a robot."""
     return _rows(reports, np.hypot(*(reports.track[:, 0, :2] - pose[:2]).T) < NEAR_M)
 
 
 def _turns(own: InteractionReports, others: InteractionReports) -> list[InteractionReports]:
-    """The reports of all, in the order of their times, as many at once as there is one of each robot in `TURN_S`."""
-    every = _joined([_lengthened(one) for one in (own, others)])
+    """All reports in the order of time, in parts of `TURN_S` with only the newest of each robot."""
+    every = _joined([_lengthened(reports) for reports in (own, others)])
     turn = np.floor(every.event_s / TURN_S).astype(np.int64)
     order = np.lexsort((every.event_s, every.slot, turn))
     turn, slot = turn[order], every.slot[order]
@@ -156,7 +162,7 @@ def _rows(reports: InteractionReports, rows: Ints | Bools) -> InteractionReports
 
 
 def _lengthened(reports: InteractionReports) -> InteractionReports:
-    """With forecasts as long as the finder takes them, standing at their end."""
+    """The reports with forecasts as long as the finder needs. The robot stands after the end of its forecast."""
     missing = AHEAD_S + 1 - reports.track.shape[1]
     if missing <= 0:
         return reports

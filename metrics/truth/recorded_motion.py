@@ -1,4 +1,4 @@
-"""The recorded motion: reported positions joined linearly where two reports are at most 2.1 s apart."""
+"""The recorded motion: linear between two reported positions if the reports are at most 2.1 s apart."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,12 +22,13 @@ _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (nu
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledMotion:
-    """Where the r robots that are there at some time of a stretch of s samples are; nan while they are not."""
+    """The poses of r robots at s samples; nan while a robot is absent. Robots that are absent at all samples are left
+    out."""
 
     first: int
     """The first sample, in steps since the epoch."""
     robot: Ints
-    """(r,) index into `RecordedMotion.names`, ascending by name of the robot within what `RecordedMotion` knows."""
+    """(r,) index into `RecordedMotion.names`, ascending."""
     x_m: Floats
     """(r, s)"""
     y_m: Floats
@@ -35,35 +36,35 @@ class SampledMotion:
     half_m: Floats
     """(2, r, s) half length and half width."""
     height_m: Floats
-    """(2, r, s) heights from which and to which it reaches; -inf and inf where they are unknown."""
+    """(2, r, s) lowest and highest height of the robot; -inf and inf if unknown."""
     floor: Floats
     """(r, s)"""
     since_s: Floats
-    """(r, s) since when it has been there without a break."""
+    """(r, s) time since which it has been present without a break."""
 
 
 class RecordedMotion:
-    """Every robot's newest report, and the legs between reports that have not been looked at yet."""
+    """Every robot's newest report, and the legs between reports that have not been sampled yet."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
         """By index."""
         self._index: dict[str, int] = {}
         self._last = np.empty((0, len(_LAST)))
-        self._told: list[Floats] = []
-        """(n, 15) legs."""
+        self._unsampled: list[Floats] = []
+        """(n, 15) legs, columns as in `_LEG`."""
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
-        """Join each robot's first knot to the one before, if it is newer."""
+        """Add a leg from each robot's last pose to its first knot, if that is newer."""
         for robot in robots:
             if robot not in self._index:
                 self._add(robot)
         rows = np.array([self._index[robot] for robot in robots], np.int64)
-        told = (forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.yaw_rad, ready(forecasts.floor, np.int64))
+        knots = (forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.yaw_rad, ready(forecasts.floor, np.int64))
         sizes = (forecasts.length_m, forecasts.width_m, forecasts.bottom_m, forecasts.top_m)
-        legs = _legs(rows, forecasts.start, *told, *sizes, self._last)
+        legs = _legs(rows, forecasts.start, *knots, *sizes, self._last)
         if len(legs):
-            self._told.append(legs)
+            self._unsampled.append(legs)
 
     @property
     def newest_s(self) -> float:
@@ -73,13 +74,13 @@ class RecordedMotion:
         return float(self._last[self._index[robot], 0]) if robot in self._index else -inf
 
     def present_s(self) -> dict[str, float]:
-        """How long each robot was there."""
+        """How long each robot was present."""
         return dict(zip(self.names, self._last[: len(self.names), _PRESENT].tolist(), strict=True))
 
-    def stretch(self, first: int, samples: int, step_s: float) -> SampledMotion:
-        """The motion at so many samples from `first` on; forgets what lies before their end."""
-        legs = np.concatenate([np.empty((0, len(_LEG))), *self._told])
-        self._told = [legs[np.floor(legs[:, 2] / step_s) >= first + samples]]
+    def sampled(self, first: int, samples: int, step_s: float) -> SampledMotion:
+        """The motion at `samples` samples from `first` on. Drops the legs before their end."""
+        legs = np.concatenate([np.empty((0, len(_LEG))), *self._unsampled])
+        self._unsampled = [legs[np.floor(legs[:, 2] / step_s) >= first + samples]]
         robot, there = _joined(legs, len(self.names), first, samples, step_s)
         x_m, y_m, yaw_rad, floor, since_s = there[:5]
         return SampledMotion(first, robot, x_m, y_m, yaw_rad, there[5:7] / 2, there[7:], floor, since_s)
@@ -89,7 +90,7 @@ class RecordedMotion:
         return self._index[robot]
 
     def pair(self, a: int, b: int) -> tuple[str, str]:
-        """The names of two, in ascending order."""
+        """The names of two robots, in ascending order."""
         first, second = sorted((self.names[a], self.names[b]))
         return first, second
 
@@ -117,13 +118,13 @@ def _legs(
     top_m: Floats,
     last: Floats,
 ) -> Floats:
-    """(n, 15) what leads each robot that has news to its first knot, which then is the `last` of its row.
+    """(n, 15) legs, columns as in `_LEG`, of each robot with a newer report. Its first knot becomes its `last` row.
 
-    Sizes and heights are those at the begin of a leg.
+    Sizes and heights are those at the beginning of a leg.
     """
     legs, n = np.empty((len(rows), 15)), 0
-    for one in range(len(rows)):
-        knot, before, leg = start[one], last[rows[one]], legs[n]
+    for robot in range(len(rows)):
+        knot, before, leg = start[robot], last[rows[robot]], legs[n]
         gap_s = t_s[knot] - before[0]
         if not gap_s > 0.0:
             continue
@@ -134,10 +135,10 @@ def _legs(
             present_s += gap_s
         before[0], before[1], before[2], before[3] = t_s[knot], x_m[knot], y_m[knot], yaw_rad[knot]
         before[4], before[5], before[6] = floor[knot], since_s, present_s
-        before[7], before[8], before[9], before[10] = length_m[one], width_m[one], bottom_m[one], top_m[one]
+        before[7], before[8], before[9], before[10] = length_m[robot], width_m[robot], bottom_m[robot], top_m[robot]
         if not joins:
             leg[1], leg[3:6], leg[11:15] = before[0], before[1:4], before[7:11]
-        leg[0], leg[2], leg[6:9], leg[9], leg[10] = rows[one], before[0], before[1:4], before[4], since_s
+        leg[0], leg[2], leg[6:9], leg[9], leg[10] = rows[robot], before[0], before[1:4], before[4], since_s
         n += 1
     return legs[:n].copy()
 
@@ -148,8 +149,8 @@ def _legs(
     )
 )
 def _joined(legs: Floats, robots: int, first: int, samples: int, step_s: float) -> tuple[Ints, Floats]:
-    """(r,) who is there at some time of a stretch, and (9, r, samples) x, y, yaw, floor, since when, length, width,
-    bottom and top; nan where it is not."""
+    """(r,) the robots that are present at any sample, and (9, r, samples) x, y, yaw, floor, present since, length,
+    width, bottom and top; nan while a robot is absent."""
     begins, ends = np.empty(len(legs), np.int64), np.empty(len(legs), np.int64)
     row_of = np.full(robots, -1)
     for leg in range(len(legs)):

@@ -1,9 +1,9 @@
-"""What robots did at the places of a site, by their reports alone: where they stood, what was full, who waited for it.
+"""What robots did at the shared places of a site, from their reports: where they stood, what was full, who waited.
 
-A robot has a resource while the middle of its envelope is inside, and is in a zone while its envelope touches it. It
-stands from when it came to where it is, within 0.1 m, for at least 3 s. It waited for a place if it stood outside of
-every resource for at least 5 s while the place was full, and had told it as its destination all that time, or stood
-within 10 m of it and then entered it. Those that pass above or below it make no place full for it.
+A robot occupies a resource while the centre of its envelope is inside. It occupies a zone while its envelope touches
+the zone. A robot stands if it stays within 0.1 m for at least 3 s. It waited for a place if it stood outside of every
+resource for at least 5 s while the place was full, and either announced the place as its destination all that time, or
+stood within 10 m of it and then entered it. Robots above or below it do not count as occupying the place.
 """
 
 from bisect import bisect_right
@@ -24,21 +24,21 @@ from ingest.batch import Batch, Floats, Ints
 STANDS_M, STOOD_S = 0.1, 3.0
 WAITED_S, WAITED_M = 5.0, 10.0
 JOINED_S, STILL_S = 5.0, 35.0
-"""A robot that is silent for longer is not known to have stood; nor for longer than the second where it is afterwards
-where it was: reports may be 30 s apart."""
+"""A robot with a longer gap between reports is not known to have stood in it. The second limit holds if it is at the
+same place after the gap, because reports may be 30 s apart."""
 MOST_PENDING = 32
-"""Stops of one robot that are kept until it enters a place."""
+"""Stands of one robot that are kept until it enters a place."""
 NOWHERE = frozenset[str]()
 
 
 class TimeSpan(NamedTuple):
-    """From when to when."""
+    """A time span."""
 
     from_s: float
     to_s: float
 
     def within(self, other: "TimeSpan") -> "TimeSpan":
-        """What the two have in common; ends before it begins where that is nothing."""
+        """The intersection of two spans. If they have none, it ends before it begins."""
         return TimeSpan(max(self.from_s, other.from_s), min(self.to_s, other.to_s))
 
     @property
@@ -47,26 +47,27 @@ class TimeSpan(NamedTuple):
 
 
 class Stand(NamedTuple):
-    """A robot stood, outside of every resource or in one."""
+    """A robot stood at one place."""
 
     span: TimeSpan
     floor: str
     x_m: float
     y_m: float
     outside: bool
+    """Whether it stood outside of every resource."""
     goals: dict[str, float]
-    """Resources that it had told as destinations, and since when."""
+    """Resources that it had announced as destinations, and since when."""
     bottom_m: float
-    """Heights that it reached from and to."""
+    """Lowest height of the robot; `top_m` is the highest."""
     top_m: float
 
     def since(self, t_s: float) -> "Stand":
-        """What is left of it after a time."""
+        """The part of it after a time."""
         return self._replace(span=self.span.within(TimeSpan(t_s, inf)))
 
 
 class Stay(NamedTuple):
-    """A robot was in a place."""
+    """A robot occupied a place."""
 
     span: TimeSpan
     bottom_m: float
@@ -82,13 +83,13 @@ class QueueWait(NamedTuple):
 
 
 class PlaceEntry(NamedTuple):
-    """A robot that was outside of a place came into it."""
+    """A robot entered a place."""
 
     place: str
     robot: str
     t_s: float
     known_s: float
-    """Since when the robot was heard."""
+    """Time of the robot's first report."""
 
 
 class _Report(NamedTuple):
@@ -113,60 +114,60 @@ class _RobotState:
     places: frozenset[str]
     outside: bool
     goals: dict[str, float]
-    """Resources that it tells as destinations, and since when."""
+    """Resources that it announces as destinations, and since when."""
     bottom_m: float
     top_m: float
     pending: list[Stand] = field(default_factory=list)
 
 
 class ResourceUse:
-    """Robots as they report; what is kept is each stop, and when each place was full."""
+    """Follows robots by their reports. Keeps each stand, and when each place was full."""
 
     def __init__(self, resources: Iterable[Resource], zones: Iterable[Zone]) -> None:
         places: list[Place] = [*resources, *zones]
-        self._capacity = {one.id: one.capacity for one in places}
+        self._capacity = {place.id: place.capacity for place in places}
         self._resources, self._zones = _PlaceOutlines(resources), _PlaceOutlines(zones)
         self._inside: dict[str, dict[str, Stay]] = {place: {} for place in self._capacity}
         """By place and robot, the stays that have not ended."""
         self._stays: dict[str, list[Stay]] = {place: [] for place in self._capacity}
-        """By place, those that have, in the order in which they did."""
+        """By place, the stays that have ended, in the order of their ends."""
         self._crowded_s: dict[str, float] = {}
-        """Since when more robots are in a place than it takes."""
+        """By place, the time since which it holds more robots than its capacity."""
         self._robots: dict[str, _RobotState] = {}
         self.stands: dict[str, list[Stand]] = {}
         """By robot."""
         self.waits: list[QueueWait] = []
         self.crowds: dict[str, list[TimeSpan]] = {place: [] for place in self._capacity}
-        """By place, when more robots were in it than it takes."""
+        """By place, when it held more robots than its capacity."""
         self._entries: list[PlaceEntry] = []
-        """Those that nobody has asked for yet."""
+        """Entries since the last call of `new_entries`."""
         self.last_seen_s: dict[str, float] = {}
         self._known_s: dict[str, float] = {}
-        """By robot, since when it was heard."""
+        """By robot, the time of its first report."""
 
     def add_batch(self, batch: Batch) -> None:
-        """Robots that have reported, and those that are gone."""
+        """Add the reports of a batch, and remove the robots that are gone."""
         for robot, report in zip(batch.robots, self._reports(batch), strict=True):
-            self._see(robot, report)
+            self._update(robot, report)
         for robot in batch.gone:
             self._leave(robot)
 
     def finish(self) -> None:
-        """End what goes on."""
+        """End of the log: every robot leaves."""
         for robot in list(self._robots):
             self._leave(robot)
 
-    def _see(self, robot: str, new: "_Report") -> None:
-        one = self._robots.get(robot)
+    def _update(self, robot: str, new: "_Report") -> None:
+        state = self._robots.get(robot)
         known_s = self._known_s.setdefault(robot, new.t_s)
-        if one and new.t_s >= one.seen_s:
-            entered = new.places - one.places
+        if state and new.t_s >= state.seen_s:
+            entered = new.places - state.places
             self._entries += [PlaceEntry(place, robot, new.t_s, known_s) for place in sorted(entered)]
-        if one and new.t_s - one.seen_s > (STILL_S if _is_at(one, new) else JOINED_S):
+        if state and new.t_s - state.seen_s > (STILL_S if _is_at(state, new) else JOINED_S):
             self._leave(robot)
-            one = None
-        if one is None:
-            one = self._robots[robot] = _RobotState(
+            state = None
+        if state is None:
+            state = self._robots[robot] = _RobotState(
                 floor=new.floor,
                 x_m=new.x_m,
                 y_m=new.y_m,
@@ -178,76 +179,83 @@ class ResourceUse:
                 bottom_m=new.bottom_m,
                 top_m=new.top_m,
             )
-        if new.t_s < one.seen_s:
+        if new.t_s < state.seen_s:
             return
-        if not _is_at(one, new):
-            self._move(robot, one)
-            one.floor, one.x_m, one.y_m, one.came_s = *new[1:4], new.t_s
-        one.seen_s = self.last_seen_s[robot] = new.t_s
-        one.goals = {place: one.goals.get(place, new.t_s) for place in new.goals}
-        one.outside, one.bottom_m, one.top_m = new.outside, new.bottom_m, new.top_m
-        self._occupy(robot, one, new.places, new.t_s)
+        if not _is_at(state, new):
+            self._end_stand(robot, state)
+            state.floor, state.x_m, state.y_m, state.came_s = *new[1:4], new.t_s
+        state.seen_s = self.last_seen_s[robot] = new.t_s
+        state.goals = {place: state.goals.get(place, new.t_s) for place in new.goals}
+        state.outside, state.bottom_m, state.top_m = new.outside, new.bottom_m, new.top_m
+        self._occupy(robot, state, new.places, new.t_s)
 
     def new_entries(self) -> list[PlaceEntry]:
-        """Those since this was asked last."""
+        """The entries since the last call."""
         entries, self._entries = self._entries, []
         return entries
 
     def stays_s(self, place: str) -> Floats:
-        """(n, 2) from when to when robots were in a place, as far as they have left it."""
+        """(n, 2) begin and end of each stay in a place that has ended."""
         return np.array([stay.span for stay in self._stays[place]]).reshape(-1, 2)
 
-    def _move(self, robot: str, one: _RobotState) -> None:
-        """It stands no longer where it stood."""
-        span = TimeSpan(one.came_s, one.seen_s)
+    def _end_stand(self, robot: str, state: _RobotState) -> None:
+        """The robot has left the position where it was. Keep the stand if it was long enough."""
+        span = TimeSpan(state.came_s, state.seen_s)
         if span.lasts_s >= STOOD_S:
-            stand = Stand(span, one.floor, one.x_m, one.y_m, one.outside, one.goals, one.bottom_m, one.top_m)
+            stand = Stand(
+                span, state.floor, state.x_m, state.y_m, state.outside, state.goals, state.bottom_m, state.top_m
+            )
             self.stands.setdefault(robot, []).append(stand)
-            one.pending = [*one.pending[1 - MOST_PENDING :], stand]
+            state.pending = [*state.pending[1 - MOST_PENDING :], stand]
 
-    def _occupy(self, robot: str, one: _RobotState, places: frozenset[str], t_s: float) -> None:
-        if places == one.places:
+    def _occupy(self, robot: str, state: _RobotState, places: frozenset[str], t_s: float) -> None:
+        if places == state.places:
             return
-        for place in one.places - places:
+        for place in state.places - places:
             stay = self._inside[place].pop(robot)
             self._stays[place].append(stay._replace(span=TimeSpan(stay.span.from_s, t_s)))
             self._count(place, t_s)
-        entered = places - one.places
+        entered = places - state.places
         if entered:
-            self._waited(robot, one, entered)
+            self._add_waits(robot, state, entered)
         for place in entered:
-            self._inside[place][robot] = Stay(TimeSpan(t_s, inf), one.bottom_m, one.top_m)
+            self._inside[place][robot] = Stay(TimeSpan(t_s, inf), state.bottom_m, state.top_m)
             self._count(place, t_s)
-        one.places = places
+        state.places = places
 
     def _leave(self, robot: str) -> None:
-        one = self._robots.pop(robot, None)
-        if one:
-            self._move(robot, one)
-            self._waited(robot, one, frozenset())
-            self._occupy(robot, one, frozenset(), one.seen_s)
+        state = self._robots.pop(robot, None)
+        if state:
+            self._end_stand(robot, state)
+            self._add_waits(robot, state, frozenset())
+            self._occupy(robot, state, frozenset(), state.seen_s)
 
     def _count(self, place: str, t_s: float) -> None:
-        """Follow whether more robots are in a place than it takes."""
+        """Update whether a place holds more robots than its capacity."""
         inside, capacity = self._inside[place], self._capacity[place]
         if len(inside) > capacity and len(largest_group_at_one_height([*inside.values()])) > capacity:
             self._crowded_s.setdefault(place, t_s)
         elif place in self._crowded_s:
             self.crowds[place].append(TimeSpan(self._crowded_s.pop(place), t_s))
 
-    def _waited(self, robot: str, one: _RobotState, entered: frozenset[str]) -> None:
-        """It has entered places, or is gone: which of its stops were waits."""
-        for stand in one.pending:
-            near = {place for one in (self._resources, self._zones) for place in entered if one.is_near(place, stand)}
+    def _add_waits(self, robot: str, state: _RobotState, entered: frozenset[str]) -> None:
+        """The robot has entered places, or is gone. Find out which of its stands were waits."""
+        for stand in state.pending:
+            near = {
+                place
+                for outlines in (self._resources, self._zones)
+                for place in entered
+                if outlines.is_near(place, stand)
+            }
             wanted_s = stand.goals | dict.fromkeys(near, stand.span.from_s)
             for place in sorted(wanted_s) if stand.outside else ():
                 waited = list(self._full_during(place, stand.since(wanted_s[place])))
                 if sum(span.lasts_s for span in waited) >= WAITED_S:
                     self.waits.append(QueueWait(place, robot, TimeSpan(waited[0].from_s, waited[-1].to_s)))
-        one.pending = []
+        state.pending = []
 
     def _full_during(self, place: str, stood: Stand) -> Iterator[TimeSpan]:
-        """When the place was full for a robot that stood, in order."""
+        """The spans in which the place was full for a standing robot, in order."""
         ended = self._stays[place]
         first = bisect_right(ended, stood.span.from_s, key=lambda stay: stay.span.to_s)
         stays = [stay for stay in (*ended[first:], *self._inside[place].values()) if heights_overlap(stay, stood)]
@@ -260,42 +268,44 @@ class ResourceUse:
             inside, since_s = inside + change, t_s
 
     def _reports(self, batch: Batch) -> "Iterator[_Report]":
-        """One of each robot of the batch."""
-        first, told = batch.forecasts.start[:-1], batch.forecasts
-        floors = batch.datums(told.floor[first])
-        x_m, y_m = told.x_m[first], told.y_m[first]
+        """One report for each robot of the batch."""
+        first, forecasts = batch.forecasts.start[:-1], batch.forecasts
+        floors = batch.datums(forecasts.floor[first])
+        x_m, y_m = forecasts.x_m[first], forecasts.y_m[first]
         middles = np.stack([x_m, y_m, x_m, y_m], axis=1)
         resources = self._resources.touched(floors, middles, lambda rows: shapely.points(middles[rows, :2]))
-        poses = (x_m, y_m, told.yaw_rad[first], told.length_m, told.width_m)
-        boxes_m = grown(middles, np.hypot(told.length_m, told.width_m) / 2)
+        poses = (x_m, y_m, forecasts.yaw_rad[first], forecasts.length_m, forecasts.width_m)
+        boxes_m = grown(middles, np.hypot(forecasts.length_m, forecasts.width_m) / 2)
         zones = self._zones.touched(
-            floors, boxes_m, lambda rows: shapely.polygons(corners(*(one[rows] for one in poses)))
+            floors, boxes_m, lambda rows: shapely.polygons(corners(*(column[rows] for column in poses)))
         )
-        heights_m = told.bottom_m.tolist(), told.top_m.tolist()
+        heights_m = forecasts.bottom_m.tolist(), forecasts.top_m.tolist()
         columns = (batch.event_s.tolist(), floors, x_m.tolist(), y_m.tolist(), self._goals(batch), *heights_m)
         for row, (t_s, floor, x, y, goals, *height_m) in enumerate(zip(*columns, strict=True)):
             kept = resources.get(row, NOWHERE)
             yield _Report(t_s, floor, x, y, kept | zones.get(row, NOWHERE), kept is NOWHERE, goals, *height_m)
 
     def _goals(self, batch: Batch) -> list[frozenset[str]]:
-        """By robot, the resources that it says it goes to."""
-        told, goals = batch.destinations, [NOWHERE] * len(batch)
-        spots = np.stack([told.x_m, told.y_m], axis=1)
+        """For each robot, the resources that it announces as destinations."""
+        destinations, goals = batch.destinations, [NOWHERE] * len(batch)
+        spots = np.stack([destinations.x_m, destinations.y_m], axis=1)
         boxes_m = np.concatenate([spots, spots], axis=1)
-        found = self._resources.touched(batch.datums(told.floor), boxes_m, lambda rows: shapely.points(spots[rows]))
-        robot = np.repeat(np.arange(len(batch)), np.diff(told.start))
+        found = self._resources.touched(
+            batch.datums(destinations.floor), boxes_m, lambda rows: shapely.points(spots[rows])
+        )
+        robot = np.repeat(np.arange(len(batch)), np.diff(destinations.start))
         for row, places in found.items():
             goals[robot[row]] |= places
         return goals
 
 
-def _is_at(one: _RobotState, new: _Report) -> bool:
-    """Whether a robot is where it was."""
-    return new.floor == one.floor and hypot(new.x_m - one.x_m, new.y_m - one.y_m) <= STANDS_M
+def _is_at(state: _RobotState, new: _Report) -> bool:
+    """Whether a robot is still at the same position."""
+    return new.floor == state.floor and hypot(new.x_m - state.x_m, new.y_m - state.y_m) <= STANDS_M
 
 
 class _PlaceOutlines:
-    """Places, to ask which of them something touches on its floor."""
+    """The outlines of places, to find which of them a shape on a floor touches."""
 
     def __init__(self, places: Iterable[Place]) -> None:
         drawn = [(datum, place.id, outline) for place in places for datum, outline in outlines(place)]
@@ -304,7 +314,7 @@ class _PlaceOutlines:
         self._boxes_m = shapely.bounds(self._shapes).reshape(-1, 4)
 
     def is_near(self, place: str, stood: Stand) -> bool:
-        """Whether a place is no farther than `WAITED_M` from where a robot stood."""
+        """Whether a place is within `WAITED_M` of where a robot stood."""
         here = shapely.Point(stood.x_m, stood.y_m)
         return any(
             shapely.dwithin(shape, here, WAITED_M)
@@ -315,7 +325,7 @@ class _PlaceOutlines:
     def touched(
         self, datums: Sequence[str], boxes_m: Floats, shapes: Callable[[Ints], Any]
     ) -> dict[int, frozenset[str]]:
-        """By row, the places that what is in a box (n, 4) touches; `shapes` makes it of the rows that may touch any."""
+        """By row, the places that the shape in a box (n, 4) touches. `shapes` makes the shapes of the given rows."""
         pairs = touching(boxes_m, self._boxes_m).tolist()
         near = np.array([pair for pair in pairs if datums[pair[0]] == self._datums[pair[1]]], np.int64).reshape(-1, 2)
         found: dict[int, frozenset[str]] = {}

@@ -1,4 +1,4 @@
-"""How far robots were apart, of all that came near: oriented envelopes, at every sample of a stretch of motion."""
+"""Separations of near robots: between oriented envelopes, at every sample of a motion."""
 
 from math import hypot, inf, isnan
 from typing import NamedTuple
@@ -13,18 +13,18 @@ from metrics.truth.recorded_motion import SampledMotion
 
 
 class Separations(NamedTuple):
-    """Pairs that are near at a sample, ascending by pair and sample. Arrays are (m,)."""
+    """Near pairs at samples, ascending by pair and sample. Arrays are (m,)."""
 
     a: Ints
-    """Index of the robot."""
+    """Index of the first robot; `b` is that of the second."""
     b: Ints
     sample: Ints
     """Steps since the epoch."""
     separation_m: Floats
     since_s: Floats
-    """Since when both have been there."""
+    """Time since which both have been present."""
     closeness: Floats
-    """Distance of the centres over the sum of the radii."""
+    """Distance of the centres divided by the sum of the radii."""
 
     def take(self, rows: Ints) -> "Separations":
         return Separations(
@@ -37,23 +37,24 @@ class Separations(NamedTuple):
         )
 
 
-def separations(stretch: SampledMotion, within_m: float) -> Separations:
-    """Every two robots at every sample at which they are no further apart than `within_m`, neither above the other."""
+def separations(sampled: SampledMotion, within_m: float) -> Separations:
+    """All pairs at all samples with a separation of at most `within_m`, without pairs of which one is above the
+    other."""
     (a, b, column), (apart_m, reach_m) = _near(
-        stretch.x_m, stretch.y_m, stretch.half_m, stretch.height_m, stretch.floor, within_m
+        sampled.x_m, sampled.y_m, sampled.half_m, sampled.height_m, sampled.floor, within_m
     )
     of_a, of_b = (a, column), (b, column)
     distance = gap(
-        stretch.x_m[of_b] - stretch.x_m[of_a],
-        stretch.y_m[of_b] - stretch.y_m[of_a],
-        stretch.yaw_rad[of_a],
-        stretch.yaw_rad[of_b],
-        stretch.half_m[:, a, column],
-        stretch.half_m[:, b, column],
+        sampled.x_m[of_b] - sampled.x_m[of_a],
+        sampled.y_m[of_b] - sampled.y_m[of_a],
+        sampled.yaw_rad[of_a],
+        sampled.yaw_rad[of_b],
+        sampled.half_m[:, a, column],
+        sampled.half_m[:, b, column],
     )
-    since = np.maximum(stretch.since_s[of_a], stretch.since_s[of_b])
+    since = np.maximum(sampled.since_s[of_a], sampled.since_s[of_b])
     closeness = apart_m / (reach_m - within_m)
-    return Separations(stretch.robot[a], stretch.robot[b], stretch.first + column, distance, since, closeness)
+    return Separations(sampled.robot[a], sampled.robot[b], sampled.first + column, distance, since, closeness)
 
 
 _MATRIX, _STACK = numba.float64[:, ::1], numba.float64[:, :, ::1]
@@ -61,7 +62,7 @@ _MATRIX, _STACK = numba.float64[:, ::1], numba.float64[:, :, ::1]
 
 @inner
 def _boxes(x_m: Floats, y_m: Floats, radius_m: Floats, within_m: float) -> Floats:
-    """(r, 4) west, east, south and north of each robot over a stretch, half of `within_m` beyond its reach."""
+    """(r, 4) west, east, south and north bounds of each robot over all samples, extended by half of `within_m`."""
     boxes = np.empty((len(x_m), 4))
     for row in range(len(x_m)):
         west, east, south, north, grown = inf, -inf, inf, -inf, 0.0
@@ -82,9 +83,10 @@ def _boxes(x_m: Floats, y_m: Floats, radius_m: Floats, within_m: float) -> Float
 def _near(
     x_m: Floats, y_m: Floats, half_m: Floats, height_m: Floats, floor: Floats, within_m: float
 ) -> tuple[Ints, Floats]:
-    """(3, m) two robots' rows and the sample, ascending, where their circles are no further apart than `within_m` and
-    neither is above the other, and (2, m) how far their centres are apart and how far they may be for that; all else is
-    (r, s), half sides and heights (2, r, s).
+    """Pairs whose circumscribed circles are at most `within_m` apart and of which neither is above the other.
+
+    Returns (3, m) the rows of the two robots and the sample, ascending; and (2, m) the distance of their centres and
+    the greatest distance at which they count. Inputs are (r, s); half sides and heights are (2, r, s).
     """
     radius_m = np.hypot(half_m[0], half_m[1])
     boxes = _boxes(x_m, y_m, radius_m, within_m)
@@ -95,7 +97,7 @@ def _near(
             if west > boxes[b, 1] or boxes[b, 0] > east or south > boxes[b, 3] or boxes[b, 2] > north:
                 continue
             for column in range(x_m.shape[1]):
-                # a sum with an absent robot is nan, and nan is within nothing
+                # the sum is nan if a robot is absent, and nan compares as false
                 apart_m = hypot(x_m[a, column] - x_m[b, column], y_m[a, column] - y_m[b, column])
                 reach_m = radius_m[a, column] + radius_m[b, column] + within_m
                 if not (apart_m <= reach_m and floor[a, column] == floor[b, column]):

@@ -1,7 +1,7 @@
-"""When each robot was there, by its reports, and since when it has been silent.
+"""When each robot was present by its reports, and when it was silent.
 
-When a robot is silent is told by `deconflict/foresight/presence/report_intervals.py`. One that is silent has left as
-far as is known, unless another one has driven through its place: then it was not there.
+`deconflict/foresight/presence/report_intervals.py` defines when a robot is silent. A silent robot may have left. If
+another robot drives through its place, the silent one was not there.
 """
 
 from collections import defaultdict
@@ -23,15 +23,15 @@ class RobotSilence:
     """One silence of one robot."""
 
     begin_s: float
-    """When it was heard last."""
+    """Time of the last report before it."""
     end_s: float = inf
-    """When it was heard again."""
+    """Time of the next report; inf until then."""
     is_passed: bool = False
-    """Another robot has driven through its place."""
+    """Whether another robot has driven through its place."""
 
 
 class Silences:
-    """As reports come in. Memory holds each robot's newest report, and its silences. Columns are by row."""
+    """Finds silences while reports arrive. Keeps each robot's newest report and its silences, one robot a row."""
 
     def __init__(self) -> None:
         self._rows: dict[str, int] = {}
@@ -39,20 +39,20 @@ class Silences:
         self._heard_s = np.zeros(0)
         """When the newest report was true; -inf before the first."""
         self._there_s = np.zeros(0)
-        """How long the robot was there."""
+        """How long the robot was present."""
         self._known = np.zeros(0, np.int64)
-        """How many times between two reports there were."""
+        """Number of known intervals between reports."""
         self._gaps_s = np.zeros((0, GAPS))
-        """The newest of them."""
+        """The newest intervals between reports."""
         self._place = np.zeros((0, 8))
         """x_m, y_m, yaw_rad, floor, half sides, bottom and top, by the newest report."""
         self._of: dict[int, list[RobotSilence]] = {}
-        """In order."""
+        """By row: all silences, in order."""
         self._ongoing: dict[int, RobotSilence] = {}
         self._by_minute_s: defaultdict[int, float] = defaultdict(float)
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
-        """Take the present poses, the first knots, of robots that have reported."""
+        """Add the present poses of robots that have reported. These are the first knots of the forecasts."""
         rows = np.fromiter(map(self._row, robots), np.int64, len(robots))
         knots = forecasts.start[:-1]
         is_newer = forecasts.t_s[knots] > self._heard_s[rows]
@@ -66,32 +66,32 @@ class Silences:
         self._place[rows] = np.stack([*columns, *sizes_m, *levels_m], axis=1)
 
     def fallen_silent(self, now_s: float) -> list[str]:
-        """The robots that are silent now and were not when this was asked before."""
+        """The robots that have become silent since the last call."""
         late = np.flatnonzero(now_s - self._heard_s[: len(self._names)] > GRACE_S).tolist()
         fallen = [row for row in late if row not in self._ongoing and now_s - self._heard_s[row] > self._limit_s(row)]
         for row in fallen:
             self._fall_silent(row)
         return [self._names[row] for row in fallen]
 
-    def look(self, stretch: SampledMotion) -> None:
-        """Look for robots that drive through the place of a silent one."""
+    def find_driven_through(self, sampled: SampledMotion) -> None:
+        """Find robots that drive through the place of a silent one."""
         rows = np.array([row for row, silence in self._ongoing.items() if not silence.is_passed], np.int64)
-        if not len(rows) or not len(stretch.robot):
+        if not len(rows) or not len(sampled.robot):
             return
         places = self._place[rows]
-        for at, other in np.argwhere(_near(places, stretch)).tolist():
-            if _drives_through(places[at], stretch, other):
+        for at, other in np.argwhere(_near(places, sampled)).tolist():
+            if _drives_through(places[at], sampled, other):
                 self._ongoing[int(rows[at])].is_passed = True
 
     def finish(self) -> None:
-        """Nothing more comes: from its last report on nothing is known of any robot."""
+        """End of the log: every robot is silent from its last report."""
         for row in range(len(self._names)):
             if row not in self._ongoing:
                 self._fall_silent(row)
 
     def left_s(self, robot: str, from_s: float) -> float:
-        """When a robot left, as far as is known: before `from_s` where it was silent then, or else when it next fell
-        silent; inf where it did not. A silence in which another robot drove through its place does not count."""
+        """When a robot may have left: the begin of its silence at `from_s`, or else of its next silence; inf if there
+        is none. A silence in which another robot drove through its place does not count."""
         for silence in self._of.get(self._rows.get(robot, -1), ()):
             if silence.end_s > from_s and not silence.is_passed:
                 return silence.begin_s
@@ -102,15 +102,15 @@ class Silences:
         return self._rows.get(robot, -1) in self._of
 
     def present_s(self) -> dict[str, float]:
-        """How long each robot was there."""
+        """How long each robot was present."""
         return dict(zip(self._names, self._there_s[: len(self._names)].tolist(), strict=True))
 
     def by_minute(self) -> dict[int, float]:
-        """How long robots were there in all, by minute since the epoch."""
+        """Total presence of all robots, by minute since the epoch."""
         return dict(self._by_minute_s)
 
     def _count(self, rows: Ints, heard_s: Floats, gap_s: Floats) -> None:
-        """Note the times between the reports of robots, and that those were there meanwhile that were not silent."""
+        """Add the intervals between reports, and the presence of robots that were not silent in them."""
         counts = gap_s < inf
         for at in np.flatnonzero(counts & (gap_s > GRACE_S)).tolist():
             counts[at] = not self._ends_silence(int(rows[at]), float(heard_s[at]))
@@ -123,7 +123,7 @@ class Silences:
             self._by_minute_s[minute] += float(gap_s[minutes == minute].sum())
 
     def _ends_silence(self, row: int, now_s: float) -> bool:
-        """Whether a robot was silent that is heard again."""
+        """End the silence of a robot that reports again. Returns whether it was silent."""
         silence = self._ongoing.pop(row, None)
         if silence is None:
             if now_s - self._heard_s[row] <= self._limit_s(row):
@@ -138,7 +138,7 @@ class Silences:
         self._of.setdefault(row, []).append(self._ongoing[row])
 
     def _limit_s(self, row: int) -> float:
-        """How long a robot may say nothing before it is silent."""
+        """How long a robot may send no report before it is silent."""
         return grace_after_s(self._gaps_s[row, : self._known[row]].tolist())
 
     def _row(self, robot: str) -> int:
@@ -157,23 +157,23 @@ class Silences:
         self._heard_s[-more:] = -inf
 
 
-def _near(places: Floats, stretch: SampledMotion) -> Bools:
-    """(s, r) whether the middle of each robot of a stretch comes into the box around each place (s, 8)."""
+def _near(places: Floats, sampled: SampledMotion) -> Bools:
+    """(s, r) whether the centre of each of r robots enters the bounding box of each place (s, 8)."""
     x_m, y_m, _, _, half_length_m, half_width_m, _, _ = places.T[:, :, None]
     reach_m = np.hypot(half_length_m, half_width_m)
-    near = np.ones((len(places), len(stretch.robot)), np.bool_)
-    for place_m, where_m in ((x_m, stretch.x_m), (y_m, stretch.y_m)):
+    near = np.ones((len(places), len(sampled.robot)), np.bool_)
+    for place_m, where_m in ((x_m, sampled.x_m), (y_m, sampled.y_m)):
         near &= np.nanmin(where_m, axis=1) <= place_m + reach_m
         near &= np.nanmax(where_m, axis=1) >= place_m - reach_m
     return near
 
 
-def _drives_through(place: Floats, stretch: SampledMotion, other: int) -> bool:
-    """Whether the middle of a robot of a stretch comes within the outline at a place (8,)."""
+def _drives_through(place: Floats, sampled: SampledMotion, other: int) -> bool:
+    """Whether the centre of a robot enters the outline at a place (8,)."""
     x_m, y_m, yaw_rad, floor, half_length_m, half_width_m, bottom_m, top_m = place.tolist()
-    dx_m, dy_m = stretch.x_m[other] - x_m, stretch.y_m[other] - y_m
+    dx_m, dy_m = sampled.x_m[other] - x_m, sampled.y_m[other] - y_m
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
     within = np.abs(cosine * dx_m + sine * dy_m) < half_length_m
     within &= np.abs(cosine * dy_m - sine * dx_m) < half_width_m
-    within &= (stretch.height_m[0, other] < top_m) & (bottom_m < stretch.height_m[1, other])
-    return bool(np.any(within & (stretch.floor[other] == floor)))
+    within &= (sampled.height_m[0, other] < top_m) & (bottom_m < sampled.height_m[1, other])
+    return bool(np.any(within & (sampled.floor[other] == floor)))

@@ -1,8 +1,8 @@
-"""How well advisories foresaw what happened. Terms: encounters are those of `metrics/truth/encounters.py`.
+"""Recall, precision and lead time of advisories. Encounters are those of `metrics/truth/encounters.py`.
 
-An alert is one advisory of one pair, from raised to cleared, looked at in whole seconds, which recall, lead time and
-precision all rest on. Seconds at which the pair is already in an encounter are left out, and those after a robot left,
-which no encounter can follow. An alert without any other second is not scored and recalls nothing.
+An alert is one advisory of one pair, from raised to cleared. It is examined at whole seconds; recall, lead time and
+precision all use these. Seconds at which the pair is already in an encounter are excluded, and so are seconds after a
+robot left, because no encounter can follow them. An alert without any other second is not scored and recalls nothing.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,7 +21,7 @@ from metrics.truth.encounters import RecordedEncounter
 
 HORIZON_S = 10.0
 STANDING_S = 2.0
-"""An encounter is recalled where an alert stood at a whole second of so long before its start."""
+"""An encounter is recalled if an alert was open at a whole second within this time before its start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,22 +32,22 @@ class Alert:
     vendors: tuple[str, str]
     raised_s: float
     cleared_s: float
-    """inf where it was never cleared."""
+    """inf if it was never cleared."""
     predicted_s: float
-    """When its last revision before the encounter said that it would start."""
+    """Predicted start of the encounter, of the last revision before that start."""
     left_s: float
-    """When the first of the two was last heard."""
+    """The time of the last report of the robot that left first."""
     place: tuple[str, float, float] | None = None
-    """Floor, x and y of where it said that it would start."""
+    """Floor, x and y of the predicted start."""
     heeded: bool = False
-    """Whether one of the two waited as advised while it stood."""
+    """Whether one of the two waited as advised while the alert was open."""
     encounter_class: str = ""
-    """How the two were to meet when it was raised."""
+    """The class of the predicted encounter when it was raised."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotPresence:
-    """Who was on the floor, and for how long."""
+    """The robots on the floor, and how long each was there."""
 
     vendor_of: Mapping[str, str] = field(default_factory=dict)
     """By robot."""
@@ -67,23 +67,23 @@ class RobotPresence:
 
 @dataclass(slots=True)
 class AlertCases:
-    """What became of each foreseeable encounter and of each alert, in the order they began."""
+    """The outcome of each foreseeable encounter and of each alert, ordered by start."""
 
     encounters: int
     met: Floats
-    """(n, 4) for each foreseeable one: recalled, recalled at any time (1 or 0), lead time and start error in seconds,
-    nan where no alert stood."""
+    """(n, 4) of each foreseeable encounter: recalled, recalled at any time (1 or 0), lead time and start error in
+    seconds, nan if no alert was open."""
     alerts: Floats
-    """(m,) 1 for one that came true, 0 for a nuisance, nan for one that can't be told."""
+    """(m,) 1 for a true alert, 0 for a nuisance, nan if the outcome is unknown."""
     places: list[tuple[str, float, float] | None] = field(default_factory=list)
-    """(m,) of the alerts."""
+    """(m,) places of the alerts."""
     tally: CalibrationTally = field(default_factory=CalibrationTally)
     heeded: int = 0
-    """Alerts that can't be told since a robot waited as advised."""
+    """Alerts whose outcome is unknown because a robot waited as advised."""
 
 
 _MEASURED = {"recall": means, "recall_any": means, "lead_time_s": medians, "start_error_s": medians}
-"""What each column of `AlertCases.met` comes to."""
+"""The statistic of each column of `AlertCases.met`."""
 
 
 def score(
@@ -93,24 +93,26 @@ def score(
     presence: RobotPresence | None = None,
     tallies: Mapping[Vendors, CalibrationTally] | None = None,
 ) -> dict[str, Any]:
-    """The figures of one clearance, in all, by vendor and by pair of vendors; a share over nothing is None.
+    """The figures of one clearance: of all pairs, by vendor and by pair of vendors. A share of no cases is None.
 
-    `tallies` are those of the probabilities, by pair of vendors in ascending order.
+    `tallies` are the calibration tallies, by pair of vendors in ascending order.
     """
-    there = presence or RobotPresence()
-    by_vendors = _split(encounters, alerts, there)
+    robots = presence or RobotPresence()
+    by_vendors = _split(encounters, alerts, robots)
     for vendors, tally in (tallies or {}).items():
         by_vendors.setdefault(vendors, _cases([], [])).tally = tally
     whole = _cases(encounters, alerts)
     whole.tally = CalibrationTally.joined((tallies or {}).values())
-    names = sorted(set(there.vendor_of.values()))
+    names = sorted(set(robots.vendor_of.values()))
     return {
         "clearance_m": clearance_m,
-        **_figures(whole, there.hours()),
+        **_figures(whole, robots.hours()),
         "intervals": _intervals(whole),
-        "by_vendor": [{"vendor": name, **_figures(_joined(by_vendors, [name]), there.hours([name]))} for name in names],
+        "by_vendor": [
+            {"vendor": name, **_figures(_joined(by_vendors, [name]), robots.hours([name]))} for name in names
+        ],
         "by_vendor_pair": [
-            {"vendors": list(pair), **_figures(by_vendors[pair], there.hours(pair))}
+            {"vendors": list(pair), **_figures(by_vendors[pair], robots.hours(pair))}
             for pair in combinations_with_replacement(names, 2)
             if pair in by_vendors
         ],
@@ -119,19 +121,19 @@ def score(
 
 
 def _split(
-    encounters: Sequence[RecordedEncounter], alerts: Sequence[Alert], there: RobotPresence
+    encounters: Sequence[RecordedEncounter], alerts: Sequence[Alert], robots: RobotPresence
 ) -> dict[Vendors, AlertCases]:
     """The cases of each pair of vendors."""
     parts: dict[Vendors, tuple[list[RecordedEncounter], list[Alert]]] = {}
-    for one in encounters:
-        parts.setdefault(there.vendors(one.pair), ([], []))[0].append(one)
+    for encounter in encounters:
+        parts.setdefault(robots.vendors(encounter.pair), ([], []))[0].append(encounter)
     for alert in alerts:
-        parts.setdefault(there.vendors(alert.pair), ([], []))[1].append(alert)
+        parts.setdefault(robots.vendors(alert.pair), ([], []))[1].append(alert)
     return {vendors: _cases(*part) for vendors, part in parts.items()}
 
 
 def _joined(by_vendors: Mapping[Vendors, AlertCases], names: Sequence[str]) -> AlertCases:
-    """The cases in which a robot of any of these vendors took part."""
+    """The cases with a robot of any of these vendors."""
     parts = [cases for vendors, cases in by_vendors.items() if not set(vendors).isdisjoint(names)]
     return AlertCases(
         sum(part.encounters for part in parts),
@@ -145,47 +147,53 @@ def _joined(by_vendors: Mapping[Vendors, AlertCases], names: Sequence[str]) -> A
 
 def _cases(encounters: Sequence[RecordedEncounter], alerts: Sequence[Alert]) -> AlertCases:
     by_pair: dict[Pair, list[RecordedEncounter]] = {}
-    for one in encounters:
-        by_pair.setdefault(one.pair, []).append(one)
+    for encounter in encounters:
+        by_pair.setdefault(encounter.pair, []).append(encounter)
     ordered = [
         (alert, _seconds(alert, by_pair.get(alert.pair, [])))
         for alert in sorted(alerts, key=lambda alert: (alert.raised_s, alert.pair))
     ]
-    stood = [(alert, seconds) for alert, seconds in ordered if len(seconds)]
-    stood_of: dict[Pair, list[tuple[Alert, Floats]]] = {}
-    for alert, seconds in stood:
-        stood_of.setdefault(alert.pair, []).append((alert, seconds[seconds < alert.cleared_s]))
-    met = [_met(one, stood_of.get(one.pair, [])) for one in encounters if one.foreseeable]
-    scored = [(alert, _outcome(alert, seconds, by_pair.get(alert.pair, []))) for alert, seconds in stood]
+    open_alerts = [(alert, seconds) for alert, seconds in ordered if len(seconds)]
+    open_of_pair: dict[Pair, list[tuple[Alert, Floats]]] = {}
+    for alert, seconds in open_alerts:
+        open_of_pair.setdefault(alert.pair, []).append((alert, seconds[seconds < alert.cleared_s]))
+    met = [
+        _recall_row(encounter, open_of_pair.get(encounter.pair, []))
+        for encounter in encounters
+        if encounter.foreseeable
+    ]
+    scored = [(alert, _outcome(alert, seconds, by_pair.get(alert.pair, []))) for alert, seconds in open_alerts]
     return AlertCases(
         len(encounters),
         np.array(met, np.float64).reshape(-1, 4),
         np.array([outcome for _, outcome in scored], np.float64),
-        [one.place for one, _ in scored],
-        heeded=sum(one.heeded and isnan(outcome) for one, outcome in scored),
+        [alert.place for alert, _ in scored],
+        heeded=sum(alert.heeded and isnan(outcome) for alert, outcome in scored),
     )
 
 
-def _met(encounter: RecordedEncounter, stood: Sequence[tuple[Alert, Floats]]) -> tuple[float, float, float, float]:
+def _recall_row(
+    encounter: RecordedEncounter, open_alerts: Sequence[tuple[Alert, Floats]]
+) -> tuple[float, float, float, float]:
     """A row of `AlertCases.met`, from the alerts of its pair and the whole seconds at which each stood."""
     start_s = encounter.start_s
-    at_any_time = float(any(_standing(seconds, start_s, HORIZON_S) for _, seconds in stood))
-    for alert, seconds in stood:
-        if _standing(seconds, start_s, STANDING_S):
+    at_any_time = float(any(_is_any_before(seconds, start_s, HORIZON_S) for _, seconds in open_alerts))
+    for alert, seconds in open_alerts:
+        if _is_any_before(seconds, start_s, STANDING_S):
             return 1.0, at_any_time, start_s - float(seconds[0]), abs(alert.predicted_s - start_s)
     return 0.0, at_any_time, nan, nan
 
 
 def _figures(cases: AlertCases, robot_hours: float) -> dict[str, Any]:
-    told = cases.alerts[~np.isnan(cases.alerts)]
-    precision = mean(told)
+    known = cases.alerts[~np.isnan(cases.alerts)]
+    precision = mean(known)
     return {
         "encounters": cases.encounters,
         "foreseeable": len(cases.met),
         "recall": mean(cases.met[:, 0]),
         "recall_any": mean(cases.met[:, 1]),
-        "alerts": len(told),
-        "censored": len(cases.alerts) - len(told) - cases.heeded,
+        "alerts": len(known),
+        "censored": len(cases.alerts) - len(known) - cases.heeded,
         "heeded": cases.heeded,
         "precision": precision,
         "nuisance_rate": None if precision is None else 1 - precision,
@@ -198,17 +206,17 @@ def _figures(cases: AlertCases, robot_hours: float) -> dict[str, Any]:
 
 
 def _intervals(cases: AlertCases) -> dict[str, Any]:
-    """The middle 95 % of each figure over encounters, alerts or groups of pairs drawn again."""
-    told = cases.alerts[~np.isnan(cases.alerts)]
+    """Bootstrap intervals of each figure over encounters, alerts or groups of pairs."""
+    known = cases.alerts[~np.isnan(cases.alerts)]
     return {
         **{name: interval(cases.met[:, n], figures) for n, (name, figures) in enumerate(_MEASURED.items())},
-        "precision": interval(told, means),
+        "precision": interval(known, means),
         **cases.tally.intervals(),
     }
 
 
 def _listed(cases: AlertCases) -> dict[str, Any]:
-    """Every case in short, for comparisons: a letter or a number each, in the order they began."""
+    """Every case in short form for comparisons: one letter or number each, ordered by start."""
     return {
         "recalled": "".join("ny"[int(value)] for value in cases.met[:, 0]),
         "recalled_any": "".join("ny"[int(value)] for value in cases.met[:, 1]),
@@ -221,27 +229,27 @@ def _listed(cases: AlertCases) -> dict[str, Any]:
 
 
 def _placed(places: Sequence[tuple[str, float, float] | None]) -> list[str]:
-    """The alerts' places in that order: `x y floor`, or empty."""
-    return ["" if one is None else f"{one[1]:.1f} {one[2]:.1f} {one[0]}" for one in places]
+    """The places of the alerts in that order: `x y floor`, or empty."""
+    return ["" if place is None else f"{place[1]:.1f} {place[2]:.1f} {place[0]}" for place in places]
 
 
 def _seconds(alert: Alert, encounters: Sequence[RecordedEncounter]) -> Floats:
-    """(s,) the whole seconds at which an alert stood outside of its pair's encounters; one that was cleared before a
-    whole second came is judged at that."""
+    """(s,) the whole seconds at which an alert was open outside of its pair's encounters. An alert that was cleared
+    before the next whole second is examined at that second."""
     first, end_s = ceil(alert.raised_s), min(alert.cleared_s, alert.left_s)
     seconds = np.arange(first, max(ceil(end_s), first + 1), dtype=np.float64)
-    for one in encounters:
-        seconds = seconds[(seconds < one.start_s) | (seconds > one.end_s)]
+    for encounter in encounters:
+        seconds = seconds[(seconds < encounter.start_s) | (seconds > encounter.end_s)]
     return seconds
 
 
-def _standing(seconds: Floats, start_s: float, before_s: float) -> bool:
-    """Whether any of the seconds lies in the last `before_s` before a start."""
+def _is_any_before(seconds: Floats, start_s: float, before_s: float) -> bool:
+    """Whether any of the seconds is in the last `before_s` before a start."""
     return bool(np.any((seconds < start_s) & (seconds >= start_s - before_s)))
 
 
 def _outcome(alert: Alert, seconds: Floats, encounters: Sequence[RecordedEncounter]) -> float:
-    """1 for a true alert, 0 for a nuisance, nan for one that can't be told; it stood at whole seconds (s,)."""
-    if any(_standing(seconds, one.start_s, HORIZON_S) for one in encounters):
+    """1 for a true alert, 0 for a nuisance, nan if unknown. `seconds` (s,) are those at which it was open."""
+    if any(_is_any_before(seconds, encounter.start_s, HORIZON_S) for encounter in encounters):
         return 1.0
     return nan if alert.heeded or alert.left_s < alert.predicted_s else 0.0

@@ -1,10 +1,10 @@
-"""Whether published probabilities mean what they say: calibration error, Brier score and skill, reliability diagram.
+"""Calibration of published probabilities: calibration error, Brier score and skill, reliability diagram.
 
-A sample is a pair and a second for which a probability was published. It came true where what it foretells (see
-`metrics/scoring/warnings/outcomes_by_moment.py`) began within the next 10 s. Pairs that are at it already are left out.
-So are those of which a robot left before anything happened: nobody knows what would have. Those that are known stand
-for them (`deconflict.foresight.probability.censoring`). Those of which a robot waited as advised are counted apart, as
-are those that may have waited by an order of their fleet.
+A sample is a pair and a second for which a probability was published. It came true if the outcome (see
+`metrics/scoring/warnings/outcomes_by_moment.py`) began within the next 10 s. A pair that is already within the outcome
+is excluded. If a robot left before any outcome, the sample is censored: the samples with a known outcome get a larger
+weight in its place (`deconflict.foresight.probability.censoring`). Samples of which a robot waited as advised, or may
+have waited on an order of its fleet, are only counted.
 """
 
 from collections import defaultdict, deque
@@ -27,38 +27,39 @@ from metrics.scoring.warnings.outcomes_by_moment import HORIZON_S, OutcomeLookup
 from metrics.truth.advised_waits import AdvisedWaits
 
 SETTLED_S = 120.0
-"""The first minutes, in which probabilities rest on what was known before the log began."""
+"""The first minutes, in which probabilities depend on what was known before the log began."""
 BINS = 10
-"""Of the reliability diagram, as many samples in each as can be."""
+"""Bins of the reliability diagram, of equal mass as far as possible."""
 FINE = 1000
-"""Steps of the arcsine of the root of a probability, so that small ones and those near 1 are told apart too."""
+"""Steps of the arcsine of the square root of a probability. So values near 0 and near 1 also have fine steps."""
 
 _STEPS = np.sin((np.arange(FINE) + 0.5) / FINE * (pi / 2)) ** 2
-"""Where one step of probability ends and the next begins."""
+"""Probabilities at the boundaries between the steps."""
 
 LEFT = PARTS + 1
-"""In place of a part, for a sample of which a robot left before anything happened."""
+"""Used instead of a part of the horizon for a censored sample: a robot left before any outcome."""
 EACH_ONCE = np.append(np.ones(PARTS + 1), 0.0)
-"""Weights that leave out what is left out, without making up for it."""
+"""Weights that ignore censored samples without compensating for them."""
 EVERY = np.ones(PARTS + 2)
-"""Weights that take all who left to have not met."""
+"""Weights that count every censored sample as not met."""
 
 Vendors = tuple[str, str]
 
 
 class CalibrationSamples(NamedTuple):
-    """What was said of pairs, and what came of it. Arrays are (n,)."""
+    """Published probabilities of pairs, and their outcomes. Arrays are (n,)."""
 
     group: Ints
+    """Bootstrap group of the pair."""
     step: Ints
-    """Of the probability."""
+    """Step of the probability, see `FINE`."""
     probability: Floats
     squared: Floats
-    """Errors."""
+    """Squared error of the probability."""
     part: Ints
-    """Of the horizon in which it came true or a robot left; `STAYED` where neither did."""
+    """Part of the horizon in which it came true or a robot left; `STAYED` if neither happened."""
     known: Bools
-    """Whether no robot left before."""
+    """Whether the outcome is known: no robot left before it."""
 
     @classmethod
     def of(cls, group: Ints, probability: Floats, part: Ints, known: Bools) -> "CalibrationSamples":
@@ -67,15 +68,17 @@ class CalibrationSamples(NamedTuple):
 
 
 class CalibrationTally:
-    """Samples counted by what became of them, by probability and by group of pairs: bounded however long a log is."""
+    """Counts of samples by outcome, by probability and by group of pairs. The memory does not depend on the log."""
 
     def __init__(self) -> None:
         self.fine = np.zeros((2, PARTS + 2, FINE + 1))
-        """Samples and sum of probabilities, by when they became known (`leaving`), or `LEFT`, and its step."""
+        """(2, PARTS + 2, FINE + 1) number of samples and sum of probabilities, by part of the horizon or `LEFT`, and
+        step."""
         self.groups = np.zeros((2, PARTS + 2, GROUPS))
-        """Samples and sum of squared errors, by when it became known, or `LEFT`, and group."""
+        """(2, PARTS + 2, GROUPS) number of samples and sum of squared errors, by part of the horizon or `LEFT`, and
+        group."""
         self.left = np.zeros(PARTS + 1)
-        """Samples of which a robot left before anything happened, by when it did."""
+        """(PARTS + 1,) censored samples, by the part of the horizon in which the robot left."""
 
     def add(self, samples: CalibrationSamples, rows: Ints) -> None:
         """Count the samples of `rows` (m,)."""
@@ -91,16 +94,16 @@ class CalibrationTally:
         return whole
 
     def weights(self) -> Floats:
-        """(PARTS + 2,) what a sample counts, by when it became known; those of `LEFT` nothing."""
+        """(PARTS + 2,) weight of a sample, by the part of the horizon in which it became known; 0 for `LEFT`."""
         return np.append(weights(self.known().sum(axis=1), self.left), 0.0)
 
     def known(self) -> Floats:
-        """(PARTS + 1, FINE + 1) samples of which it is known what followed."""
+        """(PARTS + 1, FINE + 1) samples with a known outcome."""
         return self.fine[0, :LEFT]
 
     def bins(self, weights: Floats | None = None) -> Floats:
-        """(b, 3) samples, mean probability and share that came true; at most `BINS`, of equal mass as far as equal
-        probabilities are not torn apart."""
+        """(b, 3) number of samples, mean probability and share that came true, of at most `BINS` bins. The bins have
+        equal mass, except that equal probabilities stay in one bin."""
         weights = self.weights() if weights is None else weights
         counts, probabilities = np.tensordot(weights, self.fine, (0, 1))
         total = counts.sum()
@@ -114,12 +117,12 @@ class CalibrationTally:
         return np.column_stack([sums[:, 0], sums[:, 1:] / sums[:, :1]])
 
     def by_group(self, weights: Floats | None = None) -> Floats:
-        """(g, 3) samples, those that came true and squared errors of each group of pairs that has any."""
+        """(g, 3) number of samples, number that came true and sum of squared errors, of each group with samples."""
         every = self.every_group(weights)
         return every[every[:, 0] > 0]
 
     def every_group(self, weights: Floats | None = None) -> Floats:
-        """(GROUPS, 3) as `by_group`, of all: the same pairs are in the same row of any tally."""
+        """(GROUPS, 3) as `by_group`, but of all groups. A pair is in the same row of every tally."""
         samples, squared = self.groups
         weights = self.weights() if weights is None else weights
         came_true = samples * (np.arange(PARTS + 2) < STAYED)[:, None]
@@ -127,7 +130,8 @@ class CalibrationTally:
         return every
 
     def ece(self, weights: Floats | None = None) -> float | None:
-        """Expected calibration error: mean distance of probability and share over the bins, by samples."""
+        """Expected calibration error: mean distance between probability and share over the bins, weighted by
+        samples."""
         bins = self.bins(weights)
         return float(np.average(np.abs(bins[:, 1] - bins[:, 2]), weights=bins[:, 0])) if len(bins) else None
 
@@ -148,60 +152,65 @@ class CalibrationTally:
         }
 
     def intervals(self) -> dict[str, Interval]:
-        """Of the Brier score and its skill, by drawing groups of pairs."""
+        """Bootstrap intervals of the Brier score and skill, over groups of pairs."""
         groups = self.by_group()
         return {"brier": interval(groups, briers), "brier_skill": interval(groups, brier_skills)}
 
 
 class CalibrationScores:
-    """Probabilities of one kind, sampled at whole seconds and told apart by pair of vendors."""
+    """The calibration of probabilities of one kind, sampled at whole seconds, by pair of vendors."""
 
     def __init__(self, waits: AdvisedWaits) -> None:
-        """`waits` tell when robots waited as advised."""
+        """`waits` are the times at which robots waited as advised."""
         self._waits = waits
         self._waiting: deque[tuple[float, Sequence[tuple[Pair, float]]]] = deque()
         self._second = -1
         self._settled_from_s = inf
         self.by_vendors: defaultdict[Vendors, CalibrationTally] = defaultdict(CalibrationTally)
         self.settled = CalibrationTally()
-        """What was said after the first minutes."""
+        """Samples after the first minutes."""
         self.likely = LikelyPairs()
         self.heeded = 0
         """Samples of which a robot waited as advised before anything happened."""
         self.doubted = 0
-        """Samples of which a robot waited, and it is not known whether its fleet had ordered it."""
+        """Samples of which a robot waited, and it is unknown whether its fleet had ordered that."""
 
     def sample(self, now_s: float, probabilities: Sequence[tuple[Pair, float]]) -> None:
-        """Take what is published at the first pass of each second."""
+        """Add the probabilities that are published at the first pass of each second."""
         if floor(now_s) == self._second:
             return
         self._second = floor(now_s)
         self._settled_from_s = min(self._settled_from_s, now_s + SETTLED_S)
         if probabilities:
             self._waiting.append((now_s, probabilities))
-            self.likely.publish(now_s, probabilities)
+            self.likely.add_published(now_s, probabilities)
 
-    def resolve(self, fates: OutcomeLookup, vendor_of: Mapping[str, str]) -> None:
-        """Count every sample of which it is known what followed."""
+    def resolve(self, outcomes: OutcomeLookup, vendor_of: Mapping[str, str]) -> None:
+        """Count every sample whose outcome is known by now."""
         due: list[tuple[float, Sequence[tuple[Pair, float]]]] = []
-        while self._waiting and self._waiting[0][0] + HORIZON_S <= fates.until_s:
+        while self._waiting and self._waiting[0][0] + HORIZON_S <= outcomes.until_s:
             due.append(self._waiting.popleft())
         if due:
-            at_s = np.repeat([at_s for at_s, _ in due], [len(told) for _, told in due])
-            pairs, said = zip(*chain.from_iterable(told for _, told in due), strict=True)
-            self._judge(at_s, pairs, np.array(said), fates, vendor_of)
+            at_s = np.repeat([at_s for at_s, _ in due], [len(published) for _, published in due])
+            pairs, probabilities = zip(*chain.from_iterable(published for _, published in due), strict=True)
+            self._judge(at_s, pairs, np.array(probabilities), outcomes, vendor_of)
 
     def whole(self) -> CalibrationTally:
         return CalibrationTally.joined(self.by_vendors.values())
 
     def _judge(
-        self, at_s: Floats, pairs: Sequence[Pair], said: Floats, fates: OutcomeLookup, vendor_of: Mapping[str, str]
+        self,
+        at_s: Floats,
+        pairs: Sequence[Pair],
+        probabilities: Floats,
+        outcomes: OutcomeLookup,
+        vendor_of: Mapping[str, str],
     ) -> None:
-        """Count samples (n,), but for those that were said within what they foretell."""
+        """Count samples (n,), except those of a pair that is already within the outcome."""
         index: dict[Pair, int] = {}
         which = np.array([index.setdefault(pair, len(index)) for pair in pairs])
         every = list(index)
-        began_s, left_s, doubted = fates.of(every, which, at_s)
+        began_s, left_s, doubted = outcomes.after(every, which, at_s)
         waited_s = self._waited_s(every, which, at_s)
         outside, heeded = began_s != at_s, waited_s < began_s
         self.heeded += int((outside & heeded).sum())
@@ -210,28 +219,28 @@ class CalibrationScores:
         part = part_of(np.where(came, began_s, left_s) - at_s, HORIZON_S)
         part = np.where(came, np.minimum(part, STAYED - 1), part)
         group = np.array([crc32("".join(pair).encode()) % GROUPS for pair in every])[which]
-        samples = CalibrationSamples.of(group, said, part, came | (part == STAYED))
+        samples = CalibrationSamples.of(group, probabilities, part, came | (part == STAYED))
         rows = np.flatnonzero(outside & ~heeded & ~doubted)
         vendors = [_sorted(vendor_of[a], vendor_of[b]) for a, b in every]
-        self._add(samples, rows, [vendors[one] for one in which[rows].tolist()])
+        self._add(samples, rows, [vendors[pair] for pair in which[rows].tolist()])
         self.settled.add(samples, rows[at_s[rows] >= self._settled_from_s])
         known = rows[samples.known[rows]]
-        self.likely.add(said[known], came[known], group[known])
+        self.likely.add_outcomes(probabilities[known], came[known], group[known])
 
     def _waited_s(self, every: Sequence[Pair], which: Ints, at_s: Floats) -> Floats:
-        """(n,) when one of each pair first waited as advised within the horizon; inf where neither did."""
+        """(n,) when one of each pair first waited as advised within the horizon; inf if neither did."""
         waited_s = np.full(len(which), inf)
         for row in np.flatnonzero(np.array([pair in self._waits for pair in every])[which]).tolist():
             waited_s[row] = self._waits.began_s(every[which[row]], at_s[row], at_s[row] + HORIZON_S)
         return waited_s
 
     def _add(self, samples: CalibrationSamples, rows: Ints, vendors: Sequence[Vendors]) -> None:
-        """Count the samples of `rows` (m,), each of two vendors."""
+        """Count the samples of `rows` (m,), given the pair of vendors of each."""
         chosen: dict[Vendors, list[int]] = {}
-        for row, both in zip(rows.tolist(), vendors, strict=True):
-            chosen.setdefault(both, []).append(row)
-        for both, some in chosen.items():
-            self.by_vendors[both].add(samples, np.array(some))
+        for row, pair_of_vendors in zip(rows.tolist(), vendors, strict=True):
+            chosen.setdefault(pair_of_vendors, []).append(row)
+        for pair_of_vendors, chosen_rows in chosen.items():
+            self.by_vendors[pair_of_vendors].add(samples, np.array(chosen_rows))
 
 
 _FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
@@ -250,7 +259,7 @@ def _count(
     groups: Floats,
     left: Floats,
 ) -> None:
-    """Add the chosen samples to what is counted."""
+    """Add the samples of `rows` to the counts."""
     for row in rows:
         at = part[row]
         error = squared[row]

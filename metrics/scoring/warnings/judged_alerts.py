@@ -1,4 +1,4 @@
-"""Every alert and every fresh onset of a log, judged by what came of its pair: what the figures of warnings rest on."""
+"""Every alert and every fresh onset of a log, judged by the outcomes of its pair. `warning_scores` counts these."""
 
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
@@ -15,59 +15,59 @@ LEADS_S = (2.0, 4.0, 6.0)
 
 
 class JudgedAlert(NamedTuple):
-    """One alert, and what came of it."""
+    """One alert, and its verdict."""
 
     alert: Alert
     vendors: Vendors
     stood_s: float
     verdict: Verdict
     seconds: tuple[int, ...]
-    """Whole seconds at which it stood, by `Verdict`; one that stood at none counts by the moment it was raised."""
+    """Number of whole seconds at which it was open, by `Verdict`. If there is none, the moment it was raised counts."""
 
 
 class JudgedOnset(NamedTuple):
-    """A fresh onset of a pair, and how it was told of."""
+    """A fresh onset of a pair, and whether alerts preceded it."""
 
     pair: Pair
     vendors: Vendors
     onset_s: float
     is_stop: bool
-    """One yielded; else the two met."""
-    told: tuple[bool, ...]
-    """For each of `LEADS_S`, whether an alert that stands at the onset had been raised so long before; last, whether
-    any stood in the 10 s before."""
+    """Whether one yielded. Otherwise the two met."""
+    warned: tuple[bool, ...]
+    """For each of `LEADS_S`, whether an alert that is open at the onset was raised at least that long before. Last,
+    whether any alert was open in the 10 s before."""
 
 
 class JudgedCases(NamedTuple):
-    """All that is judged of one source of alerts."""
+    """All judged alerts and onsets of one source of alerts."""
 
     alerts: list[JudgedAlert]
-    """As they were raised."""
+    """In the order in which they were raised."""
     onsets: list[JudgedOnset]
-    """By time."""
+    """In the order of time."""
 
 
 def judged(
-    alerts: Iterable[Alert], outcomes: AllPairOutcomes, there: RobotPresence, waits: AdvisedWaits, end_s: float
+    alerts: Iterable[Alert], outcomes: AllPairOutcomes, robots: RobotPresence, waits: AdvisedWaits, end_s: float
 ) -> JudgedCases:
-    """Alerts over a log that ended at `end_s`."""
+    """Judge the alerts over a log that ended at `end_s`."""
     every, by_pair = outcomes.every(), _by_pair(alerts)
     found: list[JudgedAlert] = []
     for pair, of_pair in by_pair.items():
-        came = every.get(pair, NOTHING)
-        credited = _credited(of_pair, came)
+        outcomes_of_pair = every.get(pair, NOTHING)
+        credited = _credited(of_pair, outcomes_of_pair)
         for alert in of_pair:
-            counts = _seconds(alert, came, outcomes, waits, end_s)
+            counts = _seconds(alert, outcomes_of_pair, outcomes, waits, end_s)
             stood_s = max(min(alert.cleared_s, end_s) - alert.raised_s, 0.0)
             verdict = Verdict.TRUE if alert in credited else _verdict(counts)
-            found.append(JudgedAlert(alert, there.vendors(pair), stood_s, verdict, tuple(counts)))
+            found.append(JudgedAlert(alert, robots.vendors(pair), stood_s, verdict, tuple(counts)))
     onsets = [
-        JudgedOnset(pair, there.vendors(pair), onset_s, is_stop, _told(by_pair.get(pair, ()), onset_s))
-        for pair, came in every.items()
-        for is_stop, onsets_s in ((True, came.stops_s), (False, came.meetings_s))
+        JudgedOnset(pair, robots.vendors(pair), onset_s, is_stop, _warned(by_pair.get(pair, ()), onset_s))
+        for pair, outcomes_of_pair in every.items()
+        for is_stop, onsets_s in ((True, outcomes_of_pair.stops_s), (False, outcomes_of_pair.meetings_s))
         for onset_s in onsets_s
     ]
-    found.sort(key=lambda one: (one.alert.raised_s, one.alert.pair))
+    found.sort(key=lambda case: (case.alert.raised_s, case.alert.pair))
     return JudgedCases(found, sorted(onsets, key=lambda onset: (onset.onset_s, onset.pair)))
 
 
@@ -78,12 +78,12 @@ def _by_pair(alerts: Iterable[Alert]) -> dict[Pair, list[Alert]]:
     return by_pair
 
 
-def _credited(alerts: Sequence[Alert], came: PairOutcomes) -> set[Alert]:
-    """The alerts of a pair that came true: each outcome credits the one that stands at its onset, or else the last that
-    stood in the 10 s before."""
+def _credited(alerts: Sequence[Alert], outcomes_of_pair: PairOutcomes) -> set[Alert]:
+    """The true alerts of a pair. Each outcome credits the alert that is open at its onset, or else the last alert that
+    was open in the 10 s before."""
     by_end = sorted(alerts, key=lambda alert: alert.cleared_s)
     ends_s, credited = [alert.cleared_s for alert in by_end], set[Alert]()
-    for onset_s, _ in came.spans:
+    for onset_s, _ in outcomes_of_pair.spans:
         recent = by_end[bisect_left(ends_s, onset_s - WITHIN_S) :]
         before = [alert for alert in recent if alert.raised_s < onset_s and alert not in credited]
         standing = [alert for alert in before if alert.cleared_s > onset_s]
@@ -92,13 +92,13 @@ def _credited(alerts: Sequence[Alert], came: PairOutcomes) -> set[Alert]:
 
 
 def _seconds(
-    alert: Alert, came: PairOutcomes, outcomes: AllPairOutcomes, waits: AdvisedWaits, end_s: float
+    alert: Alert, outcomes_of_pair: PairOutcomes, outcomes: AllPairOutcomes, waits: AdvisedWaits, end_s: float
 ) -> list[int]:
-    """How many whole seconds of an alert have each verdict."""
+    """The number of whole seconds of an alert by verdict."""
     heeded_s = waits.began_s(alert.pair, alert.raised_s, alert.cleared_s)
     counts = [0] * len(Verdict)
     for at_s in range(ceil(alert.raised_s), ceil(min(alert.cleared_s, end_s))) or (alert.raised_s,):
-        verdict = came.verdict(at_s, outcomes.left_s(alert.pair, at_s))
+        verdict = outcomes_of_pair.verdict(at_s, outcomes.left_s(alert.pair, at_s))
         if verdict not in {Verdict.TRUE, Verdict.IN_PROGRESS} and heeded_s < at_s + WITHIN_S:
             verdict = Verdict.HEEDED
         counts[verdict] += 1
@@ -106,7 +106,7 @@ def _seconds(
 
 
 def _verdict(counts: Sequence[int]) -> Verdict:
-    """Of an alert that no outcome credits, with so many seconds of each verdict."""
+    """The verdict of an alert that no outcome credits, from its seconds by verdict."""
     if counts[Verdict.IN_PROGRESS] == sum(counts):
         return Verdict.IN_PROGRESS
     for verdict in (Verdict.HEEDED, Verdict.UNKNOWN, Verdict.ORDERED):
@@ -115,9 +115,9 @@ def _verdict(counts: Sequence[int]) -> Verdict:
     return Verdict.REPEATED if counts[Verdict.TRUE] else Verdict.KEPT_APART
 
 
-def _told(alerts: Sequence[Alert], onset_s: float) -> tuple[bool, ...]:
-    """How an onset was told of by the alerts of its pair, see `JudgedOnset.told`."""
+def _warned(alerts: Sequence[Alert], onset_s: float) -> tuple[bool, ...]:
+    """Whether the alerts of its pair preceded an onset, see `JudgedOnset.warned`."""
     standing_s = [alert.raised_s for alert in alerts if alert.raised_s <= onset_s < alert.cleared_s]
     leads = [any(raised_s <= onset_s - lead_s for raised_s in standing_s) for lead_s in LEADS_S]
-    at_any_time = any(one.raised_s <= onset_s and one.cleared_s > onset_s - WITHIN_S for one in alerts)
+    at_any_time = any(alert.raised_s <= onset_s and alert.cleared_s > onset_s - WITHIN_S for alert in alerts)
     return (*leads, at_any_time)

@@ -1,4 +1,4 @@
-"""Whether probabilities above one half come true, and whether what came true had one: where alerts are decided."""
+"""Whether probabilities above one half come true, and whether outcomes had one before. Alerts are decided there."""
 
 from collections.abc import Iterable, Sequence
 from math import floor
@@ -13,22 +13,22 @@ from metrics.scoring.summaries import mean, means, ratio, ratios
 LIKELY = 0.5
 BINS = 5
 AHEAD_S = 2.0
-"""What came true should have been likely so long before its onset."""
+"""An outcome should have been likely this long before its onset."""
 
 
 class LikelyPairs:
-    """Samples with a probability above `LIKELY`: a pair and a second each."""
+    """Samples with a probability above `LIKELY`. A sample is a pair and a second."""
 
     def __init__(self) -> None:
         self._bins = np.zeros((3, BINS))
-        """Samples, sum of probabilities, and how many came true, in bins of a tenth."""
+        """(3, BINS) number of samples, sum of probabilities, and number that came true, in bins of a tenth."""
         self._groups = np.zeros((GROUPS, 3))
-        """The same by group of pairs."""
+        """(GROUPS, 3) the same by group of pairs."""
         self._runs: dict[Pair, list[list[int]]] = {}
-        """First and last of the whole seconds in a row for which `LIKELY` or more was published."""
+        """By pair: first and last of consecutive whole seconds with a published probability of at least `LIKELY`."""
 
-    def publish(self, at_s: float, probabilities: Iterable[tuple[Pair, float]]) -> None:
-        """Take what is published at one second."""
+    def add_published(self, at_s: float, probabilities: Iterable[tuple[Pair, float]]) -> None:
+        """Add the probabilities that are published at one second."""
         second = floor(at_s)
         for pair, probability in probabilities:
             if probability >= LIKELY:
@@ -38,8 +38,8 @@ class LikelyPairs:
                 else:
                     runs.append([second, second])
 
-    def add(self, probability: Floats, came: Bools, group: Ints) -> None:
-        """Count samples (n,) of which it is known what came of them."""
+    def add_outcomes(self, probability: Floats, came: Bools, group: Ints) -> None:
+        """Count samples (n,) with a known outcome."""
         rows = np.flatnonzero(probability > LIKELY)
         if not len(rows):
             return
@@ -49,23 +49,24 @@ class LikelyPairs:
         np.add.at(self._groups, group[rows], columns.T)
 
     def was_likely(self, pair: Pair, onset_s: float) -> bool:
-        """Whether `LIKELY` or more was published for a pair at the whole second `AHEAD_S` before."""
+        """Whether at least `LIKELY` was published for a pair at the whole second `AHEAD_S` before."""
         second = floor(onset_s - AHEAD_S)
         return any(first <= second <= last for first, last in self._runs.get(pair, ()))
 
     def figures(self, onsets: Sequence[tuple[Pair, float]]) -> dict[str, Any]:
-        """How true they are; and of outcomes, pairs with their onsets, how many were likely before."""
-        samples, said = self._bins[:2].sum(axis=1).tolist()
+        """The share of samples that came true; and the share of outcomes, given as pairs with onsets, that were likely
+        before."""
+        samples, probability_sum = self._bins[:2].sum(axis=1).tolist()
         ahead = np.array([self.was_likely(*onset) for onset in onsets], np.float64)
         groups = self._groups[self._groups[:, 0] > 0]
         return {
             "samples": int(samples),
-            "probability": said / samples if samples else None,
+            "probability": probability_sum / samples if samples else None,
             "came_true": ratio(groups[:, [2, 0]]),
             "came_true_interval": interval(groups[:, [2, 0]], ratios),
             "bins": [
-                {"samples": int(count), "probability": said / count, "came_true": true / count}
-                for count, said, true in self._bins.T.tolist()
+                {"samples": int(count), "probability": probability_sum / count, "came_true": came_true / count}
+                for count, probability_sum, came_true in self._bins.T.tolist()
                 if count
             ],
             "outcomes": len(onsets),

@@ -1,6 +1,7 @@
-"""The plain believer of paths, for comparison: it alerts of pairs whose forecasts as told come within the clearance.
+"""The path believer, a baseline for comparison: it alerts when the forecasts of a pair come within the clearance.
 
-It has no memory and no probability. It looks once a second, and does not believe robots that are silent.
+It trusts forecasts as they are reported, and has neither memory nor probabilities. It runs once a second and ignores
+silent robots.
 """
 
 from collections.abc import Iterable
@@ -24,14 +25,15 @@ class StandingAlert:
 
     alert: Alert
     looked_s: float
-    """The last look at which it stood."""
+    """The last second at which it was open."""
 
-    def over(self) -> Alert:
+    def closed(self) -> Alert:
         return replace(self.alert, cleared_s=self.looked_s + LOOK_S)
 
 
 class PathBeliever:
-    """One clearance's alerts: each a run of whole seconds at which a conflict of its pair is predicted within 10 s."""
+    """The alerts of one clearance. Each is a run of seconds at which a conflict of its pair is predicted within
+    10 s."""
 
     def __init__(self, clearance_m: float) -> None:
         self._clearance_m = clearance_m
@@ -39,11 +41,11 @@ class PathBeliever:
         self._vendor_of: dict[str, str] = {}
         """By robot that has reported."""
         self._standing: dict[Pair, StandingAlert] = {}
-        self._over: list[Alert] = []
+        self._closed: list[Alert] = []
         self._second: int | None = None
 
     def add_batch(self, batch: Batch) -> None:
-        """Take in the robots of a batch that have reported; not those of which an older report is told again."""
+        """Add the robots of a batch that have reported, without those whose older report is only repeated."""
         if batch.gone:
             self._sweeper.discard(batch.gone)
         if not len(batch):
@@ -56,7 +58,8 @@ class PathBeliever:
         self._sweeper.update(batch.robots, batch.forecasts)
 
     def advance(self, now_s: float, fallen_silent: Iterable[str]) -> None:
-        """Look, at the first pass of each second; these robots have fallen silent since the last."""
+        """Update the alerts at the first pass of each second. `fallen_silent` robots became silent since the
+        last call."""
         before, self._second = self._second, floor(now_s)
         if before == self._second:
             return
@@ -68,15 +71,15 @@ class PathBeliever:
         new = [at for at, pair in enumerate(pairs) if pair not in standing]
         alerts = self._raised(found, ahead[new], now_s)
         stays = {pair: StandingAlert(standing[pair].alert, now_s) for pair in pairs if pair in standing}
-        self._over += [one.over() for pair, one in self._standing.items() if pair not in stays]
+        self._closed += [alert.closed() for pair, alert in self._standing.items() if pair not in stays]
         self._standing = stays | {alert.pair: StandingAlert(alert, now_s) for alert in alerts}
 
     def alerts(self) -> list[Alert]:
-        """Those that are over, and those that stand."""
-        return [*self._over, *(one.over() for one in self._standing.values())]
+        """All alerts, closed and open."""
+        return [*self._closed, *(alert.closed() for alert in self._standing.values())]
 
     def _raised(self, found: PairConflicts, rows: Ints, now_s: float) -> list[Alert]:
-        """New alerts of the conflicts of `rows` (n,)."""
+        """New alerts for the conflicts in `rows` (n,)."""
         if not len(rows):
             return []
         pairs, contact_s = [found.pairs[row] for row in rows.tolist()], found.contact_s[rows]

@@ -1,7 +1,7 @@
-"""How true warnings are, and how many of those that matter are given, by what came of each pair.
+"""Precision of warnings, and the share of events with a warning, from the outcomes of each pair.
 
-The terms are those of `metrics/truth/pair_outcomes.py`. The same figures are told of the service and of the believer of
-paths.
+The terms are those of `metrics/truth/pair_outcomes.py`. The same figures are computed for the service and for the path
+believer.
 """
 
 from bisect import bisect_left
@@ -22,42 +22,43 @@ from metrics.scoring.warnings.judged_alerts import LEADS_S, JudgedAlert, JudgedC
 from metrics.truth.pair_outcomes import IN_VAIN, Verdict
 from metrics.truth.silences import MINUTE_S
 
-TOLD = (*(f"told_{lead_s:g}_s" for lead_s in LEADS_S), "told_at_any_time")
-"""What each of `JudgedOnset.told` is called."""
+WARNED_NAMES = (*(f"told_{lead_s:g}_s" for lead_s in LEADS_S), "told_at_any_time")
+"""The name in the result of each item of `JudgedOnset.warned`."""
 HOUR_S = 3600.0
 
 
-def figures(cases: JudgedCases, there: RobotPresence, by_minute_s: Mapping[int, float]) -> dict[str, Any]:
-    """The figures in all, with intervals, by class of encounter and by pair of vendors; a share over nothing is None.
+def figures(cases: JudgedCases, robots: RobotPresence, by_minute_s: Mapping[int, float]) -> dict[str, Any]:
+    """The figures of all cases with intervals, by class of encounter and by pair of vendors. A share of no cases is
+    None.
 
-    `by_minute_s` is how long robots were there in all, by minute since the epoch.
+    `by_minute_s` is the total presence of robots, by minute since the epoch.
     """
-    kinds = sorted({one.alert.encounter_class for one in cases.alerts})
-    of_kinds = ((kind, [one for one in cases.alerts if one.alert.encounter_class == kind]) for kind in kinds)
+    kinds = sorted({case.alert.encounter_class for case in cases.alerts})
+    of_kinds = ((kind, [case for case in cases.alerts if case.alert.encounter_class == kind]) for kind in kinds)
     return {
-        **_figures(cases, there.hours()),
+        **_figures(cases, robots.hours()),
         "intervals": _intervals(cases, by_minute_s),
         "by_class": [{"encounter_class": kind, **_counts(alerts)} for kind, alerts in of_kinds],
-        "by_vendor_pair": list(_by_vendor_pair(cases, there)),
+        "by_vendor_pair": list(_by_vendor_pair(cases, robots)),
         "cases": _listed(cases),
     }
 
 
 def _figures(cases: JudgedCases, robot_hours: float) -> dict[str, Any]:
-    stood_s = sum(one.stood_s for one in cases.alerts)
+    stood_s = sum(case.stood_s for case in cases.alerts)
     return {
         **_counts(cases.alerts),
         "robot_hours": robot_hours,
         "alerts_per_robot_hour": len(cases.alerts) / robot_hours if robot_hours else None,
         "alert_minutes_per_robot_hour": stood_s / 60 / robot_hours if robot_hours else None,
-        "stops": _told(_stops(cases)),
-        "encounters": _told(_encounters(cases)),
+        "stops": _warned_shares(_stops(cases)),
+        "encounters": _warned_shares(_encounters(cases)),
     }
 
 
 def _counts(alerts: Sequence[JudgedAlert]) -> dict[str, Any]:
-    """What came of alerts, and of the whole seconds at which they stood."""
-    found, seconds = Counter(one.verdict for one in alerts), _seconds(alerts)
+    """Counts of alerts by verdict, and of the whole seconds at which they were open."""
+    found, seconds = Counter(case.verdict for case in alerts), _seconds(alerts)
     return {
         "alerts": len(alerts),
         "true": found[Verdict.TRUE],
@@ -73,46 +74,46 @@ def _counts(alerts: Sequence[JudgedAlert]) -> dict[str, Any]:
     }
 
 
-def _told(onsets: Sequence[JudgedOnset]) -> dict[str, Any]:
-    rows = _told_rows(onsets)
-    return {"fresh": len(onsets), **{name: mean(rows[:, column]) for column, name in enumerate(TOLD)}}
+def _warned_shares(onsets: Sequence[JudgedOnset]) -> dict[str, Any]:
+    rows = _warned_rows(onsets)
+    return {"fresh": len(onsets), **{name: mean(rows[:, column]) for column, name in enumerate(WARNED_NAMES)}}
 
 
-def _by_vendor_pair(cases: JudgedCases, there: RobotPresence) -> Iterator[dict[str, Any]]:
+def _by_vendor_pair(cases: JudgedCases, robots: RobotPresence) -> Iterator[dict[str, Any]]:
     parts: dict[Vendors, JudgedCases] = {}
     for alert in cases.alerts:
         parts.setdefault(alert.vendors, JudgedCases([], [])).alerts.append(alert)
     for onset in cases.onsets:
         parts.setdefault(onset.vendors, JudgedCases([], [])).onsets.append(onset)
-    names = sorted(set(there.vendor_of.values()))
+    names = sorted(set(robots.vendor_of.values()))
     for pair in combinations_with_replacement(names, 2):
         if pair in parts:
-            yield {"vendors": list(pair), **_figures(parts[pair], there.hours(pair))}
+            yield {"vendors": list(pair), **_figures(parts[pair], robots.hours(pair))}
 
 
 def _intervals(cases: JudgedCases, by_minute_s: Mapping[int, float]) -> dict[str, Any]:
-    """The middle 95 % of each figure over alerts, onsets or minutes drawn again."""
+    """Bootstrap intervals of each figure over alerts, onsets or minutes."""
     minutes = _minutes(cases, by_minute_s)
-    told = {"stops": _told_rows(_stops(cases)), "encounters": _told_rows(_encounters(cases))}
+    warned = {"stops": _warned_rows(_stops(cases)), "encounters": _warned_rows(_encounters(cases))}
     return {
         "precision": interval(_came_true(cases.alerts), means),
         "seconds_true": interval(_seconds(cases.alerts), ratios),
         "alerts_per_robot_hour": interval(minutes[:, [0, 2]], ratios),
         "alert_minutes_per_robot_hour": interval(minutes[:, [1, 2]], ratios),
         **{
-            what: {name: interval(rows[:, column], means) for column, name in enumerate(TOLD)}
-            for what, rows in told.items()
+            what: {name: interval(rows[:, column], means) for column, name in enumerate(WARNED_NAMES)}
+            for what, rows in warned.items()
         },
     }
 
 
 def _listed(cases: JudgedCases) -> dict[str, Any]:
-    """Every case in short, for comparisons: a letter each, in the order they began."""
-    stops, encounters = _told_rows(_stops(cases)), _told_rows(_encounters(cases))
+    """Every case in short form for comparisons: one letter each, ordered by start."""
+    stops, encounters = _warned_rows(_stops(cases)), _warned_rows(_encounters(cases))
     return {
         "came_true": "".join("-" if np.isnan(value) else "ny"[int(value)] for value in _came_true(cases.alerts)),
-        **{f"stops_{name}": _letters(stops[:, column]) for column, name in enumerate(TOLD)},
-        **{f"encounters_{name}": _letters(encounters[:, column]) for column, name in enumerate(TOLD)},
+        **{f"stops_{name}": _letters(stops[:, column]) for column, name in enumerate(WARNED_NAMES)},
+        **{f"encounters_{name}": _letters(encounters[:, column]) for column, name in enumerate(WARNED_NAMES)},
     }
 
 
@@ -121,37 +122,37 @@ def _letters(values: Floats) -> str:
 
 
 def _stops(cases: JudgedCases) -> list[JudgedOnset]:
-    return [one for one in cases.onsets if one.is_stop]
+    return [case for case in cases.onsets if case.is_stop]
 
 
 def _encounters(cases: JudgedCases) -> list[JudgedOnset]:
-    return [one for one in cases.onsets if not one.is_stop]
+    return [case for case in cases.onsets if not case.is_stop]
 
 
 def _came_true(alerts: Sequence[JudgedAlert]) -> Floats:
-    """(n,) 1 for a true alert, 0 for one in vain, nan for one that can't be told."""
+    """(n,) 1 for a true alert, 0 for one in vain, nan if the outcome is unknown."""
     value_of = {Verdict.TRUE: 1.0} | dict.fromkeys(IN_VAIN, 0.0)
-    return np.array([value_of.get(one.verdict, np.nan) for one in alerts], np.float64)
+    return np.array([value_of.get(case.verdict, np.nan) for case in alerts], np.float64)
 
 
 def _seconds(alerts: Sequence[JudgedAlert]) -> Floats:
-    """(n, 2) of each alert the whole seconds that were true, and those that were true or in vain."""
-    counts = np.array([one.seconds for one in alerts], np.float64).reshape(-1, len(Verdict))
+    """(n, 2) of each alert: the number of whole seconds that were true, and of those that were true or in vain."""
+    counts = np.array([case.seconds for case in alerts], np.float64).reshape(-1, len(Verdict))
     true = counts[:, Verdict.TRUE]
     return np.stack([true, true + counts[:, list(IN_VAIN)].sum(axis=1)], axis=1)
 
 
-def _told_rows(onsets: Sequence[JudgedOnset]) -> Floats:
-    """(n, told) 1 where an onset was told of, 0 where not."""
-    return np.array([onset.told for onset in onsets], np.float64).reshape(-1, len(TOLD))
+def _warned_rows(onsets: Sequence[JudgedOnset]) -> Floats:
+    """(n, WARNED_NAMES) 1 if an alert preceded the onset, else 0."""
+    return np.array([onset.warned for onset in onsets], np.float64).reshape(-1, len(WARNED_NAMES))
 
 
 def _minutes(cases: JudgedCases, by_minute_s: Mapping[int, float]) -> Floats:
-    """(m, 3) of each minute the alerts raised in it, the minutes for which these stood, and the robot-hours."""
+    """(m, 3) of each minute: the alerts raised in it, the minutes for which these were open, and the robot-hours."""
     minutes = sorted(by_minute_s)
     rows = np.zeros((len(minutes), 3))
     rows[:, 2] = [by_minute_s[minute] / HOUR_S for minute in minutes]
-    for one in cases.alerts if minutes else ():
-        row = bisect_left(minutes, floor(one.alert.raised_s / MINUTE_S))
-        rows[min(row, len(minutes) - 1), :2] += 1.0, one.stood_s / 60
+    for case in cases.alerts if minutes else ():
+        row = bisect_left(minutes, floor(case.alert.raised_s / MINUTE_S))
+        rows[min(row, len(minutes) - 1), :2] += 1.0, case.stood_s / 60
     return rows

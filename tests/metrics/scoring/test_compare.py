@@ -26,19 +26,19 @@ def change(name: str, a: dict[str, Any], b: dict[str, Any]) -> FigureChange:
 
 def test_a_result_is_no_different_from_itself() -> None:
     one = change("recall", result(30), result(30))
-    assert (one.before, one.after, one.interval, one.told) == (0.5, 0.5, (0.0, 0.0), "no change that shows")
+    assert (one.before, one.after, one.interval, one.meaning) == (0.5, 0.5, (0.0, 0.0), "no significant change")
 
 
 def test_fewer_encounters_foreseen_show_as_lower_recall() -> None:
     one = change("recall", result(50), result(25))
     assert one.interval is not None
     assert one.interval[0] < 25 / 60 - 50 / 60 < one.interval[1] < 0
-    assert one.told == "lower"
+    assert one.meaning == "lower"
 
 
 def test_a_longer_lead_shows_as_higher() -> None:
     one = change("lead_time_s", result(30), result(30, shift_s=2.0))
-    assert (one.before, one.after, one.told) == (5.0, 7.0, "higher")
+    assert (one.before, one.after, one.meaning) == (5.0, 7.0, "higher")
 
 
 def test_where_nothing_was_foreseen_or_published_there_is_no_interval() -> None:
@@ -73,7 +73,7 @@ def test_probabilities_that_are_a_little_worse_show() -> None:
     assert one.before is not None
     assert one.after is not None
     assert 0 < one.interval[0] < one.after - one.before < one.interval[1]
-    assert one.told == "higher"
+    assert one.meaning == "higher"
 
 
 def test_results_that_do_not_list_every_group_are_drawn_on_either_side() -> None:
@@ -81,4 +81,4 @@ def test_results_that_do_not_list_every_group_are_drawn_on_either_side() -> None
     for one in (a, b):
         cases = one["scores"][0]["cases"]
         cases["probabilities"] = [row for row in cases["probabilities"] if row[0]]
-    assert change("brier", a, b).told == "no change that shows"
+    assert change("brier", a, b).meaning == "no significant change"

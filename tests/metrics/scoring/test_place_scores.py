@@ -23,7 +23,7 @@ def comes(begin_s: float, end_s: float = 1e9, robot: str = "r") -> PlannedStay:
 
 
 def say(found: PlaceScores, now_s: float, turns: Sequence[PlannedStay], **needs: Sequence[float]) -> None:
-    found.say(now_s, PlaceForecast(turns, {robot: np.array(likely) for robot, likely in needs.items()}))
+    found.add_forecast(now_s, PlaceForecast(turns, {robot: np.array(likely) for robot, likely in needs.items()}))
 
 
 def figures(found: PlaceScores, stays_s: Any = NOBODY, last_s: float = LAST_S) -> dict[float, dict[str, Any]]:
@@ -36,7 +36,7 @@ def figures(found: PlaceScores, stays_s: Any = NOBODY, last_s: float = LAST_S) -
 def test_what_was_said_counts_by_how_far_ahead_it_was_said(ahead_s: float, up_to_s: float) -> None:
     found = places()
     say(found, 0.0, [comes(ahead_s)])
-    found.enter(PlaceEntry("d1", "r", ahead_s + 12.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "r", ahead_s + 12.0, 0.0))
     rows = figures(found)
     assert {one: row["said"] for one, row in rows.items()} == {one: int(one == up_to_s) for one in AHEAD_S}
     row = rows[up_to_s]
@@ -46,14 +46,14 @@ def test_what_was_said_counts_by_how_far_ahead_it_was_said(ahead_s: float, up_to
 def test_farther_ahead_than_a_quarter_of_an_hour_nothing_is_said() -> None:
     found = places()
     say(found, 0.0, [comes(901.0)])
-    found.enter(PlaceEntry("d1", "r", 901.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "r", 901.0, 0.0))
     assert figures(found)[900.0]["said"] == 0
 
 
 def test_one_that_comes_early_is_not_late_and_as_far_off() -> None:
     found = places()
     say(found, 0.0, [comes(50.0)])
-    found.enter(PlaceEntry("d1", "r", 40.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "r", 40.0, 0.0))
     row = figures(found)[60.0]
     assert (row["came"], row["late"], row["off_median_s"]) == (1.0, 0.0, pytest.approx(10.0, rel=0.02))
 
@@ -62,7 +62,7 @@ def test_one_that_comes_early_is_not_late_and_as_far_off() -> None:
 def test_one_that_does_not_come_is_late_by_as_long_as_it_was_heard_of(heard_s: float, said: int) -> None:
     found = PlaceScores([resource("d1", 0, 0)], {"r": heard_s})
     say(found, 0.0, [comes(50.0), comes(5.0, robot="s")])
-    found.enter(PlaceEntry("d1", "s", 5.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "s", 5.0, 0.0))
     row = figures(found)[60.0]
     assert (row["said"], row["came"]) == (said, 0.0 if said else None)
     assert row["off_median_s"] == (pytest.approx(150.0, rel=0.02) if said else None)
@@ -71,7 +71,7 @@ def test_one_that_does_not_come_is_late_by_as_long_as_it_was_heard_of(heard_s: f
 def test_of_one_that_has_left_it_is_not_known_what_would_have_come_of_it() -> None:
     found = places()
     say(found, 0.0, [comes(50.0), comes(5.0, robot="s")])
-    found.enter(PlaceEntry("d1", "s", 5.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "s", 5.0, 0.0))
     found.forget("r")
     assert figures(found)[60.0]["said"] == 0
 
@@ -80,7 +80,7 @@ def test_what_is_said_again_counts_again_until_the_robot_has_come() -> None:
     found = places()
     for now_s in (0.0, 10.0, 20.0):
         say(found, now_s, [comes(70.0)])
-    found.enter(PlaceEntry("d1", "r", 15.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "r", 15.0, 0.0))
     rows = figures(found)
     assert (rows[120.0]["said"], rows[60.0]["said"]) == (1, 2)
     assert (rows[120.0]["came"], rows[60.0]["came"]) == (1.0, 0.5), (
@@ -93,8 +93,8 @@ def test_an_arrival_is_foretold_where_it_was_said_so_far_ahead_that_it_would_com
     say(found, 0.0, [])
     say(found, 900.0, [comes(1500.0)])
     say(found, 960.0, [comes(970.0)])
-    found.enter(PlaceEntry("d1", "r", 1000.0, 0.0))
-    found.enter(PlaceEntry("d1", "s", 1000.0, 950.0))
+    found.add_entry(PlaceEntry("d1", "r", 1000.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "s", 1000.0, 950.0))
     rows = figures(found)
     assert {one: row["entries"] for one, row in rows.items()} == {30: 2, 60: 1, 120: 1, 300: 1, 900: 1}
     assert {one: row["foretold"] for one, row in rows.items()} == {30: 0.0, 60: 1.0, 120: 1.0, 300: 0.0, 900: 0.0}
@@ -103,7 +103,7 @@ def test_an_arrival_is_foretold_where_it_was_said_so_far_ahead_that_it_would_com
 def test_a_place_was_full_when_it_was_said_to_be() -> None:
     found = places(capacity=2)
     say(found, 0.0, [PlannedStay("d1", "s", False, -9.0, 200.0), comes(50.0, 100.0)])
-    found.enter(PlaceEntry("d1", "r", 50.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "r", 50.0, 0.0))
     stays_s = np.array([(-9.0, 200.0), (50.0, 400.0)])
     rows = figures(found, stays_s)
     assert {one: (row["full_said"], row["full_happened"]) for one, row in rows.items()} == {
@@ -119,7 +119,7 @@ def test_a_place_was_full_when_it_was_said_to_be() -> None:
 def test_when_the_log_is_over_it_is_not_known_whether_a_place_is_full() -> None:
     found = places()
     say(found, 0.0, [comes(5.0)])
-    found.enter(PlaceEntry("d1", "r", 5.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "r", 5.0, 0.0))
     rows = figures(found, np.array([(5.0, 100.0)]), last_s=100.0)
     assert [row["full_said"] for row in rows.values()] == [1, 1, 0, 0, 0]
 
@@ -128,7 +128,7 @@ def test_one_that_is_too_late_does_not_come_any_more() -> None:
     found = places()
     say(found, 0.0, [comes(50.0)])
     found.advance(1000.0)
-    found.enter(PlaceEntry("d1", "r", 1001.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "r", 1001.0, 0.0))
     row = figures(found)[60.0]
     assert (row["came"], row["off_median_s"]) == (0.0, pytest.approx(900.0, rel=0.02))
 
@@ -142,7 +142,7 @@ def test_where_nobody_comes_there_are_no_figures() -> None:
 def test_a_need_of_a_charger_is_held_against_whether_the_robot_has_come_to_one_by_then() -> None:
     found = places()
     say(found, 0.0, [], r=[0.1, 0.2, 0.4, 0.6, 1.0], s=[0.0, 0.0, 0.0, 0.0, 0.5])
-    found.enter(PlaceEntry("d1", "r", 200.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "r", 200.0, 0.0))
     found.advance(1000.0)
     rows = figures(found)
     assert [row["need_said"] for row in rows.values()] == [2] * 5
@@ -163,7 +163,7 @@ def test_what_comes_of_a_need_is_known_as_far_as_the_robot_was_heard_of() -> Non
 def test_one_that_would_more_likely_than_not_need_a_charger_was_foretold(likely: float, foretold: float) -> None:
     found = places()
     say(found, 0.0, [], r=[0.0, 0.0, 0.0, 0.0, likely])
-    found.enter(PlaceEntry("d1", "r", 900.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "r", 900.0, 0.0))
     assert figures(found)[900.0]["foretold"] == foretold
     assert figures(found)[60.0]["foretold"] == 0.0
 
@@ -172,6 +172,6 @@ def test_a_need_is_over_once_the_robot_has_left_or_has_come() -> None:
     found = places()
     say(found, 0.0, [comes(5.0, robot="s")], r=[0.5] * 5, s=[0.5] * 5)
     found.forget("r")
-    found.enter(PlaceEntry("d1", "s", 5.0, 0.0))
-    found.enter(PlaceEntry("d1", "s", 50.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "s", 5.0, 0.0))
+    found.add_entry(PlaceEntry("d1", "s", 50.0, 0.0))
     assert [row["need_said"] for row in figures(found).values()] == [1] * 5

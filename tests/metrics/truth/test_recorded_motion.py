@@ -55,7 +55,7 @@ def test_robots_are_where_the_reports_before_and_after_put_them_and_nowhere_in_b
         if told:
             reported(motion, told)
         if (first + SAMPLES) * STEP_S < second - 3:
-            stretch = motion.stretch(first, SAMPLES, STEP_S)
+            stretch = motion.sampled(first, SAMPLES, STEP_S)
             expected = {robot: found for robot, of in taken.items() if (found := by_hand(of, first))}
             assert [motion.names[row] for row in stretch.robot] == [one for one in motion.names if one in expected]
             columns = (

@@ -37,6 +37,6 @@ def test_a_pair_is_kept_apart_where_one_fell_silent_and_the_other_drove_through_
     truth, at_s = floor(passes_m), float(SILENT_FROM_S - 1)
     outcomes = AllPairOutcomes(truth, Interactions(), 0.3)
     assert outcomes.of(PAIR).verdict(at_s, outcomes.left_s(PAIR, at_s)) is verdict
-    fate = InteractionOutcomes(truth, outcomes).of([PAIR], np.zeros(1, np.int64), np.array([at_s]))
+    fate = InteractionOutcomes(truth, outcomes).after([PAIR], np.zeros(1, np.int64), np.array([at_s]))
     assert fate.began_s.tolist() == [inf]
     assert (fate.left_s[0] < at_s + HORIZON_S) == (verdict is Verdict.UNKNOWN)
