@@ -28,7 +28,8 @@ from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.port.receiver import Receiver, descriptors
+from ingest.port.connection_limits import max_open_files
+from ingest.port.receiver import Receiver
 from ingest.recording.recorder import Recorder, quantise
 from ingest.security.vendor_credentials import VendorCredentials
 from ingest.settings import Datum
@@ -82,7 +83,7 @@ def stamps_at(now_s: float) -> list[bytes]:
 
 def send(port: int, load: Load) -> None:
     """Send at a steady rate, each robot in turn, until the time is over."""
-    descriptors()
+    max_open_files()
     frame, sockets = template(), opened(port, load.connections)
     uuids = [str(UUID(int=0xA << 76 | 0x8 << 60 | i)).encode() for i in range(load.robots)]
     sys.stdout.write("ready\n")

@@ -143,11 +143,11 @@ class ReceiverRole:
 
     def _take_up(self, site: Site) -> None:
         try:
-            self.receiver.renew(VendorCredentials(site.vendors))
+            self.receiver.use_credentials(VendorCredentials(site.vendors))
         except SecretError as error:
             logger.error("vendors' credentials stay as they were: %s", error)
-        self.receiver.bound(site.receiver)
-        self.recorder.renew(site.recorder)
+        self.receiver.use_limits(site.receiver)
+        self.recorder.reconfigure(site.recorder)
         before, self.site = self.site, site
         if (before.datums, before.vendors, before.reading) != (site.datums, site.vendors, site.reading):
             self.fleet.reconfigure(VendorRegistry(site.vendors), FrameRegistry(site.datums, site.vendors), site.reading)

@@ -1,7 +1,7 @@
-"""Messages on their way to be read: at once while there is time, else in turn.
+"""The queue of messages that wait to be read. Without a queue, messages are read at once.
 
-Of what waits only the newest status of a robot over one connection is read, in the place of the first: who is behind
-reads what is true now, and however much comes, no robot waits longer than one reading of all of them takes.
+Of the waiting statuses of one robot over one connection only the newest is read, in the place of the first. So under
+overload the service reads what is true now, and no robot waits longer than one round through all robots takes.
 """
 
 import re
@@ -12,52 +12,54 @@ from ingest.port.connection import Connection
 from ingest.port.rate_limits import ArrivedMessage, uuid_in
 from ingest.port.time_slices import TimeSlices
 
-FIRST = re.compile(rb'\s*\{\s*"uuid"\s*:\s*"([^"]{1,64})"')
-"""Most senders begin with the UUID, and nobody's but the robot's own stands there."""
-Robot = tuple[int, bytes]
-"""A connection's number, and the UUID as it was sent."""
+LEADING_UUID = re.compile(rb'\s*\{\s*"uuid"\s*:\s*"([^"]{1,64})"')
+"""Most senders begin a message with the UUID. A key in this place is the robot's own."""
+RobotKey = tuple[int, bytes]
+"""The number of a connection, and a UUID as it was sent."""
 
 
 class Backlog:
-    """Hands over each message once, in order, to `deliver`, or to `overtaken` where a newer one is in its place."""
+    """Passes each message once, in order: to `deliver`, or to `overtaken` if a newer status has replaced it."""
 
     def __init__(
         self,
-        turns: TimeSlices,
+        slices: TimeSlices,
         deliver: Callable[[bytes, float, Connection], None],
         overtaken: Callable[[ArrivedMessage, str], None],
     ) -> None:
-        """`overtaken` is told the UUID too, as it was sent."""
-        self._turns, self._deliver, self._overtaken = turns, deliver, overtaken
-        self._newest: dict[Robot, ArrivedMessage] = {}
+        """`overtaken` also gets the UUID as it was sent."""
+        self._slices, self._deliver, self._overtaken = slices, deliver, overtaken
+        self._newest: dict[RobotKey, ArrivedMessage] = {}
+        """The waiting status of each robot."""
 
-    def put(self, one: ArrivedMessage) -> None:
-        if self._turns.at_once():
-            self._deliver(*one)
+    def add(self, message: ArrivedMessage) -> None:
+        """Deliver the message now, or let it wait."""
+        if self._slices.is_free():
+            self._deliver(*message)
             return
-        uuid = status_of(one.raw)
+        uuid = status_uuid(message.raw)
         if uuid is None:
-            self._turns.do(partial(self._deliver, *one), len(one.raw))
+            self._slices.run(partial(self._deliver, *message), len(message.raw))
             return
-        robot = one.connection.id, uuid
+        robot = message.connection.id, uuid
         older = self._newest.get(robot)
-        self._newest[robot] = one
+        self._newest[robot] = message
         if older is None:
-            self._turns.do(partial(self._deliver_newest, robot, len(one.raw)), len(one.raw))
+            self._slices.run(partial(self._deliver_newest, robot, len(message.raw)), len(message.raw))
         else:
-            self._turns.reweigh(len(one.raw) - len(older.raw))
+            self._slices.add_weight(len(message.raw) - len(older.raw))
             self._overtaken(older, uuid.decode(errors="replace"))
 
-    def _deliver_newest(self, robot: Robot, first_bytes: int) -> None:
-        one = self._newest.pop(robot)
-        self._turns.reweigh(first_bytes - len(one.raw))
-        self._deliver(*one)
+    def _deliver_newest(self, robot: RobotKey, first_bytes: int) -> None:
+        message = self._newest.pop(robot)
+        self._slices.add_weight(first_bytes - len(message.raw))
+        self._deliver(*message)
 
 
-def status_of(raw: bytes) -> bytes | None:
-    """The UUID of the robot whose status this is, without parsing it; None where that can't be told for certain."""
+def status_uuid(raw: bytes) -> bytes | None:
+    """The UUID of the robot that sent this status, found without parsing. None unless it is certainly the robot's."""
     if b'"operationalState"' not in raw:
         return None
-    if first := FIRST.match(raw):
-        return first.group(1).lower()
+    if leading := LEADING_UUID.match(raw):
+        return leading.group(1).lower()
     return uuid_in(raw) if raw.lower().count(b'"uuid"') == 1 else None

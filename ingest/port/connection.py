@@ -1,4 +1,4 @@
-"""Who is at the other end of a socket, as the pure parts see it."""
+"""The sender at the other end of a socket, as parts without sockets see it."""
 
 from dataclasses import dataclass
 
@@ -8,8 +8,8 @@ class Connection:
     """One connection of a robot, a fleet manager or a person's device."""
 
     id: int
-    """Unique within a log, over all the starts of the receiver."""
+    """Unique within a log, across restarts of the receiver."""
     peer: str = ""
     path: str = "/"
     vendor: str | None = None
-    """The vendor the connection speaks for, where its path or the address dialled says so."""
+    """The vendor for which the connection speaks, by its path or the dialled address. None if neither says it."""

@@ -1,4 +1,4 @@
-"""Dial out to a fleet manager's server, again and again, and receive from it as from those who connect to us."""
+"""Connects to a fleet manager's server, again after each failure, and receives from it as from other connections."""
 
 import asyncio
 import logging
@@ -15,11 +15,11 @@ from ingest.port.receiver import CLOSE_TIMEOUT_S, Receiver
 log = logging.getLogger(__name__)
 
 STEADY_S = 30.0
-"""A connection that lasted this long starts the back-off afresh."""
+"""A connection that lasted this long resets the back-off."""
 
 
 class Dialer:
-    """One address of one vendor. Proxies that the environment names are not used: the other end is on the floor."""
+    """Dials one address of one vendor. Proxies that the environment names are not used: the server is on the site."""
 
     def __init__(
         self,
@@ -33,16 +33,16 @@ class Dialer:
         self._url, self._vendor = url, vendor
         self._clock, self._random = clock, random
         self.failures = 0
-        """Attempts in a row that reached nobody, or nobody for long."""
+        """Attempts in a row that failed or did not last."""
 
     async def run(self) -> None:
-        """Dial until cancelled, or at once give up on an address that is none."""
+        """Dial until cancelled. Returns at once if the address is not valid."""
         while True:
             began_s = self._clock()
             try:
                 await self._converse()
             except (OSError, TimeoutError, InvalidHandshake) as error:
-                self._tell(error)
+                self._log_first(error)
             except InvalidURI as error:
                 log.error("%s; mend the dial address of %s", error, self._vendor)
                 return
@@ -52,7 +52,10 @@ class Dialer:
             await asyncio.sleep(self.wait_s())
 
     def wait_s(self) -> float:
-        """Twice as long after each failure, within bounds, less a random share, so that many do not come at once."""
+        """How long to wait before the next attempt, in seconds.
+
+        It doubles with each failure, within bounds. A random part is taken off, so that dialers do not dial at once.
+        """
         least_s, most_s = self._receiver.settings.dial_backoff_s
         full_s = min(least_s * 2.0 ** min(max(self.failures - 1, 0), 30), most_s)
         return full_s * self._random.uniform(0.5, 1.0)
@@ -74,7 +77,7 @@ class Dialer:
                 cast(FrameCuttingConnection, socket), self._receiver.new_connection(self._url, "/", self._vendor)
             )
 
-    def _tell(self, error: Exception) -> None:
-        """Once, not at every attempt."""
+    def _log_first(self, error: Exception) -> None:
+        """Log only the first failure of several in a row."""
         if self.failures == 0:
             log.warning("%s at %s can't be reached: %s; trying until it answers", self._vendor, self._url, error)

@@ -1,11 +1,11 @@
-"""Messages out of the bytes that a socket brings, without a task for each connection.
+"""Splits the bytes of a WebSocket into messages, without a task for each connection.
 
-websockets parses every frame in Python, queues it and wakes whoever waits for it: half of what a message cost. Nearly
-all messages are one plain frame, and those are cut from the bytes here. Everything else (handshakes, fragments, pings,
-closes, whatever is wrong) is left to websockets, which stands between two frames whenever bytes are cut before it.
+websockets parses every frame in Python, queues it and wakes the task that waits for it: half of the cost of a message.
+Nearly all messages are one plain frame, and those are cut from the bytes here. Everything else (handshakes, fragments,
+pings, closes, errors) is left to websockets. Bytes are cut only while websockets is between two frames.
 
-All sockets are read into one buffer: a new one of 256 KiB for each read, as asyncio has it otherwise, costs more than
-the reading.
+All sockets are read into one buffer. By default asyncio allocates a new one of 256 KiB for each read, which costs more
+than the read.
 """
 
 import asyncio
@@ -27,32 +27,32 @@ except ImportError:
 PLAIN = (0x81, 0x82)
 """First byte of a frame that is a whole message, text or binary."""
 MASKED, SHORT, LONG = 0x80, 126, 127
-"""Of the second byte: the mask's bit, and the lengths that say that 2 or 8 bytes of length follow."""
+"""In the second byte: the bit for a mask, and the lengths that mean that 2 or 8 bytes of length follow."""
 LONGEST = 0xFFFF
-"""What two bytes of length can say."""
+"""The greatest length in two bytes."""
 ZEROS = bytes(4)
 MOST_EARLY = 16
-"""Messages that are kept before somebody listens; then the other end has to wait."""
+"""Messages that are kept before there is a listener. After that, reading pauses."""
 _BUFFER = memoryview(bytearray(1 << 16))
-"""Holds what a socket brings until it is cut, which is before the next one is read: a process has one event loop."""
+"""Holds the bytes of one read. They are cut before the next read, since a process has one event loop."""
 
 
 class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
-    """A connection that hands each message, text or binary, to whoever listens, in order and as it comes."""
+    """A connection that passes each message, text or binary, to its listener, in order and at once."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._listener: Callable[[bytes], None] | None = None
         self._early: list[bytes] = []
-        self._between = False
-        """Whether websockets stands between two frames and holds no bytes."""
-        self._torn = b""
-        """The beginning of a plain frame whose end is yet to come."""
-        self._parts = bytearray()
-        """Of a message in fragments."""
+        self._between_frames = False
+        """Whether websockets is between two frames and holds no bytes."""
+        self._incomplete = b""
+        """The beginning of a plain frame whose end has not arrived."""
+        self._fragments = bytearray()
+        """The fragments of a message so far."""
 
     def listen(self, listener: Callable[[bytes], None]) -> None:
-        """Hand over what has come so far, and what comes from now on."""
+        """Pass on the messages so far, and those that arrive from now on."""
         early, self._early = self._early, []
         self._listener = listener
         for message in early:
@@ -67,27 +67,27 @@ class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
         self.data_received(bytes(_BUFFER[:nbytes]))
 
     def data_received(self, data: bytes) -> None:
-        if self._torn:
-            data, self._torn = self._torn + data, b""
-        if self._between and self._listener and self.protocol.state is State.OPEN:
+        if self._incomplete:
+            data, self._incomplete = self._incomplete + data, b""
+        if self._between_frames and self._listener and self.protocol.state is State.OPEN:
             data = self._cut(data, self._listener)
         if data:
             super().data_received(data)
-            self._between = stands_between_frames(self.protocol)
+            self._between_frames = stands_between_frames(self.protocol)
 
     def process_event(self, event: Event) -> None:
         """A frame that websockets has parsed."""
         if not isinstance(event, Frame) or event.opcode not in DATA_OPCODES:
             super().process_event(event)
-        elif event.fin and not self._parts:
-            self._hand_over(bytes(event.data))
+        elif event.fin and not self._fragments:
+            self._pass_on(bytes(event.data))
         else:
-            self._parts += event.data
+            self._fragments += event.data
             if event.fin:
-                whole, self._parts = bytes(self._parts), bytearray()
-                self._hand_over(whole)
+                whole, self._fragments = bytes(self._fragments), bytearray()
+                self._pass_on(whole)
 
-    def _hand_over(self, message: bytes) -> None:
+    def _pass_on(self, message: bytes) -> None:
         if self._listener:
             self._listener(message)
             return
@@ -96,10 +96,10 @@ class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
             self.transport.pause_reading()
 
     def _cut(self, data: bytes, listener: Callable[[bytes], None]) -> bytes:
-        """Hand over the plain frames that `data` begins with; what is left for websockets."""
+        """Pass on the plain frames at the beginning of `data`. Returns the bytes that are left for websockets."""
         at, end = 0, len(data)
         mask = MASKED if self.protocol.side is SERVER else 0
-        most = self.protocol.max_message_size or LONGEST
+        max_length = self.protocol.max_message_size or LONGEST
         while end - at >= 2:
             length = data[at + 1] - mask
             if data[at] not in PLAIN or not 0 <= length < LONG:
@@ -107,7 +107,7 @@ class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
             body = at + 2
             if length == SHORT:
                 body, length = at + 4, data[at + 2] << 8 | data[at + 3] if end - at >= 4 else SHORT
-            if length > most:
+            if length > max_length:
                 return data[at:]
             body += len(ZEROS) if mask else 0
             if body + length > end:
@@ -117,23 +117,23 @@ class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
                 message = apply_mask(message, key)
             at = body + length
             listener(message)
-        self._torn = data[at:]
+        self._incomplete = data[at:]
         return b""
 
 
 class FrameCuttingServer(FrameCuttingConnection, ServerConnection):
-    """Of one who has connected to us."""
+    """A connection that was accepted."""
 
 
 class FrameCuttingClient(FrameCuttingConnection, ClientConnection):
-    """Of one whom we have dialled."""
+    """A connection that was dialled."""
 
 
 def stands_between_frames(protocol: Protocol) -> bool:
-    """Whether the next byte is the first of a frame, and not of one that goes on with a message.
+    """Whether the next byte begins a frame that begins a message.
 
-    websockets' parser is a generator that waits in `StreamReader.at_eof` there and nowhere else once hands are shaken.
-    Were that to change, nothing would be cut, and all be parsed by websockets.
+    After the handshake, websockets' parser waits in `StreamReader.at_eof` there and nowhere else. If a release of
+    websockets changes that, nothing is cut, and websockets parses everything.
     """
     inner: Any = protocol.parser
     while (within := getattr(inner, "gi_yieldfrom", None)) is not None:

@@ -1,7 +1,7 @@
-"""Fair shares: no vendor takes more than its allowed rate of messages, whatever it sends.
+"""Rate limits: each vendor may send a limited number of messages per second.
 
-A token bucket for each vendor (Turner 1986, "leaky bucket as a meter"). Beyond its rate a vendor's messages wait, one
-for each robot, and the newest of a robot takes the place of an older one: what is shed is what has been overtaken.
+Each vendor has a token bucket (Turner 1986, "leaky bucket as a meter"). Messages beyond the rate wait, one for each
+robot. A newer message of a robot replaces its waiting one, so that only outdated messages are dropped.
 """
 
 import re
@@ -12,18 +12,18 @@ from typing import NamedTuple
 from ingest.port.connection import Connection
 
 BURST_S = 1.0
-"""A vendor may send so many seconds' worth at once."""
+"""A vendor may send this many seconds' worth of messages at once."""
 MOST_WAITING = 10_000
-"""Robots of one vendor with a message waiting; beyond, the message that waited longest is shed."""
-MOST_SHARES = 1000
-"""Shares kept for vendors and addresses; beyond, those that are whole are forgotten."""
+"""Robots of one vendor with a waiting message. Beyond it, the message that has waited longest is dropped."""
 MOST_WAITING_BYTES = 32 << 20
-"""The same of what its waiting messages weigh."""
+"""The same limit for the size of a vendor's waiting messages."""
+MOST_BUCKETS = 1000
+"""Buckets kept for vendors and addresses. Beyond it, full ones are removed."""
 UUID = re.compile(rb'"uuid"\s*:\s*"([^"]{1,64})"', re.IGNORECASE)
 
 
 class ArrivedMessage(NamedTuple):
-    """One message as it came."""
+    """One message as it arrived."""
 
     raw: bytes
     arrival_s: float
@@ -32,85 +32,94 @@ class ArrivedMessage(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class TokenBucket:
-    """One vendor's allowance."""
+    """The messages that one vendor may still send, and those that wait."""
 
     tokens: float
+    """Messages that may be delivered now."""
     filled_s: float
+    """When tokens were last added."""
     waiting: OrderedDict[bytes, ArrivedMessage] = field(default_factory=OrderedDict)
-    weight: int = 0
-    """Bytes of what waits."""
+    """By robot and kind of report, oldest first."""
+    waiting_bytes: int = 0
 
-    def first(self) -> ArrivedMessage:
-        """Take out what has waited longest."""
-        one = self.waiting.popitem(last=False)[1]
-        self.weight -= len(one.raw)
-        return one
+    def pop_oldest(self) -> ArrivedMessage:
+        """Remove the message that has waited longest."""
+        message = self.waiting.popitem(last=False)[1]
+        self.waiting_bytes -= len(message.raw)
+        return message
 
     def fill(self, now_s: float, rate: float) -> None:
+        """Add the tokens for the time since the last call."""
         self.tokens = min(self.tokens + max(now_s - self.filled_s, 0.0) * rate, rate * BURST_S)
         self.filled_s = now_s
 
 
 class RateLimits:
-    """Every vendor's allowance. `now_s` is of a clock that nobody sets."""
+    """The buckets of all vendors. `now_s` is of a monotonic clock."""
 
     def __init__(self, messages_a_second: float) -> None:
         self.rate = messages_a_second
-        self._shares: dict[str, TokenBucket] = {}
+        self._buckets: dict[str, TokenBucket] = {}
 
-    def admit(self, vendor: str, one: ArrivedMessage, now_s: float) -> tuple[bool, list[ArrivedMessage]]:
-        """Whether a message may be taken at once; if not it waits, and what is shed for it is returned."""
-        share = self._shares.get(vendor)
-        if share is None:
-            if len(self._shares) >= MOST_SHARES:
-                self._forget_idle(now_s)
-            share = self._shares[vendor] = TokenBucket(self.rate * BURST_S, now_s)
-        share.fill(now_s, self.rate)
-        if share.tokens >= 1 and not share.waiting:
-            share.tokens -= 1
+    def admit(self, vendor: str, message: ArrivedMessage, now_s: float) -> tuple[bool, list[ArrivedMessage]]:
+        """Whether the message may be delivered at once; if not, it waits. With it the messages dropped for it."""
+        bucket = self._buckets.get(vendor)
+        if bucket is None:
+            if len(self._buckets) >= MOST_BUCKETS:
+                self._remove_idle(now_s)
+            bucket = self._buckets[vendor] = TokenBucket(self.rate * BURST_S, now_s)
+        bucket.fill(now_s, self.rate)
+        if bucket.tokens >= 1 and not bucket.waiting:
+            bucket.tokens -= 1
             return True, []
-        return False, _wait(share, one)
+        return False, _enqueue(bucket, message)
 
     def due(self, now_s: float) -> list[ArrivedMessage]:
-        """Messages whose turn has come, oldest first within a vendor; call it many times a second."""
-        taken = []
-        for share in self._shares.values():
-            share.fill(now_s, self.rate)
-            while share.waiting and share.tokens >= 1:
-                share.tokens -= 1
-                taken.append(share.first())
-        self._forget_idle(now_s)
-        return taken
+        """Remove and return the messages that may be delivered now, oldest first for each vendor.
 
-    def _forget_idle(self, now_s: float) -> None:
-        """A share that is whole again is as if it were new."""
-        for share in self._shares.values():
-            share.fill(now_s, self.rate)
-        whole = self.rate * BURST_S
-        self._shares = {name: one for name, one in self._shares.items() if one.waiting or one.tokens < whole}
+        Call it many times a second.
+        """
+        due = []
+        for bucket in self._buckets.values():
+            bucket.fill(now_s, self.rate)
+            while bucket.waiting and bucket.tokens >= 1:
+                bucket.tokens -= 1
+                due.append(bucket.pop_oldest())
+        self._remove_idle(now_s)
+        return due
+
+    def _remove_idle(self, now_s: float) -> None:
+        """Remove full buckets in which nothing waits. They are as good as new."""
+        for bucket in self._buckets.values():
+            bucket.fill(now_s, self.rate)
+        full = self.rate * BURST_S
+        self._buckets = {
+            name: bucket for name, bucket in self._buckets.items() if bucket.waiting or bucket.tokens < full
+        }
 
     def __len__(self) -> int:
-        return len(self._shares)
+        return len(self._buckets)
 
     @property
     def waiting(self) -> bool:
-        return any(share.waiting for share in self._shares.values())
+        """Whether a message waits."""
+        return any(bucket.waiting for bucket in self._buckets.values())
 
 
 def uuid_in(raw: bytes) -> bytes | None:
-    """The first UUID that a message tells, in lower case."""
+    """The first UUID in a message, in lower case. None if it has none."""
     found = UUID.search(raw)
     return found.group(1).lower() if found else None
 
 
-def _wait(share: TokenBucket, one: ArrivedMessage) -> list[ArrivedMessage]:
-    """Let it wait in the place of the older message of its robot, or at the end; what is shed for it."""
-    key = uuid_in(one.raw) or b"connection %d" % one.connection.id
-    key += b" status" if b'"operationalState"' in one.raw else b""
-    overtaken = share.waiting.get(key)
-    share.waiting[key] = one
-    share.weight += len(one.raw) - (len(overtaken.raw) if overtaken else 0)
-    shed = [overtaken] if overtaken else []
-    while len(share.waiting) > MOST_WAITING or share.weight > MOST_WAITING_BYTES:
-        shed.append(share.first())
-    return shed
+def _enqueue(bucket: TokenBucket, message: ArrivedMessage) -> list[ArrivedMessage]:
+    """Let the message wait in the place of its robot's older message, or at the end. Returns the dropped messages."""
+    key = uuid_in(message.raw) or b"connection %d" % message.connection.id
+    key += b" status" if b'"operationalState"' in message.raw else b""
+    older = bucket.waiting.get(key)
+    bucket.waiting[key] = message
+    bucket.waiting_bytes += len(message.raw) - (len(older.raw) if older else 0)
+    dropped = [older] if older else []
+    while len(bucket.waiting) > MOST_WAITING or bucket.waiting_bytes > MOST_WAITING_BYTES:
+        dropped.append(bucket.pop_oldest())
+    return dropped

@@ -1,20 +1,19 @@
-"""The robots' port: WebSockets in, each message delivered with the time it arrived.
+"""The robots' port: accepts WebSockets and delivers each message with the time of its arrival.
 
-WebSocket pings are not sent: real senders never answer them, and each unanswered one is kept in memory for as long as
-the connection lasts. The kernel's keepalive holds address translations open and finds vanished peers instead, and a
-connection that sends nothing is closed.
+It sends no WebSocket pings: real senders never answer them, and each unanswered ping stays in memory as long as the
+connection lasts. Instead, TCP keepalive keeps address translations open and finds vanished peers, and a connection that
+sends nothing is closed.
 """
 
 import asyncio
 import logging
-import resource
 import socket as sockets
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
 from itertools import count
-from typing import Any, cast
+from typing import cast
 from urllib.parse import unquote
 
 from websockets.asyncio.server import Server, ServerConnection, serve
@@ -25,28 +24,25 @@ from websockets.protocol import State
 from ingest.measures.measures import Measures
 from ingest.port.backlog import Backlog
 from ingest.port.connection import Connection
-from ingest.port.frame_cutter import FrameCuttingConnection, FrameCuttingServer
+from ingest.port.connection_limits import HANDSHAKE_FILES, BoundedConnection, connection_limit
+from ingest.port.frame_cutter import FrameCuttingConnection
 from ingest.port.rate_limits import ArrivedMessage, RateLimits
 from ingest.port.time_slices import TimeSlices
 from ingest.security.certificates import Certificates, names
 from ingest.security.origin_check import is_page_elsewhere
-from ingest.security.tls_handshakes import TlsHandshakes, turn_away
+from ingest.security.tls_handshakes import TlsHandshakes
 from ingest.security.vendor_credentials import Refusal, VendorCredentials
 from ingest.settings import UNKNOWN
 from ingest.settings import Receiver as Settings
 
 Deliver = Callable[[bytes, float, Connection], None]
 Refuse = Callable[[str, str, float, Connection], None]
-"""Rule, reason, arrival and connection of a message that could not be had whole."""
+"""Gets rule, reason, arrival and connection of a message that could not be received whole."""
 
-SPARE_FILES = 200
-"""File descriptors left for everything but robots."""
-HANDSHAKE_FILES = 80
-"""Of those, descriptors for connections that are yet to be admitted or refused. An accept takes up to 100 at once."""
 IDLE_CHECK_S = 5.0
 DRAIN_EVERY_S = 0.02
 CLOSE_TIMEOUT_S = 2.0
-"""How long a peer may take to answer a close."""
+"""How long a peer may take to answer a close frame."""
 KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 6}
 """Seconds until the first probe of a silent peer, seconds between probes, and unanswered probes to give up after."""
 
@@ -54,25 +50,25 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True, eq=False)
-class OpenConnection:
-    """A socket that is listened to."""
+class Session:
+    """A socket whose messages are received."""
 
     socket: FrameCuttingConnection
     connection: Connection
     now_s: Callable[[], float]
-    """The event loop's clock, which nobody sets."""
+    """The event loop's clock, which is monotonic."""
     heard_s: float
-    """When it last sent a message."""
+    """When it last sent a message, by that clock."""
 
 
 class Receiver:
-    """Accepts robots and fleet managers. Delivers on the event loop, in order of arrival and in short turns.
+    """Accepts robots and fleet managers. Delivers on the event loop, in order of arrival and in time slices.
 
-    Where it is behind, it delivers the newest of a robot's statuses, and tells `overtaken` of the others.
+    Under overload it delivers only the newest status of each robot and passes the others to `overtaken`.
 
-    `deconflict_connections_refused_total` counts by reason: `full` (answered 503, or aborted where even that would
-    take too many files), `unauthorised`, `another-vendor`, `another-site`, `replaced`, `idle`, `vendor-removed`,
-    `protocol-error`, and `tls-failed` where a handshake of TLS failed or took longer than `open_timeout_s`.
+    `deconflict_connections_refused_total` counts by reason: `full` (answered with 503, or aborted if even the answer
+    would take too many files), `unauthorised`, `another-vendor`, `another-site`, `replaced`, `idle`, `vendor-removed`,
+    `protocol-error`, and `tls-failed` (a TLS handshake failed or took longer than `open_timeout_s`).
     """
 
     def __init__(
@@ -89,34 +85,34 @@ class Receiver:
         first_id: int = 1,
         shares_port: bool = False,
     ) -> None:
-        """With `shares_port` others that do so too may have the same port, and the kernel gives each some of the
-        connections (`SO_REUSEPORT`)."""
+        """With `shares_port` several processes may open the same port, and the kernel distributes the connections among
+        them (`SO_REUSEPORT`)."""
         self.settings, self._shares_port = settings, shares_port
         self._credentials = credentials
         self._certificates = Certificates(settings.tls) if settings.tls else None
-        self._handshakes = self._shaking(self._certificates) if self._certificates else None
+        self._handshakes = self._new_handshakes(self._certificates) if self._certificates else None
         self._refuse, self._closed = refuse, closed
         self._measures, self._clock = measures, clock
         self._ids = count(first_id)
-        self._lines: dict[str, dict[int, OpenConnection]] = {}
+        self._sessions: dict[str, dict[int, Session]] = {}
         """By peer and connection, oldest first."""
         self._total = 0
         self._server: Server | None = None
         self._reaper: asyncio.Task[None] | None = None
         self._closing: set[asyncio.Task[None]] = set()
         self._limit = settings.max_connections
-        self._shares = RateLimits(settings.max_messages_per_s)
-        self._turns = TimeSlices()
-        self._backlog = Backlog(self._turns, deliver, overtaken)
+        self._rate_limits = RateLimits(settings.max_messages_per_s)
+        self._slices = TimeSlices()
+        self._backlog = Backlog(self._slices, deliver, overtaken)
         self._draining: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
-        """Open the port. Raises `OSError` where it can't be had."""
-        self._limit = limited(self.settings.max_connections)
+        """Open the port. Raises `OSError` if that fails."""
+        self._limit = connection_limit(self.settings.max_connections)
         bounded = partial(
-            _BoundedConnection,
+            BoundedConnection,
             most=lambda: self._limit + HANDSHAKE_FILES,
-            refused=self._full,
+            refused=self._count_full,
             handshakes=self._handshakes,
         )
         self._server = await serve(
@@ -154,92 +150,93 @@ class Receiver:
             self._handshakes.close()
         if self._server:
             self._server.close()
-            await asyncio.gather(*self._closing, *(line.socket.close() for line in self._all_lines()))
+            await asyncio.gather(*self._closing, *(session.socket.close() for session in self._all_sessions()))
             await self._server.wait_closed()
-        self._turns.finish()
+        self._slices.finish()
 
-    def bound(self, settings: Settings) -> None:
-        """Other limits from now on. The address, the certificates' files and the longest message stay as they were."""
-        self.settings, self._shares.rate = settings, settings.max_messages_per_s
-        self._limit = limited(settings.max_connections)
+    def use_limits(self, settings: Settings) -> None:
+        """Use other limits from now on. The address, the certificate files and the longest message stay the same."""
+        self.settings, self._rate_limits.rate = settings, settings.max_messages_per_s
+        self._limit = connection_limit(settings.max_connections)
 
-    def renew(self, credentials: VendorCredentials) -> None:
-        """Let vendors in by other credentials. Open connections stay, but those of a vendor that is no longer there."""
+    def use_credentials(self, credentials: VendorCredentials) -> None:
+        """Use other credentials from now on. Connections of vendors that no longer exist are closed."""
         self._credentials = credentials
-        for line in self._all_lines():
-            if line.connection.vendor and not credentials.known(line.connection.vendor):
-                reason = f"{line.connection.vendor} was taken out of the site file"
-                self._dismiss(line, "vendor-removed", CloseCode.POLICY_VIOLATION, reason)
+        for session in self._all_sessions():
+            if session.connection.vendor and not credentials.known(session.connection.vendor):
+                reason = f"{session.connection.vendor} was taken out of the site file"
+                self._close_and_count(session, "vendor-removed", CloseCode.POLICY_VIOLATION, reason)
 
     def new_connection(self, peer: str, path: str, vendor: str | None) -> Connection:
-        """A connection with an id of its own; the dialled ones come here too."""
+        """A connection with a new number, accepted or dialled."""
         return Connection(next(self._ids), peer, path, vendor)
 
     async def listen(self, socket: FrameCuttingConnection, connection: Connection) -> None:
-        """Deliver everything that comes over one socket until it ends."""
+        """Deliver everything that arrives over one socket until it ends."""
         now_s = asyncio.get_running_loop().time
-        line = OpenConnection(socket, connection, now_s, now_s())
-        self._enter(line)
+        session = Session(socket, connection, now_s, now_s())
+        self._add(session)
         try:
-            socket.listen(partial(self._heard, line))
+            socket.listen(partial(self._receive, session))
             await socket.wait_closed()
-            self._ended(socket, connection)
+            self._count_close(socket, connection)
         finally:
-            self._leave(connection)
-            self._turns.do(partial(self._closed, connection))
+            self._remove(connection)
+            self._slices.run(partial(self._closed, connection))
 
-    def _heard(self, line: OpenConnection, raw: bytes) -> None:
-        line.heard_s = line.now_s()
-        self._take(ArrivedMessage(raw, self._clock(), line.connection), line.heard_s)
-        transport = line.socket.transport
-        if self._turns.full and transport.is_reading():
+    def _receive(self, session: Session, raw: bytes) -> None:
+        session.heard_s = session.now_s()
+        self._deliver_in_turn(ArrivedMessage(raw, self._clock(), session.connection), session.heard_s)
+        transport = session.socket.transport
+        if self._slices.full and transport.is_reading():
             transport.pause_reading()
-            self._turns.when_room(transport.resume_reading)
+            self._slices.when_room(transport.resume_reading)
 
-    def _take(self, one: ArrivedMessage, now_s: float) -> None:
-        """Hand on a message now, or when its sender's share allows."""
-        at_once, shed = self._shares.admit(one.connection.vendor or one.connection.peer, one, now_s)
+    def _deliver_in_turn(self, message: ArrivedMessage, now_s: float) -> None:
+        """Deliver a message now, or when the rate limit of its sender allows it."""
+        sender = message.connection
+        at_once, dropped = self._rate_limits.admit(sender.vendor or sender.peer, message, now_s)
         if at_once:
-            self._backlog.put(one)
+            self._backlog.add(message)
         elif self._draining is None or self._draining.done():
             self._draining = asyncio.create_task(self._drain())
-        if shed:
-            self._measures.count("deconflict_messages_shed_total", one.connection.vendor or UNKNOWN, by=len(shed))
+        if dropped:
+            self._measures.count("deconflict_messages_shed_total", sender.vendor or UNKNOWN, by=len(dropped))
 
     async def _drain(self) -> None:
-        while self._shares.waiting:
+        while self._rate_limits.waiting:
             await asyncio.sleep(DRAIN_EVERY_S)
-            for one in self._shares.due(asyncio.get_running_loop().time()):
-                self._backlog.put(one)
+            for message in self._rate_limits.due(asyncio.get_running_loop().time()):
+                self._backlog.add(message)
 
-    def _enter(self, line: OpenConnection) -> None:
-        _keep_alive(line.socket)
-        self._lines.setdefault(line.connection.peer, {})[line.connection.id] = line
+    def _add(self, session: Session) -> None:
+        _keep_alive(session.socket)
+        self._sessions.setdefault(session.connection.peer, {})[session.connection.id] = session
         self._total += 1
         self._measure()
 
-    def _leave(self, connection: Connection) -> None:
+    def _remove(self, connection: Connection) -> None:
         self._forget(connection)
         self._total -= 1
         self._measure()
 
-    def _all_lines(self) -> list[OpenConnection]:
-        return [line for same_peer in self._lines.values() for line in same_peer.values()]
+    def _all_sessions(self) -> list[Session]:
+        return [session for same_peer in self._sessions.values() for session in same_peer.values()]
 
     def _forget(self, connection: Connection) -> None:
-        same_peer = self._lines.get(connection.peer, {})
+        same_peer = self._sessions.get(connection.peer, {})
         same_peer.pop(connection.id, None)
         if not same_peer:
-            self._lines.pop(connection.peer, None)
+            self._sessions.pop(connection.peer, None)
 
-    def _ended(self, socket: FrameCuttingConnection, connection: Connection) -> None:
-        """Count what we closed a connection for; what the peer closed it for is its own affair."""
-        ended = socket.protocol
-        code = ended.close_sent.code if ended.close_sent and not ended.close_rcvd_then_sent else None
+    def _count_close(self, socket: FrameCuttingConnection, connection: Connection) -> None:
+        """Count why we closed a connection. Nothing is counted if the peer closed it."""
+        protocol = socket.protocol
+        code = protocol.close_sent.code if protocol.close_sent and not protocol.close_rcvd_then_sent else None
         if code == CloseCode.MESSAGE_TOO_BIG:
             most = self.settings.max_message_bytes
             reason = f"larger than {most} bytes; send a shorter path"
-            self._turns.do(partial(self._refuse, "message-too-large", reason, self._clock(), connection))
+            self._slices.run(partial(self._refuse, "message-too-large", reason, self._clock(), connection))
         elif code in {CloseCode.PROTOCOL_ERROR, CloseCode.INVALID_DATA}:
             self._count_refused("protocol-error")
 
@@ -247,7 +244,7 @@ class Receiver:
         if request.path.partition("?")[0] == "/healthz":
             return connection.respond(HTTPStatus.OK, "ok\n")
         if self._total >= self._limit:
-            self._full()
+            self._count_full()
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections; try again later\n")
         vendor = self._vendor_of(connection, request)
         if isinstance(vendor, Refusal):
@@ -257,31 +254,32 @@ class Receiver:
 
     def _vendor_of(self, connection: ServerConnection, request: Request) -> str | Refusal | None:
         origins, hosts = request.headers.get_all("Origin"), request.headers.get_all("Host")
-        if not self._credentials.needed and any(is_page_elsewhere(one, "".join(hosts)) for one in origins):
+        if not self._credentials.needed and any(is_page_elsewhere(origin, "".join(hosts)) for origin in origins):
             return Refusal(403, "another-site", "pages of other sites may not speak for robots; give vendors tokens")
         encrypted = connection.transport.get_extra_info("ssl_object")
-        shown = names(encrypted.getpeercert()) if encrypted else ()
+        certificate_names = names(encrypted.getpeercert()) if encrypted else ()
         tokens = request.headers.get_all("Authorization")
-        return self._credentials.vendor(unquote(request.path), tokens[0] if len(tokens) == 1 else None, shown)
+        token = tokens[0] if len(tokens) == 1 else None
+        return self._credentials.vendor(unquote(request.path), token, certificate_names)
 
     async def _converse(self, socket: ServerConnection) -> None:
-        """Listen to one who was admitted; its socket is one of those that `serve` was told to make."""
+        """Receive from an admitted connection. Its socket is a `BoundedConnection`, as `serve` was asked to create."""
         peer = str(socket.remote_address[0]) if socket.remote_address else ""
         if socket.request is None:
             return
         vendor = self._vendor_of(socket, socket.request)
-        if isinstance(vendor, Refusal):  # its credentials were withdrawn since it was admitted
+        if isinstance(vendor, Refusal):  # its credentials were withdrawn after it was admitted
             return
         self._make_room(peer)
         await self.listen(cast(FrameCuttingConnection, socket), self.new_connection(peer, socket.request.path, vendor))
 
     def _make_room(self, peer: str) -> None:
-        """Where one peer holds too many connections, the oldest goes: a sender that opens one for each message."""
-        same_peer = self._lines.get(peer, {})
+        """Close the peer's oldest connection if it has too many: some senders open one for each message."""
+        same_peer = self._sessions.get(peer, {})
         if len(same_peer) >= self.settings.max_connections_per_peer:
             oldest = next(iter(same_peer.values()))
             reason = "replaced by a newer connection from the same address; close those no longer used"
-            self._dismiss(oldest, "replaced", CloseCode.POLICY_VIOLATION, reason)
+            self._close_and_count(oldest, "replaced", CloseCode.POLICY_VIOLATION, reason)
 
     async def _reap(self) -> None:
         while True:
@@ -289,33 +287,33 @@ class Receiver:
             await asyncio.sleep(min(IDLE_CHECK_S, limit_s / 4))
             heard_s = asyncio.get_running_loop().time() - limit_s
             self._refresh()
-            for line in self._all_lines():
-                if line.heard_s < heard_s:
-                    self._dismiss(line, "idle", CloseCode.GOING_AWAY, f"nothing heard for {limit_s:g} s")
-                elif line.socket.state is State.CLOSING:
-                    self._let_go(line)
+            for session in self._all_sessions():
+                if session.heard_s < heard_s:
+                    self._close_and_count(session, "idle", CloseCode.GOING_AWAY, f"nothing heard for {limit_s:g} s")
+                elif session.socket.state is State.CLOSING:
+                    self._close_within_time(session)
 
     def _refresh(self) -> None:
-        """Take up tokens and certificates that have changed; open connections stay."""
+        """Read tokens and certificates that have changed. Open connections stay."""
         self._credentials.refresh()
         if self._certificates:
             self._certificates.refresh()
 
-    def _dismiss(self, line: OpenConnection, counted_as: str, code: CloseCode, reason: str) -> None:
+    def _close_and_count(self, session: Session, counted_as: str, code: CloseCode, reason: str) -> None:
         self._count_refused(counted_as)
-        self._let_go(line, code, reason)
+        self._close_within_time(session, code, reason)
 
-    def _let_go(self, line: OpenConnection, code: CloseCode = CloseCode.GOING_AWAY, reason: str = "") -> None:
-        """Close, and cut off a peer that does not do its part in time: waiting for messages alone would not."""
-        self._forget(line.connection)
-        task = asyncio.create_task(line.socket.close(code, reason))
+    def _close_within_time(self, session: Session, code: CloseCode = CloseCode.GOING_AWAY, reason: str = "") -> None:
+        """Close the connection. A peer that does not answer the close in time is cut off."""
+        self._forget(session.connection)
+        task = asyncio.create_task(session.socket.close(code, reason))
         self._closing.add(task)
         task.add_done_callback(self._closing.discard)
 
-    def _shaking(self, certificates: Certificates) -> TlsHandshakes:
+    def _new_handshakes(self, certificates: Certificates) -> TlsHandshakes:
         return TlsHandshakes(certificates, self.settings.open_timeout_s, partial(self._count_refused, "tls-failed"))
 
-    def _full(self) -> None:
+    def _count_full(self) -> None:
         self._count_refused("full")
 
     def _count_refused(self, reason: str) -> None:
@@ -323,41 +321,6 @@ class Receiver:
 
     def _measure(self) -> None:
         self._measures.level("deconflict_connections", {(): self._total})
-
-
-class _BoundedConnection(FrameCuttingServer):
-    """Aborts at once where there are `most` TCP connections, so that accepting can never run out of descriptors.
-
-    Once it does, asyncio logs a traceback for each waiting connection and tries again every second.
-    """
-
-    def __init__(
-        self,
-        *args: Any,
-        most: Callable[[], int],
-        refused: Callable[[], None],
-        handshakes: TlsHandshakes | None,
-        **kwargs: Any,
-    ) -> None:
-        super().__init__(*args, **kwargs)
-        self._most, self._refused, self._handshakes = most, refused, handshakes
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """That it was accepted, and with TLS once more that hands are shaken."""
-        accepted, shaking = cast(asyncio.Transport, transport), self._handshakes
-        if shaking is None or not shaking.awaited(accepted):
-            super().connection_made(accepted)
-            if self._too_many(0):
-                self._refused()
-                self.transport.abort()
-        elif self._too_many(1 + len(shaking)):
-            self._refused()
-            turn_away(accepted)
-        else:
-            shaking.begin(accepted, self)
-
-    def _too_many(self, more: int) -> bool:
-        return len(self.server.handler_tasks) + more > self._most()
 
 
 def _keep_alive(socket: FrameCuttingConnection) -> None:
@@ -368,23 +331,3 @@ def _keep_alive(socket: FrameCuttingConnection) -> None:
     for name, value in KEEPALIVE.items():
         if option := getattr(sockets, name, None):
             raw.setsockopt(sockets.IPPROTO_TCP, option, value)
-
-
-def limited(wanted: int) -> int:
-    """How many connections there may be: as many as wanted, but fewer where the limit of open files is lower."""
-    files = descriptors()
-    limit = max(min(wanted, files - SPARE_FILES), 1)
-    if limit < wanted:
-        log.warning("at most %d connections, because %d files may be open; raise the limit of open files", limit, files)
-    return limit
-
-
-def descriptors() -> int:
-    """How many files this process may have open, after asking for as many as it may."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = hard if hard != resource.RLIM_INFINITY else max(soft, 1 << 16)
-    try:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-    except (ValueError, OSError):
-        return soft
-    return wanted

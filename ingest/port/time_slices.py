@@ -1,7 +1,7 @@
-"""Work for the event loop in short turns, so that whatever else the loop has to do waits for one turn at most.
+"""Runs work in short slices of the event loop, so that everything else on the loop waits for one slice at most.
 
-Of a thousand sockets that are ready at once asyncio serves all before anything else. Where their messages take longer
-to work through than they take to come, a batch that the engine asked for would wait for seconds.
+If a thousand sockets are ready at once, asyncio serves all of them before anything else. If their messages take longer
+to process than to arrive, a batch that the engine asked for would wait for seconds.
 """
 
 import asyncio
@@ -9,43 +9,45 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-TURN_S = 0.004
-MOST_TURNS = 12
-"""Of the usual length, that one may last where the loop is as busy with other things."""
+SLICE_S = 0.004
+MOST_SLICES = 12
+"""Under overload a slice lasts at most this many times its usual length."""
 MOST_WAITING, MOST_WEIGHT = 20_000, 64 << 20
-"""Calls that wait, and what they weigh, before those who bring more are to wait themselves, until half is left."""
+"""Waiting calls, and their weight, at which the queue is full. There is room again once it has half of that."""
 
 
 class TimeSlices:
-    """Calls in the order in which they are given, at once while there is time. Belongs to one event loop."""
+    """Runs calls in the order in which they are given, at once if there is time. Belongs to one event loop."""
 
-    def __init__(self, turn_s: float = TURN_S, clock: Callable[[], float] = time.monotonic) -> None:
-        self._turn_s, self._clock = turn_s, clock
+    def __init__(self, slice_s: float = SLICE_S, clock: Callable[[], float] = time.monotonic) -> None:
+        self._slice_s, self._clock = slice_s, clock
         self._waiting: deque[tuple[Callable[[], None], int]] = deque()
+        """Calls and their weights."""
         self._weight = 0
+        """Of all waiting calls."""
         self._until_s: float | None = None
-        """When this turn ends; None between turns."""
-        self._round_s = 0.0
-        """Since when the loop goes round."""
+        """When this slice ends; None between slices."""
+        self._iteration_s = 0.0
+        """When the present iteration of the loop began."""
         self._when_room: list[Callable[[], None]] = []
 
-    def do(self, call: Callable[[], None], weight: int = 0) -> None:
-        """Call now, or in one of the next turns if this one is over or others wait already."""
-        if self.at_once():
+    def run(self, call: Callable[[], None], weight: int = 0) -> None:
+        """Call now, or in a later slice if this one is over or others wait already."""
+        if self.is_free():
             call()
         else:
             self._waiting.append((call, weight))
             self._weight += weight
 
-    def at_once(self) -> bool:
-        """Whether a call need not wait; it may then be made without more ado."""
+    def is_free(self) -> bool:
+        """Whether a call need not wait. The caller may then make it directly."""
         if self._until_s is None:
             self._begin()
         return not self._waiting and self._clock() < (self._until_s or 0.0)
 
-    def reweigh(self, by: int) -> None:
-        """What waits has become heavier by so much."""
-        self._weight += by
+    def add_weight(self, change: int) -> None:
+        """Add to the weight of the waiting calls. `change` may be negative."""
+        self._weight += change
 
     @property
     def full(self) -> bool:
@@ -57,38 +59,38 @@ class TimeSlices:
         self._when_room.append(call)
 
     def finish(self) -> None:
-        """Do all that waits now."""
+        """Run everything that waits, now."""
         while self._waiting:
             self._call_first()
 
     def _begin(self) -> None:
-        self._round_s = self._clock()
-        self._until_s = self._round_s + self._turn_s
+        self._iteration_s = self._clock()
+        self._until_s = self._iteration_s + self._slice_s
         asyncio.get_running_loop().call_soon(self._next)
 
     def _next(self) -> None:
-        """A turn of what waits; the loop has gone round since the last one.
+        """Run waiting calls for one slice. One iteration of the loop has passed since the last slice.
 
-        It lasts for as long as that took if need be, so that who takes in more than can be done does not do nothing
-        else; at most `MOST_TURNS` of the usual length.
+        Under overload the slice lasts as long as that iteration, at most `MOST_SLICES` times its usual length.
+        Otherwise a service that accepts more than it can process would do nothing but accept.
         """
         self._until_s = None
         if not self._waiting:
             return
-        took_s = self._clock() - self._round_s
+        took_s = self._clock() - self._iteration_s
         self._begin()
-        until_s = self._round_s + min(max(took_s, self._turn_s), MOST_TURNS * self._turn_s)
+        until_s = self._iteration_s + min(max(took_s, self._slice_s), MOST_SLICES * self._slice_s)
         while self._waiting:
             self._grant_room()
             self._call_first()
-            self._round_s = self._clock()
-            if self._round_s >= until_s:
+            self._iteration_s = self._clock()
+            if self._iteration_s >= until_s:
                 return
 
     def _grant_room(self) -> None:
         if self._when_room and len(self._waiting) <= MOST_WAITING // 2 and self._weight <= MOST_WEIGHT // 2:
-            waited, self._when_room = self._when_room, []
-            for call in waited:
+            calls, self._when_room = self._when_room, []
+            for call in calls:
                 call()
 
     def _call_first(self) -> None:

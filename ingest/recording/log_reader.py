@@ -1,4 +1,7 @@
-"""Read a log back, ours or any of lines `{"received": ..., "message": {...}}`: plain, gzip or zstd, or a directory."""
+"""Reads logs: the service's own, or any with lines `{"received": ..., "message": {...}}`.
+
+A log is a plain, gzip or zstd file, or a directory of such files.
+"""
 
 import base64
 import gzip
@@ -21,37 +24,37 @@ from ingest.languages.massrobotics import timestamps
 from ingest.port.connection import Connection
 
 LONGEST_LINE = 1 << 24
-"""Bytes; what is longer is no line of a log, and is not gathered in memory to find out."""
+"""Bytes. Anything longer is no line of a log, and is not read into memory as one."""
 TAIL_BYTES = 1 << 20
-"""The end of a log that has whole lines in any case, as long as our own are."""
+"""The end of a log is read in a piece of this size. It has whole lines if the service wrote the log."""
 BUFFER_BYTES = 1 << 18
-"""Of a log that is read through; with the usual ones every fourth line waits for the system."""
-TOLD_LINES = 10
-"""Unreadable lines that are named in the service's log."""
+"""Buffer for reading a log. With the default size every fourth line would wait for the system."""
+LOGGED_LINES = 10
+"""Unreadable lines for which a warning is logged."""
 
 log = logging.getLogger(__name__)
 
 _MESSAGE = re.compile(r'"message"\s*:\s*')
 _DECODER = json.JSONDecoder()
 UNREADABLE = (ValueError, KeyError, TypeError, RecursionError)
-"""What `parsed` raises."""
+"""The errors that `parsed` raises."""
 _BROKEN = (OSError, EOFError, zstandard.ZstdError)
 _GZIP, _ZSTD, _SKIPPED = b"\x1f\x8b", zstandard.FRAME_HEADER, re.compile(rb"[\x50-\x5f]\x2a\x4d\x18")
-"""How packed logs begin; zstd's may begin with a frame that is to be skipped."""
+"""How compressed logs begin. A zstd file may begin with a skippable frame."""
 
 
 class Received(msgspec.Struct, frozen=True, gc=False):
-    """A message as it came."""
+    """A message as it arrived."""
 
     raw: bytes
     arrival_s: float
     connection: Connection
     refused: str | None = None
-    """The rule that rejected it."""
+    """The rule that rejected it; None if it was accepted."""
 
 
 class Overtaken(msgspec.Struct, frozen=True, gc=False):
-    """A status that nobody read, because a newer one of its robot came first."""
+    """A status that was not read, because a newer one of its robot came first."""
 
     raw: bytes
     arrival_s: float
@@ -67,9 +70,9 @@ class Closed:
 class Tick:
     now_s: float
     effort: int = 0
-    """Of the engine's pass, 0 where it did everything."""
+    """Of the engine's pass; 0 if it did everything."""
     pending: int = 0
-    """Answers that its pass did without, the newest of those asked for."""
+    """How many of the newest answers the pass did not have yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,28 +92,28 @@ NOTES = ("blackbox", "decided", "end")
 
 
 class LogReader:
-    """Reads logs in order, a line at a time. Lines that can't be read are counted, named and left out."""
+    """Reads logs in order, line by line. Lines that can't be read are counted, logged and left out."""
 
     def __init__(self) -> None:
         self.unreadable = 0
-        """Torn or foreign lines met so far, and compressed files that break off."""
+        """Incomplete or foreign lines so far, and compressed files that end too early."""
         self.late, self.late_by_s = 0, 0.0
-        """Messages that stand behind one that came later, and by how much at most."""
+        """Messages that stand behind one that arrived later, and by how much at most."""
         self.own = False
-        """Whether anything but messages was in a log: the service wrote it, in the order in which it took them."""
+        """Whether a log had lines other than messages. Then the service wrote it, in the order of its reading."""
         self._newest_s = -inf
         self._finished_bytes = 0
         self._file: IO[bytes] | None = None
 
     @property
     def bytes_read(self) -> int:
-        """How far it has come, in bytes of the files as they are stored."""
+        """How much was read, in bytes of the files as they are stored."""
         return self._finished_bytes + (self._file.tell() if self._file else 0)
 
     def read(self, paths: Iterable[Path]) -> Iterator[Event]:
-        """Every event of the files, and of the logs in the directories, in the order given.
+        """All events of the files, and of the logs in the directories, in the order given.
 
-        Raises `OSError` where a file can't be opened.
+        Raises `OSError` if a file can't be opened.
         """
         self._newest_s = -inf
         for path in paths:
@@ -147,25 +150,25 @@ class LogReader:
 
     def _leave_out(self, file: Path, number: int, error: Exception) -> None:
         self.unreadable += 1
-        if self.unreadable <= TOLD_LINES:
+        if self.unreadable <= LOGGED_LINES:
             log.warning("%s, line %d is left out: %s: %.100s", file, number, type(error).__name__, error)
 
 
 def by_time(paths: Iterable[Path]) -> list[Path]:
-    """The files, and the logs of the directories, in the order of the first time that each tells.
+    """The files, and the logs of the directories, in the order of their first times.
 
-    One that tells none stays behind the one before it. Where one can be read only once, as a pipe, all stay as given.
+    A file without a time stays behind the one before it. If one can be read only once, as a pipe, all stay as given.
     """
     files = [file for path in paths for file in segments(path)]
     if len(files) < 2 or not all(file.is_file() for file in files):
         return files
-    begins_s, last_s = {}, -inf
+    first_s, last_s = {}, -inf
     for file in files:
-        begins_s[file] = last_s = _begins_s(file, last_s)
-    return sorted(files, key=begins_s.__getitem__)
+        first_s[file] = last_s = _first_time_s(file, last_s)
+    return sorted(files, key=first_s.__getitem__)
 
 
-def _begins_s(file: Path, otherwise_s: float) -> float:
+def _first_time_s(file: Path, otherwise_s: float) -> float:
     with suppress(*_BROKEN):
         for line in lines_of(file):
             with suppress(*UNREADABLE):
@@ -175,19 +178,19 @@ def _begins_s(file: Path, otherwise_s: float) -> float:
 
 
 def _time_of(event: Event) -> float | None:
-    """When a message came, or a tick or a start of the engine was."""
+    """The time of a message, a tick or a start of the engine. None for another event."""
     if isinstance(event, Received):
         return event.arrival_s
     return event.now_s if isinstance(event, Tick | EngineStarted) else None
 
 
 def segments_until(directory: Path, t_s: float) -> list[Path]:
-    """Our own logs in a directory that were begun by a time, oldest first; none where there is no directory."""
-    return [one for one in segments(directory) if begun_s(one) <= t_s] if directory.is_dir() else []
+    """The service's own logs in a directory that began before `t_s`, oldest first. Empty if there is no directory."""
+    return [segment for segment in segments(directory) if begun_s(segment) <= t_s] if directory.is_dir() else []
 
 
 def ends_s(directory: Path) -> float:
-    """When the newest thing was that our own logs in a directory tell of; 0 where there is none."""
+    """The time of the newest event in the service's own logs in a directory. 0 if there is none."""
     for segment in reversed(segments(directory) if directory.is_dir() else []):
         with segment.open("rb") as file:
             file.seek(max(segment.stat().st_size - TAIL_BYTES, 0))
@@ -200,20 +203,20 @@ def ends_s(directory: Path) -> float:
 
 
 def begun_s(segment: Path) -> float:
-    """When a log of ours was begun, by its name; 0 where the name does not say."""
+    """When one of the service's own logs began, by its name. 0 if the name does not say it."""
     digits = "".join(filter(str.isdigit, segment.name.split(".")[0]))
     return int(digits) / 1e6 if digits else 0.0
 
 
 def segments(path: Path) -> list[Path]:
-    """The file itself, or the logs of a directory by name, which is by time for our own."""
+    """The file itself, or the logs of a directory by name. For the service's own logs that is the order of time."""
     if not path.is_dir():
         return [path]
-    return sorted(one for one in path.iterdir() if ".jsonl" in one.suffixes and not one.is_dir())
+    return sorted(file for file in path.iterdir() if ".jsonl" in file.suffixes and not file.is_dir())
 
 
 def lines_of(file: Path) -> Iterator[bytes]:
-    """The lines of one log as they stand. Raises `OSError`, and `EOFError` or `ZstdError` where it breaks off."""
+    """The lines of one log, not parsed. Raises `OSError`, and `EOFError` or `ZstdError` if the file ends too early."""
     with file.open("rb") as stored:
         lines = unpacked(stored)
         while line := lines.readline(LONGEST_LINE):
@@ -221,7 +224,7 @@ def lines_of(file: Path) -> Iterator[bytes]:
 
 
 def unpacked(stored: "io.BufferedReader[Any]") -> IO[bytes]:
-    """The bytes of a log that is stored plain or packed, by how it begins and whatever it is called."""
+    """The content of a log that is stored plain or compressed. Its first bytes decide, not its name."""
     first = stored.peek(4)
     if first.startswith(_GZIP):
         return io.BufferedReader(gzip.open(stored))
@@ -230,8 +233,8 @@ def unpacked(stored: "io.BufferedReader[Any]") -> IO[bytes]:
     return stored
 
 
-class _Plain(msgspec.Struct, gc=False, forbid_unknown_fields=True):
-    """A line with a message as it stands: ours of one that was accepted, or another's."""
+class _MessageLine(msgspec.Struct, gc=False, forbid_unknown_fields=True):
+    """A line with an unquoted message: an accepted one in the service's own log, or any in a foreign log."""
 
     received: str
     message: msgspec.Raw
@@ -242,36 +245,38 @@ class _Plain(msgspec.Struct, gc=False, forbid_unknown_fields=True):
     """In a black box, the hash of the line before."""
 
 
-_PLAIN = msgspec.json.Decoder(_Plain)
+_MESSAGE_LINE = msgspec.json.Decoder(_MessageLine)
 
 
 def parsed(line: bytes) -> Event:
-    """What one line says. Raises one of `UNREADABLE`."""
+    """The event of one line. Raises one of `UNREADABLE`."""
     if line.startswith(b'{"tick":"') and line.endswith(b'"}\n'):
         return Tick(_time(line[9:-3].decode()))
     try:
-        plain = _PLAIN.decode(line)
+        fields = _MESSAGE_LINE.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError):
-        return _told(line.decode())
+        return _rare_event(line.decode())
     return Received(
-        bytes(plain.message), _time(plain.received), _connection(plain.connection, plain.peer, plain.vendor)
+        bytes(fields.message), _time(fields.received), _connection(fields.connection, fields.peer, fields.vendor)
     )
 
 
-def _told(line: str) -> Event:
-    """What a line says that is not of the two kinds of which there are many."""
-    told: dict[str, Any] = json.loads(line)
-    if "tick" in told:
-        return Tick(_time(told["tick"]), told.get("effort", 0), told.get("pending", 0))
-    if "engine" in told:
-        return EngineStarted(_time(told["at"]))
-    if any(note in told for note in NOTES):
-        return BlackBoxNote(told)
-    if "closed" in told:
-        return Closed(_connection_of(told))
-    if "overtaken" in told:
-        return Overtaken(_raw(line, told), _time(told["received"]), _connection_of(told))
-    return Received(_raw(line, told), _time(told["received"]), _connection_of(told), told.get("rejected"))
+def _rare_event(line: str) -> Event:
+    """The event of a line that is not of the two frequent kinds."""
+    document: dict[str, Any] = json.loads(line)
+    if "tick" in document:
+        return Tick(_time(document["tick"]), document.get("effort", 0), document.get("pending", 0))
+    if "engine" in document:
+        return EngineStarted(_time(document["at"]))
+    if any(note in document for note in NOTES):
+        return BlackBoxNote(document)
+    if "closed" in document:
+        return Closed(_connection_of(document))
+    if "overtaken" in document:
+        return Overtaken(_raw(line, document), _time(document["received"]), _connection_of(document))
+    return Received(
+        _raw(line, document), _time(document["received"]), _connection_of(document), document.get("rejected")
+    )
 
 
 @lru_cache(maxsize=20_000)
@@ -279,26 +284,26 @@ def _connection(number: int, peer: str, vendor: str | None) -> Connection:
     return Connection(number, peer, vendor=vendor)
 
 
-def _connection_of(told: dict[str, Any]) -> Connection:
-    number, vendor = told.get("connection"), told.get("vendor")
+def _connection_of(document: dict[str, Any]) -> Connection:
+    number, vendor = document.get("connection"), document.get("vendor")
     return _connection(
         number if isinstance(number, int) else 0,
-        str(told.get("peer", "")),
+        str(document.get("peer", "")),
         vendor if isinstance(vendor, str) else None,
     )
 
 
-def _raw(line: str, told: dict[str, Any]) -> bytes:
-    """The message's own bytes. Written anew it could differ: in its numbers, in keys that it repeats."""
-    if "base64" in told:
-        return base64.b64decode(told["base64"], validate=True)
-    if "raw" in told:
-        return str(told["raw"]).encode()
+def _raw(line: str, document: dict[str, Any]) -> bytes:
+    """The message's own bytes. Encoding it again could change its numbers and its repeated keys."""
+    if "base64" in document:
+        return base64.b64decode(document["base64"], validate=True)
+    if "raw" in document:
+        return str(document["raw"]).encode()
     for key in _MESSAGE.finditer(line):
         value, end = _DECODER.raw_decode(line, key.end())
-        if value == told["message"]:
+        if value == document["message"]:
             return line[key.end() : end].encode()
-    return json.dumps(told["message"], ensure_ascii=False).encode()
+    return json.dumps(document["message"], ensure_ascii=False).encode()
 
 
 def _time(text: str) -> float:

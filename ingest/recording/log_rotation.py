@@ -1,7 +1,7 @@
-"""The files of the log: appended to, begun anew, and the oldest removed.
+"""The files of the log: lines are appended to the newest, and the oldest are removed.
 
-Each start, each `segment_bytes` and each day begins a new file, and so does recording after a failure, so nothing is
-ever appended to a torn line.
+A new file begins at each start, after `segment_bytes`, after a day, and after a failed write. So nothing is ever
+appended to an incomplete line.
 """
 
 import logging
@@ -16,29 +16,29 @@ from ingest.settings import Recorder as Settings
 log = logging.getLogger(__name__)
 
 KEPT_BYTES = 4 << 20
-"""Of what was written stay in memory at least."""
+"""Written bytes that stay in the page cache at least."""
 RETRY_S = 5.0
-"""How long after a failed write the next is tried."""
+"""How long after a failed write the next one is tried."""
 DAY_S = 86_400.0
 PATTERN = "log-[0-9]*.jsonl"
 
 
 class RotatingLog:
-    """One writer's files in a directory. Not for two threads at once, but others may change its `settings`."""
+    """The files of one writer in a directory. For one thread only, but other threads may set `settings`."""
 
     def __init__(self, settings: Settings, directory: Path, clock: Callable[[], float]) -> None:
         self.settings, self._directory, self._clock = settings, directory, clock
         self._file: FileIO | None = None
-        self._written, self._let_go_bytes, self._begun_s = 0, 0, 0.0
-        """Bytes in the file, how many there were when memory was last let go, and when it was begun."""
+        self._written, self._released_bytes, self._begun_s = 0, 0, 0.0
+        """Bytes in the file, how many there were when the page cache was last released, and when the file began."""
         self._failed_s = 0.0
         self.failing: str | None = None
-        """Why nothing can be written just now."""
+        """Why nothing can be written; None if writing works."""
 
     def write(self, data: bytes) -> int:
-        """Append whole lines; how many bytes are written, fewer than all where the disk fails."""
+        """Append whole lines. Returns how many bytes were written: fewer than all if the disk fails."""
         done = 0
-        # a clock that was set back makes the next attempt come sooner, never much later
+        # abs: if the clock was set back, the next attempt comes sooner, never much later
         if self.failing and abs(self._clock() - self._failed_s) < RETRY_S:
             return 0
         try:
@@ -51,7 +51,7 @@ class RotatingLog:
             self._recovered()
         self._written += done
         if self._file:
-            self._let_go(self._file)
+            self._release_cache(self._file)
         return done
 
     def close(self) -> None:
@@ -59,17 +59,20 @@ class RotatingLog:
             self._file.close()
         self._file = None
 
-    def _let_go(self, file: FileIO) -> None:
-        """Have the system write out what was written, and no longer keep what is out: who records all day would fill
-        the memory with pages that nobody reads, and each new one costs more than what is written on it."""
-        if self._written - self._let_go_bytes < KEPT_BYTES or not hasattr(os, "posix_fadvise"):
+    def _release_cache(self, file: FileIO) -> None:
+        """Ask the system to write the file to disk and to release its pages from the page cache.
+
+        Otherwise a long recording fills the memory with pages that nobody reads, and allocating each new page costs
+        more than writing it.
+        """
+        if self._written - self._released_bytes < KEPT_BYTES or not hasattr(os, "posix_fadvise"):
             return
-        self._let_go_bytes = self._written
+        self._released_bytes = self._written
         with suppress(OSError):  # a file system may not know of it
             os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
     def _segment(self) -> FileIO:
-        """The file to write to: a new one at first and where the last is long or old enough."""
+        """The file to write to: a new one at first, and when the last one is long or old enough."""
         is_old = abs(self._clock() - self._begun_s) >= DAY_S
         if self._file is None or self._written >= self.settings.segment_bytes or is_old:
             self.close()
@@ -77,16 +80,16 @@ class RotatingLog:
             existing = sorted(self._directory.glob(PATTERN))
             self._remove_oldest(self._remove_old(existing))
             self._file = (self._directory / self._name(existing)).open("xb", buffering=0)
-            self._written, self._let_go_bytes, self._begun_s = 0, 0, self._clock()
+            self._written, self._released_bytes, self._begun_s = 0, 0, self._clock()
         return self._file
 
     def _name(self, existing: list[Path]) -> str:
-        """Later than the others by name, though the clock may have been set back."""
+        """A name that sorts after all others, even if the clock was set back."""
         newest_us = int("".join(filter(str.isdigit, existing[-1].stem))) if existing else 0
         return f"log-{max(round(self._clock() * 1e6), newest_us + 1):017d}.jsonl"
 
     def _remove_old(self, segments: list[Path]) -> list[Path]:
-        """Remove those to which nothing was added for `keep_days`; the others."""
+        """Remove segments to which nothing was added for `keep_days`. Returns the others."""
         before_s = self._clock() - self.settings.keep_days * DAY_S
         old = [segment for segment in segments if segment.stat().st_mtime < before_s]
         for segment in old:
@@ -95,7 +98,7 @@ class RotatingLog:
         return [segment for segment in segments if segment not in old]
 
     def _remove_oldest(self, segments: list[Path]) -> None:
-        """Keep the segments within `total_bytes`, with room for one more."""
+        """Remove the oldest segments until there is room for one more within `total_bytes`."""
         sizes = [segment.stat().st_size for segment in segments]
         excess = sum(sizes) + self.settings.segment_bytes - self.settings.total_bytes
         for segment, size in zip(segments, sizes, strict=True):
@@ -107,7 +110,7 @@ class RotatingLog:
 
     def _fail(self, error: OSError) -> None:
         if not self.failing:
-            log.error("nothing can be recorded: %s; free or mend the disk, recording resumes by itself", error)
+            log.error("nothing can be recorded: %s; free space or repair the disk, recording resumes by itself", error)
         self.failing = str(error)
         self._failed_s = self._clock()
         self.close()

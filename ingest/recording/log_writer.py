@@ -1,4 +1,4 @@
-"""Writes blocks of lines in a thread of its own, in order, so that whoever has them to write never waits."""
+"""Writes blocks of lines in its own thread, in order, so that the caller never waits for the disk."""
 
 import logging
 import threading
@@ -8,33 +8,34 @@ from collections.abc import Callable
 log = logging.getLogger(__name__)
 
 Write = Callable[[bytes], int]
-"""Writes a block; how many of its bytes are written. What is not is lost."""
+"""Writes a block. Returns how many of its bytes were written; the others are lost."""
 
 
 class LogWriter:
-    """Blocks wait in memory up to `most_bytes`; one that would exceed them is dropped and its lines counted."""
+    """Blocks wait in memory up to `most_bytes`. A block that would exceed them is dropped and its lines are counted."""
 
     def __init__(self, write: Write, most_bytes: int) -> None:
         self._write, self._most = write, most_bytes
         self._blocks: deque[bytes] = deque()
         self._bytes = 0
-        """Waiting, the block that is being written included."""
+        """Bytes that wait, including the block that is being written."""
         self._written = self._dropped = 0
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
         self._closed = False
         self.failing: str | None = None
-        """Why blocks are dropped just now."""
+        """Why blocks are being dropped; None if they are not."""
 
     @property
     def waiting(self) -> bool:
+        """Whether blocks wait or are being written."""
         return self._bytes > 0
 
-    def put(self, block: bytes) -> None:
-        """Hand over whole lines."""
+    def add(self, block: bytes) -> None:
+        """Add a block of whole lines."""
         with self._changed:
             if self._bytes + len(block) > self._most:
-                self._too_slow()
+                self._note_slow_disk()
                 self._dropped += block.count(b"\n")
                 return
             self._blocks.append(block)
@@ -45,19 +46,19 @@ class LogWriter:
             self._thread.start()
 
     def sync(self, timeout_s: float) -> bool:
-        """Wait until nothing waits any more; whether that came about in time."""
+        """Wait until everything is written. Returns whether that happened in time."""
         with self._changed:
             return self._changed.wait_for(lambda: not self._bytes, timeout_s)
 
-    def tally(self) -> tuple[int, int]:
-        """Bytes written and lines dropped since the last tally."""
+    def take_counts(self) -> tuple[int, int]:
+        """Bytes written and lines dropped since the last call."""
         with self._changed:
-            told = self._written, self._dropped
+            counts = self._written, self._dropped
             self._written = self._dropped = 0
-            return told
+            return counts
 
     def close(self, timeout_s: float) -> bool:
-        """Write what waits, for as long as that, drop the rest, and end; whether all was written or given up."""
+        """Write what waits, drop what is not written in time, and end. Returns whether all was written in time."""
         done = self.sync(timeout_s)
         with self._changed:
             self._closed = True
@@ -94,7 +95,7 @@ class LogWriter:
             log.warning("the disk keeps up with the recording again")
         self._changed.notify_all()
 
-    def _too_slow(self) -> None:
+    def _note_slow_disk(self) -> None:
         if not self.failing:
             self.failing = f"the disk is too slow: {self._bytes} bytes wait to be written"
-            log.error("not everything is recorded: %s; it is, once they are", self.failing)
+            log.error("lines are not recorded: %s; recording resumes once they are written", self.failing)

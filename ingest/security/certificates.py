@@ -1,4 +1,4 @@
-"""TLS with the site's own certificates, read again when their files change."""
+"""TLS with the site's own certificates. Changed files are read again."""
 
 import logging
 import ssl
@@ -15,7 +15,7 @@ class CertificateError(ValueError):
 
 
 class Certificates:
-    """One server context. What `refresh` reads anew holds for connections that open from then on."""
+    """One server context. Certificates that `refresh` has read again hold for connections that open from then on."""
 
     def __init__(self, settings: Tls) -> None:
         """Raises `CertificateError`."""
@@ -28,7 +28,7 @@ class Certificates:
         self._load()
 
     def refresh(self) -> None:
-        """Load the files again where one has changed; where that fails the earlier ones stay, and it is logged."""
+        """Load the files again if one has changed. If that fails, it is logged and the earlier certificates stay."""
         changed = self._changed()
         if changed == self._read:
             return
@@ -36,18 +36,18 @@ class Certificates:
         try:
             self._load()
         except CertificateError as error:
-            log.error("certificates stay as they were: %s", error)
+            log.error("the earlier certificates stay in use: %s", error)
         else:
-            log.info("certificates are read anew from %s", self._settings.certificate)
+            log.info("certificates are read again from %s", self._settings.certificate)
 
     def _load(self) -> None:
-        told = self._settings
+        settings = self._settings
         try:
-            self.context.load_cert_chain(told.certificate, told.key or None)
-            if told.clients:
-                self.context.load_verify_locations(told.clients)
+            self.context.load_cert_chain(settings.certificate, settings.key or None)
+            if settings.clients:
+                self.context.load_verify_locations(settings.clients)
         except (OSError, ssl.SSLError) as error:
-            files = ", ".join(filter(None, (told.certificate, told.key, told.clients)))
+            files = ", ".join(filter(None, (settings.certificate, settings.key, settings.clients)))
             raise CertificateError(f"{files}: {error}; expected PEM files of a certificate and its key") from error
 
     def _changed(self) -> tuple[int, ...]:

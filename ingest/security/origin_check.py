@@ -1,7 +1,7 @@
-"""Pages of other sites, which a browser on this machine or its network would let speak in somebody's place.
+"""Refuses requests by web pages of other sites, made through a browser on this machine or its network.
 
-A browser says which page asks (`Origin`, RFC 6454) and by what name it asks (`Host`). A name can be made to mean this
-machine by whoever owns it (DNS rebinding), so that equal names prove nothing; `localhost` and an address can't.
+A browser says which page makes a request (`Origin`, RFC 6454) and to which name (`Host`). The owner of a name can make
+it mean this machine (DNS rebinding), so equal names prove nothing. `localhost` and an address can't be changed so.
 """
 
 import ipaddress
@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a name or address, without a port, can only be this machine."""
+    """Whether a name or address, without a port, always means this machine."""
     if host == "localhost" or host.endswith(".localhost"):
         return True
     try:
@@ -18,8 +18,8 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def is_sure(host: str) -> bool:
-    """Whether nobody else can make this name mean another machine: it is an address, or `localhost`."""
+def is_fixed(host: str) -> bool:
+    """Whether nobody can make this name mean another machine: it is an address or `localhost`."""
     try:
         ipaddress.ip_address(host)
     except ValueError:
@@ -28,7 +28,7 @@ def is_sure(host: str) -> bool:
 
 
 def host_of(header: str) -> str:
-    """The name or address in a `Host` header, or in an `Origin`; empty where there is none, as in `null`."""
+    """The name or address in a `Host` or `Origin` header. Empty if there is none, as in `null`."""
     try:
         return urlsplit(header if "//" in header else f"//{header}").hostname or ""
     except ValueError:
@@ -36,6 +36,6 @@ def host_of(header: str) -> str:
 
 
 def is_page_elsewhere(origin: str, host: str) -> bool:
-    """Whether a page that is not of this machine, nor of the very address asked, speaks through a browser."""
+    """Whether a browser makes the request for a page that is neither of this machine nor of the address requested."""
     page = host_of(origin)
-    return not (is_loopback(page) or (is_sure(page) and page == host_of(host)))
+    return not (is_loopback(page) or (is_fixed(page) and page == host_of(host)))

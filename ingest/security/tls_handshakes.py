@@ -1,6 +1,6 @@
-"""TLS handshakes of a port: held within its connections, ended when they take too long, and counted where they fail.
+"""The TLS handshakes of a port: counted as connections, ended when they take too long, and counted when they fail.
 
-asyncio alone tells a protocol of no handshake that does not end, and waits a minute for it.
+asyncio alone does not tell a protocol of a handshake that does not end, and waits a minute for it.
 """
 
 import asyncio
@@ -10,7 +10,7 @@ from ingest.security.certificates import Certificates
 
 
 class TlsHandshakes:
-    """Those that go on at one port. Each ends in a connection, or in `failed`."""
+    """The handshakes in progress. Each ends in a connection or in a call of `failed`."""
 
     def __init__(self, certificates: Certificates, within_s: float, failed: Callable[[], None]) -> None:
         self._certificates, self._within_s, self._failed = certificates, within_s, failed
@@ -20,24 +20,24 @@ class TlsHandshakes:
         return len(self._tasks)
 
     def awaited(self, transport: asyncio.BaseTransport) -> bool:
-        """Whether a connection is as it was accepted, so that its handshake is yet to begin."""
+        """Whether the handshake of an accepted connection has not begun."""
         return transport.get_extra_info("sslcontext") is None
 
     def begin(self, transport: asyncio.Transport, protocol: asyncio.Protocol) -> None:
-        """Make `protocol` a connection once hands are shaken; until then it is told nothing."""
-        early = _Early()
+        """Begin a handshake. After it `protocol` gets the connection; before, it is not called."""
+        early = _EarlyData()
         transport.set_protocol(early)
         transport.pause_reading()
-        task = asyncio.create_task(self._shake(transport, early, protocol))
+        task = asyncio.create_task(self._perform(transport, early, protocol))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
     def close(self) -> None:
-        """End those that go on."""
+        """Cancel the handshakes in progress."""
         for task in self._tasks:
             task.cancel()
 
-    async def _shake(self, transport: asyncio.Transport, early: "_Early", protocol: asyncio.Protocol) -> None:
+    async def _perform(self, transport: asyncio.Transport, early: "_EarlyData", protocol: asyncio.Protocol) -> None:
         try:
             encrypted = await asyncio.get_running_loop().start_tls(
                 transport,
@@ -57,8 +57,8 @@ class TlsHandshakes:
                 protocol.data_received(data)
 
 
-class _Early(asyncio.Protocol):
-    """Keeps what comes with the end of a handshake for who is told a moment later."""
+class _EarlyData(asyncio.Protocol):
+    """Keeps the data that arrives together with the end of a handshake, until the protocol gets the connection."""
 
     def __init__(self) -> None:
         self.data: list[bytes] = []
@@ -71,7 +71,7 @@ class _Early(asyncio.Protocol):
         self.ended = True
 
 
-def turn_away(transport: asyncio.Transport) -> None:
-    """End a connection whose handshake was not begun; its protocol is told nothing."""
-    transport.set_protocol(_Early())
+def abort_without_handshake(transport: asyncio.Transport) -> None:
+    """End a connection whose handshake has not begun. Its protocol is not called."""
+    transport.set_protocol(_EarlyData())
     transport.abort()

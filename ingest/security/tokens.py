@@ -1,4 +1,4 @@
-"""Bearer tokens: whose each is. Secrets come from files or the environment, are kept as digests and never logged."""
+"""Bearer tokens and their owners. Secrets come from files or the environment, are kept as digests and never logged."""
 
 import hashlib
 import logging
@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 
 
 class SecretError(ValueError):
-    """A secret that can't be had; the message says what to change, and never the secret."""
+    """A secret can't be read. The message says what to change, and never the secret."""
 
 
 def secret(source: str) -> str:
@@ -33,11 +33,11 @@ def secret(source: str) -> str:
 
 
 def renewed(source: str, before: str) -> str:
-    """The secret as it is now; what it was before, and a word in the log, where it can't be had."""
+    """The present secret. If it can't be read, that is logged and the earlier one returned."""
     try:
         return secret(source)
     except SecretError as error:
-        log.error("a secret stays as it was: %s", error)
+        log.error("the earlier secret stays in use: %s", error)
         return before
 
 
@@ -45,7 +45,7 @@ class Tokens:
     """Owners by token. `refresh` reads the sources again, so that a secret changes without a restart."""
 
     def __init__(self, sources: Mapping[str, str]) -> None:
-        """`sources` gives each owner the source of its token. Raises `SecretError`, also where two share one."""
+        """`sources` gives each owner the source of its token. Raises `SecretError`, also if two share a token."""
         self._sources = dict(sources)
         self._digests = {owner: _digest(secret(source)) for owner, source in self._sources.items()}
         self._owners = self._by_digest()
@@ -54,29 +54,29 @@ class Tokens:
         return bool(self._sources)
 
     def owner(self, authorization: str | None) -> str | None:
-        """Whose token an `Authorization` header carries; None for a wrong or missing one.
+        """The owner of the token in an `Authorization` header. None if it is wrong or missing.
 
-        Tokens are compared by digest, so that the time it takes tells nothing of them.
+        Tokens are compared by digest, so that the time of the comparison reveals nothing about them.
         """
         scheme, _, token = (authorization or "").partition(" ")
         return self._owners.get(_digest(token.strip())) if scheme.casefold() == "bearer" else None
 
     def digest(self, owner: str) -> bytes | None:
-        """Of the token that an owner has now."""
+        """The digest of an owner's present token."""
         return self._digests.get(owner)
 
     def refresh(self) -> None:
-        """Read every source again; one that can't be read keeps its last token and is logged."""
+        """Read every source again. If one can't be read, that is logged and its earlier token stays."""
         before = dict(self._digests)
         for owner, source in self._sources.items():
             try:
                 self._digests[owner] = _digest(secret(source))
             except SecretError as error:
-                log.error("the token of %s stays as it was: %s", owner, error)
+                log.error("the earlier token of %s stays in use: %s", owner, error)
         try:
             self._owners = self._by_digest()
         except SecretError as error:
-            log.error("tokens stay as they were: %s", error)
+            log.error("the earlier tokens stay in use: %s", error)
             self._digests = before
 
     def _by_digest(self) -> dict[bytes, str]:

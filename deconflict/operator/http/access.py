@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from deconflict.settings.site import Operator, Person, Role, Site
 from ingest.security.certificates import Certificates
-from ingest.security.origin_check import host_of, is_loopback, is_sure
+from ingest.security.origin_check import host_of, is_fixed, is_loopback
 from ingest.security.tokens import Tokens, secret
 from ingest.security.vendor_credentials import VendorCredentials
 
@@ -131,7 +131,7 @@ class Access:
     def _unnamed(self, headers: Headers) -> Response | None:
         """Where everybody on this machine may, whoever asks for another name is led here from elsewhere."""
         host = host_of(headers.get("host", ""))
-        if self._is_local and not is_sure(host):
+        if self._is_local and not is_fixed(host):
             return _refused(403, "ask for localhost or an address; to be asked for by a name, name operator.people")
         return None
 

@@ -13,9 +13,9 @@ from h11 import Request
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from ingest.port.receiver import descriptors
+from ingest.port.connection_limits import max_open_files
 from ingest.security.certificates import Certificates
-from ingest.security.tls_handshakes import TlsHandshakes, turn_away
+from ingest.security.tls_handshakes import TlsHandshakes, abort_without_handshake
 
 MAX_SAID_BYTES = 4096
 """Largest message accepted from a subscriber; none is expected."""
@@ -71,7 +71,7 @@ class FaceProtocol(H11Protocol):
         if shaking is not None and shaking.awaited(transport):
             if len(self.connections) + len(shaking) >= self._state.most_connections:
                 count_refused(self._state, "face-full")
-                turn_away(transport)
+                abort_without_handshake(transport)
             else:
                 shaking.begin(transport, self)
             return
@@ -140,7 +140,7 @@ def face_server(app: FastAPI, certificates: Certificates | None = None) -> FaceS
     subscriber answers only when it has read what lies before it. Advisories are small and many readers would each
     have them compressed anew, so they are not compressed.
     """
-    app.state.most_connections = max(descriptors() - SPARE_FILES, 1)
+    app.state.most_connections = max(max_open_files() - SPARE_FILES, 1)
     handshakes = None
     if certificates:
         handshakes = TlsHandshakes(certificates, HANDSHAKE_S, partial(count_refused, app.state, "face-tls-failed"))

@@ -10,7 +10,7 @@ from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
-from ingest.port.backlog import Backlog, status_of
+from ingest.port.backlog import Backlog, status_uuid
 from ingest.port.connection import Connection
 from ingest.port.rate_limits import ArrivedMessage
 from ingest.port.time_slices import TimeSlices
@@ -27,16 +27,16 @@ class Behind:
     """A backlog whose messages all wait until they are let go, and a fleet and a recording behind it."""
 
     def __init__(self, directory: Path) -> None:
-        self.turns, self.measures = TimeSlices(turn_s=0.0), Measures()
-        self.turns.do(lambda: None)
+        self.slices, self.measures = TimeSlices(slice_s=0.0), Measures()
+        self.slices.run(lambda: None)
         self.fleet = fleet_of(Site(), self.measures)
         self.recorder = Recorder(Settings(), directory, Measures(), lambda: NOW_S)
         self.delivered: list[bytes] = []
         self.overtaken: list[bytes] = []
-        self._backlog = Backlog(self.turns, self._deliver, self._overtake)
+        self._backlog = Backlog(self.slices, self._deliver, self._overtake)
 
     def put(self, raw: bytes, arrival_s: float, connection: Connection = ALDER) -> None:
-        self._backlog.put(ArrivedMessage(raw, arrival_s, connection))
+        self._backlog.add(ArrivedMessage(raw, arrival_s, connection))
 
     def next_batch(self, now_s: float) -> Batch:
         self.recorder.tick(now_s)
@@ -65,13 +65,13 @@ def replayed(directory: Path) -> tuple[list[Batch], Counter[str]]:
     return batches, kinds
 
 
-def test_of_what_waits_the_newest_status_of_a_robot_is_read_in_the_place_of_the_first(tmp_path: Path) -> None:
+def test_of_what_waits_the_newest_status_uuid_a_robot_is_read_in_the_place_of_the_first(tmp_path: Path) -> None:
     async def run() -> Behind:
         one = Behind(tmp_path)
         for raw in (first, first_of_b, who, second, third):
             one.put(raw, NOW_S)
         assert one.delivered == []
-        one.turns.finish()
+        one.slices.finish()
         return one
 
     first, second, third = (status("A-1", NOW_S, x) for x in (1.0, 2.0, 3.0))
@@ -85,10 +85,10 @@ def test_who_is_not_behind_reads_everything() -> None:
     async def at_once() -> list[bytes]:
         delivered: list[bytes] = []
         backlog = Backlog(
-            TimeSlices(turn_s=60.0), lambda raw, *_: delivered.append(raw), lambda *_: pytest.fail("overtaken")
+            TimeSlices(slice_s=60.0), lambda raw, *_: delivered.append(raw), lambda *_: pytest.fail("overtaken")
         )
         for raw in said:
-            backlog.put(ArrivedMessage(raw, NOW_S, ALDER))
+            backlog.add(ArrivedMessage(raw, NOW_S, ALDER))
         return delivered
 
     said = [status("A-1", NOW_S + n) for n in range(5)]
@@ -100,7 +100,7 @@ def test_a_robot_reported_over_two_connections_waits_on_each(tmp_path: Path) -> 
         one = Behind(tmp_path)
         for n in range(4):
             one.put(status("A-1", NOW_S + n), NOW_S + n, (ALDER, BASALT)[n % 2])
-        one.turns.finish()
+        one.slices.finish()
         return one
 
     one = asyncio.run(run())
@@ -111,12 +111,12 @@ def test_what_was_overtaken_is_counted_recorded_and_as_late_as_it_came(tmp_path:
     async def run() -> tuple[Behind, Batch]:
         one = Behind(tmp_path)
         one.put(status("A-1", NOW_S - 1), NOW_S - 1)
-        one.turns.finish()
+        one.slices.finish()
         one.next_batch(NOW_S - 0.5)
         for n in range(4):
             one.put(status("A-1", NOW_S + n, x=n), NOW_S + n)
         one.put(status("A-2", NOW_S), NOW_S)
-        one.turns.finish()
+        one.slices.finish()
         batch = one.next_batch(NOW_S + 4)
         one.recorder.close()
         return one, batch
@@ -138,12 +138,12 @@ def test_what_another_vendor_says_of_a_robot_and_overtakes_itself_is_that_vendor
     async def run() -> tuple[Behind, Batch]:
         one = Behind(tmp_path)
         one.put(status("A-1", NOW_S), NOW_S)
-        one.turns.finish()
+        one.slices.finish()
         one.next_batch(NOW_S + 0.5)
         for n in range(3):
             one.put(status("A-1", NOW_S + n, x=900.0), NOW_S + n, BASALT)
         one.put(status("A-1", NOW_S + 4), NOW_S + 4)
-        one.turns.finish()
+        one.slices.finish()
         return one, one.next_batch(NOW_S + 5)
 
     one, batch = asyncio.run(run())
@@ -163,7 +163,7 @@ def test_a_replay_of_who_was_behind_gives_the_same_batches(tmp_path: Path) -> No
             if n % 30 == 29:
                 await asyncio.sleep(0)
                 batches.append(one.next_batch(NOW_S + n / 50))
-        one.turns.finish()
+        one.slices.finish()
         batches.append(one.next_batch(NOW_S + 20))
         one.recorder.close()
         assert one.overtaken
@@ -190,5 +190,5 @@ def test_a_replay_of_who_was_behind_gives_the_same_batches(tmp_path: Path) -> No
     ids=["an identity", "no UUID", "another UUID within", "two spellings"],
 )
 def test_a_message_whose_robot_is_not_certain_is_no_status_to_overtake(raw: bytes) -> None:
-    assert status_of(raw) is None
-    assert status_of(status("A-1", NOW_S)) == robot("A-1").encode()
+    assert status_uuid(raw) is None
+    assert status_uuid(status("A-1", NOW_S)) == robot("A-1").encode()

@@ -2,7 +2,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ingest.port.connection import Connection
-from ingest.port.rate_limits import MOST_SHARES, MOST_WAITING_BYTES, ArrivedMessage, RateLimits
+from ingest.port.rate_limits import MOST_BUCKETS, MOST_WAITING_BYTES, ArrivedMessage, RateLimits
 from tests.helpers.saying import identity, status
 
 ALDER, BASALT = Connection(1, vendor="Alder"), Connection(2, vendor="Basalt")
@@ -69,9 +69,9 @@ def test_what_waits_is_bounded_by_its_weight_too_and_the_oldest_goes() -> None:
 
 def test_addresses_that_come_once_are_forgotten() -> None:
     shares = RateLimits(10.0)
-    for i in range(3 * MOST_SHARES):
+    for i in range(3 * MOST_BUCKETS):
         shares.admit(f"2001:db8::{i:x}", arrived(b"{}"), i / 10)
-    assert len(shares) <= MOST_SHARES
+    assert len(shares) <= MOST_BUCKETS
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.floats(0, 0.4)), max_size=200))

@@ -8,9 +8,9 @@ from ingest.port.time_slices import MOST_WAITING, MOST_WEIGHT, TimeSlices
 
 def test_calls_are_made_in_their_order_and_at_once_where_there_is_time() -> None:
     async def run() -> tuple[list[int], list[int]]:
-        turns, done = TimeSlices(turn_s=10.0), list[int]()
+        slices, done = TimeSlices(slice_s=10.0), list[int]()
         for n in range(5):
-            turns.do(partial(done.append, n))
+            slices.run(partial(done.append, n))
         return list(done), done
 
     at_once, done = asyncio.run(run())
@@ -19,10 +19,10 @@ def test_calls_are_made_in_their_order_and_at_once_where_there_is_time() -> None
 
 def test_the_loop_goes_round_between_turns_and_nothing_changes_places() -> None:
     async def run() -> list[str | int]:
-        turns, done = TimeSlices(turn_s=0.0), list[str | int]()
+        slices, done = TimeSlices(slice_s=0.0), list[str | int]()
         loop = asyncio.get_running_loop()
         for n in range(3):
-            turns.do(partial(done.append, n))
+            slices.run(partial(done.append, n))
         loop.call_soon(done.append, "another")
         assert done == []
         while len(done) < 4:
@@ -34,21 +34,21 @@ def test_the_loop_goes_round_between_turns_and_nothing_changes_places() -> None:
 
 def test_at_the_end_all_that_waits_is_done() -> None:
     async def run() -> list[int]:
-        turns, done = TimeSlices(turn_s=0.0), list[int]()
+        slices, done = TimeSlices(slice_s=0.0), list[int]()
         for n in range(3):
-            turns.do(partial(done.append, n))
-        turns.finish()
+            slices.run(partial(done.append, n))
+        slices.finish()
         return done
 
     assert asyncio.run(run()) == [0, 1, 2]
 
 
 def test_what_takes_long_leaves_room_for_others() -> None:
-    """Three hundredths of a second of work, in turns of one."""
+    """Three hundredths of a second of work, in slices of one."""
     now_s = 0.0
 
     async def run() -> list[str]:
-        turns, done = TimeSlices(turn_s=0.01, clock=lambda: now_s), list[str]()
+        slices, done = TimeSlices(slice_s=0.01, clock=lambda: now_s), list[str]()
 
         def work() -> None:
             nonlocal now_s
@@ -56,7 +56,7 @@ def test_what_takes_long_leaves_room_for_others() -> None:
             done.append("work")
 
         for _ in range(3):
-            turns.do(work)
+            slices.run(work)
         asyncio.get_running_loop().call_soon(done.append, "another")
         while len(done) < 4:
             await asyncio.sleep(0)
@@ -68,15 +68,15 @@ def test_what_takes_long_leaves_room_for_others() -> None:
 @pytest.mark.parametrize(("calls", "weight"), [(2 * MOST_WAITING, 0), (100, MOST_WEIGHT // 50)], ids=["many", "heavy"])
 def test_who_brings_too_much_is_told_when_there_is_room_again(calls: int, weight: int) -> None:
     async def run() -> list[int]:
-        turns, done, waited = TimeSlices(turn_s=0.0), list[int](), asyncio.Event()
+        slices, done, waited = TimeSlices(slice_s=0.0), list[int](), asyncio.Event()
         for n in range(calls):
-            assert turns.full == (n > calls // 2)
-            turns.do(partial(done.append, n), weight)
-        turns.when_room(waited.set)
+            assert slices.full == (n > calls // 2)
+            slices.run(partial(done.append, n), weight)
+        slices.when_room(waited.set)
         await waited.wait()
-        assert not turns.full
+        assert not slices.full
         assert 3 * calls // 4 <= len(done) < calls
-        turns.finish()
+        slices.finish()
         return done
 
     assert asyncio.run(run()) == list(range(calls))
@@ -97,10 +97,10 @@ def test_a_turn_is_as_long_as_what_the_loop_did_before_it_within_bounds(round_s:
         done += 1
 
     async def run() -> int:
-        turns = TimeSlices(turn_s=0.01, clock=lambda: now_s)
-        turns.do(partial(spend, 0.01))
+        slices = TimeSlices(slice_s=0.01, clock=lambda: now_s)
+        slices.run(partial(spend, 0.01))
         for _ in range(200):
-            turns.do(work)
+            slices.run(work)
         assert done == 0
         spend(round_s - now_s)
         await asyncio.sleep(0)
@@ -111,10 +111,10 @@ def test_a_turn_is_as_long_as_what_the_loop_did_before_it_within_bounds(round_s:
 
 def test_a_call_that_fails_does_not_keep_the_others() -> None:
     async def run() -> list[int]:
-        turns, done = TimeSlices(turn_s=0.0), list[int]()
+        slices, done = TimeSlices(slice_s=0.0), list[int]()
         asyncio.get_running_loop().set_exception_handler(lambda *_: done.append(-1))
-        turns.do(lambda: done.append(1 // 0))
-        turns.do(partial(done.append, 2))
+        slices.run(lambda: done.append(1 // 0))
+        slices.run(partial(done.append, 2))
         while 2 not in done:
             await asyncio.sleep(0)
         return done

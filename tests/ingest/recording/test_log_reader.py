@@ -9,7 +9,7 @@ import pytest
 import zstandard
 
 from ingest.languages.massrobotics import timestamps
-from ingest.recording.log_reader import TOLD_LINES, LogReader, Received, Tick, by_time
+from ingest.recording.log_reader import LOGGED_LINES, LogReader, Received, Tick, by_time
 from tests.helpers.saying import status
 from tests.ingest.recording.made_logs import LINE, NOW_S, read, recorder
 
@@ -150,7 +150,7 @@ def test_of_many_lines_left_out_only_the_first_are_told(tmp_path: Path, caplog: 
     log = tmp_path / "one.jsonl"
     log.write_text("nonsense\n" * 50)
     assert read(log) == ([], 50)
-    assert len(caplog.records) == TOLD_LINES
+    assert len(caplog.records) == LOGGED_LINES
 
 
 def test_a_foreign_connection_is_no_reason_to_stop(tmp_path: Path) -> None:

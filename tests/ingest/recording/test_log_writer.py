@@ -32,25 +32,25 @@ def test_a_disk_that_stalls_stops_nobody_and_loses_nothing_that_fits(disk: Disk)
     writer = LogWriter(disk.write, 1000)
     blocks = [b"%d\n" % i for i in range(100)]
     for block in blocks:
-        writer.put(block)
+        writer.add(block)
     assert writer.waiting
     assert not writer.sync(0.0)
     disk.go_on.set()
     assert writer.sync(TIMEOUT_S)
     assert disk.blocks == blocks
-    assert writer.tally() == (sum(map(len, blocks)), 0)
-    assert writer.tally() == (0, 0)
+    assert writer.take_counts() == (sum(map(len, blocks)), 0)
+    assert writer.take_counts() == (0, 0)
 
 
 def test_what_finds_no_room_is_counted_and_told_once(disk: Disk, caplog: pytest.LogCaptureFixture) -> None:
     writer = LogWriter(disk.write, 10)
     for block in (b"one\n", b"two\n", b"a\nb\nc\n", b"d\n", b"e\n"):
-        writer.put(block)
+        writer.add(block)
     assert writer.failing
     disk.go_on.set()
     assert writer.sync(TIMEOUT_S)
     assert disk.blocks == [b"one\n", b"two\n", b"d\n"]
-    assert writer.tally() == (10, 4)
+    assert writer.take_counts() == (10, 4)
     assert writer.failing is None
     assert [record.levelname for record in caplog.records] == ["ERROR", "WARNING"]
 
@@ -58,9 +58,9 @@ def test_what_finds_no_room_is_counted_and_told_once(disk: Disk, caplog: pytest.
 def test_a_close_waits_no_longer_than_it_is_told(disk: Disk) -> None:
     writer = LogWriter(disk.write, 1000)
     for block in (b"one\n", b"two\nthree\n"):
-        writer.put(block)
+        writer.add(block)
     assert writer.close(0.0) is False
-    assert writer.tally() == (0, 3)
+    assert writer.take_counts() == (0, 3)
 
 
 def half(block: bytes) -> int:
@@ -76,6 +76,6 @@ def test_lines_that_are_not_wholly_written_are_counted(
     write: Callable[[bytes], int], written: int, dropped: int
 ) -> None:
     writer = LogWriter(write, 1000)
-    writer.put(b"one\ntwo\n")
+    writer.add(b"one\ntwo\n")
     assert writer.close(TIMEOUT_S)
-    assert writer.tally() == (written, dropped)
+    assert writer.take_counts() == (written, dropped)

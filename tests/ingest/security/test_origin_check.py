@@ -1,6 +1,6 @@
 import pytest
 
-from ingest.security.origin_check import is_page_elsewhere, is_sure
+from ingest.security.origin_check import is_fixed, is_page_elsewhere
 
 
 @pytest.mark.parametrize(
@@ -31,4 +31,4 @@ def test_a_page_is_of_this_machine_or_of_the_address_asked_or_elsewhere(
 
 @pytest.mark.parametrize("host", ["2130706433", "0x7f.1", "127.1", "localhost.", "elsewhere.example", ""])
 def test_what_only_looks_like_an_address_is_not_sure(host: str) -> None:
-    assert not is_sure(host)
+    assert not is_fixed(host)

@@ -1,0 +1,72 @@
+"""Limits on the connections of a port: by open files, and before a connection is admitted."""
+
+import asyncio
+import logging
+import resource
+from collections.abc import Callable
+from typing import Any, cast
+
+from ingest.port.frame_cutter import FrameCuttingServer
+from ingest.security.tls_handshakes import TlsHandshakes, abort_without_handshake
+
+SPARE_FILES = 200
+"""File descriptors left for everything but robots."""
+HANDSHAKE_FILES = 80
+"""Of those, descriptors for connections that are not yet admitted or refused. An accept takes up to 100 at once."""
+
+log = logging.getLogger(__name__)
+
+
+class BoundedConnection(FrameCuttingServer):
+    """Aborts at once if there are `most` TCP connections, so that accepting never runs out of descriptors.
+
+    If it did, asyncio would log a traceback for each waiting connection and try again every second.
+    """
+
+    def __init__(
+        self,
+        *args: Any,
+        most: Callable[[], int],
+        refused: Callable[[], None],
+        handshakes: TlsHandshakes | None,
+        **kwargs: Any,
+    ) -> None:
+        super().__init__(*args, **kwargs)
+        self._most, self._refused, self._handshakes = most, refused, handshakes
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Called when the connection is accepted. With TLS it is called again after the handshake."""
+        accepted, handshakes = cast(asyncio.Transport, transport), self._handshakes
+        if handshakes is None or not handshakes.awaited(accepted):
+            super().connection_made(accepted)
+            if self._too_many(0):
+                self._refused()
+                self.transport.abort()
+        elif self._too_many(1 + len(handshakes)):
+            self._refused()
+            abort_without_handshake(accepted)
+        else:
+            handshakes.begin(accepted, self)
+
+    def _too_many(self, more: int) -> bool:
+        return len(self.server.handler_tasks) + more > self._most()
+
+
+def connection_limit(wanted: int) -> int:
+    """How many connections there may be: as many as wanted, but fewer if the limit of open files is lower."""
+    files = max_open_files()
+    limit = max(min(wanted, files - SPARE_FILES), 1)
+    if limit < wanted:
+        log.warning("at most %d connections, because %d files may be open; raise the limit of open files", limit, files)
+    return limit
+
+
+def max_open_files() -> int:
+    """How many files this process may open, after raising its limit as far as it may."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = hard if hard != resource.RLIM_INFINITY else max(soft, 1 << 16)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+    except (ValueError, OSError):
+        return soft
+    return wanted
