@@ -27,7 +27,8 @@ from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.probability.advice_followers import waits_until_s
-from deconflict.foresight.probability.estimator import ProbabilityEstimator, SweptConflicts
+from deconflict.foresight.probability.estimator import ProbabilityEstimator
+from deconflict.foresight.probability.pair_candidates import SweptConflicts
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import ACCURACY_M, PairConflicts

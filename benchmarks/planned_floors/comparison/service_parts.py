@@ -6,8 +6,9 @@ import numpy as np
 
 from deconflict.engine.engine import Engine
 from deconflict.foresight.probability.calibration import Calibration, Estimate
-from deconflict.foresight.probability.pair_table import DRIVEN, PREEMPTED, CensoredOutcomes
-from deconflict.foresight.probability.start_times import LATE_S, StartTimes
+from deconflict.foresight.probability.censoring import CensoredOutcomes
+from deconflict.foresight.probability.pair_table import DRIVEN, PREEMPTED
+from deconflict.foresight.rollout.start_times import LATE_S, StartTimes
 from ingest.batch import Bools, Floats, Ints
 
 Change = Callable[[Engine], None]
@@ -16,18 +17,18 @@ Change = Callable[[Engine], None]
 class _Unlearning(Calibration):
     """Stays with its prior."""
 
-    def learn(self, seen: Floats, vendors: Ints, fates: CensoredOutcomes, now_s: float) -> None:
+    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:
         """Nothing is learned."""
 
 
 class _AllAlike(Calibration):
     """Knows one pair of vendors."""
 
-    def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
-        return Calibration.estimate(self, seen, np.zeros_like(vendors))
+    def estimate(self, features: Floats, vendors: Ints) -> Estimate:
+        return Calibration.estimate(self, features, np.zeros_like(vendors))
 
-    def learn(self, seen: Floats, vendors: Ints, fates: CensoredOutcomes, now_s: float) -> None:
-        Calibration.learn(self, seen, np.zeros_like(vendors), fates, now_s)
+    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:
+        Calibration.learn(self, features, np.zeros_like(vendors), outcomes, now_s)
 
 
 class _Blind(Calibration):
@@ -35,16 +36,16 @@ class _Blind(Calibration):
 
     hidden: slice
 
-    def estimate(self, seen: Floats, vendors: Ints) -> Estimate:
-        return Calibration.estimate(self, self._visible(seen), vendors)
+    def estimate(self, features: Floats, vendors: Ints) -> Estimate:
+        return Calibration.estimate(self, self._visible(features), vendors)
 
-    def learn(self, seen: Floats, vendors: Ints, fates: CensoredOutcomes, now_s: float) -> None:
-        Calibration.learn(self, self._visible(seen), vendors, fates, now_s)
+    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:
+        Calibration.learn(self, self._visible(features), vendors, outcomes, now_s)
 
-    def _visible(self, seen: Floats) -> Floats:
-        seen = seen.copy()
-        seen[:, self.hidden] = 0.0
-        return seen
+    def _visible(self, features: Floats) -> Floats:
+        features = features.copy()
+        features[:, self.hidden] = 0.0
+        return features
 
 
 class _Alone(_Blind):
@@ -73,7 +74,7 @@ class _AtOnce(StartTimes):
 
 def _with(calibration: type[Calibration]) -> Change:
     def change(engine: Engine) -> None:
-        engine.foresight.calibration = calibration()
+        engine.foresight.learning.calibration = calibration()
 
     return change
 

@@ -1,6 +1,6 @@
-"""The ledger of destinations: how early or late robots came, by vendor and by how long ahead they had said when.
+"""How early or late robots reach their destinations, by vendor and by how long ahead they announced the time.
 
-Counts by size, bounded in memory; old ones fade as those of forecasts do.
+Errors are counted by size, so that memory is bounded. Old errors fade as in the ledger of forecasts.
 """
 
 import numpy as np
@@ -12,53 +12,56 @@ from ingest.batch import Floats
 from ingest.measures.measures import Labels, Measures
 
 AHEAD_S = (60.0, 300.0, 900.0)
-"""Arrivals told of at most so long ahead are counted together."""
+"""Upper limits of the groups of arrivals, by how long ahead they were announced."""
 SHARES: Floats = np.array([0.5, 0.9])
+"""Quantiles that are shown."""
 UNIT_S = 10.0
-"""What the sketch takes for a metre: sizes from a hundredth of a second to half an hour."""
+"""So many seconds count as a metre of the sketch, which then covers 0.01 s to 30 min."""
 FEWEST_CASES = 5.0
-"""Of fewer nothing is told."""
+"""With fewer cases, no quantile is shown."""
 EARLY, LATE = range(2)
 
 
 class ArrivalErrors:
-    """By vendor; vendors are few."""
+    """By vendor. There are few vendors."""
 
     def __init__(self) -> None:
         self._counts: dict[str, Floats] = {}
-        """(2, len(AHEAD_S), BINS) early and late, faded."""
+        """(2, len(AHEAD_S), BINS) early and late arrivals of each vendor, faded."""
         self._as_of_s: dict[str, float] = {}
         self._levels: dict[str, tuple[dict[Labels, float], dict[Labels, float]]] = {}
-        """Sizes of errors and shares that came late, of vendors of whose robots none has come since."""
+        """Quantiles and shares of late arrivals of each vendor without an arrival since they were computed."""
 
     def record(self, vendor: str, ahead_s: Floats, late_s: Floats, now_s: float) -> None:
-        """Take in promises that came due: how long ahead each was given, and how late the robot was; (n,) each."""
+        """Count n arrivals: how long ahead each was announced, and how late the robot was (negative if early); (n,)
+        each."""
         counts = self._counts.setdefault(vendor, np.zeros((2, len(AHEAD_S), BINS)))
         counts *= 0.5 ** (max(now_s - self._as_of_s.get(vendor, now_s), 0.0) / HALF_LIFE_S)
         self._as_of_s[vendor] = now_s
         self._levels.pop(vendor, None)
         column = np.searchsorted(AHEAD_S, ahead_s)
-        known = column < len(AHEAD_S)
+        is_counted = column < len(AHEAD_S)
         at = ((late_s > 0).astype(np.int64), column, bins(np.abs(late_s) / UNIT_S))
-        np.add.at(counts, tuple(index[known] for index in at), 1.0)
+        np.add.at(counts, tuple(index[is_counted] for index in at), 1.0)
 
     def learned(self) -> Part:
+        """What is kept over a restart."""
         vendors = [[vendor, self._as_of_s[vendor]] for vendor in self._counts]
         return {"vendors": vendors, "counts": np.array(list(self._counts.values()))}
 
     def resume(self, part: Part) -> None:
-        """Go on with what `learned` told. Raises `UnreadableError`."""
+        """Go on with what `learned` returned. Raises `UnreadableError`."""
         try:
             as_of_s = {str(vendor): float(at_s) for vendor, at_s in part.get("vendors", ())}
         except (TypeError, ValueError) as error:
-            raise UnreadableError(f"vendors that came late are not told: {error}") from error
+            raise UnreadableError(f"the vendors of arrivals are unreadable: {error}") from error
         if as_of_s:
             counts = numbers(part, "counts", (len(as_of_s), 2, len(AHEAD_S), BINS))
             self._counts, self._as_of_s = dict(zip(as_of_s, counts, strict=True)), as_of_s
             self._levels.clear()
 
     def measure(self, measures: Measures) -> None:
-        """Bring the levels of every vendor's arrivals up to date."""
+        """Update the metrics of every vendor's arrivals."""
         errors: dict[Labels, float] = {}
         late: dict[Labels, float] = {}
         for vendor, counts in self._counts.items():
@@ -71,7 +74,7 @@ class ArrivalErrors:
 
 
 def _levels(vendor: str, counts: Floats) -> tuple[dict[Labels, float], dict[Labels, float]]:
-    """Sizes of errors and shares that came late, of `counts` (2, len(AHEAD_S), BINS)."""
+    """Quantiles of the errors, and the shares of late arrivals, of `counts` (2, len(AHEAD_S), BINS)."""
     errors: dict[Labels, float] = {}
     late: dict[Labels, float] = {}
     both = counts.sum(axis=0)

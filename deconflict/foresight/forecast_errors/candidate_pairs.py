@@ -1,6 +1,6 @@
-"""Who comes near whom, by where robots will go by their newest forecasts.
+"""Which pairs of robots may come near each other, by where they will go by their newest forecasts.
 
-Compiled; arrays are by slot, as `followed` keeps them and `ways` describes them.
+Compiled. Arrays are by slot, see `PendingForecasts`.
 """
 
 import numba
@@ -13,15 +13,17 @@ _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.flo
 
 
 @inner
-def _set_way(ways: Floats, near: Floats, reach: Floats, seen: Floats, track: Floats, slot: int, now_s: float) -> None:
-    """Where a robot is, x_m, y_m and floor, at every whole second from now on, in `ways`; and its `reach` and half of
-    the furthest that it goes in one, in `near`: unless they are set already. All are as far into a second of its track.
-    """
+def _set_places(
+    places: Floats, near: Floats, reach: Floats, newest: Floats, track: Floats, slot: int, now_s: float
+) -> None:
+    """Set the places of a robot at every whole second from now on, x_m, y_m and floor, in `places`; and its `reach`
+    plus half of its longest step, in `near`. Does nothing if they are set already. All places are equally far into a
+    second of its track."""
     if near[slot] >= 0.0:
         return
-    last, since_s, longest = track.shape[1] - 1, now_s - seen[slot, 0], 0.0
+    last, since_s, longest = track.shape[1] - 1, now_s - newest[slot, 0], 0.0
     whole = int(np.floor(since_s))
-    for second in range(ways.shape[1]):
+    for second in range(places.shape[1]):
         at, share = whole + second, since_s - whole
         if at < 0:
             at, share = 0, 0.0
@@ -31,18 +33,18 @@ def _set_way(ways: Floats, near: Floats, reach: Floats, seen: Floats, track: Flo
         if track[slot, at + 1, 3] == floor:
             x, y = x + share * (track[slot, at + 1, 0] - x), y + share * (track[slot, at + 1, 1] - y)
         if second:
-            dx, dy = x - ways[slot, second - 1, 0], y - ways[slot, second - 1, 1]
+            dx, dy = x - places[slot, second - 1, 0], y - places[slot, second - 1, 1]
             longest = max(longest, dx * dx + dy * dy)
-        ways[slot, second, 0], ways[slot, second, 1], ways[slot, second, 2] = x, y, floor
+        places[slot, second, 0], places[slot, second, 1], places[slot, second, 2] = x, y, floor
     near[slot] = reach[slot] + np.sqrt(longest) / 2
 
 
 @inner
-def _meet(ways: Floats, one: int, other: int, within: float) -> bool:
-    """Whether two ways come so near at any of their seconds."""
-    for second in range(ways.shape[1]):
-        if ways[one, second, 2] == ways[other, second, 2] and ways[one, second, 2] >= 0.0:
-            dx, dy = ways[one, second, 0] - ways[other, second, 0], ways[one, second, 1] - ways[other, second, 1]
+def _come_near(places: Floats, a: int, b: int, within: float) -> bool:
+    """Whether two robots come within a distance of each other at any of the seconds."""
+    for second in range(places.shape[1]):
+        if places[a, second, 2] == places[b, second, 2] and places[a, second, 2] >= 0.0:
+            dx, dy = places[a, second, 0] - places[b, second, 0], places[a, second, 1] - places[b, second, 1]
             if dx * dx + dy * dy <= within * within:
                 return True
     return False
@@ -55,8 +57,9 @@ def _cell(around: Floats, slot: int, side: float) -> tuple[int, int]:
 
 @inner
 def _cells(slots: Ints, around: Floats, side: float, across: int, after: Ints) -> Ints:
-    """(across, across) the last of the slots whose boxes have their centre in each cell, -1 where none has; the one
-    before it is in `after` (slots,), and so on to -1. Cells repeat, so that one far away costs no room."""
+    """(across, across) the last of the slots whose boxes have their centre in each cell, -1 if there is none. The slot
+    before it in the cell is in `after` (slots,), and so on to -1. Cells repeat in space, so that a far one costs no
+    memory."""
     last = np.full((across, across), -1)
     for slot in slots:
         x, y = _cell(around, slot, side)
@@ -70,25 +73,25 @@ def _cells(slots: Ints, around: Floats, side: float, across: int, after: Ints) -
         numba.boolean[::1], *[_INTS] * 2, _MATRIX, _FLOATS, _MATRIX, _CUBE, numba.float64, numba.int64, numba.float64
     )
 )
-def nearing(
-    told: Bools,
+def find_pairs(
+    has_news: Bools,
     slots: Ints,
     rank: Ints,
     around: Floats,
     reach: Floats,
-    seen: Floats,
+    newest: Floats,
     track: Floats,
     now_s: float,
     seconds: int,
     rounding_m: float,
 ) -> Ints:
-    """(p, 2) pairs of `slots` (n,), one of each `told`, that come near at any of so many whole seconds; once each, the
-    lower in `rank` first.
+    """(p, 2) pairs of `slots` (n,) that come near each other at any of so many whole seconds. Each pair comes once, the
+    lower in `rank` first. At least one robot of each pair `has_news`.
 
-    Near is within the `reach` of both and half of what each goes from one second to the next. Only robots whose boxes
-    `around` meet, grown so, are followed: they are in cells that are neighbours.
+    Near means within the `reach` of both plus half of each one's longest step. Only robots whose boxes `around`, grown
+    so, overlap are compared in time: they are in neighbouring cells.
     """
-    box, found, pairs = np.empty((len(told), 2)), np.empty((64, 2), np.int64), 0
+    box, found, pairs = np.empty((len(has_news), 2)), np.empty((64, 2), np.int64), 0
     widest, across = 0.0, 4
     for slot in slots:
         by = around[slot, 4] / 2 + reach[slot] + rounding_m
@@ -96,24 +99,24 @@ def nearing(
         widest = max(widest, box[slot, 0], box[slot, 1])
     while across * across < len(slots):
         across *= 2
-    side, after = 2 * widest, np.empty(len(told), np.int64)
+    side, after = 2 * widest, np.empty(len(has_news), np.int64)
     last = _cells(slots, around, side, across, after)
-    ways, near = np.empty((len(told), seconds, 3)), np.full(len(told), -1.0)
+    places, near = np.empty((len(has_news), seconds, 3)), np.full(len(has_news), -1.0)
     for slot in slots:
-        if not told[slot]:
+        if not has_news[slot]:
             continue
-        _set_way(ways, near, reach, seen, track, slot, now_s)
+        _set_places(places, near, reach, newest, track, slot, now_s)
         x, y = _cell(around, slot, side)
         for cell in range(9):
-            other = last[(x + cell // 3 - 1) & (across - 1), (y + cell % 3 - 1) & (across - 1)]
-            while other >= 0:
-                beside, other = other, after[other]
+            next_slot = last[(x + cell // 3 - 1) & (across - 1), (y + cell % 3 - 1) & (across - 1)]
+            while next_slot >= 0:
+                beside, next_slot = next_slot, after[next_slot]
                 away_x, away_y = abs(around[beside, 0] - around[slot, 0]), abs(around[beside, 1] - around[slot, 1])
                 is_beyond = (away_x > box[slot, 0] + box[beside, 0]) | (away_y > box[slot, 1] + box[beside, 1])
-                if is_beyond | (told[beside] & (beside <= slot)):
+                if is_beyond | (has_news[beside] & (beside <= slot)):
                     continue
-                _set_way(ways, near, reach, seen, track, beside, now_s)
-                if _meet(ways, slot, beside, near[slot] + near[beside]):
+                _set_places(places, near, reach, newest, track, beside, now_s)
+                if _come_near(places, slot, beside, near[slot] + near[beside]):
                     if pairs == len(found):
                         found = np.concatenate((found, np.empty_like(found)))
                     second = int(rank[slot] < rank[beside])

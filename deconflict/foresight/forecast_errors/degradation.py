@@ -1,8 +1,7 @@
-"""Whether a vendor's forecasts have become worse, since when, and by how much.
+"""Whether the forecasts of a vendor have become worse, since when, and by how much.
 
-Errors of its moving robots three seconds ahead are gathered for two minutes; the size within which four in five of them
-lie is one value for the test of `ingest.measures.change_detection`, as a logarithm, so that a vendor is held to its own
-usual errors.
+The errors of its moving robots three seconds ahead are collected for two minutes. The logarithm of their 80 % quantile
+is one value for the test of `ingest.measures.change_detection`, so that a vendor is compared with its own usual errors.
 """
 
 from collections.abc import Iterable, Mapping
@@ -21,12 +20,13 @@ from ingest.kernels import kernel
 from ingest.measures.change_detection import ChangeDetector, ChangeLimits, LevelChange
 
 GATHERED_S, FEWEST = 120.0, 20
-"""A value is of so long, and of so many errors."""
+"""A value covers at least so much time, and so many errors."""
 SHARE: Floats = np.array([0.8])
+"""The quantile of the errors that makes a value."""
 FINE_M = 0.2
-"""Errors smaller than this hardly differ."""
+"""Added to the quantile before the logarithm: smaller errors hardly differ."""
 LIMITS = ChangeLimits(least_spread=0.15, least_change=0.4, rises_only=True)
-"""Of logarithms: a change by less than half as much again is none."""
+"""In logarithms: the errors must grow by about a half to count as a change."""
 
 
 @kernel(
@@ -50,10 +50,11 @@ def _gather(
     lasts_s: float,
     fewest: float,
 ) -> int:
-    """Add the errors so far ahead of kinds from `first` on to the `counts` (vendors, BINS) of their vendors, gathered
-    `since_s` (vendors,). The first kind after which those of its vendor are a value; -1 where none is.
+    """Add the errors `graded_s` ahead of the kinds from `first` on to the `counts` (vendors, BINS) of their vendors,
+    which are collected since `since_s` (vendors,). Stops at the first kind whose vendor has enough errors for a value,
+    and returns it; -1 if there is none.
 
-    `vendor_of` (kinds,) is -1 for kinds that do not count.
+    `vendor_of` (kinds,) is the vendor of each kind, -1 for kinds that do not count.
     """
     last, before = np.full(len(vendor_of), -1), np.empty(len(errors), np.int64)
     for at, error in enumerate(errors):
@@ -73,28 +74,28 @@ def _gather(
 
 
 class DegradationDetector:
-    """By vendor."""
+    """Compares each vendor's forecasts with its earlier ones."""
 
     def __init__(self) -> None:
         self._vendors: dict[str, int] = {}
         self._vendor_of: Ints = np.zeros(0, np.int64)
-        """Of kinds, by their rows in the ledger; -1 for robots that stand."""
+        """(kinds,) the vendor of each row of the ledger; -1 for robots that stand."""
         self._since_s = np.zeros(0)
-        """Of errors gathered, by vendor; inf where there are none."""
+        """(vendors,) since when errors are collected; inf if there are none."""
         self._counts = np.zeros((0, BINS))
         self._levels: dict[str, ChangeDetector] = {}
 
     def add_errors(self, errors: Errors, kinds: Mapping[ForecastKind, int], now_s: float) -> None:
-        """Take in errors of robots; `kinds` are those of the ledger, in the order of their rows."""
+        """Add errors of robots. `kinds` are those of the ledger, in the order of their rows."""
         if len(kinds) > len(self._vendor_of):
-            self._know(kinds)
+            self._add_kinds(kinds)
         kind = self._gather(errors, 0, now_s)
         while kind >= 0:
-            self._value(int(self._vendor_of[kind]))
+            self._add_value(int(self._vendor_of[kind]))
             kind = self._gather(errors, kind + 1, now_s)
 
     def changed(self) -> dict[str, LevelChange]:
-        """By how many metres forecasts three seconds ahead are further off than they were, of vendors that changed."""
+        """By vendor that changed: by how many metres its errors three seconds ahead have grown, and since when."""
         return {
             vendor: LevelChange(level.change.since_s, exp(level.usual + level.change.by) - exp(level.usual))
             for vendor, level in self._levels.items()
@@ -102,12 +103,13 @@ class DegradationDetector:
         }
 
     def learned(self) -> Part:
+        """What is kept over a restart."""
         return {vendor: level.learned() for vendor, level in self._levels.items()}
 
     def resume(self, part: Part) -> None:
-        """Go on with what `learned` told. Raises `UnreadableError`."""
+        """Go on with what `learned` returned. Raises `UnreadableError`."""
         try:
-            self._levels = {vendor: ChangeDetector.resumed(LIMITS, told) for vendor, told in part.items()}
+            self._levels = {vendor: ChangeDetector.resumed(LIMITS, level) for vendor, level in part.items()}
         except ValueError as error:
             raise UnreadableError(str(error)) from error
         self._vendor_of = np.zeros(0, np.int64)
@@ -116,14 +118,14 @@ class DegradationDetector:
         gathered = (self._since_s, self._counts, self._vendor_of)
         return _gather(*gathered, errors, GRADED_S, first, now_s, GATHERED_S, FEWEST)
 
-    def _value(self, row: int) -> None:
-        """Hold what was gathered of a vendor against what is usual, and gather anew."""
+    def _add_value(self, row: int) -> None:
+        """Compare the errors that were collected of a vendor with its usual ones, and start to collect anew."""
         size_m = float(quantiles(self._counts[row], SHARE)[0])
         level = self._levels.setdefault(list(self._vendors)[row], ChangeDetector(LIMITS))
         level.add(log(size_m + FINE_M), float(self._since_s[row]))
         self._since_s[row], self._counts[row] = inf, 0.0
 
-    def _know(self, kinds: Iterable[ForecastKind]) -> None:
+    def _add_kinds(self, kinds: Iterable[ForecastKind]) -> None:
         moving = [kind.vendor if kind.basis is not Basis.STATIONARY else None for kind in kinds]
         rows = [-1 if vendor is None else self._vendors.setdefault(vendor, len(self._vendors)) for vendor in moving]
         more = len(self._vendors) - len(self._since_s)

@@ -1,4 +1,4 @@
-"""What the ledger says of each vendor, as levels: how far off, how well covered, and its grade."""
+"""Metrics of the ledger by vendor: sizes of errors, coverage of the bands, and the grade."""
 
 from deconflict.foresight.forecast_errors.grades import FEWEST_CASES, GRADED_S, grade
 from deconflict.foresight.forecast_errors.ledger import RADIAL, SHARES, Ledger
@@ -6,10 +6,11 @@ from deconflict.foresight.forecast_errors.quantile_sketch import quantiles
 from ingest.measures.measures import Measures
 
 SHOWN_S = (1, 3, 5, 10)
+"""Seconds ahead for which errors are shown."""
 
 
 def measure(ledger: Ledger, measures: Measures) -> None:
-    """Bring the levels of every vendor's forecasts up to date."""
+    """Update the metrics of every vendor's forecasts."""
     errors: dict[tuple[str, ...], float] = {}
     covered: dict[tuple[str, ...], float] = {}
     grades: dict[tuple[str, ...], float] = {}

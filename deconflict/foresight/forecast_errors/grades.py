@@ -1,12 +1,12 @@
-"""A grade of a vendor's forecasts that a person can act on."""
+"""Grades of the forecasts of a vendor, for people."""
 
 from math import inf
 
 GRADED_S = 3
 GRADES = (("A", 0.1), ("B", 0.25), ("C", 0.5), ("D", 1.0), ("E", inf))
-"""By the 80 % band three seconds ahead, metres: from "does what it says" to "is not to be relied on"."""
+"""Largest 80 % band three seconds ahead of each grade, metres. A means "does what it says", E "not reliable"."""
 FEWEST_CASES = 50
-"""A vendor of which fewer errors are known that far ahead is not graded."""
+"""A vendor with fewer known errors three seconds ahead has no grade."""
 
 
 def grade(band_m: float) -> str:
@@ -15,7 +15,7 @@ def grade(band_m: float) -> str:
 
 
 def in_words(grade: str | None) -> str:
-    """Why a vendor has that grade, or none."""
+    """Why a vendor has that grade, or no grade (None)."""
     most_m = {name: most_m for name, most_m in GRADES if most_m < inf}
     if grade is None:
         return f"fewer than {FEWEST_CASES} forecasts have come due"

@@ -1,8 +1,8 @@
-"""The ledger: how far forecasts turned out to be off, by vendor, model, basis and horizon.
+"""The ledger: the errors of forecasts, by vendor, model, basis and horizon.
 
-Bands are conformal: the radius of a band is an empirical quantile of past errors, and the level at which it is read
-follows the coverage that bands truly had, so that coverage holds whatever the shape of the errors and when they drift
-(Gibbs and Candes 2021, adaptive conformal inference). Old errors fade, a half in `HALF_LIFE_S`.
+Bands are conformal: the radius of a band is an empirical quantile of past errors. The level at which the quantile is
+read follows the coverage that the bands really had. So coverage holds for errors of any distribution, also if they
+drift (Gibbs and Candes 2021, adaptive conformal inference). Old errors fade by a half in `HALF_LIFE_S`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,26 +19,30 @@ from ingest.batch import Basis, Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 HORIZONS = 10
-"""Whole seconds ahead, from 1, at which forecasts are held to account."""
+"""Forecasts are compared with reports at so many whole seconds ahead, from 1 on."""
 SHARES: Floats = np.array([0.5, 0.8, 0.9])
-"""Of errors within the bands."""
+"""The share of errors that each band is to cover."""
 HALF_LIFE_S = 3 * 86_400.0
 PRIOR_CASES = 4.0
+"""Errors that the prior of a new kind counts as, at each horizon."""
 PRIOR_MPS = {Basis.STATIONARY: 0.02, Basis.PATH: 0.05, Basis.VELOCITY: 0.1, Basis.DESTINATION: 0.2}
-"""Growth of the 80 % band of a vendor that has not been seen yet, metres a second."""
+"""Growth of the 80 % band of a new kind, metres a second."""
 PRIOR_SPREAD: Floats = np.array([0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.3, 1.8])
+"""Errors of the prior, as multiples of the 80 % band."""
 LEVEL_GAIN = 0.003
-"""How fast the level of a band follows coverage."""
+"""How much the level of a band moves with each error."""
 LOWEST_LEVEL: Floats = SHARES - 0.2
 HIGHEST_LEVEL: Floats = np.minimum(SHARES + 0.2, 0.998)
-"""How far it may."""
+"""Limits of the level of each band."""
 MOST_CLASSES = 100
+"""From so many kinds on, new models of a vendor share one kind."""
 FEWEST_KEPT = 1.0
-"""A kind of which fewer cases are left is not remembered over a restart."""
+"""A kind with fewer faded cases is not kept over a restart."""
 LEARNED = ("counts", "bias_m", "level", "covered", "cases", "as_of_s")
 REFRESH_S = 1.0
+"""Bands are read anew at most so often."""
 RADIAL = 0
-"""Of the counts; along the heading and across it are 1 and 2."""
+"""The place of radial errors in the counts. Those along the heading and across it are at 1 and 2."""
 
 
 _COUNTS = tuple(numba.types.Array(numba.float64, dimensions, "C") for dimensions in (4, 3, 3, 2, 3, 1))
@@ -50,8 +54,8 @@ def _fade(counts: Floats, bias_m: Floats, covered: Floats, cases: Floats, row: i
     for column in range(cases.shape[1]):
         cases[row, column] *= kept
         for size in range(counts.shape[1]):
-            for one in range(counts.shape[3]):
-                counts[row, size, column, one] *= kept
+            for bin_ in range(counts.shape[3]):
+                counts[row, size, column, bin_] *= kept
         for side in range(bias_m.shape[2]):
             bias_m[row, column, side] *= kept
         for band in range(covered.shape[2]):
@@ -79,12 +83,12 @@ def _count(
     now_s: float,
     half_life_s: float,
 ) -> None:
-    """Add errors to the columns of a `Ledger`, after those of their kinds have faded, and mark these as stale."""
-    is_told = np.zeros(len(cases), np.bool_)
+    """Fade the columns of a `Ledger` of the kinds that have errors, add the errors, and mark these kinds as stale."""
+    has_errors = np.zeros(len(cases), np.bool_)
     for error in errors:
         row, column = error.kind, error.horizon_s - 1
-        if not is_told[row]:
-            is_told[row] = stale[row] = True
+        if not has_errors[row]:
+            has_errors[row] = stale[row] = True
             _fade(counts, bias_m, covered, cases, row, 0.5 ** (max(now_s - as_of_s[row], 0.0) / half_life_s))
             as_of_s[row] = max(as_of_s[row], now_s)
         cases[row, column] += 1.0
@@ -97,15 +101,15 @@ def _count(
             inside = 1.0 if error.radial_m <= error.bands_m[band] else 0.0
             covered[row, column, band] += inside
             level[row, column, band] += gain * (shares[band] - inside)
-    for row in range(len(is_told)):
-        for column in range(level.shape[1] if is_told[row] else 0):
+    for row in range(len(has_errors)):
+        for column in range(level.shape[1] if has_errors[row] else 0):
             for band in range(level.shape[2]):
                 level[row, column, band] = min(max(level[row, column, band], lowest[band]), highest[band])
 
 
 @kernel(numba.void(_COUNTS[1], numba.int64[::1]))
 def _widen(bands_m: Floats, rows: Ints) -> None:
-    """Have the bands of `rows` grow with the share and with the horizon."""
+    """Make the bands of `rows` grow with the share and with the horizon."""
     for row in rows:
         for column in range(bands_m.shape[1]):
             for band in range(bands_m.shape[2]):
@@ -116,7 +120,7 @@ def _widen(bands_m: Floats, rows: Ints) -> None:
 
 
 class ForecastKind(NamedTuple):
-    """Forecasts that are held to account together."""
+    """Forecasts whose errors are counted together."""
 
     vendor: str
     model: str
@@ -125,30 +129,33 @@ class ForecastKind(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class Ledger:
-    """Errors by kind of forecast; rows are never reordered."""
+    """Errors by kind of forecast. Rows are never reordered."""
 
     kinds: dict[ForecastKind, int] = field(default_factory=dict)
+    """Row of each kind."""
     counts: Floats = field(default_factory=lambda: np.zeros((0, 3, HORIZONS, BINS)))
-    """(kinds, 3, HORIZONS, BINS) radial, along and across, faded."""
+    """(kinds, 3, HORIZONS, BINS) errors by size: radial, along and across the heading; faded."""
     bias_m: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 2)))
-    """(kinds, HORIZONS, 2) sums of signed errors along and across, faded like the counts."""
+    """(kinds, HORIZONS, 2) sums of signed errors along and across the heading, faded."""
     level: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 3)))
+    """(kinds, HORIZONS, 3) the quantile at which each band is read."""
     covered: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 3)))
-    """How many errors lay within each band, faded."""
+    """(kinds, HORIZONS, 3) how many errors were within each band, faded."""
     cases: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS)))
+    """(kinds, HORIZONS) how many errors there were, faded."""
     as_of_s: Floats = field(default_factory=lambda: np.zeros(0))
-    """(kinds,) when each was last faded."""
+    """(kinds,) when each kind was last faded."""
     bands_m: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 3)))
-    """(kinds, HORIZONS, 3) radii in force; they grow with the horizon and with the share."""
+    """(kinds, HORIZONS, 3) radii of the bands. They grow with the horizon and with the share."""
     _stale: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
-    """(kinds,) of which errors came since the bands were read."""
+    """(kinds,) whether errors were added since the bands were read."""
     _refreshed_s: float = float("-inf")
 
     def row(self, vendor: str, model: str, basis: Basis, now_s: float) -> int:
-        """The row of a kind, made with a prior where it is new; models beyond `MOST_CLASSES` kinds share one."""
-        found = self.kinds.get(ForecastKind(vendor, model, basis))
-        if found is not None:
-            return found
+        """The row of a kind. A new kind gets a row with a prior; models beyond `MOST_CLASSES` kinds share one."""
+        known = self.kinds.get(ForecastKind(vendor, model, basis))
+        if known is not None:
+            return known
         kind = ForecastKind(vendor, model if len(self.kinds) < MOST_CLASSES else "", basis)
         if kind in self.kinds:
             return self.kinds[kind]
@@ -167,16 +174,16 @@ class Ledger:
         return row
 
     def rows(self, vendors: Sequence[str], models: Sequence[str], bases: Sequence[int], now_s: float) -> list[int]:
-        """(n,) as `row`, of n kinds, most of them alike."""
+        """(n,) the rows of n kinds, most of them alike; see `row`."""
         known: Mapping[Any, int] = self.kinds
-        found = list(map(known.get, zip(vendors, models, bases, strict=True)))
-        if None not in found:
-            return cast(list[int], found)
-        told = zip(vendors, models, map(Basis, bases), strict=True)
-        return [self.row(*kind, now_s) for kind in told]
+        rows = list(map(known.get, zip(vendors, models, bases, strict=True)))
+        if None not in rows:
+            return cast(list[int], rows)
+        kinds = zip(vendors, models, map(Basis, bases), strict=True)
+        return [self.row(*kind, now_s) for kind in kinds]
 
     def record(self, errors: Errors, now_s: float) -> None:
-        """Take in errors; the bands follow at most once in `REFRESH_S`."""
+        """Count errors. The bands follow at most once in `REFRESH_S`."""
         if len(errors):
             columns = (self.counts, self.bias_m, self.covered, self.cases, self.level, self.as_of_s, self._stale)
             shares = (SHARES, LOWEST_LEVEL, HIGHEST_LEVEL)
@@ -187,19 +194,19 @@ class Ledger:
             self._stale[:] = False
 
     def learned(self) -> Part:
-        """All of it, without kinds of which nothing is left by the time of the newest."""
+        """What is kept over a restart: all kinds that have cases left at the time of the newest one."""
         aged = 0.5 ** ((self.as_of_s.max(initial=0.0) - self.as_of_s) / HALF_LIFE_S)
         rows = np.flatnonzero(self.cases.sum(axis=1) * aged >= FEWEST_KEPT)
         kinds = list(self.kinds)
-        said: Part = {name: getattr(self, name)[rows] for name in LEARNED}
-        return said | {"kinds": [list(kinds[row]) for row in rows.tolist()]}
+        columns: Part = {name: getattr(self, name)[rows] for name in LEARNED}
+        return columns | {"kinds": [list(kinds[row]) for row in rows.tolist()]}
 
     def resume(self, part: Part) -> None:
-        """Go on with what `learned` told. Raises `UnreadableError`, and is then as it was."""
+        """Go on with what `learned` returned. Raises `UnreadableError`, and then changes nothing."""
         try:
             kinds = [ForecastKind(str(vendor), str(model), Basis(basis)) for vendor, model, basis in part["kinds"]]
         except (KeyError, TypeError, ValueError) as error:
-            raise UnreadableError(f"kinds of forecasts are not told: {error}") from error
+            raise UnreadableError(f"the kinds of forecasts are unreadable: {error}") from error
         columns = {name: numbers(part, name, (len(kinds), *getattr(self, name).shape[1:])) for name in LEARNED}
         self.kinds = {kind: row for row, kind in enumerate(kinds)}
         for name, column in columns.items():

@@ -1,11 +1,10 @@
-"""Forecasts kept until their moment has come, and what came of them by the robot's own next reports."""
+"""Forecasts that are kept until their moments have come, and their errors by the robots' own next reports."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.foresight.forecast_errors import track_kernels
-from deconflict.foresight.forecast_errors.candidate_pairs import nearing
+from deconflict.foresight.forecast_errors import candidate_pairs, track_kernels
 from deconflict.foresight.forecast_errors.ledger import HORIZONS
 from deconflict.foresight.forecast_errors.pose_sampling import poses_at
 from deconflict.foresight.forecast_errors.quantile_sketch import LIMITS_M
@@ -15,12 +14,13 @@ from ingest.batch import Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 
 KEPT = HORIZONS + 1
+"""Forecasts that are kept of each robot."""
 SPACED_S = 0.9
-"""A forecast is kept only so long after the last one that was."""
+"""A forecast is kept only if it comes so long after the last one that was kept."""
 JOINED_S = 2.1
-"""ReportedTracks further apart say nothing of where the robot was between them."""
+"""Reports further apart do not tell where the robot was between them."""
 TRACK_S = HORIZONS + 2
-"""How far ahead of a report its forecast is sampled: the horizon, and how old a report in use may be."""
+"""A forecast is sampled so far ahead of its report: the horizon, and the age of a report in use."""
 TRACK_LOOKS: Floats = np.arange(TRACK_S + 1.0)
 ROUNDING_M = 1e-6
 LONG_AGO_S = -1e12
@@ -28,7 +28,7 @@ LONG_AGO_S = -1e12
 
 
 class ReportedTracks(NamedTuple):
-    """n robots of a batch, each of them once. Arrays are (n,)."""
+    """n robots of a batch, each of them once. Arrays are (n,) if not said otherwise."""
 
     slot: Ints
     kind: Ints
@@ -38,54 +38,61 @@ class ReportedTracks(NamedTuple):
     length_m: Floats
     width_m: Floats
     track: Floats
-    """(n, TRACK_S + 1, 4) x_m, y_m, yaw_rad and floor as reported, and as forecast for each second from then on; nan
-    where that is not told."""
+    """(n, TRACK_S + 1, 4) x_m, y_m, yaw_rad and floor: as reported, and as forecast for each second after that; nan if
+    unknown."""
 
     @classmethod
     def of(cls, batch: Batch, slots: Ints, kinds: Ints) -> "ReportedTracks":
-        event_s, told = ready(batch.event_s), batch.forecasts
-        sizes_m = ready(batch.doubt_m), ready(told.length_m), ready(told.width_m)
-        return cls(slots, kinds, event_s, *sizes_m, poses_at(told, event_s, TRACK_LOOKS))
+        """The robots of a batch, which have these slots and ledger rows."""
+        event_s, forecasts = ready(batch.event_s), batch.forecasts
+        sizes_m = ready(batch.doubt_m), ready(forecasts.length_m), ready(forecasts.width_m)
+        return cls(slots, kinds, event_s, *sizes_m, poses_at(forecasts, event_s, TRACK_LOOKS))
 
 
 class RelativePoses(NamedTuple):
-    """n pairs of robots, looked at k times in the past and m times ahead. Arrays are (n, k + m) but for two."""
+    """n pairs of robots, at k moments of the past and m moments ahead. Arrays are (n, k + m) if not said otherwise."""
 
     past_s: Floats
-    """(n, k) when that was; nan where both have not reported since."""
+    """(n, k) the moments of the past; nan if the two have no time in common."""
     dx_m: Floats
-    """From the first to the other, and so on."""
+    """From the first robot of the pair to the second."""
     dy_m: Floats
     yaw_a_rad: Floats
     yaw_b_rad: Floats
-    same: Bools
+    is_same_floor: Bools
     """Whether both are known to be on one floor."""
     speed_mps: Floats
-    """(2, n) at which each goes on, by its forecast."""
+    """(2, n) speed of each robot now, by its forecast."""
 
 
 class PendingForecasts:
     """By slot: the newest report, and the last `KEPT` forecasts."""
 
     def __init__(self) -> None:
-        self.seen = np.zeros((0, 5))
+        self.newest = np.zeros((0, 5))
         """(slots, 5) t_s, x_m, y_m, yaw_rad and floor of the newest report."""
-        self._before = np.zeros((0, 5))
+        self._previous = np.zeros((0, 5))
+        """(slots, 5) the same of the report before it."""
         self.track = np.zeros((0, TRACK_S + 1, 4))
-        """(slots, TRACK_S + 1, 4) of the newest report: x_m, y_m, yaw_rad and floor, every second from then on."""
+        """(slots, TRACK_S + 1, 4) x_m, y_m, yaw_rad and floor of the newest report, and of every second after it."""
         self._around = np.zeros((0, 5))
-        """(slots, 5) of a box that a robot will not leave, whenever `beside` is asked: x_m, y_m and half sides; and the
-        furthest that it goes in a second."""
+        """(slots, 5) a box around the track: x_m and y_m of its centre, its half sides, and the longest distance that
+        the robot goes in a second."""
         self._made_s = np.zeros((0, KEPT))
+        """(slots, KEPT) when each kept forecast was made."""
         self._stopped = np.zeros((0, KEPT), np.bool_)
-        """Whether the robot has stood where the forecast had it go."""
+        """(slots, KEPT) whether the robot has stood at a time when this forecast had it move."""
         self._next = np.zeros(0, np.int64)
+        """(slots,) the place of the next forecast among the kept ones."""
         self._kind = np.zeros((0, KEPT), np.int64)
+        """(slots, KEPT) the ledger row of each kept forecast."""
         self._ahead = np.zeros((0, KEPT, HORIZONS, 4))
-        """x_m, y_m, yaw_rad and floor."""
+        """(slots, KEPT, HORIZONS, 4) x_m, y_m, yaw_rad and floor that were forecast."""
         self._bands_m = np.zeros((0, KEPT, HORIZONS, 3))
+        """(slots, KEPT, HORIZONS, 3) radii of the bands when the forecast was made."""
 
     def grow(self, slots: int) -> None:
+        """Make room for so many slots."""
         more = slots - len(self._next)
         if more > 0:
             for name, column in vars(self).items():
@@ -94,48 +101,53 @@ class PendingForecasts:
 
     def forget(self, slots: Ints) -> None:
         """Other robots have these slots from now on."""
-        self._made_s[slots] = self.seen[slots, 0] = self._before[slots, 0] = LONG_AGO_S
+        self._made_s[slots] = self.newest[slots, 0] = self._previous[slots, 0] = LONG_AGO_S
 
     @property
     def heard_s(self) -> Floats:
         """(slots,) event time of the newest report."""
-        return self.seen[:, 0]
+        return self.newest[:, 0]
 
-    def beside(
+    def relative_poses(
         self, a: Ints, b: Ints, past_looks: Floats, ahead_s: Floats, now_s: float, late_s: Floats | None = None
     ) -> RelativePoses:
-        """Robots `b` (n,) as seen from `a` (n,): since both reported before, at those parts (k,) of the time, and at
-        `now_s + ahead_s` (m,), by their newest forecasts, which begin `late_s` (2, n) later if that is given."""
-        reports = (self._before, self.seen, self.track)
+        """The robots `b` (n,) as seen from `a` (n,): at these parts (k,) of the time since both reported before, and at
+        `now_s + ahead_s` (m,) by their newest forecasts. The forecasts begin `late_s` (2, n) later, if that is
+        given."""
+        reports = (self._previous, self.newest, self.track)
         late_s = np.zeros((2, len(a))) if late_s is None else late_s
-        return RelativePoses(
-            *track_kernels.beside(*reports, a, b, past_looks, ahead_s, now_s, LONG_AGO_S, JOINED_S, late_s)
-        )
+        looks = (past_looks, ahead_s, now_s)
+        return RelativePoses(*track_kernels.relative_poses(*reports, a, b, *looks, LONG_AGO_S, JOINED_S, late_s))
 
-    def nearing(self, told: Bools, slots: Ints, rank: Ints, reach_m: Floats, now_s: float, horizon_s: float) -> Ints:
-        """(p, 2) pairs of `slots`, one of each `told`, that come within the `reach_m` of both in the horizon, looked at
-        every whole second; the lower in `rank` first. `told`, `rank` and `reach_m` are by slot."""
-        seconds, reports = int(horizon_s) + 1, (self._around, reach_m, self.seen, self.track)
-        return nearing(told, slots, rank, *reports, now_s, seconds, ROUNDING_M)
+    def candidate_pairs(
+        self, has_news: Bools, slots: Ints, rank: Ints, reach_m: Floats, now_s: float, horizon_s: float
+    ) -> Ints:
+        """(p, 2) pairs of `slots` that come within the `reach_m` of both at any whole second of the horizon. At least
+        one robot of each pair `has_news`; the lower in `rank` comes first. These three arrays are by slot."""
+        seconds, reports = int(horizon_s) + 1, (self._around, reach_m, self.newest, self.track)
+        return candidate_pairs.find_pairs(has_news, slots, rank, *reports, now_s, seconds, ROUNDING_M)
 
     def speed_mps(self, slot: int) -> float:
-        """At which a robot went from its last report but one to the last; nan where that is not known."""
-        return track_kernels.speed_mps(self._before, self.seen, slot, JOINED_S)
+        """Speed of a robot between its last two reports; nan if unknown."""
+        return track_kernels.speed_mps(self._previous, self.newest, slot, JOINED_S)
 
-    def disown(self, slots: Ints) -> None:
-        """Hold none of the forecasts made so far to account."""
+    def drop_forecasts(self, slots: Ints) -> None:
+        """Do not compare the forecasts that these robots made until now with later reports."""
         self._made_s[slots] = LONG_AGO_S
 
     def add_reports(
-        self, robots: Robots, half: Floats, reports: ReportedTracks, bands_m: Floats
+        self, robots: Robots, half_m: Floats, reports: ReportedTracks, bands_m: Floats
     ) -> tuple[Errors, Bools]:
-        """Keep the reports and their forecasts, and what they say of `robots`, by slot, and their `half` sides (2,
-        slots); the errors that they show, and whether each of n stands. `bands_m` are (kinds, HORIZONS, 3)."""
-        return track_kernels.take(
+        """Keep n reports and their forecasts, and update `robots` (slots,) and their half sides `half_m` (2, slots).
+
+        Returns the errors of earlier forecasts, and (n,) whether each robot stands. `bands_m` (kinds, HORIZONS, 3) are
+        the bands of the ledger.
+        """
+        return track_kernels.add_reports(
             robots,
-            half,
-            self._before,
-            self.seen,
+            half_m,
+            self._previous,
+            self.newest,
             self.track,
             self._around,
             self._made_s,

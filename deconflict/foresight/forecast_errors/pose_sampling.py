@@ -1,4 +1,4 @@
-"""Where robots will be at given times: many forecasts and many times at once."""
+"""Poses of robots at given times, for many forecasts and many times at once."""
 
 from math import pi
 
@@ -40,8 +40,9 @@ def _poses_at(
 
 
 def poses_at(forecasts: Forecasts, since_s: Floats, after_s: Floats) -> Floats:
-    """(n, m, 4) x_m, y_m, yaw_rad and floor of each of n robots so long, (m,) ascending, after its own time `since_s`
-    (n,), as `Forecasts` reads between knots; before the first, at the first. nan where it has none."""
+    """(n, m, 4) x_m, y_m, yaw_rad and floor of n robots, at `after_s` (m,) ascending seconds after each robot's own
+    time `since_s` (n,). Between knots it is interpolated as `Forecasts` says; before the first knot the robot is there.
+    nan if a robot has no knots."""
     f = forecasts
     t, x, y, yaw = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
     return _poses_at(ready(f.start, np.int64), t, x, y, yaw, ready(f.floor, np.int64), since_s, after_s)

@@ -1,4 +1,4 @@
-"""Distributions of distances in bounded memory: counts by size, on a scale on which each step is a tenth more."""
+"""Distributions of distances in bounded memory: counts in bins, each a tenth wider than the one before."""
 
 import numba
 import numpy as np
@@ -7,11 +7,12 @@ from ingest.batch import Floats, Ints
 from ingest.kernels import kernel
 
 SMALLEST_M, STEP, BINS = 1e-3, 1.1, 128
-"""The first bin holds all that is at most `SMALLEST_M`, the last all beyond 180 m."""
+"""The first bin holds all distances up to `SMALLEST_M`, the last all beyond 180 m."""
 EDGES_M: Floats = SMALLEST_M * np.power(STEP, np.arange(BINS, dtype=np.float64))
 """(BINS,) upper edge of each bin."""
 LIMITS_M: Floats = EDGES_M[:-1] * STEP**1e-9
-"""(BINS - 1,) what each bin but the last holds at the most: what is beyond its edge by rounding alone belongs below."""
+"""(BINS - 1,) the largest distance of each bin but the last. It is a little above the edge, so that a distance that is
+beyond the edge by rounding alone stays in the bin."""
 _EDGES, _TABLES = (numba.types.Array(numba.float64, dimensions, "A", readonly=True) for dimensions in (1, 3))
 _FIRST: Ints = np.zeros(1, np.int64)
 
@@ -38,14 +39,15 @@ def _set_quantiles(counts: Floats, shares: Floats, rows: Ints, edges_m: Floats, 
 
 
 def set_quantiles(counts: Floats, shares: Floats, rows: Ints, found: Floats) -> None:
-    """Set the `rows` of `found` (n, m, s) to the quantiles of counts (n, m, BINS) at shares (n, m, s)."""
+    """Set the `rows` of `found` (n, m, s) to the quantiles of `counts` (n, m, BINS) at `shares` (n, m, s)."""
     _set_quantiles(counts, shares, rows, EDGES_M, found)
 
 
 def quantiles(counts: Floats, shares: Floats) -> Floats:
-    """The distance (..., s) below which a share (s,) or (..., s) of the counts (..., BINS) lies; 0 of no counts.
+    """The distance (..., s) below which a share (s,) or (..., s) of the counts (..., BINS) is; 0 if there are no
+    counts.
 
-    At most a tenth too large: the upper edge of the bin in which it lies.
+    It is at most a tenth too large: the upper edge of the bin.
     """
     shares = np.broadcast_to(shares, (*counts.shape[:-1], shares.shape[-1]))
     found = np.empty((1, counts.size // BINS, shares.shape[-1]))

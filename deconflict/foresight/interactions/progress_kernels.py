@@ -1,9 +1,11 @@
-"""How robots get on along the ways that they forecast, and where one of them gives way.
+"""How robots progress along their forecast ways, and when one of them gives way.
 
-Compiled; arrays are by slot. A robot's history holds its newest reports, each with the forecast that came with it. The
-delay of a report against an earlier forecast is how much later the robot is where it is than that forecast said.
-A robot brakes where its delay grows by a second within five, and it goes much more slowly than before. It swerves where
-it leaves the forecast way by more than half its width.
+A robot's history holds its newest reports, each with its forecast. The delay of a report against an earlier forecast is
+how much later the robot is at its place than that forecast said. A robot brakes if its delay grows by a second within
+five, and it becomes much slower than before. It swerves if it leaves the forecast way by more than half its width.
+
+The file is long because its functions are compiled: they read the history number by number, and take its columns, by
+slot, one by one. Most helpers are called once for each kept report of each robot.
 """
 
 from math import hypot, inf, sqrt
@@ -17,43 +19,45 @@ from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 KEPT = 12
-"""InteractionReports of a robot that its history holds."""
+"""The history of a robot holds so many reports."""
 SPACED_S = 0.9
-"""A report is kept only so long after the one kept before."""
+"""A report is kept only if it comes so long after the last kept one."""
 AHEAD_S = 10
-"""Whole seconds for which the forecast of a kept report is kept; sample 0 is the report itself."""
+"""The forecast of a kept report is kept for so many whole seconds; sample 0 is the report itself."""
 SPARSE_S = 2.1
-"""InteractionReports further apart say nothing of the motion between them."""
+"""Reports further apart do not tell the motion between them."""
 EARLIER_S, EARLIEST_S = 2.0, 4.0
-"""A report is compared with the newest forecast made at least so long before it, and at most so long."""
+"""A report is compared with the newest forecast that was made at least, and at most, so long before it."""
 WITHIN_S = 5.0
-"""A robot gives way where it loses `LOST_S` within this time."""
+"""A robot gives way if it loses `LOST_S` within this time."""
 LOST_S = 1.0
+"""See `WITHIN_S`."""
 MOVES_MPS = 0.3
-"""A robot that goes more slowly has no way to give."""
+"""A slower robot is not taken to give way."""
 SLOWS, BRAKES = 0.85, 0.6
-"""Shares of its speed that a braking robot falls below at its next report, and at any until it is noticed."""
+"""A braking robot falls below these shares of its speed: at its next report, and at any report until it is noticed."""
 BRAKES_MPS2 = 1.0
-"""At which robots are taken to brake, where their model does not say."""
+"""Assumed deceleration of robots."""
 GROWS_S = 0.2
-"""The delay grows by so much from the report before braking to the next."""
+"""From the last report before braking to the next, the delay grows by at least this."""
 RISES = 1.3
-"""A robot is on its way again once it goes so many times as fast as when it was slowest."""
+"""A robot is on its way again once it is so many times as fast as at its slowest."""
 FOLLOWS = 0.5
-"""A robot follows its forecast where it goes at least this share of what its forecast of the report before said."""
+"""A robot follows its forecast if it goes at least this share of the distance that the forecast of the last report
+said."""
 SAME_PLACE_M = 0.03
-"""Places that differ by less are one."""
+"""Places that differ by less count as the same."""
 
 FINDING = np.dtype(
     [
-        ("row", np.int64),  # of the reports taken in
+        ("row", np.int64),  # of the reports that `add_reports` was given
         ("kind", np.int64),  # BRAKED, SWERVED or RESUMED
-        ("onset_s", np.float64),  # when the robot began to give way; when it was seen to go on
-        ("doubt_s", np.float64),  # by how much the onset may be off
-        ("onset_place", np.int64),  # of the report in the history from which the robot gave way
-        ("forecast_place", np.int64),  # of the forecast in the history that it departed from
+        ("onset_s", np.float64),  # when the robot began to give way; if RESUMED, when it was seen to drive on
+        ("doubt_s", np.float64),  # uncertainty of the onset
+        ("onset_place", np.int64),  # place in the history of the last report before the onset
+        ("forecast_place", np.int64),  # place in the history of the forecast from which it departed
         ("speed_mps", np.float64),  # at the onset
-        ("lost_s", np.float64),  # by how much the delay had grown when it was noticed
+        ("lost_s", np.float64),  # how much the delay had grown when it was noticed
     ],
     align=True,
 )
@@ -64,10 +68,10 @@ BRAKED, SWERVED, RESUMED = range(3)
 STATE = np.dtype(
     [
         ("newest", np.int64),  # place of the newest report in the history
-        ("reports", np.int64),  # how many were kept, at most KEPT
-        ("gives_way", np.bool_),  # since the last finding the robot has not followed its forecast again
-        ("armed", np.bool_),  # it has gone faster since, so that it may brake anew
-        ("slowest_mps", np.float64),  # since the last finding
+        ("reports", np.int64),  # number of kept reports, at most KEPT
+        ("gives_way", np.bool_),  # the robot has not followed its forecast again since the last finding
+        ("armed", np.bool_),  # it has become faster since then, so that braking again would be a new finding
+        ("slowest_mps", np.float64),  # lowest speed since the last finding
         ("noticed_s", np.float64),  # time of the report of the last finding
     ],
     align=True,
@@ -81,7 +85,8 @@ _STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
 
 @inner
 def _delay_s(track: Floats, made_s: float, x: float, y: float, at_s: float) -> tuple[float, float]:
-    """How much later than its forecast `track` (AHEAD_S + 1, 3) a robot is at a place, and how far off the way."""
+    """How much later than by its forecast `track` (AHEAD_S + 1, 3) a robot is at a place, and its distance from the
+    way."""
     least_m, delay_s = inf, 0.0
     for leg in range(len(track) - 1):
         from_x, from_y = track[leg, 0], track[leg, 1]
@@ -99,7 +104,7 @@ def _delay_s(track: Floats, made_s: float, x: float, y: float, at_s: float) -> t
 
 @inner
 def _expected_m(track: Floats, lasts_s: float) -> float:
-    """How far its forecast has a robot go in so long."""
+    """How far a robot goes in `lasts_s` by its forecast."""
     gone_m = 0.0
     for leg in range(len(track) - 1):
         part = min(max(lasts_s - leg, 0.0), 1.0)
@@ -111,29 +116,29 @@ def _expected_m(track: Floats, lasts_s: float) -> float:
 
 @inner
 def _before(state: Any, back: int) -> int:
-    """The place of the report so many before the newest."""
+    """The place in the history of the report `back` before the newest."""
     return int((state.newest - back) % KEPT)
 
 
 @inner
-def _keep(
+def _store_report(
     state: Any, t_s: Floats, tracks: Floats, floor: Floats, speed: Floats, follows: Floats, slot: int, row: int,
-    event_s: float, told: Floats,
+    event_s: float, reported: Floats,
 ) -> None:  # fmt: skip
-    """Put a report, with its forecast, into the history."""
+    """Put report `row`, with its forecast in `reported`, into the history."""
     place = (state.newest + 1) % KEPT
     last = state.newest
     state.newest, state.reports = place, min(state.reports + 1, KEPT)
-    t_s[slot, place], floor[slot, place] = event_s, told[row, 0, 3]
+    t_s[slot, place], floor[slot, place] = event_s, reported[row, 0, 3]
     for at in range(AHEAD_S + 1):
         for part in range(3):
-            tracks[slot, place, at, part] = told[row, at, part]
+            tracks[slot, place, at, part] = reported[row, at, part]
     speed[slot, place] = follows[slot, place] = 0.0
     lasted_s = event_s - t_s[slot, last]
     if state.reports < 2 or floor[slot, last] != floor[slot, place] or lasted_s <= 0.0:
         state.reports = 1
         return
-    went_m = hypot(told[row, 0, 0] - tracks[slot, last, 0, 0], told[row, 0, 1] - tracks[slot, last, 0, 1])
+    went_m = hypot(reported[row, 0, 0] - tracks[slot, last, 0, 0], reported[row, 0, 1] - tracks[slot, last, 0, 1])
     expected_m = _expected_m(tracks[slot, last], lasted_s)
     speed[slot, place] = went_m / lasted_s
     follows[slot, place] = went_m / expected_m if expected_m > 0.2 else (1.0 if went_m > 0.2 else 0.0)
@@ -141,7 +146,8 @@ def _keep(
 
 @inner
 def _forecast_before(state: Any, t_s: Floats, slot: int, back: int) -> int:
-    """How many reports before the newest the forecast is that one `back` before it is compared with; -1 for none."""
+    """The forecast with which the report `back` before the newest is compared, as a number of reports before the
+    newest; -1 if there is none."""
     at_s = t_s[slot, _before(state, back)]
     for further in range(back + 1, state.reports):
         gap_s = at_s - t_s[slot, _before(state, further)]
@@ -153,8 +159,8 @@ def _forecast_before(state: Any, t_s: Floats, slot: int, back: int) -> int:
 
 
 @inner
-def _slows(state: Any, speed: Floats, slot: int, back: int, top_mps: float) -> bool:
-    """Whether a robot brakes after the report `back` before the newest: at once, and by much until now."""
+def _brakes_after(state: Any, speed: Floats, slot: int, back: int, top_mps: float) -> bool:
+    """Whether a robot brakes after the report `back` before the newest: at the next report, and strongly until now."""
     if speed[slot, _before(state, back - 1)] >= SLOWS * top_mps:
         return False
     least_mps = inf
@@ -164,8 +170,8 @@ def _slows(state: Any, speed: Floats, slot: int, back: int, top_mps: float) -> b
 
 
 @inner
-def _goes(state: Any, speed: Floats, follows: Floats, slot: int, back: int) -> bool:
-    """Whether a robot was getting on at the report `back` before the newest, rather than creeping around something."""
+def _made_progress(state: Any, speed: Floats, follows: Floats, slot: int, back: int) -> bool:
+    """Whether a robot made progress at the report `back` before the newest, and did not creep around something."""
     here, last = _before(state, back), _before(state, back + 1)
     speeds_up = speed[slot, here] >= 1.15 * speed[slot, last] and speed[slot, here] > 1.5 * MOVES_MPS
     return bool(follows[slot, here] >= FOLLOWS or follows[slot, last] >= FOLLOWS or speeds_up)
@@ -173,7 +179,7 @@ def _goes(state: Any, speed: Floats, follows: Floats, slot: int, back: int) -> b
 
 @inner
 def _begun_s(top_mps: float, lost_s: float, now_s: float) -> float:
-    """When a robot began to brake that had gone so fast and has lost so much progress since."""
+    """When a robot began to brake that drove at `top_mps` and has lost `lost_s` of progress since."""
     return now_s - sqrt(2.0 * top_mps * max(lost_s, 0.0) / BRAKES_MPS2)
 
 
@@ -188,15 +194,15 @@ def _find_braking(
     usual_m: Floats,
     finding: Any,
 ) -> bool:
-    """Set what is found where the newest report shows that a robot has braked, and has lost more of its way than robots
-    of its kind usually are `usual_m` (AHEAD_S,) off their forecasts so many whole seconds ahead."""
+    """Find whether the newest report shows that a robot has braked, and fill in `finding`. The way that it has lost
+    must be more than the usual errors `usual_m` (AHEAD_S,) of its kind, by whole seconds ahead."""
     now, now_s = tracks[slot, state.newest, 0], t_s[slot, state.newest]
     for back in range(1, min(state.reports - 1, 7)):
         place = _before(state, back)
         at_s, top_mps = t_s[slot, place], max(speed[slot, place], speed[slot, _before(state, back + 1)])
         if not (now_s - at_s <= WITHIN_S + 0.2 and at_s > state.noticed_s and top_mps > MOVES_MPS):
             continue
-        if not (_goes(state, speed, follows, slot, back) and _slows(state, speed, slot, back, top_mps)):
+        if not (_made_progress(state, speed, follows, slot, back) and _brakes_after(state, speed, slot, back, top_mps)):
             continue
         further = _forecast_before(state, t_s, slot, back)
         if further < 0:
@@ -225,20 +231,20 @@ def _find_braking(
 
 @inner
 def _find_sparse_braking(state: Any, t_s: Floats, tracks: Floats, speed: Floats, slot: int, finding: Any) -> bool:
-    """The same for a robot that reports seldom: by its delay against the forecast of the report before."""
+    """The same for a robot that reports rarely, by its delay against the forecast of its last report."""
     place = _before(state, 1)
     at_s, now_s, track = t_s[slot, place], t_s[slot, state.newest], tracks[slot, place]
     lasted_s = now_s - at_s
-    told_mps = _expected_m(track, 2.0) / 2.0
-    if lasted_s > AHEAD_S or told_mps <= MOVES_MPS or speed[slot, state.newest] >= BRAKES * told_mps:
+    forecast_mps = _expected_m(track, 2.0) / 2.0
+    if lasted_s > AHEAD_S or forecast_mps <= MOVES_MPS or speed[slot, state.newest] >= BRAKES * forecast_mps:
         return False
     late_s, _ = _delay_s(track, at_s, tracks[slot, state.newest, 0, 0], tracks[slot, state.newest, 0, 1], now_s)
     if late_s < LOST_S:
         return False
     finding.kind, finding.doubt_s = BRAKED, lasted_s / 2
-    finding.onset_s = max(at_s, now_s - late_s - told_mps / 2)
+    finding.onset_s = max(at_s, now_s - late_s - forecast_mps / 2)
     finding.onset_place = finding.forecast_place = place
-    finding.speed_mps, finding.lost_s = told_mps, late_s
+    finding.speed_mps, finding.lost_s = forecast_mps, late_s
     return True
 
 
@@ -253,8 +259,8 @@ def _find_swerving(
     usual_m: Floats,
     finding: Any,
 ) -> bool:
-    """Set what is found where the newest report shows that a robot has left its way: further than half its width, and
-    than robots of its kind usually are `usual_m` (AHEAD_S,) off their forecasts so many whole seconds ahead."""
+    """Find whether the newest report shows that a robot has left its way, and fill in `finding`. It must be off by more
+    than half its width, and by more than the usual errors `usual_m` (AHEAD_S,) of its kind, by whole seconds ahead."""
     if min(speed[slot, state.newest], speed[slot, _before(state, 1)]) < MOVES_MPS:
         return False
     further = _forecast_before(state, t_s, slot, 1)
@@ -275,13 +281,13 @@ def _find_swerving(
 
 @inner
 def _has_resumed(state: Any, speed: Floats, follows: Floats, slot: int) -> bool:
-    """Whether a robot follows its forecast again, at the newest report."""
+    """Whether a robot follows its forecast again at the newest report."""
     return bool(speed[slot, state.newest] > MOVES_MPS and follows[slot, state.newest] >= FOLLOWS)
 
 
 @inner
-def _notice(state: Any, now_mps: float, finding: Any) -> None:
-    """Remember a finding."""
+def _note_finding(state: Any, now_mps: float, finding: Any) -> None:
+    """Update the state of a robot after a finding."""
     state.gives_way, state.armed = True, False
     state.slowest_mps, state.noticed_s = now_mps, finding.onset_s + finding.doubt_s
 
@@ -300,7 +306,7 @@ def _notice(state: Any, now_mps: float, finding: Any) -> None:
         _MATRIX,
     )
 )
-def follow(
+def add_reports(
     states: NDArray[Any],
     t_s: Floats,
     tracks: Floats,
@@ -309,27 +315,29 @@ def follow(
     follows: Floats,
     slots: Ints,
     event_s: Floats,
-    told: Floats,
+    reported: Floats,
     half_width_m: Floats,
     explained: Bools,
     usual_m: Floats,
 ) -> Findings:
-    """Take reports of robots `slots` (n,), all different, at `event_s` (n,) into the history, with the tracks that they
-    forecast, `told` (n, k, 4): x_m, y_m, yaw_rad and floor at whole seconds from the report on; what they show.
+    """Add reports of robots `slots` (n,), all different, to the history, and return what they show.
 
-    `states` are (slots,); `t_s`, `floor`, `speed` and `follows` (slots, KEPT): when each kept report was true, on which
-    floor, how fast the robot had come there, and what share of its forecast way it had come; `tracks` (slots, KEPT,
-    AHEAD_S + 1, 3). `half_width_m` (n,) of the envelopes; `explained` (n,) whether a robot says why it stands;
-    `usual_m` (n, AHEAD_S) how far off the way its kind usually is.
+    The reports are of the times `event_s` (n,), with the forecast tracks `reported` (n, k, 4): x_m, y_m, yaw_rad and
+    floor, at whole seconds from the report on. `half_width_m` (n,) are of the envelopes. `explained` (n,) is whether a
+    robot says why it stands. `usual_m` (n, AHEAD_S) are the usual errors of its kind.
+
+    The history is `states` (slots,), and of each kept report (slots, KEPT): its time `t_s`, its `floor`, the `speed` at
+    which the robot had come there, and `follows`, the share of its forecast way that it had come; and its `tracks`
+    (slots, KEPT, AHEAD_S + 1, 3).
     """
     findings, found = np.empty(2 * len(slots), FINDING), 0
     for row in range(len(slots)):
         slot, state = slots[row], states[slots[row]]
         if state.reports > 0 and not event_s[row] - t_s[slot, state.newest] >= SPACED_S:
             continue
-        if not np.isfinite(told[row, :, :3].sum()):
+        if not np.isfinite(reported[row, :, :3].sum()):
             continue
-        _keep(state, t_s, tracks, floor, speed, follows, slot, row, event_s[row], told)
+        _store_report(state, t_s, tracks, floor, speed, follows, slot, row, event_s[row], reported)
         if state.reports < 2:
             state.gives_way, state.armed, state.noticed_s = False, True, -inf
             continue
@@ -355,6 +363,6 @@ def follow(
                 state, t_s, tracks, speed, slot, half_width_m[row], usual_m[row], finding
             )
         if is_found:
-            _notice(state, now_mps, finding)
+            _note_finding(state, now_mps, finding)
             found += 1
     return findings[:found].copy()

@@ -1,6 +1,7 @@
-"""How far from where they will be robots may be found, by the bands of their kind, and so how near pairs of them come.
+"""How far from their forecast places robots may be, by the error bands of their kind, and how near pairs may come.
 
-Compiled; robots are by slot.
+The functions are compiled. Arrays of robots are by slot. Kernels take their arrays and numbers one by one: to pack them
+in a tuple costs more at each call than some of the kernels take.
 """
 
 from typing import Any
@@ -14,15 +15,17 @@ from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 EIGHTY = 1.28
-"""A normal distribution has 80 % within so many standard deviations."""
+"""80 % of a normal distribution is within so many standard deviations."""
 EXACT_M = 0.02
-"""Standard deviation of a forecast that was never wrong."""
+"""Standard deviation, in metres, of a forecast that was never wrong."""
 SURPRISE_KEEPS, SURPRISE_MOST = 0.7, 10.0
-"""Of a surprise, how much is left at the next error, and how many bands it is at the most."""
+"""The share of a surprise that is left at the next error, and the largest surprise, in bands."""
 FINEST_BAND_M = 0.05
+"""Narrower bands count as so wide when an error is divided by its band."""
 SOON = 0.2
-"""The part of the horizon in which an overlap is looked for apart: forecasts are at their best there."""
+"""The first part of the horizon, for which the overlap is measured apart: forecasts are best there."""
 CREEPING_MPS = 0.01
+"""Two robots are taken to approach each other at least so fast."""
 
 _PAIRS, _ROBOTS, _ERRORS = (numba.from_dtype(one)[::1] for one in (PAIR, ROBOT, ERROR))
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
@@ -31,22 +34,22 @@ _LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 
 @inner
 def _reach(bands_m: Floats, kind: int, ahead_s: float) -> float:
-    """Radius of the 80 % band of a kind so far ahead; linear between and beyond the whole seconds."""
+    """Radius of the 80 % band of a kind so far ahead, linear between and beyond the whole seconds."""
     whole = min(max(int(np.floor(ahead_s)), 0), bands_m.shape[1] - 1)
     before = bands_m[kind, whole - 1, 1] if whole else 0.0
     return float(before + max(ahead_s - whole, 0.0) * (bands_m[kind, whole, 1] - before))
 
 
 @inner
-def _trust(robot: Any) -> float:
-    """How many times as wide as those of its kind a robot's bands are taken."""
+def _widening(robot: Any) -> float:
+    """The factor by which a robot's bands are wider than those of its kind."""
     return float(max(robot.surprise, 1.0))
 
 
 @kernel(numba.void(_ROBOTS, _ERRORS))
-def wonder(robots: Robots, errors: Errors) -> None:
-    """Remember by how much errors a second ahead exceed the bands of their kind; of several of one robot the last
-    counts."""
+def update_surprise(robots: Robots, errors: Errors) -> None:
+    """Update by how much each robot's errors a second ahead exceed the bands of their kind. Of several errors of one
+    robot the last counts."""
     surprise = np.empty(len(errors))
     for at, error in enumerate(errors):
         ratio = min(error.radial_m / max(error.bands_m[2], FINEST_BAND_M), SURPRISE_MOST)
@@ -61,46 +64,46 @@ def reach_m(
     bands_m: Floats,
     slots: Ints,
     robots: Robots,
-    half: Floats,
+    half_m: Floats,
     beyond_m: float,
     horizon_s: float,
     most_grown_m: float,
 ) -> Floats:
-    """(slots,) how far from where they will be robots of `slots` (n,) may be met: within the circle around their `half`
-    sides (2, slots), `beyond_m` and their doubt, grown by their 80 % bands at the horizon."""
+    """(slots,) how far from its forecast place each robot of `slots` (n,) may reach: the radius of the circle around
+    its half sides `half_m` (2, slots), plus `beyond_m`, its position doubt, and its 80 % band at the horizon."""
     reach = np.empty(len(robots))
     for slot in slots:
         robot = robots[slot]
-        grown = min(_reach(bands_m, robot.kind, horizon_s) * _trust(robot), most_grown_m)
-        reach[slot] = np.hypot(half[0, slot], half[1, slot]) + beyond_m + robot.doubt_m + grown
+        grown = min(_reach(bands_m, robot.kind, horizon_s) * _widening(robot), most_grown_m)
+        reach[slot] = np.hypot(half_m[0, slot], half_m[1, slot]) + beyond_m + robot.doubt_m + grown
     return reach
 
 
 @inner
-def _follow(pair: Any, past_s: Floats, apart_m: Floats, row: int, within_m: float, margin_m: float) -> None:
-    """When a pair came within `within_m`, when it was last, and whether it has drawn apart by more than the margin
-    since."""
-    began, looks = pair.inside, past_s.shape[1]
+def _update_encounter(pair: Any, past_s: Floats, apart_m: Floats, row: int, within_m: float, margin_m: float) -> None:
+    """Set when a pair came within `within_m`, when it was last so near, and whether it has not yet drawn apart by more
+    than the margin since."""
+    began, looks = pair.in_encounter, past_s.shape[1]
     for look in range(looks):
         if apart_m[row, look] <= within_m:
             if not began:
                 pair.started_s, began = past_s[row, look], True
-            pair.below_s = past_s[row, look]
-    pair.inside = began and not within_m + margin_m < apart_m[row, looks - 1] < np.inf
+            pair.last_within_s = past_s[row, look]
+    pair.in_encounter = began and not within_m + margin_m < apart_m[row, looks - 1] < np.inf
 
 
 @inner
-def _square(bands_m: Floats, robot: Any, ahead_s: float) -> float:
-    """Of the deviation of a robot's place `ahead_s` of its report."""
-    reach = _reach(bands_m, robot.kind, ahead_s) * _trust(robot) / EIGHTY
+def _variance(bands_m: Floats, robot: Any, ahead_s: float) -> float:
+    """Variance of a robot's place `ahead_s` seconds after its report, in square metres."""
+    reach = _reach(bands_m, robot.kind, ahead_s) * _widening(robot) / EIGHTY
     return float(reach * reach + robot.doubt_m * robot.doubt_m)
 
 
 @inner
-def _sds(bands_m: Floats, one: Any, other: Any, one_s: float, other_s: float, within_m: float) -> float:
-    """By how many standard deviations of the distance of two robots that is more than `within_m` from a bound, so long
-    after their reports."""
-    square = _square(bands_m, one, one_s) + _square(bands_m, other, other_s)
+def _sds(bands_m: Floats, a: Any, b: Any, a_s: float, b_s: float, within_m: float) -> float:
+    """`within_m` in standard deviations of the distance between robots `a` and `b`, `a_s` and `b_s` seconds after their
+    reports."""
+    square = _variance(bands_m, a, a_s) + _variance(bands_m, b, b_s)
     return float(within_m / (np.sqrt(square) + EXACT_M))
 
 
@@ -109,22 +112,22 @@ def most_sds(
     a: Ints,
     b: Ints,
     apart_m: Floats,
-    same: Bools,
+    is_same_floor: Bools,
     bands_m: Floats,
     robots: Robots,
     ahead_s: Floats,
     horizon_s: float,
     within_m: float,
 ) -> Floats:
-    """(2, n) as `judge` gives, of robots `a` and `b` (n,) that are `apart_m` (n, m) at `ahead_s` (m,) from now, where
-    they are known to be on the `same` floor (n, m)."""
+    """(2, n) as `measure_overlaps` returns, of robots `a` and `b` (n,) that are `apart_m` (n, m) apart at `ahead_s`
+    (m,) seconds from now, where `is_same_floor` (n, m): both are known to be on one floor."""
     most = np.full((2, len(a)), -np.inf)
     for row in range(len(a)):
-        one, other = robots[a[row]], robots[b[row]]
+        robot_a, robot_b = robots[a[row]], robots[b[row]]
         for look in range(len(ahead_s)):
-            if not same[row, look]:
+            if not is_same_floor[row, look]:
                 continue
-            sds = _sds(bands_m, one, other, ahead_s[look], ahead_s[look], within_m - apart_m[row, look])
+            sds = _sds(bands_m, robot_a, robot_b, ahead_s[look], ahead_s[look], within_m - apart_m[row, look])
             most[0, row] = max(most[0, row], sds)
             if ahead_s[look] <= SOON * horizon_s:
                 most[1, row] = max(most[1, row], sds)
@@ -146,7 +149,7 @@ def most_sds(
         *[numba.float64] * 5,
     )
 )
-def judge(
+def measure_overlaps(
     pairs: Pairs,
     rows: Ints,
     a: Ints,
@@ -157,11 +160,11 @@ def judge(
     contact_s: Floats,
     past_s: Floats,
     apart_m: Floats,
-    same: Bools,
+    is_same_floor: Bools,
     speed_mps: Floats,
     bands_m: Floats,
     robots: Robots,
-    seen: Floats,
+    newest: Floats,
     ahead_s: Floats,
     now_s: float,
     horizon_s: float,
@@ -169,14 +172,16 @@ def judge(
     margin_m: float,
     standing_mps: float,
 ) -> Floats:
-    """Set how near the pairs of `rows` (n,) came and come, and the features of that but for odds, of robots `a` and `b`
-    (n,): their separations at the times `past_s` (n, k) and `ahead_s` (m,) from now are `apart_m` (n, k + m), where
-    both are known to be on the `same` floor (n, k + m), and they go at `speed_mps` (2, n). Those of `swept_rows` (c,)
-    come within `swept_m` at the times `swept_s` (c,) besides, and within `within_m` first at `contact_s` (c,).
+    """Set how near the pairs of `rows` (n,) came and will come, and the features 0, 3 and 4 of each.
 
-    (2, n) by how many standard deviations of their distance they are within `within_m`, where that is most: in the
-    horizon, and soon. The place of a robot that was last `seen` some time ago grows uncertain, unless it stood: it is
-    still there, for all that is known.
+    Of the robots `a` and `b` (n,) are known: their separations `apart_m` (n, k + m) at the times `past_s` (n, k) and at
+    `ahead_s` (m,) seconds from now; `is_same_floor` (n, k + m), whether both are known to be on one floor; and their
+    speeds `speed_mps` (2, n). The exact sweep found the pairs of `swept_rows` (c,): their smallest separation
+    `swept_m` (c,), its time `swept_s` (c,), and when they first come within `within_m`, `contact_s` (c,).
+
+    Returns (2, n): by how many standard deviations of its distance a pair is within `within_m`, at the time at which
+    that is most, over the whole horizon and over its first part `SOON`. The place of a robot grows uncertain with the
+    time since its report in `newest` (slots, 5), unless it stood: it is then taken to be there still.
     """
     n, past = len(rows), past_s.shape[1]
     most, swept_at = np.full((2, n), -np.inf), np.full(len(pairs), -1)
@@ -185,12 +190,12 @@ def judge(
     for row in range(n):
         pair, swept = pairs[rows[row]], swept_at[rows[row]]
         for look in range(apart_m.shape[1]):
-            if not same[row, look]:
+            if not is_same_floor[row, look]:
                 apart_m[row, look] = np.inf
-        _follow(pair, past_s, apart_m, row, within_m, margin_m)
-        one, other = robots[a[row]], robots[b[row]]
-        one_silent_s = 0.0 if one.rests else max(now_s - seen[a[row], 0], 0.0)
-        other_silent_s = 0.0 if other.rests else max(now_s - seen[b[row], 0], 0.0)
+        _update_encounter(pair, past_s, apart_m, row, within_m, margin_m)
+        robot_a, robot_b = robots[a[row]], robots[b[row]]
+        silent_a_s = 0.0 if robot_a.rests else max(now_s - newest[a[row], 0], 0.0)
+        silent_b_s = 0.0 if robot_b.rests else max(now_s - newest[b[row], 0], 0.0)
         nearest_m, nearest_s = apart_m[row, past], now_s + ahead_s[0]
         pair.contact_s = contact_s[swept] if swept >= 0 else np.inf
         for look in range(len(ahead_s) + (swept >= 0)):
@@ -203,12 +208,17 @@ def judge(
             if is_nearest:
                 nearest_m, nearest_s = separation_m, at_s
             after_s = at_s - now_s
-            sds = _sds(bands_m, one, other, after_s + one_silent_s, after_s + other_silent_s, within_m - separation_m)
+            a_s, b_s = after_s + silent_a_s, after_s + silent_b_s
+            sds = _sds(bands_m, robot_a, robot_b, a_s, b_s, within_m - separation_m)
             most[0, row] = max(most[0, row], sds)
             if after_s <= SOON * horizon_s:
                 most[1, row] = max(most[1, row], sds)
         pair.near_s, pair.near_m, pair.now_m = nearest_s, max(nearest_m, 0.0), max(apart_m[row, past], 0.0)
         needed_s = max(apart_m[row, past] - within_m, 0.0) / max(speed_mps[0, row] + speed_mps[1, row], CREEPING_MPS)
         stands = speed_mps[0, row] < standing_mps or speed_mps[1, row] < standing_mps
-        pair.seen[0], pair.seen[3], pair.seen[4] = 1.0, min(needed_s / horizon_s, 1.0), 1.0 if stands else 0.0
+        pair.features[0], pair.features[3], pair.features[4] = (
+            1.0,
+            min(needed_s / horizon_s, 1.0),
+            1.0 if stands else 0.0,
+        )
     return most

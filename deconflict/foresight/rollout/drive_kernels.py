@@ -1,7 +1,10 @@
-"""Robots driven on along their forecasts, each with a protective stop: who gives way to whom, and who comes too close.
+"""Driving robots on along their forecasts, each with a protective stop: which pairs give way or come too close.
 
-Compiled. A robot goes on along its own track, and waits where another body is in its field: its own outline, longer in
-front by its braking distance and a margin. So one that waits for a third robot does not come to where it said.
+A robot drives along its own track, and waits while another body is in its field. The field is its own outline, longer
+in front by its braking distance and a margin. So a robot that waits for a third one does not reach its forecast place.
+
+The file is long because it holds the whole compiled simulation: `drive` calls its helpers once for each robot and time
+step, and `_overlap` takes plain numbers, as a record would have to be filled first for each of two turned rectangles.
 """
 
 from math import cos, hypot, pi, sin
@@ -16,72 +19,73 @@ from ingest.kernels import inner, kernel
 
 STEP_S = 0.5
 BRAKES_MPS2 = 1.0
+"""Deceleration and acceleration of every robot."""
 MARGIN_M, BESIDE_M = 0.45, 0.05
-"""How much longer in front, and wider at each side, the field of a robot is than itself, when it stands."""
+"""How much longer in front, and wider at each side, than the robot its field is when it stands."""
 RELEASE_M = 0.1
-"""The field of one that waits is so much longer, so that it does not start and brake in turns."""
+"""The field of a waiting robot is longer by this, so that it does not start and brake in turns."""
 HELD_S = 1.0
 """A field must be free for so long before a robot goes on."""
 LOST_S, MOVES_MPS = 1.0, 0.3
-"""A robot gives way where it went at least so fast, and loses so much time."""
+"""A robot gives way if it drove at least so fast, and loses so much time."""
 CREEPS_MPS, STRAIGHT_RAD = 0.05, 0.01
-"""One that goes more slowly stands; one that turns by less in a second goes straight on."""
+"""A slower robot stands; a robot that turns by less in a second drives straight on."""
 KEEPS_M = 0.3
-"""Of two in its field a robot waits for the nearer; for the one that it waits for already, if that is not so much
-further."""
+"""A robot waits for the nearest one in its field. It keeps waiting for the same one as long as no other is nearer by
+more than this."""
 
 EDGE = np.dtype(
     [
-        ("robot", np.int64),
-        ("other", np.int64),
-        ("pair", np.int64),  # the edge of the same two, seen from the lower of them, which counts for both
-        ("gave_way", np.float64),  # in how many samples they get in each other's way within the horizon
+        ("robot", np.int64),  # row of the robot from which the pair is seen
+        ("other", np.int64),  # row of the other robot
+        ("pair", np.int64),  # the edge of the same two seen from the lower row; it counts for both
+        ("gave_way", np.float64),  # number of samples in which the two get in each other's way
     ],
     align=True,
 )
-"""Two robots that may be in each other's way, seen from one of them."""
+"""Two robots that may get in each other's way, seen from one of them."""
 Edges = NDArray[Any]
 
 LEG = np.dtype(
     [
-        ("x", np.float64),
+        ("x", np.float64),  # place at the start of the second, metres
         ("y", np.float64),
-        ("yaw", np.float64),
-        ("cos", np.float64),  # of the heading
-        ("sin", np.float64),
-        ("by_x", np.float64),  # how far it goes within the second
-        ("by_y", np.float64),
-        ("turn", np.float64),  # by how much it turns
-        ("mps", np.float64),
-        ("goes_x", np.float64),  # direction in which it goes
-        ("goes_y", np.float64),
+        ("yaw", np.float64),  # heading there, radians
+        ("cos", np.float64),  # cosine of the heading
+        ("sin", np.float64),  # sine of the heading
+        ("by_x", np.float64),  # displacement along x within the second
+        ("by_y", np.float64),  # displacement along y
+        ("turn", np.float64),  # change of the heading within the second
+        ("mps", np.float64),  # speed
+        ("goes_x", np.float64),  # x of the unit vector of travel; of the heading while it stands
+        ("goes_y", np.float64),  # y of it
     ],
     align=True,
 )
-"""What a track does within one second."""
+"""The motion of a track within one second."""
 
 BODY = np.dtype(
     [
-        ("x", np.float64),
+        ("x", np.float64),  # centre, metres
         ("y", np.float64),
-        ("reach", np.float64),  # furthest that its field or body may ever be from its middle
-        ("cos", np.float64),  # of the heading
-        ("sin", np.float64),
-        ("goes_x", np.float64),  # direction in which it goes
-        ("goes_y", np.float64),
-        ("path_mps", np.float64),  # as its track has it go here
-        ("place_s", np.float64),  # how far along its track it is
-        ("pace", np.float64),  # of its track's speed, at which it goes now
-        ("top_pace", np.float64),
+        ("reach", np.float64),  # largest distance of its field or body from its centre, at any time
+        ("cos", np.float64),  # cosine of the heading
+        ("sin", np.float64),  # sine of the heading
+        ("goes_x", np.float64),  # x of the unit vector of travel
+        ("goes_y", np.float64),  # y of it
+        ("path_mps", np.float64),  # speed of its track here
+        ("place_s", np.float64),  # its place on the track, in seconds of the track
+        ("pace", np.float64),  # its speed now, as a share of that of the track
+        ("top_pace", np.float64),  # the largest such share
         ("starts_s", np.float64),  # when it starts at the earliest
-        ("held_s", np.float64),  # until when it reacts to what was in its field
-        ("edge", np.int64),  # of whom it waits for, -1 where for nobody
-        ("since_s", np.float64),  # when it began to, -1 where it stood already
-        ("lost_s", np.float64),  # time that it has lost so
+        ("held_s", np.float64),  # until when it waits after its field became free
+        ("edge", np.int64),  # to the robot that it waits for, -1 if there is none
+        ("since_s", np.float64),  # when it began to wait, -1 if it stood already
+        ("lost_s", np.float64),  # time that it has lost since then
     ],
     align=True,
 )
-"""A robot on its way."""
+"""A robot that is driven on."""
 
 _EDGES, _BODIES = (numba.from_dtype(kind)[::1] for kind in (EDGE, BODY))
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
@@ -102,7 +106,7 @@ def _overlap(
     length_b: float,
     width_b: float,
 ) -> bool:
-    """Whether two rectangles with these middles, headings (cosine, sine) and half sides overlap (separating axes)."""
+    """Whether two rectangles with these centres, headings (cosine, sine) and half sides overlap (separating axes)."""
     dx, dy = bx - ax, by - ay
     c, s = abs(ac * bc + as_ * bs), abs(ac * bs - as_ * bc)
     return not (
@@ -115,7 +119,7 @@ def _overlap(
 
 @inner
 def _legs_of(track: Floats) -> Any:
-    """(n, k) of `LEG`: what tracks do from each of their seconds to the next; at the last, robots stand."""
+    """(n, k) of `LEG`: the motion from each second of a track to the next; after the last, robots stand."""
     legs = np.empty(track.shape[:2], LEG)
     last = track.shape[1] - 1
     for robot in range(track.shape[0]):
@@ -135,7 +139,7 @@ def _legs_of(track: Floats) -> Any:
 
 @inner
 def _place(body: Any, legs: Any, robot: int) -> None:
-    """Put a robot where its track has it."""
+    """Set the place and heading of a robot from its place on the track."""
     at_s = min(max(body.place_s, 0.0), legs.shape[1] - 1.0)
     at = int(at_s)
     leg, part = legs[robot, at], at_s - at
@@ -148,8 +152,8 @@ def _place(body: Any, legs: Any, robot: int) -> None:
 
 
 @inner
-def _in_field(body: Any, other: Any, half: Floats, robot: int, beside: int) -> bool:
-    """Whether the other's body, longer by its own braking distance, is in a robot's field."""
+def _in_field(body: Any, other: Any, half_m: Floats, robot: int, beside: int) -> bool:
+    """Whether the body of `other`, longer by its own braking distance, is in the field of a robot."""
     mps, other_mps = body.pace * body.path_mps, other.pace * other.path_mps
     longer = mps * mps / (2 * BRAKES_MPS2) + MARGIN_M + (RELEASE_M if body.edge >= 0 else 0.0)
     coming = other_mps * other_mps / (2 * BRAKES_MPS2)
@@ -159,20 +163,20 @@ def _in_field(body: Any, other: Any, half: Floats, robot: int, beside: int) -> b
         body.y + body.goes_y * longer / 2,
         body.goes_x,
         body.goes_y,
-        half[0, robot] + longer / 2,
-        half[1, robot] + BESIDE_M,
+        half_m[0, robot] + longer / 2,
+        half_m[1, robot] + BESIDE_M,
         other.x + other.goes_x * coming / 2,
         other.y + other.goes_y * coming / 2,
         other.goes_x if moves else other.cos,
         other.goes_y if moves else other.sin,
-        half[0, beside] + coming / 2,
-        half[1, beside],
+        half_m[0, beside] + coming / 2,
+        half_m[1, beside],
     )
 
 
 @inner
-def _in_the_way(bodies: Any, edges: Edges, first: Ints, half: Floats, robot: int) -> int:
-    """The edge of whom a robot has to wait for now, -1 where of nobody."""
+def _in_the_way(bodies: Any, edges: Edges, first: Ints, half_m: Floats, robot: int) -> int:
+    """The edge to the robot that `robot` has to wait for now, -1 if there is none."""
     body, found, nearest_m = bodies[robot], -1, np.inf
     if body.path_mps <= CREEPS_MPS:
         return found
@@ -183,14 +187,14 @@ def _in_the_way(bodies: Any, edges: Edges, first: Ints, half: Floats, robot: int
         if dx * dx + dy * dy > reach * reach:
             continue
         apart_m = hypot(dx, dy) - (KEEPS_M if body.edge == at else 0.0)
-        if apart_m < nearest_m and _in_field(body, other, half, robot, beside):
+        if apart_m < nearest_m and _in_field(body, other, half_m, robot, beside):
             found, nearest_m = at, apart_m
     return found
 
 
 @inner
-def _go_on(body: Any, edge: int, now_s: float) -> None:
-    """One step of a robot whose field holds whom `edge` is of, -1 where nobody."""
+def _advance(body: Any, edge: int, now_s: float) -> None:
+    """Advance a robot by one time step. `edge` leads to the robot in its field, -1 if the field is free."""
     if edge >= 0:
         if body.edge != edge:
             body.edge, body.lost_s = edge, 0.0
@@ -210,44 +214,44 @@ def _go_on(body: Any, edge: int, now_s: float) -> None:
 
 @inner
 def _mark(marked: Bools, edges: Edges, at: int) -> None:
-    """Count that two are in each other's way, once in a sample."""
+    """Count that the two of an edge are in each other's way, once in a sample."""
     if not marked[at]:
         marked[at] = True
         edges[at].gave_way += 1.0
 
 
 @inner
-def _mark_close(marked: Bools, bodies: Any, edges: Edges, half: Floats, grown_m: float) -> None:
+def _mark_close(marked: Bools, bodies: Any, edges: Edges, half_m: Floats, grown_m: float) -> None:
     """Count the pairs that are within the clearance, once in a sample."""
     for at in range(len(edges)):
         robot, beside = edges[at].robot, edges[at].other
         if marked[at] or edges[at].pair != at:
             continue
-        one, other = bodies[robot], bodies[beside]
-        dx, dy, reach = other.x - one.x, other.y - one.y, one.reach + other.reach
+        a, b = bodies[robot], bodies[beside]
+        dx, dy, reach = b.x - a.x, b.y - a.y, a.reach + b.reach
         if dx * dx + dy * dy < reach * reach and _overlap(
-            one.x,
-            one.y,
-            one.cos,
-            one.sin,
-            half[0, robot] + grown_m,
-            half[1, robot] + grown_m,
-            other.x,
-            other.y,
-            other.cos,
-            other.sin,
-            half[0, beside] + grown_m,
-            half[1, beside] + grown_m,
+            a.x,
+            a.y,
+            a.cos,
+            a.sin,
+            half_m[0, robot] + grown_m,
+            half_m[1, robot] + grown_m,
+            b.x,
+            b.y,
+            b.cos,
+            b.sin,
+            half_m[0, beside] + grown_m,
+            half_m[1, beside] + grown_m,
         ):
             _mark(marked, edges, at)
 
 
 @kernel(numba.types.Tuple((_MATRIX, _FLOATS))(_FLOATS, _CUBE, _MATRIX, *[numba.float64] * 2))  # type: ignore[no-untyped-call]
 def reaches(
-    since_s: Floats, track: Floats, half: Floats, horizon_s: float, clearance_m: float
+    since_s: Floats, track: Floats, half_m: Floats, horizon_s: float, clearance_m: float
 ) -> tuple[Floats, Floats]:
-    """Boxes around the ways of n robots in the horizon (n, 4): lowest and highest x, and y; grown by how far a robot's
-    field, or its body and half the clearance, may reach from its middle (n,)."""
+    """(n, 4) boxes around the paths of n robots in the horizon, as lowest and highest x, lowest and highest y; and (n,)
+    how far a robot's field, or its body and half the clearance, may reach from its centre. Boxes are grown by that."""
     n, last = len(since_s), track.shape[1] - 1
     box, reach = np.empty((n, 4)), np.empty(n)
     for robot in range(n):
@@ -260,7 +264,7 @@ def reaches(
             x, y = track[robot, at, 0], track[robot, at, 1]
             fastest = max(fastest, hypot(x - track[robot, at - 1, 0], y - track[robot, at - 1, 1]))
             low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
-        by = hypot(half[0, robot], half[1, robot]) + MARGIN_M + RELEASE_M + BESIDE_M + clearance_m / 2
+        by = hypot(half_m[0, robot], half_m[1, robot]) + MARGIN_M + RELEASE_M + BESIDE_M + clearance_m / 2
         reach[robot] = by = by + fastest * fastest / (2 * BRAKES_MPS2)
         box[robot, 0], box[robot, 1] = low_x - by, high_x + by
         box[robot, 2], box[robot, 3] = low_y - by, high_y + by
@@ -269,8 +273,9 @@ def reaches(
 
 @kernel(numba.types.Tuple((_EDGES, _INTS))(_MATRIX, _INTS, _MATRIX, _FLOATS))  # type: ignore[no-untyped-call]
 def edges_of(box: Floats, order: Ints, levels_m: Floats, floor: Floats) -> tuple[Edges, Ints]:
-    """Who may come into whose way: those whose boxes (n, 4) overlap, on one `floor` (n,), and in height (`levels_m`
-    (2, n), bottom and top). `order` (n,) is by lowest x. Edges by robot, and where those of each begin (n + 1,)."""
+    """The pairs that may get in each other's way: those whose boxes (n, 4) and heights `levels_m` (2, n), bottom and
+    top, overlap on one `floor` (n,). `order` (n,) is that of the lowest x. Returns the edges, robot by robot, and (n +
+    1,) where those of each robot begin."""
     n, found = len(order), 0
     pairs = np.empty((64, 2), np.int64)
     first = np.zeros(n + 1, np.int64)
@@ -307,21 +312,22 @@ def drive(
     reach_m: Floats,
     since_s: Floats,
     track: Floats,
-    half: Floats,
+    half_m: Floats,
     stands: Bools,
     starts_s: Floats,
     top_pace: Floats,
     horizon_s: float,
     clearance_m: float,
 ) -> Ints:
-    """Drive n robots through the horizon once a sample, and count in `edges` who gets in whose way.
+    """Drive n robots through the horizon once for each sample, and count in `edges` which pairs get in each other's
+    way.
 
-    Edges are as `edges_of` gives them; those of a robot begin at `first` (n + 1,). Each robot is `since_s` (n,) along
-    its `track` (n, k, 4), sampled every second, and `stands` (n,) or goes as its track says. In sample s it starts at
-    `starts_s` (s, n) at the earliest and goes at most at `top_pace` (s, n) of its track's speed. Nothing of it is
-    further than `reach_m` (n,) from its middle.
+    `edges` and `first` (n + 1,) are those of `edges_of`. Each robot is `since_s` (n,) seconds along its `track` (n, k,
+    4), which has a sample every second. It `stands` (n,) or goes at the speed of its track. In sample s it starts at
+    `starts_s` (s, n) at the earliest, and goes at most at `top_pace` (s, n) times the speed of its track. No part of
+    its field is further than `reach_m` (n,) from its centre.
 
-    (n,) for whom each robot that stands has to wait now: the edge, -1 where for nobody.
+    Returns (n,) for each robot that stands the edge to the robot that it has to wait for now, -1 if there is none.
     """
     n, steps, legs = len(since_s), int(horizon_s / STEP_S), _legs_of(track)
     waits_for, bodies = np.full(n, -1), np.empty(n, BODY)
@@ -340,11 +346,11 @@ def drive(
                 _place(bodies[robot], legs, robot)
             for robot in range(n):
                 body = bodies[robot]
-                edge = _in_the_way(bodies, edges, first, half, robot)
+                edge = _in_the_way(bodies, edges, first, half_m, robot)
                 if step == 0 and stands[robot]:
                     waits_for[robot] = edge
-                _go_on(body, edge, now_s)
+                _advance(body, edge, now_s)
                 if body.edge >= 0 and body.since_s >= 0.0 and body.lost_s >= LOST_S:
                     _mark(marked, edges, edges[body.edge].pair)
-            _mark_close(marked, bodies, edges, half, clearance_m / 2)
+            _mark_close(marked, bodies, edges, half_m, clearance_m / 2)
     return waits_for

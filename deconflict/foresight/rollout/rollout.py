@@ -1,4 +1,4 @@
-"""Which pairs get in each other's way when all robots near each other are driven on together."""
+"""Which pairs get in each other's way when all robots that are near each other are driven on together."""
 
 from typing import NamedTuple
 
@@ -10,55 +10,59 @@ from ingest.batch import Bools, Floats, Ints
 
 NOBODY = -1
 ROLLED = 1
-"""Features of a pair: the log odds of getting in each other's way within the horizon."""
+"""Features of a pair from a rollout: the log odds of getting in each other's way within the horizon."""
 PRIOR = 0.3
 """Samples that count for, and against, before any is driven."""
 
 
 class RolloutInput(NamedTuple):
-    """n robots that are driven on together. Arrays are (n,) but for some."""
+    """n robots that are driven on together. Arrays are (n,) if not said otherwise."""
 
     slot: Ints
     key: Ints
-    """As `key_of` gives."""
+    """See `start_samples.key_of`."""
     since_s: Floats
     """How long ago each track began."""
     track: Floats
     """(n, k, 4) x_m, y_m, yaw_rad and floor, every second."""
-    half: Floats
-    """(2, n) half sides."""
+    half_m: Floats
+    """(2, n) half length and half width."""
     levels_m: Floats
     """(2, n) bottom and top."""
     stands: Bools
     starts_s: Floats
-    """(SAMPLES, n) when each starts at the earliest, in each sample."""
+    """(SAMPLES, n) when each robot starts at the earliest, in each sample."""
 
 
 class RolloutResult(NamedTuple):
-    """What came of it, of p pairs of slots."""
+    """What happened to p pairs of slots."""
 
     a: Ints
-    """(p,) the slots of each pair, in no order."""
+    """(p,) one slot of each pair; the two are in no order."""
     b: Ints
-    seen: Floats
-    """(p, ROLLED) features."""
+    """(p,) the other slot."""
+    features: Floats
+    """(p, ROLLED)"""
     waits_for: Ints
-    """(n,) for whose slot each robot that stands has to wait now, `NOBODY` where for none."""
+    """(n,) the slot of the robot that a standing robot has to wait for now; `NOBODY` if there is none."""
 
 
-def run_rollout(crowd: RolloutInput, horizon_s: float, clearance_m: float) -> RolloutResult:
-    """Drive a crowd through the horizon."""
-    box, reach_m = reaches(crowd.since_s, crowd.track, crowd.half, horizon_s, clearance_m)
-    floor = np.ascontiguousarray(crowd.track[:, 0, 3])
-    edges, first = edges_of(box, np.argsort(box[:, 0], kind="stable"), crowd.levels_m, floor)
-    ways = (reach_m, crowd.since_s, crowd.track, crowd.half)
-    edge = drive(edges, first, *ways, crowd.stands, crowd.starts_s, paces(crowd.key), horizon_s, clearance_m)
+def run_rollout(robots: RolloutInput, horizon_s: float, clearance_m: float) -> RolloutResult:
+    """Drive robots on together through the horizon."""
+    box, reach_m = reaches(robots.since_s, robots.track, robots.half_m, horizon_s, clearance_m)
+    floor = np.ascontiguousarray(robots.track[:, 0, 3])
+    edges, first = edges_of(box, np.argsort(box[:, 0], kind="stable"), robots.levels_m, floor)
+    tracks = (reach_m, robots.since_s, robots.track, robots.half_m)
+    samples = (robots.stands, robots.starts_s, paces(robots.key))
+    edge = drive(edges, first, *tracks, *samples, horizon_s, clearance_m)
     waits_for = np.full(len(edge), NOBODY)
     waiting = edge >= 0
-    waits_for[waiting] = crowd.slot[edges["other"][edge[waiting]]]
-    kept = edges[edges["pair"] == np.arange(len(edges))]
-    seen = _log_odds(kept["gave_way"][:, None])
-    return RolloutResult(crowd.slot[kept["robot"]], crowd.slot[kept["other"]], seen, waits_for)
+    waits_for[waiting] = robots.slot[edges["other"][edge[waiting]]]
+    one_of_each_pair = edges[edges["pair"] == np.arange(len(edges))]
+    features = _log_odds(one_of_each_pair["gave_way"][:, None])
+    return RolloutResult(
+        robots.slot[one_of_each_pair["robot"]], robots.slot[one_of_each_pair["other"]], features, waits_for
+    )
 
 
 def _log_odds(counts: Floats) -> Floats:
@@ -67,4 +71,4 @@ def _log_odds(counts: Floats) -> Floats:
 
 
 NEVER: Floats = _log_odds(np.zeros(ROLLED))
-"""Features of a pair that was not driven, since nobody is near."""
+"""Features of a pair that was not driven on, because its robots are not near each other."""

@@ -1,4 +1,4 @@
-"""What robots may do otherwise than they say, in the same few samples at every look: evenly spread, and no chance."""
+"""How robots may depart from their forecasts: a few samples, evenly spread and not random, the same at every look."""
 
 from zlib import crc32
 
@@ -9,19 +9,19 @@ from ingest.batch import Floats, Ints
 
 SAMPLES = 8
 PACE_SD = 0.05
-"""Standard deviation of a robot's speed, in parts of what its forecast says."""
+"""Standard deviation of a robot's speed, as a share of its forecast speed."""
 PACE, START = 1, 2
-"""What is drawn."""
+"""The quantities that are sampled."""
 
 
 def key_of(uuid: str) -> int:
-    """A number that is the same for a robot wherever it is known."""
+    """A number of 24 bits that is the same for a robot in every process."""
     return crc32(uuid.encode()) & 0xFFFFFF
 
 
-def quantiles(key: Ints, drawn: int) -> Floats:
-    """(SAMPLES, n) parts of a distribution: for each robot of `key` (n,) one in each eighth, in an order of its own."""
-    mixed = (key + 0x9E37 * drawn) * 0x85EBCA
+def quantiles(key: Ints, quantity: int) -> Floats:
+    """(SAMPLES, n) parts of a distribution: one in each eighth for each robot of `key` (n,), in an order of its own."""
+    mixed = (key + 0x9E37 * quantity) * 0x85EBCA
     mixed ^= mixed >> 13
     odd, first = 2 * (mixed % (SAMPLES // 2)) + 1, (mixed >> 5) % SAMPLES
     place = (np.arange(SAMPLES)[:, None] * odd + first) % SAMPLES
@@ -30,6 +30,6 @@ def quantiles(key: Ints, drawn: int) -> Floats:
 
 
 def paces(key: Ints) -> Floats:
-    """(SAMPLES, n) speeds of robots, in parts of what their forecasts say."""
+    """(SAMPLES, n) speeds of robots, as shares of their forecast speeds."""
     pace: Floats = 1.0 + PACE_SD * ndtri(quantiles(key, PACE))
     return pace

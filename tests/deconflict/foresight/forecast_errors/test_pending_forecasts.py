@@ -154,7 +154,7 @@ def test_who_comes_near_at_a_whole_second_is_found_once() -> None:
         take(followed, forecasts[-1], slot)
     slots, told, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
     rank = rng.permutation(robots)
-    found = followed.nearing(told, slots, rank, reach_m, NOW_S + 1.3, 10.0)
+    found = followed.candidate_pairs(told, slots, rank, reach_m, NOW_S + 1.3, 10.0)
     until_s = np.array([one.t_s[0] for one in forecasts])[:, None] + TRACK_S
     at_s = np.minimum(NOW_S + 1.3 + np.arange(11.0), until_s)
     way = np.concatenate([poses_at(one, s[:1], s - s[0]) for one, s in zip(forecasts, at_s, strict=True)])[..., :2]
@@ -176,6 +176,6 @@ def test_who_is_on_another_floor_does_not_come_near() -> None:
         there = straight(NOW_S, 0.0, 0.0, 0.0)
         take(followed, replace(there, floor=np.full(2, floor)), slot)
     args = (np.ones(4, bool), np.arange(4), np.arange(4), np.ones(4), NOW_S, 10.0)
-    assert followed.nearing(*args).tolist() == []
+    assert followed.candidate_pairs(*args).tolist() == []
     take(followed, straight(NOW_S + 1, 0.0, 0.0, 0.0), 1)
-    assert sorted(followed.nearing(*args)[0].tolist()) == [0, 1]
+    assert sorted(followed.candidate_pairs(*args)[0].tolist()) == [0, 1]

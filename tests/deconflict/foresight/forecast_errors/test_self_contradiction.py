@@ -9,9 +9,9 @@ from deconflict.foresight.forecast_errors.self_contradiction import (
     MOVES_MPS,
     SLACK_M,
     SLACK_SHARE,
-    hold_to_word,
+    blank_records,
+    compare_with_stated_ways,
     straight_on,
-    unheard,
 )
 from ingest.batch import Basis, Forecasts, Ints
 from tests.deconflict.foresight.probability.made_stage import Stage, Walk
@@ -20,9 +20,9 @@ from tests.helpers.made_encounters import robot
 SLOT = np.array([1])
 
 
-def held(words: np.ndarray, told: Forecasts) -> Ints:
-    f = told
-    return hold_to_word(words, SLOT, f.start, f.t_s, f.x_m, f.y_m, f.floor)
+def contradicting(ways: np.ndarray, forecasts: Forecasts) -> Ints:
+    f = forecasts
+    return compare_with_stated_ways(ways, SLOT, f.start, f.t_s, f.x_m, f.y_m, f.floor)
 
 
 def forecast(t_s: float, x_m: float, y_m: float, says: tuple[float, float], every_s: float = 1.0) -> Forecasts:
@@ -38,9 +38,9 @@ def forecast(t_s: float, x_m: float, y_m: float, says: tuple[float, float], ever
 
 def walked(does: tuple[float, float], says: tuple[float, float], seconds: int, every_s: float = 1.0) -> list[bool]:
     """Whether the robot's forecast is set aside, report by report."""
-    words = unheard(3)
+    ways = blank_records(3)
     times_s = np.arange(0.0, seconds, every_s).tolist()
-    return [len(held(words, forecast(t_s, does[0] * t_s, does[1] * t_s, says))) > 0 for t_s in times_s]
+    return [len(contradicting(ways, forecast(t_s, does[0] * t_s, does[1] * t_s, says))) > 0 for t_s in times_s]
 
 
 @pytest.mark.parametrize("every_s", [0.1, 1.0, 2.0])
@@ -63,12 +63,16 @@ def test_one_on_its_way_is_believed_whatever_its_time(does: tuple[float, float],
 
 
 def test_nobody_is_held_to_the_way_between_points_that_are_far_apart() -> None:
-    words = unheard(2)
-    aside = [len(held(words, forecast(float(t), float(t), 0.0, (-1.0, 0.0)))) for t in range(8)]
+    ways = blank_records(2)
+    aside = [len(contradicting(ways, forecast(float(t), float(t), 0.0, (-1.0, 0.0)))) for t in range(8)]
     assert aside[-1] == 1
-    aside = [len(held(words, forecast(float(t), float(t), 0.0, (-1.0, 0.0), every_s=5.0))) for t in range(8, 16)]
+    aside = [
+        len(contradicting(ways, forecast(float(t), float(t), 0.0, (-1.0, 0.0), every_s=5.0))) for t in range(8, 16)
+    ]
     assert aside == [1, 1, 0, 0, 0, 0, 0, 0]
-    standing = [len(held(words, forecast(float(t), float(t), 0.0, (0.0, 0.0), every_s=5.0))) for t in range(16, 24)]
+    standing = [
+        len(contradicting(ways, forecast(float(t), float(t), 0.0, (0.0, 0.0), every_s=5.0))) for t in range(16, 24)
+    ]
     assert standing[-1] == 1
 
 
@@ -77,33 +81,33 @@ def test_one_that_waits_where_it_says_that_it_goes_is_believed() -> None:
 
 
 def test_a_contradiction_is_the_distance_from_the_way_told_over_what_is_allowed() -> None:
-    words = unheard(2)
+    ways = blank_records(2)
     turning = robot([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 1.0, 1.0], [0.0, 0.0, 1.0, 2.0], 0.0, (1.0, 0.5))
-    held(words, turning)
-    held(words, forecast(1.0, 1.3, 0.6, (0.0, 1.0)))
+    contradicting(ways, turning)
+    contradicting(ways, forecast(1.0, 1.3, 0.6, (0.0, 1.0)))
     allowed_m = SLACK_M + SLACK_SHARE * np.hypot(1.3, 0.6)
-    assert words["contradicts"][1] == pytest.approx((1 - KEEPS) * 0.3 / allowed_m)
-    assert words["way_m"][1, :, 1] == pytest.approx(0.6 + np.array(AHEAD_S))
-    assert (words["x_mps"][1], words["y_mps"][1]) == pytest.approx((1.3, 0.6))
-    assert np.isneginf(words["at_s"][0])
+    assert ways["contradiction"][1] == pytest.approx((1 - KEEPS) * 0.3 / allowed_m)
+    assert ways["way_m"][1, :, 1] == pytest.approx(0.6 + np.array(AHEAD_S))
+    assert (ways["x_mps"][1], ways["y_mps"][1]) == pytest.approx((1.3, 0.6))
+    assert np.isneginf(ways["at_s"][0])
 
 
 def test_one_that_stands_or_was_away_is_taken_at_its_word_again() -> None:
-    words = unheard(2)
-    aside = [len(held(words, forecast(float(t), float(t), 0.0, (-1.0, 0.0)))) for t in range(8)]
+    ways = blank_records(2)
+    aside = [len(contradicting(ways, forecast(float(t), float(t), 0.0, (-1.0, 0.0)))) for t in range(8)]
     assert aside[-1] == 1
     slow_m = 7.0 + 0.9 * MOVES_MPS
-    assert len(held(words, forecast(8.0, slow_m, 0.0, (-1.0, 0.0)))) == 0
-    assert len(held(words, forecast(9.0, slow_m + 1.0, 0.0, (-1.0, 0.0)))) == 1
-    assert len(held(words, forecast(60.0, 70.0, 0.0, (-1.0, 0.0)))) == 0
+    assert len(contradicting(ways, forecast(8.0, slow_m, 0.0, (-1.0, 0.0)))) == 0
+    assert len(contradicting(ways, forecast(9.0, slow_m + 1.0, 0.0, (-1.0, 0.0)))) == 1
+    assert len(contradicting(ways, forecast(60.0, 70.0, 0.0, (-1.0, 0.0)))) == 0
 
 
 def test_what_is_set_aside_goes_straight_on_and_the_others_as_they_say() -> None:
     stage = Stage({"a": Walk((0.0, 0.0), (1.0, 0.0)), "b": Walk((0.0, 9.0), (0.5, 0.0), (-0.5, 0.0))})
     batch = stage.batch(0.0)
-    words = unheard(2)
-    words["x_mps"][1], words["y_mps"][1] = 0.5, 0.25
-    believed = straight_on(batch, np.array([1]), np.array([1]), words, 10.0)
+    ways = blank_records(2)
+    ways["x_mps"][1], ways["y_mps"][1] = 0.5, 0.25
+    believed = straight_on(batch, np.array([1]), np.array([1]), ways, 10.0)
     assert believed.basis.tolist() == [Basis.PATH, Basis.VELOCITY]
     a, b, told = believed.forecasts.single(0), believed.forecasts.single(1), batch.forecasts
     assert a.x_m.tolist() == told.single(0).x_m.tolist()

@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from deconflict.foresight.probability.estimator import ProbabilityEstimator, SweptConflicts
+from deconflict.foresight.probability.estimator import ProbabilityEstimator
+from deconflict.foresight.probability.pair_candidates import SweptConflicts
 from ingest.batch import Basis, Batch, Destinations, Forecasts, Pair
 from ingest.measures.measures import Measures
 from tests.helpers.made_encounters import NOW_S, robot

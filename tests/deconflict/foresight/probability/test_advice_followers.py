@@ -68,13 +68,13 @@ def heeded() -> AdviceFollowers:
 
 def seen(one: AdviceFollowers, at_s: float, *stand: bool) -> list[int]:
     slots = np.arange(len(stand))
-    return list(one.see(slots, np.full(len(stand), at_s), np.array(stand)))
+    return list(one.record_waits(slots, np.full(len(stand), at_s), np.array(stand)))
 
 
 def test_only_one_that_was_on_its_way_and_stands_heeds_advice() -> None:
     one = heeded()
-    one.advise(0, 10.0, 20.0, stands=False)
-    one.advise(1, 10.0, 20.0, stands=True)
+    one.note_advice(0, 10.0, 20.0, stands=False)
+    one.note_advice(1, 10.0, 20.0, stands=True)
     assert seen(one, 9.0, False, True, True) == []
     assert seen(one, 11.0, False, True, True) == []
     assert seen(one, 12.0, True, True, True) == [0]
@@ -85,7 +85,7 @@ def test_only_one_that_was_on_its_way_and_stands_heeds_advice() -> None:
 
 def test_until_when_a_robot_went_its_own_way() -> None:
     one = heeded()
-    one.advise(0, 10.0, 20.0, stands=False)
+    one.note_advice(0, 10.0, 20.0, stands=False)
     for at_s in (12.0, 13.0, 14.0):
         seen(one, at_s, True)
     heard = np.zeros((3, 5))

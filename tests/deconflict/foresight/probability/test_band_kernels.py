@@ -13,8 +13,8 @@ from deconflict.foresight.probability.band_kernels import (
     SOON,
     SURPRISE_KEEPS,
     SURPRISE_MOST,
-    judge,
-    wonder,
+    measure_overlaps,
+    update_surprise,
 )
 from deconflict.foresight.probability.pair_table import PAIR
 from ingest.batch import Floats
@@ -31,12 +31,12 @@ def band_m(bands_m: Floats, ahead_s: float) -> float:
     return float(np.interp(ahead_s, np.arange(len(radii)), radii) + beyond)
 
 
-def sd_m(robots: Robots, bands_m: Floats, seen: Floats, slots: tuple[int, int], after_s: float) -> float:
+def sd_m(robots: Robots, bands_m: Floats, newest: Floats, slots: tuple[int, int], after_s: float) -> float:
     """Of the distance of two robots so long after now."""
     square = 0.0
     for slot in slots:
         one = robots[slot]
-        silent_s = 0.0 if one["rests"] else max(NOW_S - seen[slot, 0], 0.0)
+        silent_s = 0.0 if one["rests"] else max(NOW_S - newest[slot, 0], 0.0)
         reach = band_m(bands_m[one["kind"]], after_s + silent_s) * max(one["surprise"], 1.0) / EIGHTY
         square += reach**2 + one["doubt_m"] ** 2
     return float(np.sqrt(square) + EXACT_M)
@@ -44,26 +44,29 @@ def sd_m(robots: Robots, bands_m: Floats, seen: Floats, slots: tuple[int, int], 
 
 def test_what_separations_say_is_the_same_pair_by_pair() -> None:
     rng = np.random.default_rng(3)
-    robots, seen = np.zeros(ROBOTS, ROBOT), np.zeros((ROBOTS, 5))
+    robots, newest = np.zeros(ROBOTS, ROBOT), np.zeros((ROBOTS, 5))
     robots["kind"], robots["doubt_m"] = rng.integers(0, 2, ROBOTS), rng.uniform(0, 0.3, ROBOTS)
     robots["surprise"], robots["rests"] = rng.uniform(0, 4, ROBOTS), rng.uniform(size=ROBOTS) < 0.3
-    seen[:, 0] = NOW_S + rng.uniform(-4, 1, ROBOTS)
+    newest[:, 0] = NOW_S + rng.uniform(-4, 1, ROBOTS)
     bands_m = np.cumsum(rng.uniform(0, 0.3, (2, 10, 3)), axis=1)
     a = np.arange(PAIRS) % ROBOTS
     b = (a + 1 + np.arange(PAIRS) // ROBOTS) % ROBOTS
     pairs, rows = np.zeros(PAIRS + 3, PAIR), np.arange(PAIRS) + 1
-    pairs["started_s"] = pairs["below_s"] = -inf
-    pairs["inside"] = rng.uniform(size=len(pairs)) < 0.3
+    pairs["started_s"] = pairs["last_within_s"] = -inf
+    pairs["in_encounter"] = rng.uniform(size=len(pairs)) < 0.3
     before = pairs.copy()
     swept_rows = rows[::3].copy()
     swept_m, swept_s = rng.uniform(-0.1, 0.3, len(swept_rows)), NOW_S + rng.uniform(0, 10, len(swept_rows))
     contact_s = NOW_S + rng.uniform(0, 10, len(swept_rows))
     past_s = NOW_S - 1 + np.tile(np.arange(1, PAST + 1) / PAST, (PAIRS, 1))
     apart_m = rng.uniform(-0.2, 1.5, (PAIRS, PAST + len(AHEAD_S)))
-    same, speed_mps = rng.uniform(size=apart_m.shape) < 0.9, rng.uniform(0, 1, (2, PAIRS))
-    known_m, where = np.where(same, apart_m, inf), (past_s, apart_m, same, speed_mps, bands_m, robots, seen)
+    is_same_floor, speed_mps = rng.uniform(size=apart_m.shape) < 0.9, rng.uniform(0, 1, (2, PAIRS))
+    known_m, where = (
+        np.where(is_same_floor, apart_m, inf),
+        (past_s, apart_m, is_same_floor, speed_mps, bands_m, robots, newest),
+    )
     limits = (NOW_S, HORIZON_S, WITHIN_M, MARGIN_M, STANDING_MPS)
-    sds = judge(pairs, rows, a, b, swept_rows, swept_m, swept_s, contact_s, *where, AHEAD_S, *limits)
+    sds = measure_overlaps(pairs, rows, a, b, swept_rows, swept_m, swept_s, contact_s, *where, AHEAD_S, *limits)
     for n, row in enumerate(rows.tolist()):
         at_s, apart = (NOW_S + AHEAD_S).tolist(), known_m[n, PAST:].tolist()
         if row in swept_rows.tolist():
@@ -71,7 +74,7 @@ def test_what_separations_say_is_the_same_pair_by_pair() -> None:
             apart.insert(0, float(swept_m[n // 3]))
         slots = (int(a[n]), int(b[n]))
         within = [
-            (WITHIN_M - m) / sd_m(robots, bands_m, seen, slots, s - NOW_S) for m, s in zip(apart, at_s, strict=True)
+            (WITHIN_M - m) / sd_m(robots, bands_m, newest, slots, s - NOW_S) for m, s in zip(apart, at_s, strict=True)
         ]
         soonest = max(one for one, s in zip(within, at_s, strict=True) if s - NOW_S <= SOON * HORIZON_S)
         assert pairs["near_s"][row] == at_s[int(np.argmin(apart))]
@@ -80,14 +83,14 @@ def test_what_separations_say_is_the_same_pair_by_pair() -> None:
         assert pairs["contact_s"][row] == (contact_s[n // 3] if row in swept_rows.tolist() else inf)
         needed_s = max(known_m[n, PAST] - WITHIN_M, 0.0) / speed_mps[:, n].sum()
         assert sds[:, n] == pytest.approx([max(within), soonest])
-        assert pairs["seen"][row, 3] == pytest.approx(min(needed_s / HORIZON_S, 1.0))
-        assert pairs["seen"][row, [0, 4]].tolist() == [1.0, (speed_mps[:, n] < STANDING_MPS).any()]
+        assert pairs["features"][row, 3] == pytest.approx(min(needed_s / HORIZON_S, 1.0))
+        assert pairs["features"][row, [0, 4]].tolist() == [1.0, (speed_mps[:, n] < STANDING_MPS).any()]
         below = np.flatnonzero(known_m[n, :PAST] <= WITHIN_M)
-        began = bool(len(below)) and not before["inside"][row]
+        began = bool(len(below)) and not before["in_encounter"][row]
         assert pairs["started_s"][row] == (past_s[n, below[0]] if began else -inf)
-        assert pairs["below_s"][row] == (past_s[n, below[-1]] if len(below) else -inf)
+        assert pairs["last_within_s"][row] == (past_s[n, below[-1]] if len(below) else -inf)
         drew_apart = WITHIN_M + MARGIN_M < known_m[n, PAST - 1] < inf
-        assert pairs["inside"][row] == ((before["inside"][row] or began) and not drew_apart)
+        assert pairs["in_encounter"][row] == ((before["in_encounter"][row] or began) and not drew_apart)
     others = np.setdiff1d(np.arange(len(pairs)), rows)
     for name in PAIR.names or ():
         assert pairs[name][others].tolist() == before[name][others].tolist()
@@ -100,7 +103,7 @@ def test_surprise_follows_errors_a_second_ahead_and_the_last_of_a_robot_counts()
     errors["robot"], errors["horizon_s"] = [0, 1, 1, 2, 3, 1], [1, 1, 1, 1, 2, 3]
     errors["radial_m"], errors["bands_m"] = [0.4, 9.0, 0.6, 50.0, 9.0, 9.0], 0.2
     errors["bands_m"][0] = 0.0
-    wonder(robots, errors)
+    update_surprise(robots, errors)
     ratios = np.array([0.4 / FINEST_BAND_M, 3.0, SURPRISE_MOST])
     assert robots["surprise"][:3] == pytest.approx(SURPRISE_KEEPS + (1 - SURPRISE_KEEPS) * ratios)
     assert robots["surprise"][3] == 1.0

@@ -3,8 +3,8 @@ import pytest
 from numpy.random import default_rng
 
 from deconflict.foresight.probability.calibration import CONTACT, OUTCOME_WEIGHT, OWN_SD, Calibration, log_odds
-from deconflict.foresight.probability.censoring import STAYED, weights
-from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, CensoredOutcomes
+from deconflict.foresight.probability.censoring import STAYED, CensoredOutcomes, weights
+from deconflict.foresight.probability.pair_table import CONTACT_FEATURES
 from ingest.batch import Bools, Floats, Ints
 
 NOW_S = 1_790_000_000.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deconflict.foresight.probability.estimator import SweptConflicts
+from deconflict.foresight.probability.pair_candidates import SweptConflicts
 from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_encounters import NOW_S
 

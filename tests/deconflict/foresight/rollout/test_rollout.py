@@ -27,7 +27,7 @@ def crowd(
         key=np.arange(n) * 7919,
         since_s=np.zeros(n),
         track=track,
-        half=np.tile([[0.45], [0.35]], n),
+        half_m=np.tile([[0.45], [0.35]], n),
         levels_m=np.stack([bottom_m, bottom_m + 2.0]),
         stands=standing,
         starts_s=np.tile(np.where(standing, late_s, 0.0), (SAMPLES, 1)),
@@ -36,7 +36,7 @@ def crowd(
 
 def shares(rolled: RolloutResult) -> dict[tuple[int, int], float]:
     """By pair of robots, the share of samples in which they get in each other's way."""
-    share = 1 / (1 + np.exp(-rolled.seen[:, 0]))
+    share = 1 / (1 + np.exp(-rolled.features[:, 0]))
     low, high = np.minimum(rolled.a, rolled.b) - 10, np.maximum(rolled.a, rolled.b) - 10
     return dict(zip(zip(low.tolist(), high.tolist(), strict=True), share.tolist(), strict=True))
 

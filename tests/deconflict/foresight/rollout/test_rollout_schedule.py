@@ -47,11 +47,11 @@ def test_what_came_of_a_pair_stays_until_its_next_turn() -> None:
     driven(made, 1, 2, NOW_S)
     driven(made, 3, 4, NOW_S)
     asked = codes(slots(1, 0, 3), slots(2, 5, 4))
-    assert made.seen_of(asked).tolist() == [[3.0], NEVER.tolist(), [3.0]]
+    assert made.features_of(asked).tolist() == [[3.0], NEVER.tolist(), [3.0]]
     made.store(
         slots(1, 2), RolloutResult(slots(), slots(), np.zeros((0, 1)), slots(NOBODY, NOBODY)), slots(), NOW_S + 1
     )
-    assert made.seen_of(asked).tolist() == [NEVER.tolist(), NEVER.tolist(), [3.0]]
+    assert made.features_of(asked).tolist() == [NEVER.tolist(), NEVER.tolist(), [3.0]]
 
 
 def test_one_that_comes_near_nobody_any_more_waits_for_nobody() -> None:
@@ -60,14 +60,14 @@ def test_one_that_comes_near_nobody_any_more_waits_for_nobody() -> None:
     assert made.waits_for[1] == 2
     made.due(slots(3), slots(4), KEY, NOW_S + 0.1)
     assert made.waits_for[1] == NOBODY
-    assert made.seen_of(codes(slots(1), slots(2))).tolist() == [NEVER.tolist()]
+    assert made.features_of(codes(slots(1), slots(2))).tolist() == [NEVER.tolist()]
 
 
 def test_another_robot_in_a_slot_begins_anew() -> None:
     made = rollouts()
     driven(made, 1, 2, NOW_S, waits_for=2)
     made.forget(slots(2))
-    assert made.seen_of(codes(slots(1), slots(2))).tolist() == [NEVER.tolist()]
+    assert made.features_of(codes(slots(1), slots(2))).tolist() == [NEVER.tolist()]
 
 
 def test_where_many_are_due_some_wait_those_longest_that_were_driven_last(monkeypatch: pytest.MonkeyPatch) -> None:

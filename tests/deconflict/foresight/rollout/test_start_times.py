@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deconflict.foresight.probability.start_times import LATE_S, STOOD_S, StartTimes
+from deconflict.foresight.rollout.start_times import LATE_S, STOOD_S, StartTimes
 from ingest.batch import Bools, Floats
 
 NOW_S = 1_790_000_000.0

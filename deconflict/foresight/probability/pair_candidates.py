@@ -1,0 +1,66 @@
+"""Which pairs are worth a look: those that the exact sweep found, and those that may come near."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
+from deconflict.foresight.probability.band_kernels import reach_m
+from deconflict.foresight.probability.pair_table import codes
+from deconflict.foresight.probability.tracked_robots import TrackedRobots
+from ingest.batch import Bools, Floats, Ints, Pair
+
+MOST_GROWN_M = 0.75
+"""To find candidates, an envelope grows by its 80 % band at the horizon, but at most by this."""
+
+
+class SweptConflicts(NamedTuple):
+    """What the exact sweep found: c pairs whose forecasts come within the clearance. Arrays are (c,)."""
+
+    pairs: Sequence[Pair]
+    before: Ints
+    """The place of each pair in the `SweptConflicts` of the last look; -1 if it is not known to be there."""
+    separation_m: Floats
+    separation_at_s: Floats
+    contact_s: Floats
+
+
+class PairCandidates:
+    """Finds the codes of the candidates of each look."""
+
+    def __init__(self, robots: TrackedRobots, clearance_m: float, horizon_s: float) -> None:
+        self._robots, self._clearance_m, self._horizon_s = robots, clearance_m, horizon_s
+        self._swept: Ints = np.full(1, -1)
+        """Codes of the pairs that the sweep found for the last look, -1 if a robot has left since. One more -1 at the
+        end, for a pair that it did not find."""
+
+    def swept_codes(self, swept: SweptConflicts) -> Ints:
+        """(c,) the codes of the pairs that the sweep found, most of which it found for the last look too."""
+        code = self._swept[swept.before]
+        new = np.flatnonzero(code < 0)
+        if len(new):
+            flat = np.array([self._robots.slots[uuid] for row in new.tolist() for uuid in swept.pairs[row]])
+            code[new] = codes(flat[::2], flat[1::2])
+        self._swept = np.append(code, -1)
+        return code
+
+    def forget_swept(self) -> None:
+        """Robots have left, so that slots may change hands: find all codes anew."""
+        self._swept[:] = -1
+
+    def nearby_codes(self, has_news: Bools, pending: PendingForecasts, bands_m: Floats, now_s: float) -> Ints:
+        """(p,) the codes of the pairs that may come near at any whole second of the horizon. At least one robot of each
+        pair is marked by `has_news` (slots,).
+
+        Envelopes are taken as circles, grown by the 80 % bands `bands_m` (kinds, horizons, 3) at the horizon.
+        """
+        if not has_news.any():
+            return np.empty(0, np.int64)
+        robots, slots = self._robots, np.flatnonzero(self._robots.is_used)
+        columns = (slots, robots.records, robots.half_m)
+        near_m = reach_m(bands_m, *columns, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
+        a, b = pending.candidate_pairs(has_news, slots, robots.rank, near_m, now_s, self._horizon_s).T
+        bottom_m, top_m = robots.levels_m
+        is_level = (bottom_m[a] < top_m[b]) & (bottom_m[b] < top_m[a])
+        return codes(a[is_level], b[is_level])

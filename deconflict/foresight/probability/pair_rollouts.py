@@ -1,0 +1,82 @@
+"""Driving robots on together: who takes part at a look, and what it says of the watched pairs."""
+
+import numpy as np
+
+from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
+from deconflict.foresight.probability.pair_table import (
+    DRIVEN,
+    Pairs,
+    codes,
+    has_robot_of,
+    needs_rollout,
+    slots_of,
+)
+from deconflict.foresight.probability.tracked_robots import TrackedRobots
+from deconflict.foresight.probability.waiting_robots import are_waiting
+from deconflict.foresight.rollout.rollout import NOBODY, RolloutInput, run_rollout
+from deconflict.foresight.rollout.rollout_schedule import RolloutSchedule
+from deconflict.foresight.rollout.start_samples import SAMPLES, START, quantiles
+from deconflict.foresight.rollout.start_times import StartTimes
+from ingest.batch import Bools, Ints
+
+
+class PairRollouts:
+    """Runs the rollouts that are due, and keeps their results by pair."""
+
+    def __init__(self, clearance_m: float, horizon_s: float, robots: TrackedRobots, pending: PendingForecasts) -> None:
+        self._clearance_m, self._horizon_s = clearance_m, horizon_s
+        self._robots, self._pending = robots, pending
+        self._schedule = RolloutSchedule()
+
+    @property
+    def waits_for(self) -> Ints:
+        """(slots,) the slot of the robot that a standing robot has to wait for; `NOBODY` if there is none."""
+        return self._schedule.waits_for
+
+    @property
+    def is_blocked(self) -> Bools:
+        """(slots,) whether a standing robot has to wait for another one."""
+        blocked: Bools = self._schedule.waits_for != NOBODY
+        return blocked
+
+    def grow(self, slots: int) -> None:
+        """Make room for so many slots."""
+        self._schedule.grow(slots)
+
+    def forget(self, slots: Ints) -> None:
+        """Other robots have these slots from now on."""
+        self._schedule.forget(slots)
+
+    def run_due(self, pairs: Pairs, due: Ints, start_times: StartTimes, now_s: float) -> None:
+        """Drive on together the robots whose turn it is. Set the feature of that in the rows `due` and in those of the
+        robots that were driven on."""
+        robots = self._robots
+        a, b = slots_of(pairs["code"][needs_rollout(pairs, robots.absence)])
+        slots = self._schedule.due(a, b, robots.key, now_s)
+        if len(slots):
+            slots = slots[np.argsort(robots.rank[slots])]  # so that the result does not depend on who came first
+            result = run_rollout(self._input(slots, start_times, now_s), self._horizon_s, self._clearance_m)
+            is_swapped = robots.rank[result.a] > robots.rank[result.b]
+            first, second = np.where(is_swapped, result.b, result.a), np.where(is_swapped, result.a, result.b)
+            self._schedule.store(slots, result, codes(first, second), now_s)
+            due = np.union1d(due, np.flatnonzero(has_robot_of(pairs["code"], slots)))
+        pairs["features"][due, DRIVEN] = self._schedule.features_of(pairs["code"][due])
+
+    def _input(self, slots: Ints, start_times: StartTimes, now_s: float) -> RolloutInput:
+        columns, newest = self._robots, self._pending.newest[slots]
+        records = columns.records[slots]
+        waiting = np.flatnonzero(are_waiting(records))
+        stood_s = now_s - records["stood_since_s"][waiting]
+        starts_s = np.zeros((SAMPLES, len(slots)))
+        part = quantiles(columns.key[slots[waiting]], START)
+        starts_s[:, waiting] = start_times.late_s(records["kind"][waiting], stood_s, part)
+        return RolloutInput(
+            slot=slots,
+            key=columns.key[slots],
+            since_s=now_s - newest[:, 0],
+            track=self._pending.track[slots],
+            half_m=np.ascontiguousarray(columns.half_m[:, slots]),
+            levels_m=np.ascontiguousarray(columns.levels_m[:, slots]),
+            stands=columns.is_standing(slots),
+            starts_s=starts_s,
+        )
