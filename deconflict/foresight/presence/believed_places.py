@@ -1,4 +1,4 @@
-"""Where silent robots are believed to stand, and who has driven through such a place."""
+"""The places where silent robots are believed to stand, and which robots have driven through such a place."""
 
 from math import ceil
 from typing import NamedTuple
@@ -13,21 +13,23 @@ from ingest.batch import Batch, Bools, Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 
 INNER = 0.5
-"""A robot has driven through a place where the two outlines, scaled down to this, overlap: that is no mere touch."""
+"""A robot has driven through a place if the two outlines overlap when both are scaled down to this: more than a
+touch."""
 MOVED_M = 0.1
-"""One that has moved less has driven through nothing."""
+"""A robot that has moved less has driven through nothing."""
 JOINED_S = 2.1
-"""Between reports further apart the way is not known; only where the robot is in the end."""
+"""Between reports further apart the way is not known, only the place at its end."""
 STEP_M = 0.2
+"""Distance between two samples of a leg."""
 CELL_M = 3.0
-"""Most legs reach no further than this from their middle, so that most are beside no place at a glance."""
+"""Side of a grid cell. Most legs reach no further from their middle, so that a look at the grid excludes most legs."""
 NONE: Ints = np.empty(0, np.int64)
 MOST_STEPS = 64
-"""A leg is looked at in steps of this, but no more of them."""
+"""A leg has at most so many samples."""
 
 
 class BelievedPlace(NamedTuple):
-    """An outline on a floor."""
+    """The outline of a robot on a floor."""
 
     x_m: float
     y_m: float
@@ -38,35 +40,36 @@ class BelievedPlace(NamedTuple):
     bottom_m: float
     top_m: float
     doubt_m: float
-    """How far off its position may be."""
+    """Uncertainty of the position."""
 
 
 def place_of(forecast: Forecasts, pose: Pose, doubt_m: float = 0.0) -> BelievedPlace:
-    """The outline of a robot, of that forecast, at a pose."""
+    """The outline of a robot at a pose. Its sizes and heights are those of its forecast."""
     halves_m = float(forecast.length_m[0]) / 2, float(forecast.width_m[0]) / 2
     heights_m = float(forecast.bottom_m[0]), float(forecast.top_m[0])
     return BelievedPlace(pose.x_m, pose.y_m, pose.yaw_rad, pose.floor, *halves_m, *heights_m, doubt_m)
 
 
 class Approach(NamedTuple):
-    """A robot has come near the place of another one."""
+    """A robot has come near the place of a silent one."""
 
     silent: str
     other: str
     at_s: float
-    """When first."""
+    """When it was first so near."""
 
 
 class BelievedPlaces:
-    """By robot. What is asked costs nothing where there are none. A robot that reports has no place any more."""
+    """Places by robot. Queries cost nothing if there are no places. The caller removes the place of a robot that
+    reports again."""
 
     def __init__(self) -> None:
         self._places: dict[str, BelievedPlace] = {}
         self._names: list[str] = []
         self._columns: Floats = np.empty((9, 0))
-        """(9, n) of the places, in the order of their names."""
+        """(9, n) fields of the places, in the order of `_names`."""
         self._cells: Ints = np.empty(0, np.int64)
-        """Of a grid, around the places, in ascending order."""
+        """Grid cells with a place in them or in a neighbour cell, ascending."""
         self._tree: cKDTree | None = None
 
     def __len__(self) -> int:
@@ -84,31 +87,32 @@ class BelievedPlaces:
             self._tree = None
 
     def driven_through(self, batch: Batch, legs: Legs) -> dict[str, int]:
-        """The robots through whose places others of the batch have driven, and the row of who did so first."""
+        """The robots through whose places others of the batch have driven, and the row of the first robot that did
+        so."""
         found: dict[str, int] = {}
         if self._places:
             near = self._near(batch, legs, 0.0)
-            for leg, place in zip(*(one[self._is_through(batch, legs, near)].tolist() for one in near), strict=True):
+            for leg, place in zip(*(rows[self._is_through(batch, legs, near)].tolist() for rows in near), strict=True):
                 found.setdefault(self._names[place], int(legs.rows[leg]))
         return found
 
     def approached(self, batch: Batch, legs: Legs, within_m: float) -> list[Approach]:
-        """Who of the batch has come within a distance of whose place, and when first."""
+        """The robots of the batch that have come within a distance of a place."""
         if not self._places:
             return []
         leg, place = near = self._near(batch, legs, within_m)
         apart_m, shares = self._apart_m(batch, legs, near, 1.0)
-        comes = (apart_m <= within_m) & self._is_beside(batch, legs, near)[:, None]
+        is_within = (apart_m <= within_m) & self._is_beside(batch, legs, near)[:, None]
         found = []
-        for row in np.flatnonzero(comes.any(axis=1)).tolist():
-            first, of = int(comes[row].argmax()), int(legs.rows[leg[row]])
+        for row in np.flatnonzero(is_within.any(axis=1)).tolist():
+            first, batch_row = int(is_within[row].argmax()), int(legs.rows[leg[row]])
             took_s = float(legs.took_s[leg[row]])
-            at_s = float(batch.event_s[of]) - (1.0 - float(shares[row, first])) * took_s
-            found.append(Approach(self._names[place[row]], batch.robots[of], at_s))
+            at_s = float(batch.event_s[batch_row]) - (1.0 - float(shares[row, first])) * took_s
+            found.append(Approach(self._names[place[row]], batch.robots[batch_row], at_s))
         return found
 
     def _near(self, batch: Batch, legs: Legs, beyond_m: float) -> tuple[Ints, Ints]:
-        """Legs and places on one floor that may come within a distance: (n,) of each."""
+        """(n,) legs and (n,) places on one floor that may come within a distance of each other."""
         tree = self._indexed()
         radius_m = float(np.hypot(self._columns[4], self._columns[5]).max())
         long_m = np.hypot(*(np.diff(column)[:, 0] for column in (legs.x_m, legs.y_m)))
@@ -117,26 +121,26 @@ class BelievedPlaces:
         reach_m = np.where(is_joined, long_m / 2, 0.0) + own_m + radius_m + beyond_m
         columns = [np.where(is_joined, at[:, 0] + at[:, 1], 2 * at[:, 1]) / 2 for at in (legs.x_m, legs.y_m)]
         cells = _cells(legs.floor[:, 1], *(np.floor(column / CELL_M) for column in columns))
-        beside = (reach_m > CELL_M) | np.isin(cells, self._cells)
-        some = np.flatnonzero(beside & (long_m > MOVED_M) & np.isfinite(legs.took_s))
+        is_near_cell = (reach_m > CELL_M) | np.isin(cells, self._cells)
+        some = np.flatnonzero(is_near_cell & (long_m > MOVED_M) & np.isfinite(legs.took_s))
         if not len(some):
             return NONE, NONE
         near = tree.query_ball_point(np.stack(columns, axis=1)[some], reach_m[some])
-        leg = np.repeat(some, [len(one) for one in near])
-        place = np.array([one for some in near for one in some], np.int64)
-        beside = legs.floor[leg, 1] == self._columns[3][place]
-        return leg[beside], place[beside]
+        leg = np.repeat(some, [len(places) for places in near])
+        place = np.array([place for places in near for place in places], np.int64)
+        is_same_floor = legs.floor[leg, 1] == self._columns[3][place]
+        return leg[is_same_floor], place[is_same_floor]
 
     def _is_beside(self, batch: Batch, legs: Legs, near: tuple[Ints, Ints]) -> Bools:
-        """(n,) whether robots are at the height of places."""
+        """(n,) whether the heights of robots and places overlap."""
         leg, place = near
-        told, rows = batch.forecasts, legs.rows[leg]
+        forecasts, rows = batch.forecasts, legs.rows[leg]
         bottom_m, top_m = self._columns[6:8, place]
-        beside: Bools = (told.bottom_m[rows] < top_m) & (told.top_m[rows] > bottom_m)
+        beside: Bools = (forecasts.bottom_m[rows] < top_m) & (forecasts.top_m[rows] > bottom_m)
         return beside
 
     def _is_through(self, batch: Batch, legs: Legs, near: tuple[Ints, Ints]) -> Bools:
-        """(n,) whether robots drove through places: at their height, and well into the outline."""
+        """(n,) whether robots drove through places: at their height, and far enough into the outline."""
         leg, place = near
         halves_m, doubt_m = INNER * self._columns[4:6, place], self._columns[8, place] + batch.doubt_m[legs.rows[leg]]
         apart_m, _ = self._apart_m(batch, legs, near, INNER, doubt_m)
@@ -146,19 +150,19 @@ class BelievedPlaces:
     def _apart_m(
         self, batch: Batch, legs: Legs, near: tuple[Ints, Ints], scale: float, doubt_m: Floats | float = 0.0
     ) -> tuple[Floats, Floats]:
-        """(n, m) distances of the outlines, scaled, and those of the places smaller by a doubt, along the legs; and at
-        which parts of them."""
+        """(n, m) distances of the scaled outlines at m samples of each leg, and (n, m) the samples as parts of the leg.
+        The outlines of the places are made smaller by `doubt_m`."""
         leg, place = near
         if not len(leg):
             return np.empty((0, 1)), np.empty((0, 1))
-        told, rows = batch.forecasts, legs.rows[leg]
+        forecasts, rows = batch.forecasts, legs.rows[leg]
         x_m, y_m, yaw_rad, _, *half_m = self._columns[:6, place]
-        own_m = scale * np.stack([told.length_m[rows], told.width_m[rows]]) / 2
-        others_m = np.maximum(scale * np.stack(half_m) - doubt_m, 0.0)
+        own_m = scale * np.stack([forecasts.length_m[rows], forecasts.width_m[rows]]) / 2
+        places_m = np.maximum(scale * np.stack(half_m) - doubt_m, 0.0)
         shares, at_x_m, at_y_m, at_yaw_rad = _sampled(legs, leg)
         yaws_rad = np.broadcast_to(yaw_rad[:, None], at_yaw_rad.shape)
         between_m = x_m[:, None] - at_x_m, y_m[:, None] - at_y_m
-        return signed_gap(*between_m, at_yaw_rad, yaws_rad, own_m, others_m), shares
+        return signed_gap(*between_m, at_yaw_rad, yaws_rad, own_m, places_m), shares
 
     def _indexed(self) -> cKDTree:
         if self._tree is None:
@@ -172,7 +176,7 @@ class BelievedPlaces:
 
 
 def _cells(floor: Floats | Ints, x: Floats, y: Floats) -> Ints:
-    """(n,) one number for each cell of a grid."""
+    """(n,) the number of each cell of the grid."""
     cells: Ints = (np.asarray(floor, np.int64) << 48) + (x.astype(np.int64) << 24) + y.astype(np.int64)
     return cells
 
@@ -183,12 +187,13 @@ def _is_joined(legs: Legs) -> Bools:
 
 
 def _sampled(legs: Legs, leg: Ints) -> tuple[Floats, Floats, Floats, Floats]:
-    """(n, m) parts of legs, and poses there; all at the end of one whose way is not known."""
+    """(n, m) samples as parts of the legs, and x_m, y_m and yaw_rad there; all at the end of a leg whose way is not
+    known."""
     x_m, y_m, yaw_rad = legs.x_m[leg], legs.y_m[leg], legs.yaw_rad[leg]
     is_joined = _is_joined(legs)[leg][:, None]
     longest_m = float(np.where(is_joined, np.hypot(np.diff(x_m), np.diff(y_m)), 0.0).max())
     shares = np.linspace(0.0, 1.0, min(ceil(longest_m / STEP_M), MOST_STEPS - 1) + 1)
     shares = np.where(is_joined, shares, 1.0)
-    turns = np.array([turn_between(*one) for one in yaw_rad.tolist()])
+    turns = np.array([turn_between(*yaws) for yaws in yaw_rad.tolist()])
     at = [column[:, :1] + shares * np.diff(column) for column in (x_m, y_m)]
     return shares, at[0], at[1], yaw_rad[:, :1] + shares * turns[:, None]

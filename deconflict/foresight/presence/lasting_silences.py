@@ -1,4 +1,4 @@
-"""Silences that last, and how likely each robot is still there."""
+"""Silences that last, and the probability that each silent robot is still present."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -13,55 +13,59 @@ from ingest.measures.measures import Labels
 
 @dataclass(slots=True, eq=False)
 class PresenceChanges:
-    """Of silent robots, since the last step."""
+    """What changed of silent robots since the last step."""
 
     there: dict[str, float] = field(default_factory=dict)
-    """How likely each is there now; also those that have reported since, or are gone."""
+    """The probability that each is present now, by UUID. Includes robots that have reported since, or are gone."""
     silent: set[str] = field(default_factory=set)
-    """Those that have fallen silent."""
+    """Robots that have fallen silent."""
     stopped: list[str] = field(default_factory=list)
-    """Of these, those that stood and told a path: they are believed to stand there still."""
+    """Silent robots that stood although they sent a path: they are believed to stand there still."""
     left: list[str] = field(default_factory=list)
-    """Those that have probably left by now."""
+    """Robots that have probably left by now."""
     back: list[str] = field(default_factory=list)
-    """Those that had probably left, and seem to be there after all, though they have not reported."""
+    """Robots that had probably left and now seem to be present, although they have not reported."""
 
 
 @dataclass(slots=True, eq=False)
 class LastingSilence:
-    """One that lasts."""
+    """The silence of one robot."""
 
     heard_s: float
-    """When the robot was heard last."""
+    """When the robot was last heard."""
     grace_s: float
+    """How long the robot may say nothing before it counts as silent."""
     vendor: str
     stood: bool
-    """Whether the robot stood when it was heard last."""
+    """Whether the robot stood when it was last heard."""
     case: SilenceCase | None
-    """None for a robot that stays for sure."""
+    """None for a robot that surely stays."""
     counts: bool
-    """Whether it teaches; one that is first seen when it is long has done so."""
+    """Whether its outcome is learned. False if the silence was already long when this process first saw it, as an
+    earlier one has learned from it."""
     there: float = 1.0
+    """The probability that the robot is present."""
 
 
 class LastingSilences:
-    """All silences that last, by robot."""
+    """All lasting silences, by robot."""
 
     def __init__(self) -> None:
         self.silences: dict[str, LastingSilence] = {}
         self.fading: dict[str, float] = {}
-        """How likely each robot is still there for which that is below 1."""
+        """The probability that a robot is still present, of robots for which it is below 1."""
         self.left = Counter[Labels]()
-        """By vendor, robots that have probably left."""
+        """By vendor, how many robots have probably left."""
         self.changes = PresenceChanges()
-        """Since they were taken."""
+        """Since the last `take_changes`."""
 
     def begin(self, uuid: str, silence: LastingSilence) -> None:
+        """A robot has fallen silent."""
         self.silences[uuid] = silence
         self.changes.silent.add(uuid)
 
     def end(self, uuid: str) -> LastingSilence | None:
-        """The silence of a robot that lasts no more, if there was one."""
+        """End the silence of a robot. None if it was not silent."""
         silence = self.silences.get(uuid)
         if silence:
             self._count(silence, 1.0)
@@ -71,25 +75,25 @@ class LastingSilences:
         return silence
 
     def set_there(self, uuid: str, there: float) -> None:
-        """A silent robot is so likely there from now on."""
+        """Set the probability that a silent robot is present."""
         silence = self.silences[uuid]
-        if moved := self._count(silence, there):
-            (self.changes.left if moved > 0 else self.changes.back).append(uuid)
+        if change := self._count(silence, there):
+            (self.changes.left if change > 0 else self.changes.back).append(uuid)
         silence.there = self.changes.there[uuid] = self.fading[uuid] = there
 
     def _count(self, silence: LastingSilence, there: float) -> int:
-        """1 where a robot has probably left by now, -1 where it had, else 0; counted."""
-        moved = (there < PROBABLY_LEFT) - (silence.there < PROBABLY_LEFT)
-        self.left[silence.vendor,] += moved
-        return moved
+        """Update the count of robots that have probably left. Returns the change: 1, 0 or -1."""
+        change = (there < PROBABLY_LEFT) - (silence.there < PROBABLY_LEFT)
+        self.left[silence.vendor,] += change
+        return change
 
     def take_changes(self) -> PresenceChanges:
-        """What has changed since this was asked last."""
+        """What has changed since the last call."""
         changes, self.changes = self.changes, PresenceChanges()
         return changes
 
     def both_there(self, pairs: Sequence[tuple[str, str]]) -> Floats:
-        """(n,) how likely both robots of each pair are there."""
+        """(n,) the probability that both robots of each pair are present."""
         if not self.fading:
             return np.ones(len(pairs))
         there = self.fading.get

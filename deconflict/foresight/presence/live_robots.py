@@ -1,4 +1,4 @@
-"""What the engine knows of each robot: its newest row of a batch."""
+"""The robots on the floor: of each its newest batch and its row there."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -16,10 +16,10 @@ _FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
 
 @kernel(numba.types.Tuple((_INTS, _FLOATS))(numba.float64[:, ::1], _INTS, numba.float64))  # type: ignore[no-untyped-call]
 def _near(at: Floats, members: Ints, within_m: float) -> tuple[Ints, Floats]:
-    """The slots of robots so near to one of `members`, on the floor of one of them and neither above nor below it, and
-    how far it is to the nearest.
+    """The slots of the robots within a distance of one of `members`, at the floor and height of one of them; and the
+    distance to the nearest.
 
-    `at` (slots, 5) is x_m, y_m, floor, bottom_m and top_m; nan where there is no robot.
+    `at` (slots, 5) is x_m, y_m, floor, bottom_m and top_m; nan for a free slot.
     """
     own = at[members]
     west, south, east, north = inf, inf, -inf, -inf
@@ -41,14 +41,15 @@ def _near(at: Floats, members: Ints, within_m: float) -> tuple[Ints, Floats]:
 
 @dataclass(slots=True, eq=False)
 class LiveRobot:
-    """One robot on the floor, until it is said to be gone: silence alone never removes it."""
+    """One robot on the floor. It stays until a batch says that it is gone: silence alone never removes it."""
 
     batch: Batch
-    """The newest that it was in."""
+    """The newest batch that it was in."""
     row: int
+    """Its row of that batch."""
     slot: int
     growth_m: float = 0.0
-    """How far its uncertainty has grown since it fell quiet."""
+    """How much its uncertainty has grown since its last report."""
 
     @property
     def vendor(self) -> str:
@@ -76,51 +77,51 @@ class LiveRobot:
 
     @property
     def batch_forecasts(self) -> Forecasts:
-        """Of all robots of its batch, envelopes as reported."""
+        """Forecasts of all robots of its batch, with envelopes as reported."""
         return self.batch.forecasts
 
     @property
     def forecast(self) -> Forecasts:
-        """Of this robot alone."""
+        """The forecast of this robot alone."""
         return self.batch_forecasts.single(self.row)
 
     @property
     def widened_m(self) -> float:
-        """How much longer and wider its envelope is swept than it was reported."""
+        """How much longer and wider than reported its envelope is swept."""
         return 2 * (self.doubt_m + self.growth_m)
 
 
 @dataclass(slots=True, eq=False)
 class LiveRobots:
-    """Every robot on every floor."""
+    """All robots on all floors."""
 
     robots: dict[str, LiveRobot] = field(default_factory=dict)
     floors: tuple[str, ...] = ()
     _uuids: list[str] = field(default_factory=list)
-    """By slot; "" where it is free."""
+    """UUID by slot; "" for a free slot."""
     _free: list[int] = field(default_factory=list)
     _at: Floats = field(default_factory=lambda: np.empty((0, 5)))
-    """(slots, 5) x_m, y_m and floor of each first knot, bottom_m and top_m; nan where the slot is free."""
+    """(slots, 5) x_m, y_m and floor of the first knot, bottom_m and top_m; nan for a free slot."""
 
     def update(self, batch: Batch) -> list[str]:
-        """Replace what is known of the robots of a batch; the UUIDs of those that are new."""
-        self.floors, told = batch.floors, batch.forecasts
+        """Replace what is known of the robots of a batch. Returns the UUIDs of new robots."""
+        self.floors, forecasts = batch.floors, batch.forecasts
         slots, new = [], []
         for row, uuid in enumerate(batch.robots):
-            one = self.robots.get(uuid)
-            if one is None:
+            robot = self.robots.get(uuid)
+            if robot is None:
                 new.append(uuid)
-                one = self.robots[uuid] = LiveRobot(batch, row, self._slot(uuid))
+                robot = self.robots[uuid] = LiveRobot(batch, row, self._new_slot(uuid))
             else:
-                one.batch, one.row, one.growth_m = batch, row, 0.0
-            slots.append(one.slot)
-        first = told.start[:-1]
-        places = [column[first] for column in (told.x_m, told.y_m, told.floor)]
-        self._at[slots] = np.column_stack([*places, told.bottom_m, told.top_m])
+                robot.batch, robot.row, robot.growth_m = batch, row, 0.0
+            slots.append(robot.slot)
+        first = forecasts.start[:-1]
+        places = [column[first] for column in (forecasts.x_m, forecasts.y_m, forecasts.floor)]
+        self._at[slots] = np.column_stack([*places, forecasts.bottom_m, forecasts.top_m])
         return new
 
     def remove(self, uuids: Iterable[str]) -> None:
-        """Forget robots; those that are not known are no error."""
+        """Forget robots. Unknown ones are ignored."""
         for uuid in uuids:
             robot = self.robots.pop(uuid, None)
             if robot is not None:
@@ -128,20 +129,23 @@ class LiveRobots:
                 self._free.append(robot.slot)
 
     def forecasts(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts]:
-        """The forecasts of those of `uuids` that are on the floor, in that order, and whose they are."""
-        keys = [uuid for uuid in uuids if uuid in self.robots]
-        return keys, _gathered([self.robots[uuid] for uuid in keys])
+        """Those of `uuids` that are on the floor, in that order, and their forecasts."""
+        present = [uuid for uuid in uuids if uuid in self.robots]
+        return present, _joined([self.robots[uuid] for uuid in present])
 
     def group_with_nearest(self, group: set[str], within_m: float, most: int) -> list[str]:
-        """The robots of a group and the nearest to any of them, on its floor and at its height, in ascending order."""
+        """The UUIDs of a group and of at most `most` other robots, the nearest to any of the group within a distance,
+        on its floor and at its height; ascending."""
         slots, away_m = _near(self._at, np.array([self.robots[uuid].slot for uuid in group], np.int64), within_m)
-        named = [self._uuids[slot] for slot in slots.tolist()]
-        others = [one for one in zip(away_m.tolist(), named, strict=True) if one[1] not in group]
+        near = [self._uuids[slot] for slot in slots.tolist()]
+        others = [
+            (distance_m, uuid) for distance_m, uuid in zip(away_m.tolist(), near, strict=True) if uuid not in group
+        ]
         if len(others) > most:
-            named = [uuid for _, uuid in sorted(others)[:most]]
-        return sorted(group.union(named))
+            near = [uuid for _, uuid in sorted(others)[:most]]
+        return sorted(group.union(near))
 
-    def _slot(self, uuid: str) -> int:
+    def _new_slot(self, uuid: str) -> int:
         if self._free:
             slot = self._free.pop()
             self._uuids[slot] = uuid
@@ -153,20 +157,23 @@ class LiveRobots:
         return slot
 
 
-def _gathered(robots: Sequence[LiveRobot]) -> Forecasts:
-    """Their forecasts, in that order: mostly of a few robots of many batches."""
+def _joined(robots: Sequence[LiveRobot]) -> Forecasts:
+    """The forecasts of robots, in that order. Mostly they are a few robots of many batches."""
     if not robots:
         return Forecasts.empty()
-    spans = [(one.batch_forecasts, slice(*one.batch_forecasts.start[one.row : one.row + 2].tolist())) for one in robots]
+    spans = [
+        (robot.batch_forecasts, slice(*robot.batch_forecasts.start[robot.row : robot.row + 2].tolist()))
+        for robot in robots
+    ]
     return Forecasts(
         start=np.concatenate([[0], np.cumsum([span.stop - span.start for _, span in spans])]),
-        t_s=np.concatenate([told.t_s[span] for told, span in spans]),
-        x_m=np.concatenate([told.x_m[span] for told, span in spans]),
-        y_m=np.concatenate([told.y_m[span] for told, span in spans]),
-        yaw_rad=np.concatenate([told.yaw_rad[span] for told, span in spans]),
-        floor=np.concatenate([told.floor[span] for told, span in spans]),
-        length_m=np.array([one.batch_forecasts.length_m[one.row] for one in robots]),
-        width_m=np.array([one.batch_forecasts.width_m[one.row] for one in robots]),
-        bottom_m=np.array([one.batch_forecasts.bottom_m[one.row] for one in robots]),
-        top_m=np.array([one.batch_forecasts.top_m[one.row] for one in robots]),
+        t_s=np.concatenate([forecasts.t_s[span] for forecasts, span in spans]),
+        x_m=np.concatenate([forecasts.x_m[span] for forecasts, span in spans]),
+        y_m=np.concatenate([forecasts.y_m[span] for forecasts, span in spans]),
+        yaw_rad=np.concatenate([forecasts.yaw_rad[span] for forecasts, span in spans]),
+        floor=np.concatenate([forecasts.floor[span] for forecasts, span in spans]),
+        length_m=np.array([robot.batch_forecasts.length_m[robot.row] for robot in robots]),
+        width_m=np.array([robot.batch_forecasts.width_m[robot.row] for robot in robots]),
+        bottom_m=np.array([robot.batch_forecasts.bottom_m[robot.row] for robot in robots]),
+        top_m=np.array([robot.batch_forecasts.top_m[robot.row] for robot in robots]),
     )

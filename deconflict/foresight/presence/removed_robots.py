@@ -1,4 +1,4 @@
-"""Robots that are taken off, since another one has driven through their place, until they report again."""
+"""Robots that are removed because another robot has driven through their place, until they report again."""
 
 from typing import NamedTuple
 
@@ -10,54 +10,54 @@ from ingest.batch import Batch
 
 
 class RemovedRobot(NamedTuple):
-    """A robot through whose place another one has driven."""
+    """A robot through whose place another one has driven. These are also the names in JSON."""
 
     vendor: str
     name: str
     heard_s: float
-    """When it was last heard."""
+    """When the robot was last heard."""
     at_s: float
-    """When it was taken off."""
+    """When it was removed."""
     by: str
-    """The name of the other one."""
+    """The name of the robot that drove through its place."""
 
 
 class RemovedRobots:
-    """By robot."""
+    """The removed robots by UUID."""
 
     def __init__(self) -> None:
         self.robots: dict[str, RemovedRobot] = {}
         self._cases: dict[str, SilenceCase] = {}
 
-    def take_off(self, uuid: str, one: RemovedRobot, case: SilenceCase | None) -> None:
-        """`case` is what its silence counted as, if it did."""
-        self.robots[uuid] = one
+    def add(self, uuid: str, robot: RemovedRobot, case: SilenceCase | None) -> None:
+        """Remove a robot. `case` is that of its silence, None if that was not counted."""
+        self.robots[uuid] = robot
         if case:
             self._cases[uuid] = case
 
     def put_back(self, uuid: str) -> tuple[RemovedRobot, SilenceCase | None] | None:
-        """What there was of a robot; None where it was not taken off."""
-        one = self.robots.pop(uuid, None)
-        return (one, self._cases.pop(uuid, None)) if one else None
+        """Let a robot back in. Returns its removal and the case of its silence; None if it was not removed."""
+        robot = self.robots.pop(uuid, None)
+        return (robot, self._cases.pop(uuid, None)) if robot else None
 
     def without(self, batch: Batch) -> Batch:
-        """The batch without robots that have not reported since they were taken off."""
+        """The batch without robots that have not reported since they were removed."""
         if not self.robots or self.robots.keys().isdisjoint(batch.robots):
             return batch
         stays = np.ones(len(batch), np.bool_)
         for row, uuid in enumerate(batch.robots):
-            if off := self.robots.get(uuid):
-                stays[row] = batch.arrival_s[row] > off.heard_s
+            if removed := self.robots.get(uuid):
+                stays[row] = batch.arrival_s[row] > removed.heard_s
         return batch if stays.all() else batch.take(np.flatnonzero(stays), batch.gone)
 
     def learned(self) -> Part:
-        """All of them: they stay off over a restart."""
-        return {"robots": {uuid: list(one) for uuid, one in self.robots.items()}}
+        """All removed robots: they stay removed over a restart."""
+        return {"robots": {uuid: list(robot) for uuid, robot in self.robots.items()}}
 
     def resume(self, part: Part) -> None:
-        """Go on with what `learned` told. Raises `UnreadableError`."""
+        """Go on with what `learned` returned. Raises `UnreadableError`."""
         try:
             for uuid, (vendor, name, heard_s, at_s, by) in part.get("robots", {}).items():
                 self.robots[uuid] = RemovedRobot(str(vendor), str(name), float(heard_s), float(at_s), str(by))
         except (TypeError, ValueError, AttributeError) as error:
-            raise UnreadableError(f"robots that were taken off are not told: {error}") from error
+            raise UnreadableError(f"the removed robots are unreadable: {error}") from error

@@ -1,4 +1,4 @@
-"""When each robot was heard, how often it usually reports, and how it moved between its last two reports."""
+"""When each robot was last heard, how often it usually reports, and how it moved between its last two reports."""
 
 from collections.abc import Sequence
 from itertools import repeat
@@ -13,27 +13,35 @@ from ingest.batch import Batch, Floats, Ints
 from ingest.kernels import kernel, ready
 
 GAPS = 7
-"""Between reports that are remembered of each robot."""
+"""So many of the last times between reports are kept of each robot."""
 FEWEST_GAPS = 2
-"""Of one that has reported less often it is not known how often it does."""
+"""With fewer times between reports, it is not known how often a robot reports."""
 GRACE_S, GRACE_GAPS, GRACE_UNKNOWN_S = 5.0, 3.0, 30.0
-"""A robot is silent after the longer of the first time and so many of its usual gaps; after the last, where they are
-not known."""
+"""A robot is silent after the first time, or after so many of its usual gaps if that is longer. It is silent after the
+third number if its usual gap is not known."""
 STOOD_MPS, STOOD_LEAST_M, STOOD_MOST_M = 0.05, 0.02, 0.1
-"""A robot that moved no faster from one report to the next stood; and none moved by the second, or stood beyond the
-third."""
+"""A robot stood between two reports if it moved at most at this speed. Up to the second number it always stood; beyond
+the third it never did."""
 
 HEARD = np.dtype(
-    [(name, np.float64) for name in ("arrival_s", "event_s", "x_m", "y_m", "yaw_rad", "due_s")]
-    + [("floor", np.int64), ("stood", np.bool_), ("reports", np.int64), ("gaps_s", np.float64, (GAPS,))],
+    [
+        ("arrival_s", np.float64),  # when the newest report arrived
+        ("event_s", np.float64),  # when it was true
+        ("x_m", np.float64),  # where the robot was then
+        ("y_m", np.float64),
+        ("yaw_rad", np.float64),
+        ("due_s", np.float64),  # from when on the robot may be silent, inf if it is silent
+        ("floor", np.int64),  # index of the floor in the batches
+        ("stood", np.bool_),  # whether it had stood since the report before
+        ("reports", np.int64),  # how many reports came
+        ("gaps_s", np.float64, (GAPS,)),  # times between the last reports, the newest at `(reports - 2) % GAPS`
+    ],
     align=True,
 )
-"""When the newest report of a robot arrived, and when it was true; where the robot was then; from when on it may be
-silent, inf where it is; on which floor of the batches it was, and whether it had stood since the report before; how
-many reports came; and the times between the last of them, the newest at `(reports - 2) % GAPS`."""
+"""The newest report of one robot."""
 
 Heard = NDArray[Any]
-"""Of `HEARD`, by slot."""
+"""(slots,) of `HEARD`."""
 
 _NOBODY = np.zeros((), HEARD)
 _NOBODY["due_s"] = np.inf
@@ -43,15 +51,16 @@ _BOTH, _BOTH_INTS = numba.float64[:, ::1], numba.int64[:, ::1]
 
 
 class Legs(NamedTuple):
-    """How n robots moved from the report before to the newest; arrays are (n,) or (n, 2) for before and now."""
+    """How n robots moved from the report before to the newest one. Arrays are (n,), or (n, 2) for before and now."""
 
     rows: Ints
-    """Of the batch."""
+    """Rows of the batch."""
     before: Heard
-    """What was known of each before."""
+    """The records of the robots before the new reports."""
     gap_s: Floats
-    """From the arrival of the report before; inf where there is none."""
+    """Time between the arrivals of the two reports; inf if there was none before."""
     took_s: Floats
+    """Time between their event times; inf if there was none before."""
     x_m: Floats
     y_m: Floats
     yaw_rad: Floats
@@ -64,7 +73,7 @@ class Legs(NamedTuple):
         _HEARD, *[numba.int64[::1]], *[_FLOATS] * 2, *[_INTS] * 2, *[_FLOATS] * 3, _INTS
     )
 )
-def _hear(
+def _add_reports(
     heard: Heard,
     slots: Ints,
     arrival_s: Floats,
@@ -76,7 +85,7 @@ def _hear(
     yaw_rad: Floats,
     floor: Ints,
 ) -> tuple[Ints, Heard, Floats, Floats, Floats, Floats, Floats, Ints]:
-    """Take in what robots of `slots` (n,) report, where that is new; the columns of `Legs`."""
+    """Add the reports of robots `slots` (n,) that are new. Returns the fields of `Legs`."""
     rows, before, n = np.empty(len(slots), np.int64), np.empty(len(slots), HEARD), 0
     for row in range(len(slots)):
         if arrival_s[row] > heard[slots[row]].arrival_s:
@@ -86,52 +95,53 @@ def _hear(
     x, y, yaw, on = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2), np.int64)
     for leg in range(n):
         row, was = rows[leg], before[leg]
-        one, knot = heard[slots[row]], start[row]
-        one.arrival_s, one.event_s, one.due_s = arrival_s[row], event_s[row], arrival_s[row] + GRACE_S
-        one.x_m, one.y_m, one.yaw_rad, one.floor = x_m[knot], y_m[knot], yaw_rad[knot], floor[knot]
+        robot, knot = heard[slots[row]], start[row]
+        robot.arrival_s, robot.event_s, robot.due_s = arrival_s[row], event_s[row], arrival_s[row] + GRACE_S
+        robot.x_m, robot.y_m, robot.yaw_rad, robot.floor = x_m[knot], y_m[knot], yaw_rad[knot], floor[knot]
         if was.reports:
-            gap_s[leg], took_s[leg] = one.arrival_s - was.arrival_s, one.event_s - was.event_s
-            one.gaps_s[(was.reports - 1) % GAPS] = gap_s[leg] / max(statuses[row], 1)
+            gap_s[leg], took_s[leg] = robot.arrival_s - was.arrival_s, robot.event_s - was.event_s
+            robot.gaps_s[(was.reports - 1) % GAPS] = gap_s[leg] / max(statuses[row], 1)
             most_m = min(max(STOOD_MPS * took_s[leg], STOOD_LEAST_M), STOOD_MOST_M)
-            one.stood = one.floor == was.floor and np.hypot(one.x_m - was.x_m, one.y_m - was.y_m) <= most_m
-        one.reports = was.reports + 1
+            robot.stood = robot.floor == was.floor and np.hypot(robot.x_m - was.x_m, robot.y_m - was.y_m) <= most_m
+        robot.reports = was.reports + 1
         x[leg, 0], y[leg, 0], yaw[leg, 0], on[leg, 0] = was.x_m, was.y_m, was.yaw_rad, was.floor
-        x[leg, 1], y[leg, 1], yaw[leg, 1], on[leg, 1] = one.x_m, one.y_m, one.yaw_rad, one.floor
+        x[leg, 1], y[leg, 1], yaw[leg, 1], on[leg, 1] = robot.x_m, robot.y_m, robot.yaw_rad, robot.floor
     return rows[:n].copy(), before[:n].copy(), gap_s, took_s, x, y, yaw, on
 
 
 class ReportIntervals:
-    """By slot; another robot may have the slot of one that was forgotten."""
+    """Records by slot. Another robot may get the slot of one that was forgotten."""
 
     def __init__(self) -> None:
         self.slots: dict[str, int] = {}
         self.names: list[str] = []
-        """By slot; "" where it is free."""
+        """UUID by slot; "" for a free slot."""
         self.heard: Heard = np.zeros(0, HEARD)
         self._spare: list[int] = []
 
     def add_batch(self, batch: Batch) -> tuple[Legs, list[int]]:
-        """The legs of the robots of a batch that have reported anew, and the rows of those that were not known."""
+        """Add a batch. Returns the legs of the robots that have reported anew, and the rows of the robots that were
+        unknown."""
         slots = np.fromiter(map(self.slots.get, batch.robots, repeat(-1)), np.int64, len(batch))
         new = np.flatnonzero(slots < 0).tolist()
         for row in new:
-            slots[row] = self._slot(batch.robots[row])
-        told = batch.forecasts
-        places = ready(told.x_m), ready(told.y_m), ready(told.yaw_rad), ready(told.floor, np.int64)
-        counts = ready(batch.statuses, np.int64), ready(told.start, np.int64)
-        legs = _hear(self.heard, slots, ready(batch.arrival_s), ready(batch.event_s), *counts, *places)
+            slots[row] = self._new_slot(batch.robots[row])
+        f = batch.forecasts
+        places = ready(f.x_m), ready(f.y_m), ready(f.yaw_rad), ready(f.floor, np.int64)
+        counts = ready(batch.statuses, np.int64), ready(f.start, np.int64)
+        legs = _add_reports(self.heard, slots, ready(batch.arrival_s), ready(batch.event_s), *counts, *places)
         return Legs(*legs), new
 
     def overdue(self, now_s: float) -> list[str]:
-        """The robots that may be silent by now, and are not known to be."""
+        """The robots that may be silent by now, and are not known to be silent."""
         return [self.names[slot] for slot in np.flatnonzero(self.heard["due_s"] <= now_s).tolist()]
 
     def set_due(self, uuid: str, at_s: float) -> None:
-        """A robot can't be silent before then; inf for one that is, until it reports."""
+        """A robot can't be silent before `at_s`; inf for a robot that is silent, until it reports."""
         self.heard["due_s"][self.slots[uuid]] = at_s
 
     def forget(self, uuid: str) -> bool:
-        """Whether the robot was known."""
+        """Forget a robot. Returns whether it was known."""
         slot = self.slots.pop(uuid, None)
         if slot is None:
             return False
@@ -140,20 +150,20 @@ class ReportIntervals:
         return True
 
     def heard_s(self, uuid: str) -> float:
-        """When a robot was heard last."""
+        """When a robot was last heard."""
         return float(self.heard["arrival_s"][self.slots[uuid]])
 
     def moved(self, uuid: str) -> bool | None:
-        """Whether a robot moved from its last report but one to the last; None where there is but one."""
-        one = self.heard[self.slots[uuid]]
-        return None if one["reports"] < 2 else not one["stood"]
+        """Whether a robot moved between its last two reports; None if it has sent only one."""
+        record = self.heard[self.slots[uuid]]
+        return None if record["reports"] < 2 else not record["stood"]
 
     def grace_s(self, uuid: str) -> float:
-        """How long a robot may say nothing before it is silent."""
+        """How long a robot may say nothing before it counts as silent."""
         return grace_s(self.heard[self.slots[uuid]])
 
-    def _slot(self, uuid: str) -> int:
-        """The slot of a robot, a new one where it has none: a batch may hold a new robot twice."""
+    def _new_slot(self, uuid: str) -> int:
+        """The slot of a robot, a new one if it has none: a batch may hold a new robot twice."""
         if uuid in self.slots:
             return self.slots[uuid]
         if self._spare:
@@ -168,12 +178,12 @@ class ReportIntervals:
         return slot
 
 
-def grace_s(one: np.void) -> float:
-    """How long a robot may say nothing before it is silent, by its record."""
-    gaps = min(max(int(one["reports"]) - 1, 0), GAPS)
-    return grace_after_s(one["gaps_s"][:gaps].tolist())
+def grace_s(record: np.void) -> float:
+    """How long a robot may say nothing before it counts as silent, by its record."""
+    gaps = min(max(int(record["reports"]) - 1, 0), GAPS)
+    return grace_after_s(record["gaps_s"][:gaps].tolist())
 
 
 def grace_after_s(gaps_s: Sequence[float]) -> float:
-    """The same by the times between its last reports."""
+    """How long a robot may say nothing before it counts as silent, by the times between its last reports."""
     return max(GRACE_S, GRACE_GAPS * median(gaps_s)) if len(gaps_s) >= FEWEST_GAPS else GRACE_UNKNOWN_S

@@ -1,4 +1,4 @@
-"""Whether a robot that reports again after a silence is where it was, or was believed to be."""
+"""Whether a robot that reports again after a silence is where it was, or where it was believed to be."""
 
 from collections.abc import Sequence
 from math import hypot
@@ -7,16 +7,16 @@ from deconflict.sweep.geometry.pose import pose_at
 from ingest.batch import Batch, Forecasts
 
 BACK_M = 1.0
-"""A robot that comes back within its own size and this of where it was believed to be was there."""
+"""A robot that returns within its own size plus this of its believed place was there."""
 
 
 def was_there(before: Forecasts, floors: Sequence[str], batch: Batch, row: int) -> bool:
-    """Whether the robot of a row has come back where its forecast from `before`, a single one, put it at that time, or
-    where it was heard last. `floors` are those of that forecast."""
-    told, knot = batch.forecasts, int(batch.forecasts.start[row])
-    x_m, y_m, datum = float(told.x_m[knot]), float(told.y_m[knot]), datum_of(batch.floors, int(told.floor[knot]))
-    within_m = BACK_M + hypot(float(told.length_m[row]), float(told.width_m[row]))
-    for at_s in (float(told.t_s[knot]), float(before.t_s[0])):
+    """Whether the robot of a row has returned where its single forecast `before` put it at that time, or where it was
+    last heard. `floors` are those of that forecast."""
+    f, knot = batch.forecasts, int(batch.forecasts.start[row])
+    x_m, y_m, datum = float(f.x_m[knot]), float(f.y_m[knot]), datum_of(batch.floors, int(f.floor[knot]))
+    within_m = BACK_M + hypot(float(f.length_m[row]), float(f.width_m[row]))
+    for at_s in (float(f.t_s[knot]), float(before.t_s[0])):
         pose = pose_at(before, at_s)
         if hypot(pose.x_m - x_m, pose.y_m - y_m) <= within_m and datum_of(floors, pose.floor) == datum:
             return True
@@ -24,5 +24,5 @@ def was_there(before: Forecasts, floors: Sequence[str], batch: Batch, row: int) 
 
 
 def datum_of(floors: Sequence[str], floor: int) -> str:
-    """The id of a floor; "" for what is compared with nothing."""
+    """The id of a floor; "" for a floor that is compared with no other."""
     return floors[floor] if floor >= 0 else ""

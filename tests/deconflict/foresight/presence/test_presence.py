@@ -2,6 +2,8 @@
 
 import pytest
 
+from deconflict.foresight.presence.lasting_silences import LastingSilence
+from deconflict.foresight.presence.live_robots import LiveRobot
 from deconflict.foresight.presence.presence import Presence
 from deconflict.runtime.learned_state import packed, unpacked
 from tests.deconflict.foresight.presence.made_watch import DOOR_M, LINE, NOW_S, Watch, leave
@@ -172,16 +174,16 @@ def test_a_robot_that_is_forgotten_is_no_longer_silent() -> None:
 
 
 class Counting(Presence):
-    """Counts how often robots are looked at."""
+    """Counts how often silent robots are checked."""
 
-    looks = 0
+    checks = 0
 
-    def _look(self, uuid: str, now_s: float) -> None:
-        self.looks += 1
-        super()._look(uuid, now_s)
+    def _check_silent(self, uuid: str, silence: LastingSilence, robot: LiveRobot, now_s: float) -> None:
+        self.checks += 1
+        super()._check_silent(uuid, silence, robot, now_s)
 
 
-def test_silent_robots_are_looked_at_ever_more_rarely() -> None:
+def test_silent_robots_are_checked_less_and_less_often() -> None:
     watch = Watch()
     watch.presence = counting = Counting(watch.live, watch.measures)
     for number in range(3):
@@ -189,9 +191,9 @@ def test_silent_robots_are_looked_at_ever_more_rarely() -> None:
     watch.tick()
     watch.wait(600.0)
     assert [watch.there(f"R{number}") < 0.9 for number in range(3)] == [True] * 3
-    first, counting.looks = counting.looks, 0
+    first, counting.checks = counting.checks, 0
     watch.wait(600.0)
-    assert 0 < counting.looks < 3 * 5
+    assert 0 < counting.checks < 3 * 5
     assert first < 3 * 30
 
 

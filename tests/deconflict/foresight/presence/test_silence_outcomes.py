@@ -18,108 +18,108 @@ GRACE_S = 5.0
 
 
 def left_at(
-    meanings: SilenceOutcomes, spot: FloorPoint, times: int, vendor: str = "Alder", last: LastSeen = LastSeen.GOING
+    outcomes: SilenceOutcomes, spot: FloorPoint, times: int, vendor: str = "Alder", last: LastSeen = LastSeen.GOING
 ) -> None:
     for _ in range(times):
-        meanings.count(meanings.case(vendor, spot, last), {LEFT: 1.0})
+        outcomes.count(outcomes.case(vendor, spot, last), {LEFT: 1.0})
 
 
 def there(
-    meanings: SilenceOutcomes, spot: FloorPoint, silent_s: float, vendor: str = "Alder", last: LastSeen = LastSeen.GOING
+    outcomes: SilenceOutcomes, spot: FloorPoint, silent_s: float, vendor: str = "Alder", last: LastSeen = LastSeen.GOING
 ) -> float:
-    return meanings.there(meanings.case(vendor, spot, last), silent_s, GRACE_S)
+    return outcomes.there(outcomes.case(vendor, spot, last), silent_s, GRACE_S)
 
 
 def test_before_anything_is_known_a_silent_robot_is_mostly_there() -> None:
-    meanings = SilenceOutcomes()
-    assert there(meanings, DOOR, 5.0) == pytest.approx(0.9)
-    assert there(meanings, DOOR, 60.0) > 0.75
-    assert there(meanings, DOOR, 60.0, last=LastSeen.STANDING) > 0.95
+    outcomes = SilenceOutcomes()
+    assert there(outcomes, DOOR, 5.0) == pytest.approx(0.9)
+    assert there(outcomes, DOOR, 60.0) > 0.75
+    assert there(outcomes, DOOR, 60.0, last=LastSeen.STANDING) > 0.95
 
 
 def test_where_robots_have_left_the_next_one_has_left_too_and_elsewhere_it_has_not() -> None:
-    meanings = SilenceOutcomes()
-    left_at(meanings, DOOR, 20)
-    assert there(meanings, DOOR, 5.0) < 0.15
-    assert there(meanings, FloorPoint("hall", 40.5, 5.8), 5.0) < 0.3
-    assert there(meanings, FloorPoint("hall", 20.0, 5.0), 5.0) > 0.55
-    assert there(meanings, FloorPoint("loft", 40.0, 5.0), 5.0) > 0.55
-    assert there(meanings, DOOR, 5.0, last=LastSeen.ARRIVED) < 0.15
-    assert there(meanings, DOOR, 5.0, last=LastSeen.STANDING) > 0.95
+    outcomes = SilenceOutcomes()
+    left_at(outcomes, DOOR, 20)
+    assert there(outcomes, DOOR, 5.0) < 0.15
+    assert there(outcomes, FloorPoint("hall", 40.5, 5.8), 5.0) < 0.3
+    assert there(outcomes, FloorPoint("hall", 20.0, 5.0), 5.0) > 0.55
+    assert there(outcomes, FloorPoint("loft", 40.0, 5.0), 5.0) > 0.55
+    assert there(outcomes, DOOR, 5.0, last=LastSeen.ARRIVED) < 0.15
+    assert there(outcomes, DOOR, 5.0, last=LastSeen.STANDING) > 0.95
 
 
 def test_a_place_counts_for_the_vendors_that_have_not_left_there_yet() -> None:
-    meanings = SilenceOutcomes()
-    left_at(meanings, DOOR, 20, vendor="Alder")
-    assert there(meanings, DOOR, 5.0, vendor="Corvid") < 0.15
-    assert there(meanings, FloorPoint("hall", 0.0, 0.0), 5.0, vendor="Corvid") == pytest.approx(0.9)
+    outcomes = SilenceOutcomes()
+    left_at(outcomes, DOOR, 20, vendor="Alder")
+    assert there(outcomes, DOOR, 5.0, vendor="Corvid") < 0.15
+    assert there(outcomes, FloorPoint("hall", 0.0, 0.0), 5.0, vendor="Corvid") == pytest.approx(0.9)
 
 
 def test_robots_that_leave_anywhere_are_known_by_their_vendor() -> None:
-    meanings, rng = SilenceOutcomes(), np.random.default_rng(1)
+    outcomes, rng = SilenceOutcomes(), np.random.default_rng(1)
     for x_m, y_m in rng.uniform(0, 200, (40, 2)):
-        left_at(meanings, FloorPoint("hall", x_m, y_m), 1)
-    assert there(meanings, FloorPoint("hall", 300.0, 0.0), 10.0) < 0.15
-    assert there(meanings, FloorPoint("hall", 300.0, 0.0), 10.0, vendor="Corvid") > 0.85
+        left_at(outcomes, FloorPoint("hall", x_m, y_m), 1)
+    assert there(outcomes, FloorPoint("hall", 300.0, 0.0), 10.0) < 0.15
+    assert there(outcomes, FloorPoint("hall", 300.0, 0.0), 10.0, vendor="Corvid") > 0.85
 
 
 def test_silences_that_ended_where_the_robot_was_keep_the_next_one_there() -> None:
-    meanings = SilenceOutcomes()
+    outcomes = SilenceOutcomes()
     for lasted_s in (12.0, 35.0, 58.0) * 10:
-        case = meanings.case("Alder", DOOR, LastSeen.GOING)
-        meanings.count(case, {THERE: 1.0})
-        meanings.lasted(case, lasted_s)
-    assert there(meanings, DOOR, 40.0) > 0.95
+        case = outcomes.case("Alder", DOOR, LastSeen.GOING)
+        outcomes.count(case, {THERE: 1.0})
+        outcomes.count_length(case, lasted_s)
+    assert there(outcomes, DOOR, 40.0) > 0.95
 
 
 def test_a_silence_does_not_count_for_its_own_meaning() -> None:
-    meanings = SilenceOutcomes()
-    case = meanings.case("Alder", DOOR, LastSeen.GOING)
-    before = meanings.there(case, 20.0, GRACE_S)
-    meanings.count(case, {MAYBE_THERE: 0.2, MAYBE_LEFT: 0.8})
-    assert meanings.there(case, 20.0, GRACE_S) == pytest.approx(before)
-    assert there(meanings, DOOR, 20.0) < before
+    outcomes = SilenceOutcomes()
+    case = outcomes.case("Alder", DOOR, LastSeen.GOING)
+    before = outcomes.there(case, 20.0, GRACE_S)
+    outcomes.count(case, {MAYBE_THERE: 0.2, MAYBE_LEFT: 0.8})
+    assert outcomes.there(case, 20.0, GRACE_S) == pytest.approx(before)
+    assert there(outcomes, DOOR, 20.0) < before
 
 
 def test_what_was_thought_to_have_left_and_came_back_elsewhere_is_no_exit() -> None:
-    meanings = SilenceOutcomes()
-    cases = [meanings.case("Alder", DOOR, LastSeen.GOING) for _ in range(5)]
+    outcomes = SilenceOutcomes()
+    cases = [outcomes.case("Alder", DOOR, LastSeen.GOING) for _ in range(5)]
     for case in cases:
-        meanings.count(case, {LEFT: 1.0})
-    assert [(one.x_m, one.y_m, one.robots) for one in meanings.exits()] == [(40.0, 5.0, 5)]
+        outcomes.count(case, {LEFT: 1.0})
+    assert [(one.x_m, one.y_m, one.robots) for one in outcomes.exits()] == [(40.0, 5.0, 5)]
     for case in cases:
-        meanings.count(case, {ELSEWHERE: 1.0})
-    assert meanings.exits() == []
-    assert there(meanings, DOOR, 5.0) < 0.3
+        outcomes.count(case, {ELSEWHERE: 1.0})
+    assert outcomes.exits() == []
+    assert there(outcomes, DOOR, 5.0) < 0.3
 
 
 def test_exits_are_where_most_robots_that_fall_silent_leave() -> None:
-    meanings = SilenceOutcomes()
-    left_at(meanings, DOOR, 6)
-    left_at(meanings, FloorPoint("hall", 40.6, 5.9), 6)
-    left_at(meanings, FloorPoint("hall", 0.0, 0.0), 2)
-    left_at(meanings, FloorPoint("loft", 9.0, 9.0), 4)
+    outcomes = SilenceOutcomes()
+    left_at(outcomes, DOOR, 6)
+    left_at(outcomes, FloorPoint("hall", 40.6, 5.9), 6)
+    left_at(outcomes, FloorPoint("hall", 0.0, 0.0), 2)
+    left_at(outcomes, FloorPoint("loft", 9.0, 9.0), 4)
     for _ in range(12):
-        meanings.count(meanings.case("Alder", FloorPoint("loft", 9.0, 9.0), LastSeen.GOING), {THERE: 1.0})
-    (exit_,) = meanings.exits()
+        outcomes.count(outcomes.case("Alder", FloorPoint("loft", 9.0, 9.0), LastSeen.GOING), {THERE: 1.0})
+    (exit_,) = outcomes.exits()
     assert (exit_.datum, exit_.robots) == ("hall", 12)
     assert [exit_.x_m, exit_.y_m] == pytest.approx([40.3, 5.4], abs=0.1)
 
 
 def test_what_is_known_outlives_a_restart_and_what_is_thought_does_not() -> None:
-    meanings, after = SilenceOutcomes(), SilenceOutcomes()
-    left_at(meanings, DOOR, 20)
-    case = meanings.case("Alder", FloorPoint("hall", 0.0, 0.0), LastSeen.GOING)
-    meanings.count(case, {MAYBE_LEFT: 1.0})
-    after.resume(unpacked(packed({"silences": meanings.learned()}))["silences"])
-    assert after.exits() == meanings.exits()
+    outcomes, after = SilenceOutcomes(), SilenceOutcomes()
+    left_at(outcomes, DOOR, 20)
+    case = outcomes.case("Alder", FloorPoint("hall", 0.0, 0.0), LastSeen.GOING)
+    outcomes.count(case, {MAYBE_LEFT: 1.0})
+    after.resume(unpacked(packed({"silences": outcomes.learned()}))["silences"])
+    assert after.exits() == outcomes.exits()
     assert there(after, DOOR, 5.0) < 0.15
-    assert there(after, FloorPoint("hall", 0.0, 0.0), 5.0) > there(meanings, FloorPoint("hall", 0.0, 0.0), 5.0)
+    assert there(after, FloorPoint("hall", 0.0, 0.0), 5.0) > there(outcomes, FloorPoint("hall", 0.0, 0.0), 5.0)
 
 
 @pytest.mark.parametrize("spoilt", [{"cells": None}, {"cells": [["hall", 1]]}, {"lasted": np.zeros((9, 9))}])
 def test_what_can_not_have_been_learned_is_refused(spoilt: dict[str, object]) -> None:
-    meanings = SilenceOutcomes()
-    left_at(meanings, DOOR, 3)
+    outcomes = SilenceOutcomes()
+    left_at(outcomes, DOOR, 3)
     with pytest.raises(UnreadableError):
-        SilenceOutcomes().resume(meanings.learned() | spoilt)
+        SilenceOutcomes().resume(outcomes.learned() | spoilt)

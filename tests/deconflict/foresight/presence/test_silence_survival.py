@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from deconflict.foresight.presence.silence_survival import EDGES_S, share_longer, took_in
+from deconflict.foresight.presence.silence_survival import EDGES_S, share_longer, with_case
 
 NOTHING = np.zeros(len(EDGES_S))
 
@@ -15,7 +15,7 @@ def test_before_anything_is_known_half_of_the_silences_of_five_seconds_end_withi
 def test_silences_that_lasted_long_make_a_long_one_usual() -> None:
     counts = NOTHING
     for lasted_s in (60.0, 70.0, 80.0) * 10:
-        counts = took_in(counts, lasted_s)
+        counts = with_case(counts, lasted_s)
     assert share_longer(counts, 50.0, 5.0) > 0.85
     assert share_longer(counts, 300.0, 5.0) < 0.05
 
@@ -23,7 +23,7 @@ def test_silences_that_lasted_long_make_a_long_one_usual() -> None:
 def test_the_share_falls_with_time_and_only_what_outlasts_the_least_counts() -> None:
     counts = NOTHING
     for lasted_s in (6.0, 12.0, 40.0, 200.0):
-        counts = took_in(counts, lasted_s)
+        counts = with_case(counts, lasted_s)
     shares = [share_longer(counts, lasted_s, 90.0) for lasted_s in (10.0, 90.0, 120.0, 400.0, 1e6)]
     assert shares[:2] == [1.0, 1.0]
     assert shares == sorted(shares, reverse=True)
@@ -32,8 +32,8 @@ def test_the_share_falls_with_time_and_only_what_outlasts_the_least_counts() -> 
 def test_old_silences_lose_weight() -> None:
     counts = NOTHING
     for _ in range(1000):
-        counts = took_in(counts, 6.0)
+        counts = with_case(counts, 6.0)
     for _ in range(100):
-        counts = took_in(counts, 600.0)
+        counts = with_case(counts, 600.0)
     assert counts.sum() <= 101
     assert share_longer(counts, 300.0, 5.0) > 0.5
