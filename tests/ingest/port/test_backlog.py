@@ -65,7 +65,7 @@ def replayed(directory: Path) -> tuple[list[Batch], Counter[str]]:
     return batches, kinds
 
 
-def test_of_what_waits_the_newest_status_uuid_a_robot_is_read_in_the_place_of_the_first(tmp_path: Path) -> None:
+def test_of_what_waits_the_newest_status_of_a_robot_is_read_in_the_place_of_the_first(tmp_path: Path) -> None:
     async def run() -> Behind:
         one = Behind(tmp_path)
         for raw in (first, first_of_b, who, second, third):
