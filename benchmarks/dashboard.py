@@ -14,7 +14,7 @@ import httpx
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from deconflict.roles.service import in_one_process
+from deconflict.roles.service import run_in_one_process
 from deconflict.simulation.vendors.senders import simulate
 from metrics.monitoring.dashboards import dashboards
 from metrics.monitoring.exposition import render
@@ -31,7 +31,7 @@ Series = list[tuple[str, list[float], list[float]]]
 async def measured(panels: list[dict[str, Any]], seconds: float) -> dict[int, Series]:
     """Each panel's series after the demo has run for so long: name, seconds before the end, values."""
     with TemporaryDirectory() as name:
-        async with in_one_process(on_free_ports(), Path(name) / "data", render) as (receiver, operator):
+        async with run_in_one_process(on_free_ports(), Path(name) / "data", render) as (receiver, operator):
             url = f"ws://127.0.0.1:{receiver.receiver.port}"
             talking = asyncio.create_task(simulate(url, ROBOTS, None, 1, stop=asyncio.Event()))
             async with prometheus(Path(name), f"127.0.0.1:{operator.port}") as client:

@@ -24,7 +24,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from benchmarks.endtoend import Load, Running, service
-from deconflict.roles.supervisor import Watched
+from deconflict.roles.supervisor import RoleProcess
 from ingest.recording.log_reader import LogReader, segments
 
 
@@ -78,7 +78,7 @@ def kill_at_random(one: Running, face: str, kills: int, rng: random.Random) -> l
     took_s = []
     for _ in range(kills):
         time.sleep(rng.uniform(0.3, 2.0))
-        victim: Watched = rng.choice(one.roles)
+        victim: RoleProcess = rng.choice(one.roles)
         if victim.process is None:
             continue
         restarts = victim.restarts

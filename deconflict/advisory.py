@@ -1,5 +1,6 @@
 """The advisory as published, from raised to cleared: a conflict, a contention, a deadlock, a blockage or a claim."""
 
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Annotated, Any, Literal, Self
@@ -7,6 +8,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 Robot = Annotated[str, Field(description="UUID of a robot")]
+
+BAD_AFTER = 4400
+"""Close code of the stream: `after` is not a whole number, 0 or more."""
+AFTER_BEYOND_LAST = 4416
+"""Close code of the stream: `after` is a number that this store has not given yet."""
+STORE_FAILED = 1011
+"""Close code of the stream: the stored advisories can't be read."""
 
 
 class AdvisoryState(StrEnum):
@@ -112,18 +120,18 @@ class Advisory(Published):
     acknowledgement: Acknowledgement | None = Field(default=None, description="the newest there is")
     safety_rated: Literal[False] = False
 
-    def followed(self, **told: Any) -> Self:
-        """The next revision, which tells these fields anew."""
-        return self._next(AdvisoryState.UPDATED, told)
+    def followed(self, **fields: Any) -> Self:
+        """The next revision, with these fields changed."""
+        return self._next(AdvisoryState.UPDATED, fields)
 
     def ended(self, now_s: float, because: str) -> Self:
         """The last revision."""
         now = moment(now_s)
-        told = {"updated_at": now, "cleared_at": now, "cleared_because": because, "time_to_conflict_s": 0.0}
-        return self._next(AdvisoryState.CLEARED, told)
+        fields = {"updated_at": now, "cleared_at": now, "cleared_because": because, "time_to_conflict_s": 0.0}
+        return self._next(AdvisoryState.CLEARED, fields)
 
-    def _next(self, state: AdvisoryState, told: dict[str, Any]) -> Self:
-        return self.model_copy(update={"revision": self.revision + 1, "seq": 0, "state": state, **told})
+    def _next(self, state: AdvisoryState, fields: dict[str, Any]) -> Self:
+        return self.model_copy(update={"revision": self.revision + 1, "seq": 0, "state": state, **fields})
 
 
 class PlacedAdvisory(Advisory):
@@ -219,6 +227,18 @@ ADVISORY: TypeAdapter[AnyAdvisory] = TypeAdapter(AnyAdvisory)
 """Reads one revision of any kind."""
 
 
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """Some advisories, and the position in the stream at that moment."""
+
+    seq: int
+    """The newest number in the store."""
+    advisories: list[AnyAdvisory]
+    """The newest revision of each, newest first."""
+    more: bool
+    """Whether the limit left some out."""
+
+
 def moment(t_s: float) -> datetime:
-    """When that is: `t_s` is in seconds since the epoch."""
+    """The time `t_s`, seconds since the epoch, as a `datetime`."""
     return datetime.fromtimestamp(t_s, UTC)

@@ -1,4 +1,4 @@
-"""A client for services of the site: read what is open, follow every revision without a gap, acknowledge.
+"""A client for other services of the site: reads open advisories, follows every revision, acknowledges.
 
 async with Client("http://127.0.0.1:8080", token=token) as client:
     async for advisory in client.follow(after=last_seen):
@@ -17,39 +17,37 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
-from deconflict.advisory import ADVISORY, AnyAdvisory
-from deconflict.operator.live.advisory_stream import AFTER_BEYOND_LAST
-from deconflict.operator.store.store import Listing
-from deconflict.operator.vendor_health import VendorHealth, VendorList
+from deconflict.advisory import ADVISORY, AFTER_BEYOND_LAST, AnyAdvisory, Listing
+from deconflict.operator.vendor_models import VendorHealth, VendorList
 
 MOST_LISTED = 1000
 BACKOFF_S = (0.2, 10.0)
-"""First and longest wait before a lost stream is sought again."""
+"""First and longest wait before a lost stream is opened again."""
 CLOSED_BY_POLICY = 1008
 
 
 class ClientError(Exception):
-    """The service said no; the message says why."""
+    """The service refused the request; the message says why."""
 
 
 class NotAllowedError(ClientError):
-    """The token is missing, wrong, or for a lesser role."""
+    """The token is missing or wrong, or its role is too low."""
 
 
 class UntrustedError(ClientError):
-    """What answers has no certificate of the authority, or not for its name."""
+    """The server has no certificate of the authority for its name."""
 
 
 class NoSuchAdvisoryError(ClientError):
-    """The advisory is not stored, or no longer."""
+    """The advisory is not stored, or has been removed."""
 
 
 class PositionLostError(ClientError):
-    """The store does not reach as far as the number given: it is another one. Read what is open afresh."""
+    """The given number is beyond the store's last: it is another store. Read the open advisories again."""
 
 
 class Client:
-    """Talks to one service. Use it as `async with`."""
+    """A connection to one service. Use it with `async with`."""
 
     def __init__(
         self,
@@ -59,10 +57,10 @@ class Client:
         authority: Path | None = None,
         backoff_s: tuple[float, float] = BACKOFF_S,
     ) -> None:
-        """`url` is the operators' port, such as `https://floor.example:8080`; `token` a person's of the site file.
+        """`url` is the operators' port, such as `https://floor.example:8080`. `token` is a token of the site file.
 
-        `authority` is a PEM file of who signed the certificate of an `https` port; those of the system if absent.
-        Raises `OSError` where that file can't be read.
+        `authority` is a PEM file with the authority of an `https` port's certificate; None for the system's.
+        Raises `OSError` if that file can't be read.
         """
         self._headers = {"authorization": f"Bearer {token}"} if token else {}
         self._tls = ssl.create_default_context(cafile=authority) if url.startswith("https:") else None
@@ -79,41 +77,41 @@ class Client:
         await self._http.aclose()
 
     async def open(self) -> Listing:
-        """What is open, newest first, and the place in the stream: `follow(after=listing.seq)` goes on from it.
+        """The open advisories, newest first, and the stream's position: `follow(after=listing.seq)` continues there.
 
-        Raises `ClientError`, and `httpx.HTTPError` where the service can't be reached.
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
         """
-        told = _answer(await self._http.get("/advisories", params={"limit": MOST_LISTED}))
-        advisories = [ADVISORY.validate_python(one) for one in told["advisories"]]
-        return Listing(seq=told["seq"], advisories=advisories, more=told["more"])
+        answer = _json(await self._http.get("/advisories", params={"limit": MOST_LISTED}))
+        advisories = [ADVISORY.validate_python(advisory) for advisory in answer["advisories"]]
+        return Listing(seq=answer["seq"], advisories=advisories, more=answer["more"])
 
     async def revisions(self, advisory_id: str) -> list[AnyAdvisory]:
         """Every revision of one advisory, the newest last.
 
-        Raises `ClientError`, and `httpx.HTTPError` where the service can't be reached.
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
         """
-        told = _answer(await self._http.get(f"/advisories/{advisory_id}"))
-        return [ADVISORY.validate_python(one) for one in told["advisories"]]
+        answer = _json(await self._http.get(f"/advisories/{advisory_id}"))
+        return [ADVISORY.validate_python(advisory) for advisory in answer["advisories"]]
 
     async def vendors(self) -> list[VendorHealth]:
-        """How each vendor does, by name.
+        """The state of each vendor, by name.
 
-        Raises `ClientError`, and `httpx.HTTPError` where the service can't be reached.
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
         """
-        return VendorList.model_validate(_answer(await self._http.get("/vendors"))).vendors
+        return VendorList.model_validate(_json(await self._http.get("/vendors"))).vendors
 
     async def acknowledge(self, advisory_id: str, *, name: str, reason: str) -> AnyAdvisory:
-        """Take an advisory up; everybody sees by whom and why. With a token the name is the token's.
+        """Acknowledge an advisory; everybody sees by whom and why. With a token, the name is that of its person.
 
-        Raises `ClientError`, and `httpx.HTTPError` where the service can't be reached.
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
         """
         path = f"/advisories/{advisory_id}/acknowledgement"
-        return ADVISORY.validate_python(_answer(await self._http.post(path, json={"name": name, "reason": reason})))
+        return ADVISORY.validate_python(_json(await self._http.post(path, json={"name": name, "reason": reason})))
 
     async def follow(self, after: int) -> AsyncGenerator[AnyAdvisory, None]:
-        """Every revision with a number above `after`, each once and in order, for ever.
+        """Every revision with a number above `after`, each once and in order, without end.
 
-        A stream that is lost is sought again and resumed. Raises `PositionLostError`, `NotAllowedError` and
+        Reconnects and resumes if the connection is lost. Raises `PositionLostError`, `NotAllowedError` and
         `UntrustedError`.
         """
         wait_s = self._backoff_s[0]
@@ -137,7 +135,7 @@ class Client:
 
 
 async def _revisions(stream: ClientConnection) -> AsyncIterator[AnyAdvisory]:
-    """Until the connection ends, however it ends."""
+    """The revisions until the connection ends. Raises `PositionLostError` and `NotAllowedError`."""
     try:
         while True:
             yield ADVISORY.validate_json(await stream.recv())
@@ -149,12 +147,12 @@ async def _revisions(stream: ClientConnection) -> AsyncIterator[AnyAdvisory]:
             raise NotAllowedError(reason) from closed
 
 
-def _answer(response: httpx.Response) -> Any:
+def _json(response: httpx.Response) -> Any:
     if response.is_success:
         return response.json()
     try:
-        why = str(response.json()["detail"])
+        reason = str(response.json()["detail"])
     except (ValueError, KeyError, TypeError):
-        why = response.text
+        reason = response.text
     kinds = {401: NotAllowedError, 403: NotAllowedError, 404: NoSuchAdvisoryError}
-    raise kinds.get(response.status_code, ClientError)(f"{response.status_code}: {why}")
+    raise kinds.get(response.status_code, ClientError)(f"{response.status_code}: {reason}")

@@ -15,7 +15,7 @@ from typing import IO, TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from deconflict.operator.blackbox.start_state import Start, head_of, site_of, start_of
+from deconflict.operator.blackbox.start_state import StartState, head_of, site_of, start_of
 from deconflict.settings import overrides, site
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
@@ -106,7 +106,7 @@ def _replay(args: argparse.Namespace) -> int:
     with ExitStack() as files:
         on_line, on_batch = _sinks(args, files)
         events = files.enter_context(_with_progress(reader, logs))
-        start = start_of(head) if (head := _head(args)) else Start()
+        start = start_of(head) if (head := _head(args)) else StartState()
         run = replay if args.scheduler is None else _on_cluster(args.scheduler, files)
         result = run(reader, events, settings, clearances_m, on_line=on_line, on_batch=on_batch, start=start)
     _check_order(reader, args.logs, result)
@@ -172,7 +172,7 @@ def _head(args: argparse.Namespace) -> dict[str, Any] | None:
 def _settings(args: argparse.Namespace) -> site.Site:
     head = None if args.site else _head(args)
     settings = site_of(head) if head else site.load(args.site) if args.site else site.DEFAULT
-    return overrides.changed(settings, args.changes) if args.changes else settings
+    return overrides.with_overrides(settings, args.changes) if args.changes else settings
 
 
 def _text(result: dict[str, Any]) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from deconflict.__main__ import parser
-from deconflict.roles.supervisor import STOP_WITHIN_S
+from deconflict.roles.supervisor import STOP_TIMEOUT_S
 from deconflict.settings.site import DEFAULT
 
 ROOT = Path(__file__).parent.parent
@@ -43,7 +43,7 @@ def test_a_reload_asks_the_service_to_read_its_site_file_again() -> None:
 
 def test_the_unit_waits_for_what_the_service_says_and_watches_that_it_goes_on() -> None:
     told = dict(re.findall(r"^(Type|NotifyAccess|WatchdogSec|Restart)=(.+)$", UNIT.read_text(), re.M))
-    assert float(told.pop("WatchdogSec")) > 3 * STOP_WITHIN_S, "the service may take so long to end its roles"
+    assert float(told.pop("WatchdogSec")) > 3 * STOP_TIMEOUT_S, "the service may take so long to end its roles"
     assert told == {"Type": "notify", "NotifyAccess": "main", "Restart": "always"}
 
 

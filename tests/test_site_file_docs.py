@@ -10,7 +10,7 @@ from pydantic_core import to_jsonable_python
 from deconflict.settings import outlet_settings as outlets
 from deconflict.settings import shared_places, site
 from deconflict.settings.cluster_settings import Cluster
-from deconflict.settings.site_check import report
+from deconflict.settings.site_check import site_report
 from ingest import settings
 
 DOC = (Path(__file__).parent.parent / "docs" / "site-file.md").read_text(encoding="utf-8")
@@ -71,7 +71,7 @@ def test_every_section_of_the_site_is_there() -> None:
 def test_the_example_loads_and_its_map_fits(tmp_path: Path) -> None:
     example = tmp_path / "site.toml"
     example.write_text(DOC.split("```toml\n", 1)[1].split("```", 1)[0], encoding="utf-8")
-    judged = report(site.load(example))
+    judged = site_report(site.load(example))
     assert judged.problems == ()
     (birch,) = judged.maps
     assert birch.fit

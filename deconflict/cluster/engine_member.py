@@ -33,7 +33,7 @@ from deconflict.engine.engine import Engine
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
 from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
 from deconflict.settings.cluster_settings import Cluster
-from deconflict.settings.hot_reload import InForce
+from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
@@ -52,7 +52,7 @@ class Member:
     """One engine. Its shard is touched by one thread at a time."""
 
     def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
-        self._site, self._settings, self._in_force = site, settings, InForce(runtime, site)
+        self._site, self._settings, self._in_force = site, settings, CurrentSite(runtime, site)
         self._bus = Bus(settings, site.store.keep_days)
         self.name = f"engine-{uuid4().hex[:12]}"
         self.measures = Measures()

@@ -13,7 +13,7 @@ import numpy as np
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.channels import EVERY, Floors, late
-from deconflict.operator.live.recent_batches import Recent, opened, parcel
+from deconflict.operator.live.recent_batches import RecentBatches, packed_batch, unpacked_batch
 from deconflict.runtime.rpc import Handler, LinkDownError
 from ingest.batch import Batch
 
@@ -28,7 +28,7 @@ class Ingests:
     """Answers a face from what all ingests answer. The floor is heard only while somebody looks at it."""
 
     def __init__(self, bus: Bus) -> None:
-        self._bus, self._recent, self._floors = bus, Recent(), Floors()
+        self._bus, self._recent, self._floors = bus, RecentBatches(), Floors()
         self._waiting: list[Batch] = []
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""
@@ -58,7 +58,7 @@ class Ingests:
             if self._leave and time.monotonic() - self._followed_s > IDLE_S:
                 with suppress(*BUS_ERRORS):
                     await self._leave()
-                self._leave, self._recent, self._arrived_s = None, Recent(), {}
+                self._leave, self._recent, self._arrived_s = None, RecentBatches(), {}
 
     def _listed(self, question: str) -> Handler:
         async def answer(_: bytes) -> bytes:
@@ -91,9 +91,9 @@ class Ingests:
         await self._begin()
         if told := await self._recent.after(int(payload)):
             return told
-        parts = [opened(one)[2] for one in await self._asked("follow", WITHIN_S)]
+        parts = [unpacked_batch(one)[2] for one in await self._asked("follow", WITHIN_S)]
         whole = self._joined([self._floors.renumbered(one) for one in parts if one])
-        return parcel(self._recent.number, whole.to_bytes(), whole=True)
+        return packed_batch(self._recent.number, whole.to_bytes(), whole=True)
 
     async def _begin(self) -> None:
         """Hear the floor, once. Raises `LinkDownError`."""

@@ -11,10 +11,10 @@ from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.nats.tasks import BEAT_S, beating, connected, until
 from deconflict.cluster.tiles.channels import Sorter, pieces, reach_m
 from deconflict.cluster.tiles.tiles import Grid
-from deconflict.operator.live.recent_batches import opened
+from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.cluster_settings import Cluster
-from deconflict.settings.hot_reload import InForce
+from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 
@@ -34,7 +34,7 @@ class Feed:
     def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
         self._bus, self._receiver = Bus(settings, site.store.keep_days), AsyncCaller(runtime, "receiver")
         self._settings, self._grid, self._conflict = settings, Grid(settings.tile_m), site.conflict
-        self._in_force = InForce(runtime, site)
+        self._in_force = CurrentSite(runtime, site)
         self._sorter = self._new_sorter()
         self._name = f"{FEED}{uuid4().hex[:12]}"
 
@@ -81,7 +81,7 @@ class Feed:
     async def _whole(self, channels: set[str]) -> list[bytes]:
         """All the robots of channels, for who has come to hear them."""
         try:
-            _, _, batch = opened(await self._receiver.call("follow", WHOLE))
+            _, _, batch = unpacked_batch(await self._receiver.call("follow", WHOLE))
         except LinkDownError:
             return []
         parts = self._new_sorter().sort(batch) if batch else {}

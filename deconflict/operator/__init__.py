@@ -1,1 +1,1 @@
-"""The operators' side: the store, the API, the live page, outlets and black boxes."""
+"""The operators' side: advisory store, HTTP API, live page, outlets and black boxes."""

@@ -1,4 +1,5 @@
-"""The three roles of the service: the receiver holds vendors' sockets, the engine computes, the operator face serves.
+"""The three roles of the service: the receiver holds vendors' sockets, the engine computes, the operator role serves.
 
-Each runs in a process of its own, or all in one; they meet over links in one runtime directory either way.
+Each runs in a process of its own, or all run in one. In both cases they call each other over sockets in one runtime
+directory.
 """

@@ -1,4 +1,4 @@
-"""The engine's process: asks the receiver for a batch, steps, hands what it decided to the operator face."""
+"""The engine's process: requests batches from the receiver, runs the engine, and delivers to the operator role."""
 
 import json
 import logging
@@ -19,10 +19,10 @@ from deconflict.advisory import ADVISORY, AnyAdvisory, Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
-from deconflict.runtime.heartbeat import LONG_S, SILENT_S
+from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
-from deconflict.settings.hot_reload import InForce
+from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
@@ -30,13 +30,13 @@ from ingest.measures.measures import Measures
 RETRY_S = 0.2
 MEASURES_EVERY_S = 1.0
 MOST_WAITING_BYTES = 64 << 20
-"""Wait for an operator face that takes nothing: some five minutes of a crowded floor."""
+"""Most bytes that wait for an operator role that does not answer: some five minutes of a crowded floor."""
 EVERYTHING = b"everything"
-"""What an engine asks for that knows nothing of the floor. It may take long, so that its pass is not judged."""
+"""The request of an engine that knows nothing of the floor. Its pass may take long and counts for no deadline."""
 LEFT_OUT = {
     Effort.FULL: "nothing is left out any more",
-    Effort.COARSE: "smallest separations are told to a quarter of a metre",
-    Effort.NEAR: "conflicts later than conflict.warning_s wait as well, and queues are looked at every ten seconds",
+    Effort.COARSE: "smallest separations are given to a quarter of a metre",
+    Effort.NEAR: "conflicts later than conflict.warning_s wait as well, and queues are checked every ten seconds",
 }
 
 NO_ADVICE = Recommendation(cost_s=0.0, bound_s=0.0, proven_optimal=False, note="no advice could be worked out")
@@ -45,63 +45,64 @@ log = logging.getLogger(__name__)
 
 
 class UndeliveredError(Exception):
-    """The operator face has taken nothing for long."""
+    """The operator role has accepted nothing for long."""
 
     def __init__(self) -> None:
-        much = f"{MOST_WAITING_BYTES >> 20} MiB"
-        super().__init__(f"{much} wait for an operator face that takes nothing; the engine begins anew once it does")
+        size = f"{MOST_WAITING_BYTES >> 20} MiB"
+        super().__init__(f"{size} wait for an operator role that does not answer; the engine restarts once it does")
 
 
 class EngineRole:
-    """Computes. Holds no socket of the network, waits for no disk: a thread of its own delivers what it decided."""
+    """Runs the engine. It waits for no network and no disk: a thread of its own delivers the decisions."""
 
     def __init__(self, site: Site, runtime: Path) -> None:
-        self._site, self._in_force = site, InForce(runtime, site)
+        self._site, self._current_site = site, CurrentSite(runtime, site)
         self._receiver = Caller(runtime, "receiver")
-        self._outbox = Outbox(runtime)
+        self._delivery = Delivery(runtime)
         self._adviser = ThreadPoolExecutor(1, "adviser")
         self._solved_s: deque[float] = deque()
-        """How long advice took to work out, filled by any thread."""
+        """Durations of solves since the last pass. Any thread appends."""
         self._failed: deque[Exception] = deque()
-        """And why it could not be."""
+        """Errors of solves since the last pass. Any thread appends."""
         self._kept_s = time.monotonic()
         self._load = LoadShedder(site.engine.deadline_s)
 
-    def run(self, stop: threading.Event, goes_on: Callable[[int], object] = lambda _: None) -> None:
-        """Step until `stop` is set. `goes_on` is told each time for how many seconds this may now be silent."""
-        goes_on(LONG_S)
-        engine = self._restored(stop)
+    def run(self, stop: threading.Event, beat: Callable[[int], object] = lambda _: None) -> None:
+        """Run until `stop` is set. Calls `beat` with the number of seconds that this may be silent from now."""
+        beat(LONG_SILENCE_LIMIT_S)
+        engine = self._restored_engine(stop)
         if engine is None:
             return
-        self._outbox.start()
+        self._delivery.start()
         try:
-            self._stepped(engine, stop, goes_on)
+            self._run_engine(engine, stop, beat)
         finally:
             self._adviser.shutdown(cancel_futures=True)
-            self._outbox.stop()
+            self._delivery.stop()
             self._receiver.close()
 
-    def _stepped(self, engine: Engine, stop: threading.Event, goes_on: Callable[[int], object]) -> None:
-        ask = EVERYTHING
+    def _run_engine(self, engine: Engine, stop: threading.Event, beat: Callable[[int], object]) -> None:
+        request = EVERYTHING
         while not stop.is_set():
-            goes_on(LONG_S if ask == EVERYTHING else SILENT_S)
+            beat(LONG_SILENCE_LIMIT_S if request == EVERYTHING else SILENCE_LIMIT_S)
             pending = engine.pending()
             try:
-                batch = Batch.from_bytes(self._receiver.call("batch", b"%b %d %d" % (ask, self._load.effort, pending)))
+                payload = b"%b %d %d" % (request, self._load.effort, pending)
+                batch = Batch.from_bytes(self._receiver.call("batch", payload))
             except LinkDownError:
-                ask = EVERYTHING
+                request = EVERYTHING
                 stop.wait(RETRY_S)
                 continue
-            self._step(engine, batch, pending, judged=ask != EVERYTHING)
-            ask = b"changes"
-            if changed := self._in_force.changed():
-                engine, ask = engine.renewed(changed), EVERYTHING
+            self._run_pass(engine, batch, pending, timed=request != EVERYTHING)
+            request = b"changes"
+            if changed := self._current_site.changed():
+                engine, request = engine.renewed(changed), EVERYTHING
                 self._load = LoadShedder(changed.engine.deadline_s, self._load.effort)
-        self._outbox.keep(engine.learned())
+        self._delivery.keep(engine.learned())
 
-    def _restored(self, stop: threading.Event) -> Engine | None:
-        """An engine that goes on with what is stored; None if stopped before that could be had."""
-        operator = Caller(self._outbox.runtime, "operator")
+    def _restored_engine(self, stop: threading.Event) -> Engine | None:
+        """An engine with the stored state; None if `stop` is set before the operator role answers."""
+        operator = Caller(self._delivery.runtime, "operator")
         while not stop.is_set():
             try:
                 stored, learned = json.loads(operator.call("restore")), operator.call("learned")
@@ -117,10 +118,10 @@ class EngineRole:
         return None
 
     def _engine(self, stored: dict[str, Any], learned: dict[str, Part] | None) -> Engine:
-        """An engine that goes on with the stored advisories, and with what was learned."""
+        """An engine with the stored advisories and the learned state."""
         return Engine(
             self._site,
-            [ADVISORY.validate_python(one) for one in stored["open"]],
+            [ADVISORY.validate_python(advisory) for advisory in stored["open"]],
             {(a, b): count for a, b, count in stored["encounters"]},
             lambda work: self._adviser.submit(self._timed, work),
             stored["burdens_s"],
@@ -132,20 +133,21 @@ class EngineRole:
         try:
             advice = work()
         except Exception as error:
-            log.exception("advice could not be worked out; conflicts are told without it")
+            log.exception("the solver failed; conflicts are published without advice")
             self._failed.append(error)
             return NO_ADVICE
         self._solved_s.append(time.perf_counter() - began_s)
         return advice
 
-    def _step(self, engine: Engine, batch: Batch, pending: int, *, judged: bool) -> None:
+    def _run_pass(self, engine: Engine, batch: Batch, pending: int, *, timed: bool) -> None:
+        """One pass of the engine. `timed` is whether it counts for the deadline."""
         began_s = time.perf_counter()
         engine.receive(batch)
         revisions = engine.step(batch.now_s, self._load.effort, pending)
         took_s = time.perf_counter() - began_s
         engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
-        if judged:
-            self._judge(engine.measures, took_s)
+        if timed:
+            self._adapt_effort(engine.measures, took_s)
         failed = [self._failed.popleft() for _ in range(len(self._failed))]
         engine.measures.count("deconflict_advice_failures_total", by=len(failed))
         solved_s = [self._solved_s.popleft() for _ in range(len(self._solved_s))]
@@ -153,13 +155,13 @@ class EngineRole:
         robots = engine.live.robots
         near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]
         presence = partial(engine.presence.document, batch.now_s)
-        self._outbox.put(revisions, arrivals_s(batch, time.time()), engine.measures, near, presence)
+        self._delivery.add_pass(revisions, arrivals_s(batch, time.time()), engine.measures, near, presence)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
-            self._outbox.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
+            self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
 
-    def _judge(self, measures: Measures, took_s: float) -> None:
-        """Say whether a pass was late, and do less or more from now on."""
+    def _adapt_effort(self, measures: Measures, took_s: float) -> None:
+        """Count whether the pass was late, and set the effort of the next passes."""
         before = self._load.effort
         measures.count("deconflict_deadlines_missed_total", by=self._load.add_pass(took_s))
         measures.level("deconflict_engine_effort_reduced", {(): self._load.effort})
@@ -169,18 +171,18 @@ class EngineRole:
             log.info("the engine keeps up again: %s", LEFT_OUT[self._load.effort])
 
 
-class Outbox:
-    """Delivers revisions in order, again and again until the operator face has stored them."""
+class Delivery:
+    """Delivers revisions in order, and retries until the operator role has stored them."""
 
     def __init__(self, runtime: Path) -> None:
         self.runtime = runtime
         self.measures = Measures()
         self._operator = Caller(runtime, "operator")
         self._waiting: queue.SimpleQueue[tuple[bytes, dict[str, Floats]] | None] = queue.SimpleQueue()
-        """Parcels, each with the arrivals of what it reflects."""
-        self._put_bytes = self._taken_bytes = 0
+        """Parcels, each with the arrival times of the messages that it reflects."""
+        self._added_bytes = self._delivered_bytes = 0
         self._learned: deque[dict[str, Part]] = deque(maxlen=1)
-        self._thread = threading.Thread(target=self._deliver, name="outbox")
+        self._thread = threading.Thread(target=self._deliver, name="delivery")
         self._stopping = threading.Event()
         self._measured_s = 0.0
 
@@ -188,13 +190,13 @@ class Outbox:
         self._thread.start()
 
     def stop(self) -> None:
-        """Deliver what waits, once, and end."""
+        """Try once to deliver what waits, and end."""
         self._stopping.set()
         self._waiting.put(None)
         self._thread.join()
         self._operator.close()
 
-    def put(
+    def add_pass(
         self,
         revisions: list[AnyAdvisory],
         arrivals_s: dict[str, Floats],
@@ -202,10 +204,10 @@ class Outbox:
         near_misses: Sequence[tuple[str, str, float, tuple[str, str]]] = (),
         presence: Callable[[], dict[str, Any] | None] = lambda: None,
     ) -> None:
-        """Queue one step: its revisions, the arrivals of the messages it reflects, by vendor, and near misses; and once
-        a second what it measured, and who is still there.
+        """Queue one pass: its revisions and near misses, and once a second its measures and the robots' presence.
 
-        Raises `UndeliveredError` where too much waits, and lets go of it: nobody was told of it.
+        `arrivals_s` has by vendor the arrival times of the messages that the pass reflects. Raises `UndeliveredError`
+        if too much waits, and drops it: nobody has received it.
         """
         due = time.monotonic() - self._measured_s >= MEASURES_EVERY_S
         if due:
@@ -217,14 +219,14 @@ class Outbox:
             "presence": presence() if due else None,
         }
         step = to_json(parcel) if revisions or due or near_misses else b"", arrivals_s
-        self._put_bytes += _weight(*step)
+        self._added_bytes += _size_bytes(*step)
         self._waiting.put(step)
-        if self._put_bytes - self._taken_bytes > MOST_WAITING_BYTES:
+        if self._added_bytes - self._delivered_bytes > MOST_WAITING_BYTES:
             self._waiting = queue.SimpleQueue()
             raise UndeliveredError
 
     def keep(self, learned: dict[str, Part]) -> None:
-        """Hand over what was learned after the next parcel; what still waits is replaced by it."""
+        """Deliver the learned state after the next parcel. Replaces one that still waits."""
         self._learned.append(learned)
 
     def _deliver(self) -> None:
@@ -232,13 +234,13 @@ class Outbox:
             parcel, arrivals_s = step
             if parcel:
                 self._publish(parcel)
-            self._taken_bytes += _weight(parcel, arrivals_s)
+            self._delivered_bytes += _size_bytes(parcel, arrivals_s)
             observe_latency(self.measures, arrivals_s, time.time())
-            self._keep()
-        self._keep()
+            self._deliver_learned()
+        self._deliver_learned()
 
-    def _keep(self) -> None:
-        with suppress(LinkDownError):  # the next will come in a minute
+    def _deliver_learned(self) -> None:
+        with suppress(LinkDownError):  # the next one comes in a minute
             while self._learned:
                 self._operator.call("learn", packed(self._learned.pop()))
 
@@ -253,6 +255,6 @@ class Outbox:
                 return
 
 
-def _weight(parcel: bytes, arrivals_s: dict[str, Floats]) -> int:
-    """Roughly what a step takes that waits, bytes."""
+def _size_bytes(parcel: bytes, arrivals_s: dict[str, Floats]) -> int:
+    """Approximate memory of one queued pass."""
     return len(parcel) + sum(arrived_s.nbytes for arrived_s in arrivals_s.values())

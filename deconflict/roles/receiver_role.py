@@ -1,4 +1,4 @@
-"""The receiver: vendors' sockets in, batches out at each tick, everything recorded in the order it happened."""
+"""The receiver role: takes in vendors' messages, gives a batch at each tick, and records all events in order."""
 
 import asyncio
 import json
@@ -12,16 +12,16 @@ from operator import attrgetter
 from pathlib import Path
 from random import Random
 
-from deconflict.operator.live.recent_batches import Recent, parcel
+from deconflict.operator.live.recent_batches import RecentBatches, packed_batch
 from deconflict.runtime.rpc import PortTakenError, listening, socket_path
 from deconflict.settings.fleet_factory import fleet_of, load_fast_path
-from deconflict.settings.hot_reload import InForce
+from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from ingest.clocks import SteadyClock
 from ingest.fleet import fleet_report
 from ingest.fleet.introductions import Introduction
-from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.recovery import recover
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -35,11 +35,11 @@ from ingest.security.vendor_credentials import VendorCredentials
 
 logger = logging.getLogger(__name__)
 
-DISK_S = 0.05
-"""How long a batch waits for its messages to be recorded. Where the disk still owes earlier ones it does not wait."""
+DISK_TIMEOUT_S = 0.05
+"""A batch waits at most so long until its messages are recorded, and not at all if the disk is already behind."""
 DOCUMENTS_AT_ONCE = 20
 INTRODUCER = "another ingest"
-"""As the peer of what robots have said of themselves elsewhere."""
+"""Recorded as the peer of an identity report that came from another ingest."""
 RELOAD_CHECK_S = 0.2
 
 
@@ -48,7 +48,7 @@ FAST_PATH_AFTER = 1000
 
 
 class ReceiverRole:
-    """Holds the robots' port, the fleet's state and the recording. The engine paces it by asking for batches."""
+    """Owns the robots' port, the fleet's state and the recording. The engine sets the pace by its requests."""
 
     def __init__(self, site: Site, runtime: Path, log: Path, wall: Callable[[], float] = time.time) -> None:
         """`wall` is the host's clock."""
@@ -61,7 +61,7 @@ class ReceiverRole:
         self.fleet = fleet_of(site, self.measures)
         found = recover(self.fleet, segments(log) if log.is_dir() else [], self._now_s())
         if found.messages:
-            logger.info("the floor is as it was: %s messages read back from the recording", found.messages)
+            logger.info("the floor is restored: %s messages read from the recording", found.messages)
         self.recorder = Recorder(site.recorder, log, self.measures, self._now_s)
         self.receiver = Receiver(
             site.receiver,
@@ -79,7 +79,7 @@ class ReceiverRole:
         """Set once its ports are open."""
         self._tick_s = 0.0
         self._fast_path_asked = False
-        self._recent = Recent()
+        self._recent = RecentBatches()
         self._dialers: dict[tuple[str, str], asyncio.Task[None]] = {}
         """By address and vendor."""
 
@@ -97,16 +97,16 @@ class ReceiverRole:
         }
         await self._open_port()
         self._dial()
-        renewing = asyncio.create_task(self._renew())
+        reloading = asyncio.create_task(self._reload())
         try:
             async with listening(socket_path(self._runtime, "receiver"), calls):
                 self.ready.set()
                 await stop.wait()
         finally:
-            ending = [renewing, *self._dialers.values()]
-            for task in ending:
+            tasks = [reloading, *self._dialers.values()]
+            for task in tasks:
                 task.cancel()
-            await asyncio.gather(*ending, return_exceptions=True)
+            await asyncio.gather(*tasks, return_exceptions=True)
             await self.receiver.close()
             self.recorder.close()
 
@@ -121,9 +121,9 @@ class ReceiverRole:
         rule = self.fleet.receive(raw, arrival_s, connection)
         self.recorder.received(raw, arrival_s, connection, rule)
 
-    def _overtaken(self, one: ArrivedMessage, uuid: str) -> None:
-        self.fleet.count_overtaken(uuid, one.arrival_s, one.connection)
-        self.recorder.overtaken(*one)
+    def _overtaken(self, message: ArrivedMessage, uuid: str) -> None:
+        self.fleet.count_overtaken(uuid, message.arrival_s, message.connection)
+        self.recorder.overtaken(*message)
 
     def _refuse(self, rule: str, reason: str, arrival_s: float, connection: Connection) -> None:
         self.fleet.reject(rule, reason, b"", arrival_s, connection)
@@ -133,15 +133,15 @@ class ReceiverRole:
         self.fleet.connection_closed(connection)
         self.recorder.closed(connection, self._now_s())
 
-    async def _renew(self) -> None:
-        """Take up changed settings as soon as they are in force."""
-        in_force = InForce(self._runtime, self.site)
+    async def _reload(self) -> None:
+        """Apply changed settings as soon as they are in force."""
+        current = CurrentSite(self._runtime, self.site)
         while True:
-            if site := in_force.changed():
-                self._take_up(site)
+            if site := current.changed():
+                self._apply(site)
             await asyncio.sleep(RELOAD_CHECK_S)
 
-    def _take_up(self, site: Site) -> None:
+    def _apply(self, site: Site) -> None:
         try:
             self.receiver.use_credentials(VendorCredentials(site.vendors))
         except SecretError as error:
@@ -154,28 +154,28 @@ class ReceiverRole:
         self._dial()
 
     def _dial(self) -> None:
-        """Dial the addresses of the site file, and no longer those that were taken out of it."""
-        wanted = {(url, vendor.name) for vendor in self.site.vendors for url in vendor.dial}
-        for gone in self._dialers.keys() - wanted:
-            self._dialers.pop(gone).cancel()
-        for new in sorted(wanted - self._dialers.keys()):
+        """Dial new addresses of the site file, and end the dialers of removed ones."""
+        addresses = {(url, vendor.name) for vendor in self.site.vendors for url in vendor.dial}
+        for removed in self._dialers.keys() - addresses:
+            self._dialers.pop(removed).cancel()
+        for new in sorted(addresses - self._dialers.keys()):
             self._dialers[new] = asyncio.create_task(self._dialer(*new).run())
 
     def _dialer(self, url: str, vendor: str) -> Dialer:
         return Dialer(self.receiver, url, vendor, time.monotonic, Random())
 
     async def _batch(self, payload: bytes) -> bytes:
-        """The next tick's batch. The first call of an engine asks for everything, each tells its effort and the
-        answers that it still waits for.
+        """The batch of the next tick.
 
-        What the engine is told is recorded before, so that it survives the death of this process, but only where the
-        disk is prompt.
+        The payload is `everything` (the first call of an engine) or `changes`, then the engine's effort and the number
+        of solver answers that it waits for. Unless the disk is slow, the messages of the batch are recorded before
+        this returns, so that a replay has what the engine has seen even if this process is killed.
         """
-        words = payload.split()
-        everything = words[:1] == [b"everything"]
-        effort, pending = map(int, words[1:]) if words[1:] else (0, 0)
+        arguments = payload.split()
+        everything = arguments[:1] == [b"everything"]
+        effort, pending = map(int, arguments[1:]) if arguments[1:] else (0, 0)
         early_s = self._tick_s + self.site.engine.tick_s - self._now_s()
-        if early_s > 0:  # even a sleep of nothing lasts until the loop has gone round
+        if early_s > 0:  # even sleep(0) costs one iteration of the event loop
             await asyncio.sleep(early_s)
         now_s = quantise(max(self._now_s(), self._tick_s))
         self._tick_s = now_s
@@ -188,7 +188,7 @@ class ReceiverRole:
         batch = self.fleet.next_batch(now_s, everything).to_bytes()
         self._recent.add(now_s, batch)
         if not was_behind and self.recorder.behind:
-            await asyncio.to_thread(self.recorder.sync, DISK_S)
+            await asyncio.to_thread(self.recorder.sync, DISK_TIMEOUT_S)
         return batch
 
     def _ask_for_fast_path(self) -> None:
@@ -200,23 +200,26 @@ class ReceiverRole:
 
     def _load_fast_path(self, loop: asyncio.AbstractEventLoop) -> None:
         fast_path = load_fast_path()
-        with suppress(RuntimeError):  # the role has ended meanwhile, and its loop with it
+        with suppress(RuntimeError):  # the role and its loop have ended meanwhile
             if fast_path:
                 loop.call_soon_threadsafe(self.fleet.use, fast_path)
 
     async def _follow(self, payload: bytes) -> bytes:
-        """The batch after the one with the given number, as the engine was given it, for who watches the floor."""
-        told = await self._recent.after(int(payload))
-        return told or parcel(self._recent.number, self.fleet.snapshot(self._now_s()).to_bytes(), whole=True)
+        """The batch after the one with the given number, as the engine received it, for those who follow the floor."""
+        batch = await self._recent.after(int(payload))
+        return batch or packed_batch(self._recent.number, self.fleet.snapshot(self._now_s()).to_bytes(), whole=True)
 
     async def _robots(self, _: bytes) -> bytes:
-        """All the documents, a few at a time: those of ten thousand robots take seconds, and messages can't wait."""
-        told, now_s = [], self._now_s()
+        """The documents of all robots.
+
+        Lets other tasks run after every few: ten thousand documents take seconds, and messages must not wait.
+        """
+        documents, now_s = [], self._now_s()
         for number, robot in enumerate(sorted(self.fleet.robots.values(), key=attrgetter("uuid"))):
-            told.append(json.dumps(fleet_report.robot_document(self.fleet, robot, now_s)))
+            documents.append(json.dumps(fleet_report.robot_document(self.fleet, robot, now_s)))
             if number % DOCUMENTS_AT_ONCE == 0:
                 await asyncio.sleep(0)
-        return f"[{','.join(told)}]".encode()
+        return f"[{','.join(documents)}]".encode()
 
     async def _quarantine(self, _: bytes) -> bytes:
         return json.dumps(self.fleet.quarantine.documents()).encode()
@@ -225,15 +228,18 @@ class ReceiverRole:
         return json.dumps(self.fleet.unidentified()).encode()
 
     async def _introductions(self, payload: bytes) -> bytes:
-        """What robots have said of themselves after a time of arrival."""
-        return json.dumps([one.document() for one in self.fleet.introductions(float(payload))]).encode()
+        """The identity reports that arrived after a time."""
+        introductions = self.fleet.introductions(float(payload))
+        return json.dumps([introduction.document() for introduction in introductions]).encode()
 
     async def _introduce(self, payload: bytes) -> bytes:
-        """What robots that are here have said of themselves elsewhere, taken in and recorded as if it came here."""
-        for one in map(Introduction.of_document, json.loads(payload)):
-            if self.fleet.lacks(one):
-                connection, now_s = self.receiver.new_connection(INTRODUCER, "/", one.vendor), self._now_s()
-                self.recorder.received(one.raw, now_s, connection, self.fleet.introduce(one, now_s, connection))
+        """Take in identity reports that came to other ingests, and record them as if they came here."""
+        for introduction in map(Introduction.of_document, json.loads(payload)):
+            if self.fleet.lacks(introduction):
+                connection = self.receiver.new_connection(INTRODUCER, "/", introduction.vendor)
+                now_s = self._now_s()
+                rule = self.fleet.introduce(introduction, now_s, connection)
+                self.recorder.received(introduction.raw, now_s, connection, rule)
                 self._closed(connection)
         return b""
 

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from deconflict.cluster.nats.nats_credentials import credentials
-from deconflict.operator.http.api import Exposition
+from deconflict.operator.http.api_sources import Exposition
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.receiver_role import ReceiverRole
-from deconflict.runtime.heartbeat import Lifeline
+from deconflict.runtime.heartbeat import Heartbeat
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.site import Site
@@ -28,15 +28,15 @@ log = logging.getLogger(__name__)
 
 
 def runtime_directory() -> tempfile.TemporaryDirectory[str]:
-    """A directory for links that only this user can enter, with a path short enough for a Unix socket."""
+    """A directory for sockets that only this user can enter, with a path short enough for a Unix socket."""
     return tempfile.TemporaryDirectory(prefix="deconflict-")
 
 
 @asynccontextmanager
-async def in_one_process(
+async def run_in_one_process(
     site: Site, data: Path, exposition: Exposition, wall: Callable[[], float] = time.time
 ) -> AsyncIterator[tuple[ReceiverRole, OperatorRole]]:
-    """The same three roles on one event loop, the engine on a thread: for tests and small runs."""
+    """Run the three roles on one event loop, the engine on a thread of its own: for tests and small runs."""
     with runtime_directory() as name:
         runtime, stop, stop_engine = Path(name), asyncio.Event(), threading.Event()
         data.mkdir(parents=True, exist_ok=True)
@@ -46,56 +46,56 @@ async def in_one_process(
         async with asyncio.TaskGroup() as roles:
             roles.create_task(operator.run(stop))
             roles.create_task(receiver.run(stop))
-            computing = asyncio.create_task(asyncio.to_thread(engine.run, stop_engine))
+            engine_task = asyncio.create_task(asyncio.to_thread(engine.run, stop_engine))
             try:
                 await asyncio.gather(receiver.ready.wait(), operator.ready.wait())
                 yield receiver, operator
             finally:
                 stop_engine.set()
-                await computing
+                await engine_task
                 stop.set()
 
 
 def _engine_role(site: Site, runtime: Path) -> "EngineRole":
-    from deconflict.roles.engine_role import EngineRole  # noqa: PLC0415 - brings numba
+    from deconflict.roles.engine_role import EngineRole  # noqa: PLC0415 - loads numba
 
     return EngineRole(site, runtime)
 
 
 def run_role(role: str, runtime: Path, data: Path, exposition: Exposition) -> None:
-    """Be one role until standard input ends, as a supervisor's child."""
+    """Run one role as a supervisor's child process, until the supervisor closes standard input."""
     site = Site.model_validate_json((runtime / SITE_FILE).read_text())
-    line = Lifeline()
+    heartbeat = Heartbeat()
     if role == "engine" and not site.cluster:
         ended = threading.Event()
-        line.at_end(ended.set)
-        _engine_role(site, runtime).run(ended, line.goes_on)
+        heartbeat.at_end(ended.set)
+        _engine_role(site, runtime).run(ended, heartbeat.beat)
         return
-    asyncio.run(_run_async_role(role, site, runtime, data, exposition, line))
+    asyncio.run(_run_async_role(role, site, runtime, data, exposition, heartbeat))
 
 
 async def _run_async_role(
-    role: str, site: Site, runtime: Path, data: Path, exposition: Exposition, line: Lifeline
+    role: str, site: Site, runtime: Path, data: Path, exposition: Exposition, heartbeat: Heartbeat
 ) -> None:
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
-    line.at_end(partial(loop.call_soon_threadsafe, stop.set))
-    one = _async_role(role, site, runtime, data, exposition)
-    telling = [asyncio.create_task(line.speaking())]
-    if isinstance(one, ReceiverRole | OperatorRole):
-        telling.append(asyncio.create_task(_serves(one.ready, line)))
+    heartbeat.at_end(partial(loop.call_soon_threadsafe, stop.set))
+    running = _async_role(role, site, runtime, data, exposition)
+    tasks = [asyncio.create_task(heartbeat.keep_beating())]
+    if isinstance(running, ReceiverRole | OperatorRole):
+        tasks.append(asyncio.create_task(_report_port_open(running.ready, heartbeat)))
     try:
-        await one.run(stop)
+        await running.run(stop)
     finally:
-        for task in telling:
+        for task in tasks:
             task.cancel()
 
 
-async def _serves(ready: asyncio.Event, line: Lifeline) -> None:
+async def _report_port_open(ready: asyncio.Event, heartbeat: Heartbeat) -> None:
     await ready.wait()
-    line.serves()
+    heartbeat.report_port_open()
 
 
-def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Exposition) -> "Runs":
+def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Exposition) -> "Role":
     if role == "receiver":
         return ReceiverRole(site, runtime, data / "log")
     if role == "operator" or not site.cluster:
@@ -104,23 +104,27 @@ def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Ex
 
 
 def cluster_problems(settings: Cluster | None, parts: Iterable[str]) -> list[str]:
-    """Why parts can't be run by themselves, or a cluster can't be, a sentence each.
+    """A sentence for each reason why a cluster, or single parts of the service, can't run.
 
-    Raises `SecretError` and `CertificateError` where it can't sign in.
+    Raises `SecretError` and `CertificateError` if the credentials for NATS can't be used.
     """
     if settings is None:
-        return ["cluster.nats: is missing; --part needs other machines to run the other parts"] if parts else []
+        return (
+            ["cluster.nats: is missing; --part needs a cluster, in which other machines run the rest"] if parts else []
+        )
     if find_spec("nats") is None:
         return ["cluster.nats: needs the NATS client; pip install 'amr-deconflict[cluster]'"]
     credentials(settings)
     return []
 
 
-class Runs(Protocol):
+class Role(Protocol):
+    """A role that runs on an event loop."""
+
     async def run(self, stop: asyncio.Event) -> None: ...
 
 
-def _cluster_role(role: str, site: Site, settings: Cluster, runtime: Path) -> Runs:
+def _cluster_role(role: str, site: Site, settings: Cluster, runtime: Path) -> Role:
     from deconflict.cluster.engine_member import Member  # noqa: PLC0415 - brings the NATS client
     from deconflict.cluster.ingest_feed import Feed  # noqa: PLC0415 - brings the NATS client
     from deconflict.cluster.store_follower import Follower  # noqa: PLC0415 - brings the NATS client

@@ -1,1 +1,1 @@
-"""Processes, logs and calls between processes. Nothing here knows of robots."""
+"""Processes, logs and calls between processes. Nothing in this folder knows about robots."""

@@ -1,4 +1,4 @@
-"""A data directory is one service's: two would write into each other's recordings and advisories."""
+"""File locks on a data directory: two services there would write into each other's recordings and advisories."""
 
 import fcntl
 import logging
@@ -10,15 +10,18 @@ log = logging.getLogger(__name__)
 
 
 class DataTakenError(OSError):
-    """Another service keeps its data there."""
+    """Another running service uses the data directory."""
 
     def __init__(self, directory: Path) -> None:
-        super().__init__(f"{directory} is another service's, which runs; set another store.directory, or --data")
+        super().__init__(f"{directory} is in use by another service; set another store.directory, or --data")
 
 
 @contextmanager
-def held(directory: Path, parts: Iterable[str]) -> Iterator[None]:
-    """Keep a directory for these parts of a service, until the end or this process's death. Raises `DataTakenError`."""
+def locked(directory: Path, parts: Iterable[str]) -> Iterator[None]:
+    """Lock a directory for these parts of a service. The kernel frees the locks if this process dies.
+
+    Raises `DataTakenError`.
+    """
     with ExitStack() as locks:
         for part in parts:
             lock = locks.enter_context((directory / f".{part}.lock").open("w"))
@@ -27,5 +30,5 @@ def held(directory: Path, parts: Iterable[str]) -> Iterator[None]:
             except BlockingIOError as error:
                 raise DataTakenError(directory) from error
             except OSError as error:
-                log.warning("%s can't be kept from other services: %s", directory, error)
+                log.warning("%s can't be locked against other services: %s", directory, error)
         yield

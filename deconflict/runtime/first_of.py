@@ -1,13 +1,13 @@
-"""Two things at once, until whichever ends first."""
+"""Two coroutines at once, until the first of them ends."""
 
 import asyncio
 from collections.abc import Coroutine
 from typing import Any
 
 
-async def until_either(one: Coroutine[Any, Any, object], other: Coroutine[Any, Any, object]) -> None:
-    """Do both until one of them ends, and then no more of the other. Raises what the one that ended raised."""
-    tasks = {asyncio.create_task(one), asyncio.create_task(other)}
+async def until_either(first: Coroutine[Any, Any, object], second: Coroutine[Any, Any, object]) -> None:
+    """Run both until one of them ends, then cancel the other. Raises the error of the one that ended."""
+    tasks = {asyncio.create_task(first), asyncio.create_task(second)}
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:

@@ -1,8 +1,8 @@
-"""The line between the supervisor and a role, on the role's standard input.
+"""The connection between the supervisor and a role, on the role's standard input.
 
-Either end sees the other's end by it, so that no role outlives its supervisor. A role that goes on says so, a byte each
-time: for how many seconds it may be silent from now. One that hangs says nothing. One that has opened its port says so
-once, by a zero.
+Each side sees by it when the other ends, so that no role outlives its supervisor. A live role sends heartbeats: one
+byte each, the number of seconds that it may be silent from now. A role that hangs sends nothing. A role that has opened
+its port sends one zero.
 """
 
 import asyncio
@@ -13,34 +13,34 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-SILENT_S = 20
-"""For so long a role may be silent. Its calls to others end within ten seconds, and it speaks each second otherwise."""
-LONG_S = 240
-"""The same while it begins, and before what may take long."""
-SERVES = 0
-SPEAK_EVERY_S = 1.0
-GAP_S = 1.0
-"""Silence between two looks counts for no more: where the supervisor itself stood still, nobody hangs."""
+SILENCE_LIMIT_S = 20
+"""A role may be silent for so long. It sends each second, except while it waits at most ten seconds for a call."""
+LONG_SILENCE_LIMIT_S = 240
+"""The same while a role starts, and before work that may take long."""
+PORT_OPEN = 0
+HEARTBEAT_S = 1.0
+MOST_GAP_S = 1.0
+"""Silence between two checks counts for at most so long: no role hangs because the supervisor itself was stopped."""
 
 
-class Watching:
-    """The supervisor's end."""
+class HeartbeatMonitor:
+    """The supervisor's side."""
 
     def __init__(self, now_s: float) -> None:
-        """`now_s` is of a clock that is never set, as in `hangs`."""
+        """`now_s` is monotonic time, as in `hangs`."""
         self._ours, self.theirs = socket.socketpair()
         self._ours.setblocking(False)
-        self._looked_s, self._silent_s, self._allowed_s = now_s, 0.0, LONG_S
-        self.serves = False
-        """Whether its port was open at the last look."""
+        self._checked_s, self._silent_s, self._allowed_s = now_s, 0.0, LONG_SILENCE_LIMIT_S
+        self.port_is_open = False
+        """As of the last check."""
 
     def hangs(self, now_s: float) -> bool:
-        """Whether the role has been silent for longer than it may; told once, and then counted anew."""
-        self._silent_s += min(now_s - self._looked_s, GAP_S)
-        self._looked_s = now_s
-        said = self._said()
-        self.serves |= SERVES in said
-        if allowed := said.replace(bytes([SERVES]), b""):
+        """True once each time the silence limit passes."""
+        self._silent_s += min(now_s - self._checked_s, MOST_GAP_S)
+        self._checked_s = now_s
+        received = self._received()
+        self.port_is_open |= PORT_OPEN in received
+        if allowed := received.replace(bytes([PORT_OPEN]), b""):
             self._silent_s, self._allowed_s = 0.0, allowed[-1]
         if self._silent_s <= self._allowed_s:
             return False
@@ -51,50 +51,49 @@ class Watching:
         self.theirs.close()
         self._ours.close()
 
-    def _said(self) -> bytes:
+    def _received(self) -> bytes:
         try:
             return self._ours.recv(4096)
         except OSError:
             return b""
 
 
-class Lifeline:
-    """The role's end. Where standard input is no such line, as of a role without a supervisor, nobody is told."""
+class Heartbeat:
+    """The role's side. Without a supervisor, when standard input is not a socket, nothing is sent."""
 
     def __init__(self) -> None:
         try:
-            self._line: socket.socket | None = socket.socket(fileno=sys.stdin.fileno())
+            self._socket: socket.socket | None = socket.socket(fileno=sys.stdin.fileno())
         except OSError:
-            self._line = None
+            self._socket = None
 
-    def at_end(self, then: Callable[[], object]) -> None:
-        """Call `then`, on a thread of its own, once the supervisor ends the line or is gone."""
+    def at_end(self, callback: Callable[[], object]) -> None:
+        """Call `callback`, on a thread of its own, once the supervisor closes the connection or ends."""
 
         def wait() -> None:
-            with suppress(ConnectionResetError):  # what was said last is not heard any more
+            with suppress(ConnectionResetError):  # the supervisor ended and left our last bytes unread
                 while os.read(sys.stdin.fileno(), 4096):
                     pass
-            then()
+            callback()
 
         threading.Thread(target=wait, daemon=True).start()
 
-    def goes_on(self, silent_s: int = SILENT_S) -> None:
-        """Say that this role goes on, and for how long it may be silent now, at most 255 s."""
-        self._say(silent_s)
+    def beat(self, silence_limit_s: int = SILENCE_LIMIT_S) -> None:
+        """Report that this role is alive, and for how long it may be silent now, at most 255 s."""
+        self._send(silence_limit_s)
 
-    def serves(self) -> None:
-        """Say that this role's port is open."""
-        self._say(SERVES)
+    def report_port_open(self) -> None:
+        self._send(PORT_OPEN)
 
-    def _say(self, byte: int) -> None:
+    def _send(self, byte: int) -> None:
         try:
-            if self._line:
-                self._line.send(bytes([byte]), socket.MSG_DONTWAIT)
+            if self._socket:
+                self._socket.send(bytes([byte]), socket.MSG_DONTWAIT)
         except OSError:
-            return  # a supervisor that does not listen, or is gone, which `at_end` tells
+            return  # the supervisor does not read, or has ended, which `at_end` reports
 
-    async def speaking(self) -> None:
-        """Say so for as long as the event loop goes round."""
+    async def keep_beating(self) -> None:
+        """Beat for as long as the event loop runs."""
         while True:
-            self.goes_on()
-            await asyncio.sleep(SPEAK_EVERY_S)
+            self.beat()
+            await asyncio.sleep(HEARTBEAT_S)

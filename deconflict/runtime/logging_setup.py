@@ -1,4 +1,4 @@
-"""The service's own log on standard error: as text or as JSON lines, without secrets, and never a flood."""
+"""The service's own log on standard error: text or JSON lines, without secrets, with a limit on repeated lines."""
 
 import json
 import logging
@@ -12,12 +12,13 @@ from ingest.languages.massrobotics import timestamps
 
 FORMATS = ("text", "json")
 VARIABLE = "DECONFLICT_LOG"
-"""Tells the roles' processes, and a container, which format."""
+"""Environment variable that gives the format to the processes of the roles, and to a container."""
 TEXT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 MOST_ALIKE, WITHIN_S = 20, 60.0
-"""Of lines from one place in the program, so many in so long; how many more there were is said after it."""
+"""Each line of the program logs at most so many records in so many seconds. The next record says how many were left
+out."""
 CHATTY = ("websockets", "uvicorn", "httpx", "httpcore")
-"""They tell of each connection or request, addresses with their queries included."""
+"""Loggers that log each connection or request, and write out addresses with their queries."""
 HIDDEN = "[hidden]"
 
 _SECRET = re.compile(
@@ -28,38 +29,38 @@ _SECRET = re.compile(
 
 
 def begin(kind: str) -> None:
-    """Log to standard error as `kind` says, one of `FORMATS`; child processes do the same."""
+    """Log to standard error in the format `kind`, one of `FORMATS`. Child processes do the same."""
     os.environ[VARIABLE] = kind
-    logging.basicConfig(level=logging.INFO, handlers=[handler(kind, time.monotonic)])
+    logging.basicConfig(level=logging.INFO, handlers=[create_handler(kind, time.monotonic)])
     for chatty in CHATTY:
         logging.getLogger(chatty).setLevel(logging.WARNING)
 
 
-def handler(kind: str, clock: Callable[[], float], stream: TextIO | None = None) -> logging.Handler:
-    """Writes to the stream, standard error if none."""
-    made = logging.StreamHandler(stream)
-    made.setFormatter(Lines() if kind == "json" else Text(TEXT))
-    made.addFilter(Bounded(clock))
-    return made
+def create_handler(kind: str, clock: Callable[[], float], stream: TextIO | None = None) -> logging.Handler:
+    """A handler that writes to `stream`, or to standard error if `stream` is None."""
+    handler = logging.StreamHandler(stream)
+    handler.setFormatter(JsonFormatter() if kind == "json" else TextFormatter(TEXT))
+    handler.addFilter(RepeatLimit(clock))
+    return handler
 
 
 def hidden(text: str) -> str:
-    """The text without what looks like a secret, and without halves of characters, which no stream takes."""
+    """The text without anything that looks like a secret, and without lone surrogates, which no stream can encode."""
     return _SECRET.sub(rf"\g<kept>{HIDDEN}", text).encode("utf-8", "backslashreplace").decode()
 
 
-class Text(logging.Formatter):
-    """For people."""
+class TextFormatter(logging.Formatter):
+    """Lines for people."""
 
     def format(self, record: logging.LogRecord) -> str:
         return hidden(super().format(record))
 
 
-class Lines(logging.Formatter):
-    """A JSON object a line: `at`, `level`, `logger`, `said`, and `error` with its story where there is one."""
+class JsonFormatter(logging.Formatter):
+    """One JSON object a line: `at`, `level`, `logger`, `process`, `said`, and `error` with the traceback if any."""
 
     def format(self, record: logging.LogRecord) -> str:
-        told: dict[str, Any] = {
+        document: dict[str, Any] = {
             "at": timestamps.write(record.created),
             "level": record.levelname.lower(),
             "logger": record.name,
@@ -67,26 +68,29 @@ class Lines(logging.Formatter):
             "said": hidden(record.getMessage()),
         }
         if record.exc_info:
-            told["error"] = hidden(self.formatException(record.exc_info))
-        return json.dumps(told, ensure_ascii=False)
+            document["error"] = hidden(self.formatException(record.exc_info))
+        return json.dumps(document, ensure_ascii=False)
 
 
-class Bounded(logging.Filter):
-    """Lets so many lines of one place through in so long. Places are lines of the program, so they are bounded too."""
+class RepeatLimit(logging.Filter):
+    """Lets at most `MOST_ALIKE` records of one place through in `WITHIN_S`.
+
+    A place is a line of the program, so the number of places is bounded.
+    """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         super().__init__()
         self._clock = clock
         self._seen: dict[tuple[str, int], tuple[float, int]] = {}
-        """By place: since when lines are counted, and how many there were."""
+        """By place: when its count began, and the number of records since."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         now_s, place = self._clock(), (record.pathname, record.lineno)
         since_s, count = self._seen.get(place, (now_s, 0))
         if now_s - since_s >= WITHIN_S:
             if count > MOST_ALIKE:
-                said = f"{record.getMessage()} ({count - MOST_ALIKE} like this were left out)"
-                record.msg, record.args = said, None
+                text = f"{record.getMessage()} ({count - MOST_ALIKE} like this were left out)"
+                record.msg, record.args = text, None
             since_s, count = now_s, 0
         self._seen[place] = since_s, count + 1
         return count < MOST_ALIKE

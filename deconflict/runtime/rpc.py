@@ -1,7 +1,7 @@
 """Calls between the service's own processes, over Unix sockets in a directory that only its user can enter.
 
-A frame is four bytes of length, big end first, and that many bytes. A request is a name, a newline and a payload;
-the reply to it is a payload. Calls on one connection are answered in turn.
+A frame is a length of four bytes, big-endian, and that many bytes. A request is a name, a newline and a payload. The
+reply is a payload. Calls on one connection are answered in order.
 """
 
 import asyncio
@@ -17,15 +17,15 @@ log = logging.getLogger(__name__)
 
 HEADER = struct.Struct(">I")
 CALL_TIMEOUT_S = 10.0
-AT_ONCE_BYTES = 1 << 22
-"""Of a reply are handed to the kernel at once, as far as it lets us (net.core.wmem_max): what does not fit waits for
-the event loop to come round, again and again, and who is behind goes round slowly."""
+SEND_BUFFER_BYTES = 1 << 22
+"""Size of the kernel's send buffer, as far as net.core.wmem_max allows. The rest of a reply waits for the next
+iterations of the event loop, which are slow in a role under load."""
 
 Handler = Callable[[bytes], Awaitable[bytes]]
 
 
 class LinkDownError(ConnectionError):
-    """The role at the other end does not answer."""
+    """The called role does not answer."""
 
     def __init__(self, role: str) -> None:
         super().__init__(f"the {role} does not answer")
@@ -33,23 +33,23 @@ class LinkDownError(ConnectionError):
 
 
 class PortTakenError(OSError):
-    """A port that the service needs can't be had."""
+    """The service can't listen on a port that it needs."""
 
     def __init__(self, section: str, host: str, port: int) -> None:
-        super().__init__(f"{host}:{port} can't be listened on; is it in use? Set another {section}.port")
+        super().__init__(f"can't listen on {host}:{port}; is it in use? Set another {section}.port")
 
 
 @asynccontextmanager
 async def listening(path: Path, handlers: Mapping[str, Handler]) -> AsyncIterator[None]:
-    """Answer calls at `path`, replacing what an earlier process left there; ends every conversation on the way out."""
-    conversing: set[asyncio.Task[Any]] = set()
+    """Answer calls at `path`, and replace the socket of an earlier process. Ends all connections at exit."""
+    connections: set[asyncio.Task[Any]] = set()
 
-    async def converse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def serve_connection(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()
         if task:
-            conversing.add(task)
-            task.add_done_callback(conversing.discard)
-        writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, AT_ONCE_BYTES)
+            connections.add(task)
+            task.add_done_callback(connections.discard)
+        writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         try:
             while True:
                 name, _, payload = (await _read(reader)).partition(b"\n")
@@ -57,21 +57,21 @@ async def listening(path: Path, handlers: Mapping[str, Handler]) -> AsyncIterato
                 writer.write(HEADER.pack(len(reply)) + reply)
                 await writer.drain()
         except (asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):
-            pass  # the caller has gone, or this role ends
+            pass  # the caller has disconnected, or this role ends
         except Exception:
             log.exception("a call failed; its caller will try again")
         finally:
             writer.close()
 
     path.unlink(missing_ok=True)
-    server = await asyncio.start_unix_server(converse, path)
+    server = await asyncio.start_unix_server(serve_connection, path)
     try:
         yield
     finally:
         server.close()
-        for task in list(conversing):
+        for task in list(connections):
             task.cancel()
-        await asyncio.gather(*conversing, return_exceptions=True)
+        await asyncio.gather(*connections, return_exceptions=True)
 
 
 async def _read(reader: asyncio.StreamReader) -> bytes:
@@ -80,14 +80,14 @@ async def _read(reader: asyncio.StreamReader) -> bytes:
 
 
 class Caller:
-    """Calls a role and waits for the answer; connects when first needed and again after a failure."""
+    """Blocking calls to a role. Connects at the first call, and again after a failure."""
 
     def __init__(self, directory: Path, role: str) -> None:
         self._path, self._role = socket_path(directory, role), role
         self._socket: socket.socket | None = None
 
     def call(self, name: str, payload: bytes = b"") -> bytes:
-        """Raises `LinkDownError`; a call that failed may or may not have been carried out."""
+        """Raises `LinkDownError`. The role may have carried out a call that failed."""
         try:
             if self._socket is None:
                 self._socket = socket.socket(socket.AF_UNIX)
@@ -117,7 +117,7 @@ class Caller:
 
 
 class AsyncCaller:
-    """The same for an event loop; each call has a connection of its own."""
+    """The same for an event loop. Each call has a connection of its own."""
 
     def __init__(self, directory: Path, role: str) -> None:
         self._path, self._role = socket_path(directory, role), role

@@ -1,4 +1,4 @@
-"""Work that takes long, in a process of its own that ends with this one, so that nothing live waits for it."""
+"""Long work in a process of its own, so that no live work waits for it. The process ends with this one."""
 
 import asyncio
 import os
@@ -9,64 +9,65 @@ from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, TypeVar
 
-GENTLE = 10
-"""Added to the process's niceness: what is live goes first."""
+NICENESS = 10
+"""Added to the niceness of the process: live work goes first."""
 _SPAWN = get_context("spawn")
-Told = TypeVar("Told")
+Result = TypeVar("Result")
 
 
-class AsideError(RuntimeError):
+class WorkerError(RuntimeError):
     """The work failed; the message says why."""
 
 
-def worker() -> ProcessPoolExecutor:
-    """One process for work that comes again and again, started when it is first given some."""
-    return ProcessPoolExecutor(1, _SPAWN, _begin)
+def worker_pool() -> ProcessPoolExecutor:
+    """One process for repeated work. It starts with the first task."""
+    return ProcessPoolExecutor(1, _SPAWN, _prepare)
 
 
-async def once(work: Callable[..., Told], *given: object) -> Told:
-    """Do one piece of work in a process that is killed where this is cancelled. Raises `AsideError`."""
-    hearing, saying = _SPAWN.Pipe(duplex=False)
-    process = _SPAWN.Process(target=_work, args=(saying, work, given), daemon=True)
-    starting = asyncio.create_task(asyncio.to_thread(process.start))  # until it has taken in what it is given
+async def run_in_process(function: Callable[..., Result], *arguments: object) -> Result:
+    """Call a function in a new process. Cancelling this kills the process. Raises `WorkerError`."""
+    receiving, sending = _SPAWN.Pipe(duplex=False)
+    process = _SPAWN.Process(target=_call, args=(sending, function, arguments), daemon=True)
+    starting = asyncio.create_task(asyncio.to_thread(process.start))  # blocks until the process has read its arguments
     try:
         await asyncio.shield(starting)
-        saying.close()
-        done, told = await asyncio.to_thread(_heard, hearing)
+        sending.close()
+        succeeded, answer = await asyncio.to_thread(_received, receiving)
     finally:
         await starting
         process.kill()
         process.join()
-        hearing.close()
+        receiving.close()
         process.close()
-    if not done:
-        raise AsideError(told)
-    answer: Told = told
+    if not succeeded:
+        raise WorkerError(answer)
+    result: Result = answer
+    return result
+
+
+def _received(receiving: Connection) -> tuple[bool, Any]:
+    """Whether the function succeeded, and its result or the text of its error."""
+    try:
+        answer: tuple[bool, Any] = receiving.recv()
+    except (EOFError, OSError):
+        return False, "its process ended before it was done"
     return answer
 
 
-def _heard(hearing: Connection) -> tuple[bool, Any]:
+def _call(sending: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    _prepare()
     try:
-        told: tuple[bool, Any] = hearing.recv()
-    except (EOFError, OSError):
-        return False, "its process ended before it was done"
-    return told
+        sending.send((True, function(*arguments)))
+    except Exception as error:  # noqa: BLE001 - the caller gets the error
+        sending.send((False, f"{type(error).__name__}: {error}"))
 
 
-def _work(saying: Connection, work: Callable[..., Any], given: tuple[Any, ...]) -> None:
-    _begin()
-    try:
-        saying.send((True, work(*given)))
-    except Exception as error:  # noqa: BLE001 - whoever asked is told
-        saying.send((False, f"{type(error).__name__}: {error}"))
+def _prepare() -> None:
+    os.nice(NICENESS)
+    Thread(target=_exit_with_parent, daemon=True).start()
 
 
-def _begin() -> None:
-    os.nice(GENTLE)
-    Thread(target=_outlive_not, daemon=True).start()
-
-
-def _outlive_not() -> None:
+def _exit_with_parent() -> None:
     parent = parent_process()
     if parent:
         parent.join()

@@ -19,7 +19,7 @@ IMAGES = {
 Matrix = tuple[float, float, float, float, float, float]
 
 
-def matrix(plan: FloorPlan, datum: Datum) -> Matrix:
+def image_matrix(plan: FloorPlan, datum: Datum) -> Matrix:
     """a to f of x_m = a column + c row + e and y_m = b column + d row + f, as a canvas' `transform` takes them.
 
     It is the global part of the fit that a vendor's map would have (`ingest/frames/fitting.py`). Raises `FitError`.

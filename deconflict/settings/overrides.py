@@ -4,12 +4,12 @@ import tomllib
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from deconflict.settings.site import Site, SiteError, from_told
+from deconflict.settings.site import Site, SiteError, site_from_document
 
 UNITS = ("_m", "_s", "_mps", "_rad", "_pct", "_bytes", "_days")
 
 
-def changed(site: Site, changes: Iterable[str]) -> Site:
+def with_overrides(site: Site, changes: Iterable[str]) -> Site:
     """The site with each `KEY=VALUE` in place of what it says.
 
     A key is a path as in the site file, or its last part, with or without the unit, where only one key ends so; a
@@ -25,7 +25,7 @@ def changed(site: Site, changes: Iterable[str]) -> Site:
         for part in path[:-1]:
             inner = inner.setdefault(part, {})
         inner[path[-1]] = _value(name, text)
-    return from_told(told)
+    return site_from_document(told)
 
 
 def _path(name: str) -> tuple[str, ...]:

@@ -182,16 +182,16 @@ class SiteError(ValueError):
 def load(path: Path) -> Site:
     """The site in a TOML file. Raises `SiteError` naming each wrong key.
 
-    Readings that fit nothing pass: `problems` judges those.
+    Readings that fit nothing pass: `fit_problems` judges those.
     """
     try:
         raw = path.read_bytes()
     except OSError as error:
         raise SiteError([f"{path} can't be read: {error}"]) from error
-    return parsed(raw, path)
+    return site_from_toml(raw, path)
 
 
-def parsed(raw: bytes, path: Path) -> Site:
+def site_from_toml(raw: bytes, path: Path) -> Site:
     """The site in the bytes of a TOML file, which problems call `path`. Raises `SiteError` naming each wrong key."""
     try:
         told = tomllib.loads(raw.decode())
@@ -199,10 +199,10 @@ def parsed(raw: bytes, path: Path) -> Site:
         raise SiteError([f"{path} can't be read: {error}"]) from error
     except tomllib.TOMLDecodeError as error:
         raise SiteError([f"{path} is not TOML: {error}"]) from error
-    return from_told(told)
+    return site_from_document(told)
 
 
-def from_told(told: Mapping[str, Any]) -> Site:
+def site_from_document(told: Mapping[str, Any]) -> Site:
     """The site that a TOML document tells. Raises `SiteError` naming each wrong key."""
     try:
         site = Site.model_validate_json(json.dumps(told, default=str), strict=True)
@@ -214,7 +214,7 @@ def from_told(told: Mapping[str, Any]) -> Site:
     return site
 
 
-def problems(site: Site) -> list[str]:
+def fit_problems(site: Site) -> list[str]:
     """What is wrong with reference points and with vendors' readings of them, a sentence each; empty if nothing."""
     return [
         *(

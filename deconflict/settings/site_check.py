@@ -11,7 +11,7 @@ import shapely
 
 from deconflict.settings.map_checks import map_problems
 from deconflict.settings.shared_places import PRIOR_SERVICE_S, Resource, Zone, outlines
-from deconflict.settings.site import Site, SiteError, datum_of, load, problems
+from deconflict.settings.site import Site, SiteError, datum_of, fit_problems, load
 from ingest.frames.fitting import Fit, FitError, Method
 from ingest.frames.frame_registry import FrameRegistry, Pose, fit_map
 from ingest.frames.projection import Projection
@@ -38,7 +38,7 @@ class MapReport:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Report:
+class SiteReport:
     """A site, judged."""
 
     site: Site
@@ -54,18 +54,18 @@ def check(path: Path, out: TextIO) -> int:
     except SiteError as error:
         out.write(f"{error}\n")
         return 1
-    judged = report(site)
-    out.writelines(f"{line}\n" for line in lines(judged))
+    judged = site_report(site)
+    out.writelines(f"{line}\n" for line in report_lines(judged))
     return 1 if judged.problems else 0
 
 
-def report(site: Site) -> Report:
+def site_report(site: Site) -> SiteReport:
     """How well the site's vendors fit its datums."""
     maps = tuple(_judged(vendor, one, datum_of(site, one)) for vendor in site.vendors for one in vendor.maps)
-    return Report(site, maps, tuple(problems(site)))
+    return SiteReport(site, maps, tuple(fit_problems(site)))
 
 
-def lines(judged: Report) -> Iterator[str]:
+def report_lines(judged: SiteReport) -> Iterator[str]:
     """The report as text."""
     site = judged.site
     yield f"{site.name}: {len(site.datums)} datums, {len(site.vendors)} vendors, {len(judged.maps)} own maps"

@@ -13,8 +13,8 @@ from typing import Any
 import zstandard
 
 from deconflict.advisory import ADVISORY, ConflictAdvisory
-from deconflict.operator.blackbox.archive import FOLDER, Shelf
-from deconflict.operator.blackbox.hash_chain import Chain, ChainBrokenError, verified
+from deconflict.operator.blackbox.archive import FOLDER, Archive
+from deconflict.operator.blackbox.hash_chain import ChainBrokenError, HashChain, verified
 from deconflict.operator.blackbox.start_state import BoxError, head_of, site_of, start_of
 from ingest.languages.massrobotics import timestamps
 from ingest.recording.log_reader import BlackBoxNote, LogReader, lines_of
@@ -100,9 +100,9 @@ def verify(file: Path) -> Verification:
     )
 
 
-def _check_register(file: Path, chain: Chain) -> None:
+def _check_register(file: Path, chain: HashChain) -> None:
     """Compare a file with the register in its folder, if there is one. Raises `BoxError`."""
-    before, last = Shelf(file.parent).link(file.name)
+    before, last = Archive(file.parent).link(file.name)
     if last not in (None, chain.head):
         raise BoxError(f"{file} was rewritten: its last line has sha256 {chain.head}, but the register has {last}")
     if before not in (None, chain.first):
@@ -121,7 +121,7 @@ def _stamp(text: str) -> str:
 
 
 def _list(args: argparse.Namespace) -> int:
-    for box in Shelf(args.data / FOLDER).boxes():
+    for box in Archive(args.data / FOLDER).boxes():
         sys.stdout.write(f"{args.data / FOLDER / box['file']}\n")
         for near_miss in box["near_misses"]:
             sys.stdout.write(f"  {near_miss['at']}  {near_miss['summary']}\n")

@@ -20,7 +20,7 @@ from typing import Any
 
 from dask.distributed import Client, Future, LocalCluster
 
-from deconflict.operator.blackbox.start_state import Start
+from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Event, LogReader, Received, Tick
 from metrics.replay.engine_output import EngineOutput
@@ -74,7 +74,7 @@ def replay(
     *,
     on_line: LineSink | None = None,
     on_batch: BatchSink | None = None,
-    start: Start = Start(),  # noqa: B008 - frozen
+    start: StartState = StartState(),  # noqa: B008 - frozen
     window_s: float = WINDOW_S,
 ) -> dict[str, Any]:
     """The result of `metrics.replay.replay.replay`, computed by the workers of `client`."""

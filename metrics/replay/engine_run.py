@@ -4,7 +4,7 @@ from math import floor
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.engine.engine import Engine
-from deconflict.operator.blackbox.start_state import Start
+from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.batch import Batch, Floats
 from metrics.replay.engine_output import EngineOutput, PairProbabilities
@@ -15,7 +15,7 @@ from metrics.scoring.place_scores import EVERY_S, PlaceForecast, forecast_of
 class EngineRun:
     """One clearance's engine over one log."""
 
-    def __init__(self, site: Site, clearance_m: float, start: Start) -> None:
+    def __init__(self, site: Site, clearance_m: float, start: StartState) -> None:
         conflict = site.conflict.model_copy(update={"clearance_m": clearance_m})
         self.clearance_m = clearance_m
         self.engine = Engine(

@@ -11,7 +11,7 @@ from itertools import chain
 from typing import Any
 
 from deconflict.advisory import ConflictAdvisory
-from deconflict.operator.blackbox.start_state import Start
+from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.recording.log_reader import Event, LogReader
@@ -35,7 +35,7 @@ def replay(
     *,
     on_line: LineSink | None = None,
     on_batch: BatchSink | None = None,
-    start: Start = Start(),  # noqa: B008 - frozen
+    start: StartState = StartState(),  # noqa: B008 - frozen
 ) -> dict[str, Any]:
     """The scores of every clearance over the events that `reader` reads.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from deconflict.advisory import ADVISORY
 from deconflict.engine.engine import Engine
-from deconflict.settings.site import Site, SiteError, parsed, problems
+from deconflict.settings.site import Site, SiteError, site_from_toml, fit_problems
 from ingest.batch import Batch, Floats
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
@@ -101,7 +101,7 @@ def site(raw: bytes) -> None:
     """A site file is taken, or refused with what to change."""
     told: Site | SiteError
     try:
-        told = parsed(raw, Path("site.toml"))
+        told = site_from_toml(raw, Path("site.toml"))
     except SiteError as error:
         told = error
     if isinstance(told, SiteError):
@@ -109,7 +109,7 @@ def site(raw: bytes) -> None:
         assert told.problems
         return
     assert Site.model_validate_json(told.model_dump_json()) == told
-    if not problems(told):
+    if not fit_problems(told):
         FrameRegistry(told.datums, told.vendors)
 
 

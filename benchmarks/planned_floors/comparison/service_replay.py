@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.planned_floors.comparison.service_parts import Change
 from benchmarks.planned_floors.scoring.judged_cases import Sample
-from deconflict.operator.blackbox.start_state import Start
+from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import LogReader
 from metrics.replay.engine_passes import EnginePass, PassReader
@@ -36,7 +36,7 @@ class Published:
 def replayed(log: Path, site: Site, changes: Mapping[str, Change]) -> dict[str, Published]:
     """What the service published with each change, by name; each engine begins with nothing learned."""
     reader = PassReader(site)
-    engines = {name: EngineRun(site, site.conflict.clearance_m, Start()) for name in changes}
+    engines = {name: EngineRun(site, site.conflict.clearance_m, StartState()) for name in changes}
     for name, change in changes.items():
         change(engines[name].engine)
     published = {name: Published() for name in changes}

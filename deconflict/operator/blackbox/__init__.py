@@ -1,1 +1,1 @@
-"""Black boxes: around each near miss a file of what was heard and decided, which replays to the same advisories."""
+"""Black boxes: a file for each near miss, with what was received and decided. A replay gives the same advisories."""

@@ -1,4 +1,4 @@
-"""The directory of black boxes, and its register: what is in each, and the hash that its last line must have."""
+"""The directory of black boxes and its register: the contents of each box, and the hash of its last line."""
 
 import json
 import logging
@@ -9,47 +9,47 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from deconflict.operator.blackbox.hash_chain import NOTHING
+from deconflict.operator.blackbox.hash_chain import FIRST_HASH
 
 log = logging.getLogger(__name__)
 
 FOLDER = "blackbox"
-"""Beside the log and the advisories."""
+"""Beside the log and the advisory database."""
 REGISTER = "register.jsonl"
 NAME = re.compile(r"blackbox-\d{8}T\d{9}Z\.jsonl\.zst")
 
-Pair = tuple[str, ...]
+VendorPair = tuple[str, ...]
 """The vendors of two robots, sorted."""
 Box = dict[str, Any]
 """One line of the register: `file`, `bytes`, `sha256` of the last line, `from`, `until`, `near_misses`."""
 
 
-class Shelf:
-    """One directory; whoever adds to it is alone."""
+class Archive:
+    """One directory. Only one process may add to it."""
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
 
     def boxes(self) -> list[Box]:
-        """Those there are, the newest last."""
-        return [one for one in self._registered() if (self.directory / one["file"]).exists()]
+        """The boxes whose file exists, newest last."""
+        return [box for box in self._registered() if (self.directory / box["file"]).exists()]
 
     def head(self) -> str:
-        """What the next box's first line must carry."""
+        """The hash for the first line of the next box."""
         registered = self._registered()
-        return str(registered[-1]["sha256"]) if registered else NOTHING
+        return str(registered[-1]["sha256"]) if registered else FIRST_HASH
 
     def link(self, file: str) -> tuple[str | None, str | None]:
-        """The hashes that a box's first line must carry and its last must have, each None where nobody knows."""
+        """The hash in a box's first line, and the hash of its last line; None for each that is not registered."""
         before = None
-        for one in self._registered():
-            if one["file"] == file:
-                return before, str(one["sha256"])
-            before = str(one["sha256"])
+        for box in self._registered():
+            if box["file"] == file:
+                return before, str(box["sha256"])
+            before = str(box["sha256"])
         return None, None
 
     def path(self, file: str) -> Path | None:
-        """Where a box is; None where there is no such."""
+        """The path of a box; None if there is no such box."""
         path = self.directory / file
         return path if NAME.fullmatch(file) and path.is_file() else None
 
@@ -57,16 +57,17 @@ class Shelf:
         self._write([*self._registered(), box])
 
     def prune(self, *, files: int, total_bytes: int, before: str) -> list[str]:
-        """Remove those that end before a time, and what is beyond so many or so much; their names.
+        """Remove boxes that end before a time, and those beyond the limits of count and size. Returns their names.
 
-        Of those beyond, the oldest goes of the pair of vendors that holds the most, so that none pushes out others'.
+        Beyond a limit, the oldest box of the pair of vendors with the most boxes goes first, so that no pair of vendors
+        can push out the boxes of others.
         """
         boxes = self.boxes()
         kept = [box for box in boxes if box["until"] >= before]
         while len(kept) > files:
-            kept.remove(_least_missed(kept, lambda _: 1))
+            kept.remove(_oldest_of_largest_pair(kept, lambda _: 1))
         while sum(map(_bytes, kept)) > total_bytes:
-            kept.remove(_least_missed(kept, _bytes))
+            kept.remove(_oldest_of_largest_pair(kept, _bytes))
         gone = [str(box["file"]) for box in boxes if box not in kept]
         for file in gone:
             (self.directory / file).unlink(missing_ok=True)
@@ -75,26 +76,30 @@ class Shelf:
         return gone
 
     def _linked(self, files: set[str]) -> list[Box]:
-        """What the register tells of files, and of what the chain needs: whatever is before each, and the newest."""
+        """The register's lines of these files, and those that the chain needs: the one before each, and the newest."""
         registered = self._registered()
-        after = [*(one["file"] for one in registered[1:]), None]
-        return [one for one, then in zip(registered, after, strict=True) if {one["file"], then} & files or then is None]
+        next_files = [*(box["file"] for box in registered[1:]), None]
+        return [
+            box
+            for box, next_file in zip(registered, next_files, strict=True)
+            if {box["file"], next_file} & files or next_file is None
+        ]
 
     def _registered(self) -> list[Box]:
         path = self.directory / REGISTER
         if not path.exists():
             return []
-        found = []
+        boxes = []
         for line in path.read_text(encoding="utf-8").splitlines():
             try:
                 box = json.loads(line)
-                found.append({"file": str(box["file"]), "bytes": int(box["bytes"]), "sha256": str(box["sha256"])} | box)
+                boxes.append({"file": str(box["file"]), "bytes": int(box["bytes"]), "sha256": str(box["sha256"])} | box)
             except (ValueError, KeyError, TypeError) as error:
                 log.warning("a line of %s is left out: %s", path, error)
-        return found
+        return boxes
 
     def _write(self, boxes: Iterable[Box]) -> None:
-        """In one step, so that a crash leaves the old register or the new one."""
+        """Replaces the register in one step, so that a crash leaves the old one or the new one."""
         new = self.directory / (REGISTER + ".new")
         with new.open("w", encoding="utf-8") as file:
             file.writelines(json.dumps(box) + "\n" for box in boxes)
@@ -107,18 +112,21 @@ def _bytes(box: Box) -> int:
     return int(box["bytes"])
 
 
-def _least_missed(boxes: Sequence[Box], size: Callable[[Box], int]) -> Box:
-    """The oldest of the pair of vendors that holds the most; a box of several is of the one that holds the least."""
-    held, owned = Counter[Pair](), Counter[Pair]()
+def _oldest_of_largest_pair(boxes: Sequence[Box], size: Callable[[Box], int]) -> Box:
+    """The oldest box of the pair of vendors with the largest total size.
+
+    A box with near misses of several pairs counts for the pair with the smallest total.
+    """
+    totals, owned = Counter[VendorPair](), Counter[VendorPair]()
     for box in boxes:
-        for pair in _pairs(box):
-            held[pair] += size(box)
-    owners = [min(_pairs(box), key=lambda pair: (held[pair], pair)) for box in boxes]
+        for pair in _vendor_pairs(box):
+            totals[pair] += size(box)
+    owners = [min(_vendor_pairs(box), key=lambda pair: (totals[pair], pair)) for box in boxes]
     for box, owner in zip(boxes, owners, strict=True):
         owned[owner] += size(box)
     most = max(owned.values())
     return next(box for box, owner in zip(boxes, owners, strict=True) if owned[owner] == most)
 
 
-def _pairs(box: Box) -> set[Pair]:
-    return {tuple(sorted(map(str, one["vendors"]))) for one in box["near_misses"]} or {()}
+def _vendor_pairs(box: Box) -> set[VendorPair]:
+    return {tuple(sorted(map(str, near_miss["vendors"]))) for near_miss in box["near_misses"]} or {()}

@@ -1,4 +1,4 @@
-"""What goes into one black box: whose near misses, from when to when, and what the engine had in mind at the start."""
+"""What one black box is to hold: its near misses, its times, and the engine's state at its start."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -7,65 +7,71 @@ from typing import NamedTuple
 
 from deconflict.settings.site import Site
 
-WARM_S = 15.0
-"""The engine runs for so long before the moments that are promised: what it remembers of those before is then right."""
+WARM_UP_S = 15.0
+"""The replayed engine starts so long before `from_s`, so that its memory of the time before is right by then."""
 LEAD_S = 40.0
-"""Messages are read for so long before the engine runs: a robot's clock is judged by its last 32."""
+"""Messages are read from so long before the engine starts: a robot's clock is judged by its last 32 messages."""
 
 
-class Near(NamedTuple):
-    """Two robots within the clearance, as the engine saw it."""
+class NearPair(NamedTuple):
+    """Two robots that the engine saw within the clearance."""
 
     a: str
     b: str
     at_s: float
     vendors: tuple[str, ...] = ()
-    """Sorted; unknown where an older release noted it."""
+    """Sorted. Empty if an older release noted the pair."""
 
     @classmethod
-    def told(cls, a: str, b: str, at_s: float, vendors: Iterable[str] = ()) -> "Near":
-        """From JSON. Raises `TypeError` and `ValueError` where it is none."""
+    def from_json(cls, a: str, b: str, at_s: float, vendors: Iterable[str] = ()) -> "NearPair":
+        """Raises `TypeError` and `ValueError` if a value has a wrong type."""
         return cls(str(a), str(b), float(at_s), tuple(sorted(map(str, vendors))))
 
 
-class Snapshot(NamedTuple):
-    """What the engine had learned by a tick, packed, and how long each vendor had yielded."""
+class LearnedSnapshot(NamedTuple):
+    """The engine's learned state at one tick."""
 
     at_s: float
     learned: bytes
+    """As `learned_state.packed` writes it."""
     burdens_s: dict[str, float]
+    """How long each vendor's robots had yielded."""
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class BoxSpan:
     """The times of one box, seconds since the epoch, ascending."""
 
     lead_s: float
-    """Messages from here on."""
+    """The box holds messages from here on."""
     engine_s: float
-    """The engine runs from here on, with what it had learned by then."""
+    """The replayed engine starts here, with the learned state of this time."""
     from_s: float
-    """What was decided from here on is promised to come out again."""
+    """A replay gives exactly the decisions from here on."""
     until_s: float
 
     @classmethod
-    def around(cls, near: Sequence[Near], before_s: float, after_s: float, snapshot: Snapshot | None) -> "Span":
-        from_s, until_s = min(one.at_s for one in near) - before_s, max(one.at_s for one in near) + after_s
-        engine_s = snapshot.at_s if snapshot else from_s - WARM_S
+    def around(
+        cls, pairs: Sequence[NearPair], before_s: float, after_s: float, snapshot: LearnedSnapshot | None
+    ) -> "BoxSpan":
+        from_s, until_s = min(pair.at_s for pair in pairs) - before_s, max(pair.at_s for pair in pairs) + after_s
+        engine_s = snapshot.at_s if snapshot else from_s - WARM_UP_S
         return cls(engine_s - LEAD_S, engine_s, from_s, until_s)
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
-    """Everything that the making of one box needs, to be handed to another process."""
+class BlackBoxRequest:
+    """Everything that the worker process needs to write one box."""
 
     site: Site
     log: Path
-    shelf: Path
-    near: tuple[Near, ...]
-    span: Span
-    snapshot: Snapshot | None
+    """Directory of the message log."""
+    archive: Path
+    """Directory of the black boxes."""
+    pairs: tuple[NearPair, ...]
+    span: BoxSpan
+    snapshot: LearnedSnapshot | None
     store: Path
-    """The file of advisories, with what was decided until `span.until_s`."""
-    waiting: tuple[str, ...]
-    """What of that is not stored yet, in order, as JSON."""
+    """The advisory database, with what was decided until `span.until_s`."""
+    pending: tuple[str, ...]
+    """Revisions until then that are not in the database yet, in order, as JSON."""

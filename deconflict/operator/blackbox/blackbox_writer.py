@@ -1,11 +1,11 @@
-"""Cuts one black box out of the recording: `deconflict replay FILE` then tells what the service told.
+"""Writes one black box from the recording. `deconflict replay FILE` gives the advisories that the service published.
 
     {"before": HASH, "blackbox": {"site": {...}, "near_misses": [...], "learned": ..., ...}}
     {"before": HASH, "received": ...}      as in the log: messages, ticks, ends of connections
     {"before": HASH, "decided": "...Z", "advisory": {...}}
     {"before": HASH, "end": LINES}
 
-What robots said last before the lead comes first, so that nobody who is quiet is missing.
+The last message of each robot before the lead comes first, so that no quiet robot is missing.
 """
 
 import base64
@@ -19,12 +19,12 @@ import msgspec
 import zstandard
 
 from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ConflictAdvisory
-from deconflict.operator.blackbox.archive import Box, Shelf
-from deconflict.operator.blackbox.blackbox_request import Order
-from deconflict.operator.blackbox.hash_chain import Chain
-from deconflict.operator.blackbox.hindsight import tracks
-from deconflict.operator.blackbox.near_misses import NearMiss, judged
-from deconflict.operator.blackbox.published_advisories import Told, told_in
+from deconflict.operator.blackbox.archive import Archive, Box
+from deconflict.operator.blackbox.blackbox_request import BlackBoxRequest
+from deconflict.operator.blackbox.hash_chain import HashChain
+from deconflict.operator.blackbox.hindsight import recorded_tracks
+from deconflict.operator.blackbox.near_misses import NearMiss, verified_near_miss
+from deconflict.operator.blackbox.published_advisories import PublishedAdvisories, published_in
 from deconflict.operator.blackbox.start_state import FORMAT
 from deconflict.settings.site import Site
 from ingest.languages.massrobotics import timestamps
@@ -41,33 +41,34 @@ from ingest.recording.log_reader import (
     segments_until,
 )
 
-NEEDLESS = {"operator", "receiver", "webhooks", "mqtt", "store", "recorder", "blackbox"}
-"""Parts of the site that a replay needs nothing of."""
-SECRET = {"token", "certificate_names", "dial"}
-"""And of its vendors."""
+OMITTED_SECTIONS = {"operator", "receiver", "webhooks", "mqtt", "store", "recorder", "blackbox"}
+"""Sections of the site that a replay does not need."""
+OMITTED_VENDOR_KEYS = {"token", "certificate_names", "dial"}
+"""Keys of a vendor that a replay does not need, and that may hold secrets."""
 EARLIER_SEGMENTS = 1
-"""Segments of the log before the one with the lead in which quiet robots' last words are looked for."""
+"""Number of log segments before the lead that are searched for the last messages of quiet robots."""
 
 
-def cut(order: Order) -> Box | None:
-    """Write the file and register it; None where by what happened nobody came within the clearance.
+def write_blackbox(request: BlackBoxRequest) -> Box | None:
+    """Write the file and register it; None if by the robots' reports no pair came within the clearance.
 
-    Passes over the log twice, a line at a time. Raises `OSError`.
+    Reads the log twice, line by line. Raises `OSError`.
     """
-    told = told_in(order.store, [ADVISORY.validate_json(one) for one in order.waiting], order.span)
-    misses = _misses(order, told.decided)
+    pending = [ADVISORY.validate_json(text) for text in request.pending]
+    published = published_in(request.store, pending, request.span)
+    misses = _near_misses(request, published.decided)
     if not misses:
         return None
-    shelf = Shelf(order.shelf)
-    chain = Chain(shelf.head())
-    name = f"blackbox-{datetime.fromtimestamp(misses[0].met.began_s, UTC):%Y%m%dT%H%M%S%f}"[:-3] + "Z.jsonl.zst"
-    path = order.shelf / name
+    archive = Archive(request.archive)
+    chain = HashChain(archive.head())
+    name = f"blackbox-{datetime.fromtimestamp(misses[0].nearest.began_s, UTC):%Y%m%dT%H%M%S%f}"[:-3] + "Z.jsonl.zst"
+    path = request.archive / name
     new = path.with_suffix(".new")
     with new.open("wb") as file:
-        with zstandard.ZstdCompressor().stream_writer(file, closefd=False) as packed:
-            for line in _lines(order, told, misses):
-                packed.write(chain.link(line))
-            packed.write(chain.end())
+        with zstandard.ZstdCompressor().stream_writer(file, closefd=False) as compressed:
+            for line in _lines(request, published, misses):
+                compressed.write(chain.link(line))
+            compressed.write(chain.end())
         file.flush()
         os.fsync(file.fileno())
     new.replace(path)
@@ -75,134 +76,140 @@ def cut(order: Order) -> Box | None:
         "file": name,
         "bytes": path.stat().st_size,
         "sha256": chain.head,
-        "from": timestamps.write(order.span.from_s),
-        "until": timestamps.write(order.span.until_s),
-        "near_misses": [one.document() for one in misses],
+        "from": timestamps.write(request.span.from_s),
+        "until": timestamps.write(request.span.until_s),
+        "near_misses": [miss.document() for miss in misses],
     }
-    shelf.add(box)
+    archive.add(box)
     return box
 
 
-def _misses(order: Order, decided: list[AnyAdvisory]) -> list[NearMiss]:
-    """The near misses as they happened, in order of time."""
-    robots = {uuid for one in order.near for uuid in (one.a, one.b)}
-    found, floors = tracks(order.site, _of(order, robots), robots)
-    conflicts = [one for one in decided if isinstance(one, ConflictAdvisory)]
-    every = (judged(one, found, floors, order.site, conflicts, order.span.until_s) for one in order.near)
-    return sorted((one for one in every if one), key=lambda miss: (miss.met.began_s, miss.robots))
+def _near_misses(request: BlackBoxRequest, decided: list[AnyAdvisory]) -> list[NearMiss]:
+    """The near misses by the robots' own reports, ordered by time."""
+    robots = {uuid for pair in request.pairs for uuid in (pair.a, pair.b)}
+    tracks, floors = recorded_tracks(request.site, _messages_of(request, robots), robots)
+    conflicts = [advisory for advisory in decided if isinstance(advisory, ConflictAdvisory)]
+    verified = (
+        verified_near_miss(pair, tracks, floors, request.site, conflicts, request.span.until_s)
+        for pair in request.pairs
+    )
+    return sorted((miss for miss in verified if miss), key=lambda miss: (miss.nearest.began_s, miss.robots))
 
 
-def _of(order: Order, robots: set[str]) -> Iterator[Received]:
-    """The messages of some robots, and those that only a fleet can tell whose they are."""
+def _messages_of(request: BlackBoxRequest, robots: set[str]) -> Iterator[Received]:
+    """The messages of some robots, and those of vendors whose messages name a robot in another way."""
     known = [uuid.encode() for uuid in robots]
-    by_name = {one.name for one in order.site.vendors if one.names_as_uuid}
-    for _, event in _events(order):
+    by_name = {vendor.name for vendor in request.site.vendors if vendor.names_as_uuid}
+    for _, event in _events(request):
         if isinstance(event, Received) and not event.refused:
             raw = event.raw.lower()
             if event.connection.vendor in by_name or any(uuid in raw for uuid in known):
                 yield event
 
 
-def _lines(order: Order, told: Told, misses: list[NearMiss]) -> Iterator[bytes]:
-    """Every line but the last, without the chain."""
-    yield _line({"blackbox": _head(order, told, misses)})
-    waiting = [(one.updated_at.timestamp(), one) for one in reversed(told.decided)]
-    for line, event in _events(order):
-        while waiting and waiting[-1][0] < _time(event, order.span.lead_s):
-            at_s, one = waiting.pop()
-            yield _line({"decided": timestamps.write(at_s), "advisory": one.model_dump(mode="json")})
+def _lines(request: BlackBoxRequest, published: PublishedAdvisories, misses: list[NearMiss]) -> Iterator[bytes]:
+    """Every line except the last, without hashes."""
+    yield _line({"blackbox": _head(request, published, misses)})
+    pending = [(advisory.updated_at.timestamp(), advisory) for advisory in reversed(published.decided)]
+    for line, event in _events(request):
+        while pending and pending[-1][0] < _time(event, request.span.lead_s):
+            yield _decision_line(*pending.pop())
         yield line
-    for at_s, one in reversed(waiting):
-        yield _line({"decided": timestamps.write(at_s), "advisory": one.model_dump(mode="json")})
+    for at_s, advisory in reversed(pending):
+        yield _decision_line(at_s, advisory)
 
 
-def _head(order: Order, told: Told, misses: list[NearMiss]) -> dict[str, Any]:
-    span, snapshot = order.span, order.snapshot
-    restarts = [event for _, event in _events(order) if isinstance(event, EngineStarted)]
+def _head(request: BlackBoxRequest, published: PublishedAdvisories, misses: list[NearMiss]) -> dict[str, Any]:
+    span, snapshot = request.span, request.snapshot
+    restarts = [event for _, event in _events(request) if isinstance(event, EngineStarted)]
     return {
         "format": FORMAT,
-        "site": _site(order.site),
+        "site": _site(request.site),
         "from": timestamps.write(span.from_s),
         "until": timestamps.write(span.until_s),
-        "engine_restarts": sum(one.now_s > span.engine_s + 1.0 for one in restarts),
-        "near_misses": [one.document() for one in misses],
-        "open": [one.model_dump(mode="json") for one in told.open],
-        "encounters": _encounters(told),
+        "engine_restarts": sum(restart.now_s > span.engine_s + 1.0 for restart in restarts),
+        "near_misses": [miss.document() for miss in misses],
+        "open": [advisory.model_dump(mode="json") for advisory in published.open],
+        "encounters": _encounters(published),
         "burdens_s": snapshot.burdens_s if snapshot else {},
         "learned": base64.b64encode(snapshot.learned).decode() if snapshot else None,
     }
 
 
 def _site(site: Site) -> dict[str, Any]:
-    """What a replay reads messages by, without whatever could be a secret."""
-    told = site.model_dump(mode="json", exclude=NEEDLESS)
-    for vendor in told["vendors"]:
-        for key in SECRET:
+    """The settings that a replay needs, without anything that could be a secret."""
+    document = site.model_dump(mode="json", exclude=OMITTED_SECTIONS)
+    for vendor in document["vendors"]:
+        for key in OMITTED_VENDOR_KEYS:
             del vendor[key]
-    return told
+    return document
 
 
-def _encounters(told: Told) -> list[list[Any]]:
-    """How many encounters each pair of the decisions had had when the engine began."""
-    counted: dict[tuple[str, str], int] = {}
-    for one in (*told.open, *told.decided):
-        if isinstance(one, ConflictAdvisory):
-            new = one.state is AdvisoryState.RAISED
-            counted.setdefault(one.robots, one.encounter - new)
-    return [[*pair, count] for pair, count in sorted(counted.items())]
+def _encounters(published: PublishedAdvisories) -> list[list[Any]]:
+    """The number of encounters that each pair in the decisions had when the engine started."""
+    counts: dict[tuple[str, str], int] = {}
+    for advisory in (*published.open, *published.decided):
+        if isinstance(advisory, ConflictAdvisory):
+            is_new = advisory.state is AdvisoryState.RAISED
+            counts.setdefault(advisory.robots, advisory.encounter - is_new)
+    return [[*pair, count] for pair, count in sorted(counts.items())]
 
 
-def _events(order: Order) -> Iterator[tuple[bytes, Event]]:
-    """The lines of the log that the box holds, in order, and what they say."""
-    span, last_words = order.span, dict[tuple[str | None, str, bool], tuple[bytes, Event]]()
-    for line in _log(order):
+def _events(request: BlackBoxRequest) -> Iterator[tuple[bytes, Event]]:
+    """The lines of the log that the box holds, in order, each with its event."""
+    span, last_messages = request.span, dict[tuple[str | None, str, bool], tuple[bytes, Event]]()
+    for line in _log_lines(request):
         try:
             event = parsed(line)
         except UNREADABLE:
-            continue  # the receiver died as it wrote it
+            continue  # the receiver was killed while it wrote the line
         at_s = _time(event, span.lead_s)
         if at_s < span.lead_s:
             if isinstance(event, Received) and not event.refused:
-                last_words[_speaker(event)] = (line, event)
+                last_messages[_sender(event)] = (line, event)
             continue
-        if last_words:
-            yield from last_words.values()
-            last_words.clear()
+        if last_messages:
+            yield from last_messages.values()
+            last_messages.clear()
         if at_s > span.until_s:
             return
         if not isinstance(event, Tick) or at_s > span.engine_s:
             yield line, event
 
 
-def _log(order: Order) -> Iterator[bytes]:
-    files = segments_until(order.log, order.span.until_s)
-    begun = [row for row, file in enumerate(files) if begun_s(file) <= order.span.lead_s]
+def _log_lines(request: BlackBoxRequest) -> Iterator[bytes]:
+    files = segments_until(request.log, request.span.until_s)
+    begun = [row for row, file in enumerate(files) if begun_s(file) <= request.span.lead_s]
     for file in files[max((begun[-1] if begun else 0) - EARLIER_SEGMENTS, 0) :]:
         yield from lines_of(file)
 
 
-class _Who(msgspec.Struct, gc=False):
+class _MessageUuid(msgspec.Struct, gc=False):
     uuid: str = ""
 
 
-_WHO = msgspec.json.Decoder(_Who)
+_UUID_DECODER = msgspec.json.Decoder(_MessageUuid)
 
 
-def _speaker(event: Received) -> tuple[str | None, str, bool]:
-    """Whose message it is, and whether a status."""
+def _sender(event: Received) -> tuple[str | None, str, bool]:
+    """The vendor and the robot of a message, and whether it is a status."""
     try:
-        uuid = _WHO.decode(event.raw).uuid
+        uuid = _UUID_DECODER.decode(event.raw).uuid
     except (msgspec.DecodeError, UnicodeDecodeError):
         uuid = ""
     return event.connection.vendor, uuid, b'"operationalState"' in event.raw
 
 
-def _time(event: Event, otherwise_s: float) -> float:
-    """When an event was; an end of a connection does not say."""
+def _time(event: Event, default_s: float) -> float:
+    """The time of an event; `default_s` for the end of a connection, which has none."""
     if isinstance(event, Received | Overtaken):
         return event.arrival_s
-    return event.now_s if isinstance(event, Tick | EngineStarted) else otherwise_s
+    return event.now_s if isinstance(event, Tick | EngineStarted) else default_s
 
 
-def _line(told: dict[str, Any]) -> bytes:
-    return json.dumps(told, ensure_ascii=False, separators=(",", ":")).encode() + b"\n"
+def _decision_line(at_s: float, advisory: AnyAdvisory) -> bytes:
+    return _line({"decided": timestamps.write(at_s), "advisory": advisory.model_dump(mode="json")})
+
+
+def _line(document: dict[str, Any]) -> bytes:
+    return json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode() + b"\n"

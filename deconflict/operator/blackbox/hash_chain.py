@@ -1,7 +1,7 @@
-"""Lines of which each carries the hash of the one before: who changes one must change all that follow.
+"""A chain of lines, each with the hash of the line before: a change of one line requires a change of all after it.
 
-The hash of the last line is told elsewhere too (the service's log, the register, the next file's first line), so that
-a file that was written anew from its first line on is found out as well.
+The hash of the last line is also kept elsewhere (the service's log, the register, the first line of the next file), so
+that a file that was rewritten as a whole is detected too.
 """
 
 import json
@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import sha256
 
-NOTHING = "0" * 64
-"""What the first line of all carries."""
+FIRST_HASH = "0" * 64
+"""The hash in the first line of the first file."""
 _KEY = b'{"before":"'
 
 
@@ -19,31 +19,31 @@ class ChainBrokenError(ValueError):
 
 
 @dataclass(slots=True)
-class Chain:
-    """Links lines as they are written."""
+class HashChain:
+    """Adds the hash to each line as it is written."""
 
-    head: str = NOTHING
+    head: str = FIRST_HASH
     """SHA-256 of the last line, hexadecimal."""
     lines: int = 0
-    first: str = NOTHING
-    """What the first line carries."""
+    first: str = FIRST_HASH
+    """The hash in the first line."""
 
     def link(self, line: bytes) -> bytes:
-        """A line that is a JSON object, with the hash of the one before as its first key."""
+        """The line, which is a JSON object, with the hash of the line before as its first key."""
         linked = b'%b%b",%b' % (_KEY, self.head.encode(), line[1:])
         self.head, self.lines = sha256(linked).hexdigest(), self.lines + 1
         return linked
 
     def end(self) -> bytes:
-        """The last line: it says how many there are before it."""
+        """The last line: the number of lines before it."""
         return self.link(f'{{"end":{self.lines}}}\n'.encode())
 
 
-def verified(lines: Iterable[bytes]) -> Chain:
+def verified(lines: Iterable[bytes]) -> HashChain:
     """The chain of a whole file. Raises `ChainBrokenError`."""
-    chain, last = Chain(), b""
+    chain, last = HashChain(), b""
     for line in lines:
-        carried = line[len(_KEY) : len(_KEY) + len(NOTHING)].decode("ascii", "replace")
+        carried = line[len(_KEY) : len(_KEY) + len(FIRST_HASH)].decode("ascii", "replace")
         if not line.startswith(_KEY) or (chain.lines and carried != chain.head):
             raise ChainBrokenError(f"line {chain.lines + 1} does not carry the hash of the line before it")
         if not chain.lines:
@@ -54,5 +54,5 @@ def verified(lines: Iterable[bytes]) -> Chain:
     except (ValueError, KeyError):
         raise ChainBrokenError(f"the end is missing after line {chain.lines}") from None
     if ended != chain.lines - 1:
-        raise ChainBrokenError(f"the end tells of {ended} lines and there are {chain.lines - 1}")
+        raise ChainBrokenError(f"the last line counts {ended} lines and there are {chain.lines - 1}")
     return chain

@@ -1,4 +1,4 @@
-"""Keeps the black boxes: notes near misses, waits for what comes after, and has the file cut by a process aside."""
+"""Keeps the black boxes: notes near misses, waits for what follows, and has a worker process write each file."""
 
 import asyncio
 import json
@@ -10,11 +10,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from deconflict.operator.blackbox.archive import FOLDER, Box, Shelf
-from deconflict.operator.blackbox.blackbox_request import WARM_S, Near, Order, Snapshot, Span
+from deconflict.operator.blackbox.archive import FOLDER, Archive, Box
+from deconflict.operator.blackbox.blackbox_request import WARM_UP_S, BlackBoxRequest, BoxSpan, LearnedSnapshot, NearPair
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.learned_state import unpacked
-from deconflict.runtime.worker_process import AsideError, once
+from deconflict.runtime.worker_process import WorkerError, run_in_process
 from deconflict.settings.site import Site
 from ingest.languages.massrobotics import timestamps
 from ingest.measures.measures import Measures
@@ -25,175 +25,173 @@ log = logging.getLogger(__name__)
 JOINED_S = 60.0
 """Near misses within this time of the first share its file."""
 MOST_PAIRS = 50
-"""So many of them, of the vendors that have the most the earliest; what else happened is in the file without a word."""
+"""Most near misses of one file. Beyond, the newest of the pair of vendors with the most is left out of the head."""
 SETTLE_S = 2.0
-"""Until then the log and the store have what happened before."""
+"""After this time the log and the store have everything that happened before."""
 LATEST_S = 600.0
-"""How much longer a recording that is behind is waited for."""
-LOOK_EVERY_S = 0.5
+"""How much longer the keeper waits for a recording that is behind."""
+CHECK_EVERY_S = 0.5
 PRUNE_EVERY_S = 3600.0
 SNAPSHOTS = 6
-"""Of the engine's learning that are remembered; one a minute."""
-TOLD = 3
-"""Near misses of one box that the service's log tells in words."""
+"""Number of snapshots of the learned state that are kept; one comes each minute."""
+MOST_LOGGED = 3
+"""Most near misses of one box that the service's log describes."""
 PENDING = "pending.json"
-COUNTED = "deconflict_blackboxes_total"
+BLACKBOXES = "deconflict_blackboxes_total"
 
 
 class Keeper:
-    """Of one service. Everything but `run` is quick."""
+    """The black boxes of one service. No method except `run` waits."""
 
     def __init__(self, site: Site, data: Path, store: Store, measures: Measures) -> None:
         self.site, self._log, self._store, self._measures = site, data / "log", store, measures
-        self.shelf = Shelf(data / FOLDER)
-        self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
-        self._pending: list[tuple[float, Near]] = []
-        """With when each was noted, by the monotonic clock, which nobody sets."""
-        self._waits = False
-        """Whether it was told that the recording is behind."""
+        self.archive = Archive(data / FOLDER)
+        self._snapshots: deque[LearnedSnapshot] = deque(maxlen=SNAPSHOTS)
+        self._pending: list[tuple[float, NearPair]] = []
+        """Each with when it was noted, monotonic time."""
+        self._logged_behind = False
+        """Whether the log says that the recording is behind."""
         for outcome in ("kept", "unfounded", "failed", "beyond"):
-            measures.count(COUNTED, outcome, by=0)
+            measures.count(BLACKBOXES, outcome, by=0)
 
-    def note(self, near: Iterable[Near]) -> None:
-        """Near misses that the engine has just noticed. Writes them down, so that a restart forgets none."""
+    def note(self, pairs: Iterable[NearPair]) -> None:
+        """Note pairs that the engine has just seen within the clearance. Writes them to disk for a restart."""
         wanted = self.site.blackbox.enabled and self.site.recorder.enabled
-        for one in near if wanted else ():
-            pending = [*self._pending, (time.monotonic(), one)]
+        for pair in pairs if wanted else ():
+            pending = [*self._pending, (time.monotonic(), pair)]
             if len(pending) > MOST_PAIRS:
-                pending.pop(_least_missed([noted for _, noted in pending]))
-                self._measures.count(COUNTED, "beyond")
+                pending.pop(_newest_of_largest_pair([noted for _, noted in pending]))
+                self._measures.count(BLACKBOXES, "beyond")
             self._pending = pending
-        self._remember()
+        self._write_pending()
 
-    def begun(self, learned: bytes) -> None:
-        """An engine begins with what one before it had learned, nothing where there is none."""
-        self._snapshots.append(Snapshot(time.time(), learned, self._store.burdens_s()))
+    def engine_started(self, learned: bytes) -> None:
+        """An engine starts with the learned state of the one before; `learned` is empty if there is none."""
+        self._snapshots.append(LearnedSnapshot(time.time(), learned, self._store.burdens_s()))
 
-    def learned(self, learned: bytes) -> None:
-        """What the engine had learned by a tick; boxes begin at such moments."""
+    def add_snapshot(self, learned: bytes) -> None:
+        """Take in the engine's learned state at a tick. Boxes start at such moments."""
         tick = unpacked(learned).get("tick")
         if tick:
-            self._snapshots.append(Snapshot(float(tick["now_s"]), learned, self._store.burdens_s()))
+            self._snapshots.append(LearnedSnapshot(float(tick["now_s"]), learned, self._store.burdens_s()))
 
     async def run(self) -> None:
-        """Cut what is due, until cancelled."""
-        await asyncio.to_thread(self._recall)
+        """Write each box when it is due, until cancelled."""
+        await asyncio.to_thread(self._read_pending)
         pruned_s = float("-inf")
         while True:
             if time.monotonic() - pruned_s >= PRUNE_EVERY_S:
                 pruned_s = time.monotonic()
                 await asyncio.to_thread(self._prune)
-            near = self._due(time.monotonic())
-            recorded = await asyncio.to_thread(self._is_recorded, near) if near else False
+            pairs = self._due(time.monotonic())
+            recorded = await asyncio.to_thread(self._is_recorded, pairs) if pairs else False
             if recorded:
-                await self._keep(near)
-                self._pending = [pending for pending in self._pending if pending[1] not in near]
-                await asyncio.to_thread(self._remember)
+                await self._keep(pairs)
+                self._pending = [pending for pending in self._pending if pending[1] not in pairs]
+                await asyncio.to_thread(self._write_pending)
                 await asyncio.to_thread(self._prune)
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(CHECK_EVERY_S)
 
-    def _due(self, now_s: float) -> list[Near]:
-        """Those of the next box, once all that comes after them is recorded."""
+    def _due(self, now_s: float) -> list[NearPair]:
+        """The pairs of the next box, once the time after them is over; else none."""
         if not self._pending:
             return []
         after_s = self.site.blackbox.after_s
         joined_s = self._pending[0][0] + min(JOINED_S, after_s)
         joined = [pending for pending in self._pending if pending[0] <= joined_s]
-        return [near for _, near in joined] if now_s >= joined[-1][0] + after_s + SETTLE_S else []
+        return [pair for _, pair in joined] if now_s >= joined[-1][0] + after_s + SETTLE_S else []
 
-    def _is_recorded(self, near: Sequence[Near]) -> bool:
-        """Whether the log tells of all the time after them, or that has been waited for long enough."""
+    def _is_recorded(self, pairs: Sequence[NearPair]) -> bool:
+        """Whether the log has all the time after the pairs, or the wait for it has lasted long enough."""
         after_s = self.site.blackbox.after_s
-        if ends_s(self._log) >= max(one.at_s for one in near) + after_s:
-            self._waits = False
+        if ends_s(self._log) >= max(pair.at_s for pair in pairs) + after_s:
+            self._logged_behind = False
             return True
-        late_s = time.monotonic() - self._pending[len(near) - 1][0] - after_s - SETTLE_S
+        late_s = time.monotonic() - self._pending[len(pairs) - 1][0] - after_s - SETTLE_S
         if late_s > LATEST_S:
             log.error("the recording has not caught up in %g s; a black box is cut short", LATEST_S)
-        elif not self._waits:
-            self._waits = True
+        elif not self._logged_behind:
+            self._logged_behind = True
             log.warning("a black box waits for the recording, which is behind")
         return late_s > LATEST_S
 
-    async def _keep(self, near: list[Near]) -> None:
+    async def _keep(self, pairs: list[NearPair]) -> None:
         try:
-            box = await self._cut(near)
-        except (OSError, StoreError, AsideError) as error:
-            self._measures.count(COUNTED, "failed")
-            log.error("a near miss at %s has no black box: %s", timestamps.write(near[0].at_s), error)
+            request = await asyncio.to_thread(self._request, pairs)
+            box = await run_in_process(_write, request)
+        except (OSError, StoreError, WorkerError) as error:
+            self._measures.count(BLACKBOXES, "failed")
+            log.error("a near miss at %s has no black box: %s", timestamps.write(pairs[0].at_s), error)
             return
-        self._measures.count(COUNTED, "kept" if box else "unfounded")
+        self._measures.count(BLACKBOXES, "kept" if box else "unfounded")
         if box:
-            every = [one["summary"] for one in box["near_misses"]]
-            told = "; ".join(every[:TOLD]) + (f"; and {len(every) - TOLD} more" if len(every) > TOLD else "")
-            log.warning("near miss: %s (%s, sha256 %s)", told, box["file"], box["sha256"])
+            summaries = [near_miss["summary"] for near_miss in box["near_misses"]]
+            more = f"; and {len(summaries) - MOST_LOGGED} more" if len(summaries) > MOST_LOGGED else ""
+            text = "; ".join(summaries[:MOST_LOGGED]) + more
+            log.warning("near miss: %s (%s, sha256 %s)", text, box["file"], box["sha256"])
 
-    async def _cut(self, near: list[Near]) -> Box | None:
-        order = await asyncio.to_thread(self._order, near)
-        return await once(_cut, order)
-
-    def _order(self, near: list[Near]) -> Order:
+    def _request(self, pairs: list[NearPair]) -> BlackBoxRequest:
         settings = self.site.blackbox
-        begins_s = min(one.at_s for one in near) - settings.before_s - WARM_S
-        snapshot = next((one for one in reversed(self._snapshots) if one.at_s <= begins_s), None)
-        span = Span.around(near, settings.before_s, settings.after_s, snapshot)
-        self.shelf.directory.mkdir(parents=True, exist_ok=True)
-        return Order(
+        begins_s = min(pair.at_s for pair in pairs) - settings.before_s - WARM_UP_S
+        snapshot = next((snapshot for snapshot in reversed(self._snapshots) if snapshot.at_s <= begins_s), None)
+        span = BoxSpan.around(pairs, settings.before_s, settings.after_s, snapshot)
+        self.archive.directory.mkdir(parents=True, exist_ok=True)
+        return BlackBoxRequest(
             self.site,
             self._log,
-            self.shelf.directory,
-            tuple(near),
+            self.archive.directory,
+            tuple(pairs),
             span,
             snapshot,
             self._store.path,
-            tuple(one.model_dump_json() for one in self._store.waiting(span.until_s)),
+            tuple(advisory.model_dump_json() for advisory in self._store.pending_until(span.until_s)),
         )
 
     def _prune(self) -> None:
         settings = self.site.blackbox
         before = datetime.now(UTC) - timedelta(days=settings.keep_days)
         try:
-            gone = self.shelf.prune(
+            removed = self.archive.prune(
                 files=settings.files, total_bytes=settings.total_bytes, before=timestamps.write(before.timestamp())
             )
         except OSError as error:
             log.warning("old black boxes can't be removed: %s", error)
         else:
-            if gone:
-                log.info("removed black boxes: %s", ", ".join(gone))
+            if removed:
+                log.info("removed black boxes: %s", ", ".join(removed))
 
-    def _remember(self) -> None:
-        """Put what is pending on the disk; where that fails only a restart would lose it."""
-        path = self.shelf.directory / PENDING
+    def _write_pending(self) -> None:
+        """Write the pending pairs to disk. If that fails, only a restart loses them."""
+        path = self.archive.directory / PENDING
         try:
             if self._pending:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_text(json.dumps([near for _, near in self._pending]))
+                path.write_text(json.dumps([pair for _, pair in self._pending]))
             else:
                 path.unlink(missing_ok=True)
         except OSError as error:
             log.warning("%s can't be written: %s", path, error)
 
-    def _recall(self) -> None:
-        """Go on with what was pending when the service ended."""
-        path = self.shelf.directory / PENDING
+    def _read_pending(self) -> None:
+        """Resume with the pairs that were pending when the service ended."""
+        path = self.archive.directory / PENDING
         try:
-            told: list[list[Any]] = json.loads(path.read_text()) if path.exists() else []
-            near = [Near.told(*one) for one in told]
+            rows: list[list[Any]] = json.loads(path.read_text()) if path.exists() else []
+            pairs = [NearPair.from_json(*row) for row in rows]
         except (OSError, ValueError, TypeError) as error:
             log.warning("%s can't be read: %s", path, error)
         else:
-            self.note(near)
+            self.note(pairs)
 
 
-def _least_missed(near: Sequence[Near]) -> int:
-    """Which is the newest of the two vendors that have the most."""
-    held = Counter(one.vendors for one in near)
-    most = max(held.values())
-    return max(row for row, one in enumerate(near) if held[one.vendors] == most)
+def _newest_of_largest_pair(pairs: Sequence[NearPair]) -> int:
+    """Index of the newest near miss of the pair of vendors with the most near misses."""
+    counts = Counter(pair.vendors for pair in pairs)
+    most = max(counts.values())
+    return max(row for row, pair in enumerate(pairs) if counts[pair.vendors] == most)
 
 
-def _cut(order: Order) -> Box | None:
-    from deconflict.operator.blackbox.blackbox_writer import cut  # noqa: PLC0415 - brings numba
+def _write(request: BlackBoxRequest) -> Box | None:
+    from deconflict.operator.blackbox.blackbox_writer import write_blackbox  # noqa: PLC0415 - loads numba
 
-    return cut(order)
+    return write_blackbox(request)

@@ -1,21 +1,28 @@
-"""Near misses as they happened, and what would have avoided each."""
+"""Near misses by the robots' own reports, and the delay that would have avoided each."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
-from deconflict.operator.blackbox.blackbox_request import Near
-from deconflict.operator.blackbox.hindsight import LONGEST_S, Met, Track, avoiding_s, met, row_at
+from deconflict.operator.blackbox.blackbox_request import NearPair
+from deconflict.operator.blackbox.hindsight import (
+    LONGEST_S,
+    NearestApproach,
+    RecordedTrack,
+    avoiding_delays_s,
+    nearest_approach,
+    row_at,
+)
 from deconflict.settings.site import Site
 from deconflict.sweep.geometry.encounter import encounter
 from ingest.batch import Forecasts
 from ingest.languages.massrobotics import timestamps
 
-LASTS_S = 30.0
-"""How long after it was noticed a pair may come nearer still."""
-NOTICED_S = 3.0
-"""How long before it was noticed a near miss may have begun."""
+LONGEST_AFTER_S = 30.0
+"""The nearest approach lies at most so long after the engine noticed the pair."""
+LONGEST_BEFORE_S = 3.0
+"""A near miss began at most so long before the engine noticed it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,44 +33,47 @@ class NearMiss:
     names: tuple[str, str]
     vendors: tuple[str, str]
     clearance_m: float
-    met: Met
+    nearest: NearestApproach
     place: tuple[str, float, float]
-    """Datum, x and y in metres, midway between the envelopes when they were nearest."""
+    """Datum, x and y in metres, midway between the envelopes at the nearest approach."""
     avoiding_s: tuple[float | None, float | None]
-    """How much later each need have been, the other being as it was; None where no delay would do."""
+    """The least delay of each robot alone that would have avoided it; None if no delay would."""
     advisory: str | None
-    """Id of the advisory that stood when it began."""
+    """Id of the advisory that was open when the near miss began; None if there was none."""
     warned_s: float | None
-    """How long before that it was raised."""
+    """How long before the near miss the advisory was raised; None without an advisory."""
 
     def document(self) -> dict[str, Any]:
-        """It for the file, the register and the API."""
+        """The near miss for the file, the register and the API."""
         datum, x_m, y_m = self.place
-        later = [one for one in zip(self.robots, self.names, self.avoiding_s, strict=True) if one[2] is not None]
+        delays = zip(self.robots, self.names, self.avoiding_s, strict=True)
         return {
             "robots": list(self.robots),
             "names": list(self.names),
             "vendors": list(self.vendors),
-            "at": timestamps.write(self.met.began_s),
-            "nearest_at": timestamps.write(self.met.at_s),
-            "separation_m": round(self.met.separation_m, 3),
+            "at": timestamps.write(self.nearest.began_s),
+            "nearest_at": timestamps.write(self.nearest.at_s),
+            "separation_m": round(self.nearest.separation_m, 3),
             "clearance_m": self.clearance_m,
             "location": {"datum": datum, "x": round(x_m, 3), "y": round(y_m, 3)},
             "advisory": self.advisory,
             "warned_s": None if self.warned_s is None else round(self.warned_s, 3),
             "avoided_by": [
-                {"robot": uuid, "name": name, "later_s": later_s}
-                for uuid, name, later_s in later
-                if later_s is not None
+                {"robot": uuid, "name": name, "later_s": delay_s}
+                for uuid, name, delay_s in delays
+                if delay_s is not None
             ],
             "summary": self.summary(),
         }
 
     def summary(self) -> str:
         """One sentence for a person."""
-        how = f"within {self.met.separation_m:.2f} m" if self.met.separation_m else "into each other's envelope"
+        separation_m = self.nearest.separation_m
+        how = f"within {separation_m:.2f} m" if separation_m else "into each other's envelope"
         warned = "without a warning" if self.warned_s is None else f"warned of {self.warned_s:.1f} s before"
-        delays = [(one, name) for one, name in zip(self.avoiding_s, self.names, strict=True) if one is not None]
+        delays = [
+            (delay_s, name) for delay_s, name in zip(self.avoiding_s, self.names, strict=True) if delay_s is not None
+        ]
         if delays:
             least_s, name = min(delays)
             avoided = f"no conflict had {name} come {least_s:g} s later"
@@ -72,40 +82,45 @@ class NearMiss:
         return f"{' and '.join(self.names)} came {how}, {warned}; {avoided}"
 
 
-def judged(
-    near: Near,
-    found: Mapping[str, Track],
+def verified_near_miss(
+    pair: NearPair,
+    tracks: Mapping[str, RecordedTrack],
     floors: Sequence[str],
     site: Site,
     decided: Sequence[ConflictAdvisory],
     until_s: float,
 ) -> NearMiss | None:
-    """What became of one that the engine noticed; None where by the robots' own reports it was none."""
-    if not found.keys() >= {near.a, near.b}:
+    """The near miss of a pair that the engine noticed; None if by their own reports they kept the clearance."""
+    if not tracks.keys() >= {pair.a, pair.b}:
         return None
-    clearance_m, tracks = site.conflict.clearance_m, (found[near.a], found[near.b])
-    a, b = (one.way() for one in tracks)
-    how = met(a, b, clearance_m, near.at_s - NOTICED_S, min(near.at_s + LASTS_S, until_s))
-    if how is None:
+    clearance_m, track_a, track_b = site.conflict.clearance_m, tracks[pair.a], tracks[pair.b]
+    a, b = track_a.forecasts(), track_b.forecasts()
+    begin_s, end_s = pair.at_s - LONGEST_BEFORE_S, min(pair.at_s + LONGEST_AFTER_S, until_s)
+    nearest = nearest_approach(a, b, clearance_m, begin_s, end_s)
+    if nearest is None:
         return None
-    advisory = _standing(near, how.began_s, decided)
+    advisory = _open_advisory(pair, nearest.began_s, decided)
     return NearMiss(
-        robots=(near.a, near.b),
-        names=(tracks[0].name, tracks[1].name),
-        vendors=(tracks[0].vendor, tracks[1].vendor),
+        robots=(pair.a, pair.b),
+        names=(track_a.name, track_b.name),
+        vendors=(track_a.vendor, track_b.vendor),
         clearance_m=clearance_m,
-        met=how,
-        place=_place(a, b, how.at_s, floors),
-        avoiding_s=avoiding_s(a, b, clearance_m, how.at_s),
+        nearest=nearest,
+        place=_place(a, b, nearest.at_s, floors),
+        avoiding_s=avoiding_delays_s(a, b, clearance_m, nearest.at_s),
         advisory=advisory.id if advisory else None,
-        warned_s=how.began_s - advisory.raised_at.timestamp() if advisory else None,
+        warned_s=nearest.began_s - advisory.raised_at.timestamp() if advisory else None,
     )
 
 
-def _standing(near: Near, at_s: float, decided: Sequence[ConflictAdvisory]) -> ConflictAdvisory | None:
-    """The newest revision by then of the pair's advisory, if it was open."""
-    known = [one for one in decided if one.robots == (near.a, near.b) and one.updated_at.timestamp() <= at_s]
-    return known[-1] if known and known[-1].state is not AdvisoryState.CLEARED else None
+def _open_advisory(pair: NearPair, at_s: float, decided: Sequence[ConflictAdvisory]) -> ConflictAdvisory | None:
+    """The newest revision of the pair's advisory at a time; None if there was none or it was cleared."""
+    revisions = [
+        advisory
+        for advisory in decided
+        if advisory.robots == (pair.a, pair.b) and advisory.updated_at.timestamp() <= at_s
+    ]
+    return revisions[-1] if revisions and revisions[-1].state is not AdvisoryState.CLEARED else None
 
 
 def _place(a: Forecasts, b: Forecasts, at_s: float, floors: Sequence[str]) -> tuple[str, float, float]:

@@ -1,4 +1,4 @@
-"""How a black box begins: the site, and what the engine had in mind, so that another goes on in its place."""
+"""The first line of a black box: the site, and the engine's state from which a replay resumes."""
 
 import base64
 import json
@@ -20,28 +20,29 @@ _TORN = (OSError, EOFError, zstandard.ZstdError)
 
 
 class BoxError(ValueError):
-    """A black box that can't be read; the message says why."""
+    """The black box can't be read; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
-    """What an engine goes on with."""
+class StartState:
+    """The state from which an engine resumes."""
 
     open: tuple[AnyAdvisory, ...] = ()
     encounters: dict[tuple[str, str], int] = field(default_factory=dict)
-    """How many each pair has had."""
+    """Number of encounters of each pair so far."""
     burdens_s: dict[str, float] = field(default_factory=dict)
+    """How long each vendor's robots have yielded."""
     learned: Mapping[str, Part] | None = None
 
 
 def head_of(file: Path) -> dict[str, Any] | None:
-    """What a black box says of itself; None of any other log. Raises `BoxError`."""
+    """The head of a black box; None if the file is another log. Raises `BoxError`."""
     try:
         first = next(lines_of(file), b"") if file.is_file() else b""
-        told = json.loads(first)
+        document = json.loads(first)
     except (*_TORN, ValueError):
         return None
-    if not isinstance(told, dict) or not isinstance(head := told.get("blackbox"), dict):
+    if not isinstance(document, dict) or not isinstance(head := document.get("blackbox"), dict):
         return None
     if head.get("format") != FORMAT:
         raise BoxError(f"{file} has format {head.get('format')} and this release reads format {FORMAT}")
@@ -49,22 +50,22 @@ def head_of(file: Path) -> dict[str, Any] | None:
 
 
 def site_of(head: Mapping[str, Any]) -> Site:
-    """The site as it was, without what is secret. Raises `BoxError`."""
+    """The site as it was, without secrets. Raises `BoxError`."""
     try:
         return Site.model_validate_json(json.dumps(head["site"]))
     except (KeyError, ValidationError) as error:
-        raise BoxError(f"the black box tells of no site that this release reads: {error}") from error
+        raise BoxError(f"this release can't read the site in the black box: {error}") from error
 
 
-def start_of(head: Mapping[str, Any]) -> Start:
-    """What the engine had in mind. Raises `BoxError`."""
+def start_of(head: Mapping[str, Any]) -> StartState:
+    """The state of the engine. Raises `BoxError`."""
     try:
         learned = base64.b64decode(head["learned"] or "", validate=True)
-        return Start(
-            tuple(ADVISORY.validate_python(one) for one in head["open"]),
+        return StartState(
+            tuple(ADVISORY.validate_python(advisory) for advisory in head["open"]),
             {(a, b): int(count) for a, b, count in head["encounters"]},
             {str(vendor): float(yielded_s) for vendor, yielded_s in head["burdens_s"].items()},
             unpacked(learned) if learned else None,
         )
     except (KeyError, TypeError, ValueError, AttributeError, UnreadableError) as error:
-        raise BoxError(f"the black box does not tell what the engine had in mind: {error}") from error
+        raise BoxError(f"the black box lacks the state of the engine: {error}") from error

@@ -1,6 +1,6 @@
-"""Who may use the operators' port, and for what. Without any person in the site file everybody may.
+"""Access control of the operators' port. If the site file names no people, everybody has access.
 
-A program sends its token as `Authorization: Bearer TOKEN`; a browser signs in once at `/login` and keeps a cookie.
+A program sends its token as `Authorization: Bearer TOKEN`. A browser signs in once at `/login` and keeps a cookie.
 """
 
 import secrets
@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from deconflict.settings.site import Operator, Person, Role, Site
 from ingest.security.certificates import Certificates
-from ingest.security.origin_check import host_of, is_fixed, is_loopback
+from ingest.security.origin_check import host_of, is_loopback, is_fixed
 from ingest.security.tokens import Tokens, secret
 from ingest.security.vendor_credentials import VendorCredentials
 
@@ -27,29 +27,30 @@ MOST_SESSIONS = 1000
 MOST_FORM_BYTES = 4096
 
 
-def needed(method: str, path: str) -> Role:
-    """The role that a request takes."""
+def role_needed(method: str, path: str) -> Role:
+    """The role that a request needs."""
     if method in ("GET", "HEAD", "WEBSOCKET"):
         return "read"
     return "acknowledge" if path.startswith("/advisories/") else "administer"
 
 
-def exposed(site: Site) -> list[str]:
-    """Ports that listen beyond this machine though nobody needs credentials there, a sentence each."""
-    told = []
+def exposed_ports(site: Site) -> list[str]:
+    """A sentence for each port that is open to a network and asks for no credentials."""
+    problems = []
     guarded = any(vendor.token or vendor.certificate_names for vendor in site.vendors)
     if not is_loopback(site.receiver.host) and not guarded:
-        told.append(f"receiver.host: {site.receiver.host} is open to a network; give each vendor a token")
+        problems.append(f"receiver.host: {site.receiver.host} is open to a network; give each vendor a token")
     if not is_loopback(site.operator.host) and not site.operator.people:
-        told.append(f"operator.host: {site.operator.host} is open to a network; name operator.people with tokens")
-    return told
+        problems.append(f"operator.host: {site.operator.host} is open to a network; name operator.people with tokens")
+    return problems
 
 
-def verify(site: Site) -> None:
-    """Raises `SecretError` or `CertificateError` where something that the site file points at can't be used."""
+def verify_credentials(site: Site) -> None:
+    """Raises `SecretError` or `CertificateError` if a secret or certificate of the site file can't be used."""
     VendorCredentials(site.vendors)
     People(site.operator.people)
-    for source in (*(one.secret for one in site.webhooks), *([site.mqtt.password] if site.mqtt else [])):
+    webhook_secrets = [webhook.secret for webhook in site.webhooks]
+    for source in (*webhook_secrets, *([site.mqtt.password] if site.mqtt else [])):
         if source:
             secret(source)
     for tls in (site.receiver.tls, site.operator.tls):
@@ -57,22 +58,23 @@ def verify(site: Site) -> None:
             Certificates(tls)
 
 
-class Entered(NamedTuple):
-    """Somebody who came in, and the digest of the token that let them in."""
+class SignIn(NamedTuple):
+    """A person who has signed in."""
 
     person: str
     digest: bytes | None
+    """Of the token that the person used."""
 
 
 class People:
-    """Who may use the port, by token, and each one's role."""
+    """The people who may use the port, their tokens and their roles."""
 
     def __init__(self, people: Iterable[Person]) -> None:
-        """Raises `SecretError` where a token can't be had."""
+        """Raises `SecretError`."""
         self.renew(people)
 
     def renew(self, people: Iterable[Person]) -> None:
-        """Other people from now on. Raises `SecretError`; then it stays as it was."""
+        """Replace the people. Raises `SecretError`; then nothing changes."""
         people = tuple(people)
         self._tokens = Tokens({person.name: person.token for person in people})
         self._roles: dict[str, Role] = {person.name: person.role for person in people}
@@ -80,107 +82,108 @@ class People:
     def __bool__(self) -> bool:
         return bool(self._roles)
 
-    def entered(self, authorization: str | None) -> Entered | None:
-        """Who comes in by an `Authorization` header."""
+    def sign_in(self, authorization: str | None) -> SignIn | None:
+        """The person of an `Authorization` header; None if its token is nobody's."""
         person = self._tokens.owner(authorization)
-        return Entered(person, self._tokens.digest(person)) if person else None
+        return SignIn(person, self._tokens.digest(person)) if person else None
 
-    def role(self, entered: Entered) -> Role | None:
-        """None for somebody who is no longer among them, or whose token has changed since."""
-        if self._tokens.digest(entered.person) != entered.digest:
+    def role(self, signed_in: SignIn) -> Role | None:
+        """None if the person has been removed, or the token has changed since."""
+        if self._tokens.digest(signed_in.person) != signed_in.digest:
             return None
-        return self._roles.get(entered.person)
+        return self._roles.get(signed_in.person)
 
     def refresh(self) -> None:
         """Read the tokens again."""
         self._tokens.refresh()
 
 
-class Access:
-    """Middleware: lets a request through with the person's name in its state, or answers it."""
+class AccessMiddleware:
+    """Passes a request on with the person's name in its state, or refuses it."""
 
     def __init__(self, app: ASGIApp, settings: Operator, people: People) -> None:
         self._app, self._people = app, people
         self._secure, self._is_local = settings.tls is not None, is_loopback(settings.host)
-        self._sessions: dict[str, Entered] = {}
+        self._sessions: dict[str, SignIn] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        answer = await self._judge(scope, receive)
-        if answer is None:
+        refusal = await self._refusal(scope, receive)
+        if refusal is None:
             await self._app(scope, receive, self._while_allowed(scope, send))
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008, "reason": "not allowed"})
         else:
-            await answer(scope, receive, send)
+            await refusal(scope, receive, send)
 
-    async def _judge(self, scope: Scope, receive: Receive) -> Response | None:
+    async def _refusal(self, scope: Scope, receive: Receive) -> Response | None:
+        """The response to a request that is not passed on; None for one that is."""
         headers, path = Headers(scope=scope), scope["path"]
         method = "WEBSOCKET" if scope["type"] == "websocket" else scope["method"]
-        if _foreign(headers):
+        if _is_cross_site(headers):
             return _refused(403, "pages of other sites may not use this service")
         if not self._people:
-            return self._unnamed(headers)
+            return self._refusal_without_people(headers)
         if path == "/login":
-            return await self._sign_in(Request(scope, receive)) if method == "POST" else _login_page("")
-        person = self._people.entered(headers.get("authorization")) or self._of_session(headers)
-        return None if path == "/healthz" else self._allow(person, scope, method, headers)
+            return await self._log_in(Request(scope, receive)) if method == "POST" else _login_page("")
+        signed_in = self._people.sign_in(headers.get("authorization")) or self._of_session(headers)
+        return None if path == "/healthz" else self._refusal_of(signed_in, scope, method, headers)
 
-    def _unnamed(self, headers: Headers) -> Response | None:
-        """Where everybody on this machine may, whoever asks for another name is led here from elsewhere."""
+    def _refusal_without_people(self, headers: Headers) -> Response | None:
+        """Refuses other host names on a local port: such a request may be DNS rebinding by another site's page."""
         host = host_of(headers.get("host", ""))
         if self._is_local and not is_fixed(host):
-            return _refused(403, "ask for localhost or an address; to be asked for by a name, name operator.people")
+            return _refused(403, "use localhost or an address; to use another host name, name operator.people")
         return None
 
-    def _allow(self, entered: Entered | None, scope: Scope, method: str, headers: Headers) -> Response | None:
-        person, role = (entered.person, self._people.role(entered)) if entered else ("", None)
-        if entered is None or role is None:
+    def _refusal_of(self, signed_in: SignIn | None, scope: Scope, method: str, headers: Headers) -> Response | None:
+        person, role = (signed_in.person, self._people.role(signed_in)) if signed_in else ("", None)
+        if signed_in is None or role is None:
             wants_page = method == "GET" and "text/html" in headers.get("accept", "")
             return _login_page("") if wants_page else _refused(401, "send 'Authorization: Bearer TOKEN', or sign in")
-        wanted = needed(method, scope["path"])
-        if RANK[role] < RANK[wanted]:
-            return _refused(403, f"{person} may {role}; this takes the role {wanted}")
+        needed = role_needed(method, scope["path"])
+        if RANK[role] < RANK[needed]:
+            return _refused(403, f"{person} has the role {role}; this takes the role {needed}")
         scope.setdefault("state", {})["person"] = person
-        scope["state"]["entered"] = entered
+        scope["state"]["signed_in"] = signed_in
         return None
 
     def _while_allowed(self, scope: Scope, send: Send) -> Send:
-        """What a WebSocket sends, until who opened it may no longer read."""
+        """A `send` that closes a WebSocket once its person may no longer read."""
         if scope["type"] != "websocket":
             return send
-        entered: Entered | None = scope.get("state", {}).get("entered")
+        signed_in: SignIn | None = scope.get("state", {}).get("signed_in")
 
         async def guarded(message: Message) -> None:
-            gone = self._people and (entered is None or self._people.role(entered) is None)
+            gone = self._people and (signed_in is None or self._people.role(signed_in) is None)
             if gone and message["type"] == "websocket.send":
                 await send({"type": "websocket.close", "code": 1008, "reason": "no longer allowed"})
-                raise OSError  # which Starlette tells the application as a peer that has gone
+                raise OSError  # Starlette treats it as a disconnect of the client
             await send(message)
 
         return guarded
 
-    async def _sign_in(self, request: Request) -> Response:
+    async def _log_in(self, request: Request) -> Response:
         body = b""
         async for chunk in request.stream():
             body += chunk
             if len(body) > MOST_FORM_BYTES:
                 return _refused(413, "the form is too long")
-        told = parse_qs(body.decode("utf-8", "replace")).get("token", [""])[0]
-        entered = self._people.entered(f"Bearer {told}")
-        if entered is None:
-            return _login_page("That token is nobody's.")
+        token = parse_qs(body.decode("utf-8", "replace")).get("token", [""])[0]
+        signed_in = self._people.sign_in(f"Bearer {token}")
+        if signed_in is None:
+            return _login_page("That token is not known.")
         session = secrets.token_urlsafe(32)
         while len(self._sessions) >= MOST_SESSIONS:
             self._sessions.pop(next(iter(self._sessions)))
-        self._sessions[session] = entered
+        self._sessions[session] = signed_in
         answer = RedirectResponse("/", 303)
         answer.set_cookie(COOKIE, session, httponly=True, secure=self._secure, samesite="strict", path="/")
         return answer
 
-    def _of_session(self, headers: Headers) -> Entered | None:
+    def _of_session(self, headers: Headers) -> SignIn | None:
         try:
             cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
         except CookieError:
@@ -188,8 +191,8 @@ class Access:
         return self._sessions.get(cookie.value) if cookie else None
 
 
-def _foreign(headers: Headers) -> bool:
-    """Whether a browser says that another site's page asks: it would act with the operator's rights."""
+def _is_cross_site(headers: Headers) -> bool:
+    """Whether another site's page sends the request, by its `Origin`: it would act with the operator's rights."""
     origin = headers.get("origin")
     return origin is not None and urlsplit(origin).netloc != headers.get("host")
 

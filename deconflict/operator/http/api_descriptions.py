@@ -1,4 +1,4 @@
-"""The whole interface in the two languages that tools read: OpenAPI for what is asked, AsyncAPI for what is sent."""
+"""Descriptions of the whole interface for tools: OpenAPI for requests, AsyncAPI for messages."""
 
 from importlib.metadata import version
 from pathlib import Path
@@ -6,7 +6,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from deconflict.advisory import ADVISORY
-from deconflict.operator.http.api import DESCRIPTION, SourceUnavailableError, create_app
+from deconflict.operator.http.api import DESCRIPTION, create_app
+from deconflict.operator.http.api_sources import SourceUnavailableError
 from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Mqtt
 from deconflict.settings.site import Operator, Site
@@ -17,8 +18,8 @@ REVISION = {"$ref": "#/components/messages/revision"}
 SIGNATURE = ("webhook-id", "webhook-timestamp", "webhook-signature")
 
 
-class _Nobody:
-    """Sources of an application that is described and never asked."""
+class _NoSources:
+    """Sources of an application that is only described and serves no request."""
 
     async def robots(self) -> list[Document]:
         return []
@@ -47,7 +48,7 @@ class _Nobody:
     def recorded(self) -> tuple[float, float] | None:
         return None
 
-    def still_there(self) -> Document:
+    def presence(self) -> Document:
         return {}
 
     def blackboxes(self) -> list[Document]:
@@ -58,17 +59,17 @@ class _Nobody:
 
 
 def openapi() -> Document:
-    """OpenAPI 3.1, as the service has it at `/openapi.json`."""
+    """OpenAPI 3.1, as the service returns it at `/openapi.json`."""
     with TemporaryDirectory() as folder:
         store = Store(Path(folder))
         try:
-            return create_app(store, _Nobody(), lambda _: (b"", ""), Site()).openapi()
+            return create_app(store, _NoSources(), lambda _: (b"", ""), Site()).openapi()
         finally:
             store.close()
 
 
 def asyncapi() -> Document:
-    """AsyncAPI 3.0: the stream, the webhooks and the broker's topics. The message is the same on all."""
+    """AsyncAPI 3.0: the stream, the webhooks and the broker's topics. All carry the same message."""
     schema = ADVISORY.json_schema(mode="serialization", ref_template="#/components/schemas/{model}")
     schemas = schema.pop("$defs")
     return {
@@ -100,11 +101,12 @@ def asyncapi() -> Document:
 
 
 def _stream() -> Document:
-    query = {"after": {"type": "integer", "minimum": 0, "description": "the `seq` seen last; absent, the next one is"}}
+    description = "the last `seq` that you have seen; without it the stream begins with the next revision"
+    query = {"after": {"type": "integer", "minimum": 0, "description": description}}
     return {
         "address": "/advisories/stream",
         "servers": [{"$ref": "#/servers/operator"}],
-        "description": "Every revision in order; with `after` first those that were missed.",
+        "description": "Every revision in order. With `after`, first the revisions that were missed.",
         "bindings": {"ws": {"method": "GET", "query": {"type": "object", "properties": query}}},
         "messages": {"revision": REVISION},
     }
@@ -115,7 +117,7 @@ def _webhook() -> Document:
     return {
         "address": "/",
         "servers": [{"$ref": "#/servers/site"}],
-        "description": "POST to each address of the site file; signed as Standard Webhooks 1.0 says.",
+        "description": "POST to each address of the site file, signed by Standard Webhooks 1.0.",
         "messages": {"revision": {**_inlined(), "headers": headers, "bindings": {"http": {}}}},
     }
 
@@ -129,7 +131,7 @@ def _retained() -> Document:
         "address": f"{Mqtt.model_fields['topic'].default}/advisories/{{id}}",
         "servers": [{"$ref": "#/servers/broker"}],
         "parameters": {"id": {"description": "of the advisory"}},
-        "description": "Retained while the advisory is open; emptied after the revision that clears it.",
+        "description": "Retained while the advisory is open. Emptied after the revision that clears it.",
         "messages": {"revision": REVISION},
     }
 
@@ -138,6 +140,6 @@ def _service() -> Document:
     return {
         "address": f"{Mqtt.model_fields['topic'].default}/service",
         "servers": [{"$ref": "#/servers/broker"}],
-        "description": "Retained: whether the service is there.",
+        "description": "Retained: whether the service is connected.",
         "messages": {"presence": {"$ref": "#/components/messages/presence"}},
     }

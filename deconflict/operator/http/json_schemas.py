@@ -1,4 +1,4 @@
-"""JSON Schemas of what the service publishes and reads."""
+"""JSON Schemas of the documents that the service publishes and reads."""
 
 from collections.abc import Callable
 from typing import Any

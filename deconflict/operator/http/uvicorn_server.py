@@ -1,4 +1,4 @@
-"""How the operator face is served: uvicorn, set up for subscribers that stay for days and some that get stuck."""
+"""The uvicorn server of the operators' port, set up for subscribers that stay for days and some that hang."""
 
 import socket
 from asyncio import BaseTransport, TimerHandle, Transport
@@ -17,95 +17,95 @@ from ingest.port.connection_limits import max_open_files
 from ingest.security.certificates import Certificates
 from ingest.security.tls_handshakes import TlsHandshakes, abort_without_handshake
 
-MAX_SAID_BYTES = 4096
+MOST_MESSAGE_BYTES = 4096
 """Largest message accepted from a subscriber; none is expected."""
 SHUTDOWN_S = 2
-ASKED_WITHIN_S = 10.0
-"""A connection on which nothing was asked for so long is ended."""
+IDLE_TIMEOUT_S = 10.0
+"""A connection without a request for so long is ended."""
 HANDSHAKE_S = 5.0
-"""A handshake of TLS that takes longer is ended."""
+"""A TLS handshake that takes longer is ended."""
 SPARE_FILES = 200
-"""File descriptors left for everything but who asks: the store, the other roles, outlets, black boxes."""
+"""File descriptors that are kept free for everything except clients: store, other roles, outlets, black boxes."""
 
 
 ACCEPTED_AT_ONCE = 100
-"""Of those spare ones, taken by connections before the first of them can be refused."""
+"""Most connections that are accepted before the first of them can be refused. They use spare descriptors."""
 
 
-class StreamProtocol(WebSocketsSansIOProtocol):
-    """uvicorn's WebSocket, prompt in sending and in ending."""
+class WebSocketProtocol(WebSocketsSansIOProtocol):
+    """uvicorn's WebSocket protocol, without delays in sending and in closing."""
 
     def connection_made(self, transport: BaseTransport) -> None:
         """Send small messages at once.
 
-        asyncio turns Nagle's algorithm off by itself only where the listening socket was made with an explicit
-        protocol number, which `socket.create_server` does not do; a subscriber then hears up to 40 ms late.
+        asyncio turns Nagle's algorithm off only if the listening socket has an explicit protocol number, which
+        `socket.create_server` does not set. With Nagle's algorithm, messages arrive up to 40 ms late.
         """
         super().connection_made(transport)
         transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     async def run_asgi(self) -> None:
-        """Run the handler; end a connection whose handler has returned without a closing handshake.
+        """Run the handler. If it returns without a closing handshake, abort the connection.
 
-        uvicorn would close it once everything is written, which a peer that has stopped reading never lets happen.
+        uvicorn would first wait until everything is written, which never happens if the peer has stopped reading.
         """
         await super().run_asgi()
         if self.close_timer is None:
             self.transport.abort()
 
 
-class FaceProtocol(H11Protocol):
-    """uvicorn's HTTP, which ends connections that ask for nothing, and takes no more than there are files for.
+class HttpProtocol(H11Protocol):
+    """uvicorn's HTTP protocol, which ends idle connections and limits their number to the file descriptors.
 
-    uvicorn itself waits for ever for a first request, and as long for the rest of one that has begun.
+    uvicorn itself waits without limit for the first request, and for the rest of a request.
     `deconflict_connections_refused_total` counts by reason: `face-full`, `face-idle`, `face-tls-failed`.
     """
 
-    _looking: TimerHandle | None = None
-    _seen: tuple[object, bool] = None, True
-    """The last request at the last look, and whether it was answered."""
+    _timer: TimerHandle | None = None
+    _last_check: tuple[object, bool] = None, True
+    """The request at the last check, and whether it was answered."""
 
     def connection_made(self, transport: Transport) -> None:  # type: ignore[override]
-        """That it was accepted, and with TLS once more that hands are shaken."""
-        shaking: TlsHandshakes | None = self._state.handshakes
-        if shaking is not None and shaking.awaited(transport):
-            if len(self.connections) + len(shaking) >= self._state.most_connections:
+        """Called when the connection is accepted, and with TLS once more after the handshake."""
+        handshakes: TlsHandshakes | None = self._state.handshakes
+        if handshakes is not None and handshakes.awaited(transport):
+            if len(self.connections) + len(handshakes) >= self._state.most_connections:
                 count_refused(self._state, "face-full")
                 abort_without_handshake(transport)
             else:
-                shaking.begin(transport, self)
+                handshakes.begin(transport, self)
             return
         super().connection_made(transport)
         if len(self.connections) > self._state.most_connections:
             self._refuse("face-full")
         else:
-            self._looking = self.loop.call_later(ASKED_WITHIN_S, self._look)
+            self._timer = self.loop.call_later(IDLE_TIMEOUT_S, self._check_idle)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._stop_looking()
+        self._stop_timer()
         super().connection_lost(exc)
 
     def handle_websocket_upgrade(self, event: Request) -> None:
-        self._stop_looking()
+        self._stop_timer()
         super().handle_websocket_upgrade(event)
 
     @property
     def _state(self) -> Any:
         return cast(FastAPI, self.config.app).state
 
-    def _look(self) -> None:
-        """End a connection on which nothing was asked, or not to the end, since the last look."""
+    def _check_idle(self) -> None:
+        """End a connection without a new complete request since the last check."""
         cycle: Any = self.cycle
         answered = cycle is None or cycle.response_complete
-        seen, self._seen = self._seen, (cycle, answered)
-        if seen == self._seen and (answered or cycle.more_body):
+        before, self._last_check = self._last_check, (cycle, answered)
+        if before == self._last_check and (answered or cycle.more_body):
             self._refuse("face-idle")
             return
-        self._looking = self.loop.call_later(ASKED_WITHIN_S, self._look)
+        self._timer = self.loop.call_later(IDLE_TIMEOUT_S, self._check_idle)
 
-    def _stop_looking(self) -> None:
-        if self._looking:
-            self._looking.cancel()
+    def _stop_timer(self) -> None:
+        if self._timer:
+            self._timer.cancel()
 
     def _refuse(self, reason: str) -> None:
         count_refused(self._state, reason)
@@ -116,8 +116,8 @@ def count_refused(state: Any, reason: str) -> None:
     state.measures.count("deconflict_connections_refused_total", reason)
 
 
-class FaceServer(uvicorn.Server):
-    """Leaves signals to the process it runs in; set `should_exit` to end it."""
+class OperatorServer(uvicorn.Server):
+    """Does not handle signals. Set `should_exit` to end it."""
 
     def __init__(self, config: uvicorn.Config, handshakes: TlsHandshakes | None) -> None:
         super().__init__(config)
@@ -133,25 +133,25 @@ class FaceServer(uvicorn.Server):
         yield
 
 
-def face_server(app: FastAPI, certificates: Certificates | None = None) -> FaceServer:
+def create_server(app: FastAPI, certificates: Certificates | None = None) -> OperatorServer:
     """A server for `app`: `await face_server(app).serve([listening_socket])`.
 
-    Pings go out and show a dead peer to the network stack; an unanswered one closes nothing, because a slow
-    subscriber answers only when it has read what lies before it. Advisories are small and many readers would each
-    have them compressed anew, so they are not compressed.
+    The server sends pings, so that the network stack notices a dead peer. An unanswered ping closes nothing, because a
+    slow subscriber answers only after it has read everything before the ping. Messages are not compressed: advisories
+    are small, and each would be compressed once for each reader.
     """
     app.state.most_connections = max(max_open_files() - SPARE_FILES, 1)
     handshakes = None
     if certificates:
         handshakes = TlsHandshakes(certificates, HANDSHAKE_S, partial(count_refused, app.state, "face-tls-failed"))
     app.state.handshakes = handshakes
-    return FaceServer(
+    return OperatorServer(
         uvicorn.Config(
             app,
-            http=FaceProtocol,
-            ws=StreamProtocol,
+            http=HttpProtocol,
+            ws=WebSocketProtocol,
             backlog=ACCEPTED_AT_ONCE,
-            ws_max_size=MAX_SAID_BYTES,
+            ws_max_size=MOST_MESSAGE_BYTES,
             ws_ping_timeout=None,
             ws_per_message_deflate=False,
             log_config=None,

@@ -1,4 +1,4 @@
-"""The advisory stream: one WebSocket, which follows the store from a given position (`docs/api.md`)."""
+"""The advisory stream: a WebSocket that follows the store from a given position (`docs/api.md`)."""
 
 import asyncio
 from collections.abc import Callable
@@ -6,33 +6,26 @@ from contextlib import suppress
 
 from fastapi import WebSocket, WebSocketDisconnect
 
+from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, STORE_FAILED
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.first_of import until_either
 from ingest.measures.measures import Measures
 
-BAD_AFTER = 4400
-"""Close code: `after` is no whole number, 0 or more."""
-AFTER_BEYOND_LAST = 4416
-"""Close code: `after` is a number that this store has not given yet."""
-STORE_FAILED = 1011
-"""Close code: the stored advisories can't be read."""
-
-
 MOST_DIGITS = 18
-"""Of `after`: what the store can count to."""
+"""Most digits of `after`; the store counts no further."""
 
 
 class RefusedError(Exception):
-    """The stream can't start where the subscriber asks."""
+    """The stream can't start at the position that the subscriber asks for."""
 
     def __init__(self, code: int, reason: str) -> None:
         super().__init__(reason)
         self.code, self.reason = code, reason
 
 
-class Stream:
-    """Serves subscribers, each until it leaves, is stuck, or the store fails."""
+class AdvisoryStream:
+    """Serves each subscriber until it leaves, stops reading, or the store fails."""
 
     def __init__(
         self, store: Store, publisher: Publisher, measures: Measures, send_timeout_s: Callable[[], float]
@@ -43,14 +36,14 @@ class Stream:
         self._count(0)
 
     async def serve(self, websocket: WebSocket) -> None:
-        """Accept and send every revision after `?after=`, first from the store, then as it is published."""
+        """Accept, and send every revision after `?after=`: first those in the store, then each new one."""
         live_from = self._publisher.last_seq
         await websocket.accept()
         self._count(+1)
         try:
-            asked = websocket.query_params.get("after")
-            seq = live_from if asked is None else await self._position(asked)
-            await until_either(self._feed(websocket, seq), left(websocket))
+            after = websocket.query_params.get("after")
+            seq = live_from if after is None else await self._position(after)
+            await until_either(self._send_lines(websocket, seq), disconnected(websocket))
         except RefusedError as refusal:
             await self._close(websocket, refusal.code, refusal.reason)
         except StreamEndedError:
@@ -64,22 +57,22 @@ class Stream:
         finally:
             self._count(-1)
 
-    async def _position(self, asked: str) -> int:
-        if not (asked.isascii() and asked.isdigit() and len(asked) <= MOST_DIGITS):
-            raise RefusedError(BAD_AFTER, "after must be a whole number, 0 or more: the seq you have seen last")
-        seq = int(asked)
+    async def _position(self, after: str) -> int:
+        if not (after.isascii() and after.isdigit() and len(after) <= MOST_DIGITS):
+            raise RefusedError(BAD_AFTER, "after must be a whole number, 0 or more: the last seq that you have seen")
+        seq = int(after)
         last = await asyncio.to_thread(self._store.last_seq)
         if seq > last:
             raise RefusedError(AFTER_BEYOND_LAST, f"after is beyond the last seq {last}; get /advisories afresh")
         return seq
 
-    async def _feed(self, websocket: WebSocket, seq: int) -> None:
+    async def _send_lines(self, websocket: WebSocket, seq: int) -> None:
         while True:
             for line in await self._publisher.after(seq):
                 async with asyncio.timeout(self._send_timeout_s()):
                     await websocket.send_text(line.text)
                 seq = line.seq
-            await asyncio.sleep(0)  # a subscriber that catches up lets the others have their turn
+            await asyncio.sleep(0)  # let others run while this subscriber catches up
 
     async def _close(self, websocket: WebSocket, code: int, reason: str) -> None:
         with suppress(TimeoutError, WebSocketDisconnect):
@@ -91,7 +84,7 @@ class Stream:
         self._measures.level("deconflict_stream_subscribers", {(): self._subscribers})
 
 
-async def left(websocket: WebSocket) -> None:
-    """Returns when the subscriber has gone; what it says is not listened to."""
+async def disconnected(websocket: WebSocket) -> None:
+    """Wait until the subscriber disconnects. Its messages are ignored."""
     while (await websocket.receive())["type"] != "websocket.disconnect":
         pass

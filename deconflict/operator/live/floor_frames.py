@@ -1,11 +1,11 @@
-"""The floor as the page draws it: each robot as a row of JSON, written once, and what changed since a version.
+"""The floor for the live map: one JSON row for each robot, written once, and the changes since a version.
 
-Pure: batches in, frames out. A row is
+Pure: takes in batches, gives frames. A row is
 
     [uuid, vendor, name, state, floor, basis, event_s, arrival_s, doubt_m, length_m, width_m, knots]
 
-where `floor` indexes the frame's `floors` (-1 is compared with nothing) and `knots` are the forecast's poses one after
-the other: seconds after `event_s`, x and y in metres, yaw in radians.
+`floor` is an index into the frame's `floors`; -1 is a robot that is compared with none. `knots` has the
+forecast's poses one after the other: seconds after `event_s`, x and y in metres, yaw in radians.
 """
 
 import json
@@ -17,34 +17,35 @@ import numpy as np
 
 from ingest.batch import Basis, Batch
 
-GONE_KEPT = 10_000
-"""Robots that have gone and are still told of; who has not heard for longer is sent the whole floor."""
-BASES = {one.value: one.name.lower() for one in Basis}
+MOST_GONE = 10_000
+"""Number of gone robots that are remembered. A page with an older version receives the whole floor."""
+BASES = {basis.value: basis.name.lower() for basis in Basis}
 
 
-class Picture:
-    """Every robot on every floor, by when it changed."""
+class FloorFrames:
+    """Every robot on every floor, ordered by when it changed."""
 
     def __init__(self) -> None:
         self.version = 0
         self.now_s = 0.0
-        """The tick that the picture is of; 0 before the first."""
+        """The tick of this version; 0 before the first."""
         self._floors: tuple[str, ...] = ()
         self._rows: OrderedDict[str, tuple[int, str]] = OrderedDict()
         """Version and row by UUID, longest unchanged first."""
         self._gone: OrderedDict[str, int] = OrderedDict()
+        """By UUID of each gone robot, the version in which it went."""
         self._complete_since = 0
-        """Who has an older version can't be told what changed."""
-        self._cut: dict[int, str] = {}
-        """Frames of this version, by the version that they follow."""
+        """For an older version than this the changes are not known."""
+        self._frames: dict[int, str] = {}
+        """Frames to the present version, by the version that they start from."""
 
     def __len__(self) -> int:
         return len(self._rows)
 
-    def put(self, batch: Batch, *, whole: bool) -> None:
-        """Take in what changed by a tick, or everything anew."""
+    def add_batch(self, batch: Batch, *, whole: bool) -> None:
+        """Take in the changes of one tick, or the whole floor."""
         self.version += 1
-        self.now_s, self._floors, self._cut = batch.now_s, batch.floors, {}
+        self.now_s, self._floors, self._frames = batch.now_s, batch.floors, {}
         if whole:
             self._rows.clear()
             self._gone.clear()
@@ -56,19 +57,20 @@ class Picture:
         for uuid in batch.gone:
             self._rows.pop(uuid, None)
             self._gone[uuid] = self.version
-        while len(self._gone) > GONE_KEPT:
+        while len(self._gone) > MOST_GONE:
             _, self._complete_since = self._gone.popitem(last=False)
 
     def since(self, version: int) -> str:
-        """What changed after `version` as one JSON object; the whole floor for 0 and for one too old to say."""
-        if version not in self._cut:
-            self._cut[version] = self._frame(version)
-        return self._cut[version]
+        """The changes after `version` as a JSON object; the whole floor for 0 and for a version that is too old."""
+        if version not in self._frames:
+            self._frames[version] = self._frame(version)
+        return self._frames[version]
 
     def _frame(self, version: int) -> str:
         whole = version < self._complete_since or version == 0
-        changed = [row for _, row in takewhile(lambda told: whole or told[0] > version, reversed(self._rows.values()))]
-        gone = [] if whole else [uuid for uuid, at in self._gone.items() if at > version]
+        newest_first = reversed(self._rows.values())
+        changed = [row for _, row in takewhile(lambda item: whole or item[0] > version, newest_first)]
+        gone = [] if whole else [uuid for uuid, gone_version in self._gone.items() if gone_version > version]
         head = {"now_s": self.now_s, "whole": whole, "floors": self._floors, "gone": gone}
         return f'{json.dumps(head)[:-1]}, "robots": [{",".join(changed)}]}}'
 
@@ -81,16 +83,16 @@ def rows(batch: Batch) -> list[str]:
     after_s = (forecasts.t_s - np.repeat(batch.event_s, counts)).round(2).tolist()
     x, y = forecasts.x_m.round(2).tolist(), forecasts.y_m.round(2).tolist()
     yaw = forecasts.yaw_rad.round(3).tolist()
-    numbers = [
+    columns = [
         column.round(3).tolist()
         for column in (batch.event_s, batch.arrival_s, batch.doubt_m, forecasts.length_m, forecasts.width_m)
     ]
-    words = zip(batch.robots, batch.vendors, batch.names, batch.states, batch.basis.tolist(), strict=True)
-    told = []
-    for i, (uuid, vendor, name, state, basis) in enumerate(words):
+    robots = zip(batch.robots, batch.vendors, batch.names, batch.states, batch.basis.tolist(), strict=True)
+    written = []
+    for i, (uuid, vendor, name, state, basis) in enumerate(robots):
         here = floor[start[i]]
-        stays = next((k for k in range(start[i], start[i + 1]) if floor[k] != here), start[i + 1])
-        knots = [value for k in range(start[i], stays) for value in (after_s[k], x[k], y[k], yaw[k])]
-        row: list[Any] = [uuid, vendor, name, state, here, BASES[basis], *(one[i] for one in numbers), knots]
-        told.append(json.dumps(row, separators=(",", ":")))
-    return told
+        end = next((k for k in range(start[i], start[i + 1]) if floor[k] != here), start[i + 1])
+        knots = [value for k in range(start[i], end) for value in (after_s[k], x[k], y[k], yaw[k])]
+        row: list[Any] = [uuid, vendor, name, state, here, BASES[basis], *(column[i] for column in columns), knots]
+        written.append(json.dumps(row, separators=(",", ":")))
+    return written

@@ -1,4 +1,4 @@
-"""The floor as it was, read from the recording by a process of its own, so that the live picture never waits for it."""
+"""The floor at a time in the past, read from the recording in a worker process, so that no live work waits."""
 
 import asyncio
 import time
@@ -6,8 +6,8 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from deconflict.operator.live.floor_frames import Picture
-from deconflict.runtime.worker_process import worker
+from deconflict.operator.live.floor_frames import FloorFrames
+from deconflict.runtime.worker_process import worker_pool
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.recovery import recover
@@ -15,29 +15,29 @@ from ingest.measures.measures import Measures
 from ingest.recording.log_reader import begun_s, segments, segments_until
 
 MOST_WAITING = 4
-"""Readings of the past asked for at once; more are refused."""
+"""Most requests at once; further ones are refused."""
 
 
 class BusyError(Exception):
-    """The past can't be read just now."""
+    """The recording can't be read at present."""
 
 
 def floor_at(site: Site, log: Path, at_s: float) -> str:
-    """The whole floor at a time as one frame of `Picture`, from the recording alone."""
-    fleet, picture = fleet_of(site, Measures()), Picture()
+    """The whole floor at a time as one frame of `FloorFrames`, from the recording alone."""
+    fleet, frames = fleet_of(site, Measures()), FloorFrames()
     recover(fleet, segments_until(log, at_s), at_s)
-    picture.put(fleet.snapshot(at_s), whole=True)
-    return picture.since(0)
+    frames.add_batch(fleet.snapshot(at_s), whole=True)
+    return frames.since(0)
 
 
-def recorded(log: Path) -> tuple[float, float] | None:
-    """When what is recorded begins and ends, seconds since the epoch; None where nothing is."""
+def recorded_span(log: Path) -> tuple[float, float] | None:
+    """When the recording begins and ends, seconds since the epoch; None if there is none."""
     files = segments(log) if log.is_dir() else []
     return (begun_s(files[0]), min(files[-1].stat().st_mtime, time.time())) if files else None
 
 
-class Past:
-    """Reads the past, one reading at a time."""
+class History:
+    """Reads the recording, one request at a time."""
 
     def __init__(self, site: Site, log: Path) -> None:
         self.site, self._log = site, log
@@ -45,14 +45,14 @@ class Past:
         self._waiting = 0
 
     def recorded(self) -> tuple[float, float] | None:
-        return recorded(self._log)
+        return recorded_span(self._log)
 
     async def floor_at(self, at_s: float) -> str:
-        """Raises `BusyError` where enough others wait, or the reading broke off."""
+        """Raises `BusyError` if too many requests wait, or the worker process ended."""
         if self._waiting >= MOST_WAITING:
             raise BusyError
         if self._worker is None:
-            self._worker = worker()
+            self._worker = worker_pool()
         self._waiting += 1
         try:
             return await asyncio.wrap_future(self._worker.submit(floor_at, self.site, self._log, at_s))

@@ -1,6 +1,6 @@
-"""The live picture: one WebSocket a page. Each is sent what changed since its own last frame, at its own pace.
+"""The live map: one WebSocket for each page. Each page receives the changes since its own last frame, at its own pace.
 
-The floor is followed only while somebody looks, and a page that reads slowly skips states rather than delay another.
+The floor is followed only while a page is open. A page that reads slowly skips states and delays no other page.
 """
 
 import asyncio
@@ -11,8 +11,8 @@ from typing import Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 
-from deconflict.operator.live.advisory_stream import left
-from deconflict.operator.live.floor_frames import Picture
+from deconflict.operator.live.advisory_stream import disconnected
+from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.runtime.first_of import until_either
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
@@ -23,31 +23,31 @@ HEALTH_S = 2.0
 RETRY_S = 0.5
 
 Follow = Callable[[int], Awaitable[tuple[int, bool, Batch | None]]]
-"""What came after a number: its own number, whether it is the whole floor, and the batch, None without a tick."""
+"""From a batch number to the next: its number, whether it is the whole floor, and the batch; None if no tick came."""
 Health = Callable[[], Awaitable[dict[str, Any]]]
 
 
-class Viewers:
-    """Serves pages. `follow` raises `ConnectionError` where the floor can't be had just now."""
+class LiveSocket:
+    """Serves all pages. `follow` raises `ConnectionError` while the floor is not available."""
 
     def __init__(self, follow: Follow, health: Health, measures: Measures, send_timeout_s: Callable[[], float]) -> None:
         self._follow, self._health, self._measures = follow, health, measures
         self._send_timeout_s = send_timeout_s
-        self._picture = Picture()
-        self._told = json.dumps({})
-        self._beat = 0
-        """Rises with every change of the picture or the health, and when neither comes."""
+        self._frames = FloorFrames()
+        self._health_text = json.dumps({})
+        self._change = 0
+        """Rises with every change of the floor or the health, and when a tick is overdue."""
         self._news = asyncio.Event()
-        self._watching = 0
-        self._work: list[asyncio.Task[None]] = []
+        self._pages = 0
+        self._tasks: list[asyncio.Task[None]] = []
         self._count(0)
 
     async def serve(self, websocket: WebSocket) -> None:
-        """Accept, and send frames until the page leaves or takes none for the time allowed."""
+        """Accept, and send frames until the page leaves or a send takes longer than the time limit."""
         await websocket.accept()
         self._count(+1)
         try:
-            await until_either(self._feed(websocket), left(websocket))
+            await until_either(self._send_frames(websocket), disconnected(websocket))
         except TimeoutError:
             self._measures.count("deconflict_stream_dropped_total")
         except WebSocketDisconnect:
@@ -55,20 +55,20 @@ class Viewers:
         finally:
             self._count(-1)
 
-    async def _feed(self, websocket: WebSocket) -> None:
-        version, beat = 0, -1
+    async def _send_frames(self, websocket: WebSocket) -> None:
+        version, change = 0, -1
         while True:
-            if beat == self._beat:
+            if change == self._change:
                 await self._news.wait()
-            beat = self._beat
-            health, picture = self._told, self._picture
-            frame = picture.since(version)
-            version = picture.version
+            change = self._change
+            health, frames = self._health_text, self._frames
+            frame = frames.since(version)
+            version = frames.version
             async with asyncio.timeout(self._send_timeout_s()):
                 await websocket.send_text(f'{{"sent_s": {time.time():.3f}, "health": {health}, "floor": {frame}}}')
             await asyncio.sleep(FRAME_S)
 
-    async def _watch_floor(self) -> None:
+    async def _follow_floor(self) -> None:
         number = 0
         while True:
             try:
@@ -78,26 +78,26 @@ class Viewers:
                 await asyncio.sleep(RETRY_S)
             else:
                 if batch is not None:
-                    self._picture.put(batch, whole=whole)
+                    self._frames.add_batch(batch, whole=whole)
             self._announce()
 
-    async def _watch_health(self) -> None:
+    async def _follow_health(self) -> None:
         while True:
-            self._told = json.dumps(await self._health() | {"at_s": time.time()})
+            self._health_text = json.dumps(await self._health() | {"at_s": time.time()})
             self._announce()
             await asyncio.sleep(HEALTH_S)
 
     def _announce(self) -> None:
-        self._beat += 1
+        self._change += 1
         self._news.set()
         self._news = asyncio.Event()
 
     def _count(self, change: int) -> None:
-        self._watching += change
-        self._measures.level("deconflict_page_viewers", {(): self._watching})
-        if self._watching and not self._work:
-            self._work = [asyncio.create_task(self._watch_floor()), asyncio.create_task(self._watch_health())]
-        elif not self._watching:
-            for task in self._work:
+        self._pages += change
+        self._measures.level("deconflict_page_viewers", {(): self._pages})
+        if self._pages and not self._tasks:
+            self._tasks = [asyncio.create_task(self._follow_floor()), asyncio.create_task(self._follow_health())]
+        elif not self._pages:
+            for task in self._tasks:
                 task.cancel()
-            self._work, self._picture = [], Picture()
+            self._tasks, self._frames = [], FloorFrames()

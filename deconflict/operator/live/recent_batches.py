@@ -1,4 +1,4 @@
-"""The newest batches, kept for whoever watches the floor: the engine never waits for a watcher, nor one for another."""
+"""The newest batches, for those who follow the floor. Neither the engine nor a follower waits for a follower."""
 
 import asyncio
 from collections import deque
@@ -8,21 +8,21 @@ from struct import Struct
 from ingest.batch import Batch
 
 KEPT = 16
-"""Batches; a watcher that is further behind is given the whole floor."""
-PATIENCE_S = 1.0
-"""How long a watcher waits for a tick before it is told that there is none."""
+"""Number of batches that are kept; a follower that is further behind receives the whole floor."""
+TICK_TIMEOUT_S = 1.0
+"""A follower waits for a tick for at most so long; then it receives an empty batch."""
 HEAD = Struct(">Q?")
 """The number of a batch, and whether it is the whole floor."""
 
 
-class Recent:
-    """Batches by number. Numbers rise, over restarts too: they are the microseconds of the ticks."""
+class RecentBatches:
+    """Batches by number. A number is the tick's time in microseconds, so numbers rise across restarts too."""
 
     def __init__(self) -> None:
         self.number = 0
         """Of the newest batch."""
         self._kept: deque[tuple[int, int, bytes]] = deque(maxlen=KEPT)
-        """The number of the batch before, its own, and it."""
+        """For each batch: the number of the batch before, its own number, and its bytes."""
         self._news = asyncio.Event()
 
     def add(self, now_s: float, batch: bytes) -> None:
@@ -32,28 +32,28 @@ class Recent:
         self._news = asyncio.Event()
 
     async def after(self, number: int) -> bytes | None:
-        """The parcel with the batch that follows `number`, empty where there was no tick for `PATIENCE_S`.
+        """The packed batch that follows `number`; an empty one if no tick comes within `TICK_TIMEOUT_S`.
 
-        None where that batch is not kept, and for 0: the watcher needs the whole floor.
+        None if that batch is no longer kept, and for 0: then the follower needs the whole floor.
         """
         if number == self.number:
             with suppress(TimeoutError):
-                async with asyncio.timeout(PATIENCE_S):
+                async with asyncio.timeout(TICK_TIMEOUT_S):
                     await self._news.wait()
             if number == self.number:
-                return parcel(number, b"", whole=False)
+                return packed_batch(number, b"", whole=False)
         for before, own, batch in self._kept:
             if number and before == number:
-                return parcel(own, batch, whole=False)
+                return packed_batch(own, batch, whole=False)
         return None
 
 
-def parcel(number: int, batch: bytes, *, whole: bool) -> bytes:
+def packed_batch(number: int, batch: bytes, *, whole: bool) -> bytes:
     return HEAD.pack(number, whole) + batch
 
 
-def opened(data: bytes) -> tuple[int, bool, Batch | None]:
-    """The number, whether it is the whole floor, and the batch; None where there was no tick."""
+def unpacked_batch(data: bytes) -> tuple[int, bool, Batch | None]:
+    """The number, whether it is the whole floor, and the batch; None if no tick came."""
     number, whole = HEAD.unpack_from(data)
     body = data[HEAD.size :]
     return number, whole, Batch.from_bytes(body) if body else None

@@ -1,5 +1,5 @@
-"""Where advisories go besides the stream and the API: webhooks and an MQTT broker.
+"""Outlets: webhooks and an MQTT broker, which receive every advisory.
 
-Each outlet follows the store from a position of its own that is kept in it, so that nothing is lost while the other end
-is away or the service restarts. What was sent just before the end may be sent again: `seq` tells.
+Each outlet has a position in the store, which the store keeps. So nothing is lost while the receiver is down or the
+service restarts. A revision may be sent twice around a restart; receivers recognise it by its `seq`.
 """

@@ -1,7 +1,7 @@
 """The open advisories as retained messages of an MQTT broker.
 
-`TOPIC/advisories/ID` holds the newest revision while the advisory is open; what clears it is sent as a message that is
-not kept, and the topic is then emptied. `TOPIC/service` holds "online", or "offline" by the broker's own doing.
+`TOPIC/advisories/ID` has the newest revision while the advisory is open. The clearing revision is sent without retain,
+and then the topic is emptied. `TOPIC/service` has "online", or "offline", which the broker sets by itself (last will).
 """
 
 import asyncio
@@ -12,8 +12,8 @@ from typing import NamedTuple
 from aiomqtt import Client, MqttError, Will
 
 from deconflict.advisory import ADVISORY, AdvisoryState
-from deconflict.operator.outlets.store_cursor import Following, ending
-from deconflict.operator.store.publisher import Line
+from deconflict.operator.outlets.store_cursor import StoreCursor, is_being_cancelled
+from deconflict.operator.store.publisher import PublishedLine
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.first_of import until_either
 from deconflict.settings.outlet_settings import Mqtt
@@ -21,10 +21,10 @@ from ingest.security.tokens import renewed, secret
 
 AT_LEAST_ONCE = 1
 GOODBYE_S = 2.0
-"""A broker that does not answer is left after this long, twice."""
+"""Longest wait for a broker's answer to the goodbye, and again for its answer to the disconnect."""
 
 
-class Said(NamedTuple):
+class MqttMessage(NamedTuple):
     """One message to the broker."""
 
     topic: str
@@ -32,82 +32,82 @@ class Said(NamedTuple):
     retain: bool
 
 
-class Broker:
-    """Keeps a broker's picture of the open advisories true; after each connection it is brought up to date."""
+class MqttOutlet:
+    """Keeps a broker's retained messages up to date, and refreshes them after each connect."""
 
-    def __init__(self, settings: Mqtt, following: Following, store: Store) -> None:
-        """Raises `SecretError` where the password can't be had."""
-        self._settings, self._following, self._store = settings, following, store
+    def __init__(self, settings: Mqtt, cursor: StoreCursor, store: Store) -> None:
+        """Raises `SecretError`."""
+        self._settings, self._cursor, self._store = settings, cursor, store
         self._password = secret(settings.password) if settings.password else None
 
     def refresh(self) -> None:
-        """Read the password again; it counts at the next connection."""
+        """Read the password again; the next connection uses it."""
         if self._password:
             self._password = renewed(self._settings.password, self._password)
 
     async def run(self) -> None:
-        """Until cancelled."""
-        await self._following.begin()
+        """Send revisions until cancelled."""
+        await self._cursor.begin()
         wait_s, longest_s = self._settings.retry_s
         while True:
-            before = self._following.seq
+            before = self._cursor.seq
             try:
-                await self._connected()
+                await self._run_connection()
             except (MqttError, StoreError) as error:
-                if ending():
+                if is_being_cancelled():
                     return
-                self._following.failed(str(error))
-            if self._following.seq > before:
+                self._cursor.failed(str(error))
+            if self._cursor.seq > before:
                 wait_s = self._settings.retry_s[0]
             await asyncio.sleep(wait_s)
             wait_s = min(2 * wait_s, longest_s)
 
-    async def _connected(self) -> None:
-        """Until the connection is lost."""
-        one = self._settings
-        service = f"{one.topic}/service"
+    async def _run_connection(self) -> None:
+        """Connect, and send revisions until the connection is lost."""
+        settings = self._settings
+        service = f"{settings.topic}/service"
         async with Client(
-            one.host,
-            one.port,
-            username=one.user or None,
+            settings.host,
+            settings.port,
+            username=settings.user or None,
             password=self._password,
-            tls_context=ssl.create_default_context() if one.tls else None,
+            tls_context=ssl.create_default_context() if settings.tls else None,
             will=Will(service, "offline", AT_LEAST_ONCE, retain=True),
         ) as client:
-            await self._say(client, Said(service, "online", True))
+            await self._send(client, MqttMessage(service, "online", True))
             try:
-                await until_either(self._feed(client), _lost(client))
+                await until_either(self._send_revisions(client), _lost(client))
             except asyncio.CancelledError:
                 client.timeout = GOODBYE_S
                 with suppress(MqttError):
-                    await self._say(client, Said(service, "offline", True))
+                    await self._send(client, MqttMessage(service, "offline", True))
                 raise
 
-    async def _feed(self, client: Client) -> None:
-        """What stands at the position, in case the broker has forgotten, then all that follows."""
+    async def _send_revisions(self, client: Client) -> None:
+        """Send the open advisories up to the position, in case the broker has lost them, then all that follow."""
         for advisory in await asyncio.to_thread(self._store.open):
-            if advisory.seq <= self._following.seq:
+            if advisory.seq <= self._cursor.seq:
                 topic = f"{self._settings.topic}/advisories/{advisory.id}"
-                await self._say(client, Said(topic, advisory.model_dump_json(), True))
-        async for line in self._following.lines():
-            for said in told(self._settings.topic, line):
-                await self._say(client, said)
-            self._following.taken(line)
+                await self._send(client, MqttMessage(topic, advisory.model_dump_json(), True))
+        async for line in self._cursor.lines():
+            for message in messages_of(self._settings.topic, line):
+                await self._send(client, message)
+            self._cursor.delivered(line)
 
-    async def _say(self, client: Client, said: Said) -> None:
-        await client.publish(said.topic, said.payload, AT_LEAST_ONCE, said.retain)
+    async def _send(self, client: Client, message: MqttMessage) -> None:
+        await client.publish(message.topic, message.payload, AT_LEAST_ONCE, message.retain)
 
 
-def told(topic: str, line: Line) -> list[Said]:
-    """What the broker is told of one revision."""
+def messages_of(prefix: str, line: PublishedLine) -> list[MqttMessage]:
+    """The messages for one revision."""
     advisory = ADVISORY.validate_json(line.text)
-    at = f"{topic}/advisories/{advisory.id}"
+    topic = f"{prefix}/advisories/{advisory.id}"
     if advisory.state is AdvisoryState.CLEARED:
-        return [Said(at, line.text, False), Said(at, None, True)]
-    return [Said(at, line.text, True)]
+        return [MqttMessage(topic, line.text, False), MqttMessage(topic, None, True)]
+    return [MqttMessage(topic, line.text, True)]
 
 
 async def _lost(client: Client) -> None:
-    """Raises `MqttError` when the connection is lost; nothing is subscribed to."""
+    """Raises `MqttError` when the connection is lost. There is no subscription, so no message comes."""
     async for _ in client.messages:
         pass

@@ -1,4 +1,4 @@
-"""The outlets of the settings in force, each at work on a task of its own."""
+"""The outlets of the current settings, each on a task of its own."""
 
 import asyncio
 import logging
@@ -7,9 +7,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import Protocol
 
-from deconflict.operator.outlets.mqtt import Broker
-from deconflict.operator.outlets.store_cursor import Following, ending
-from deconflict.operator.outlets.webhooks import Poster
+from deconflict.operator.outlets.mqtt import MqttOutlet
+from deconflict.operator.outlets.store_cursor import StoreCursor, is_being_cancelled
+from deconflict.operator.outlets.webhooks import WebhookOutlet
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Backoff, Mqtt, Webhook
@@ -17,7 +17,7 @@ from deconflict.settings.outlet_settings import Backoff, Mqtt, Webhook
 log = logging.getLogger(__name__)
 
 MQTT = "mqtt"
-"""What the broker is called among the outlets; no webhook may be."""
+"""Name of the MQTT outlet; no webhook may have it."""
 
 
 class Outlet(Protocol):
@@ -27,7 +27,7 @@ class Outlet(Protocol):
 
 
 class Outlets:
-    """Begins and ends outlets as the settings change. One that stays as it was is not disturbed."""
+    """Starts and ends outlets as the settings change. An outlet whose settings stay the same keeps running."""
 
     def __init__(self, store: Store, publisher: Publisher) -> None:
         self._store, self._publisher = store, publisher
@@ -35,40 +35,44 @@ class Outlets:
         self._outlets: dict[str, Outlet] = {}
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._ending: defaultdict[str, set[asyncio.Task[None]]] = defaultdict(set)
-        """By name, those that have been told to end and have not."""
+        """By name, the cancelled tasks that have not ended yet."""
 
     def renew(self, webhooks: Sequence[Webhook], mqtt: Mqtt | None) -> None:
-        """Other settings from now on. Raises `SecretError` where a secret can't be had; then all stays as it was."""
-        wanted: dict[str, Webhook | Mqtt] = {one.name: one for one in webhooks}
+        """Use other settings from now on. Raises `SecretError`; then nothing changes."""
+        new_settings: dict[str, Webhook | Mqtt] = {webhook.name: webhook for webhook in webhooks}
         if mqtt:
-            wanted[MQTT] = mqtt
-        begin = {name: self._made(name, one) for name, one in wanted.items() if self._settings.get(name) != one}
+            new_settings[MQTT] = mqtt
+        changed = {
+            name: self._create(name, settings)
+            for name, settings in new_settings.items()
+            if self._settings.get(name) != settings
+        }
         for name in self._settings:
-            if name in begin or name not in wanted:
+            if name in changed or name not in new_settings:
                 self._end(name)
-        for name in self._settings.keys() - wanted.keys():
+        for name in self._settings.keys() - new_settings.keys():
             del self._outlets[name]
             self._publisher.measures.values["deconflict_outlet_waiting"].pop((name,), None)
-        for name, one in begin.items():
-            self._outlets[name] = one
-            self._tasks[name] = asyncio.create_task(self._run(name, one, wanted[name].retry_s))
-        self._settings = wanted
+        for name, outlet in changed.items():
+            self._outlets[name] = outlet
+            self._tasks[name] = asyncio.create_task(self._run(name, outlet, new_settings[name].retry_s))
+        self._settings = new_settings
 
     def refresh(self) -> None:
         """Read the secrets again."""
-        for one in self._outlets.values():
-            one.refresh()
+        for outlet in self._outlets.values():
+            outlet.refresh()
 
     async def close(self) -> None:
         for name in list(self._tasks):
             self._end(name)
-        await asyncio.gather(*(task for each in self._ending.values() for task in each), return_exceptions=True)
+        await asyncio.gather(*(task for tasks in self._ending.values() for task in tasks), return_exceptions=True)
 
-    def _made(self, name: str, settings: Webhook | Mqtt) -> Outlet:
-        following = Following(name, self._store, self._publisher)
+    def _create(self, name: str, settings: Webhook | Mqtt) -> Outlet:
+        cursor = StoreCursor(name, self._store, self._publisher)
         if isinstance(settings, Mqtt):
-            return Broker(settings, following, self._store)
-        return Poster(settings, following)
+            return MqttOutlet(settings, cursor, self._store)
+        return WebhookOutlet(settings, cursor)
 
     def _end(self, name: str) -> None:
         task = self._tasks.pop(name)
@@ -77,7 +81,7 @@ class Outlets:
         task.add_done_callback(self._ending[name].discard)
 
     async def _run(self, name: str, outlet: Outlet, retry_s: Backoff) -> None:
-        """Begins where those have ended whose place it takes, and again after an error that nobody foresaw."""
+        """Start once the earlier outlets of this name have ended. Restart after an unexpected error."""
         if before := set(self._ending[name]):
             await asyncio.wait(before)
         wait_s, longest_s = retry_s
@@ -86,9 +90,9 @@ class Outlets:
             try:
                 await outlet.run()
             except Exception:
-                if ending():
+                if is_being_cancelled():
                     return
-                log.exception("%s was ended by an error, which should be reported; it begins again", name)
+                log.exception("%s ended with an error, which should be reported; it restarts", name)
                 self._publisher.measures.count("deconflict_outlet_failures_total", name)
             if time.monotonic() - began_s > longest_s:
                 wait_s = retry_s[0]

@@ -1,10 +1,10 @@
-"""A place in the store that an outlet has come to, and what is measured of it."""
+"""An outlet's position in the store, and its measures."""
 
 import asyncio
 import logging
 from collections.abc import AsyncIterator
 
-from deconflict.operator.store.publisher import Line, Publisher
+from deconflict.operator.store.publisher import PublishedLine, Publisher
 from deconflict.operator.store.store import Store, StoreError
 
 log = logging.getLogger(__name__)
@@ -12,14 +12,14 @@ log = logging.getLogger(__name__)
 STORE_RETRY_S = 1.0
 
 
-def ending() -> bool:
-    """Whether the task that asks has been cancelled, whatever error has taken the place of that."""
+def is_being_cancelled() -> bool:
+    """Whether the present task has been cancelled, even if another error hides it."""
     task = asyncio.current_task()
     return task is not None and task.cancelling() > 0
 
 
-class Following:
-    """One outlet's position. `taken` moves it on; what is not taken is seen again."""
+class StoreCursor:
+    """One outlet's position. `delivered` moves it on; a revision that is not delivered comes again."""
 
     def __init__(self, name: str, store: Store, publisher: Publisher) -> None:
         self.name = name
@@ -30,7 +30,7 @@ class Following:
         self._publisher.measures.count("deconflict_outlet_failures_total", name, by=0)
 
     async def begin(self) -> None:
-        """Go on where it stopped; an outlet that is new begins with the next revision."""
+        """Resume at the stored position. A new outlet begins with the next revision."""
         self.seq = first = self._publisher.last_seq
         while True:
             try:
@@ -41,8 +41,8 @@ class Following:
                 self._move(first if known is None else known)
                 return
 
-    async def lines(self) -> AsyncIterator[Line]:
-        """Every revision after the position, for ever. A store that can't be read is tried again."""
+    async def lines(self) -> AsyncIterator[PublishedLine]:
+        """Every revision after the position, without end. Retries if the store can't be read."""
         while True:
             try:
                 found = await self._publisher.after(self.seq)
@@ -52,26 +52,26 @@ class Following:
             for line in found:
                 yield line
 
-    def taken(self, line: Line) -> None:
-        """The other end has it. Its place is stored soon: nobody waits for a slow disk."""
+    def delivered(self, line: PublishedLine) -> None:
+        """The receiver has the revision. The position is stored soon, without a wait for the disk."""
         self._publisher.measures.count("deconflict_outlet_deliveries_total", self.name)
         if self._failing:
-            log.info("%s takes advisories again, %s wait", self.name, self._publisher.last_seq - line.seq)
+            log.info("%s accepts advisories again, %s wait", self.name, self._publisher.last_seq - line.seq)
             self._failing = False
         self._move(line.seq)
 
     def _move(self, seq: int) -> None:
         self.seq = seq
         self._measure()
-        self._store.move(self.name, seq)
+        self._store.set_position(self.name, seq)
         self._publisher.begin_storing()
 
-    def failed(self, why: str) -> None:
-        """The other end did not take it. Told once, until it takes something again."""
+    def failed(self, reason: str) -> None:
+        """The receiver did not accept the revision. Logged once, until it accepts one again."""
         self._publisher.measures.count("deconflict_outlet_failures_total", self.name)
         self._measure()
         if not self._failing:
-            log.warning("%s takes no advisories and is tried again: %s", self.name, why)
+            log.warning("%s accepts no advisories and is tried again: %s", self.name, reason)
             self._failing = True
 
     async def _wait_for_store(self, error: StoreError) -> None:

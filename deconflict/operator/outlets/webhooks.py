@@ -1,23 +1,23 @@
-"""Posting each revision to an address, in order, again and again until it is taken."""
+"""Posts each revision to an address, in order, and retries until the receiver accepts it."""
 
 import asyncio
 import time
 
 import httpx
 
-from deconflict.operator.outlets.store_cursor import Following
+from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.operator.outlets.webhook_signatures import signed
-from deconflict.operator.store.publisher import Line
+from deconflict.operator.store.publisher import PublishedLine
 from deconflict.settings.outlet_settings import Webhook
 from ingest.security.tokens import renewed, secret
 
 
-class Poster:
-    """One webhook. Nothing overtakes a revision that is not taken."""
+class WebhookOutlet:
+    """One webhook. The next revision waits until the receiver has accepted this one."""
 
-    def __init__(self, settings: Webhook, following: Following) -> None:
-        """Raises `SecretError` where the secret can't be had."""
-        self._settings, self._following = settings, following
+    def __init__(self, settings: Webhook, cursor: StoreCursor) -> None:
+        """Raises `SecretError`."""
+        self._settings, self._cursor = settings, cursor
         self._secret = secret(settings.secret)
 
     def refresh(self) -> None:
@@ -25,27 +25,27 @@ class Poster:
         self._secret = renewed(self._settings.secret, self._secret)
 
     async def run(self) -> None:
-        """Until cancelled."""
-        await self._following.begin()
+        """Send revisions until cancelled."""
+        await self._cursor.begin()
         async with httpx.AsyncClient(timeout=self._settings.timeout_s) as client:
-            async for line in self._following.lines():
-                await self._until_taken(client, line)
-                self._following.taken(line)
+            async for line in self._cursor.lines():
+                await self._deliver(client, line)
+                self._cursor.delivered(line)
 
-    async def _until_taken(self, client: httpx.AsyncClient, line: Line) -> None:
+    async def _deliver(self, client: httpx.AsyncClient, line: PublishedLine) -> None:
         wait_s, longest_s = self._settings.retry_s
-        while why := await self._refused(client, line):
-            self._following.failed(why)
+        while problem := await self._post(client, line):
+            self._cursor.failed(problem)
             await asyncio.sleep(wait_s)
             wait_s = min(2 * wait_s, longest_s)
 
-    async def _refused(self, client: httpx.AsyncClient, line: Line) -> str:
-        """Why a request was not taken; empty where it was. The address is not told: it may hold a secret."""
+    async def _post(self, client: httpx.AsyncClient, line: PublishedLine) -> str:
+        """Why the request failed; empty if it succeeded. Leaves out the address, which may hold a secret."""
         body = line.text.encode()
         try:
             signature = signed(f"advisory-{line.seq}", body, self._secret, time.time())
             headers = {"content-type": "application/json", **signature}
             answer = await client.post(self._settings.url, content=body, headers=headers)
-        except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:  # the last of a secret that is no base64
+        except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:  # ValueError: the secret is not base64
             return type(error).__name__
         return "" if answer.is_success else f"answered {answer.status_code}"

@@ -1,1 +1,1 @@
-"""Advisories on disk, and publishing them."""
+"""The advisory database, and publishing to subscribers."""

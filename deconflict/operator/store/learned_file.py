@@ -1,4 +1,4 @@
-"""The file of what a site has taught the engine, beside the advisories: replaced as a whole, never half written."""
+"""The file of the engine's learned state, beside the advisories. A write replaces it as a whole."""
 
 import logging
 import os
@@ -14,15 +14,15 @@ FAILURES = "deconflict_learning_failures_total"
 
 
 class LearnedFile:
-    """Reads and writes bytes; a file or disk that fails is told and counted, and never stops the service."""
+    """Reads and writes bytes. A failure is logged and counted, and never stops the service."""
 
     def __init__(self, directory: Path, measures: Measures) -> None:
         self.path, self._measures = directory / FILE_NAME, measures
-        for what in ("read", "write"):
-            measures.count(FAILURES, what, by=0)
+        for operation in ("read", "write"):
+            measures.count(FAILURES, operation, by=0)
 
     def read(self) -> bytes:
-        """What was written last; nothing where there is none, or none that can be read."""
+        """The bytes written last; empty if there is no file, or it can't be read."""
         try:
             return self.path.read_bytes() if self.path.exists() else b""
         except OSError as error:
@@ -30,7 +30,7 @@ class LearnedFile:
             return b""
 
     def write(self, data: bytes) -> None:
-        """Put `data` in the place of what was written before; on the disk before its name."""
+        """Replace the file. The new one is synchronised to disk before it gets the name."""
         new = self.path.with_suffix(".new")
         try:
             with new.open("wb") as file:
@@ -39,17 +39,17 @@ class LearnedFile:
                 os.fsync(file.fileno())
             new.replace(self.path)
         except OSError as error:
-            self._failed("write", f"what was learned can't be kept: {error}; free some space, or check who owns it")
+            self._failed("write", f"can't keep the learned state: {error}; free some space, or check the owner")
 
-    def set_aside(self, why: str) -> None:
-        """Keep an unreadable file for a person to look at, out of the way; one set aside before is replaced."""
+    def set_aside(self, reason: str) -> None:
+        """Rename an unreadable file, so that a person can look at it. Replaces one that was set aside before."""
         aside = self.path.with_name(FILE_NAME + ASIDE)
-        self._failed("read", f"{self.path}: {why}; it is set aside as {aside.name}, and learning begins anew")
+        self._failed("read", f"{self.path}: {reason}; it is set aside as {aside.name}, and learning begins anew")
         try:
             self.path.replace(aside)
         except OSError as error:
-            log.warning("%s can't be set aside: %s; the next that is kept replaces it", self.path, error)
+            log.warning("%s can't be set aside: %s; the next write replaces it", self.path, error)
 
-    def _failed(self, what: str, told: str) -> None:
-        self._measures.count(FAILURES, what)
-        log.warning(told)
+    def _failed(self, operation: str, message: str) -> None:
+        self._measures.count(FAILURES, operation)
+        log.warning(message)

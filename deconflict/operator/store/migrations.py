@@ -1,4 +1,4 @@
-"""How the file of advisories was laid out by each release, and how it becomes the next."""
+"""The SQL statements that create the advisory database, and that upgrade it from each format to the next."""
 
 UPGRADES: tuple[tuple[str, ...], ...] = (
     (

@@ -1,6 +1,7 @@
-"""Publishing: store, then wake whoever follows the stream. A follower is only its position in the store.
+"""Publishing: store a revision, then wake the subscribers. A subscriber is only a position in the store.
 
-A disk that fails or takes longer than `PATIENCE_S` is not waited for: people are told, and the disk is tried again.
+A disk that fails or takes longer than `DISK_TIMEOUT_S` delays nothing: revisions are published, and the disk is tried
+again.
 """
 
 import asyncio
@@ -16,12 +17,12 @@ from ingest.measures.measures import Measures
 
 log = logging.getLogger(__name__)
 
-PATIENCE_S = 0.5
+DISK_TIMEOUT_S = 0.5
 TAIL_LENGTH = 1024
-STEP = 100
+MOST_LINES = 100
 
 
-class Line(NamedTuple):
+class PublishedLine(NamedTuple):
     """One revision as the stream sends it."""
 
     seq: int
@@ -29,47 +30,47 @@ class Line(NamedTuple):
 
 
 class StreamEndedError(Exception):
-    """The numbers that were given hold no more."""
+    """The sequence numbers given so far are no longer valid."""
 
 
 class Publisher:
-    """Appends to the store off the event loop and keeps the newest lines, so that followers share one reading."""
+    """Appends to the store off the event loop. Keeps the newest lines in memory, which all subscribers share."""
 
     def __init__(self, store: Store, measures: Measures) -> None:
         self._store, self.measures = store, measures
-        self.carry: Callable[[str, Acknowledgement], Awaitable[None]] | None = None
-        """Takes answers to where they get their numbers, and returns once they are back; this store's own if None."""
-        self._tail: deque[Line] = deque(maxlen=TAIL_LENGTH)
+        self.forward_answer: Callable[[str, Acknowledgement], Awaitable[None]] | None = None
+        """Sends an answer to the stream that numbers it, and returns once it has come back. None if this store does."""
+        self._tail: deque[PublishedLine] = deque(maxlen=TAIL_LENGTH)
         self._appending = asyncio.Lock()
         self._news = asyncio.Event()
         self.last_seq = store.last_seq()
-        """The newest number known to followers."""
+        """The newest published number."""
         self.failing: str | None = None
-        """Why what is told is not stored just now."""
+        """Why revisions are not stored at present; None if they are."""
         self._storing: asyncio.Task[None] | None = None
         self._ended = False
         measures.level("deconflict_store_unstored", {(): 0})
 
     async def publish(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
-        """Store revisions and make them known; returns them with their numbers.
+        """Store and publish revisions; returns them with their numbers.
 
-        They may be sent again: what is known already is not doubled. Raises `StoreError` where the store can't be read
-        or too many wait for it; then they are not made known.
+        A revision that is sent again is published once. Raises `StoreError` if the store can't be read or too many
+        revisions wait for it; then nothing is published.
         """
         async with self._appending:
             try:
-                taken = await asyncio.to_thread(self._store.take, advisories)
+                accepted = await asyncio.to_thread(self._store.accept, advisories)
             except Exception:
                 self.measures.count("deconflict_store_failures_total")
                 raise
             await self.settle()
-            self._announce([one for one in taken if one.seq > self.last_seq])
-        return taken
+            self._announce([revision for revision in accepted if revision.seq > self.last_seq])
+        return accepted
 
     async def settle(self) -> None:
-        """Have what waits for the disk stored, and wait for that a little while."""
+        """Store pending writes, and wait for the disk for at most `DISK_TIMEOUT_S`."""
         storing = self.begin_storing()
-        await asyncio.wait({storing}, timeout=PATIENCE_S)
+        await asyncio.wait({storing}, timeout=DISK_TIMEOUT_S)
         if storing.done():
             storing.result()
         elif not self.failing:
@@ -77,19 +78,19 @@ class Publisher:
         self.measures.level("deconflict_store_unstored", {(): self._store.unstored})
 
     def begin_storing(self) -> asyncio.Task[None]:
-        """Have what waits for the disk stored, soon; the task that does it, one at a time."""
+        """The task that stores pending writes; starts one if none runs."""
         if self._storing is None or self._storing.done():
             self._storing = asyncio.create_task(self._store_all())
         return self._storing
 
     async def close(self) -> None:
-        """Have the rest stored, as far as the disk takes it; what it does not is told in the log."""
+        """Store the rest. Logs how many revisions the disk did not take."""
         await self.settle()
         if self._store.unstored:
-            log.error("%d revisions were told and never stored", self._store.unstored)
+            log.error("%d revisions were published and never stored", self._store.unstored)
 
     async def _store_all(self) -> None:
-        while self._store.waits:
+        while self._store.has_pending:
             try:
                 await asyncio.to_thread(self._store.flush)
             except StoreError as error:
@@ -100,22 +101,24 @@ class Publisher:
             log.warning("advisories are stored again")
         self.failing = None
 
-    def _fail(self, why: str) -> None:
+    def _fail(self, reason: str) -> None:
         if not self.failing:
-            log.error("advisories are told and not stored: %s; they are, as soon as the disk takes them", why)
-        self.failing = why
+            log.error("advisories are published but not stored: %s; they are stored once the disk works", reason)
+        self.failing = reason
 
     async def acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyAdvisory | None:
-        """Have an answer stored and made known; the newest revision with it, or None where there is no such."""
-        if self.carry is None:
-            return await self.answered(advisory_id, answer)
+        """Store and publish an answer; returns the newest revision with it, or None for an unknown advisory."""
+        if self.forward_answer is None:
+            return await self.store_answer(advisory_id, answer)
         if not await asyncio.to_thread(self._store.get, advisory_id):
             return None
-        await self.carry(advisory_id, answer)
+        await self.forward_answer(advisory_id, answer)
         return (await asyncio.to_thread(self._store.get, advisory_id))[-1]
 
-    async def answered(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyAdvisory | None:
-        """Store an answer, under the number that it was given if any, and make it known."""
+    async def store_answer(
+        self, advisory_id: str, answer: Acknowledgement, seq: int | None = None
+    ) -> AnyAdvisory | None:
+        """Store an answer and publish it. `seq` is its number if the followed stream gave one."""
         async with self._appending:
             answered = await asyncio.to_thread(self._store.acknowledge, advisory_id, answer, seq)
             if answered and answered.seq > self.last_seq:
@@ -123,41 +126,41 @@ class Publisher:
         return answered
 
     async def reached(self, seq: int) -> None:
-        """Wait until the revision with a number is known. Raises `StreamEndedError`."""
+        """Wait until the revision with a number is published. Raises `StreamEndedError`."""
         while self.last_seq < seq:
             if self._ended:
                 raise StreamEndedError
             await self._news.wait()
 
     def end(self) -> None:
-        """Nothing more is told under these numbers."""
+        """Publish nothing more under these numbers."""
         self._ended = True
         self._news.set()
 
-    async def after(self, seq: int) -> list[Line]:
-        """Up to `STEP` lines with numbers above `seq`, ascending; waits for the first. Raises `StoreError`."""
+    async def after(self, seq: int) -> list[PublishedLine]:
+        """Up to `MOST_LINES` lines with numbers above `seq`, ascending. Waits for the first. Raises `StoreError`."""
         while True:
             await self.reached(seq + 1)
             if self._tail and self._tail[0].seq <= seq + 1:
                 skipped = seq + 1 - self._tail[0].seq
-                return list(islice(self._tail, skipped, skipped + STEP))
+                return list(islice(self._tail, skipped, skipped + MOST_LINES))
             known = self.last_seq
-            if found := await asyncio.to_thread(self._store.after, seq, STEP):
-                return [_line(one) for one in found]
-            seq = known  # all of it has been pruned
+            if found := await asyncio.to_thread(self._store.after, seq, MOST_LINES):
+                return [_line(revision) for revision in found]
+            seq = known  # all of them have been pruned
 
-    def _announce(self, fresh: Sequence[AnyAdvisory]) -> None:
-        if not fresh:
+    def _announce(self, new: Sequence[AnyAdvisory]) -> None:
+        if not new:
             return
-        for line in sorted(_line(one) for one in fresh):
+        for line in sorted(_line(revision) for revision in new):
             if self._tail and line.seq != self._tail[-1].seq + 1:
-                self._tail.clear()  # the tail has no holes; who is further back reads the store
+                self._tail.clear()  # the tail has no gaps; a subscriber that is further back reads the store
             self._tail.append(line)
         self.last_seq = self._tail[-1].seq
-        self.measures.count("deconflict_advisories_stored_total", by=len(fresh))
+        self.measures.count("deconflict_advisories_stored_total", by=len(new))
         self._news.set()
         self._news = asyncio.Event()
 
 
-def _line(advisory: AnyAdvisory) -> Line:
-    return Line(advisory.seq, advisory.model_dump_json())
+def _line(advisory: AnyAdvisory) -> PublishedLine:
+    return PublishedLine(advisory.seq, advisory.model_dump_json())

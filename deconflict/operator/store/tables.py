@@ -1,4 +1,4 @@
-"""How revisions lie in the tables of the store."""
+"""Reads and writes of the tables in the advisory database."""
 
 import sqlite3
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from deconflict.operator.store.pending_writes import LOOK_BACK_S
 
 
 class StoreError(Exception):
-    """The advisories can't be read or written; the message says what to do about it."""
+    """The advisories can't be read or written; the message says what to do."""
 
 
 def last_seq(db: sqlite3.Connection) -> int:
@@ -28,7 +28,7 @@ def stored_revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> 
 
 
 def open_at(db: sqlite3.Connection, now_s: float) -> list[AnyAdvisory]:
-    """The newest revision by then of each advisory that changed in the `LOOK_BACK_S` before, if it was open."""
+    """The newest revision by then of each advisory that was open and had changed in the `LOOK_BACK_S` before."""
     rows = db.execute(
         "SELECT document FROM revisions WHERE json_extract(document, '$.state') <> ? AND seq IN "
         "(SELECT max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id) ORDER BY seq",
@@ -38,7 +38,7 @@ def open_at(db: sqlite3.Connection, now_s: float) -> list[AnyAdvisory]:
 
 
 def between(db: sqlite3.Connection, since_s: float, until_s: float) -> list[AnyAdvisory]:
-    """Every revision decided after `since_s` and by `until_s`, ascending; without those that only answer."""
+    """Every revision decided after `since_s` and by `until_s`, ascending, without those that only add an answer."""
     rows = db.execute(
         "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
         (since_s, until_s),
@@ -46,13 +46,13 @@ def between(db: sqlite3.Connection, since_s: float, until_s: float) -> list[AnyA
     return [advisory_of(document) for (document,) in rows]
 
 
-def for_reading(path: Path) -> AbstractContextManager[sqlite3.Connection]:
-    """The file, for another process than the store's. Raises `sqlite3.Error`."""
+def read_only(path: Path) -> AbstractContextManager[sqlite3.Connection]:
+    """A connection for a process other than the store's. Raises `sqlite3.Error`."""
     return closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True))
 
 
 def answers_of(db: sqlite3.Connection, advisory_id: str) -> tuple[int, Acknowledgement | None]:
-    """How often an advisory was acknowledged, and the newest of it."""
+    """How often an advisory was acknowledged, and the newest acknowledgement."""
     row = db.execute("SELECT answers, acknowledgement FROM advisories WHERE id = ?", (advisory_id,)).fetchone()
     count, newest = row or (0, None)
     return count, Acknowledgement.model_validate_json(newest) if newest else None
@@ -83,7 +83,7 @@ def insert(db: sqlite3.Connection, advisory: AnyAdvisory, answers: int, at: date
         count_encounter(db, advisory)
 
 
-def charge(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
+def add_burdens(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
     db.executemany(
         """INSERT INTO burdens VALUES (?, ?)
         ON CONFLICT (vendor) DO UPDATE SET yielded_s = yielded_s + excluded.yielded_s""",
@@ -104,8 +104,8 @@ def position(db: sqlite3.Connection, outlet: str) -> int | None:
     return int(row[0]) if row else None
 
 
-def put(db: sqlite3.Connection, positions: Mapping[str, int]) -> None:
-    """Outlets at where they are, never back."""
+def put_positions(db: sqlite3.Connection, positions: Mapping[str, int]) -> None:
+    """Store positions of outlets. A position never goes back."""
     db.executemany(
         "INSERT INTO positions VALUES (?, ?) ON CONFLICT (outlet) DO UPDATE SET seq = max(seq, excluded.seq)",
         list(positions.items()),
@@ -117,6 +117,6 @@ def advisory_of(document: str) -> AnyAdvisory:
         return ADVISORY.validate_json(document)
     except ValueError as error:
         raise StoreError(
-            f"a stored advisory is not readable by this release ({error}): run the release that wrote it, "
+            f"this release can't read a stored advisory ({error}): run the release that wrote it, "
             "or move the file aside to start a new one"
         ) from error

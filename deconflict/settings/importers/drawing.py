@@ -24,7 +24,7 @@ DIGITS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class DrawnSite:
     """The sections of a site file that a plan gives."""
 
     name: str
@@ -45,7 +45,7 @@ class Names:
         return slug if self.given[slug] == 1 else self.new(slug, str(self.given[slug]))
 
 
-def drawn(plan: Plan, width_m: float) -> Drawn:
+def drawn_site(plan: Plan, width_m: float) -> DrawnSite:
     """`width_m` is the side of a resource's square and the width of a lane, metres."""
     names = Names()
     ids = {level.name: str(uuid5(IMPORTED, f"{plan.name} {level.name}")) for level in plan.levels}
@@ -53,7 +53,7 @@ def drawn(plan: Plan, width_m: float) -> Drawn:
     resources = [one for level in plan.levels for one in _resources(level, ids[level.name], width_m, names)]
     resources += [_lift(lift, plan.levels, ids, names) for lift in plan.lifts]
     zones = [one for level in plan.levels for one in _zones(level, ids[level.name], width_m, names)]
-    return Drawn(plan.name, datums, tuple(resources), tuple(zones))
+    return DrawnSite(plan.name, datums, tuple(resources), tuple(zones))
 
 
 def _resources(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Resource]:

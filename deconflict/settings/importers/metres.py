@@ -10,7 +10,7 @@ SEPARATOR = " --- "
 """Between the ends of a block's member."""
 
 
-def layout(told: Mapping[str, Any]) -> Plan:
+def read_layout(told: Mapping[str, Any]) -> Plan:
     stations = {point: one for one in told.get("stations", ()) for point in one["points"]}
     blocks = tuple(
         Block(one["name"], tuple(tuple(member.split(SEPARATOR, 1)) for member in one["members"]))

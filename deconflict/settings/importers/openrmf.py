@@ -14,7 +14,7 @@ from deconflict.settings.importers.plan import Door, Lane, Level, Lift, Node, Pl
 METRES = "cartesian_meters"
 
 
-def building(told: Mapping[str, Any]) -> Plan:
+def read_building(told: Mapping[str, Any]) -> Plan:
     """Raises `PlanError`, also for a floor without measurements."""
     metric = told.get("coordinate_system") == METRES
     levels = told["levels"]

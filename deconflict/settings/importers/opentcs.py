@@ -14,7 +14,7 @@ CHARGING = ("charg", "recharg")
 LOADING = ("load", "transfer", "goods", "storage", "drop", "pick")
 
 
-def plant(model: Element) -> Plan:
+def read_plant(model: Element) -> Plan:
     """Raises `PlanError` where a position is missing."""
     uses = dict(_uses(model))
     nodes = tuple(_node(point, uses) for point in model.iter("point"))

@@ -8,10 +8,10 @@ from xml.etree import ElementTree
 
 import yaml
 
-from deconflict.settings.importers.drawing import Drawn, drawn
-from deconflict.settings.importers.metres import layout
-from deconflict.settings.importers.openrmf import building
-from deconflict.settings.importers.opentcs import plant
+from deconflict.settings.importers.drawing import DrawnSite, drawn_site
+from deconflict.settings.importers.metres import read_layout
+from deconflict.settings.importers.openrmf import read_building
+from deconflict.settings.importers.opentcs import read_plant
 from deconflict.settings.importers.plan import Plan, PlanError
 from ingest.settings import Section
 
@@ -26,38 +26,38 @@ HEAD = """\
 """
 
 
-def imported(path: Path, width_m: float) -> str:
+def imported_toml(path: Path, width_m: float) -> str:
     """The plan in `path` as TOML. Raises `PlanError`."""
     try:
-        plan = read(path)
+        plan = read_plan(path)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, PlanError):
             raise
         raise PlanError(f"{path}: does not have the form of its kind: {type(error).__name__} {error}") from error
-    return toml(drawn(plan, width_m), HEAD.format(file=path.name, width=width_m))
+    return toml(drawn_site(plan, width_m), HEAD.format(file=path.name, width=width_m))
 
 
-def read(path: Path) -> Plan:
+def read_plan(path: Path) -> Plan:
     """Told apart by the content: XML is openTCS; `levels` that are a table are Open-RMF, that are a list, metres."""
     try:
         text = path.read_text(encoding="utf-8")
         if text.lstrip().startswith("<"):
             model = ElementTree.fromstring(text)  # noqa: S314 - a file of the site's own; expat bounds expansion
-            return plant(model)
+            return read_plant(model)
         told = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
     except (OSError, UnicodeDecodeError, ElementTree.ParseError, json.JSONDecodeError, yaml.YAMLError) as error:
         raise PlanError(f"{path}: can't be read: {error}") from error
     if not isinstance(told, dict) or "levels" not in told:
         raise PlanError(f"{path}: has no levels; expected an Open-RMF building file or an openTCS plant model")
-    return building(told) if isinstance(told["levels"], dict) else layout(told)
+    return read_building(told) if isinstance(told["levels"], dict) else read_layout(told)
 
 
-def toml(one: Drawn, head: str) -> str:
+def toml(one: DrawnSite, head: str) -> str:
     """The sections as text, keys with their default left out."""
     return "\n".join([head, f"name = {_value(one.name)}", *_sections(one)]) + "\n"
 
 
-def _sections(one: Drawn) -> Iterator[str]:
+def _sections(one: DrawnSite) -> Iterator[str]:
     for heading, sections in (("datums", one.datums), ("resources", one.resources), ("zones", one.zones)):
         for section in sections:
             yield from section_lines(heading, section)

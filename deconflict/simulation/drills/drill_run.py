@@ -18,8 +18,8 @@ from rich.table import Table
 
 from deconflict.client import Client
 from deconflict.contention.robots.place_geometry import Geometry
-from deconflict.operator.http.api import Exposition
-from deconflict.roles.service import in_one_process
+from deconflict.operator.http.api_sources import Exposition
+from deconflict.roles.service import run_in_one_process
 from deconflict.simulation.drills.drill_outcomes import Outcome, Outcomes, documents
 from deconflict.simulation.drills.drill_scripts import Drill, party, staged
 from deconflict.simulation.drills.errands import STEP_S, Party
@@ -49,7 +49,7 @@ async def played(
     """What comes of these drills, once all robots are through and told, or after two minutes."""
     site, stages = staged(drills, ignored=ignored)
     everybody, outcomes = party(stages), Outcomes(drills, stages)
-    async with in_one_process(site, data, exposition) as (receiver, operator):
+    async with run_in_one_process(site, data, exposition) as (receiver, operator):
         start_s = time.time()
         service = SiteService(everybody, Geometry(site.resources, site.zones), start_s)
         robots_url, url = f"ws://127.0.0.1:{receiver.receiver.port}", f"http://127.0.0.1:{operator.port}"

@@ -24,7 +24,7 @@ from deconflict.cluster.tiles.tile_owners import Table
 from deconflict.cluster.tiles.tiles import Place
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.receiver_role import ReceiverRole
-from deconflict.roles.service import Runs, runtime_directory
+from deconflict.roles.service import Role, runtime_directory
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.site import Operator, Site
@@ -169,7 +169,7 @@ async def ingest(machines: Machines, data: Path, port: int = 0) -> AsyncIterator
 
 
 @asynccontextmanager
-async def running(role: Runs) -> AsyncIterator[asyncio.Task[None]]:
+async def running(role: Role) -> AsyncIterator[asyncio.Task[None]]:
     """A role in this process until it is cancelled, which is its death, or the end."""
     stop = asyncio.Event()
     task = asyncio.create_task(role.run(stop))

@@ -11,7 +11,8 @@ from deconflict.client import Client, PositionLostError
 from deconflict.cluster.judging.stream_writer import Teller
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import Seen
-from deconflict.operator.store.store import FILE_NAME, Store
+from deconflict.operator.store.sqlite_connections import FILE_NAME
+from deconflict.operator.store.store import Store
 from tests.deconflict.cluster.made_cluster import HOME, Broker, Machines, buses, face, needs_server, until
 from tests.deconflict.roles.made_service import Served, healthy
 from tests.helpers.made_advisories import cleared, made

@@ -10,7 +10,7 @@ from websockets.asyncio.client import connect
 
 from deconflict.advisories.revision_rules import SURE
 from deconflict.advisory import AdvisoryState
-from deconflict.roles.service import in_one_process
+from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import Conflict, Operator, Site
 from ingest.recording.log_reader import LogReader, Received
 from ingest.settings import Receiver
@@ -32,7 +32,7 @@ async def test_recorded_traffic_gives_advisories(tmp_path: Path) -> None:
         if isinstance(event, Received)
     ]
     first_s = next(event.arrival_s for event in log if b"operationalState" in event.raw)
-    async with in_one_process(site, tmp_path, render) as (receiver, operator):
+    async with run_in_one_process(site, tmp_path, render) as (receiver, operator):
         service = Running(receiver, operator)
         async with connect(service.robots_url) as socket:
             began_s = time.time()

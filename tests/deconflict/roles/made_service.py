@@ -18,7 +18,7 @@ from websockets.asyncio.client import connect
 
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.receiver_role import ReceiverRole
-from deconflict.roles.service import in_one_process
+from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import Conflict, Operator, Site
 from ingest.settings import Datum, Receiver
 from metrics.monitoring.exposition import render
@@ -137,7 +137,7 @@ class Running:
 
 @asynccontextmanager
 async def running(data: Path, site: Site = SITE, wall: Callable[[], float] = time.time) -> AsyncIterator[Running]:
-    async with in_one_process(site, data, render, wall) as (receiver, operator):
+    async with run_in_one_process(site, data, render, wall) as (receiver, operator):
         yield Running(receiver, operator)
 
 

@@ -13,7 +13,7 @@ import httpx
 from websockets.asyncio.client import connect
 
 from deconflict.advisory import AnyAdvisory
-from deconflict.roles.service import in_one_process
+from deconflict.roles.service import run_in_one_process
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_queues import SITE, scripts
 from tests.helpers.patience import PATIENCE_S
@@ -24,7 +24,7 @@ from tests.helpers.saying import identity, robot
 @asynccontextmanager
 async def running(data: Path) -> AsyncIterator[tuple[str, str]]:
     """The robots' address and the operators'."""
-    async with in_one_process(SITE, data, render) as (receiver, operator):
+    async with run_in_one_process(SITE, data, render) as (receiver, operator):
         yield f"ws://127.0.0.1:{receiver.receiver.port}", f"http://127.0.0.1:{operator.port}"
 
 

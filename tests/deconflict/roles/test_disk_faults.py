@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from deconflict.advisory import AnyAdvisory
-from deconflict.operator.blackbox.blackbox_request import Span
-from deconflict.operator.blackbox.published_advisories import told_in
+from deconflict.operator.blackbox.blackbox_request import BoxSpan
+from deconflict.operator.blackbox.published_advisories import published_in
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.measures import Measures
@@ -22,7 +22,7 @@ from tests.deconflict.roles.made_service import CROSSING, Running, drive, runnin
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
 from tests.helpers.patience import PATIENCE_S
 
-SPAN = Span(START.timestamp(), START.timestamp() + 60, START.timestamp() + 60, START.timestamp() + 180)
+SPAN = BoxSpan(START.timestamp(), START.timestamp() + 60, START.timestamp() + 60, START.timestamp() + 180)
 READS: dict[str, Callable[[Store], Any]] = {
     "latest": lambda store: store.latest("all"),
     "two of it": lambda store: store.latest("all", limit=2),
@@ -35,8 +35,8 @@ READS: dict[str, Callable[[Store], Any]] = {
     "all after": lambda store: store.after(0, -1),
     "one": lambda store: store.get("advisory-1"),
     "then": lambda store: store.open_at(START.timestamp() + 130),
-    "in a span": lambda store: told_in(store.path, store.waiting(SPAN.until_s), SPAN),
-    "raised": lambda store: store.raised(START.timestamp(), START.timestamp() + 130),
+    "in a span": lambda store: published_in(store.path, store.pending_until(SPAN.until_s), SPAN),
+    "raised": lambda store: store.raised_between(START.timestamp(), START.timestamp() + 130),
     "last": Store.last_seq,
     "encounters": Store.encounters,
     "burdens": Store.burdens_s,
@@ -61,7 +61,7 @@ def test_what_waits_for_the_disk_is_read_as_if_it_were_there_and_kept_under_its_
     prompt, behind = stores
     stored = prompt.append(LIFE)
     behind.append(LIFE[:on_disk])
-    assert behind.take(LIFE) == stored
+    assert behind.accept(LIFE) == stored
     assert behind.unstored == len(LIFE) - on_disk
     assert {name: read(behind) for name, read in READS.items()} == {name: read(prompt) for name, read in READS.items()}
     behind.flush()
@@ -104,7 +104,7 @@ async def test_a_read_only_file_is_told_of_counted_and_written_once_it_can_be(
 ) -> None:
     store, measures = Store(tmp_path), Measures()
     publisher = Publisher(store, measures)
-    store._writer.execute("PRAGMA query_only = ON")
+    store._connections._writer.execute("PRAGMA query_only = ON")
     for number in (1, 2):
         await publisher.publish([made(number)])
     assert publisher.failing
@@ -113,7 +113,7 @@ async def test_a_read_only_file_is_told_of_counted_and_written_once_it_can_be(
     assert measures.values["deconflict_store_failures_total"] == {(): 2}
     with pytest.raises(StoreError, match="readonly"):
         store.append([made(9)])
-    store._writer.execute("PRAGMA query_only = OFF")
+    store._connections._writer.execute("PRAGMA query_only = OFF")
     await publisher.settle()
     assert (store.unstored, len(store.after(0))) == (0, 2)
     assert [record.levelname for record in caplog.records] == ["ERROR", "WARNING"], "told once, and its end once"
@@ -121,13 +121,13 @@ async def test_a_read_only_file_is_told_of_counted_and_written_once_it_can_be(
 
 
 def test_what_waits_is_bounded_and_what_is_beyond_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deconflict.operator.store.store.MOST_AHEAD", 5)
+    monkeypatch.setattr("deconflict.operator.store.store.MOST_PENDING", 5)
     store = Store(tmp_path)
-    store.take([made(number) for number in range(5)])
+    store.accept([made(number) for number in range(5)])
     with pytest.raises(StoreError, match="5 revisions wait for the disk"):
-        store.take([made(5)])
+        store.accept([made(5)])
     store.flush()
-    assert store.take([made(5)])[0].seq == 6
+    assert store.accept([made(5)])[0].seq == 6
     store.close()
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from deconflict.engine.message_latency import arrivals_s
 from deconflict.roles import engine_role
-from deconflict.roles.engine_role import Outbox, UndeliveredError
+from deconflict.roles.engine_role import Delivery, UndeliveredError
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.rpc import listening, socket_path
 from ingest.fleet.fleet import Fleet
@@ -60,12 +60,12 @@ def test_what_the_face_does_not_take_is_bounded_and_the_engine_begins_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(engine_role, "MOST_WAITING_BYTES", 1 << 20)
-    outbox, arrived_s = Outbox(tmp_path), {"Acme": np.full(10_000, NOW_S)}
+    outbox, arrived_s = Delivery(tmp_path), {"Acme": np.full(10_000, NOW_S)}
     outbox.start()
     for _ in range(13):
-        outbox.put([], arrived_s, Measures())
+        outbox.add_pass([], arrived_s, Measures())
     with pytest.raises(UndeliveredError):
-        outbox.put([], arrived_s, Measures())
+        outbox.add_pass([], arrived_s, Measures())
     outbox.stop()
 
 
@@ -80,10 +80,10 @@ async def test_any_amount_is_delivered_to_a_face_that_takes_it(tmp_path: Path, m
 
     with runtime_directory() as runtime:
         async with listening(socket_path(Path(runtime), "operator"), {"publish": publish}):
-            outbox = Outbox(Path(runtime))
+            outbox = Delivery(Path(runtime))
             outbox.start()
             for number in range(1, 101):
-                outbox.put([], {"Acme": np.full(10_000, NOW_S)}, Measures(), [("a", "b", NOW_S, ("Acme", "Acme"))])
+                outbox.add_pass([], {"Acme": np.full(10_000, NOW_S)}, Measures(), [("a", "b", NOW_S, ("Acme", "Acme"))])
                 await until(lambda count=number: taken == count)
             await asyncio.to_thread(outbox.stop)
     waits = outbox.measures.histograms["deconflict_message_to_advisory_seconds"]["Acme",]

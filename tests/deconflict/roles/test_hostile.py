@@ -9,7 +9,7 @@ from typing import Any
 from websockets.asyncio.client import connect
 
 from deconflict.advisory import ADVISORY, AdvisoryState
-from deconflict.roles.service import in_one_process
+from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import Conflict, Operator, Site
 from ingest.settings import Datum, Reading, Receiver, Vendor
 from metrics.monitoring.exposition import render
@@ -82,7 +82,7 @@ def counted(text: str, name: str, label: str = "rule") -> set[str]:
 
 
 async def test_hostile_senders_are_counted_and_honest_robots_are_still_warned(tmp_path: Path) -> None:
-    async with in_one_process(SITE, tmp_path, render) as roles:
+    async with run_in_one_process(SITE, tmp_path, render) as roles:
         service = Running(*roles)
         await come_in(service)
         abusing = [asyncio.create_task(abuse(service.robots_url)) for abuse in ABUSES]

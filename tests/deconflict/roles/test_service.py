@@ -14,7 +14,7 @@ from websockets.asyncio.server import ServerConnection, serve
 
 from deconflict.advice import hold_desk
 from deconflict.advisory import ADVISORY, AdvisoryState
-from deconflict.roles.service import in_one_process
+from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import Engine as EngineSettings
 from ingest.recording.log_reader import LogReader, Tick
 from ingest.settings import Vendor
@@ -96,10 +96,10 @@ async def test_each_vendor_has_its_rate_deviations_errors_and_grade(tmp_path: Pa
 
 
 async def test_every_measure_is_catalogued(tmp_path: Path) -> None:
-    async with in_one_process(SITE, tmp_path, render) as (receiver, operator):
+    async with run_in_one_process(SITE, tmp_path, render) as (receiver, operator):
         url = f"ws://127.0.0.1:{receiver.receiver.port}"
         await drive(url, CROSSING, 4)
-        documents = await operator.measures()
+        documents = await operator.sources.measures()
         names = {name for document in documents for name in (*document["values"], *document["histograms"])}
         assert {"deconflict_sweep_duration_seconds", "deconflict_robots"} <= names
         assert not combine(documents).uncatalogued

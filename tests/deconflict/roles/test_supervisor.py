@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.roles.supervisor import STEADY_S, Watched
-from deconflict.runtime.heartbeat import LONG_S
+from deconflict.roles.supervisor import STEADY_S, RoleProcess
+from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S
 from tests.deconflict.roles.made_service import Served, healthy
 from tests.deconflict.roles.role_processes import children
 from tests.helpers.patience import PATIENCE_S
@@ -37,7 +37,7 @@ async def test_an_engine_that_is_killed_is_told_of_and_goes_on_with_its_advisory
 
 
 def test_a_role_is_restarted_at_once_and_ever_more_slowly_where_it_keeps_dying() -> None:
-    role, now_s, waits_s = Watched("engine", [sys.executable, "-c", ""]), 0.0, []
+    role, now_s, waits_s = RoleProcess("engine", [sys.executable, "-c", ""]), 0.0, []
     for ran_for_s in (0.0, 0.0, 0.0, STEADY_S + 1.0, 0.0):
         if role.process is None:
             role.ensure(now_s)
@@ -72,7 +72,7 @@ libc.fclose(file)
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another malloc")
 def test_the_threads_of_a_role_share_a_heap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def heaps() -> int:
-        role = Watched("engine", [sys.executable, "-c", THREADED, str(tmp_path / "heaps")])
+        role = RoleProcess("engine", [sys.executable, "-c", THREADED, str(tmp_path / "heaps")])
         role.ensure(0.0)
         assert role.process
         assert role.process.wait(PATIENCE_S) == 0
@@ -86,15 +86,15 @@ def test_the_threads_of_a_role_share_a_heap(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_a_role_that_hangs_is_killed_and_restarted() -> None:
-    role, now_s = Watched("engine", [sys.executable, "-c", "import time; time.sleep(600)"]), 0.0
+    role, now_s = RoleProcess("engine", [sys.executable, "-c", "import time; time.sleep(600)"]), 0.0
     role.ensure(now_s)
     first = role.process
     assert first
     while first.poll() is None:
-        assert now_s < LONG_S + 60.0, "nobody killed it"
+        assert now_s < LONG_SILENCE_LIMIT_S + 60.0, "nobody killed it"
         now_s += 1.0
         role.ensure(now_s)
-        if now_s > LONG_S:
+        if now_s > LONG_SILENCE_LIMIT_S:
             time.sleep(0.1)  # a process takes a moment to end
     role.ensure(now_s)
     assert (role.restarts, first.returncode) == (1, -signal.SIGKILL)

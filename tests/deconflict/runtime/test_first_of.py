@@ -6,10 +6,10 @@ from deconflict.runtime.first_of import until_either
 
 
 class BrokenError(Exception):
-    """What one of the two ends with."""
+    """The error of one of the two coroutines."""
 
 
-async def test_when_one_ends_the_other_is_no_longer_done() -> None:
+async def test_the_end_of_one_cancels_the_other() -> None:
     ended = asyncio.Event()
 
     async def for_ever() -> None:
@@ -22,7 +22,7 @@ async def test_when_one_ends_the_other_is_no_longer_done() -> None:
     assert ended.is_set()
 
 
-async def test_what_the_one_that_ends_raises_is_raised() -> None:
+async def test_the_error_of_the_one_that_ends_is_raised() -> None:
     async def breaks() -> None:
         raise BrokenError
 
@@ -30,7 +30,7 @@ async def test_what_the_one_that_ends_raises_is_raised() -> None:
         await until_either(asyncio.Event().wait(), breaks())
 
 
-async def test_who_is_cancelled_cancels_both() -> None:
+async def test_cancelling_cancels_both() -> None:
     ended: list[int] = []
 
     async def for_ever(which: int) -> None:

@@ -26,7 +26,7 @@ def test_a_file_that_was_cut_off_is_unreadable(share: float) -> None:
         unpacked(whole[: int(share * len(whole))])
 
 
-def test_a_byte_that_turned_is_seen_or_matters_nothing() -> None:
+def test_a_changed_byte_is_found_or_changes_nothing() -> None:
     whole, seen = packed(PARTS), 0
     for at in range(len(whole)):
         try:
@@ -39,9 +39,9 @@ def test_a_byte_that_turned_is_seen_or_matters_nothing() -> None:
 
 
 def test_a_foreign_file_is_unreadable() -> None:
-    other = io.BytesIO()
-    np.savez(other, a=np.zeros(3))
-    for data in (b"hello", other.getvalue(), pickle.dumps(PARTS), packed(PARTS).replace(b"head", b"tail")):
+    foreign = io.BytesIO()
+    np.savez(foreign, a=np.zeros(3))
+    for data in (b"hello", foreign.getvalue(), pickle.dumps(PARTS), packed(PARTS).replace(b"head", b"tail")):
         with pytest.raises(UnreadableError):
             unpacked(data)
 
@@ -57,5 +57,5 @@ def test_a_file_of_another_format_says_which(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.parametrize("told", [None, "three", [1.0, float("nan")], [[1.0], [2.0, 3.0]], [1.0, 2.0, 3.0]])
 def test_only_finite_numbers_of_the_right_shape_are_taken(told: object) -> None:
     assert numbers({"a": [1, 2]}, "a", (2,)).tolist() == [1.0, 2.0]
-    with pytest.raises(UnreadableError, match="a is no"):
+    with pytest.raises(UnreadableError, match="a is not"):
         numbers({"a": told}, "a", (2,))

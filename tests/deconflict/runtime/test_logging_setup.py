@@ -27,13 +27,13 @@ def said() -> StringIO:
 
 @pytest.fixture
 def log(now_s: list[float], said: StringIO) -> logging.Logger:
-    """By itself: what other loggers say, the runner of parallel tests has to carry, and a lone surrogate ends it."""
+    """A logger without a parent: the runner of parallel tests can't carry a record with a lone surrogate."""
     logger = logging.Logger("deconflict.test")
-    logger.addHandler(logging_setup.handler("json", lambda: now_s[0], said))
+    logger.addHandler(logging_setup.create_handler("json", lambda: now_s[0], said))
     return logger
 
 
-def test_a_line_is_a_json_object_whatever_is_said(log: logging.Logger, said: StringIO) -> None:
+def test_any_record_is_logged_as_one_json_object(log: logging.Logger, said: StringIO) -> None:
     log.warning('the %s said "%s"\nand \ud800 left', "robot", "no")
     try:
         raise ValueError("too far")
@@ -45,7 +45,7 @@ def test_a_line_is_a_json_object_whatever_is_said(log: logging.Logger, said: Str
     assert second["error"].endswith("ValueError: too far")
 
 
-def test_a_flood_from_one_place_is_bounded_counted_and_hides_no_other(
+def test_repeated_records_of_one_place_are_limited_and_counted_and_hide_no_other(
     log: logging.Logger, now_s: list[float], said: StringIO
 ) -> None:
     def say(number: int) -> None:
@@ -66,7 +66,7 @@ def test_a_flood_from_one_place_is_bounded_counted_and_hides_no_other(
 
 
 @pytest.mark.parametrize(
-    "said",
+    "text",
     [
         "401 for Authorization: Bearer s3cr3t-t0ken",
         "POST https://hooks.example/in?token=s3cr3t-t0ken&x=1",
@@ -75,13 +75,13 @@ def test_a_flood_from_one_place_is_bounded_counted_and_hides_no_other(
         'api_key = "s3cr3t-t0ken"',
     ],
 )
-def test_what_looks_like_a_secret_is_hidden(said: str) -> None:
-    assert "s3cr3t-t0ken" not in hidden(said)
-    assert HIDDEN in hidden(said)
+def test_text_that_looks_like_a_secret_is_hidden(text: str) -> None:
+    assert "s3cr3t-t0ken" not in hidden(text)
+    assert HIDDEN in hidden(text)
 
 
 @pytest.mark.parametrize(
-    "said",
+    "text",
     [
         "vendors[0].token: env:ALDER_TOKEN is not set",
         "file:/etc/token can't be read",
@@ -89,11 +89,11 @@ def test_what_looks_like_a_secret_is_hidden(said: str) -> None:
         "at 10:05:06",
     ],
 )
-def test_what_is_no_secret_is_told(said: str) -> None:
-    assert hidden(said) == said
+def test_text_without_a_secret_is_unchanged(text: str) -> None:
+    assert hidden(text) == text
 
 
-def test_every_process_of_the_service_logs_as_it_was_told_to(tmp_path: Path) -> None:
+def test_every_process_of_the_service_logs_in_the_chosen_format(tmp_path: Path) -> None:
     (tmp_path / "log").mkdir()
     now_s = time.time()
     line = f'{{"received":"{timestamps.write(now_s)}","message":{identity("A-1", now_s).decode()}}}\n'
@@ -102,9 +102,9 @@ def test_every_process_of_the_service_logs_as_it_was_told_to(tmp_path: Path) -> 
     ports = ["--robots-port", "0", "--operator-port", "0"]
     with subprocess.Popen([*command, *ports], stderr=subprocess.PIPE, text=True) as service:
         assert service.stderr
-        supervisors, roles = (json.loads(service.stderr.readline()) for _ in range(2))
+        supervisor_line, role_line = (json.loads(service.stderr.readline()) for _ in range(2))
         service.terminate()
         service.communicate(timeout=PATIENCE_S)
-    assert supervisors["process"] == service.pid
-    assert supervisors["said"].startswith("no site file")
-    assert (roles["logger"], roles["process"] != service.pid) == ("deconflict.roles.receiver_role", True)
+    assert supervisor_line["process"] == service.pid
+    assert supervisor_line["said"].startswith("no site file")
+    assert (role_line["logger"], role_line["process"] != service.pid) == ("deconflict.roles.receiver_role", True)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.runtime.rpc import AT_ONCE_BYTES, AsyncCaller, Caller, LinkDownError, listening, socket_path
+from deconflict.runtime.rpc import SEND_BUFFER_BYTES, AsyncCaller, Caller, LinkDownError, listening, socket_path
 
 MOST_BYTES = int(Path("/proc/sys/net/core/wmem_max").read_text())
 
@@ -24,7 +24,7 @@ async def test_both_callers_get_the_answer(tmp_path: Path) -> None:
         blocking.close()
 
 
-def test_a_role_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_the_error_names_a_role_that_does_not_run(tmp_path: Path) -> None:
     with pytest.raises(LinkDownError, match="receiver"):
         Caller(tmp_path, "receiver").call("anything")
 
@@ -40,24 +40,24 @@ async def test_a_caller_finds_the_role_again_after_it_restarted(tmp_path: Path) 
         caller.close()
 
 
-async def test_an_unknown_call_ends_the_conversation_and_not_the_role(tmp_path: Path) -> None:
+async def test_an_unknown_call_ends_the_connection_and_not_the_role(tmp_path: Path) -> None:
     async with listening(socket_path(tmp_path, "role"), {"shout": _shout}):
         with pytest.raises(LinkDownError):
             await AsyncCaller(tmp_path, "role").call("whisper")
         assert await AsyncCaller(tmp_path, "role").call("shout", b"still") == b"STILL"
 
 
-@pytest.mark.skipif(MOST_BYTES < AT_ONCE_BYTES, reason="the kernel keeps no more for a socket: net.core.wmem_max")
-async def test_a_large_reply_is_not_left_to_many_rounds_of_a_busy_loop(tmp_path: Path) -> None:
+@pytest.mark.skipif(MOST_BYTES < SEND_BUFFER_BYTES, reason="the kernel keeps no more for a socket: net.core.wmem_max")
+async def test_a_large_reply_needs_few_iterations_of_a_busy_loop(tmp_path: Path) -> None:
     rounds, loop, done = count(), asyncio.get_running_loop(), asyncio.Event()
 
     async def batch(_: bytes) -> bytes:
         go_round()
-        return bytes(AT_ONCE_BYTES)
+        return bytes(SEND_BUFFER_BYTES)
 
     def go_round() -> None:
         next(rounds)
-        time.sleep(0.01)  # as long as who reads needs for what there is
+        time.sleep(0.01)  # a loop under load: each iteration takes long
         if not done.is_set():
             loop.call_soon(go_round)
 
@@ -66,5 +66,5 @@ async def test_a_large_reply_is_not_left_to_many_rounds_of_a_busy_loop(tmp_path:
         reply = await asyncio.to_thread(caller.call, "batch")
         done.set()
         caller.close()
-    assert len(reply) == AT_ONCE_BYTES
+    assert len(reply) == SEND_BUFFER_BYTES
     assert next(rounds) < 12

@@ -1,5 +1,3 @@
-"""Work in a process aside."""
-
 import asyncio
 import time
 from collections.abc import Callable
@@ -8,15 +6,15 @@ from typing import Any
 
 import pytest
 
-from deconflict.runtime.worker_process import AsideError, once
+from deconflict.runtime.worker_process import WorkerError, run_in_process
 from tests.helpers.patience import PATIENCE_S
 
 LARGE = bytes(10_000_000)
 """More than a pipe holds."""
 
 
-class Awaited:
-    """Is taken in by another process only once a file is there."""
+class WaitsForFile:
+    """Can be unpickled only run_in_process a file exists."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -34,29 +32,29 @@ def found(path: Path) -> str:
     return path.read_text()
 
 
-def said(what: str, _: bytes) -> str:
-    return what
+def first_argument(text: str, _: bytes) -> str:
+    return text
 
 
 def failing(_: str) -> None:
     raise ValueError("no such robot")
 
 
-async def test_nothing_waits_while_a_process_begins_and_takes_in_what_it_is_given(tmp_path: Path) -> None:
-    path = tmp_path / "said"
-    work = asyncio.create_task(once(said, Awaited(path), LARGE))
+async def test_the_event_loop_does_not_wait_while_a_process_reads_its_arguments(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    work = asyncio.create_task(run_in_process(first_argument, WaitsForFile(path), LARGE))
     await asyncio.sleep(0)
-    path.write_text("by who started it")
-    assert await work == "by who started it"
+    path.write_text("written by the parent")
+    assert await work == "written by the parent"
 
 
-async def test_who_asked_is_told_why_it_failed() -> None:
-    with pytest.raises(AsideError, match="ValueError: no such robot"):
-        await once(failing, "A-1")
+async def test_the_error_of_the_work_reaches_the_caller() -> None:
+    with pytest.raises(WorkerError, match="ValueError: no such robot"):
+        await run_in_process(failing, "A-1")
 
 
-async def test_work_that_nobody_waits_for_any_more_ends(tmp_path: Path) -> None:
-    work = asyncio.create_task(once(found, tmp_path / "never"))
+async def test_cancelling_ends_the_work(tmp_path: Path) -> None:
+    work = asyncio.create_task(run_in_process(found, tmp_path / "never"))
     await asyncio.sleep(0)
     work.cancel()
     with pytest.raises(asyncio.CancelledError):

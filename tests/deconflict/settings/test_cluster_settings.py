@@ -7,7 +7,7 @@ import pytest
 
 from deconflict.roles.service import cluster_problems
 from deconflict.settings.cluster_settings import Cluster
-from deconflict.settings.site import SiteError, from_told
+from deconflict.settings.site import SiteError, site_from_document
 
 
 def test_without_the_setting_the_service_brings_nothing_of_a_cluster() -> None:
@@ -25,4 +25,4 @@ def test_a_part_needs_a_cluster() -> None:
 @pytest.mark.parametrize("wrong", [{"nats": []}, {"nats": ["nats://a"], "name": "a.b"}, {"nats": ["a"], "tile_m": 1.0}])
 def test_a_cluster_that_cannot_be_names_the_key(wrong: dict[str, object]) -> None:
     with pytest.raises(SiteError, match="cluster"):
-        from_told({"cluster": wrong})
+        site_from_document({"cluster": wrong})

@@ -6,9 +6,9 @@ from typing import Any
 import httpx
 import pytest
 
-from deconflict.roles.service import in_one_process
-from deconflict.settings.floor_plan import matrix
-from deconflict.settings.site import Site, load, problems
+from deconflict.roles.service import run_in_one_process
+from deconflict.settings.floor_plan import image_matrix
+from deconflict.settings.site import Site, fit_problems, load
 from metrics.monitoring.exposition import render
 from tests.helpers.made_site import HALL, MARKS, put, sound, written
 from tests.helpers.patience import PATIENCE_S
@@ -30,11 +30,11 @@ def planned(folder: Path, readings: dict[str, Any], image: str = "plan.png") -> 
 @pytest.mark.parametrize("marks", [("door", "dock"), ("door", "dock", "gate"), tuple(MARKS)])
 def test_the_image_is_placed_by_its_reference_points(marks: tuple[str, ...], tmp_path: Path) -> None:
     site = planned(tmp_path, {one: pixel(*MARKS[one]) for one in marks})
-    assert problems(site) == []
+    assert fit_problems(site) == []
     datum = site.datums[0]
     assert datum.id == HALL
     assert datum.plan
-    a, b, c, d, e, f = matrix(datum.plan, datum)
+    a, b, c, d, e, f = image_matrix(datum.plan, datum)
     for x_m, y_m in ((7.0, 3.0), (-2.0, -1.0)):
         column, row = pixel(x_m, y_m)
         assert (a * column + c * row + e, b * column + d * row + f) == pytest.approx((x_m, y_m))
@@ -42,7 +42,7 @@ def test_the_image_is_placed_by_its_reference_points(marks: tuple[str, ...], tmp
 
 def test_rows_that_are_counted_upwards_are_found_out(tmp_path: Path) -> None:
     site = planned(tmp_path, {one: [20 * x, 20 * y] for one, (x, y) in MARKS.items()})
-    assert problems(site) == [
+    assert fit_problems(site) == [
         "datums[0].plan.readings: are turned over; count rows downwards from the image's upper left corner"
     ]
 
@@ -50,7 +50,7 @@ def test_rows_that_are_counted_upwards_are_found_out(tmp_path: Path) -> None:
 def test_a_wrong_reading_is_named(tmp_path: Path) -> None:
     readings = {one: pixel(*at) for one, at in MARKS.items()}
     readings["dock"][0] += 200
-    problem = problems(planned(tmp_path, readings))[0]
+    problem = fit_problems(planned(tmp_path, readings))[0]
     assert "datums[0].plan.readings." in problem
     assert "expected at most tolerance_m = 0.5" in problem
 
@@ -58,11 +58,11 @@ def test_a_wrong_reading_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("image", "message"), [("no.png", "there is no file"), ("plan.tiff", "expected a file named")])
 def test_an_image_that_can_not_be_shown_is_named(image: str, message: str, tmp_path: Path) -> None:
     site = planned(tmp_path, {one: pixel(*at) for one, at in MARKS.items()}, image)
-    assert [message in one for one in problems(site)] == [True]
+    assert [message in one for one in fit_problems(site)] == [True]
 
 
 def test_a_point_that_the_floor_does_not_have_is_named(tmp_path: Path) -> None:
-    (problem,) = problems(planned(tmp_path, {"door": [0, 0], "window": [1, 1]}))
+    (problem,) = fit_problems(planned(tmp_path, {"door": [0, 0], "window": [1, 1]}))
     assert problem == "datums[0].plan.readings: reads window, which datum 'Hall' does not have"
 
 
@@ -97,7 +97,7 @@ def quarters(folder: Path) -> Site:
 @pytest.mark.skipif(not shutil.which("chromium"), reason="chromium is not installed")
 async def test_the_image_lies_under_the_map_the_right_way_up(tmp_path: Path) -> None:
     playwright = pytest.importorskip("playwright.async_api", reason="playwright drives the browser")
-    async with in_one_process(quarters(tmp_path), tmp_path / "data", render) as (_, operator):
+    async with run_in_one_process(quarters(tmp_path), tmp_path / "data", render) as (_, operator):
         address = f"http://127.0.0.1:{operator.port}"
         async with httpx.AsyncClient(base_url=address, timeout=PATIENCE_S) as client:
             floors = (await client.get("/site")).json()["floors"]

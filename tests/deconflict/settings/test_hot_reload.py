@@ -16,7 +16,14 @@ from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
 
 from deconflict.settings.cluster_settings import Cluster
-from deconflict.settings.hot_reload import FIXED, RELOADS_FILE, SITE_FILE, InForce, Reloader, in_force
+from deconflict.settings.hot_reload import (
+    NEEDS_RESTART,
+    RESULTS_FILE,
+    SITE_FILE,
+    CurrentSite,
+    Reloader,
+    merged_settings,
+)
 from deconflict.settings.site import Conflict, Operator, Site, SiteError
 from ingest.settings import Receiver, Vendor
 from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing
@@ -51,7 +58,7 @@ def test_what_can_change_holds_and_what_can_not_waits() -> None:
         conflict=Conflict(clearance_m=0.7),
         vendors=(Vendor(name="Alder"),),
     )
-    site, waiting = in_force(before, wanted)
+    site, waiting = merged_settings(before, wanted)
     assert (site.receiver, site.operator) == (before.receiver, wanted.operator.model_copy(update={"port": 2}))
     assert (site.conflict, site.vendors) == (wanted.conflict, wanted.vendors)
     assert waiting == ("receiver.port", "operator.port")
@@ -60,9 +67,9 @@ def test_what_can_change_holds_and_what_can_not_waits() -> None:
 def test_the_docs_say_of_every_section_when_it_holds() -> None:
     (row,) = re.findall(r"^\| (`name`.+?) \| (.+?) \|$", DOCS.read_text(encoding="utf-8"), re.M)
     at_once, later = ({name.split(".")[0] for name in re.findall(r"`([\w.]+)`", cell)} for cell in row)
-    assert later == FIXED.keys()
+    assert later == NEEDS_RESTART.keys()
     assert (at_once - {"maps", "models", "credentials", "dial"}) | later == Site.model_fields.keys()
-    assert at_once & later == {section for section, keys in FIXED.items() if keys}
+    assert at_once & later == {section for section, keys in NEEDS_RESTART.items() if keys}
 
 
 def test_a_change_that_needs_another_that_waits_is_refused() -> None:
@@ -71,13 +78,13 @@ def test_a_change_that_needs_another_that_waits_is_refused() -> None:
     )
     named = secured.model_copy(update={"vendors": (Vendor(name="Alder", certificate_names=("alder",)),)})
     with pytest.raises(SiteError, match=r"receiver\.tls\.clients: is missing(?s:.*)restart the service to change"):
-        in_force(Site(), named)
-    assert in_force(secured, named) == (named, ())
+        merged_settings(Site(), named)
+    assert merged_settings(secured, named) == (named, ())
 
 
 def test_the_cluster_itself_waits_for_a_restart() -> None:
     cluster = Cluster(nats=("nats://127.0.0.1:4222",))
-    site, waiting = in_force(Site(cluster=cluster), Site(conflict=Conflict(clearance_m=0.7)))
+    site, waiting = merged_settings(Site(cluster=cluster), Site(conflict=Conflict(clearance_m=0.7)))
     assert (site.cluster, site.conflict.clearance_m, waiting) == (cluster, 0.7, ("cluster",))
 
 
@@ -90,15 +97,15 @@ def test_a_file_that_can_not_be_used_leaves_what_holds(tmp_path: Path) -> None:
             raise answer
         return answer
 
-    reloader, role = Reloader(Site(name="old"), read, tmp_path), InForce(tmp_path, Site(name="old"))
-    reloader.look()
+    reloader, role = Reloader(Site(name="old"), read, tmp_path), CurrentSite(tmp_path, Site(name="old"))
+    reloader.reload_if_requested()
     assert (role.changed(), len(answers)) == (None, 2)
-    reloader.ask()
-    reloader.look()
-    outcome = json.loads((tmp_path / RELOADS_FILE).read_text())
+    reloader.request()
+    reloader.reload_if_requested()
+    outcome = json.loads((tmp_path / RESULTS_FILE).read_text())
     assert (outcome["refused"], outcome["problems"], role.changed()) == (1, ["conflict: is wrong"], None)
-    reloader.ask()
-    reloader.look()
+    reloader.request()
+    reloader.reload_if_requested()
     changed = role.changed()
     assert changed
     assert (changed.name, role.changed()) == ("new", None)
@@ -107,11 +114,11 @@ def test_a_file_that_can_not_be_used_leaves_what_holds(tmp_path: Path) -> None:
 
 def test_the_log_says_which_changed_keys_wait_and_no_other(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     told = {"recorder": {"enabled": False, "keep_days": 2.0}, "operator": {"port": 81, "stream_send_timeout_s": 2.0}}
-    reloader, role = Reloader(Site(), lambda: Site.model_validate(told), tmp_path), InForce(tmp_path, Site())
-    reloader.ask()
-    reloader.look()
+    reloader, role = Reloader(Site(), lambda: Site.model_validate(told), tmp_path), CurrentSite(tmp_path, Site())
+    reloader.request()
+    reloader.reload_if_requested()
     assert [one.getMessage() for one in caplog.records if one.levelname == "WARNING"] == [
-        "these keys of the site file wait for a restart: recorder.enabled, operator.port"
+        "these keys of the site file need a restart: recorder.enabled, operator.port"
     ]
     changed = role.changed()
     assert changed

@@ -1,12 +1,12 @@
 import pytest
 
-from deconflict.settings.overrides import changed
+from deconflict.settings.overrides import with_overrides
 from deconflict.settings.site import DEFAULT, Conflict, Site, SiteError
 
 
 def test_a_setting_is_changed_and_the_others_stay() -> None:
     before = Site(name="Hall", conflict=Conflict(warning_s=6.0))
-    after = changed(before, ["conflict.clearance_m=0.4", "confirm=[3, 4]", "forget_after=120"])
+    after = with_overrides(before, ["conflict.clearance_m=0.4", "confirm=[3, 4]", "forget_after=120"])
     assert (after.conflict.clearance_m, after.conflict.confirm, after.reading.forget_after_s) == (0.4, (3, 4), 120.0)
     assert (after.name, after.conflict.warning_s) == ("Hall", 6.0)
     assert before.conflict.clearance_m == DEFAULT.conflict.clearance_m
@@ -26,4 +26,4 @@ def test_a_setting_is_changed_and_the_others_stay() -> None:
 )
 def test_what_cannot_be_changed_is_told(change: str, told: str) -> None:
     with pytest.raises(SiteError, match=told.replace("?", r"\?")):
-        changed(DEFAULT, [change])
+        with_overrides(DEFAULT, [change])

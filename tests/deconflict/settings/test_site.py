@@ -4,7 +4,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from deconflict.settings.site import DEFAULT, Site, SiteError, load, problems
+from deconflict.settings.site import DEFAULT, Site, SiteError, fit_problems, load
 from tests.helpers.made_site import HALL, put, sound, written
 
 NIL = "00000000-0000-0000-0000-000000000000"
@@ -16,7 +16,7 @@ def test_a_sound_file_is_read_as_written(tmp_path: Path) -> None:
     assert site.vendors[1].maps[0].readings["dock"] == (1.0, -40.0)
     assert site.vendors[1].models["b1"].offset_m == (1.1, 0.0)
     assert site.datums[1].reference_location == (42.36, -71.06)
-    assert problems(site) == []
+    assert fit_problems(site) == []
 
 
 def test_datum_ids_are_compared_without_case(tmp_path: Path) -> None:
@@ -27,7 +27,7 @@ def test_datum_ids_are_compared_without_case(tmp_path: Path) -> None:
 
 def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
     assert load(written({}, tmp_path)) == DEFAULT
-    assert problems(DEFAULT) == []
+    assert fit_problems(DEFAULT) == []
 
 
 @pytest.mark.parametrize(
@@ -181,14 +181,14 @@ def test_ports_that_the_system_chooses_may_both_be_0(tmp_path: Path) -> None:
 def test_readings_that_fit_nothing_load_but_are_a_problem(tmp_path: Path) -> None:
     told = put(sound(), "vendors.1.maps.0.readings", {"door": [0, 0]})
     site = load(written(told, tmp_path))
-    assert problems(site) == [
+    assert fit_problems(site) == [
         "vendors[1].maps[0].readings: readings of at least two reference points are needed, found 1"
     ]
 
 
 def test_reference_points_with_latitude_and_longitude_exchanged_are_a_problem(tmp_path: Path) -> None:
     told = put(sound(), "datums.1.reference_points.0", {"id": "post", "x": -71.059, "y": 42.361})
-    (problem,) = problems(load(written(told, tmp_path)))
+    (problem,) = fit_problems(load(written(told, tmp_path)))
     assert problem.startswith("datums[1].reference_points[0]: lies more than 20 km from reference_location")
 
 

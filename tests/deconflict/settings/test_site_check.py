@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deconflict.settings.site import load
-from deconflict.settings.site_check import check, report
+from deconflict.settings.site_check import check, site_report
 from ingest.frames.fitting import Method
 from tests.helpers.made_site import HALL, MARKS, put, sound, written
 
@@ -49,7 +49,7 @@ def test_a_datum_in_degrees_shows_its_points_in_metres_and_what_becomes_of_yaw(t
 def test_each_reference_point_shows_its_residual_with_it_and_without_it(tmp_path: Path) -> None:
     told = put(sound(), f"{READINGS}.gate", [24.4, -2.0])
     site = load(written(told, tmp_path))
-    (judged,) = report(site).maps
+    (judged,) = site_report(site).maps
     assert judged.fit
     _, text = checked(told, tmp_path)
     (gate,) = [line for line in text.splitlines() if line.startswith("  gate")]
@@ -85,7 +85,7 @@ def test_a_file_that_does_not_load_fails_with_every_problem(tmp_path: Path) -> N
 
 def test_two_points_fit_with_a_warning_of_what_they_cannot_show(tmp_path: Path) -> None:
     told = put(sound(), READINGS, {"door": [0, 0], "dock": [1.1, -44.0]})
-    (judged,) = report(load(written(told, tmp_path))).maps
+    (judged,) = site_report(load(written(told, tmp_path))).maps
     assert judged.fit
     assert judged.fit.method is Method.SIMILARITY
     assert np.isnan(judged.fit.left_out_m).all()

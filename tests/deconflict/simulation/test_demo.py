@@ -3,7 +3,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from deconflict.settings.site import load, problems
+from deconflict.settings.site import fit_problems, load
 from deconflict.simulation.demo_site import demo_site
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
@@ -11,7 +11,7 @@ from tests.helpers.patience import PATIENCE_S
 
 def test_the_bundled_site_is_sound() -> None:
     site = load(demo_site())
-    assert problems(site) == []
+    assert fit_problems(site) == []
     assert [datum.level for datum in site.datums] == [0, 1]
     assert len(site.vendors) == 4
 

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 import zstandard
 
-from deconflict.operator.blackbox.archive import REGISTER, Shelf
-from deconflict.operator.blackbox.blackbox_writer import cut
-from deconflict.operator.blackbox.hash_chain import Chain
+from deconflict.operator.blackbox.archive import REGISTER, Archive
+from deconflict.operator.blackbox.blackbox_writer import write_blackbox
+from deconflict.operator.blackbox.hash_chain import HashChain
 from deconflict.operator.blackbox.start_state import BoxError, head_of
 from ingest.recording.log_reader import lines_of
 from metrics.replay.blackbox_verify import verify
@@ -27,9 +27,9 @@ def floor(tmp_path_factory: pytest.TempPathFactory) -> Floor:
 
 @pytest.fixture(scope="module")
 def file(floor: Floor) -> Path:
-    made = cut(floor.order())
+    made = write_blackbox(floor.order())
     assert made
-    return Path(floor.order().shelf / made["file"])
+    return Path(floor.order().archive / made["file"])
 
 
 def test_the_replay_of_a_black_box_tells_what_was_told(file: Path) -> None:
@@ -44,7 +44,7 @@ def test_without_what_the_engine_had_learned_it_would_not(file: Path, tmp_path: 
 
 def test_decisions_that_were_written_into_it_are_found_out_by_the_replay(file: Path, tmp_path: Path) -> None:
     """Also where the chain was made anew, which the hash that the service logged would show."""
-    forged, chain = tmp_path / "forged.jsonl", Chain()
+    forged, chain = tmp_path / "forged.jsonl", HashChain()
     with forged.open("wb") as out:
         for line in list(lines_of(file))[:-1]:
             told = json.loads(line)
@@ -79,7 +79,7 @@ def test_a_changed_file_is_said_to_be_changed_and_where(file: Path, tmp_path: Pa
 
 def test_a_box_that_was_cut_off_and_ended_anew_is_found_out_by_the_register_beside_it(file: Path) -> None:
     """Its own chain holds: so it does for whoever leaves the last lines out."""
-    before, chain = file.read_bytes(), Chain()
+    before, chain = file.read_bytes(), HashChain()
     try:
         with zstandard.open(file, "wb") as out:
             for line in list(lines_of_bytes(before))[:-50]:
@@ -94,8 +94,8 @@ def test_a_box_that_was_cut_off_and_ended_anew_is_found_out_by_the_register_besi
 
 
 def test_a_box_that_was_taken_out_of_the_chain_is_missed_by_the_next(floor: Floor, tmp_path: Path) -> None:
-    Shelf(tmp_path).add({"file": "blackbox-20000101T000000000Z.jsonl.zst", "bytes": 1, "sha256": "ab" * 32})
-    made = cut(replace(floor.order(), shelf=tmp_path))
+    Archive(tmp_path).add({"file": "blackbox-20000101T000000000Z.jsonl.zst", "bytes": 1, "sha256": "ab" * 32})
+    made = write_blackbox(replace(floor.order(), archive=tmp_path))
     assert made
     assert verify(tmp_path / made["file"]).same
     register = tmp_path / REGISTER
@@ -117,7 +117,7 @@ def test_what_is_no_black_box_is_said_to_be_none(tmp_path: Path, content: bytes)
 
 
 def rewritten(file: Path, to: Path, change: Callable[[dict[str, Any]], dict[str, Any]]) -> Path:
-    head, chain = head_of(file), Chain()
+    head, chain = head_of(file), HashChain()
     assert head
     with to.open("wb") as out:
         out.write(chain.link(json.dumps({"blackbox": change(head)}).encode() + b"\n"))

@@ -10,7 +10,7 @@ import trustme
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_credentials import credentials
 from deconflict.settings.cluster_settings import Cluster
-from deconflict.settings.site import SiteError, from_told
+from deconflict.settings.site import SiteError, site_from_document
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
 from tests.deconflict.cluster.made_cluster import Broker, needs_server
@@ -90,4 +90,4 @@ def test_what_is_missing_is_said_before_anything_starts(tmp_path: Path) -> None:
 )
 def test_credentials_that_cannot_be_name_the_key(told: dict[str, str], says: str) -> None:
     with pytest.raises(SiteError, match=says):
-        from_told({"cluster": {"nats": ["nats://a"], **told}})
+        site_from_document({"cluster": {"nats": ["nats://a"], **told}})

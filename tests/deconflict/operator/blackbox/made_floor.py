@@ -8,8 +8,8 @@ from pathlib import Path
 
 from deconflict.advisory import AnyAdvisory
 from deconflict.engine.engine import Engine
-from deconflict.operator.blackbox.archive import FOLDER, Box, Shelf
-from deconflict.operator.blackbox.blackbox_request import Near, Order, Snapshot, Span
+from deconflict.operator.blackbox.archive import FOLDER, Archive, Box
+from deconflict.operator.blackbox.blackbox_request import BlackBoxRequest, BoxSpan, LearnedSnapshot, NearPair
 from deconflict.operator.store.store import Store
 from deconflict.runtime.learned_state import packed
 from deconflict.settings.fleet_factory import fleet_of
@@ -46,21 +46,21 @@ class Floor:
     """What happened, and what was told of it."""
 
     data: Path
-    near: list[Near] = field(default_factory=list)
+    near: list[NearPair] = field(default_factory=list)
     decided: list[AnyAdvisory] = field(default_factory=list)
-    snapshots: list[Snapshot] = field(default_factory=list)
+    snapshots: list[LearnedSnapshot] = field(default_factory=list)
 
-    def order(self) -> Order:
+    def order(self) -> BlackBoxRequest:
         settings = SITE.blackbox
         begins_s = min(one.at_s for one in self.near) - settings.before_s - 15.0
         snapshot = next((one for one in reversed(self.snapshots) if one.at_s <= begins_s), None)
-        span = Span.around(self.near, settings.before_s, settings.after_s, snapshot)
+        span = BoxSpan.around(self.near, settings.before_s, settings.after_s, snapshot)
         told = [one for one in self.decided if one.updated_at.timestamp() <= span.until_s]
         shelf = self.data / FOLDER
         shelf.mkdir(exist_ok=True)
         with closing(Store(self.data)) as store:
             store.append(told)
-        return Order(SITE, self.data / "log", shelf, tuple(self.near), span, snapshot, store.path, ())
+        return BlackBoxRequest(SITE, self.data / "log", shelf, tuple(self.near), span, snapshot, store.path, ())
 
 
 def lived(data: Path, courses: dict[str, Course], seconds: int, sways_s: float = 0.0) -> Floor:
@@ -91,14 +91,14 @@ def lived(data: Path, courses: dict[str, Course], seconds: int, sways_s: float =
         recorder.tick(now_s)
         engine.receive(fleet.next_batch(now_s))
         floor.decided += engine.step(now_s)
-        floor.near += [Near(*pair, now_s) for pair in engine.near_misses]
+        floor.near += [NearPair(*pair, now_s) for pair in engine.near_misses]
         if tick % 80 == 0:
-            floor.snapshots.append(Snapshot(now_s, packed(engine.learned()), {}))
+            floor.snapshots.append(LearnedSnapshot(now_s, packed(engine.learned()), {}))
     recorder.close()
     return floor
 
 
-def put(shelf: Shelf, number: int, size: int = 100, year: int = 2026, *pairs: str) -> Box:
+def put(shelf: Archive, number: int, size: int = 100, year: int = 2026, *pairs: str) -> Box:
     """With a near miss of each pair of vendors, a letter each."""
     name = f"blackbox-{year}092{number}T141500000Z.jsonl.zst"
     (shelf.directory / name).write_bytes(b"x" * size)

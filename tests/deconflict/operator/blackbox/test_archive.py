@@ -2,14 +2,14 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.operator.blackbox.archive import REGISTER, Shelf
-from deconflict.operator.blackbox.hash_chain import NOTHING
+from deconflict.operator.blackbox.archive import REGISTER, Archive
+from deconflict.operator.blackbox.hash_chain import FIRST_HASH
 from tests.deconflict.operator.blackbox.made_floor import put
 
 
 @pytest.fixture
-def shelf(tmp_path: Path) -> Shelf:
-    return Shelf(tmp_path)
+def shelf(tmp_path: Path) -> Archive:
+    return Archive(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,7 @@ def shelf(tmp_path: Path) -> Shelf:
         {"files": 9, "total_bytes": 10_000, "before": "2026-09-23"},
     ],
 )
-def test_number_size_and_age_are_bounded_and_the_oldest_go(shelf: Shelf, bounds: dict[str, int | str]) -> None:
+def test_number_size_and_age_are_bounded_and_the_oldest_go(shelf: Archive, bounds: dict[str, int | str]) -> None:
     boxes = [put(shelf, number) for number in range(1, 5)]
     gone = shelf.prune(**bounds)  # type: ignore[arg-type]
     assert sorted(gone) == [one["file"] for one in boxes[:2]]
@@ -28,7 +28,7 @@ def test_number_size_and_age_are_bounded_and_the_oldest_go(shelf: Shelf, bounds:
     assert [shelf.path(one["file"]) is None for one in boxes] == [True, True, False, False]
 
 
-def numbers(shelf: Shelf) -> str:
+def numbers(shelf: Archive) -> str:
     return "".join(one["sha256"][0] for one in shelf.boxes())
 
 
@@ -44,7 +44,7 @@ def numbers(shelf: Shelf) -> str:
     ],
 )
 def test_who_has_many_near_misses_pushes_out_none_of_others(
-    shelf: Shelf, pairs: str, sizes: str, bounds: dict[str, int], left: str
+    shelf: Archive, pairs: str, sizes: str, bounds: dict[str, int], left: str
 ) -> None:
     for number, (each, size) in enumerate(zip(pairs.split(), sizes, strict=True), 1):
         put(shelf, number, int(size), 2026, *each.split(","))
@@ -52,7 +52,7 @@ def test_who_has_many_near_misses_pushes_out_none_of_others(
     assert numbers(shelf) == left
 
 
-def test_a_box_is_still_proved_by_its_neighbour_when_that_has_gone(shelf: Shelf) -> None:
+def test_a_box_is_still_proved_by_its_neighbour_when_that_has_gone(shelf: Archive) -> None:
     boxes = [put(shelf, number, 1, 2026, pair) for number, pair in enumerate(("AB", "CC", "CC", "CC", "CC"), 1)]
     shelf.prune(files=3, total_bytes=1000, before="")
     assert numbers(shelf) == "145"
@@ -62,8 +62,8 @@ def test_a_box_is_still_proved_by_its_neighbour_when_that_has_gone(shelf: Shelf)
     assert len((shelf.directory / REGISTER).read_text().splitlines()) <= 4
 
 
-def test_the_chain_goes_on_though_every_file_is_gone(shelf: Shelf) -> None:
-    assert shelf.head() == NOTHING
+def test_the_chain_goes_on_though_every_file_is_gone(shelf: Archive) -> None:
+    assert shelf.head() == FIRST_HASH
     last = [put(shelf, number) for number in (1, 2)][-1]
     shelf.prune(files=1, total_bytes=1, before="")
     assert (shelf.boxes(), shelf.head()) == ([], last["sha256"])
@@ -72,13 +72,13 @@ def test_the_chain_goes_on_though_every_file_is_gone(shelf: Shelf) -> None:
 @pytest.mark.parametrize(
     "file", ["../advisories.db", REGISTER, "blackbox-20260921T141500000Z.jsonl.zst/../register.jsonl"]
 )
-def test_nothing_else_of_the_directory_is_given_out(shelf: Shelf, file: str) -> None:
+def test_nothing_else_of_the_directory_is_given_out(shelf: Archive, file: str) -> None:
     put(shelf, 1)
     assert shelf.path(file) is None
 
 
 def test_a_line_of_the_register_that_cannot_be_read_hides_no_other(
-    shelf: Shelf, caplog: pytest.LogCaptureFixture
+    shelf: Archive, caplog: pytest.LogCaptureFixture
 ) -> None:
     box = put(shelf, 1)
     with (shelf.directory / REGISTER).open("a") as register:

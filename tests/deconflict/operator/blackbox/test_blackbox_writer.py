@@ -6,7 +6,7 @@ import pytest
 import zstandard
 
 from deconflict.operator.blackbox.archive import Box
-from deconflict.operator.blackbox.blackbox_writer import cut
+from deconflict.operator.blackbox.blackbox_writer import write_blackbox
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, verified
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import lines_of
@@ -22,13 +22,13 @@ def floor(tmp_path_factory: pytest.TempPathFactory) -> Floor:
 
 @pytest.fixture(scope="module")
 def box(floor: Floor) -> Box:
-    made = cut(floor.order())
+    made = write_blackbox(floor.order())
     assert made
     return made
 
 
 def file_of(floor: Floor, box: Box) -> Path:
-    return floor.order().shelf / str(box["file"])
+    return floor.order().archive / str(box["file"])
 
 
 def lines(floor: Floor, box: Box) -> list[bytes]:
@@ -54,7 +54,7 @@ def test_a_delay_that_is_said_to_avoid_it_does_and_one_a_step_shorter_does_not(t
         directory = tmp_path / str(meets)
         again = lived(directory, crossing(30.0, 1.7 + delay_s), 45)
         order = again.order() if again.near else None
-        assert bool(order and cut(order)) is meets
+        assert bool(order and write_blackbox(order)) is meets
 
 
 def test_every_line_carries_the_hash_of_the_one_before(floor: Floor, box: Box) -> None:
@@ -93,7 +93,7 @@ def test_the_box_has_what_is_needed_and_no_secret(floor: Floor, box: Box) -> Non
 
 def test_the_next_box_goes_on_from_the_last(tmp_path: Path) -> None:
     floor = lived(tmp_path, crossing(60.0, 1.7), 80)
-    first, second = cut(floor.order()), cut(floor.order())
+    first, second = write_blackbox(floor.order()), write_blackbox(floor.order())
     assert first
     assert second
     last = [file_of(floor, one) for one in (first, second)][-1]
@@ -102,8 +102,8 @@ def test_the_next_box_goes_on_from_the_last(tmp_path: Path) -> None:
 
 def test_robots_that_only_seemed_to_come_close_have_no_box(floor: Floor) -> None:
     order = floor.order()
-    far = tuple(one._replace(a=robot("A-1"), b=robot("C-1")) for one in order.near)
-    assert cut(replace(order, near=far)) is None
+    far = tuple(one._replace(a=robot("A-1"), b=robot("C-1")) for one in order.pairs)
+    assert write_blackbox(replace(order, pairs=far)) is None
 
 
 def test_a_torn_line_of_the_log_is_left_out(tmp_path: Path) -> None:
@@ -111,7 +111,7 @@ def test_a_torn_line_of_the_log_is_left_out(tmp_path: Path) -> None:
     (log,) = (tmp_path / "log").iterdir()
     whole = log.read_bytes().splitlines(keepends=True)
     log.write_bytes(b"".join([*whole[:-3], b'{"received":"2026-', b"\n", *whole[-3:]]))
-    assert cut(floor.order())
+    assert write_blackbox(floor.order())
 
 
 def test_a_box_is_a_log_that_others_can_read(floor: Floor, box: Box) -> None:

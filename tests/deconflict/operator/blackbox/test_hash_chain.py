@@ -4,15 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deconflict.operator.blackbox.hash_chain import Chain, ChainBrokenError, verified
+from deconflict.operator.blackbox.hash_chain import ChainBrokenError, HashChain, verified
 
 LINES = st.lists(
     st.dictionaries(st.text(max_size=5), st.text(max_size=9), min_size=1, max_size=3), min_size=1, max_size=9
 )
 
 
-def chained(documents: list[dict[str, str]]) -> tuple[Chain, list[bytes]]:
-    chain = Chain()
+def chained(documents: list[dict[str, str]]) -> tuple[HashChain, list[bytes]]:
+    chain = HashChain()
     lines = [chain.link(json.dumps(one).encode() + b"\n") for one in documents]
     return chain, [*lines, chain.end()]
 
@@ -47,7 +47,7 @@ def test_what_is_no_chain_is_told() -> None:
 
 
 def test_an_end_that_tells_of_other_lines_is_found_though_its_hashes_fit() -> None:
-    chain = Chain()
+    chain = HashChain()
     lines = [chain.link(b'{"a":1}\n'), chain.link(b'{"end":2}\n')]
-    with pytest.raises(ChainBrokenError, match="the end tells of 2 lines and there are 1"):
+    with pytest.raises(ChainBrokenError, match="the last line counts 2 lines and there are 1"):
         verified(lines)

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from websockets.asyncio.client import connect
 
-from deconflict.operator.blackbox.archive import FOLDER, Shelf
-from deconflict.operator.blackbox.blackbox_request import Near
+from deconflict.operator.blackbox.archive import FOLDER, Archive
+from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.keeper import MOST_PAIRS, PENDING, Keeper
 from deconflict.operator.store.store import Store
 from deconflict.settings.site import BlackBox, Site
@@ -60,7 +60,7 @@ async def test_a_near_miss_is_kept_listed_fetched_and_proved(tmp_path: Path) -> 
 def test_what_is_pending_is_remembered_over_a_restart_and_bounded(tmp_path: Path) -> None:
     store, measures = Store(tmp_path), Measures()
     keeper = Keeper(SETTINGS, tmp_path, store, measures)
-    keeper.note(Near("a", f"{number:04}", 5.0) for number in range(MOST_PAIRS + 3))
+    keeper.note(NearPair("a", f"{number:04}", 5.0) for number in range(MOST_PAIRS + 3))
     assert measures.values["deconflict_blackboxes_total"][("beyond",)] == 3
     assert len(json.loads((tmp_path / FOLDER / PENDING).read_text())) == MOST_PAIRS
     store.close()
@@ -73,16 +73,16 @@ def test_a_flood_of_near_misses_of_two_vendors_leaves_room_for_those_of_others(t
     with closing(Store(tmp_path)) as store:
         measures = Measures()
         keeper = Keeper(SETTINGS, tmp_path, store, measures)
-        keeper.note(Near(f"flood {number}", "x", 5.0, ("Mallory", "Mallory")) for number in range(MOST_PAIRS + 3))
-        keeper.note([Near("a", "b", 5.0, ("Alder", "Basalt"))])
-        keeper.note(Near(f"late {number}", "x", 5.0, ("Mallory", "Mallory")) for number in range(3))
+        keeper.note(NearPair(f"flood {number}", "x", 5.0, ("Mallory", "Mallory")) for number in range(MOST_PAIRS + 3))
+        keeper.note([NearPair("a", "b", 5.0, ("Alder", "Basalt"))])
+        keeper.note(NearPair(f"late {number}", "x", 5.0, ("Mallory", "Mallory")) for number in range(3))
         assert noted() == [*(f"flood {number}" for number in range(MOST_PAIRS - 1)), "a"]
         assert measures.values["deconflict_blackboxes_total"]["beyond",] == 7
 
 
 async def test_a_near_miss_noted_before_a_restart_is_judged_after_it_and_what_is_old_goes(tmp_path: Path) -> None:
     (tmp_path / FOLDER).mkdir()
-    old = put(Shelf(tmp_path / FOLDER), 1, year=2001)
+    old = put(Archive(tmp_path / FOLDER), 1, year=2001)
     old_file = tmp_path / FOLDER / old["file"]
     assert old_file.exists()
     (tmp_path / FOLDER / PENDING).write_text(json.dumps([["a", "b", time.time() - 5.0]]))
@@ -122,7 +122,7 @@ async def test_a_recording_that_is_behind_is_waited_for(
         with segment.open("ab") as file:
             file.write(rest)
         await until(lambda: measures.values["deconflict_blackboxes_total"]["kept",])
-    (box,) = Shelf(tmp_path / FOLDER).boxes()
+    (box,) = Archive(tmp_path / FOLDER).boxes()
     last = [_tick_s(line) for line in lines_of(tmp_path / FOLDER / box["file"]) if b'"tick"' in line][-1]
     assert last >= floor.near[-1].at_s + 1.0 - TICK_S
 

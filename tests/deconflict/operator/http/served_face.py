@@ -11,11 +11,12 @@ from typing import Any
 from fastapi import FastAPI
 
 from deconflict.advisory import AnyAdvisory
-from deconflict.operator.blackbox.archive import Shelf
-from deconflict.operator.http.api import SourceUnavailableError, create_app
-from deconflict.operator.http.uvicorn_server import FaceServer, face_server
-from deconflict.operator.live.floor_frames import Picture
-from deconflict.operator.live.recent_batches import Recent, opened, parcel
+from deconflict.operator.blackbox.archive import Archive
+from deconflict.operator.http.api import create_app
+from deconflict.operator.http.api_sources import SourceUnavailableError
+from deconflict.operator.http.uvicorn_server import OperatorServer, create_server
+from deconflict.operator.live.floor_frames import FloorFrames
+from deconflict.operator.live.recent_batches import RecentBatches, packed_batch, unpacked_batch
 from deconflict.operator.store.store import Store
 from deconflict.runtime.rpc import LinkDownError
 from deconflict.settings.fleet_factory import fleet_of
@@ -38,8 +39,8 @@ class GivenSources:
 
     down: set[str] = field(default_factory=set)
     reloads: int = 0
-    recent: Recent = field(default_factory=Recent)
-    shelf: Shelf | None = None
+    recent: RecentBatches = field(default_factory=RecentBatches)
+    archive: Archive | None = None
     whole: Batch = field(default_factory=lambda: fleet_of(Site(), Measures()).snapshot(1.0))
 
     async def robots(self) -> list[dict[str, Any]]:
@@ -70,31 +71,33 @@ class GivenSources:
     async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
         if "receiver" in self.down:
             raise LinkDownError("receiver")
-        return opened(await self.recent.after(number) or parcel(self.recent.number, self.whole.to_bytes(), whole=True))
+        return unpacked_batch(
+            await self.recent.after(number) or packed_batch(self.recent.number, self.whole.to_bytes(), whole=True)
+        )
 
     async def pulse(self) -> dict[str, Any]:
         roles = {role: "down" if role in self.down else "up" for role in ("receiver", "engine")}
         return {"roles": roles, "vendors": {}, "unidentified": [], "fading": {}, "taken_off": {}}
 
-    def still_there(self) -> dict[str, Any]:
+    def presence(self) -> dict[str, Any]:
         off = {"vendor": "Alder", "name": "Alder A-7", "heard_s": 5.0, "at_s": 9.0, "by": "Corvid C-12"}
         exits = [{"datum": "hall", "x_m": 40.0, "y_m": 5.0, "robots": 12}]
         return {"fading": {"one": 0.4}, "taken_off": {"other": off}, "exits": exits}
 
     async def floor_at(self, at_s: float) -> str:
         self._ask("recording")
-        picture = Picture()
-        picture.put(replace(self.whole, now_s=at_s), whole=True)
+        picture = FloorFrames()
+        picture.add_batch(replace(self.whole, now_s=at_s), whole=True)
         return picture.since(0)
 
     def recorded(self) -> tuple[float, float] | None:
         return 1.0, 2.0
 
     def blackboxes(self) -> list[dict[str, Any]]:
-        return self.shelf.boxes() if self.shelf else []
+        return self.archive.boxes() if self.archive else []
 
     def blackbox(self, file: str) -> Path | None:
-        return self.shelf.path(file) if self.shelf else None
+        return self.archive.path(file) if self.archive else None
 
     def _ask(self, role: str) -> None:
         if role in self.down:
@@ -108,7 +111,7 @@ class Served:
     app: FastAPI
     store: Store
     sources: GivenSources
-    server: FaceServer
+    server: OperatorServer
     address: str
 
     @property
@@ -137,7 +140,7 @@ async def served(directory: Path, *, at: str = "127.0.0.1:0", **settings: Any) -
     store, sources = Store(directory), GivenSources()
     app = create_app(store, sources, render, Site(operator=Operator(**settings)))
     tls = settings.get("tls")
-    server = face_server(app, Certificates(tls) if tls else None)
+    server = create_server(app, Certificates(tls) if tls else None)
     host, _, port = at.partition(":")
     with socket.create_server((host, int(port))) as listening:
         serving = asyncio.create_task(server.serve([listening]))

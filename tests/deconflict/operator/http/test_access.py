@@ -5,7 +5,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
-from deconflict.operator.http.access import exposed, needed
+from deconflict.operator.http.access import exposed_ports, role_needed
 from deconflict.settings.site import Operator, Person, Site
 from ingest.settings import Receiver, Vendor
 from tests.deconflict.operator.http.served_face import Served, served, until
@@ -86,7 +86,7 @@ async def test_to_reload_the_site_takes_the_role_administer(tmp_path: Path, peop
     ):
         for token, may in ((READER, "read"), (LEADER, "acknowledge")):
             refused = await client.post("/site/reload", headers=bearer(token))
-            assert (refused.status_code, f"may {may}" in refused.json()["detail"]) == (403, True)
+            assert (refused.status_code, f"role {may}" in refused.json()["detail"]) == (403, True)
         assert face.sources.reloads == 0
         applied = await client.post("/site/reload", headers=bearer(CHIEF))
         assert (applied.status_code, applied.json()["needs_restart"]) == (200, ["receiver.port"])
@@ -209,17 +209,17 @@ async def test_a_page_of_another_site_is_refused_even_where_everybody_is_let_in(
     ],
 )
 def test_what_a_request_takes(method: str, path: str, role: str) -> None:
-    assert needed(method, path) == role
+    assert role_needed(method, path) == role
 
 
 def test_a_port_is_exposed_beyond_the_machine_without_credentials() -> None:
-    assert exposed(Site()) == []
-    assert exposed(Site(receiver=Receiver(host="::1"), operator=Operator(host="localhost"))) == []
+    assert exposed_ports(Site()) == []
+    assert exposed_ports(Site(receiver=Receiver(host="::1"), operator=Operator(host="localhost"))) == []
     wide = Site(receiver=Receiver(host="0.0.0.0"), operator=Operator(host="0.0.0.0"))  # noqa: S104
-    assert [one.split(":")[0] for one in exposed(wide)] == ["receiver.host", "operator.host"]
+    assert [one.split(":")[0] for one in exposed_ports(wide)] == ["receiver.host", "operator.host"]
     guarded = Site(
         receiver=Receiver(host="0.0.0.0"),  # noqa: S104
         operator=Operator(host="0.0.0.0", people=(Person(name="Ada", token="env:ADA"),)),  # noqa: S104
         vendors=(Vendor(name="Alder", token="env:ALDER"),),
     )
-    assert exposed(guarded) == []
+    assert exposed_ports(guarded) == []

@@ -12,7 +12,7 @@ from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 from websockets.asyncio.client import connect
 
-from deconflict.operator.live import advisory_stream
+from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, STORE_FAILED
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import ROBOT_DOCUMENTS, Served, served, until
 from tests.helpers.made_advisories import ROBOTS, cleared, made
@@ -209,7 +209,7 @@ async def test_the_api_page_names_every_route_and_close_code(client: httpx.Async
     page = API_PAGE.read_text()
     paths = [*(await client.get("/openapi.json")).json()["paths"], "/advisories/stream", "/live", "/openapi.json"]
     assert not [path for path in paths if f"`{path}`" not in page.replace("`GET ", "`").replace("`POST ", "`")]
-    codes = (advisory_stream.BAD_AFTER, advisory_stream.AFTER_BEYOND_LAST, advisory_stream.STORE_FAILED)
+    codes = (BAD_AFTER, AFTER_BEYOND_LAST, STORE_FAILED)
     assert not [code for code in codes if f"`{code}`" not in page]
 
 
@@ -240,7 +240,7 @@ async def test_what_is_not_stored_is_not_acknowledged(client: httpx.AsyncClient)
 async def test_who_asks_for_nothing_is_ended_and_who_follows_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deconflict.operator.http.uvicorn_server.ASKED_WITHIN_S", 0.5)
+    monkeypatch.setattr("deconflict.operator.http.uvicorn_server.IDLE_TIMEOUT_S", 0.5)
     begun = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     async with served(tmp_path) as face, connect(face.stream()) as following:
         host, port = face.address.split(":")

@@ -8,7 +8,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError
 
-from deconflict.operator.live.advisory_stream import AFTER_BEYOND_LAST, BAD_AFTER, STORE_FAILED
+from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, STORE_FAILED
 from tests.deconflict.operator.http.served_face import Served, served, stuck_subscriber, until
 from tests.helpers.made_advisories import made
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from deconflict.operator.live import floor_frames as module
-from deconflict.operator.live.floor_frames import Picture
+from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
@@ -22,7 +22,7 @@ def fleet() -> Fleet:
     return fleet_of(Site(), Measures())
 
 
-def frame(picture: Picture, version: int) -> dict[str, Any]:
+def frame(picture: FloorFrames, version: int) -> dict[str, Any]:
     told: dict[str, Any] = json.loads(picture.since(version))
     return told
 
@@ -35,8 +35,8 @@ def moved(fleet: Fleet, *names: str, at_s: float = NOW_S, x: float = 0.0) -> Non
 def test_a_row_says_where_the_robot_is_and_will_be_as_the_seam_does(fleet: Fleet) -> None:
     path = points((NOW_S + 2, 4.0, 1.0, 0.0), (NOW_S + 4, 4.0, 3.0, 1.5))
     fleet.receive(status("A-1", NOW_S, 2.0, 1.0, path=path), NOW_S + 0.25, LINE)
-    batch, picture = fleet.next_batch(NOW_S + 0.3), Picture()
-    picture.put(batch, whole=True)
+    batch, picture = fleet.next_batch(NOW_S + 0.3), FloorFrames()
+    picture.add_batch(batch, whole=True)
     told = frame(picture, 0)
     (row,) = told["robots"]
     assert row[:6] == [robot("A-1"), batch.vendors[0], batch.names[0], "navigating", 0, "path"]
@@ -52,31 +52,31 @@ def test_the_row_ends_where_the_robot_leaves_the_floor(fleet: Fleet) -> None:
     path = points((NOW_S + 2, 1.0, 0.0, 0.0), (NOW_S + 4, 9.0, 9.0, 0.0))
     path[1]["planarDatumUUID"] = LOFT
     fleet.receive(status("A-1", NOW_S, path=path), NOW_S, LINE)
-    picture = Picture()
-    picture.put(fleet.next_batch(NOW_S), whole=True)
+    picture = FloorFrames()
+    picture.add_batch(fleet.next_batch(NOW_S), whole=True)
     (row,) = frame(picture, 0)["robots"]
     assert max(row[11][1::4]) < 9.0
 
 
 def test_a_frame_holds_what_changed_since_the_version_and_no_more(fleet: Fleet) -> None:
-    picture = Picture()
+    picture = FloorFrames()
     moved(fleet, "A-1", "A-2", "A-3")
-    picture.put(fleet.next_batch(NOW_S), whole=True)
+    picture.add_batch(fleet.next_batch(NOW_S), whole=True)
     moved(fleet, "A-2", at_s=NOW_S + 1, x=1.0)
-    picture.put(fleet.next_batch(NOW_S + 1), whole=False)
+    picture.add_batch(fleet.next_batch(NOW_S + 1), whole=False)
     moved(fleet, "A-3", at_s=NOW_S + 2, x=1.0)
-    picture.put(fleet.next_batch(NOW_S + 2), whole=False)
+    picture.add_batch(fleet.next_batch(NOW_S + 2), whole=False)
     changed = {since: {row[0] for row in frame(picture, since)["robots"]} for since in range(4)}
     everybody = {robot("A-1"), robot("A-2"), robot("A-3")}
     assert changed == {0: everybody, 1: everybody - {robot("A-1")}, 2: {robot("A-3")}, 3: set()}
 
 
 def test_following_frame_by_frame_is_the_same_as_the_whole(fleet: Fleet) -> None:
-    picture, known, version = Picture(), dict[str, Any](), 0
+    picture, known, version = FloorFrames(), dict[str, Any](), 0
     for step in range(30):
         names = [f"A-{i}" for i in range(8) if (step * 7 + i * 3) % 5 == 0]
         moved(fleet, *names, at_s=NOW_S + step * 40, x=float(step))
-        picture.put(fleet.next_batch(NOW_S + step * 40), whole=step == 0)
+        picture.add_batch(fleet.next_batch(NOW_S + step * 40), whole=step == 0)
         if step % 3 == 0:
             told = frame(picture, version)
             known = {} if told["whole"] else known
@@ -88,11 +88,11 @@ def test_following_frame_by_frame_is_the_same_as_the_whole(fleet: Fleet) -> None
 
 
 def test_a_forgotten_robot_is_told_once_and_then_known_by_everybody(fleet: Fleet) -> None:
-    picture = Picture()
+    picture = FloorFrames()
     moved(fleet, "A-1")
-    picture.put(fleet.next_batch(NOW_S), whole=True)
+    picture.add_batch(fleet.next_batch(NOW_S), whole=True)
     late_s = NOW_S + fleet.reading.forget_after_s + 1
-    picture.put(fleet.next_batch(late_s), whole=False)
+    picture.add_batch(fleet.next_batch(late_s), whole=False)
     assert frame(picture, 1)["gone"] == [robot("A-1")]
     assert frame(picture, 2)["gone"] == []
     assert len(picture) == 0
@@ -101,13 +101,13 @@ def test_a_forgotten_robot_is_told_once_and_then_known_by_everybody(fleet: Fleet
 def test_who_missed_more_departures_than_are_kept_is_sent_the_whole_floor(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "GONE_KEPT", 1)
-    picture = Picture()
+    monkeypatch.setattr(module, "MOST_GONE", 1)
+    picture = FloorFrames()
     moved(fleet, "A-1", "A-2")
-    picture.put(fleet.next_batch(NOW_S), whole=True)
+    picture.add_batch(fleet.next_batch(NOW_S), whole=True)
     late_s = NOW_S + fleet.reading.forget_after_s + 1
     moved(fleet, "A-3", at_s=late_s)
-    picture.put(fleet.next_batch(late_s), whole=False)
-    picture.put(fleet.next_batch(late_s), whole=False)
+    picture.add_batch(fleet.next_batch(late_s), whole=False)
+    picture.add_batch(fleet.next_batch(late_s), whole=False)
     assert (frame(picture, 1)["whole"], frame(picture, 2)["whole"]) == (True, False)
     assert [row[0] for row in frame(picture, 1)["robots"]] == [robot("A-3")]

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from deconflict.operator.live.floor_frames import Picture
-from deconflict.operator.live.history import MOST_WAITING, BusyError, Past, floor_at, recorded
+from deconflict.operator.live.floor_frames import FloorFrames
+from deconflict.operator.live.history import MOST_WAITING, BusyError, History, floor_at, recorded_span
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
@@ -38,8 +38,8 @@ def driven(log: Path, seconds: int) -> dict[int, str]:
             recorder.received(raw, now_s, LINE, fleet.receive(raw, now_s, LINE))
         recorder.tick(now_s)
         assert recorder.sync()
-        picture = Picture()
-        picture.put(fleet.snapshot(now_s), whole=True)
+        picture = FloorFrames()
+        picture.add_batch(fleet.snapshot(now_s), whole=True)
         seen[second] = picture.since(0)
     recorder.close()
     return seen
@@ -54,17 +54,17 @@ def test_the_past_is_what_the_live_picture_was(tmp_path: Path) -> None:
 
 def test_before_and_without_a_recording_the_floor_is_empty(tmp_path: Path) -> None:
     assert rows(floor_at(Site(), tmp_path / "none", NOW_S)) == []
-    assert recorded(tmp_path / "none") is None
+    assert recorded_span(tmp_path / "none") is None
     driven(tmp_path, 3)
     assert rows(floor_at(Site(), tmp_path, NOW_S - 1)) == []
-    told = recorded(tmp_path)
+    told = recorded_span(tmp_path)
     assert told
     assert told[0] == pytest.approx(NOW_S, abs=1e-5)
 
 
 async def test_a_process_of_its_own_reads_one_at_a_time_and_refuses_a_crowd(tmp_path: Path) -> None:
     seen = driven(tmp_path, 10)
-    past = Past(Site(), tmp_path)
+    past = History(Site(), tmp_path)
     try:
         asked = [past.floor_at(NOW_S + second) for second in range(MOST_WAITING + 1)]
         told = await asyncio.gather(*asked, return_exceptions=True)

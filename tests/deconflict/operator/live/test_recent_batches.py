@@ -3,7 +3,7 @@ import asyncio
 import pytest
 
 from deconflict.operator.live import recent_batches
-from deconflict.operator.live.recent_batches import KEPT, Recent, opened, parcel
+from deconflict.operator.live.recent_batches import KEPT, RecentBatches, packed_batch, unpacked_batch
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
@@ -22,35 +22,35 @@ def fleet(*names: str) -> Fleet:
 
 
 async def test_a_watcher_is_given_each_batch_in_turn_as_the_engine_was() -> None:
-    kept = Recent()
+    kept = RecentBatches()
     for step in range(3):
         kept.add(NOW_S + step, fleet(f"A-{step}").next_batch(NOW_S + step).to_bytes())
     told = await kept.after(round(NOW_S * 1e6))
     assert told
-    number, whole, batch = opened(told)
+    number, whole, batch = unpacked_batch(told)
     assert batch
     assert (number, whole, batch.robots) == (round((NOW_S + 1) * 1e6), False, (robot("A-1"),))
 
 
 async def test_a_watcher_that_is_up_to_date_waits_for_the_next_tick() -> None:
-    kept = Recent()
+    kept = RecentBatches()
     kept.add(NOW_S, fleet().next_batch(NOW_S).to_bytes())
     waiting = asyncio.create_task(kept.after(kept.number))
     await asyncio.sleep(0)
     assert not waiting.done()
     kept.add(NOW_S + 0.1, fleet("A-1").next_batch(NOW_S).to_bytes())
-    assert opened(await waiting or b"")[2]
+    assert unpacked_batch(await waiting or b"")[2]
 
 
 async def test_without_a_tick_a_watcher_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    kept = Recent()
+    kept = RecentBatches()
     kept.add(NOW_S, fleet().next_batch(NOW_S).to_bytes())
-    monkeypatch.setattr(recent_batches, "PATIENCE_S", 0.01)
-    assert await kept.after(kept.number) == parcel(kept.number, b"", whole=False)
+    monkeypatch.setattr(recent_batches, "TICK_TIMEOUT_S", 0.01)
+    assert await kept.after(kept.number) == packed_batch(kept.number, b"", whole=False)
 
 
 async def test_before_the_first_tick_a_new_watcher_waits_and_is_then_given_the_whole_floor() -> None:
-    kept = Recent()
+    kept = RecentBatches()
     waiting = asyncio.create_task(kept.after(0))
     await asyncio.sleep(0)
     assert not waiting.done()
@@ -59,7 +59,7 @@ async def test_before_the_first_tick_a_new_watcher_waits_and_is_then_given_the_w
 
 
 async def test_who_is_too_far_behind_or_new_needs_the_whole_floor() -> None:
-    kept = Recent()
+    kept = RecentBatches()
     for step in range(KEPT + 2):
         kept.add(NOW_S + step, fleet().next_batch(NOW_S + step).to_bytes())
     assert await kept.after(0) is None

@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 from aiomqtt import Client
 
-from deconflict.operator.outlets.store_cursor import Following
-from deconflict.operator.outlets.webhooks import Poster
+from deconflict.operator.outlets.store_cursor import StoreCursor
+from deconflict.operator.outlets.webhooks import WebhookOutlet
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Webhook
@@ -115,7 +115,7 @@ def posting(url: str, store: Store, publisher: Publisher, folder: Path) -> Abstr
     """A webhook at work, until the end of the block."""
     (folder / "secret").write_text(SECRET)
     settings = Webhook(name="mes", url=url, secret=f"file:{folder / 'secret'}", retry_s=(0.02, 0.1), timeout_s=5)
-    return working(Poster(settings, Following("mes", store, publisher)).run(), publisher)
+    return working(WebhookOutlet(settings, StoreCursor("mes", store, publisher)).run(), publisher)
 
 
 def numbers(heard: list[tuple[dict[str, str], bytes]]) -> list[int]:

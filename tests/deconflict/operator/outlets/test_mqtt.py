@@ -4,9 +4,9 @@ import asyncio
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
-from deconflict.operator.outlets.mqtt import Broker, told
-from deconflict.operator.outlets.store_cursor import Following
-from deconflict.operator.store.publisher import Line, Publisher
+from deconflict.operator.outlets.mqtt import MqttOutlet, messages_of
+from deconflict.operator.outlets.store_cursor import StoreCursor
+from deconflict.operator.store.publisher import PublishedLine, Publisher
 from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Mqtt
 from tests.deconflict.operator.http.served_face import until
@@ -20,7 +20,7 @@ pytestmark = needs_mosquitto
 
 def feeding(port: int, store: Store, publisher: Publisher) -> AbstractAsyncContextManager[None]:
     settings = Mqtt(host="127.0.0.1", port=port, retry_s=(0.05, 0.2))
-    return working(Broker(settings, Following("mqtt", store, publisher), store).run(), publisher)
+    return working(MqttOutlet(settings, StoreCursor("mqtt", store, publisher), store).run(), publisher)
 
 
 async def test_the_broker_holds_what_is_open_and_forgets_what_is_cleared(tmp_path: Path) -> None:
@@ -59,6 +59,6 @@ async def test_what_was_missed_while_the_broker_was_away_or_the_service_down_is_
 
 
 def test_a_cleared_advisory_is_told_and_then_no_longer_kept() -> None:
-    line = Line(7, cleared(1).model_dump_json())
-    assert [(one.payload, one.retain) for one in told("hall", line)] == [(line.text, False), (None, True)]
-    assert {one.topic for one in told("hall", line)} == {"hall/advisories/advisory-1"}
+    line = PublishedLine(7, cleared(1).model_dump_json())
+    assert [(one.payload, one.retain) for one in messages_of("hall", line)] == [(line.text, False), (None, True)]
+    assert {one.topic for one in messages_of("hall", line)} == {"hall/advisories/advisory-1"}

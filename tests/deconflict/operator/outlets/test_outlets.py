@@ -180,7 +180,7 @@ async def test_an_outlet_never_runs_beside_its_former_self_however_quickly_it_ch
 ) -> None:
     begun: list[int] = []
     may_end, numbered = asyncio.Event(), count()
-    monkeypatch.setattr(Outlets, "_made", lambda *_: Lingering(begun, next(numbered), may_end))
+    monkeypatch.setattr(Outlets, "_create", lambda *_: Lingering(begun, next(numbered), may_end))
     with hearing() as other:
         async with outlets(tmp_path) as (one, _, _):
             try:

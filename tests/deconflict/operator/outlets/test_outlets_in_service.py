@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from deconflict.operator.outlets.webhook_signatures import verified
-from deconflict.roles.service import in_one_process
+from deconflict.roles.service import run_in_one_process
 from deconflict.settings.outlet_settings import Mqtt, Webhook
 from metrics.monitoring.exposition import render
 from tests.deconflict.operator.http.served_face import until
@@ -21,7 +21,7 @@ async def test_a_conflict_reaches_every_outlet(tmp_path: Path) -> None:
         with hearing() as other:
             hook = Webhook(name="mes", url=other.url, secret=f"file:{tmp_path / 'secret'}")
             site = SITE.model_copy(update={"webhooks": (hook,), "mqtt": Mqtt(host="127.0.0.1", port=port)})
-            async with in_one_process(site, tmp_path / "data", render) as (receiver, _):
+            async with run_in_one_process(site, tmp_path / "data", render) as (receiver, _):
                 holding = asyncio.create_task(held_of_an_advisory(port))  # from now on: it is open for seconds
                 driving = asyncio.create_task(drive(f"ws://127.0.0.1:{receiver.receiver.port}", CROSSING, 20))
                 await until(lambda: other.heard)

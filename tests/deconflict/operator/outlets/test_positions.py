@@ -44,7 +44,7 @@ async def test_a_full_disk_delays_no_outlet_and_its_place_is_stored_when_there_i
                 ballast.unlink()
                 await publisher.settle()
             await publisher.close()
-            assert not store.waits
+            assert not store.has_pending
         assert placed(small_disk) == 1 + 2 * len(LIVES)
         with kept(small_disk) as (store, publisher):
             async with posting(other.url, store, publisher, tmp_path):
@@ -83,9 +83,9 @@ async def test_a_stuck_disk_delays_no_outlet(tmp_path: Path) -> None:
 DYING = """
 import asyncio, sys
 from pathlib import Path
-from deconflict.operator.outlets.store_cursor import Following
+from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.settings.outlet_settings import Webhook
-from deconflict.operator.outlets.webhooks import Poster
+from deconflict.operator.outlets.webhooks import WebhookOutlet
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from ingest.measures.measures import Measures
@@ -96,7 +96,7 @@ async def run(disk, url, secret, lives):
     store = Store(disk)
     publisher = Publisher(store, Measures())
     settings = Webhook(name="mes", url=url, secret=f"file:{secret}", retry_s=(0.02, 0.1))
-    posting = asyncio.create_task(Poster(settings, Following("mes", store, publisher)).run())
+    posting = asyncio.create_task(WebhookOutlet(settings, StoreCursor("mes", store, publisher)).run())
     while not publisher.measures.values["deconflict_outlet_waiting"]:
         await asyncio.sleep(0.01)
     for number in range(1, lives):
@@ -139,10 +139,10 @@ def test_a_place_goes_never_back_and_is_known_before_it_is_stored(tmp_path: Path
     store = Store(tmp_path)
     assert store.position("mes") is None
     store.append([made(1), made(2)])
-    store.move("mes", 2)
-    assert (store.position("mes"), store.waits, store.unstored) == (2, True, 0)
+    store.set_position("mes", 2)
+    assert (store.position("mes"), store.has_pending, store.unstored) == (2, True, 0)
     store.flush()
-    store.move("mes", 1)
+    store.set_position("mes", 1)
     store.flush()
-    assert (store.position("mes"), store.waits) == (2, False)
+    assert (store.position("mes"), store.has_pending) == (2, False)
     store.close()

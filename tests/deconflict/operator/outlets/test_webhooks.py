@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.operator.outlets.store_cursor import Following
+from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.operator.outlets.webhook_signatures import verified
-from deconflict.operator.outlets.webhooks import Poster
+from deconflict.operator.outlets.webhooks import WebhookOutlet
 from deconflict.settings.outlet_settings import Webhook
 from ingest.security.tokens import SecretError
 from tests.deconflict.operator.http.served_face import until
@@ -39,7 +39,7 @@ async def test_a_secret_that_can_not_be_used_is_counted_until_it_is_put_right(tm
         failures = publisher.measures.values["deconflict_outlet_failures_total"]
         path.write_text("whsec_" + "A" * 33)
         settings = Webhook(name="mes", url=other.url, secret=f"file:{path}", retry_s=(0.02, 0.1), timeout_s=5)
-        poster = Poster(settings, Following("mes", store, publisher))
+        poster = WebhookOutlet(settings, StoreCursor("mes", store, publisher))
         async with working(poster.run(), publisher):
             await publisher.publish([made(1)])
             await until(lambda: failures.get(("mes",), 0) > 1)
@@ -81,7 +81,7 @@ async def test_an_address_that_is_away_is_told_of_once_without_its_secrets(
             await until(lambda: publisher.measures.values["deconflict_outlet_failures_total"]["mes",] >= 3)
         assert publisher.measures.values["deconflict_outlet_waiting"]["mes",] == 1
     warnings = [one.getMessage() for one in caplog.records if one.levelno == logging.WARNING]
-    assert warnings == ["mes takes no advisories and is tried again: ConnectError"]
+    assert warnings == ["mes accepts no advisories and is tried again: ConnectError"]
     assert SECRET not in caplog.text
     assert "key=abc" not in caplog.text
 
@@ -90,4 +90,4 @@ def test_a_secret_that_is_not_there_is_named(tmp_path: Path) -> None:
     with kept(tmp_path) as (store, publisher):
         settings = Webhook(name="mes", url="http://127.0.0.1/", secret=f"file:{tmp_path / 'nothing'}")
         with pytest.raises(SecretError, match="nothing: FileNotFoundError"):
-            Poster(settings, Following("mes", store, publisher))
+            WebhookOutlet(settings, StoreCursor("mes", store, publisher))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from deconflict.advisory import Acknowledgement, AnyAdvisory
-from deconflict.operator.store.publisher import STEP, TAIL_LENGTH, Line, Publisher
+from deconflict.operator.store.publisher import MOST_LINES, TAIL_LENGTH, PublishedLine, Publisher
 from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.http.served_face import until
@@ -20,8 +20,8 @@ def store(tmp_path: Path) -> Iterator[Store]:
     opened.close()
 
 
-def made_many(first: int, count: int) -> list[Line]:
-    return [Line(seq, made(seq, seq=seq).model_dump_json()) for seq in range(first, first + count)]
+def made_many(first: int, count: int) -> list[PublishedLine]:
+    return [PublishedLine(seq, made(seq, seq=seq).model_dump_json()) for seq in range(first, first + count)]
 
 
 async def test_a_follower_that_is_up_to_date_wakes_when_something_is_published(store: Store) -> None:
@@ -35,18 +35,18 @@ async def test_a_follower_that_is_up_to_date_wakes_when_something_is_published(s
 
 async def test_the_same_lines_come_from_the_tail_and_from_the_store(store: Store) -> None:
     publisher = Publisher(store, Measures())
-    await publisher.publish([made(number) for number in range(1, STEP + 21)])
+    await publisher.publish([made(number) for number in range(1, MOST_LINES + 21)])
     from_store = Publisher(store, Measures())
-    for seq in (0, 5, STEP, STEP + 19):
+    for seq in (0, 5, MOST_LINES, MOST_LINES + 19):
         assert await publisher.after(seq) == await from_store.after(seq)
-    assert len(await publisher.after(0)) == STEP
+    assert len(await publisher.after(0)) == MOST_LINES
 
 
 async def test_a_follower_behind_the_tail_is_served_from_the_store_until_it_reaches_it(store: Store) -> None:
     publisher = Publisher(store, Measures())
-    total = TAIL_LENGTH + 3 * STEP
+    total = TAIL_LENGTH + 3 * MOST_LINES
     await publisher.publish([made(number) for number in range(1, total + 1)])
-    seq, seen = 0, list[Line]()
+    seq, seen = 0, list[PublishedLine]()
     while seq < total:
         seen += await publisher.after(seq)
         seq = seen[-1].seq

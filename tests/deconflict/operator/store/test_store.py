@@ -11,7 +11,8 @@ import pytest
 
 from deconflict.advisory import Acknowledgement, Hold, Recommendation
 from deconflict.operator.store.migrations import UPGRADES
-from deconflict.operator.store.store import FILE_NAME, Store, StoreError
+from deconflict.operator.store.sqlite_connections import FILE_NAME
+from deconflict.operator.store.store import Store, StoreError
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
 
 ROOT = Path(__file__).parents[4]
@@ -185,7 +186,7 @@ def test_a_file_of_a_newer_release_is_refused_and_left_alone(store: Store) -> No
 def test_an_older_file_is_upgraded_with_what_it_holds(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     stored = store.append([made(1)])
     step = ("ALTER TABLE advisories ADD COLUMN note TEXT",)
-    monkeypatch.setattr("deconflict.operator.store.store.UPGRADES", (*UPGRADES, step))
+    monkeypatch.setattr("deconflict.operator.store.sqlite_connections.UPGRADES", (*UPGRADES, step))
     again = reopened(store)
     again.close()
     again = Store(store.path.parent)
@@ -239,7 +240,7 @@ def test_an_upgrade_that_fails_leaves_the_file_as_it_was(store: Store, monkeypat
     stored = store.append([made(1)])
     step = ("DELETE FROM revisions", "no such statement")
     with monkeypatch.context() as patched:
-        patched.setattr("deconflict.operator.store.store.UPGRADES", (*UPGRADES, step))
+        patched.setattr("deconflict.operator.store.sqlite_connections.UPGRADES", (*UPGRADES, step))
         with pytest.raises(StoreError):
             reopened(store)
     again = Store(store.path.parent)
@@ -274,7 +275,7 @@ def test_a_directory_that_cannot_be_made_is_an_explained_error(tmp_path: Path) -
 
 
 def test_a_store_another_process_keeps_locked_says_so(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deconflict.operator.store.store.BUSY_TIMEOUT_S", 0.05)
+    monkeypatch.setattr("deconflict.operator.store.sqlite_connections.BUSY_TIMEOUT_S", 0.05)
     impatient = Store(store.path.parent)
     other = sqlite3.connect(store.path, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
@@ -322,7 +323,7 @@ def test_what_was_open_and_what_was_raised_at_a_time_in_the_past(store: Store) -
     at_s = (START + timedelta(minutes=1, seconds=1)).timestamp()
     assert [(one.id, one.revision) for one in store.open_at(at_s)] == [("advisory-1", 2)]
     assert [one.id for one in store.open_at(at_s + 90)] == ["advisory-2"]
-    assert [one.id for one in store.raised(at_s - 60, at_s + 90)] == ["advisory-1", "advisory-2"]
+    assert [one.id for one in store.raised_between(at_s - 60, at_s + 90)] == ["advisory-1", "advisory-2"]
 
 
 def test_a_file_of_the_second_format_keeps_its_numbers_and_never_gives_one_again(tmp_path: Path) -> None:
@@ -378,14 +379,14 @@ def test_a_file_of_each_later_format_is_read_with_its_answers_positions_and_burd
 
 
 def test_what_is_taken_while_others_are_being_stored_is_stored_next(store: Store) -> None:
-    store.take([made(1)])
+    store.accept([made(1)])
     late = [made(2)]
 
     def meanwhile(statement: str) -> None:
         if statement.startswith("BEGIN") and late:
-            store.take([late.pop()])
+            store.accept([late.pop()])
 
-    store._writer.set_trace_callback(meanwhile)
+    store._connections._writer.set_trace_callback(meanwhile)
     store.flush()
     assert (late, store.unstored) == ([], 1)
     store.flush()

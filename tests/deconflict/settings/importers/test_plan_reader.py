@@ -10,8 +10,8 @@ import pytest
 import shapely
 
 from deconflict.settings.importers.plan import PlanError
-from deconflict.settings.importers.plan_reader import imported
-from deconflict.settings.site import Site, load, problems
+from deconflict.settings.importers.plan_reader import imported_toml
+from deconflict.settings.site import Site, fit_problems, load
 from tests.deconflict.settings.importers.made_plans import BUILDING, PLANT
 
 RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
@@ -20,9 +20,9 @@ RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
 def site_of(path: Path, width_m: float = 1.2) -> Site:
     """The imported site, loaded as any other."""
     made = path.with_suffix(".toml")
-    made.write_text(imported(path, width_m), encoding="utf-8")
+    made.write_text(imported_toml(path, width_m), encoding="utf-8")
     site = load(made)
-    assert problems(site) == []
+    assert fit_problems(site) == []
     return site
 
 
@@ -75,7 +75,7 @@ def test_a_plant_model_of_either_form_becomes_a_site_in_metres(x: str, y: str, t
 
 def test_the_same_file_gives_the_same_text_and_ids(tmp_path: Path) -> None:
     path = written(tmp_path, "works.building.yaml", BUILDING)
-    assert imported(path, 1.2) == imported(path, 1.2)
+    assert imported_toml(path, 1.2) == imported_toml(path, 1.2)
 
 
 def test_names_that_are_alike_get_ids_of_their_own(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_names_that_are_alike_get_ids_of_their_own(tmp_path: Path) -> None:
 )
 def test_what_is_no_plan_is_explained(name: str, text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(PlanError, match=message):
-        imported(written(tmp_path, name, text), 1.2)
+        imported_toml(written(tmp_path, name, text), 1.2)
 
 
 def test_the_command_prints_what_check_accepts(tmp_path: Path) -> None:

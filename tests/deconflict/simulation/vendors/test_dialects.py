@@ -140,7 +140,7 @@ def test_a_path_to_the_other_floor_names_its_datum(told: list[Robot], vendor: Ve
 
 def test_the_bundled_site_knows_every_vendor_and_fits() -> None:
     bundled = site.load(demo_site())
-    assert not site.problems(bundled)
+    assert not site.fit_problems(bundled)
     assert {vendor.name for vendor in bundled.vendors} == set(VendorName)
     assert [datum.id for datum in bundled.datums] == [one.datum for one in SITE_MAPS]
     for make in MAKES:

@@ -1,0 +1,115 @@
+"""The documents that the HTTP API reads and returns."""
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field, StringConstraints
+
+from deconflict.advisory import AnyAdvisory
+
+Document = dict[str, Any]
+
+
+class AdvisoryList(BaseModel):
+    """The newest revision of each advisory that matches, newest first."""
+
+    seq: int = Field(description="newest number at this moment; `/advisories/stream?after=` continues from it")
+    advisories: list[AnyAdvisory]
+    more: bool = Field(description="true if `limit` left some out")
+
+
+class RevisionList(BaseModel):
+    """Every stored revision of one advisory, in order."""
+
+    advisories: list[AnyAdvisory]
+
+
+class Answer(BaseModel):
+    """Who acknowledges an advisory, and what is done about it or why nothing is done."""
+
+    name: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = Field(
+        default="", description="required if people do not sign in; ignored if they do"
+    )
+    reason: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=500)]
+
+
+class RobotList(BaseModel):
+    """Every known robot: what it reported, and how the service reads it."""
+
+    robots: list[Document]
+
+
+class QuarantineList(BaseModel):
+    """The rejected messages that are kept, each with its rule and reason."""
+
+    rejected: list[Document]
+
+
+class BlackBoxList(BaseModel):
+    """The black boxes that are kept, newest last: the near misses in each, and what would have avoided them."""
+
+    blackboxes: list[Document]
+
+
+class Reloaded(BaseModel):
+    """The result of reading a changed site file."""
+
+    applied: bool = Field(description="false if the file was refused; then the old settings stay in force")
+    problems: list[str] = Field(description="what to change in the file")
+    needs_restart: list[str] = Field(description="changed keys that take effect after a restart")
+
+
+class Problem(BaseModel):
+    """Why there is no answer, and the role that is the cause."""
+
+    detail: str
+    role: str
+
+
+class Recorded(BaseModel):
+    """The time that the recording covers, seconds since the epoch; null if there is no recording."""
+
+    from_s: float | None
+    to_s: float | None
+
+
+class PastFloor(BaseModel):
+    """The floor and the open advisories at one moment."""
+
+    floor: dict[str, Any] = Field(description="a frame as `/live` sends it")
+    advisories: list[AnyAdvisory]
+
+
+class Heat(BaseModel):
+    """Where advisories were raised: for each floor, `[x, y, count]` of each cell with any. x, y is its lower left."""
+
+    since_s: float
+    until_s: float
+    cell_m: float
+    floors: dict[str, list[tuple[float, float, int]]]
+
+
+class Removed(BaseModel):
+    """A silent robot through whose place another robot drove. It counts as gone until it reports again."""
+
+    vendor: str
+    name: str
+    heard_s: float = Field(description="time of its last report, seconds since the epoch")
+    at_s: float = Field(description="when the other robot drove through its place")
+    by: str = Field(description="name of the other robot")
+
+
+class Exit(BaseModel):
+    """A place where robots usually leave: they fall silent there and do not come back."""
+
+    datum: str
+    x_m: float
+    y_m: float
+    robots: int = Field(description="number of robots that left there recently")
+
+
+class StillThere(BaseModel):
+    """The silent robots, by UUID: the probability that each is still there, those that are gone, and the exits."""
+
+    fading: dict[str, float]
+    taken_off: dict[str, Removed]
+    exits: list[Exit]

@@ -1,0 +1,145 @@
+"""The handlers of the HTTP API: advisories, robots, vendors, rejected messages, black boxes, health and metrics."""
+
+from datetime import UTC, datetime
+from typing import Annotated
+
+from fastapi import HTTPException, Query, Request, Response
+from fastapi.responses import FileResponse
+from pydantic_core import to_json
+
+from deconflict.advisory import Acknowledgement, Kind
+from deconflict.operator.http.api_models import AdvisoryList, Answer, Problem, Reloaded, RevisionList
+from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
+from deconflict.operator.http.json_schemas import SCHEMAS
+from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.store import StateFilter, Store, StoreError
+from deconflict.operator.vendor_health import vendor_health
+from deconflict.operator.vendor_models import VendorList
+from ingest.measures.measures import Measures
+
+MOST_LISTED = 1000
+
+
+class ApiRoutes:
+    """One method for each route."""
+
+    def __init__(self, publisher: Publisher, store: Store, sources: Sources, exposition: Exposition) -> None:
+        self._publisher, self._store, self._sources, self._exposition = publisher, store, sources, exposition
+
+    def advisories(
+        self,
+        state: Annotated[StateFilter, Query(description="only advisories in this state")] = "open",
+        kind: Annotated[Kind | None, Query(description="only advisories of this kind")] = None,
+        vendor: Annotated[str | None, Query(description="only advisories with a robot of this vendor")] = None,
+        robot: Annotated[str | None, Query(description="only advisories with this robot (UUID)")] = None,
+        limit: Annotated[int, Query(ge=1, le=MOST_LISTED, description="largest number of advisories")] = 100,
+    ) -> Response:
+        """The newest revision of each advisory, newest first."""
+        listing = self._store.latest(state, kind=kind, vendor=vendor, robot=robot and robot.lower(), limit=limit)
+        return json_response(AdvisoryList(seq=listing.seq, advisories=listing.advisories, more=listing.more))
+
+    def advisory(self, advisory_id: str) -> Response:
+        """Every revision of one advisory."""
+        revisions = self._store.get(advisory_id)
+        if not revisions:
+            raise _no_advisory(advisory_id)
+        return json_response(RevisionList(advisories=revisions))
+
+    async def acknowledge(self, advisory_id: str, answer: Answer, request: Request) -> Response:
+        """Acknowledge an advisory by name and with a reason. Everybody sees it, and the stream sends it."""
+        name = getattr(request.state, "person", None) or answer.name
+        if not name:
+            raise HTTPException(422, "name: is empty; expected who acknowledges")
+        acknowledgement = Acknowledgement(name=name, reason=answer.reason, at=datetime.now(UTC))
+        answered = await self._publisher.acknowledge(advisory_id, acknowledgement)
+        if answered is None:
+            raise _no_advisory(advisory_id)
+        return json_response(answered, 201)
+
+    async def robots(
+        self, vendor: Annotated[str | None, Query(description="only robots of this vendor")] = None
+    ) -> Response:
+        """What each robot reported, and how the service reads it."""
+        robots = await self._sources.robots()
+        return json_response({"robots": [robot for robot in robots if vendor in (None, robot["vendor"])]})
+
+    async def robot(self, uuid: str) -> Response:
+        """What one robot reported."""
+        for robot in await self._sources.robots():
+            if robot["uuid"] == uuid.lower():
+                return json_response(robot)
+        raise HTTPException(404, f"no robot {uuid!r} has reported")
+
+    async def vendors(self) -> Response:
+        """The state of each vendor: its robots, messages, clocks, forecasts and grade, and what has changed."""
+        return json_response(VendorList(vendors=vendor_health(await self._sources.measures())))
+
+    async def quarantine(self) -> Response:
+        """Rejected messages, each with its rule and reason."""
+        return json_response({"rejected": await self._sources.quarantine()})
+
+    def blackboxes(self) -> Response:
+        """Near misses, each with the file of what was received and decided around it."""
+        return json_response({"blackboxes": self._sources.blackboxes()})
+
+    def blackbox(self, file: str) -> Response:
+        """One black box: JSON lines, compressed with zstd. `deconflict blackbox verify` checks it."""
+        path = self._sources.blackbox(file)
+        if path is None:
+            raise HTTPException(404, f"there is no black box {file!r}; the oldest are removed in time")
+        return FileResponse(path, media_type="application/zstd", filename=file)
+
+    async def healthz(self) -> Response:
+        """200 if every role and the store answer, else 503 with the same document."""
+        try:
+            health = await self._sources.health()
+        except SourceUnavailableError as error:
+            health = {"status": "degraded", "roles": {error.role: "down"}}
+        try:
+            stored = {"status": "ok", "seq": self._store.last_seq()}
+            if self._publisher.failing:
+                unstored = {"reason": self._publisher.failing, "unstored": self._store.unstored}
+                stored |= {"status": "failing", **unstored}
+        except StoreError as error:
+            stored = {"status": "failing", "reason": str(error)}
+        if stored["status"] != "ok":
+            health = health | {"status": "degraded"}
+        return json_response(health | {"store": stored}, 200 if health["status"] == "ok" else 503)
+
+    async def reload(self) -> Response:
+        """Read the site file again and apply what has changed; 422 if the file is refused."""
+        result = Reloaded.model_validate(await self._sources.reload())
+        return json_response(result, 200 if result.applied else 422)
+
+    async def metrics(self) -> Response:
+        """Prometheus text, without the metrics of roles that do not answer."""
+        try:
+            documents = await self._sources.measures()
+        except SourceUnavailableError as error:
+            down = Measures()
+            down.level("deconflict_role_up", {(error.role,): 0})
+            documents = [down.as_document()]
+        body, content_type = self._exposition([*documents, self._publisher.measures.as_document()])
+        return Response(body, headers={"content-type": content_type})
+
+    def schema(self) -> Response:
+        """JSON Schema of an advisory."""
+        return json_response(SCHEMAS["advisory"](), media_type="application/schema+json")
+
+
+def json_response(content: object, status: int = 200, media_type: str = "application/json") -> Response:
+    """Infinite numbers and NaN become null."""
+    return Response(to_json(content, inf_nan_mode="null"), status, media_type=media_type)
+
+
+async def source_unavailable(_: Request, error: Exception) -> Response:
+    role = error.role if isinstance(error, SourceUnavailableError) else "unknown"
+    return json_response(Problem(detail=f"{error}; try again shortly, or see /healthz", role=role), 503)
+
+
+async def store_failed(_: Request, error: Exception) -> Response:
+    return json_response(Problem(detail=str(error), role="store"), 503)
+
+
+def _no_advisory(advisory_id: str) -> HTTPException:
+    return HTTPException(404, f"no advisory {advisory_id!r} is stored; cleared ones are removed in time")

@@ -1,0 +1,63 @@
+"""What the HTTP application asks of the other roles."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+from ingest.batch import Batch
+
+Document = dict[str, Any]
+Exposition = Callable[[list[Document]], tuple[bytes, str]]
+"""From documents of `Measures.as_document()` to the text of a scrape and its content type."""
+
+
+class SourceUnavailableError(Exception):
+    """A role does not answer."""
+
+    def __init__(self, role: str) -> None:
+        super().__init__(f"the {role} does not answer")
+        self.role = role
+
+
+class FloorSource(Protocol):
+    """What the page's routes need of the other roles."""
+
+    async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
+        """See `live_socket.Follow`. Raises `ConnectionError`."""
+
+    async def pulse(self) -> Document:
+        """The state of the roles, the vendors and the silent robots, and the unidentified robots. Never raises."""
+
+    async def floor_at(self, at_s: float) -> str:
+        """The floor at a time, as a frame of `FloorFrames`. Raises `SourceUnavailableError`."""
+
+    def recorded(self) -> tuple[float, float] | None:
+        """When the recording begins and ends, seconds since the epoch; None if there is none."""
+
+    def presence(self) -> Document:
+        """Which silent robots are still there: a `StillThere`, JSON-ready."""
+
+
+class Sources(FloorSource, Protocol):
+    """What all routes need of the other roles. Each call raises `SourceUnavailableError` if a role does not answer."""
+
+    async def robots(self) -> list[Document]:
+        """What each robot reported and what was derived from it, with at least `uuid` and `vendor`."""
+
+    async def quarantine(self) -> list[Document]:
+        """The rejected messages that are kept."""
+
+    async def measures(self) -> list[Document]:
+        """`Measures.as_document()` of each role that answers, except the operator role."""
+
+    async def health(self) -> Document:
+        """`status`, "ok" or "degraded", and `roles`."""
+
+    def blackboxes(self) -> list[Document]:
+        """The contents of each black box, newest last. Raises `OSError`."""
+
+    def blackbox(self, file: str) -> Path | None:
+        """The path of a black box; None if there is no such box."""
+
+    async def reload(self) -> Document:
+        """Have the site file read again. The result is a `Reloaded`, JSON-ready."""

@@ -1,0 +1,132 @@
+"""The calls that the operator role answers: the engine's, and in a cluster the follower's."""
+
+import asyncio
+import json
+import time
+from itertools import groupby
+from pathlib import Path
+
+from deconflict.advisory import ADVISORY, Acknowledgement
+from deconflict.operator.blackbox.blackbox_request import NearPair
+from deconflict.operator.blackbox.keeper import Keeper
+from deconflict.operator.http.api_sources import SourceUnavailableError
+from deconflict.operator.store.learned_file import LearnedFile
+from deconflict.operator.store.publisher import Publisher, StreamEndedError
+from deconflict.operator.store.store import Store
+from deconflict.roles.operator_sources import EngineReport, OperatorSources
+from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
+
+ANSWER_TIMEOUT_S = 5.0
+
+
+class OperatorCalls:
+    """One method for each call; `handlers` has their names."""
+
+    def __init__(
+        self,
+        runtime: Path,
+        store: Store,
+        publisher: Publisher,
+        sources: OperatorSources,
+        engine: EngineReport,
+        learned_file: LearnedFile,
+        keeper: Keeper,
+    ) -> None:
+        self._runtime, self._store, self._publisher, self._sources = runtime, store, publisher, sources
+        self._engine, self._learned_file, self._keeper = engine, learned_file, keeper
+        self.another_stream = asyncio.Event()
+        """Set if the stored advisories do not belong to the stream that is followed. Then the role restarts."""
+
+    def handlers(self) -> dict[str, Handler]:
+        return {
+            "restore": self._restore,
+            "learned": self._learned,
+            "learn": self._learn,
+            "unlearn": self._unlearn,
+            "publish": self._publish,
+            "last_stored": self._last_stored,
+            "store_lines": self._store_lines,
+            "begin_anew": self._begin_anew,
+            "measures": self._measures,
+            "health": self._health,
+        }
+
+    async def forward_answer(self, advisory_id: str, answer: Acknowledgement) -> None:
+        """Have the follower put an answer into the stream, and wait until the stream returns it."""
+        payload = json.dumps({"id": advisory_id, "answer": answer.model_dump(mode="json")}).encode()
+        try:
+            seq = json.loads(await AsyncCaller(self._runtime, "follower").call("answer", payload))["seq"]
+            async with asyncio.timeout(ANSWER_TIMEOUT_S):
+                await self._publisher.reached(seq)
+        except (LinkDownError, TimeoutError, StreamEndedError) as error:
+            raise SourceUnavailableError("follower") from error
+        if not seq:
+            raise SourceUnavailableError("NATS server")
+
+    async def _restore(self, _: bytes) -> bytes:
+        """The stored state with which a new engine resumes."""
+        stored = {
+            "open": [advisory.model_dump(mode="json") for advisory in self._store.open()],
+            "burdens_s": self._store.burdens_s(),
+            "encounters": [[*pair, count] for pair, count in self._store.encounters().items()],
+        }
+        return json.dumps(stored).encode()
+
+    async def _learned(self, _: bytes) -> bytes:
+        """The learned state with which a new engine resumes."""
+        learned = await asyncio.to_thread(self._learned_file.read)
+        await asyncio.to_thread(self._keeper.engine_started, learned)
+        return learned
+
+    async def _learn(self, learned: bytes) -> bytes:
+        await asyncio.to_thread(self._learned_file.write, learned)
+        await asyncio.to_thread(self._keeper.add_snapshot, learned)
+        return b"kept"
+
+    async def _unlearn(self, reason: bytes) -> bytes:
+        await asyncio.to_thread(self._learned_file.set_aside, reason.decode())
+        await asyncio.to_thread(self._keeper.engine_started, b"")
+        return b"set aside"
+
+    async def _publish(self, payload: bytes) -> bytes:
+        """Take in one step of the engine: advisories, near misses, and once a second measures and presence."""
+        parcel = json.loads(payload)
+        self._engine.received_s = time.monotonic()
+        self._engine.measures = parcel["measures"] or self._engine.measures
+        self._engine.presence = parcel.get("presence") or self._engine.presence
+        if parcel["advisories"]:
+            advisories = [ADVISORY.validate_python(advisory) for advisory in parcel["advisories"]]
+            await self._publisher.publish(advisories)
+        if parcel["near_misses"]:
+            pairs = [NearPair.from_json(*near_miss) for near_miss in parcel["near_misses"]]
+            await asyncio.to_thread(self._keeper.note, pairs)
+        return b"stored"
+
+    async def _last_stored(self, _: bytes) -> bytes:
+        """The last stored line of the stream that is followed: a `StreamPosition`."""
+        seq = self._store.last_seq()
+        last = next(iter(self._store.after(seq - 1, 1)), None) if seq else None
+        return json.dumps([seq, last.id, last.revision] if last else [seq, "", 0]).encode()
+
+    async def _store_lines(self, payload: bytes) -> bytes:
+        """Store lines of the stream, in its order and under its numbers."""
+        for is_answer, lines in groupby(json.loads(payload), lambda line: "answer" in line):
+            if is_answer:
+                for line in lines:
+                    answer = Acknowledgement.model_validate(line["answer"])
+                    await self._publisher.store_answer(line["id"], answer, line["seq"])
+            else:
+                advisories = [ADVISORY.validate_python(line["advisory"] | {"seq": line["seq"]}) for line in lines]
+                await self._publisher.publish(advisories)
+        return b"stored"
+
+    async def _begin_anew(self, _: bytes) -> bytes:
+        """Have the role set aside its store, which is not of the stream that is followed, and end."""
+        self.another_stream.set()
+        return b"set aside"
+
+    async def _measures(self, _: bytes) -> bytes:
+        return json.dumps([*await self._sources.measures(), self._publisher.measures.as_document()]).encode()
+
+    async def _health(self, _: bytes) -> bytes:
+        return json.dumps(await self._sources.health()).encode()

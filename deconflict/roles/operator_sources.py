@@ -1,0 +1,213 @@
+"""What the HTTP API shows of the other roles: robots, measures, health, black boxes and the recorded floor."""
+
+import asyncio
+import json
+import time
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from deconflict.engine.load_shedding import Effort
+from deconflict.operator.blackbox.archive import FOLDER, Archive
+from deconflict.operator.http.api_sources import SourceUnavailableError
+from deconflict.operator.live.history import BusyError, History
+from deconflict.operator.live.recent_batches import unpacked_batch
+from deconflict.operator.vendor_health import vendor_health
+from deconflict.runtime.rpc import AsyncCaller, LinkDownError
+from deconflict.settings.hot_reload import REQUEST_FILE, reload_results
+from deconflict.settings.site import Site
+from ingest.batch import Batch
+from ingest.measures.measures import Measures, joined_values
+
+ENGINE_STALE_S = 5.0
+"""An engine that has not reported for this long counts as down; it reports every second."""
+HEALTH_TIMEOUT_S = 3.0
+"""A receiver that does not answer for this long counts as down."""
+RELOAD_CHECK_S = 0.1
+RELOAD_TIMEOUT_S = 10.0
+ROLES_FILE = "roles.json"
+"""What the supervisor writes about its processes, in the runtime directory: `RoleProcess.document` by role."""
+
+
+def _no_silent_robots() -> dict[str, Any]:
+    return {"fading": {}, "taken_off": {}, "exits": []}
+
+
+@dataclass(slots=True, eq=False)
+class EngineReport:
+    """The last report of the engine."""
+
+    received_s: float = float("-inf")
+    """When it came, monotonic time."""
+    measures: list[dict[str, Any]] = field(default_factory=list)
+    presence: dict[str, Any] = field(default_factory=_no_silent_robots)
+    """`Presence.document`: which silent robots are still there."""
+
+
+class OperatorSources:
+    """The `Sources` of the API. Asks the other roles at each request."""
+
+    def __init__(self, site: Site, runtime: Path, data: Path, engine: EngineReport) -> None:
+        self._is_cluster, self._runtime, self._engine = bool(site.cluster), runtime, engine
+        self._receiver = AsyncCaller(runtime, "follower" if site.cluster else "receiver")
+        self._archive = Archive(data / FOLDER)
+        self.history = History(site, data / "log")
+
+    async def robots(self) -> list[dict[str, Any]]:
+        robots: list[dict[str, Any]] = await self._ask("robots")
+        return [robot | _presence_of(robot["uuid"], self._engine.presence) for robot in robots]
+
+    def presence(self) -> dict[str, Any]:
+        return self._engine.presence
+
+    async def quarantine(self) -> list[dict[str, Any]]:
+        rejected: list[dict[str, Any]] = await self._ask("quarantine")
+        return rejected
+
+    async def measures(self) -> list[dict[str, Any]]:
+        """The measures of every role that answers. Old measures of the others are left out."""
+        receiver = await self._receiver_measures()
+        up, own = await self._roles_up(receiver is not None), Measures()
+        own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
+        for role, restarts in self._restarts().items():
+            own.count("deconflict_role_restarts_total", role, by=restarts)
+        if results := reload_results(self._runtime):
+            for result in ("applied", "refused"):
+                own.count("deconflict_site_reloads_total", result, by=results[result])
+        return [own.as_document(), *self._engine.measures, *(receiver or [])]
+
+    async def health(self) -> dict[str, Any]:
+        answers = not self._is_cluster and await self._receiver_measures() is not None
+        up, results = await self._roles_up(answers), reload_results(self._runtime)
+        return {
+            "status": "ok" if all(up.values()) else "degraded",
+            "roles": {role: "up" if alive else "down" for role, alive in up.items()},
+            "restarts": self._restarts(),
+            "effort": self._effort(),
+            "site": {key: results[key] for key in ("problems", "needs_restart")} if results else {},
+        }
+
+    async def reload(self) -> dict[str, Any]:
+        """Ask the supervisor to read the site file again, and wait for the result."""
+        before = reload_results(self._runtime)
+        if before is None:
+            raise SourceUnavailableError("supervisor")
+        (self._runtime / REQUEST_FILE).touch()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(RELOAD_TIMEOUT_S):
+                while True:
+                    await asyncio.sleep(RELOAD_CHECK_S)
+                    results = reload_results(self._runtime)
+                    if results and results["applied"] + results["refused"] > before["applied"] + before["refused"]:
+                        return results | {"applied": not results["problems"]}
+        raise SourceUnavailableError("supervisor")
+
+    async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
+        return unpacked_batch(await self._receiver.call("follow", str(number).encode()))
+
+    async def pulse(self) -> dict[str, Any]:
+        """Roles, vendors, unidentified robots (none if the receiver does not answer), and silent robots.
+
+        `fading` has the probability that each silent robot is still there, `taken_off` when each robot that is
+        no longer there was heard last.
+        """
+        receiver, documents, unidentified = await self._receiver_measures(), self._engine.measures, []
+        up = await self._roles_up(receiver is not None)
+        if receiver is not None:
+            documents = [*documents, *receiver]
+            with suppress(SourceUnavailableError):
+                unidentified = await self._ask("unidentified")
+        presence = self._engine.presence
+        return {
+            "roles": {role: "up" if alive else "down" for role, alive in up.items()},
+            "vendors": {
+                vendor.name: vendor.model_dump(mode="json", exclude={"name"}) for vendor in vendor_health(documents)
+            },
+            "effort": self._effort(),
+            "unidentified": unidentified,
+            "fading": presence["fading"],
+            "taken_off": {uuid: removal["heard_s"] for uuid, removal in presence["taken_off"].items()},
+        }
+
+    def blackboxes(self) -> list[dict[str, Any]]:
+        return self._archive.boxes()
+
+    def blackbox(self, file: str) -> Path | None:
+        return self._archive.path(file)
+
+    def recorded(self) -> tuple[float, float] | None:
+        return self.history.recorded()
+
+    async def floor_at(self, at_s: float) -> str:
+        try:
+            return await self.history.floor_at(at_s)
+        except BusyError as error:
+            raise SourceUnavailableError("recording") from error
+
+    async def _receiver_measures(self) -> list[dict[str, Any]] | None:
+        """None if the receiver does not answer. Waits less than other calls, because health checks wait for it."""
+        try:
+            documents: list[dict[str, Any]] = json.loads(
+                await self._receiver.call("measures", within_s=HEALTH_TIMEOUT_S)
+            )
+        except LinkDownError:
+            return None
+        return documents
+
+    async def _roles_up(self, receiver: bool) -> dict[str, bool]:
+        """Which roles are up; in a cluster, whether one of each is. `receiver` is whether the receiver answers."""
+        engine = time.monotonic() - self._engine.received_s < ENGINE_STALE_S
+        before = await self._cluster_up() if self._is_cluster else {"receiver": receiver}
+        return before | {"engine": engine and self._reported_engine_runs(), "operator": True}
+
+    async def _cluster_up(self) -> dict[str, bool]:
+        """Whether the NATS servers are connected and an ingest is alive, as the follower of this machine reports."""
+        try:
+            up: dict[str, bool] = json.loads(await self._receiver.call("presence", within_s=HEALTH_TIMEOUT_S))
+        except LinkDownError:
+            return {"nats": False, "ingest": False}
+        return up
+
+    async def _missing_role(self) -> str:
+        """The role to name in the error when a question has no answer."""
+        if not self._is_cluster:
+            return "receiver"
+        up = await self._cluster_up()
+        if not up["nats"]:
+            return "NATS server"
+        return "follower" if up["ingest"] else "ingest"
+
+    def _effort(self) -> str:
+        """The engine's `Effort` in lower case, as of its last report."""
+        levels = joined_values(self._engine.measures).get("deconflict_engine_effort_reduced", {})
+        return Effort(int(levels.get((), Effort.FULL))).name.lower()
+
+    def _reported_engine_runs(self) -> bool:
+        """Whether the engine that sent the last report is the one that runs now. True without a supervisor."""
+        process = self._role_processes().get("engine")
+        if process is None:
+            return True
+        since_s = process["since_s"]
+        return since_s is not None and self._engine.received_s >= since_s
+
+    async def _ask(self, name: str) -> Any:
+        try:
+            return json.loads(await self._receiver.call(name))
+        except LinkDownError as error:
+            raise SourceUnavailableError(await self._missing_role()) from error
+
+    def _restarts(self) -> dict[str, int]:
+        return {role: process["restarts"] for role, process in self._role_processes().items()}
+
+    def _role_processes(self) -> dict[str, dict[str, Any]]:
+        path = self._runtime / ROLES_FILE
+        processes: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.exists() else {}
+        return processes
+
+
+def _presence_of(uuid: str, presence: dict[str, Any]) -> dict[str, Any]:
+    """Two more fields of a robot's document: the probability that it is still there, and who took it off if anybody."""
+    removal = presence["taken_off"].get(uuid)
+    probability = 0.0 if removal else presence["fading"].get(uuid, 1.0)
+    return {"still_there": probability, "taken_off": removal and {"at_s": removal["at_s"], "by": removal["by"]}}
