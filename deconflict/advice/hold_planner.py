@@ -2,14 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from deconflict.advice.delay_windows import STEP_S, DelayWindows, HoldWindow, NearbyRobots
-from deconflict.advice.exhaustive_search import NO_PLAN, UNKNOWN, HoldChoice
 from deconflict.advice.hold_problem import WEIGHT, HoldProblem, Plan, PlannedRobots
-from deconflict.advice.hold_search import FoundPlan, HoldSearch, hold_constraints, hold_model
+from deconflict.advice.hold_search import FoundPlan, HoldSearch, hold_model
 from deconflict.advice.solver import solve
-from deconflict.advice.variable_elimination import only_cheapest_plan
 from deconflict.advisory import Hold, Recommendation
 from ingest.batch import Pair
 
@@ -104,11 +100,6 @@ def _blocking_robots(problem: HoldProblem) -> list[str]:
 
 def _may_have_plan(problem: HoldProblem, robots: Sequence[str]) -> bool:
     """Whether there is a plan for some robots alone, or it is not known."""
-    longest, pairs, allowed = hold_constraints(problem, robots)
-    nothing = np.zeros(len(robots), np.int64)
-    score, _ = only_cheapest_plan(HoldChoice(longest, nothing, nothing, nothing, pairs, allowed))
-    if score != UNKNOWN:
-        return score != NO_PLAN
     solved = solve(hold_model(problem, robots)[0], EFFORT, presolve=False)
     return solved.found or not solved.proven
 

@@ -1,4 +1,4 @@
-"""The best plan of holds for a group of conflicts: a few robots by trying, chains by elimination, others by CP-SAT."""
+"""The best plan of holds for a group of conflicts: a few robots by trying, others by CP-SAT."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,6 @@ from ortools.sat.python import cp_model
 from deconflict.advice.exhaustive_search import NO_PLAN, UNKNOWN, HoldChoice, cheapest_plan, plan_in_order
 from deconflict.advice.hold_problem import HoldProblem, Plan
 from deconflict.advice.solver import LeanModel, solve
-from deconflict.advice.variable_elimination import only_cheapest_plan
 from ingest.batch import Bools, Ints
 
 NO_BUDGET = 1 << 60
@@ -72,7 +71,7 @@ class HoldSearch:
     def _cheapest(self, choice: HoldChoice, robots: list[str], first_come: Plan | None) -> FoundPlan | None:
         score, holds = cheapest_plan(choice, NO_BUDGET if first_come is None else self.problem.cost(first_come))
         if score == UNKNOWN:
-            return self._eliminated(choice, robots, first_come)
+            return self._solved(first_come)
         if score == NO_PLAN:
             return None
         plan = dict(zip(robots, holds, strict=True))
@@ -81,16 +80,6 @@ class HoldSearch:
             bound, _ = cheapest_plan(choice._replace(step=choice.weight, held=np.zeros_like(choice.held)), cost)
             bound = 0 if bound == UNKNOWN else bound
         return FoundPlan(plan, bound, bound == cost)
-
-    def _eliminated(self, choice: HoldChoice, robots: list[str], hint: Plan | None) -> FoundPlan | None:
-        """By elimination if that leaves one plan, otherwise by CP-SAT."""
-        score, holds = only_cheapest_plan(choice)
-        if score == NO_PLAN:
-            return None
-        plan = dict(zip(robots, holds, strict=True)) if holds else None
-        if plan is None or (hint is not None and self.problem.cost(plan) > self.problem.cost(hint)):
-            return self._solved(hint)
-        return FoundPlan(plan, self.problem.cost(plan), not self.standing)
 
     def _solved(self, hint: Plan | None) -> FoundPlan | None:
         """By CP-SAT in two steps: the cheapest plan, then the fairest of these."""

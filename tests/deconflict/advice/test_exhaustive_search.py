@@ -1,15 +1,13 @@
-"""The cheapest plan by search and by elimination, compared with all plans there are."""
+"""The cheapest plan by search, compared with all plans there are."""
 
 from itertools import product
 from random import Random
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from deconflict.advice.exhaustive_search import NO_PLAN, UNKNOWN, HoldChoice, cheapest_plan, plan_in_order
-from deconflict.advice.variable_elimination import only_cheapest_plan
 
 BUDGET = 1 << 60
 STEPS = 3
@@ -118,43 +116,3 @@ def test_each_waits_for_those_before_it(choice: HoldChoice, random: Random) -> N
                 break
     waits = len(plan) == len(order)
     assert plan_in_order(choice, order) == ([plan[robot] for robot in sorted(plan)] if waits else None)
-
-
-@given(choices())
-def test_elimination_finds_the_cheapest_plan_and_whether_it_is_the_only_one(choice: HoldChoice) -> None:
-    every = plans(choice, BUDGET)
-    count, holds = only_cheapest_plan(choice)
-    if count == UNKNOWN:
-        assert len(choice.pairs) >= 6, "four robots that all meet, at least"
-    elif not every:
-        assert count == NO_PLAN
-    else:
-        alone = len(every) == 1 or every[1][0] > every[0][0]
-        assert (count, holds) == (every[0][0], list(every[0][1]) if alone else None)
-
-
-@pytest.mark.parametrize(("robots", "known"), [(3, True), (4, False)])
-def test_robots_that_all_meet_are_eliminated_if_they_are_three(robots: int, known: bool) -> None:
-    pairs = np.array([(a, b) for a in range(robots) for b in range(a + 1, robots)], np.int64)
-    allowed = np.ones((len(pairs), 2 * STEPS + 1), bool)
-    ones, longest = np.ones(robots, np.int64), np.full(robots, STEPS)
-    choice = HoldChoice(longest, ones, ones, ones, pairs, allowed)
-    assert (only_cheapest_plan(choice)[0] != UNKNOWN) == known
-    assert only_cheapest_plan(choice, most_additions=10)[0] == UNKNOWN
-
-
-@pytest.mark.parametrize("robots", [4, 5])
-def test_a_ring_is_eliminated(robots: int) -> None:
-    """Here two robots that share no pair come to do so when the one between them is left out."""
-    rng, known = np.random.default_rng(robots), 0
-    pairs = np.array([(a, a + 1) for a in range(robots - 1)] + [(0, robots - 1)], np.int64)
-    for _ in range(40):
-        longest, weight = np.full(robots, STEPS), rng.integers(1, 90, robots)
-        allowed = rng.random((robots, 2 * STEPS + 1)) < 0.4
-        choice = HoldChoice(longest, weight, weight, np.zeros(robots, np.int64), pairs, allowed)
-        count, holds = only_cheapest_plan(choice)
-        assert count == cheapest_plan(choice, BUDGET)[0]
-        if holds is not None:
-            assert holds == cheapest_plan(choice, BUDGET)[1]
-            known += 1
-    assert 5 < known < 40
