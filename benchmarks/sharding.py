@@ -12,8 +12,8 @@ from operator import add
 import numpy as np
 
 from benchmarks.floors import NOW_S, crowd
-from deconflict.cluster.tiles.channels import EVERY, Extents, Sorter, reach_m
-from deconflict.cluster.tiles.tile_owners import Table, revised
+from deconflict.cluster.tiles.channels import EVERY, ChannelSorter, RobotExtents, reach_m
+from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Area, Grid, Tile
 from deconflict.settings.site import Conflict
 from ingest.batch import Basis, Batch, Destinations, Forecasts
@@ -52,33 +52,33 @@ def batch_of(forecasts: Forecasts) -> Batch:
     )
 
 
-def shared(batch: Batch, grid: Grid, reach: float, engines: int) -> Table:
+def shared(batch: Batch, grid: Grid, reach: float, engines: int) -> OwnerTable:
     """The table once every tile has an owner and the load is even."""
-    sorter = Sorter(grid, Conflict(), reach)
+    sorter = ChannelSorter(grid, Conflict(), reach)
     sorter.sort(batch)
-    roots, table = sorter.roots(), Table()
-    extents = Extents.of(batch, Conflict())
+    roots, table = sorter.roots(), OwnerTable()
+    extents = RobotExtents.of(batch, Conflict())
     cells, counts = np.unique(np.floor(extents.at / grid.side_m).astype(np.int64), axis=0, return_counts=True)
     load = {Tile(batch.floors[0], *cell): float(count) for cell, count in zip(cells.tolist(), counts, strict=True)}
     members = [f"engine-{number:03d}" for number in range(engines)]
     for _ in range(ROUNDS):
         loads = {one: {tile: load.get(tile, 0.0) for tile in table.of(one)} for one in members}
-        before, table = table, revised(table, loads, roots, grid.side_m, float("inf"))
+        before, table = table, revised_table(table, loads, roots, grid.side_m, float("inf"))
         if table == before:
             break
     return table
 
 
-def blocks(table: Table) -> Table:
+def blocks(table: OwnerTable) -> OwnerTable:
     """The same tiles, each engine's side by side."""
     members = sorted(set(table.owners.values()))
     tiles = sorted(table.owners)
-    return Table({tile: members[number * len(members) // len(tiles)] for number, tile in enumerate(tiles)})
+    return OwnerTable({tile: members[number * len(members) // len(tiles)] for number, tile in enumerate(tiles)})
 
 
-def seen(batch: Batch, grid: Grid, reach: float, table: Table) -> list[int]:
+def seen(batch: Batch, grid: Grid, reach: float, table: OwnerTable) -> list[int]:
     """How many robots each engine judges."""
-    extents = Extents.of(batch, Conflict())
+    extents = RobotExtents.of(batch, Conflict())
     areas = [Area(grid, table.of(one)) for one in sorted(set(table.owners.values()))]
     return [int(one.within(batch.floors[0], extents.at, extents.at, reach).sum()) for one in areas]
 
@@ -86,7 +86,7 @@ def seen(batch: Batch, grid: Grid, reach: float, table: Table) -> list[int]:
 def measured(robots: int, side_m: float, engines: int) -> str:
     batch, grid, reach = batch_of(crowd(robots, 25.0).forecasts(0.0)), Grid(side_m), reach_m(FASTEST_MPS, Conflict())
     table = shared(batch, grid, reach, engines)
-    parts = Sorter(grid, Conflict(), reach).sort(batch.take(np.arange(0, robots, TICKS_PER_S)))
+    parts = ChannelSorter(grid, Conflict(), reach).sort(batch.take(np.arange(0, robots, TICKS_PER_S)))
     sent = sum(len(part.to_bytes()) for part in parts.values()) * TICKS_PER_S
     scattered, compact = (max(seen(batch, grid, reach, one)) * engines / robots for one in (table, blocks(table)))
     return (
@@ -120,7 +120,7 @@ def site(robots: int, side_m: float, seed: int) -> Shared:
     grid, reach, engines = Grid(side_m), reach_m(FASTEST_MPS, Conflict()), -(-robots // ROBOTS_AN_ENGINE)
     batch = batch_of(crowd(robots, 25.0, seed=seed).forecasts(0.0))
     judged = seen(batch, grid, reach, shared(batch, grid, reach, engines))
-    parts = Sorter(grid, Conflict(), reach).sort(batch.take(np.arange(0, robots, TICKS_PER_S)))
+    parts = ChannelSorter(grid, Conflict(), reach).sort(batch.take(np.arange(0, robots, TICKS_PER_S)))
     sent = {name: len(part.to_bytes()) * TICKS_PER_S for name, part in parts.items()}
     whole = sent[EVERY]
     by_tile = sum(sent.values()) - whole

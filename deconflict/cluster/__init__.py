@@ -1,1 +1,1 @@
-"""Beyond one machine: floors cut into tiles, engines that each judge some of them, and the broker between them."""
+"""A cluster of machines: floors cut into tiles, engines that judge some tiles each, and NATS between them."""

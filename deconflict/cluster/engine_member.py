@@ -1,14 +1,14 @@
-"""An engine of a cluster: hears the parcels of its tiles, judges, and tells what is its own to the durable stream.
+"""An engine of a cluster: receives the parcels of its tiles, judges, and writes its advisories to the durable stream.
 
-Its tiles are its own until the table says otherwise. One that dies is missed within `LEASE_S`; the others share out its
-tiles, hear the last seconds again and go on with the advisories that the stream has. What one that only stood still
-tells too late is refused by the stream, which takes a revision only after the one that it follows.
+It owns its tiles until the owner table changes. If an engine dies, the others notice within `LEASE_S`. They divide its
+tiles, receive the last seconds again, and resume with the advisories of the stream. If an engine was only stopped for a
+while, the stream refuses its late revisions: it accepts a revision only after the one that it follows.
 """
 
 import asyncio
 import logging
 import time
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
@@ -18,16 +18,16 @@ from typing import Any
 from uuid import uuid4
 
 from deconflict.advisory import ConflictAdvisory
-from deconflict.cluster.judging.global_engine import Lookout
+from deconflict.cluster.judging.global_engine import GlobalEngine
 from deconflict.cluster.judging.outbox import Outbox
-from deconflict.cluster.judging.shard import Shard, Told, judging
-from deconflict.cluster.judging.stream_writer import Teller
+from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
+from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.stream_records import Line
+from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.nats.tasks import beating, connected, until
+from deconflict.cluster.nats.tasks import beat_repeatedly, open_bus, run_until
 from deconflict.cluster.tiles.channels import reach_m
-from deconflict.cluster.tiles.tile_owners import Table, revised
+from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
@@ -41,107 +41,120 @@ from ingest.measures.measures import Measures
 log = logging.getLogger(__name__)
 
 LISTEN_S, MOST_AT_ONCE = 0.05, 32
-"""How often new channels are looked for, and how many are begun at once."""
-CONFLICTS = "conflicts"
-"""The name under which what engines learned of conflicts is kept."""
-CAUGHT_UP_S = 30.0
-"""How long a new member waits until it knows what is open."""
+"""Interval of the checks for new channels, and the number of subscriptions that begin at once."""
+LEARNED_NAME = "conflicts"
+"""Name under which the bus keeps the learned state of conflicts."""
+CATCH_UP_TIMEOUT_S = 30.0
+"""A new member waits at most so long for the open advisories."""
 
 
-class Member:
-    """One engine. Its shard is touched by one thread at a time."""
+class EngineMember:
+    """One engine. Only one thread at a time uses its shard."""
 
     def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
-        self._site, self._settings, self._in_force = site, settings, CurrentSite(runtime, site)
+        self._site, self._settings, self._current_site = site, settings, CurrentSite(runtime, site)
         self._bus = Bus(settings, site.store.keep_days)
         self.name = f"engine-{uuid4().hex[:12]}"
         self.measures = Measures()
         self._adviser = ThreadPoolExecutor(1, "adviser")
         self._shard = self._shard_of(self._engine())
-        self._turn = Lock()
+        self._shard_lock = Lock()
         self._parcels: list[bytes] = []
-        self._lines: list[Line] = []
-        self._wanted: set[str] = set()
-        """Channels."""
-        self._asked = -1
-        """The bus's count of renewals when ingests were asked for all robots of the channels that are heard."""
-        self._listening: dict[str, Callable[[], Awaitable[None]]] = {}
-        self._teller = Teller(self._bus)
-        self._lookout = Lookout(site, self._bus, self._teller, self._adviser.submit)
-        self._outbox = Outbox(self._teller)
-        self._table = Table()
-        self._says: dict[str, Any] = {"loads": {}}
+        self._records: list[StreamRecord] = []
+        self._needed: set[str] = set()
+        """The channels that the shard needs."""
+        self._requested = -1
+        """The bus's count of reconnects at the last request for all robots of the channels."""
+        self._subscribed: dict[str, Callable[[], Awaitable[None]]] = {}
+        """By channel, the function that ends the subscription."""
+        self._writer = StreamWriter(self._bus.revisions)
+        self._global_engine = GlobalEngine(site, self._bus, self._writer, self._adviser.submit)
+        self._outbox = Outbox(self._writer)
+        self._table = OwnerTable()
+        self._document: dict[str, Any] = {"loads": {}}
+        """What its heartbeats carry."""
 
     async def run(self, stop: asyncio.Event) -> None:
         """Judge until `stop` is set."""
-        if not await connected(self._bus, stop):
+        if not await open_bus(self._bus, stop):
             return
         with suppress(*BUS_ERRORS):
-            await self._resume()
-        waiting = await self._bus.hear_told(self._take_line)
+            await self._restore_learned()
+        waiting = await self._bus.revisions.follow(self._add_record)
         with suppress(TimeoutError):
-            async with asyncio.timeout(CAUGHT_UP_S):
-                while len(self._lines) < waiting:
+            async with asyncio.timeout(CATCH_UP_TIMEOUT_S):
+                while len(self._records) < waiting:
                     await asyncio.sleep(0.02)
         try:
-            watching = self._lookout.run(lambda: self._table.watch == self.name)
-            telling = (self._outbox.run(), self._lookout.outbox.run(), self._teller.keep())
-            chores = (*telling, self._judge(), self._listen(), self._keep(), watching)
-            await until(stop, beating(self._bus, self._beat), *chores)
+            await run_until(
+                stop,
+                beat_repeatedly(self._bus, self._beat),
+                self._outbox.run(),
+                self._global_engine.outbox.run(),
+                self._writer.keep_complete(),
+                self._judge(),
+                self._listen(),
+                self._keep_learned(),
+                self._global_engine.run(lambda: self._table.global_engine == self.name),
+            )
             with suppress(*BUS_ERRORS):
-                await self._keep_now()
+                await self._keep_learned_now()
         finally:
             self._adviser.shutdown(cancel_futures=True)
             await self._bus.close()
 
     def _engine(self, learned: Mapping[str, Part] | None = None) -> Engine:
-        return Engine(judging(self._site), submit=self._adviser.submit, learned=learned, conflicts_only=True)
+        return Engine(
+            conflicts_only_site(self._site), submit=self._adviser.submit, learned=learned, conflicts_only=True
+        )
 
     def _shard_of(self, engine: Engine) -> Shard:
         return Shard(engine, Grid(self._settings.tile_m), reach_m(self._settings.fastest_mps, engine.site.conflict))
 
-    async def _resume(self) -> None:
-        """Go on with what engines have learned before."""
+    async def _restore_learned(self) -> None:
+        """Resume with the learned state of earlier engines."""
         try:
-            if kept := await self._bus.kept(CONFLICTS):
+            if kept := await self._bus.state.kept(LEARNED_NAME):
                 self._shard = self._shard_of(self._engine(unpacked(kept)))
         except UnreadableError as error:
-            log.warning("what engines learned can't be read, and is learned anew: %s", error)
+            log.warning("the learned state of conflicts can't be read, and learning begins anew: %s", error)
 
-    async def _keep(self) -> None:
+    async def _keep_learned(self) -> None:
         while True:
             await asyncio.sleep(LEARNED_EVERY_S)
             with suppress(*BUS_ERRORS):
-                await self._keep_now()
+                await self._keep_learned_now()
 
-    async def _keep_now(self) -> None:
-        """Have kept what the engine with most to do has learned, and who watches: a new one goes on with it."""
-        burdens = {name: sum(one["loads"].values()) for name, one in self._bus.members().items() if "loads" in one}
+    async def _keep_learned_now(self) -> None:
+        """Keep the learned state of the busiest engine and of the global judge, for engines that start later."""
+        members = self._bus.state.members()
+        burdens = {name: sum(member["loads"].values()) for name, member in members.items() if "loads" in member}
         if max(burdens, key=lambda name: (burdens[name], name), default=self.name) == self.name:
-            await self._bus.keep(CONFLICTS, await asyncio.to_thread(self._learned))
-        await self._lookout.keep()
+            await self._bus.state.keep(LEARNED_NAME, await asyncio.to_thread(self._learned))
+        await self._global_engine.keep_learned()
 
     def _learned(self) -> bytes:
-        with self._turn:
+        with self._shard_lock:
             learned = self._shard.engine.learned()
         return packed(learned)
 
     async def _beat(self) -> None:
-        """Be heard of, and see to it that every tile has an owner."""
-        await self._bus.beat(self.name, self._says)
-        members = self._bus.members()
-        number, document = await self._bus.table()
-        table = Table.of_document(document) if document else Table()
+        """Send a heartbeat, and write the owner table if a tile needs another owner."""
+        state = self._bus.state
+        await state.beat(self.name, self._document)
+        members = state.members()
+        number, document = await state.table()
+        table = OwnerTable.of_document(document) if document else OwnerTable()
         loads = {
-            name: {Tile.named(tile): per_s for tile, per_s in one["loads"].items()}
-            for name, one in members.items()
-            if "loads" in one
+            name: {Tile.named(tile): per_s for tile, per_s in member["loads"].items()}
+            for name, member in members.items()
+            if "loads" in member
         }
-        roots = {Tile.named(root) for one in members.values() for root in one.get("roots", ())}
-        wanted = revised(table, loads, roots, self._settings.tile_m, self._settings.hot_per_s)
-        if wanted != table and self._bus.knows_members() and await self._bus.write_table(wanted.document(), number):
-            log.info("%s shares out %s tiles among %s engines", self.name, len(wanted.owners), len(loads))
-            table = wanted
+        roots = {Tile.named(root) for member in members.values() for root in member.get("roots", ())}
+        revised = revised_table(table, loads, roots, self._settings.tile_m, self._settings.hot_per_s)
+        if revised != table and state.knows_members() and await state.write_table(revised.document(), number):
+            log.info("%s divides %s tiles among %s engines", self.name, len(revised.owners), len(loads))
+            table = revised
         self._table = table
 
     async def _judge(self) -> None:
@@ -149,85 +162,95 @@ class Member:
         while True:
             began_s = time.monotonic()
             parcels, self._parcels = self._parcels, []
-            lines, self._lines = self._lines, []
-            overruled = self._outbox.overruled()
-            for line in lines:
-                self._teller.know(line)
-            self._lookout.hear(lines)
-            told, arrivals = await asyncio.to_thread(self._step, self._table.of(self.name), parcels, lines, overruled)
-            self._outbox.put(told, partial(self._measure_waits, arrivals))
-            self._wanted = self._shard.hears()
+            records, self._records = self._records, []
+            overruled = self._outbox.take_overruled()
+            for record in records:
+                self._writer.note(record)
+            self._global_engine.add_records(records)
+            tiles = self._table.of(self.name)
+            revisions, arrivals = await asyncio.to_thread(self._run_pass, tiles, parcels, records, overruled)
+            self._outbox.add_pass(revisions, partial(self._observe_latency, arrivals))
+            self._needed = self._shard.channels()
             if began_s - counted_s >= 1.0:
-                loads, self._shard.loads = self._shard.loads, type(self._shard.loads)()
                 whole, held = held & self._shard.area.tiles, self._shard.area.tiles
-                self._says = {
-                    "loads": {str(tile): loads[tile] / (began_s - counted_s) for tile in sorted(whole)},
-                    "measures": [
-                        *self._shard.measured(),
-                        self.measures.as_document(),
-                        *self._lookout.measured,
-                    ],
-                    "presence": self._lookout.presence,
-                }
+                self._update_document(whole, began_s - counted_s)
                 counted_s = began_s
-            if site := self._in_force.changed():
-                self._take_up(site)
+            if site := self._current_site.changed():
+                self._apply(site)
             await asyncio.sleep(max(self._site.engine.tick_s - (time.monotonic() - began_s), 0.0))
 
-    def _take_up(self, site: Site) -> None:
-        """Go on by a changed site file, yet to hear of every robot again."""
-        self._site = self._lookout.site = site
-        engine = self._shard.engine.renewed(judging(site))
-        self._shard.renew(engine, reach_m(self._settings.fastest_mps, site.conflict))
-        self._asked = -1
-        log.info("%s goes on by the changed site file", self.name)
+    def _update_document(self, tiles: Iterable[Tile], interval_s: float) -> None:
+        """Set what the next heartbeats carry. `tiles` are those that this engine owned for the whole interval."""
+        loads, self._shard.loads = self._shard.loads, type(self._shard.loads)()
+        self._document = {
+            "loads": {str(tile): loads[tile] / interval_s for tile in sorted(tiles)},
+            "measures": [
+                *self._shard.measures(),
+                self.measures.as_document(),
+                *self._global_engine.measures,
+            ],
+            "presence": self._global_engine.presence,
+        }
 
-    def _step(
-        self, tiles: frozenset[Tile], parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]
-    ) -> tuple[list[Told], dict[str, Floats]]:
-        with self._turn:
+    def _apply(self, site: Site) -> None:
+        """Use a changed site file, and request all robots again."""
+        self._site = self._global_engine.site = site
+        engine = self._shard.engine.renewed(conflicts_only_site(site))
+        self._shard.renew(engine, reach_m(self._settings.fastest_mps, site.conflict))
+        self._requested = -1
+        log.info("%s uses the changed site file", self.name)
+
+    def _run_pass(
+        self,
+        tiles: frozenset[Tile],
+        parcels: Sequence[bytes],
+        records: Sequence[StreamRecord],
+        overruled: Sequence[StreamRecord],
+    ) -> tuple[list[ShardRevision], dict[str, Floats]]:
+        """The revisions of one pass, and by vendor the arrival times of the messages that it reflects."""
+        with self._shard_lock:
             shard, began_s = self._shard, time.perf_counter()
-            for told, over in ((lines, False), (overruled, True)):
-                for line in told:
-                    if line.home and isinstance(line.advisory, ConflictAdvisory):
-                        shard.hear(Told(line.home, line.advisory), overruled=over)
+            for group, is_overruled in ((records, False), (overruled, True)):
+                for record in group:
+                    if record.home and isinstance(record.advisory, ConflictAdvisory):
+                        shard.adopt(ShardRevision(record.home, record.advisory), overruled=is_overruled)
             if tiles != shard.area.tiles:
-                shard.own(tiles)
-            own = shard.receive([Batch.from_bytes(one) for one in parcels])
+                shard.set_tiles(tiles)
+            own = shard.receive([Batch.from_bytes(parcel) for parcel in parcels])
             due = shard.step(time.time())
             shard.engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
             return due, arrivals_s(own, time.time()) if own else {}
 
     async def _listen(self) -> None:
-        """Hear the channels that are wanted, and what there was on new ones; leave the others."""
-        inbox = await self._bus.inbox(self._take)
+        """Subscribe to the channels that are needed, and request their robots; leave the other channels."""
+        inbox = await self._bus.requests.open_inbox(self._add_parcel)
         while True:
             await asyncio.sleep(LISTEN_S)
             with suppress(*BUS_ERRORS):
-                if self._asked != (renewals := self._bus.renewals):
-                    await self._bus.want(self._listening, inbox)
-                    self._asked = renewals
-                for channel in self._listening.keys() - self._wanted:
-                    await self._listening.pop(channel)()
-                new = sorted(self._wanted - self._listening.keys())[:MOST_AT_ONCE]
+                if self._requested != (renewals := self._bus.renewals):
+                    await self._bus.requests.request_robots(self._subscribed, inbox)
+                    self._requested = renewals
+                for channel in self._subscribed.keys() - self._needed:
+                    await self._subscribed.pop(channel)()
+                new = sorted(self._needed - self._subscribed.keys())[:MOST_AT_ONCE]
                 if new:
-                    await self._begin(new, inbox)
+                    await self._subscribe_all(new, inbox)
 
-    async def _begin(self, channels: Sequence[str], inbox: str) -> None:
-        """Hear channels. Raises the first error, once every other of them is heard or has failed too."""
-        begun = await asyncio.gather(*map(self._hear, channels), return_exceptions=True)
-        await self._bus.want([one for one in channels if one in self._listening], inbox)
-        for error in filter(None, begun):
+    async def _subscribe_all(self, channels: Sequence[str], inbox: str) -> None:
+        """Subscribe to channels. Raises the first error, after the others have succeeded or failed too."""
+        results = await asyncio.gather(*map(self._subscribe, channels), return_exceptions=True)
+        await self._bus.requests.request_robots([channel for channel in channels if channel in self._subscribed], inbox)
+        for error in filter(None, results):
             raise error
 
-    async def _hear(self, channel: str) -> None:
-        self._listening[channel] = await self._bus.hear_rows(channel, self._take)
+    async def _subscribe(self, channel: str) -> None:
+        self._subscribed[channel] = await self._bus.follow_channel(channel, self._add_parcel)
 
-    def _take(self, parcel: bytes) -> None:
+    def _add_parcel(self, parcel: bytes) -> None:
         self._parcels.append(parcel)
 
-    def _take_line(self, line: Line) -> None:
-        self._lines.append(line)
+    def _add_record(self, record: StreamRecord) -> None:
+        self._records.append(record)
 
-    def _measure_waits(self, arrivals: Mapping[str, Floats]) -> None:
+    def _observe_latency(self, arrivals: Mapping[str, Floats]) -> None:
         observe_latency(self.measures, arrivals, time.time())

@@ -1,4 +1,4 @@
-"""What robots say of themselves, shared by all ingests: it may come to one of them, and their statuses to another."""
+"""Identity reports, shared by all ingests: a robot's report may come to one ingest, and its statuses to another."""
 
 import asyncio
 import json
@@ -14,64 +14,66 @@ from ingest.fleet.introductions import Introduction
 
 log = logging.getLogger(__name__)
 
-LOOK_S = 1.0
+EXCHANGE_EVERY_S = 1.0
 AGAIN_S = 20.0
-"""A robot that still goes without is handed what is known again: it may have been forgotten and have come back."""
-AT_ONCE = 200
-"""Are told, or handed to a receiver, which has messages to read."""
+"""The receiver gets a known report again if the robot still has none: it may have been forgotten and have come back."""
+MOST_AT_ONCE = 200
+"""Most reports in one call, so that the receiver can read messages in between."""
 
 
-class Introductions:
-    """Those of one ingest."""
+class IdentityExchange:
+    """The exchange between one receiver and the other ingests."""
 
     def __init__(self, bus: Bus, receiver: AsyncCaller) -> None:
         self._bus, self._receiver = bus, receiver
-        self._told_s, self._renewals = -inf, 0
-        """When the newest that was told to the others had arrived, and over which connection."""
+        self._sent_s, self._renewals = -inf, 0
+        """Arrival time of the newest report sent to the others, and the bus's count of reconnects then."""
         self._known: dict[str, Introduction] = {}
-        self._news: dict[str, Introduction] = {}
-        """Heard of since the last look."""
-        self._handed_s: dict[str, float] = {}
-        """When what is known of a robot that goes without was handed to it last."""
+        self._new: dict[str, Introduction] = {}
+        """Reports of other ingests that the receiver does not have yet."""
+        self._delivered_s: dict[str, float] = {}
+        """When the receiver last got the report of an unidentified robot."""
 
     async def run(self) -> None:
-        """Hear and tell for ever; while the server or the receiver can't be had, go on trying."""
-        await self._bus.hear_introductions(self._hear)
+        """Exchange reports without end, also while the server or the receiver does not answer."""
+        await self._bus.state.follow_introductions(self._add)
         while True:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(EXCHANGE_EVERY_S)
             try:
-                await self._tell()
-                await self._hand()
+                await self._send_new()
+                await self._deliver()
             except (LinkDownError, *BUS_ERRORS) as error:
-                log.warning("robots' identities wait: %s", error or type(error).__name__)
+                log.warning("identity reports wait: %s", error or type(error).__name__)
 
-    def _hear(self, one: Introduction) -> None:
-        self._known[one.uuid] = self._news[one.uuid] = one
+    def _add(self, introduction: Introduction) -> None:
+        self._known[introduction.uuid] = self._new[introduction.uuid] = introduction
 
-    async def _tell(self) -> None:
-        """Tell the others what is new, or everything where the server may have lost it."""
+    async def _send_new(self) -> None:
+        """Send the receiver's new reports to the others; all of them after a reconnect, which may lose some."""
         if self._renewals != self._bus.renewals:
-            self._told_s, self._renewals = -inf, self._bus.renewals
-        said = await self._receiver.call("introductions", str(self._told_s).encode())
-        told = [Introduction.of_document(one) for one in json.loads(said)]
-        for part in parts(told):
-            await asyncio.gather(*map(self._bus.introduce, part))
-        self._told_s = max((one.arrival_s for one in told), default=self._told_s)
+            self._sent_s, self._renewals = -inf, self._bus.renewals
+        answer = await self._receiver.call("introductions", str(self._sent_s).encode())
+        introductions = [Introduction.of_document(document) for document in json.loads(answer)]
+        for part in parts(introductions):
+            await asyncio.gather(*map(self._bus.state.introduce, part))
+        self._sent_s = max((introduction.arrival_s for introduction in introductions), default=self._sent_s)
 
-    async def _hand(self) -> None:
-        """Hand the receiver what is new, and what is known of robots that go without."""
+    async def _deliver(self) -> None:
+        """Give the receiver the new reports of others, and the known reports of its unidentified robots."""
         now_s = time.monotonic()
-        self._handed_s = {uuid: at_s for uuid, at_s in self._handed_s.items() if now_s - at_s < AGAIN_S}
+        self._delivered_s = {uuid: at_s for uuid, at_s in self._delivered_s.items() if now_s - at_s < AGAIN_S}
         unidentified = self._known.keys() & json.loads(await self._receiver.call("unidentified"))
-        lacking = {uuid: self._known[uuid] for uuid in unidentified - self._handed_s.keys()}
-        handed = self._news | lacking
-        for part in parts([handed[uuid] for uuid in sorted(handed)]):
-            documents = [one.document() for one in part]
+        lacking = {uuid: self._known[uuid] for uuid in unidentified - self._delivered_s.keys()}
+        delivered = self._new | lacking
+        for part in parts([delivered[uuid] for uuid in sorted(delivered)]):
+            documents = [introduction.document() for introduction in part]
             await self._receiver.call("introduce", json.dumps(documents).encode())
-        self._news = {uuid: one for uuid, one in self._news.items() if handed.get(uuid) is not one}
-        self._handed_s |= dict.fromkeys(lacking, now_s)
+        self._new = {
+            uuid: introduction for uuid, introduction in self._new.items() if delivered.get(uuid) is not introduction
+        }
+        self._delivered_s |= dict.fromkeys(lacking, now_s)
 
 
 def parts(introductions: list[Introduction]) -> Iterator[list[Introduction]]:
-    """At most `AT_ONCE` at a time."""
-    return (introductions[at : at + AT_ONCE] for at in range(0, len(introductions), AT_ONCE))
+    """Lists of at most `MOST_AT_ONCE` each."""
+    return (introductions[at : at + MOST_AT_ONCE] for at in range(0, len(introductions), MOST_AT_ONCE))

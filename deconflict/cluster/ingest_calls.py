@@ -1,4 +1,4 @@
-"""All ingests of a cluster, as an operator face asks the one receiver of a single machine."""
+"""Answers the operator role's calls from all ingests of a cluster, as the receiver of a single machine does."""
 
 import asyncio
 import json
@@ -12,33 +12,34 @@ import numpy as np
 
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.tiles.channels import EVERY, Floors, late
+from deconflict.cluster.tiles.channels import EVERY, FloorNumbers, outdated
 from deconflict.operator.live.recent_batches import RecentBatches, packed_batch, unpacked_batch
 from deconflict.runtime.rpc import Handler, LinkDownError
 from ingest.batch import Batch
 
 WITHIN_S, ROBOTS_WITHIN_S = 1.5, 8.0
-"""How long answers are waited for; the documents of ten thousand robots take seconds."""
+"""Time limits of answers. The documents of ten thousand robots take seconds."""
 TICK_S = 0.2
 IDLE_S = 10.0
-"""Where nobody has looked at the floor for so long it is no longer heard."""
+"""The subscription to the robots ends if nobody has followed the floor for so long."""
 
 
-class Ingests:
-    """Answers a face from what all ingests answer. The floor is heard only while somebody looks at it."""
+class IngestCalls:
+    """Joins the answers of all ingests. Subscribes to the robots only while somebody follows the floor."""
 
     def __init__(self, bus: Bus) -> None:
-        self._bus, self._recent, self._floors = bus, RecentBatches(), Floors()
+        self._bus, self._recent, self._floors = bus, RecentBatches(), FloorNumbers()
         self._waiting: list[Batch] = []
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""
         self._leave: Callable[[], Awaitable[None]] | None = None
+        """Ends the subscription to the robots; None without one."""
         self._followed_s = 0.0
-        self._beginning = asyncio.Lock()
-        """Who asks may have given up and ask again before the floor is heard."""
+        self._subscribing = asyncio.Lock()
+        """A caller may give up and call again before the subscription has begun."""
 
-    def calls(self) -> dict[str, Handler]:
-        """Named as those of a receiver."""
+    def handlers(self) -> dict[str, Handler]:
+        """By the names of the receiver's calls."""
         return {
             "robots": self._robots,
             "quarantine": self._listed("quarantine"),
@@ -48,7 +49,7 @@ class Ingests:
         }
 
     async def run(self) -> None:
-        """Hand on what is heard, a batch at a time, and cease to hear what nobody asks for."""
+        """Join what comes to batches, and end the subscription if nobody follows the floor."""
         while True:
             await asyncio.sleep(TICK_S)
             waiting, self._waiting = self._waiting, []
@@ -62,17 +63,18 @@ class Ingests:
 
     def _listed(self, question: str) -> Handler:
         async def answer(_: bytes) -> bytes:
-            return json.dumps([one for told in await self._told(question) for one in told]).encode()
+            lists = await self._lists(question)
+            return json.dumps([document for documents in lists for document in documents]).encode()
 
         return answer
 
-    async def _told(self, question: str, within_s: float = WITHIN_S) -> list[list[Any]]:
-        """What each ingest lists. Raises `LinkDownError` where there is none."""
-        return [json.loads(one) for one in await self._asked(question, within_s)]
+    async def _lists(self, question: str, within_s: float = WITHIN_S) -> list[list[Any]]:
+        """The list of each ingest. Raises `LinkDownError` if none answers."""
+        return [json.loads(answer) for answer in await self._answers(question, within_s)]
 
-    async def _asked(self, question: str, within_s: float) -> list[bytes]:
+    async def _answers(self, question: str, within_s: float) -> list[bytes]:
         try:
-            answers = await self._bus.ask(question, within_s)
+            answers = await self._bus.requests.ask(question, within_s)
         except BUS_ERRORS as error:
             raise LinkDownError("NATS server") from error
         if not answers:
@@ -80,38 +82,40 @@ class Ingests:
         return answers
 
     async def _robots(self, _: bytes) -> bytes:
-        """One document a robot, from where it was heard last."""
-        documents = [one for told in await self._told("robots", ROBOTS_WITHIN_S) for one in told]
-        newest = {one["uuid"]: one for one in sorted(documents, key=lambda one: -one["age_s"])}
+        """The newest document of each robot."""
+        lists = await self._lists("robots", ROBOTS_WITHIN_S)
+        documents = [document for documents in lists for document in documents]
+        oldest_first = sorted(documents, key=lambda document: -document["age_s"])
+        newest = {document["uuid"]: document for document in oldest_first}
         return json.dumps([newest[uuid] for uuid in sorted(newest)]).encode()
 
     async def _follow(self, payload: bytes) -> bytes:
-        """As a receiver tells of its own floor."""
+        """The next batch of all ingests, as `ReceiverRole` gives those of one."""
         self._followed_s = time.monotonic()
-        await self._begin()
-        if told := await self._recent.after(int(payload)):
-            return told
-        parts = [unpacked_batch(one)[2] for one in await self._asked("follow", WITHIN_S)]
-        whole = self._joined([self._floors.renumbered(one) for one in parts if one])
+        await self._subscribe()
+        if batch := await self._recent.after(int(payload)):
+            return batch
+        parts = [unpacked_batch(answer)[2] for answer in await self._answers("follow", WITHIN_S)]
+        whole = self._joined([self._floors.renumbered(part) for part in parts if part])
         return packed_batch(self._recent.number, whole.to_bytes(), whole=True)
 
-    async def _begin(self) -> None:
-        """Hear the floor, once. Raises `LinkDownError`."""
-        async with self._beginning:
+    async def _subscribe(self) -> None:
+        """Subscribe to the robots, if not yet. Raises `LinkDownError`."""
+        async with self._subscribing:
             if self._leave is None:
                 try:
-                    self._leave = await self._bus.hear_rows(EVERY, self._hear)
+                    self._leave = await self._bus.follow_channel(EVERY, self._add_parcel)
                 except BUS_ERRORS as error:
                     raise LinkDownError("NATS server") from error
 
-    def _hear(self, data: bytes) -> None:
+    def _add_parcel(self, data: bytes) -> None:
         self._waiting.append(self._floors.renumbered(Batch.from_bytes(data)))
 
     def _joined(self, batches: list[Batch]) -> Batch:
-        """The robots of some batches of which nothing newer was told."""
+        """One batch, without robots of which a newer status has come."""
         floors = tuple(self._floors.names)
-        joined = Batch.joined([replace(one, floors=floors) for one in batches])
-        kept = joined.take(np.flatnonzero(~late(joined, self._arrived_s)), joined.gone)
+        joined = Batch.joined([replace(batch, floors=floors) for batch in batches])
+        kept = joined.take(np.flatnonzero(~outdated(joined, self._arrived_s)), joined.gone)
         self._arrived_s.update(zip(kept.robots, kept.arrival_s.tolist(), strict=True))
         for uuid in kept.gone:
             self._arrived_s.pop(uuid, None)

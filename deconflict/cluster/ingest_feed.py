@@ -1,15 +1,16 @@
-"""The feed's process: takes batches from the receiver beside it, as an engine would, and tells them by tile."""
+"""The feed's process: takes batches from the receiver of this machine, as an engine would, and sends them by tile."""
 
 import asyncio
 import logging
 from pathlib import Path
 from uuid import uuid4
 
-from deconflict.cluster.identity_exchange import Introductions
-from deconflict.cluster.nats.bus import FEED, Bus
+from deconflict.cluster.identity_exchange import IdentityExchange
+from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.shared_state import FEED
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.nats.tasks import BEAT_S, beating, connected, until
-from deconflict.cluster.tiles.channels import Sorter, pieces, reach_m
+from deconflict.cluster.nats.tasks import BEAT_EVERY_S, beat_repeatedly, open_bus, run_until
+from deconflict.cluster.tiles.channels import ChannelSorter, parcels_of, reach_m
 from deconflict.cluster.tiles.tiles import Grid
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
@@ -22,73 +23,73 @@ log = logging.getLogger(__name__)
 
 RETRY_S = 0.2
 WHOLE = b"0"
-"""Asks the receiver for the whole floor, as a watcher does that has seen nothing."""
+"""The batch number that requests the whole floor from the receiver."""
 
 QUESTIONS = {"robots": b"", "quarantine": b"", "measures": b"", "unidentified": b"", "follow": WHOLE}
-"""What an operator face may ask of the receiver, and how the receiver is asked."""
+"""The questions that an operator role may ask, and the payload of each call to the receiver."""
 
 
-class Feed:
-    """One ingest. Every parcel it sends is kept for a while, so it waits for nobody."""
+class IngestFeed:
+    """One ingest of the cluster. The stream keeps each parcel for a while, so the feed waits for no engine."""
 
     def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
         self._bus, self._receiver = Bus(settings, site.store.keep_days), AsyncCaller(runtime, "receiver")
         self._settings, self._grid, self._conflict = settings, Grid(settings.tile_m), site.conflict
-        self._in_force = CurrentSite(runtime, site)
+        self._current_site = CurrentSite(runtime, site)
         self._sorter = self._new_sorter()
         self._name = f"{FEED}{uuid4().hex[:12]}"
 
-    def _new_sorter(self) -> Sorter:
-        return Sorter(self._grid, self._conflict, reach_m(self._settings.fastest_mps, self._conflict))
+    def _new_sorter(self) -> ChannelSorter:
+        return ChannelSorter(self._grid, self._conflict, reach_m(self._settings.fastest_mps, self._conflict))
 
     async def run(self, stop: asyncio.Event) -> None:
         """Feed until `stop` is set."""
-        if not await connected(self._bus, stop):
+        if not await open_bus(self._bus, stop):
             return
-        await self._bus.wanted(self._whole)
-        await self._bus.asked(self._name, self._answer)
+        await self._bus.requests.serve_robots(self._all_parcels)
+        await self._bus.requests.serve_questions(self._name, self._answer)
         try:
-            introductions = Introductions(self._bus, self._receiver)
-            await until(stop, beating(self._bus, self._beat), self._feed(), introductions.run())
+            exchange = IdentityExchange(self._bus, self._receiver)
+            await run_until(stop, beat_repeatedly(self._bus, self._beat), self._feed(), exchange.run())
         finally:
             await self._bus.close()
 
     async def _beat(self) -> None:
-        await self._bus.beat(self._name, {"roots": sorted(map(str, self._sorter.roots()))})
+        await self._bus.state.beat(self._name, {"roots": sorted(map(str, self._sorter.roots()))})
 
     async def _feed(self) -> None:
-        ask = b"everything"
+        request = b"everything"
         while True:
             try:
-                batch = Batch.from_bytes(await self._receiver.call("batch", ask))
+                batch = Batch.from_bytes(await self._receiver.call("batch", request))
             except LinkDownError:
-                ask = b"everything"
+                request = b"everything"
                 await asyncio.sleep(RETRY_S)
                 continue
-            ask = b""
-            if site := self._in_force.changed():
+            request = b""
+            if site := self._current_site.changed():
                 self._conflict = site.conflict
                 self._sorter.renew(site.conflict, reach_m(self._settings.fastest_mps, site.conflict))
             try:
                 for channel, part in self._sorter.sort(batch).items():
-                    for piece in pieces(part):
-                        await self._bus.send_rows(channel, piece)
+                    for parcel in parcels_of(part):
+                        await self._bus.send_parcel(channel, parcel)
             except BUS_ERRORS as error:
-                ask = b"everything"  # what is lost now is told again once the server is back
+                request = b"everything"  # sends everything once the server is back
                 log.warning("parcels are not sent: %s", error or type(error).__name__)
-                await asyncio.sleep(BEAT_S)
+                await asyncio.sleep(BEAT_EVERY_S)
 
-    async def _whole(self, channels: set[str]) -> list[bytes]:
-        """All the robots of channels, for who has come to hear them."""
+    async def _all_parcels(self, channels: set[str]) -> list[bytes]:
+        """The parcels with all robots of some channels, for an engine that has just subscribed to them."""
         try:
             _, _, batch = unpacked_batch(await self._receiver.call("follow", WHOLE))
         except LinkDownError:
             return []
         parts = self._new_sorter().sort(batch) if batch else {}
-        return [piece for channel, part in parts.items() if channel in channels for piece in pieces(part)]
+        return [parcel for channel, part in parts.items() if channel in channels for parcel in parcels_of(part)]
 
     async def _answer(self, question: str) -> bytes:
-        """What the receiver answers, for an operator face of any machine."""
+        """The receiver's answer to a question; empty if it does not answer."""
         if question not in QUESTIONS:
             return b""
         try:

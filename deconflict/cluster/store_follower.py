@@ -1,6 +1,6 @@
-"""The follower's process: hands what the durable stream tells to the operator face beside it, under its numbers.
+"""The follower's process: passes the durable stream on to the operator role of this machine, under its numbers.
 
-It also asks all ingests what the face wants to know of the robots.
+It also answers that role's questions on the robots, from all ingests.
 """
 
 import asyncio
@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.advisory import Acknowledgement
-from deconflict.cluster.ingest_calls import Ingests
+from deconflict.cluster.ingest_calls import IngestCalls
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.stream_records import Line, Seen
+from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.nats.tasks import beating, connected, until
+from deconflict.cluster.nats.tasks import beat_repeatedly, open_bus, run_until
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError, listening, socket_path
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site
@@ -26,100 +26,108 @@ MOST_AT_ONCE = 500
 
 
 class AnotherStreamError(Exception):
-    """What the operator face has stored is not of the stream that is to be followed."""
+    """The stored advisories do not belong to the stream that the follower is to follow."""
 
     def __init__(self) -> None:
         super().__init__(
-            "the stored advisories are not of the stream that the NATS servers have now, or it has lost its end; "
+            "the stored advisories are not those of the NATS servers' stream, or the stream has lost its end; "
             "they are set aside, and the stream is followed from its beginning"
         )
 
 
-class Follower:
-    """One operator face's ear, and its mouth for answers."""
+class StoreFollower:
+    """Connects one operator role to the cluster."""
 
     def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
         self._bus, self._runtime = Bus(settings, site.store.keep_days), runtime
         self._operator = AsyncCaller(runtime, "operator")
-        self._ingests = Ingests(self._bus)
-        self._lines: asyncio.Queue[Line] = asyncio.Queue()
+        self._ingests = IngestCalls(self._bus)
+        self._records: asyncio.Queue[StreamRecord] = asyncio.Queue()
 
     async def run(self, stop: asyncio.Event) -> None:
         """Follow until `stop` is set."""
-        if not await connected(self._bus, stop):
+        if not await open_bus(self._bus, stop):
             return
         try:
-            calls = {"answer": self._answer, "presence": self._presence, **self._ingests.calls()}
+            calls = {"answer": self._answer, "presence": self._presence, **self._ingests.handlers()}
             async with listening(socket_path(self._runtime, "follower"), calls):
-                await until(stop, self._follow(), self._stays(), beating(self._bus, self._measure), self._ingests.run())
+                reporting = beat_repeatedly(self._bus, self._report_engines)
+                await run_until(stop, self._follow(), self._check_stream_repeatedly(), reporting, self._ingests.run())
         except AnotherStreamError as error:
             log.error("%s", error)
-            await until(stop, self._begin_anew())
+            await run_until(stop, self._begin_anew())
         finally:
             await self._bus.close()
 
     async def _follow(self) -> None:
-        stored = Seen(*json.loads(await self._asked("stored")))
-        if not await self._bus.goes_on_from(stored):
+        stored = StreamPosition(*json.loads(await self._call_operator("last_stored")))
+        if not await self._bus.revisions.continues_from(stored):
             raise AnotherStreamError
-        await self._bus.hear_told(self._lines.put_nowait, after=stored)
+        await self._bus.revisions.follow(self._records.put_nowait, after=stored)
         while True:
-            lines = [await self._lines.get()]
-            self._check()
-            while not self._lines.empty() and len(lines) < MOST_AT_ONCE:
-                lines.append(self._lines.get_nowait())
-            await self._asked("told", json.dumps([_document(one) for one in lines]).encode())
+            records = [await self._records.get()]
+            self._check_stream()
+            while not self._records.empty() and len(records) < MOST_AT_ONCE:
+                records.append(self._records.get_nowait())
+            documents = [_document(record) for record in records]
+            await self._call_operator("store_lines", json.dumps(documents).encode())
 
-    async def _stays(self) -> None:
-        """Raises `AnotherStreamError` as soon as the stream is another, though nothing is told in it."""
+    async def _check_stream_repeatedly(self) -> None:
+        """Raises `AnotherStreamError` as soon as the stream is another one, even while it has no new record."""
         while True:
-            self._check()
+            self._check_stream()
             await asyncio.sleep(RETRY_S)
 
-    def _check(self) -> None:
-        if self._bus.streams:
+    def _check_stream(self) -> None:
+        if self._bus.revisions.replacements:
             raise AnotherStreamError
 
     async def _begin_anew(self) -> None:
-        """Have the operator face set aside what it has stored and begin anew, as this does."""
-        await self._asked("begin_anew")
+        """Have the operator role set aside its store and restart, as this process does."""
+        await self._call_operator("begin_anew")
 
-    async def _asked(self, name: str, payload: bytes = b"") -> bytes:
-        """The operator face's answer, asked again until there is one."""
+    async def _call_operator(self, name: str, payload: bytes = b"") -> bytes:
+        """The operator role's answer. Retries until it answers."""
         while True:
             try:
                 return await self._operator.call(name, payload)
             except LinkDownError:
                 await asyncio.sleep(RETRY_S)
 
-    async def _measure(self) -> None:
-        """Say that engines are there, what they measure, and who is still there."""
-        members = self._bus.members().values()
-        said = [one["measures"] for one in members if "measures" in one]
-        if said:
-            presence = next((one["presence"] for one in members if one.get("presence")), None)
-            parcel: dict[str, Any] = {"measures": [one for each in said for one in each], "presence": presence}
-            await self._asked("publish", json.dumps(parcel | {"advisories": [], "near_misses": []}).encode())
+    async def _report_engines(self) -> None:
+        """Report to the operator role that engines are alive, with their measures and the robots' presence."""
+        members = self._bus.state.members().values()
+        measures = [member["measures"] for member in members if "measures" in member]
+        if measures:
+            presence = next((member["presence"] for member in members if member.get("presence")), None)
+            documents = [document for documents in measures for document in documents]
+            parcel: dict[str, Any] = {"measures": documents, "presence": presence}
+            await self._call_operator("publish", json.dumps(parcel | {"advisories": [], "near_misses": []}).encode())
 
     async def _presence(self, _: bytes) -> bytes:
-        """Whether the servers are in touch, and an ingest was heard of."""
-        return json.dumps({"nats": self._bus.in_touch(), "ingest": bool(self._bus.ingests())}).encode()
+        """Whether a server is connected, and whether an ingest is alive."""
+        up = {"nats": self._bus.connection.is_connected(), "ingest": bool(self._bus.state.ingests())}
+        return json.dumps(up).encode()
 
     async def _answer(self, payload: bytes) -> bytes:
-        """Put an answer into the stream; it comes back to every operator face with its number."""
-        told = json.loads(payload)
+        """Write an answer to the stream, which returns it to every operator role with its number.
+
+        The result has that number; 0 if no server accepted it.
+        """
+        document = json.loads(payload)
         try:
-            seq = await self._bus.answer(told["id"], Acknowledgement.model_validate(told["answer"]))
+            answer = Acknowledgement.model_validate(document["answer"])
+            seq = await self._bus.revisions.write_answer(document["id"], answer)
         except BUS_ERRORS as error:
-            log.warning("an answer is not told: %s", error or type(error).__name__)
+            log.warning("an answer is not written: %s", error or type(error).__name__)
             seq = 0
         return json.dumps({"seq": seq}).encode()
 
 
-def _document(line: Line) -> dict[str, Any]:
-    told: dict[str, Any] = {"seq": line.seq, "id": line.key}
-    if line.advisory:
-        told["advisory"] = line.advisory.model_dump(mode="json")
-    if line.answer:
-        told["answer"] = line.answer.model_dump(mode="json")
-    return told
+def _document(record: StreamRecord) -> dict[str, Any]:
+    document: dict[str, Any] = {"seq": record.seq, "id": record.key}
+    if record.advisory:
+        document["advisory"] = record.advisory.model_dump(mode="json")
+    if record.answer:
+        document["answer"] = record.answer.model_dump(mode="json")
+    return document

@@ -125,10 +125,10 @@ class Role(Protocol):
 
 
 def _cluster_role(role: str, site: Site, settings: Cluster, runtime: Path) -> Role:
-    from deconflict.cluster.engine_member import Member  # noqa: PLC0415 - brings the NATS client
-    from deconflict.cluster.ingest_feed import Feed  # noqa: PLC0415 - brings the NATS client
-    from deconflict.cluster.store_follower import Follower  # noqa: PLC0415 - brings the NATS client
+    from deconflict.cluster.engine_member import EngineMember  # noqa: PLC0415 - brings the NATS client
+    from deconflict.cluster.ingest_feed import IngestFeed  # noqa: PLC0415 - brings the NATS client
+    from deconflict.cluster.store_follower import StoreFollower  # noqa: PLC0415 - brings the NATS client
 
     if role == "feed":
-        return Feed(site, settings, runtime)
-    return Follower(site, settings, runtime) if role == "follower" else Member(site, settings, runtime)
+        return IngestFeed(site, settings, runtime)
+    return StoreFollower(site, settings, runtime) if role == "follower" else EngineMember(site, settings, runtime)

@@ -9,7 +9,7 @@ import numpy as np
 
 from deconflict.advisory import ADVISORY
 from deconflict.engine.engine import Engine
-from deconflict.settings.site import Site, SiteError, site_from_toml, fit_problems
+from deconflict.settings.site import Site, SiteError, fit_problems, site_from_toml
 from ingest.batch import Batch, Floats
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet

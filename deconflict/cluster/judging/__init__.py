@@ -1,1 +1,1 @@
-"""One engine's share of a cluster, and what one engine judges for all."""
+"""What an engine of a cluster judges: the conflicts of its tiles, and on one engine everything that has no tile."""

@@ -1,6 +1,6 @@
-"""Whose word on a robot is in doubt: what each ingest found, and what only several together show.
+"""Claims on robots: those that each ingest finds, and those that only show between several ingests.
 
-One ingest knows of no robot that speaks to another: who reported a robot first owns it.
+An ingest does not know the robots of the others. The vendor that reported a robot first owns it.
 """
 
 from collections.abc import Iterable
@@ -12,27 +12,27 @@ from ingest.fleet.owners import ownership_claims
 from ingest.fleet.prediction.forecast_model import Sighting
 from ingest.settings import UNKNOWN
 
-STANDS_S = 2.0
+CLAIM_LASTS_S = 2.0
 """A claim stands for so long after the last batch of any ingest that has it."""
 
 
-class Doubts:
+class CrossIngestClaims:
     """The claims of all ingests. Times are arrivals and ticks."""
 
     def __init__(self) -> None:
-        self._heard: dict[tuple[str, str], tuple[float, Claim]] = {}
-        """By owner and claimant, when an ingest told a claim last, and it."""
+        self._reported: dict[tuple[str, str], tuple[float, Claim]] = {}
+        """By owner and claimant, the last claim that an ingest reported, and when."""
         self._between = ownership_claims.OwnershipClaims()
-        self._seen: dict[str, tuple[str, float, Sighting]] = {}
-        """By robot its owner, when it was heard of last, and where it was."""
+        self._last_seen: dict[str, tuple[str, float, Sighting]] = {}
+        """By robot its owner, when it reported last, and where it was."""
 
-    def stand(self, told: Iterable[Claim], now_s: float) -> None:
+    def add_reported(self, claims: Iterable[Claim], now_s: float) -> None:
         """Take in the claims that stand at one ingest."""
-        for one in told:
-            self._heard[one.owner, one.claimant] = now_s, one
+        for claim in claims:
+            self._reported[claim.owner, claim.claimant] = now_s, claim
 
-    def owned(self, batch: Batch) -> Ints:
-        """(m,) the rows of robots whose owner reports them; the others are claimed."""
+    def owned_rows(self, batch: Batch) -> Ints:
+        """(m,) the rows of a batch whose robot is reported by its owner. The other rows are noted as claims."""
         begins = batch.forecasts.start[:-1]
         columns = (
             batch.event_s,
@@ -42,10 +42,10 @@ class Doubts:
         )
         poses = zip(*(column.tolist() for column in columns), strict=True)
         rows = zip(batch.robots, batch.vendors, batch.arrival_s.tolist(), poses, strict=True)
-        return np.array([row for row, each in enumerate(rows) if self._owns(*each)], np.int64)
+        return np.array([number for number, row in enumerate(rows) if self._is_from_owner(*row)], np.int64)
 
-    def _owns(self, uuid: str, vendor: str, arrival_s: float, pose: tuple[float, int, float, float]) -> bool:
-        now, before = Sighting(*pose, yaw_rad=float("nan")), self._seen.get(uuid)
+    def _is_from_owner(self, uuid: str, vendor: str, arrival_s: float, pose: tuple[float, int, float, float]) -> bool:
+        now, before = Sighting(*pose, yaw_rad=float("nan")), self._last_seen.get(uuid)
         if before and vendor == UNKNOWN:  # it has come to an ingest that does not know it yet
             vendor = before[0]
         if before and before[0] not in (vendor, UNKNOWN):
@@ -53,22 +53,24 @@ class Doubts:
             return False
         if before and -1 not in (before[2].floor, now.floor):
             self._between.add_sighting(uuid, vendor, before[2], now, arrival_s - before[1], arrival_s)
-        self._seen[uuid] = vendor, arrival_s, now
+        self._last_seen[uuid] = vendor, arrival_s, now
         return True
 
     def forget(self, uuids: Iterable[str]) -> None:
         for uuid in uuids:
-            self._seen.pop(uuid, None)
+            self._last_seen.pop(uuid, None)
 
     def standing(self, now_s: float) -> tuple[Claim, ...]:
-        """All the claims that stand, by owner and claimant."""
-        self._heard = {key: one for key, one in self._heard.items() if now_s - one[0] <= STANDS_S}
-        every = {(one.owner, one.claimant): one for one in self._between.standing(now_s)}
-        for key, (_, one) in self._heard.items():
-            every[key] = _joint(one, every[key]) if key in every else one
-        return tuple(every[key] for key in sorted(every))
+        """All claims that stand, ordered by owner and claimant."""
+        self._reported = {
+            key: (at_s, claim) for key, (at_s, claim) in self._reported.items() if now_s - at_s <= CLAIM_LASTS_S
+        }
+        claims = {(claim.owner, claim.claimant): claim for claim in self._between.standing(now_s)}
+        for key, (_, claim) in self._reported.items():
+            claims[key] = _joined(claim, claims[key]) if key in claims else claim
+        return tuple(claims[key] for key in sorted(claims))
 
 
-def _joint(a: Claim, b: Claim) -> Claim:
+def _joined(a: Claim, b: Claim) -> Claim:
     robots = tuple(dict.fromkeys((*a.robots, *b.robots)))[: ownership_claims.NAMED_ROBOTS]
     return Claim(a.owner, a.claimant, robots, max(a.claimed, b.claimed, len(robots)), min(a.since_s, b.since_s))

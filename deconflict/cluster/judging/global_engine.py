@@ -1,7 +1,7 @@
-"""The engine that watches over what is not of one place: hears every ingest whole, and tells what that comes to.
+"""Runs the global judge on one engine of the cluster: receives the robots of all ingests, and writes its decisions.
 
-Each engine has a lookout, idle but at the one that the table names. Who takes over goes on with what the stream has
-open, hears the last seconds again and is told every robot anew.
+Every engine has a `GlobalEngine`. Only the one that the owner table names is active. When another engine takes over, it
+resumes with the open advisories of the stream, receives the last seconds again, and requests all robots.
 """
 
 import asyncio
@@ -15,11 +15,11 @@ from typing import Any
 from deconflict.advice.async_answers import Submit
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import ConflictAdvisory
-from deconflict.cluster.judging.global_judge import Commons
+from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.cluster.judging.outbox import Outbox
-from deconflict.cluster.judging.stream_writer import Teller
+from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.stream_records import Line
+from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.channels import EVERY
 from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
@@ -28,106 +28,114 @@ from ingest.batch import Batch
 
 log = logging.getLogger(__name__)
 
-LOOK_S = 0.25
-COMMONS = "commons"
-"""The name under which what was learned of queues is kept."""
+PASS_EVERY_S = 0.25
+LEARNED_NAME = "commons"
+"""Name under which the bus keeps the learned state of the judge."""
 
 
-class Lookout:
-    """One engine's. Its commons are touched by one thread at a time."""
+class GlobalEngine:
+    """Only one thread at a time uses the judge."""
 
-    def __init__(self, site: Site, bus: Bus, teller: Teller, submit: Submit) -> None:
-        self.site, self._bus, self._teller, self._submit = site, bus, teller, submit
-        self._commons: Commons | None = None
+    def __init__(self, site: Site, bus: Bus, writer: StreamWriter, submit: Submit) -> None:
+        self.site, self._bus, self._writer, self._submit = site, bus, writer, submit
+        self._judge: GlobalJudge | None = None
+        """None while this engine is not the active one."""
         self._leave: Callable[[], Awaitable[None]] | None = None
-        self._asked = -1
-        """The bus's count of renewals when ingests were asked for all their robots."""
-        self._turn = Lock()
+        """Ends the subscription to the robots; None without one."""
+        self._requested = -1
+        """The bus's count of reconnects at the last request for all robots."""
+        self._judge_lock = Lock()
         self._parcels: list[bytes] = []
-        self._lines: list[Line] = []
-        self.outbox = Outbox(teller)
-        self.measured: list[dict[str, Any]] = []
-        """What it measured, as of its last look."""
+        self._records: list[StreamRecord] = []
+        self.outbox = Outbox(writer)
+        self.measures: list[dict[str, Any]] = []
+        """As of the last pass."""
         self.presence: dict[str, Any] | None = None
-        """Who is still there, as of its last look; None where it watches over nothing."""
+        """Presence of silent robots as of the last pass; None while this engine is not the active one."""
 
-    def hear(self, lines: Sequence[Line]) -> None:
-        """Lines of the stream, in order."""
-        if self._commons:
-            self._lines += lines
+    def add_records(self, records: Sequence[StreamRecord]) -> None:
+        """Take in records of the stream, in order."""
+        if self._judge:
+            self._records += records
 
-    def _take(self, parcel: bytes) -> None:
-        if self._commons:
+    def _add_parcel(self, parcel: bytes) -> None:
+        if self._judge:
             self._parcels.append(parcel)
 
-    async def run(self, watches: Callable[[], bool]) -> None:
-        """Look as long as this is called for; `watches` says whether it is this engine's turn."""
-        inbox = await self._bus.inbox(self._take)
+    async def run(self, is_active: Callable[[], bool]) -> None:
+        """Run until cancelled. `is_active` is whether the owner table names this engine."""
+        inbox = await self._bus.requests.open_inbox(self._add_parcel)
         while True:
             with suppress(*BUS_ERRORS):
-                await self._take_turns(inbox, turn=watches())
-            if self._commons:
-                await self._look(self._commons)
-            await asyncio.sleep(LOOK_S)
+                await self._update_role(inbox, active=is_active())
+            if self._judge:
+                await self._run_pass(self._judge)
+            await asyncio.sleep(PASS_EVERY_S)
 
-    async def _take_turns(self, inbox: str, *, turn: bool) -> None:
-        if not turn:
-            self._rest()
+    async def _update_role(self, inbox: str, *, active: bool) -> None:
+        """Create or drop the judge and its subscription. After a reconnect, request all robots again."""
+        if not active:
+            self._drop_judge()
             if self._leave:
                 await self._leave()
                 self._leave = None
             return
-        if self._commons is None:
-            kept = await self._bus.kept(COMMONS)
-            stands = [one for one in self._teller.open() if not isinstance(one, ConflictAdvisory)]
-            self._commons, self._asked = self._new(stands, kept), -1
-        elif self._commons.site is not self.site:
-            learned = self._commons.learned()
-            self._commons, self._asked = Commons(self.site, self._commons.open(), self._submit, learned), -1
+        if self._judge is None:
+            kept = await self._bus.state.kept(LEARNED_NAME)
+            findings = [advisory for advisory in self._writer.open() if not isinstance(advisory, ConflictAdvisory)]
+            self._judge, self._requested = self._restored_judge(findings, kept), -1
+        elif self._judge.site is not self.site:
+            learned = self._judge.learned()
+            self._judge, self._requested = GlobalJudge(self.site, self._judge.open(), self._submit, learned), -1
         if self._leave is None:
-            self._leave = await self._bus.hear_rows(EVERY, self._take)
-        if self._asked != (renewals := self._bus.renewals):
-            await self._bus.want([EVERY], inbox)
-            self._asked = renewals
+            self._leave = await self._bus.follow_channel(EVERY, self._add_parcel)
+        if self._requested != (renewals := self._bus.renewals):
+            await self._bus.requests.request_robots([EVERY], inbox)
+            self._requested = renewals
 
-    def _new(self, stands: Sequence[FindingAdvisory], kept: bytes | None) -> Commons:
-        """Goes on with what stands, and with what those who watched before have learned."""
+    def _restored_judge(self, findings: Sequence[FindingAdvisory], kept: bytes | None) -> GlobalJudge:
+        """A judge with the open advisories, and with the learned state of the one before."""
         try:
-            return Commons(self.site, stands, self._submit, unpacked(kept) if kept else None)
+            return GlobalJudge(self.site, findings, self._submit, unpacked(kept) if kept else None)
         except UnreadableError as error:
-            log.warning("what was learned of queues can't be read, and is learned anew: %s", error)
-            return Commons(self.site, stands, self._submit)
+            log.warning("the learned state of queues can't be read, and learning begins anew: %s", error)
+            return GlobalJudge(self.site, findings, self._submit)
 
-    async def keep(self) -> None:
-        """Have kept what was learned here, for who watches next."""
-        if self._commons:
-            await self._bus.keep(COMMONS, await asyncio.to_thread(self._learned, self._commons))
+    async def keep_learned(self) -> None:
+        """Keep the learned state for the engine that takes over."""
+        if self._judge:
+            await self._bus.state.keep(LEARNED_NAME, await asyncio.to_thread(self._learned, self._judge))
 
-    def _learned(self, commons: Commons) -> bytes:
-        with self._turn:
-            learned = commons.learned()
+    def _learned(self, judge: GlobalJudge) -> bytes:
+        with self._judge_lock:
+            learned = judge.learned()
         return packed(learned)
 
-    def _rest(self) -> None:
-        self._commons = self.presence = None
-        self.outbox.overruled()
-        for waiting in (self._parcels, self._lines, self.measured):
+    def _drop_judge(self) -> None:
+        self._judge = self.presence = None
+        self.outbox.take_overruled()
+        for waiting in (self._parcels, self._records, self.measures):
             waiting.clear()
 
-    async def _look(self, commons: Commons) -> None:
+    async def _run_pass(self, judge: GlobalJudge) -> None:
         parcels, self._parcels = self._parcels, []
-        lines, self._lines = self._lines, []
-        told = await asyncio.to_thread(self._step, commons, parcels, lines, self.outbox.overruled())
-        self.measured, self.presence = [commons.measures.as_document()], commons.presence(time.time())
-        self.outbox.put((None, one) for one in told)
+        records, self._records = self._records, []
+        overruled = self.outbox.take_overruled()
+        revisions = await asyncio.to_thread(self._judged, judge, parcels, records, overruled)
+        self.measures, self.presence = [judge.measures.as_document()], judge.presence(time.time())
+        self.outbox.add_pass((None, revision) for revision in revisions)
 
-    def _step(
-        self, commons: Commons, parcels: Sequence[bytes], lines: Sequence[Line], overruled: Sequence[Line]
+    def _judged(
+        self,
+        judge: GlobalJudge,
+        parcels: Sequence[bytes],
+        records: Sequence[StreamRecord],
+        overruled: Sequence[StreamRecord],
     ) -> list[FindingAdvisory]:
-        with self._turn:
-            for told, over in ((lines, False), (overruled, True)):
-                for line in told:
-                    if line.advisory and not isinstance(line.advisory, ConflictAdvisory):
-                        commons.hear(line.advisory, overruled=over)
-            commons.receive([Batch.from_bytes(one) for one in parcels])
-            return commons.step(time.time())
+        with self._judge_lock:
+            for group, is_overruled in ((records, False), (overruled, True)):
+                for record in group:
+                    if record.advisory and not isinstance(record.advisory, ConflictAdvisory):
+                        judge.adopt(record.advisory, overruled=is_overruled)
+            judge.receive([Batch.from_bytes(parcel) for parcel in parcels])
+            return judge.advance(time.time())

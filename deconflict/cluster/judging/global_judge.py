@@ -13,8 +13,8 @@ from deconflict.advice.priorities import Priorities
 from deconflict.advisories.advisory_counts import count_by_severity, count_revisions, set_open_count
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import ClaimAdvisory
-from deconflict.cluster.judging.cross_ingest_claims import Doubts
-from deconflict.cluster.tiles.channels import Floors, late
+from deconflict.cluster.judging.cross_ingest_claims import CrossIngestClaims
+from deconflict.cluster.tiles.channels import FloorNumbers, outdated
 from deconflict.contention.contention import Contention
 from deconflict.contention.queues.queue_advice import Advising
 from deconflict.engine.claim_lifecycle import ClaimLifecycle
@@ -27,11 +27,11 @@ from ingest.batch import Batch
 from ingest.measures.measures import Measures
 
 REMEMBERED = 10_000
-"""Of so many advisories it is known which revision was told last."""
+"""Number of advisories whose last revision is remembered."""
 
 
-class Commons:
-    """Pure: the batches of every ingest in, revisions out, by the same rules as in the engine of one machine."""
+class GlobalJudge:
+    """Pure: takes in the batches of every ingest, gives revisions, by the rules of the engine on a single machine."""
 
     def __init__(
         self,
@@ -42,15 +42,15 @@ class Commons:
     ) -> None:
         """`learned` is what an earlier one's `learned()` told. Raises `UnreadableError` where it can't be that."""
         self.site, self.measures = site, Measures()
-        self._live, self._floors = LiveRobots(), Floors()
+        self._live, self._floors = LiveRobots(), FloorNumbers()
         self._presence = Presence(self._live, self.measures)
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""
         self._account, self._aside, priorities = Burden(), AsyncAnswers(submit), Priorities(site.vendors)
 
         def priority(uuid: str) -> float:
-            one = self._live.robots[uuid]
-            return priorities.of(one.vendor, one.model)
+            robot = self._live.robots[uuid]
+            return priorities.of(robot.vendor, robot.model)
 
         restored = tuple(restored)
         advising = partial(
@@ -61,12 +61,13 @@ class Commons:
             priority=priority,
             measures=self.measures,
         )
-        queues = [one for one in restored if not isinstance(one, ClaimAdvisory)]
-        self._contention = Contention(site.resources, site.zones, site.contention, self.measures, queues, advising)
-        self._claims = ClaimLifecycle(self._live, [one for one in restored if isinstance(one, ClaimAdvisory)])
-        self._doubts = Doubts()
-        self._revisions = OrderedDict((one.id, one.revision) for one in restored)
-        """The last revision of each advisory that was told."""
+        findings = [advisory for advisory in restored if not isinstance(advisory, ClaimAdvisory)]
+        claims = [advisory for advisory in restored if isinstance(advisory, ClaimAdvisory)]
+        self._contention = Contention(site.resources, site.zones, site.contention, self.measures, findings, advising)
+        self._claims = ClaimLifecycle(self._live, claims)
+        self._cross_ingest_claims = CrossIngestClaims()
+        self._revisions = OrderedDict((advisory.id, advisory.revision) for advisory in restored)
+        """The last published revision of each advisory."""
         if learned:
             self._contention.resume(learned)
             self._presence.resume(learned)
@@ -75,56 +76,57 @@ class Commons:
         return [*self._contention.open(), *self._claims.open()]
 
     def learned(self) -> dict[str, Part]:
-        """What is worth keeping for who watches next."""
+        """The learned state, for the engine that takes over."""
         return self._contention.learned() | self._presence.learned()
 
     def presence(self, now_s: float) -> dict[str, Any]:
-        """Who is still there, for people."""
+        """Which silent robots are still there, for people."""
         return self._presence.document(now_s)
 
     def receive(self, batches: Sequence[Batch]) -> None:
-        """Take in batches of any ingest, of each in the order of its ticks."""
-        for one in map(self._floors.renumbered, batches):
-            newer = one.take(np.flatnonzero(~late(one, self._arrived_s)))
-            batch = self._presence.receive(newer.take(self._doubts.owned(newer), self._gone(one)))
-            self._doubts.stand(one.claims, one.now_s)
+        """Take in batches of all ingests; those of one ingest are in the order of its ticks."""
+        for received in map(self._floors.renumbered, batches):
+            newer = received.take(np.flatnonzero(~outdated(received, self._arrived_s)))
+            owned_rows = self._cross_ingest_claims.owned_rows(newer)
+            batch = self._presence.receive(newer.take(owned_rows, self._gone(received)))
+            self._cross_ingest_claims.add_reported(received.claims, received.now_s)
             self._arrived_s.update(zip(batch.robots, batch.arrival_s.tolist(), strict=True))
             self._live.update(batch)
             self._live.remove(batch.gone)
-            self._doubts.forget(batch.gone)
+            self._cross_ingest_claims.forget(batch.gone)
             self._contention.receive(batch)
 
     def _gone(self, batch: Batch) -> tuple[str, ...]:
-        """The robots that one ingest forgot and nobody has heard of since."""
+        """The robots that one ingest has forgotten, and that have reported to no other since."""
         kept_s = self.site.reading.forget_after_s
         gone = [uuid for uuid in batch.gone if batch.now_s - self._arrived_s.get(uuid, batch.now_s) > kept_s]
         for uuid in gone:
             del self._arrived_s[uuid]
         return tuple(gone)
 
-    def step(self, now_s: float) -> list[FindingAdvisory]:
-        """The revisions of this look; none between looks."""
+    def advance(self, now_s: float) -> list[FindingAdvisory]:
+        """The revisions of this pass; none between the passes of contention."""
         self._aside.settle(self._aside.pending())
         for batch in contention_batches(self._live, self._presence.advance(now_s), now_s):
             self._contention.receive(batch)
-        self._claims.receive(self._doubts.standing(now_s))
+        self._claims.receive(self._cross_ingest_claims.standing(now_s))
         revisions = [*self._contention.step(now_s), *self._claims.step(now_s)]
         self._account.charge(revisions)
         count_revisions(self.measures, revisions)
         set_open_count(self.measures, count_by_severity(self.open()))
-        for one in revisions:
-            self._remember(one)
+        for revision in revisions:
+            self._remember(revision)
         return revisions
 
-    def hear(self, told: FindingAdvisory, *, overruled: bool = False) -> None:
-        """Take in a revision that was told, its own too; `overruled` where another's stands in place of its own."""
-        if told.revision <= self._revisions.get(told.id, 0) and not overruled:
+    def adopt(self, revision: FindingAdvisory, *, overruled: bool = False) -> None:
+        """Take in a published revision, which may be its own. `overruled` if it stands in place of its own."""
+        if revision.revision <= self._revisions.get(revision.id, 0) and not overruled:
             return
-        self._remember(told)
-        (self._claims if isinstance(told, ClaimAdvisory) else self._contention).adopt(told)
+        self._remember(revision)
+        (self._claims if isinstance(revision, ClaimAdvisory) else self._contention).adopt(revision)
 
-    def _remember(self, told: FindingAdvisory) -> None:
-        self._revisions[told.id] = told.revision
-        self._revisions.move_to_end(told.id)
+    def _remember(self, revision: FindingAdvisory) -> None:
+        self._revisions[revision.id] = revision.revision
+        self._revisions.move_to_end(revision.id)
         if len(self._revisions) > REMEMBERED:
             self._revisions.popitem(last=False)

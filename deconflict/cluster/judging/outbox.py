@@ -1,54 +1,54 @@
-"""Revisions on their way to the durable stream: who decides goes on deciding while they are told."""
+"""Revisions on their way to the durable stream. The engine does not wait until they are written."""
 
 import asyncio
 from collections.abc import Callable, Iterable
 
 from deconflict.advisory import AnyAdvisory
-from deconflict.cluster.judging.stream_writer import Teller
-from deconflict.cluster.nats.stream_records import Line
+from deconflict.cluster.judging.stream_writer import StreamWriter
+from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.tiles.tiles import Place
 
 MOST_WAITING = 20_000
-"""Revisions, and steps that they were decided in, that wait for a server that takes none: some 40 MB."""
-Revision = tuple[Place | None, AnyAdvisory]
+"""Most revisions, and passes that decided them, that wait for a server that accepts none: some 40 MB."""
+HomedRevision = tuple[Place | None, AnyAdvisory]
 
 
-class UntoldError(Exception):
-    """The server has taken nothing for long."""
+class UnwrittenError(Exception):
+    """The server has accepted nothing for long."""
 
     def __init__(self) -> None:
-        super().__init__(f"{MOST_WAITING} revisions wait for a NATS server that takes none; the engine begins anew")
+        super().__init__(f"{MOST_WAITING} revisions wait for a NATS server that accepts none; the engine restarts")
 
 
 class Outbox:
-    """Tells what is put in, one after the other, however long it takes."""
+    """Writes revisions in order, one after the other, and waits as long as each takes."""
 
-    def __init__(self, teller: Teller) -> None:
-        self._teller = teller
-        self._waiting: asyncio.Queue[tuple[list[Revision], Callable[[], None]]] = asyncio.Queue()
-        self._overruled: list[Line] = []
-        self._much = 0
-        """How much waits, as `MOST_WAITING` counts it."""
+    def __init__(self, writer: StreamWriter) -> None:
+        self._writer = writer
+        self._waiting: asyncio.Queue[tuple[list[HomedRevision], Callable[[], None]]] = asyncio.Queue()
+        self._overruled: list[StreamRecord] = []
+        self._waiting_count = 0
+        """Revisions and passes that wait, as `MOST_WAITING` counts them."""
 
-    def put(self, revisions: Iterable[Revision], then: Callable[[], None] = lambda: None) -> None:
-        """Have revisions told, each with its home, and `then` done. Raises `UntoldError` where too much waits."""
-        step = list(revisions)
-        self._much += 1 + len(step)
-        if self._much > MOST_WAITING:
-            raise UntoldError
-        self._waiting.put_nowait((step, then))
+    def add_pass(self, revisions: Iterable[HomedRevision], then: Callable[[], None] = lambda: None) -> None:
+        """Queue the revisions of one pass; calls `then` once all are written. Raises `UnwrittenError`."""
+        queued = list(revisions)
+        self._waiting_count += 1 + len(queued)
+        if self._waiting_count > MOST_WAITING:
+            raise UnwrittenError
+        self._waiting.put_nowait((queued, then))
 
-    def overruled(self) -> list[Line]:
-        """What stands in place of revisions that were put in; each is told of once."""
-        stands, self._overruled = self._overruled, []
-        return stands
+    def take_overruled(self) -> list[StreamRecord]:
+        """The records that another engine wrote in place of queued revisions. Returns each once."""
+        overruled, self._overruled = self._overruled, []
+        return overruled
 
     async def run(self) -> None:
-        """Until cancelled."""
+        """Write revisions until cancelled."""
         while True:
             revisions, then = await self._waiting.get()
             for home, advisory in revisions:
-                if stands := await self._teller.tell(home, advisory):
-                    self._overruled.append(stands)
-            self._much -= 1 + len(revisions)
+                if overruling := await self._writer.write(home, advisory):
+                    self._overruled.append(overruling)
+            self._waiting_count -= 1 + len(revisions)
             then()

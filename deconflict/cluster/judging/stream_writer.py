@@ -1,4 +1,4 @@
-"""Tells revisions to the durable stream, each only after the one that it follows."""
+"""Writes revisions to the durable stream, each only after the one that it follows."""
 
 import asyncio
 import logging
@@ -8,112 +8,114 @@ from collections import OrderedDict
 from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.shard import REMEMBERED
-from deconflict.cluster.nats.bus import Bus, OverruledError
-from deconflict.cluster.nats.stream_records import Line, key_of
+from deconflict.cluster.nats.revision_stream import OverruledError, RevisionStream
+from deconflict.cluster.nats.stream_records import StreamRecord, key_of
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tiles import Place
 
 log = logging.getLogger(__name__)
 
-
 DAY_S = 86400.0
 
 
-class Teller:
-    """What the stream has, and the way into it."""
+class StreamWriter:
+    """Knows the newest record of each key, and writes the next."""
 
-    def __init__(self, bus: Bus) -> None:
-        self._bus = bus
-        self._last: OrderedDict[str, Line] = OrderedDict()
-        """What the stream has last, by key."""
+    def __init__(self, revisions: RevisionStream) -> None:
+        self._stream = revisions
+        self._newest: OrderedDict[str, StreamRecord] = OrderedDict()
+        """The newest record of the stream, by key."""
 
-    def know(self, line: Line) -> None:
-        """Take in a line of the stream."""
-        if line.advisory is None:
+    def note(self, record: StreamRecord) -> None:
+        """Take in a record of the stream."""
+        if record.advisory is None:
             return
-        known = self._last.get(line.key)
-        if known is None or known.seq < line.seq:
-            self._last[line.key] = line
-            self._last.move_to_end(line.key)
-        while len(self._last) > REMEMBERED:
-            self._last.popitem(last=False)
+        known = self._newest.get(record.key)
+        if known is None or known.seq < record.seq:
+            self._newest[record.key] = record
+            self._newest.move_to_end(record.key)
+        while len(self._newest) > REMEMBERED:
+            self._newest.popitem(last=False)
 
     def open(self) -> list[AnyAdvisory]:
-        """Every advisory that is open, as it was told last."""
-        return [line.advisory for line in self._last.values() if line.advisory and _is_open(line)]
+        """The newest revision of every open advisory."""
+        return [record.advisory for record in self._newest.values() if record.advisory and _is_open(record)]
 
-    async def tell(self, home: Place | None, advisory: AnyAdvisory) -> Line | None:
-        """Tell one, however long it takes: None, or where another has told something else, what stands there."""
+    async def write(self, home: Place | None, advisory: AnyAdvisory) -> StreamRecord | None:
+        """Write a revision, and retry as long as it takes.
+
+        Returns None, or the record of another engine that stands in its place.
+        """
         key = key_of(advisory)
         while True:
-            last = self._last.get(key)
+            last = self._newest.get(key)
             if last and last.advisory and not follows(advisory, last.advisory):
                 return last
             try:
-                if await self._told(key, home, advisory, last.seq if last else 0):
+                if await self._try_write(key, home, advisory, last.seq if last else 0):
                     return None
             except BUS_ERRORS as error:
-                log.warning("a revision is not told yet: %s", error or type(error).__name__)
+                log.warning("a revision is not written yet: %s", error or type(error).__name__)
             await asyncio.sleep(RETRY_S)
 
-    async def _told(
-        self, key: str, home: Place | None, advisory: AnyAdvisory, after: int, *, again: bool = False
+    async def _try_write(
+        self, key: str, home: Place | None, advisory: AnyAdvisory, last_seq: int, *, again: bool = False
     ) -> bool:
-        """Whether the stream took it after that number; if not, what it has in its place is known now.
+        """Whether the stream accepted it after number `last_seq`; if not, notes the record that the stream has.
 
         Raises `BUS_ERRORS`.
         """
         try:
-            seq = await self._bus.tell(home, advisory, after, again=again)
+            seq = await self._stream.write(home, advisory, last_seq, again=again)
         except OverruledError:
-            self._last.pop(key, None)  # the stream may have lost it, or be another
-            if stands := await self._bus.last_told(key):
-                self.know(stands)
+            self._newest.pop(key, None)  # the stream may have lost it, or be another one
+            if record := await self._stream.last(key):
+                self.note(record)
             return False
-        self.know(Line(seq, key, home, advisory))
+        self.note(StreamRecord(seq, key, home, advisory))
         return True
 
-    async def keep(self) -> None:
-        """For ever have the stream told again what it lost, as one that is another has all, and what it will forget."""
-        streams, lost = self._bus.streams, list[Line]()
-        every_s = min(self._bus.kept_s / 4, DAY_S)
+    async def keep_complete(self) -> None:
+        """Without end, write again what the stream has lost, everything if it is another one, and what expires soon."""
+        replacements, lost = self._stream.replacements, list[StreamRecord]()
+        every_s = min(self._stream.kept_s / 4, DAY_S)
         due_s = time.monotonic() + every_s
         while True:
-            if streams != self._bus.streams:
-                streams, lost = self._bus.streams, sorted(self._last.values(), key=_is_open)
-                self._last.clear()
+            if replacements != self._stream.replacements:
+                replacements, lost = self._stream.replacements, sorted(self._newest.values(), key=_is_open)
+                self._newest.clear()
             try:
                 while lost:
-                    await self._tell_again(lost[-1])
+                    await self._restore(lost[-1])
                     lost.pop()
                 if time.monotonic() >= due_s:
-                    await self._tell_old(time.time() - self._bus.kept_s / 2)
+                    await self._renew_before(time.time() - self._stream.kept_s / 2)
                     due_s = time.monotonic() + every_s
             except BUS_ERRORS as error:
-                log.warning("what is open is not told again yet: %s", error or type(error).__name__)
+                log.warning("open advisories are not written again yet: %s", error or type(error).__name__)
             await asyncio.sleep(RETRY_S)
 
-    async def _tell_old(self, before_s: float) -> None:
-        """Tell what is open and has had no revision since then once more, as it stands. Raises `BUS_ERRORS`."""
-        for line in list(self._last.values()):
-            if line.advisory and _is_open(line) and line.advisory.updated_at.timestamp() < before_s:
-                await self._told(line.key, line.home, line.advisory, line.seq, again=True)
+    async def _renew_before(self, before_s: float) -> None:
+        """Write open advisories without a revision since `before_s` once more. Raises `BUS_ERRORS`."""
+        for record in list(self._newest.values()):
+            if record.advisory and _is_open(record) and record.advisory.updated_at.timestamp() < before_s:
+                await self._try_write(record.key, record.home, record.advisory, record.seq, again=True)
 
-    async def _tell_again(self, line: Line) -> None:
-        """Tell what is open and not there, and what is newer than what is there. Raises `BUS_ERRORS`."""
-        stands = await self._bus.last_told(line.key)
-        if stands:
-            self.know(stands)
-        if line.advisory and is_missing(line.advisory, stands.advisory if stands else None):
-            await self._told(line.key, line.home, line.advisory, stands.seq if stands else 0)
+    async def _restore(self, record: StreamRecord) -> None:
+        """Write a record again if the stream lacks it. Raises `BUS_ERRORS`."""
+        last = await self._stream.last(record.key)
+        if last:
+            self.note(last)
+        if record.advisory and is_missing(record.advisory, last.advisory if last else None):
+            await self._try_write(record.key, record.home, record.advisory, last.seq if last else 0)
 
 
-def _is_open(line: Line) -> bool:
-    return line.advisory is not None and line.advisory.state is not AdvisoryState.CLEARED
+def _is_open(record: StreamRecord) -> bool:
+    return record.advisory is not None and record.advisory.state is not AdvisoryState.CLEARED
 
 
 def is_missing(advisory: AnyAdvisory, last: AnyAdvisory | None) -> bool:
-    """Whether a stream lacks a revision that was told before, given the last one that it has of its key."""
+    """Whether a stream has lost a revision. `last` is the newest revision that it has of its key."""
     if last is None:
         return advisory.state is not AdvisoryState.CLEARED
     return last.id == advisory.id and last.revision < advisory.revision

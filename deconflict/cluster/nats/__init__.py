@@ -1,1 +1,1 @@
-"""NATS: connection, subscriptions and records. Nothing outside this folder imports the library."""
+"""The cluster's use of NATS: parcels, the durable stream of revisions, shared state and requests."""

@@ -1,4 +1,4 @@
-"""Who this machine is to the NATS servers, and whom it trusts to be them."""
+"""The credentials for the NATS servers, and the authority that this machine trusts."""
 
 import ssl
 from collections.abc import Callable
@@ -10,19 +10,19 @@ from ingest.security.tokens import renewed, secret
 
 
 def credentials(settings: Cluster) -> dict[str, Any]:
-    """What the NATS client is told of them. Raises `SecretError` and `CertificateError`."""
-    told: dict[str, Any] = {}
+    """The credentials as arguments of the NATS client. Raises `SecretError` and `CertificateError`."""
+    arguments: dict[str, Any] = {}
     if settings.token:
-        told["token"] = _read_again(settings.token)
+        arguments["token"] = _current_secret(settings.token)
     if settings.user:
-        told |= {"user": settings.user, "password": _read_again(settings.password)}
+        arguments |= {"user": settings.user, "password": _current_secret(settings.password)}
     if settings.ca or settings.certificate:
-        told["tls"] = _context(settings.ca, settings.certificate)
-    return told
+        arguments["tls"] = _context(settings.ca, settings.certificate)
+    return arguments
 
 
-def _read_again(source: str) -> Callable[[], str]:
-    """The secret, as it is whenever that is asked; as it was where it can't be had then."""
+def _current_secret(source: str) -> Callable[[], str]:
+    """A function that reads the secret at each call; if that fails, it gives the last known one."""
     known = secret(source)
 
     def current() -> str:

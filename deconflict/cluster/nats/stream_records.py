@@ -1,4 +1,4 @@
-"""What the durable stream carries. The key of a conflict is its pair of robots, of anything else what it is about."""
+"""Records of the durable stream. The key of a conflict is its pair of robots, that of a finding is its subject."""
 
 import json
 from dataclasses import dataclass
@@ -8,60 +8,65 @@ from uuid import uuid5
 from deconflict.advisories.conflict_wording import ADVISORIES
 from deconflict.advisories.finding_lifecycle import finding_key
 from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory, ConflictAdvisory
-from deconflict.cluster.tiles.channels import token
+from deconflict.cluster.tiles.channels import subject_token
 from deconflict.cluster.tiles.tiles import Place
 
 
-class Seen(NamedTuple):
-    """The line of the stream that somebody has come to."""
+class StreamPosition(NamedTuple):
+    """A record of the stream, as a reader remembers it."""
 
     seq: int
-    """0 before the first."""
+    """0 before the first record."""
     id: str
-    """Of its advisory; empty where that is known no more."""
+    """Of its advisory; empty if the advisory is no longer known."""
     revision: int
     """0 in an answer."""
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
-    """A revision and the place that decides who tells it, or an answer to one."""
+class StreamRecord:
+    """A revision with its home, or an answer to an advisory."""
 
     seq: int
     key: str
-    """Of the advisory; in an answer its id."""
+    """Of the advisory; in an answer the advisory's id."""
     home: Place | None = None
-    """None where no tile decides."""
+    """The place whose tile decides which engine writes the advisory; None if no tile decides."""
     advisory: AnyAdvisory | None = None
     answer: Acknowledgement | None = None
 
-    def seen(self) -> Seen:
-        return (
-            Seen(self.seq, self.advisory.id, self.advisory.revision) if self.advisory else Seen(self.seq, self.key, 0)
-        )
+    def position(self) -> StreamPosition:
+        if self.advisory:
+            return StreamPosition(self.seq, self.advisory.id, self.advisory.revision)
+        return StreamPosition(self.seq, self.key, 0)
 
-    def is_what_was(self, seen: Seen) -> bool:
-        """Whether this may be the line that was seen; who has stored it with an answer knows that as a revision."""
-        return self.seen() == seen if self.advisory else (self.seq, self.key) == (seen.seq, seen.id)
+    def is_at(self, position: StreamPosition) -> bool:
+        """Whether this may be the record at a position.
+
+        The revision of an answer is not compared: a store remembers an answer under the revision that it added it to.
+        """
+        if self.advisory:
+            return self.position() == position
+        return (self.seq, self.key) == (position.seq, position.id)
 
 
 def key_of(advisory: AnyAdvisory) -> str:
-    """What an advisory is told under: there is at most one open of a key."""
+    """The key of an advisory. At most one advisory of a key is open."""
     if isinstance(advisory, ConflictAdvisory):
-        return token("_".join(advisory.robots))
+        return subject_token("_".join(advisory.robots))
     return str(uuid5(ADVISORIES, finding_key(advisory)))
 
 
-def told_as(home: Place | None, advisory: AnyAdvisory) -> bytes:
-    """A revision as `line` reads it."""
+def record_bytes(home: Place | None, advisory: AnyAdvisory) -> bytes:
+    """A revision as `read_record` reads it."""
     return json.dumps({"home": home, "advisory": advisory.model_dump(mode="json")}).encode()
 
 
-def line(seq: int, subject: str, data: bytes) -> Line:
-    """What a message of the stream says."""
+def read_record(seq: int, subject: str, data: bytes) -> StreamRecord:
+    """The record in a message of the stream."""
     _, kind, key = subject.split(".", 2)
     if kind == "answer":
-        return Line(seq, key, answer=Acknowledgement.model_validate_json(data))
-    told = json.loads(data)
-    home = Place(*told["home"]) if told["home"] else None
-    return Line(seq, key, home, ADVISORY.validate_python(told["advisory"]))
+        return StreamRecord(seq, key, answer=Acknowledgement.model_validate_json(data))
+    document = json.loads(data)
+    home = Place(*document["home"]) if document["home"] else None
+    return StreamRecord(seq, key, home, ADVISORY.validate_python(document["advisory"]))

@@ -1,4 +1,4 @@
-"""Subscriptions to streams of a NATS server, which outlast the connections that they are heard over."""
+"""Subscriptions to streams of a NATS server that resume after each reconnect."""
 
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
@@ -9,66 +9,68 @@ from nats.errors import Error as NatsError
 from nats.js import JetStreamContext, api
 
 REPLAYED_S = 15.0
-"""How much of the rows who takes a tile over hears again."""
-PENDING = 1 << 20
-"""Messages that may wait to be taken in."""
+"""An engine that takes over a tile receives the parcels of so long before again."""
+MOST_PENDING_MESSAGES, MOST_PENDING_BYTES = 1 << 20, 1 << 30
+"""Messages and bytes that may wait in the client."""
 
 BUS_ERRORS = (NatsError, TimeoutError, OSError)
-"""What a call raises while the server can't be had."""
+"""Errors of a call while no server answers."""
 
 
-class Hearing:
-    """One subscription, begun again with every connection."""
+class Subscription:
+    """One subscription, which begins again with every connection."""
 
     def __init__(
         self,
         subject: str,
         stream: str,
-        taken: Callable[[Msg], Awaitable[None]],
+        on_message: Callable[[Msg], Awaitable[None]],
         config: Callable[[], api.ConsumerConfig],
     ) -> None:
-        """`config` says from where on each time it begins."""
-        self._subject, self._stream, self._taken, self._config = subject, stream, taken, config
-        self._heard: JetStreamContext.PushSubscription | None = None
+        """`config` is called at each begin, and gives the position to start from."""
+        self._subject, self._stream, self._on_message, self._config = subject, stream, on_message, config
+        self._subscribed: JetStreamContext.PushSubscription | None = None
         self._ended = False
 
     async def begin(self, js: JetStreamContext) -> int:
-        """How many messages there are for it already. One that has been ended, also meanwhile, stays so."""
-        await self._leave()
+        """Subscribe; returns how many messages are there already. Does nothing after `end`, even one meanwhile."""
+        await self._unsubscribe()
         if self._ended:
             return 0
         config = self._config()
-        self._heard = await js.subscribe(
+        self._subscribed = await js.subscribe(
             self._subject,
             stream=self._stream,
-            cb=self._taken,
+            cb=self._on_message,
             config=config,
             ordered_consumer=True,
-            pending_msgs_limit=PENDING,
-            pending_bytes_limit=1 << 30,
+            pending_msgs_limit=MOST_PENDING_MESSAGES,
+            pending_bytes_limit=MOST_PENDING_BYTES,
         )
         if self._ended:
-            await self._leave()
+            await self._unsubscribe()
             return 0
-        config.opt_start_time = None  # the client begins a lost subscription anew at a number, and keeps this otherwise
-        state = await self._heard.consumer_info()
+        config.opt_start_time = None  # else the client sends both it and a number when it recreates a lost consumer
+        state = await self._subscribed.consumer_info()
         return (state.num_pending or 0) + (state.delivered.consumer_seq if state.delivered else 0)
 
     async def end(self) -> None:
         self._ended = True
-        await self._leave()
+        await self._unsubscribe()
 
-    async def _leave(self) -> None:
-        heard, self._heard = self._heard, None
-        if heard:
+    async def _unsubscribe(self) -> None:
+        subscribed, self._subscribed = self._subscribed, None
+        if subscribed:
             with suppress(*BUS_ERRORS):
-                await heard.unsubscribe()
+                await subscribed.unsubscribe()
 
 
-def latest() -> api.ConsumerConfig:
+def newest_of_each() -> api.ConsumerConfig:
+    """Start with the newest message of each subject."""
     return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.LAST_PER_SUBJECT)
 
 
-def lately() -> api.ConsumerConfig:
+def since_lately() -> api.ConsumerConfig:
+    """Start `REPLAYED_S` before now."""
     since = datetime.now(UTC) - timedelta(seconds=REPLAYED_S)
     return api.ConsumerConfig(deliver_policy=api.DeliverPolicy.BY_START_TIME, opt_start_time=since)

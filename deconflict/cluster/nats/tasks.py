@@ -1,4 +1,4 @@
-"""Tasks that use a NATS server which may be out of reach."""
+"""Tasks that use a NATS server which may not answer."""
 
 import asyncio
 import logging
@@ -11,14 +11,12 @@ from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 
 log = logging.getLogger(__name__)
 
-BEAT_S = 0.5
+BEAT_EVERY_S = 0.5
+CANCEL_AGAIN_S = 0.2
 
 
-AGAIN_S = 0.2
-
-
-async def connected(bus: Bus, stop: asyncio.Event) -> bool:
-    """Open a bus as soon as its server can be had; False where it was stopped before."""
+async def open_bus(bus: Bus, stop: asyncio.Event) -> bool:
+    """Open a bus as soon as a server answers. False if `stop` is set before."""
     stopping = asyncio.create_task(stop.wait())
     try:
         while not stop.is_set():
@@ -39,20 +37,20 @@ async def connected(bus: Bus, stop: asyncio.Event) -> bool:
         stopping.cancel()
 
 
-async def beating(bus: Bus, beat: Callable[[], Awaitable[None]]) -> None:
-    """Call `beat` for ever; while the server can't be had, go on trying."""
+async def beat_repeatedly(bus: Bus, beat: Callable[[], Awaitable[None]]) -> None:
+    """Call `beat` without end, also while no server answers."""
     while True:
         began_s = time.monotonic()
         try:
             await beat()
         except BUS_ERRORS as error:
-            log.warning("%s is out of touch: %s", bus.name, error or type(error).__name__)
-        await asyncio.sleep(max(BEAT_S - (time.monotonic() - began_s), 0.05))
+            log.warning("%s has no connection: %s", bus.name, error or type(error).__name__)
+        await asyncio.sleep(max(BEAT_EVERY_S - (time.monotonic() - began_s), 0.05))
 
 
-async def until(stop: asyncio.Event, *chores: Coroutine[Any, Any, None]) -> None:
-    """Do chores until `stop` is set, or until one of them fails, which raises its error."""
-    tasks: list[asyncio.Task[Any]] = [asyncio.create_task(one) for one in chores]
+async def run_until(stop: asyncio.Event, *coroutines: Coroutine[Any, Any, None]) -> None:
+    """Run coroutines until `stop` is set or one of them fails. Raises its error."""
+    tasks: list[asyncio.Task[Any]] = [asyncio.create_task(coroutine) for coroutine in coroutines]
     tasks.append(asyncio.create_task(stop.wait()))
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -66,11 +64,11 @@ async def until(stop: asyncio.Event, *chores: Coroutine[Any, Any, None]) -> None
 async def end_tasks(*tasks: asyncio.Task[Any]) -> None:
     """Cancel tasks until every one has ended.
 
-    Once is not enough: the NATS client may take a cancellation for a time-out of its own.
+    One cancellation is not enough: the NATS client may take it for a time-out of its own.
     """
     pending = set(tasks)
     while pending:
         for task in pending:
             task.cancel()
-        _, pending = await asyncio.wait(pending, timeout=AGAIN_S)
+        _, pending = await asyncio.wait(pending, timeout=CANCEL_AGAIN_S)
     await asyncio.gather(*tasks, return_exceptions=True)

@@ -1,1 +1,1 @@
-"""Floors cut into tiles, their owners, and the channel of each robot."""
+"""The division of floors into tiles, the owners of the tiles, and the channels of their robots."""

@@ -1,6 +1,6 @@
-"""Floors cut into square tiles, and those that are too busy into quarters, as often as it takes.
+"""Floors cut into square tiles. A tile that is too busy is split into quarters, repeatedly if needed.
 
-Every place lies in exactly one tile of a tiling, so whoever owns that tile owns the place.
+Every place lies in exactly one tile of a tiling, so the owner of that tile owns the place.
 """
 
 from collections.abc import Iterable, Iterator
@@ -18,7 +18,7 @@ QUARTERS = "0123"
 
 
 class Place(NamedTuple):
-    """A point of a floor, metres in its frame."""
+    """A point on a floor, metres in the floor's frame."""
 
     datum: str
     x_m: float
@@ -26,16 +26,17 @@ class Place(NamedTuple):
 
 
 class Tile(NamedTuple):
-    """A square of a floor: column and row of the grid, and below that one quarter of a quarter of it."""
+    """A square of a floor: a square of the grid, or a quarter of a tile."""
 
     datum: str
     column: int
     row: int
     path: str = ""
-    """A digit of `QUARTERS` for each halving."""
+    """A digit of `QUARTERS` for each split; empty for a square of the grid."""
 
     @property
     def root(self) -> "Tile":
+        """The square of the grid in which it lies."""
         return self._replace(path="")
 
     def quarters(self) -> list["Tile"]:
@@ -46,13 +47,13 @@ class Tile(NamedTuple):
 
     @classmethod
     def named(cls, name: str) -> "Tile":
-        """The tile that `str` wrote."""
+        """The tile of a name that `str` gave."""
         datum, column, row, path = name.rsplit("/", 3)
         return cls(datum, int(column), int(row), path)
 
 
 class Square(NamedTuple):
-    """Metres; it holds its west and south edges, not the others."""
+    """A square in metres. Its west and south edges belong to it, the other two do not."""
 
     west_m: float
     south_m: float
@@ -78,7 +79,7 @@ class Grid:
         return Square(west_m, south_m, side_m)
 
     def chain(self, place: Place, depth: int) -> Iterator[Tile]:
-        """The tile of the grid that holds a place, then its quarter that does, and so on."""
+        """The tile of the grid that contains a place, then the quarter that does, and so on."""
         tile = self.root(place)
         yield tile
         for _ in range(depth):
@@ -88,7 +89,7 @@ class Grid:
             yield tile
 
     def roots_near(self, place: Place, reach_m: float) -> set[Tile]:
-        """The tiles of the grid that come within a reach of a place."""
+        """The tiles of the grid within a reach of a place."""
         spans = [
             range(floor((at_m - reach_m) / self.side_m), floor((at_m + reach_m) / self.side_m) + 1)
             for at_m in place[1:]
@@ -97,7 +98,7 @@ class Grid:
 
 
 class Area:
-    """Some tiles, of which none lies in another."""
+    """A set of tiles, of which none lies in another."""
 
     def __init__(self, grid: Grid, tiles: Iterable[Tile]) -> None:
         self.grid, self.tiles = grid, frozenset(tiles)
@@ -107,14 +108,14 @@ class Area:
             self._squares.setdefault(tile.datum, []).append(grid.square(tile))
 
     def tile_of(self, place: Place) -> Tile | None:
-        """The tile of the area that holds a place."""
+        """The tile of the area that contains a place; None if none does."""
         return next((tile for tile in self.grid.chain(place, self._depth) if tile in self.tiles), None)
 
     def __contains__(self, place: Place) -> bool:
         return self.tile_of(place) is not None
 
     def within(self, datum: str, low: Floats, high: Floats, reach_m: Floats | float) -> Bools:
-        """(n,) whether boxes of a floor, corners (n, 2), come within a reach of the area."""
+        """(n,) whether boxes on a floor come within a reach of the area. `low` and `high` are their corners, (n, 2)."""
         gap_m = np.full(len(low), inf)
         for west_m, south_m, side_m in self._squares.get(datum, []):
             corner = np.array([west_m, south_m])
@@ -124,7 +125,7 @@ class Area:
         return near
 
     def roots_near(self, reach_m: float) -> set[Tile]:
-        """The tiles of the grid that come within a reach of the area."""
+        """The tiles of the grid within a reach of the area."""
         found = set()
         for datum, squares in self._squares.items():
             for west_m, south_m, side_m in squares:

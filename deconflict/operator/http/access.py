@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from deconflict.settings.site import Operator, Person, Role, Site
 from ingest.security.certificates import Certificates
-from ingest.security.origin_check import host_of, is_loopback, is_fixed
+from ingest.security.origin_check import host_of, is_fixed, is_loopback
 from ingest.security.tokens import Tokens, secret
 from ingest.security.vendor_credentials import VendorCredentials
 

@@ -16,11 +16,11 @@ import pytest
 
 from deconflict.advisory import ADVISORY, AnyAdvisory
 from deconflict.cluster.engine_member import LISTEN_S
-from deconflict.cluster.ingest_feed import Feed
+from deconflict.cluster.ingest_feed import IngestFeed
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.tasks import connected
-from deconflict.cluster.store_follower import Follower
-from deconflict.cluster.tiles.tile_owners import Table
+from deconflict.cluster.nats.tasks import open_bus
+from deconflict.cluster.store_follower import StoreFollower
+from deconflict.cluster.tiles.tile_owners import OwnerTable
 from deconflict.cluster.tiles.tiles import Place
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.receiver_role import ReceiverRole
@@ -69,7 +69,7 @@ async def buses(broker: Broker, count: int, keep_days: float = 1.0) -> AsyncIter
     opened = [Bus(Cluster(nats=(broker.address,)), keep_days) for _ in range(count)]
     try:
         for one in opened:
-            assert await connected(one, asyncio.Event())
+            assert await open_bus(one, asyncio.Event())
         yield opened
     finally:
         for one in opened:
@@ -87,12 +87,12 @@ class Faltering(Bus):
         super().__init__(settings, 1.0)
         self.begun = Counter[str]()
 
-    async def hear_rows(self, channel: str, take: Callable[[bytes], None]) -> Callable[[], Awaitable[None]]:
+    async def follow_channel(self, channel: str, take: Callable[[bytes], None]) -> Callable[[], Awaitable[None]]:
         self.begun[channel] += 1
         if channel == "refused" and self.begun[channel] <= REFUSALS:
             raise TimeoutError
         await asyncio.sleep(4 * LISTEN_S)
-        return await super().hear_rows(channel, take)
+        return await super().follow_channel(channel, take)
 
 
 class Machines:
@@ -147,7 +147,7 @@ async def face(machines: Machines, data: Path) -> AsyncIterator[OperatorRole]:
     with runtime_directory() as runtime:
         stop, site = asyncio.Event(), machines.site()
         operator = OperatorRole(site, Path(runtime), data, render)
-        follower = Follower(site, machines.settings, Path(runtime))
+        follower = StoreFollower(site, machines.settings, Path(runtime))
         tasks = [asyncio.create_task(one) for one in (operator.run(stop), follower.run(stop))]
         try:
             await operator.ready.wait()
@@ -162,7 +162,10 @@ async def ingest(machines: Machines, data: Path, port: int = 0) -> AsyncIterator
     """An ingest of the cluster, in this process: the address for its robots."""
     with runtime_directory() as runtime:
         site = machines.site(port)
-        receiver, feed = ReceiverRole(site, Path(runtime), data / "log"), Feed(site, machines.settings, Path(runtime))
+        receiver, feed = (
+            ReceiverRole(site, Path(runtime), data / "log"),
+            IngestFeed(site, machines.settings, Path(runtime)),
+        )
         async with running(receiver), running(feed):
             await receiver.ready.wait()
             yield f"ws://127.0.0.1:{receiver.receiver.port}"
@@ -185,9 +188,9 @@ async def table(settings: Cluster) -> dict[str, Any]:
     """Who owns what, as the members have agreed."""
     bus = Bus(settings, 1)
     await bus.open()
-    _, document = await bus.table()
+    _, document = await bus.state.table()
     await bus.close()
-    return document or Table().document()
+    return document or OwnerTable().document()
 
 
 @asynccontextmanager

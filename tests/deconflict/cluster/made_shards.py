@@ -7,8 +7,8 @@ from typing import Any
 from numpy.random import Generator
 
 from deconflict.advisory import ConflictAdvisory
-from deconflict.cluster.judging.shard import Shard, Told, judging
-from deconflict.cluster.tiles.channels import Floors, Sorter, reach_m
+from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
+from deconflict.cluster.tiles.channels import ChannelSorter, FloorNumbers, reach_m
 from deconflict.cluster.tiles.tiles import Grid, Place, Tile
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import Conflict, Site
@@ -71,7 +71,7 @@ class Single:
     """What the service on one machine tells."""
 
     def __init__(self) -> None:
-        self.engine, self._floors = Engine(judging(SITE), conflicts_only=True), Floors()
+        self.engine, self._floors = Engine(conflicts_only_site(SITE), conflicts_only=True), FloorNumbers()
 
     def step(self, tick: int, batches: Iterable[Batch]) -> list[ConflictAdvisory]:
         for one in batches:
@@ -85,10 +85,12 @@ class Shards:
 
     def __init__(self, grid: Grid, count: int, split: Iterable[Tile] = ()) -> None:
         self.grid, self._split = grid, frozenset(split)
-        self.shards = [Shard(Engine(judging(SITE), conflicts_only=True), grid, REACH_M) for _ in range(count)]
-        self._sorters = [Sorter(grid, SITE.conflict, REACH_M) for _ in range(2)]
+        self.shards = [
+            Shard(Engine(conflicts_only_site(SITE), conflicts_only=True), grid, REACH_M) for _ in range(count)
+        ]
+        self._sorters = [ChannelSorter(grid, SITE.conflict, REACH_M) for _ in range(2)]
         self.owners: dict[Tile, int] = {}
-        self.told: list[Told] = []
+        self.told: list[ShardRevision] = []
         self.rows = self.heard = 0
 
     def cover(self, datums: Sequence[str], half_m: float, owner: Callable[[Tile], int]) -> None:
@@ -100,14 +102,14 @@ class Shards:
 
     def allot(self) -> None:
         for number, shard in enumerate(self.shards):
-            shard.own(tile for tile, owner in self.owners.items() if owner == number)
+            shard.set_tiles(tile for tile, owner in self.owners.items() if owner == number)
 
     def _leaves(self, tile: Tile) -> list[Tile]:
         if tile not in self._split:
             return [tile]
         return [leaf for quarter in tile.quarters() for leaf in self._leaves(quarter)]
 
-    def step(self, tick: int, batches: Sequence[Batch], *, lost: bool = False) -> list[Told]:
+    def step(self, tick: int, batches: Sequence[Batch], *, lost: bool = False) -> list[ShardRevision]:
         """Every parcel to all that hear its channel, a step of each, and what each told to all unless it is lost."""
         parcels = [
             parcel
@@ -116,7 +118,7 @@ class Shards:
         ]
         told = []
         for shard in self.shards:
-            heard = shard.hears()
+            heard = shard.channels()
             mine = [Batch.from_bytes(batch.to_bytes()) for one, batch in parcels if one in heard]
             self.rows, self.heard = self.rows + sum(map(len, batches)), self.heard + sum(map(len, mine))
             shard.receive(mine)
@@ -124,7 +126,7 @@ class Shards:
         told = [] if lost else told
         for shard in self.shards:
             for one in told:
-                shard.hear(one)
+                shard.adopt(one)
         self.told += told
         return told
 

@@ -7,9 +7,9 @@ from math import sin
 from pathlib import Path
 from typing import Any
 
-from deconflict.cluster.engine_member import Member
+from deconflict.cluster.engine_member import EngineMember
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.tasks import connected, end_tasks
+from deconflict.cluster.nats.tasks import end_tasks, open_bus
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE, write
 from deconflict.settings.site import Site
@@ -37,13 +37,13 @@ TO_AND_FRO: dict[str, Course] = {
 """Two that pass each other every nineteen seconds, 1.5 m apart."""
 
 
-async def measured(machines: Machines, member: Member, name: str) -> dict[tuple[str, ...], float]:
+async def measured(machines: Machines, member: EngineMember, name: str) -> dict[tuple[str, ...], float]:
     """What a member says of a measure, once it does."""
     bus = Bus(machines.settings, 1.0)
     await bus.open()
     async with asyncio.timeout(300):
         while True:
-            said: dict[str, Any] = bus.members().get(member.name, {})
+            said: dict[str, Any] = bus.state.members().get(member.name, {})
             if told := joined_values(said.get("measures", ())).get(name):
                 await bus.close()
                 return told
@@ -53,7 +53,7 @@ async def measured(machines: Machines, member: Member, name: str) -> dict[tuple[
 async def test_a_new_engine_knows_what_one_that_ended_has_learned(tmp_path: Path) -> None:
     name = "deconflict_forecast_error_metres"
     async with cluster(tmp_path) as (machines, _):
-        first, second = (Member(machines.site(), machines.settings, tmp_path) for _ in range(2))
+        first, second = (EngineMember(machines.site(), machines.settings, tmp_path) for _ in range(2))
         async with ingest(machines, tmp_path / "ingest") as url, running(first):
             driving = asyncio.create_task(drive(url, TO_AND_FRO, 300, time.time()))
             learned = await measured(machines, first, name)
@@ -67,7 +67,7 @@ async def test_a_changed_site_file_is_taken_up_by_an_engine_that_runs(tmp_path: 
     async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
         base, site = f"http://127.0.0.1:{operator.port}", machines.site()
         url = await stack.enter_async_context(ingest(machines, tmp_path / "ingest"))
-        member = Member(site, machines.settings, tmp_path)
+        member = EngineMember(site, machines.settings, tmp_path)
         await stack.enter_async_context(running(member))
         driving = asyncio.create_task(drive(url, TO_AND_FRO, 300, time.time()))
         await measured(machines, member, "deconflict_forecast_error_metres")
@@ -84,12 +84,12 @@ async def test_channels_are_heard_once_each_though_one_of_those_that_were_begun_
 ) -> None:
     broker = Broker(tmp_path)
     settings = Cluster(nats=(broker.address,))
-    bus, member = Faltering(settings), Member(Site(), settings, tmp_path)
-    member._bus, member._wanted = bus, {"first", "refused", "second"}
+    bus, member = Faltering(settings), EngineMember(Site(), settings, tmp_path)
+    member._bus, member._needed = bus, {"first", "refused", "second"}
     listening = asyncio.create_task(_listening(bus, member))
     try:
         async with asyncio.timeout(300):
-            while not member._wanted <= member._listening.keys():
+            while not member._needed <= member._subscribed.keys():
                 await asyncio.sleep(0.05)
     finally:
         await end_tasks(listening)
@@ -98,6 +98,6 @@ async def test_channels_are_heard_once_each_though_one_of_those_that_were_begun_
     assert bus.begun == {"first": 1, "refused": REFUSALS + 1, "second": 1}
 
 
-async def _listening(bus: Bus, member: Member) -> None:
-    assert await connected(bus, asyncio.Event())
+async def _listening(bus: Bus, member: EngineMember) -> None:
+    assert await open_bus(bus, asyncio.Event())
     await member._listen()

@@ -11,8 +11,8 @@ from typing import Any
 import httpx
 from websockets.asyncio.client import connect
 
-from deconflict.cluster.ingest_calls import Ingests
-from deconflict.cluster.nats.tasks import connected
+from deconflict.cluster.ingest_calls import IngestCalls
+from deconflict.cluster.nats.tasks import open_bus
 from deconflict.cluster.tiles.channels import EVERY
 from deconflict.settings.cluster_settings import Cluster
 from tests.deconflict.cluster.made_cluster import Broker, Faltering, cluster, ingest, needs_server, until
@@ -52,8 +52,8 @@ async def test_the_floor_is_heard_once_though_who_asks_asks_again_before_it_is(t
     broker = Broker(tmp_path)
     bus = Faltering(Cluster(nats=(broker.address,)))
     try:
-        assert await connected(bus, asyncio.Event())
-        follow = Ingests(bus).calls()["follow"]
+        assert await open_bus(bus, asyncio.Event())
+        follow = IngestCalls(bus).handlers()["follow"]
         await asyncio.gather(*(follow(b"0") for _ in range(3)))
     finally:
         await bus.close()

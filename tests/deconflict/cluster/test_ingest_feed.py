@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from deconflict.cluster.nats.tasks import until
+from deconflict.cluster.nats.tasks import run_until
 from tests.helpers.patience import PATIENCE_S
 
 
@@ -22,7 +22,7 @@ async def test_a_chore_that_takes_one_cancellation_for_its_own_ends_all_the_same
     stop = asyncio.Event()
     stop.set()
     async with asyncio.timeout(PATIENCE_S):
-        await until(stop, stubborn())
+        await run_until(stop, stubborn())
     assert cancelled == 2
 
 
@@ -35,4 +35,4 @@ async def test_a_chore_that_fails_ends_the_others_and_raises() -> None:
 
     async with asyncio.timeout(PATIENCE_S):
         with pytest.raises(ValueError, match="no more"):
-            await until(asyncio.Event(), fails(), waits())
+            await run_until(asyncio.Event(), fails(), waits())

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
-from deconflict.cluster.engine_member import Member
-from deconflict.cluster.tiles.tile_owners import Table
+from deconflict.cluster.engine_member import EngineMember
+from deconflict.cluster.tiles.tile_owners import OwnerTable
 from deconflict.cluster.tiles.tiles import Tile
 from tests.deconflict.cluster.made_cluster import Machines, cluster, ingest, lives, needs_server, running, table, until
 from tests.deconflict.roles.made_service import Course, drive
@@ -53,7 +53,7 @@ def all_cleared(listed: dict[str, Any]) -> bool:
 async def owning(machines: Machines, wanted: Callable[[dict[Tile, str]], bool]) -> None:
     """Wait until tiles are owned as wanted."""
     async with asyncio.timeout(300):
-        while not wanted(dict(Table.of_document(await table(machines.settings)).owners)):
+        while not wanted(dict(OwnerTable.of_document(await table(machines.settings)).owners)):
             await asyncio.sleep(0.2)
 
 
@@ -62,7 +62,7 @@ async def test_a_server_that_is_killed_and_comes_back_with_its_store_costs_no_ad
         base = f"http://127.0.0.1:{operator.port}"
         url = await stack.enter_async_context(ingest(machines, tmp_path / "ingest"))
         for _ in range(2):
-            await stack.enter_async_context(running(Member(machines.site(), machines.settings, tmp_path)))
+            await stack.enter_async_context(running(EngineMember(machines.site(), machines.settings, tmp_path)))
         await until(base, "/healthz", lambda health: health["roles"]["engine"] == "up")
         driving = asyncio.create_task(drive(url, pairs(10.0), 300, time.time()))
         await until(base, "/advisories", lambda listed: listed["advisories"])
@@ -84,7 +84,7 @@ async def test_an_engine_that_stood_still_tells_nothing_twice_when_it_goes_on(tm
         await until(base, "/advisories", lambda listed: listed["advisories"])
         stopped = (await table(machines.settings))["watch"]
         machines.signal("stopped", "engine", signal.SIGSTOP)
-        await stack.enter_async_context(running(Member(machines.site(), machines.settings, tmp_path)))
+        await stack.enter_async_context(running(EngineMember(machines.site(), machines.settings, tmp_path)))
         await owning(machines, lambda owners: stopped not in owners.values())
         driving.append(asyncio.create_task(drive(url, courses, 300, time.time())))
         await until(base, "/advisories?state=all", lambda listed: len(listed["advisories"]) >= 2)
@@ -116,7 +116,7 @@ async def test_a_tile_that_is_too_hot_is_split_among_engines_and_no_advisory_is_
         base = f"http://127.0.0.1:{operator.port}"
         url = await stack.enter_async_context(ingest(machines, tmp_path / "ingest"))
         for _ in range(2):
-            await stack.enter_async_context(running(Member(machines.site(), machines.settings, tmp_path)))
+            await stack.enter_async_context(running(EngineMember(machines.site(), machines.settings, tmp_path)))
         await until(base, "/healthz", lambda health: health["roles"]["engine"] == "up")
         driving = asyncio.create_task(drive(url, crowd(), 300, time.time()))
         await owning(machines, lambda owners: len({who for tile, who in owners.items() if tile.path}) == 2)

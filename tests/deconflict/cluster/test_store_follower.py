@@ -8,9 +8,9 @@ import pytest
 
 from deconflict.advisory import AnyAdvisory
 from deconflict.client import Client, PositionLostError
-from deconflict.cluster.judging.stream_writer import Teller
+from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.stream_records import Seen
+from deconflict.cluster.nats.stream_records import StreamPosition
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store
 from tests.deconflict.cluster.made_cluster import HOME, Broker, Machines, buses, face, needs_server, until
@@ -47,11 +47,11 @@ async def test_a_face_whose_server_lost_its_store_begins_anew_and_keeps_the_old_
     broker, data = Broker(tmp_path / "nats"), tmp_path / "face"
     machines = Machines(tmp_path, broker)
     async with buses(broker, 1) as (bus,), asyncio.timeout(300):
-        teller = Teller(bus)
+        writer = StreamWriter(bus.revisions)
         async with face(machines, data) as operator:
             base = f"http://127.0.0.1:{operator.port}"
             for one in (made(1), cleared(1), made(2)):
-                assert await teller.tell(HOME, one) is None
+                assert await writer.write(HOME, one) is None
             await until(base, "/advisories", lambda listed: listed["seq"] == 3)
             async with Client(base) as client:
                 following = client.follow(after=2)
@@ -62,8 +62,8 @@ async def test_a_face_whose_server_lost_its_store_begins_anew_and_keeps_the_old_
             aside = await set_aside(data)
         assert [one.id for one in aside.latest("all").advisories] == ["advisory-2", "advisory-1"]
         aside.close()
-        assert await teller.tell(HOME, cleared(2)) is None
-        assert await teller.tell(HOME, made(3)) is None
+        assert await writer.write(HOME, cleared(2)) is None
+        assert await writer.write(HOME, made(3)) is None
         await stored(machines, data, [cleared(2), made(3)])
 
 
@@ -74,10 +74,10 @@ async def test_a_face_does_not_take_the_numbers_of_a_single_machine_for_those_of
     single.append([made(1), cleared(1), made(2)])
     single.close()
     async with buses(broker, 1) as (bus,), asyncio.timeout(300):
-        teller = Teller(bus)
+        writer = StreamWriter(bus.revisions)
         for number in range(3, 8):
-            assert await teller.tell(HOME, made(number)) is None
-            assert await teller.tell(HOME, cleared(number)) is None
+            assert await writer.write(HOME, made(number)) is None
+            assert await writer.write(HOME, cleared(number)) is None
         async with face(machines, data):
             aside = await set_aside(data)
         assert [one.id for one in aside.open()] == ["advisory-2"]
@@ -108,15 +108,26 @@ async def test_what_is_open_is_shown_again_after_a_server_lost_its_store(tmp_pat
 async def test_what_was_seen_shows_whether_a_stream_goes_on_from_it(tmp_path: Path) -> None:
     broker = Broker(tmp_path / "nats")
     async with buses(broker, 1) as (bus,):
-        teller = Teller(bus)
+        writer = StreamWriter(bus.revisions)
         for one in (made(1), made(1, revision=2), cleared(1, revision=3)):
-            assert await teller.tell(HOME, one) is None
-        seen = [Seen(0, "", 0), Seen(2, "advisory-1", 2), Seen(3, "advisory-1", 3), Seen(2, "", 0), Seen(3, "", 0)]
+            assert await writer.write(HOME, one) is None
+        seen = [
+            StreamPosition(0, "", 0),
+            StreamPosition(2, "advisory-1", 2),
+            StreamPosition(3, "advisory-1", 3),
+            StreamPosition(2, "", 0),
+            StreamPosition(3, "", 0),
+        ]
         assert await going_on(bus, seen) == [True] * 5
-        assert await going_on(bus, [Seen(2, "advisory-1", 1), Seen(3, "advisory-2", 3), Seen(4, "", 0)]) == [False] * 3
-        await bus._js.purge_stream(f"{bus.name}-told")
+        assert (
+            await going_on(
+                bus, [StreamPosition(2, "advisory-1", 1), StreamPosition(3, "advisory-2", 3), StreamPosition(4, "", 0)]
+            )
+            == [False] * 3
+        )
+        await bus.connection.js.purge_stream(f"{bus.name}-told")
         assert await going_on(bus, seen) == [True, False, True, False, True]
 
 
-async def going_on(bus: Bus, seen: list[Seen]) -> list[bool]:
-    return [await bus.goes_on_from(one) for one in seen]
+async def going_on(bus: Bus, seen: list[StreamPosition]) -> list[bool]:
+    return [await bus.revisions.continues_from(one) for one in seen]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import pytest
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
-from deconflict.cluster.judging.global_judge import Commons
+from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.engine.engine import Engine
 from deconflict.foresight.presence.lasting_silences import PresenceChanges
 from deconflict.runtime.learned_state import Part
@@ -199,13 +199,13 @@ class Watched(Watch):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        empty = Commons(SITE).learned()
-        self.commons = Commons(SITE, learned=empty | self.learned if self.learned else None)
+        empty = GlobalJudge(SITE).learned()
+        self.commons = GlobalJudge(SITE, learned=empty | self.learned if self.learned else None)
         self.told: list[AnyAdvisory] = []
 
     def tick(self, everything: bool = False) -> PresenceChanges:
         self.commons.receive([self.fleet.next_batch(NOW_S + self.now_s, everything)])
-        self.told += self.commons.step(NOW_S + self.now_s)
+        self.told += self.commons.advance(NOW_S + self.now_s)
         return PresenceChanges()
 
 

@@ -10,11 +10,11 @@ from websockets.asyncio.client import connect
 
 from deconflict.advice.async_answers import answer_at_once
 from deconflict.advisory import AdvisoryState
-from deconflict.cluster.engine_member import Member
-from deconflict.cluster.judging.global_engine import Lookout
-from deconflict.cluster.judging.stream_writer import Teller
+from deconflict.cluster.engine_member import EngineMember
+from deconflict.cluster.judging.global_engine import GlobalEngine
+from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.stream_records import Line, Seen
+from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.nats.tasks import end_tasks
 from deconflict.cluster.tiles.channels import EVERY
 from ingest.measures.measures import joined_values
@@ -61,7 +61,7 @@ async def test_a_queue_is_told_once_and_goes_on_under_its_id_where_the_engine_th
     async with cluster(tmp_path, SITE) as (machines, operator), AsyncExitStack() as stack:
         base, robots = f"http://127.0.0.1:{operator.port}", scripts()
         urls = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]
-        members = [Member(machines.site(), machines.settings, tmp_path) for _ in range(2)]
+        members = [EngineMember(machines.site(), machines.settings, tmp_path) for _ in range(2)]
         tasks = {one.name: await stack.enter_async_context(running(one)) for one in members}
         driving = asyncio.create_task(drive(urls, robots))
         found = by_kind(await until(base, "/advisories", lambda listed: by_kind(listed).keys() >= {"contention"}))
@@ -85,33 +85,33 @@ async def feed(bus: Bus, robots: dict[str, Script]) -> None:
         for name, script in robots.items():
             one.receive(identity(name, start_s, manufacturerName=script.vendor), now_s, line)
             one.receive(script.says(name, now_s - start_s, start_s), now_s, line)
-        await bus.send_rows(EVERY, one.next_batch(now_s).to_bytes())
+        await bus.send_parcel(EVERY, one.next_batch(now_s).to_bytes())
         await asyncio.sleep(0.5)
 
 
-def counted(lookout: Lookout, state: AdvisoryState) -> float:
+def counted(engine: GlobalEngine, state: AdvisoryState) -> float:
     """Revisions of queues so far."""
-    return joined_values(lookout.measured).get("deconflict_advisories_total", {}).get(("contention", state.value), 0)
+    return joined_values(engine.measures).get("deconflict_advisories_total", {}).get(("contention", state.value), 0)
 
 
 async def bounded(bus: Bus, bytes_a_message: int) -> None:
     """Let the stream of what is told take messages of no more than that; -1 of any size."""
-    kept = (await bus._js.stream_info(f"{bus.name}-told")).config
-    await bus._js.update_stream(kept, max_msg_size=bytes_a_message)
+    kept = (await bus.connection.js.stream_info(f"{bus.name}-told")).config
+    await bus.connection.js.update_stream(kept, max_msg_size=bytes_a_message)
 
 
 async def test_a_lookout_goes_on_looking_while_nothing_can_be_told_and_tells_it_all_later(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1) as (bus,), asyncio.timeout(300):
-        told: list[Line] = []
-        await bus.hear_told(told.append, after=Seen(0, "", 0))
+        told: list[StreamRecord] = []
+        await bus.revisions.follow(told.append, after=StreamPosition(0, "", 0))
         await bounded(bus, 1)
-        lookout, robots = Lookout(SITE, bus, Teller(bus), answer_at_once), scripts()
-        chores = (lookout.run(lambda: True), lookout.outbox.run(), feed(bus, robots))
+        engine, robots = GlobalEngine(SITE, bus, StreamWriter(bus.revisions), answer_at_once), scripts()
+        chores = (engine.run(lambda: True), engine.outbox.run(), feed(bus, robots))
         tasks = [asyncio.create_task(one) for one in chores]
-        while not counted(lookout, AdvisoryState.RAISED):
+        while not counted(engine, AdvisoryState.RAISED):
             await asyncio.sleep(0.05)
         robots["F"] = Script([(0, 30, 60)], [(80, 0, 40)], state=lambda _: "waitingExternalEvent")
-        while not counted(lookout, AdvisoryState.UPDATED):
+        while not counted(engine, AdvisoryState.UPDATED):
             await asyncio.sleep(0.05)
         assert not told
         await bounded(bus, -1)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
-from deconflict.cluster.judging.global_judge import Commons
+from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.engine.engine import Engine
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
@@ -45,34 +45,34 @@ def others(told: list[AnyAdvisory]) -> list[FindingAdvisory]:
 
 
 def test_it_tells_what_the_engine_of_one_machine_tells_whichever_ingest_hears_a_robot() -> None:
-    floor, engine, commons = Floor(scripts()), Engine(SITE), Commons(SITE)
+    floor, engine, commons = Floor(scripts()), Engine(SITE), GlobalJudge(SITE)
     counted: Counter[tuple[str, str]] = Counter()
     for tick in range(TICKS * 70):
         whole, shared = floor.tick(tick)
         engine.receive(whole)
         commons.receive([Batch.from_bytes(one.to_bytes()) for one in shared])
         told = others(engine.step(NOW_S + tick / TICKS))
-        assert commons.step(NOW_S + tick / TICKS) == told
+        assert commons.advance(NOW_S + tick / TICKS) == told
         counted.update((one.kind, one.state.value) for one in told)
     assert {("deadlock", "raised"), ("contention", "raised"), ("deadlock", "cleared")} <= counted.keys()
     assert commons.measures.values["deconflict_advisories_total"] == counted
 
 
 def test_who_takes_over_goes_on_with_what_is_open_and_is_told_of_what_others_decided() -> None:
-    floor, first, second = Floor(scripts()), Commons(SITE), Commons(SITE)
+    floor, first, second = Floor(scripts()), GlobalJudge(SITE), GlobalJudge(SITE)
     told: list[FindingAdvisory] = []
     for tick in range(TICKS * 70):
         now_s = NOW_S + tick / TICKS
         _, shared = floor.tick(tick)
         if tick == TICKS * 8:
             assert {one.kind for one in first.open()} == {"deadlock", "contention"}
-            second = Commons(SITE, first.open())
+            second = GlobalJudge(SITE, first.open())
             second.receive([one.snapshot(now_s) for one in floor.parts])
         commons = first if tick < TICKS * 8 else second
         commons.receive(shared)
-        fresh = commons.step(now_s)
+        fresh = commons.advance(now_s)
         for one in fresh:
-            commons.hear(one)
+            commons.adopt(one)
         told += fresh
     lives: dict[str, list[FindingAdvisory]] = {}
     for one in told:
@@ -83,33 +83,33 @@ def test_who_takes_over_goes_on_with_what_is_open_and_is_told_of_what_others_dec
 
 
 def test_what_another_told_in_its_place_stands() -> None:
-    floor, one, other = Floor(scripts()), Commons(SITE), Commons(SITE)
+    floor, one, other = Floor(scripts()), GlobalJudge(SITE), GlobalJudge(SITE)
     mine: list[FindingAdvisory] = []
     theirs: list[FindingAdvisory] = []
     for tick in range(TICKS * 6):
         _, shared = floor.tick(tick)
         one.receive(shared)
-        mine += one.step(NOW_S + tick / TICKS)
+        mine += one.advance(NOW_S + tick / TICKS)
         if tick > TICKS:
             other.receive(shared)
-            theirs += other.step(NOW_S + tick / TICKS)
+            theirs += other.advance(NOW_S + tick / TICKS)
     assert {each.kind for each in mine} == {each.kind for each in theirs}
     assert not {each.id for each in mine} & {each.id for each in theirs}
     for each in theirs:
-        one.hear(each, overruled=True)
+        one.adopt(each, overruled=True)
     assert {each.id for each in one.open()} == {each.id for each in other.open()}
 
 
 def claimed(at: dict[int, list[bytes]], seconds: float) -> list[ClaimAdvisory]:
     """What two ingests come to where every second each hears what it is given, as of its start."""
-    commons, fleets, told = Commons(SITE), (fleet(), fleet()), []
+    commons, fleets, told = GlobalJudge(SITE), (fleet(), fleet()), []
     for tick in range(round(TICKS * seconds)):
         now_s = NOW_S + tick / TICKS
         for number, said in at.items():
             for raw in said if tick % TICKS == number else ():
                 fleets[number].receive(raw, now_s, Connection(1))
         commons.receive([one.next_batch(now_s) for one in fleets])
-        told += commons.step(now_s)
+        told += commons.advance(now_s)
     return [one for one in told if isinstance(one, ClaimAdvisory)]
 
 
@@ -137,7 +137,7 @@ def test_a_robot_that_is_in_two_places_by_two_ingests_is_told_of() -> None:
 
 
 def test_a_claim_that_one_ingest_tells_stands_as_long_as_there() -> None:
-    ingest, commons, told = fleet(), Commons(SITE), []
+    ingest, commons, told = fleet(), GlobalJudge(SITE), []
     owner, other = Connection(1, vendor="Alder"), Connection(2, vendor="Mallory")
     ingest.receive(identity("A", NOW_S), NOW_S, owner)
     ingest.receive(status("A", NOW_S), NOW_S, owner)
@@ -145,6 +145,6 @@ def test_a_claim_that_one_ingest_tells_stands_as_long_as_there() -> None:
     for tick in range(TICKS * round(HELD_S + 10)):
         now_s = NOW_S + 1 + tick / TICKS
         commons.receive([ingest.next_batch(now_s)])
-        told += commons.step(now_s)
+        told += commons.advance(now_s)
     assert [one.state for one in told] == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
     assert 0 <= told[1].updated_at.timestamp() - NOW_S - 1 - HELD_S <= 8

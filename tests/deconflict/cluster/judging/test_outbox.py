@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from deconflict.cluster.judging import outbox
-from deconflict.cluster.judging.outbox import Outbox, UntoldError
-from deconflict.cluster.judging.stream_writer import Teller
+from deconflict.cluster.judging.outbox import Outbox, UnwrittenError
+from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.tasks import end_tasks
 from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server
 from tests.helpers.made_advisories import made
@@ -22,14 +22,14 @@ async def test_what_waits_is_bounded_and_what_was_told_waits_no_more(
 ) -> None:
     monkeypatch.setattr(outbox, "MOST_WAITING", 10)
     async with buses(Broker(tmp_path), 1) as (bus,):
-        one = Outbox(Teller(bus))
+        one = Outbox(StreamWriter(bus.revisions))
         telling = asyncio.create_task(one.run())
         for revision in range(1, 25):
             told = asyncio.Event()
-            one.put([(HOME, made(1, revision))], told.set)
+            one.add_pass([(HOME, made(1, revision))], told.set)
             async with asyncio.timeout(PATIENCE_S):
                 await told.wait()
         await end_tasks(telling)
-        one.put((HOME, made(2, revision, robots=PAIR)) for revision in range(1, 10))
-        with pytest.raises(UntoldError, match="wait for a NATS server that takes none"):
-            one.put([])
+        one.add_pass((HOME, made(2, revision, robots=PAIR)) for revision in range(1, 10))
+        with pytest.raises(UnwrittenError, match="wait for a NATS server that accepts none"):
+            one.add_pass([])

@@ -54,7 +54,7 @@ def compared(courses: dict[str, Course], datums: dict[str, str], shards: Shards,
 
 def joined_sum(shards: Shards, name: str) -> dict[tuple[str, ...], float]:
     """What all shards measure together."""
-    return combine([one for shard in shards.shards for one in shard.measured()]).values[name]
+    return combine([one for shard in shards.shards for one in shard.measures()]).values[name]
 
 
 def strips(grid: Grid, count: int, half_m: float) -> Callable[[Tile], int]:
@@ -162,7 +162,7 @@ def test_a_shard_that_takes_tiles_over_goes_on_with_their_advisories(told_in_tim
             assert {one.state for one in parts} <= {AdvisoryState.RAISED, AdvisoryState.UPDATED}
             shards.owners = dict.fromkeys(shards.owners, 1)
             shards.allot()
-            shards.shards[0].own(())
+            shards.shards[0].set_tiles(())
         parts += [one.advisory for one in shards.step(tick, batches, lost=not told_in_time and tick < TICKS * 8)]
     assert [one.id for one in parts] == [whole[0].id] * len(parts)
     assert [one.revision for one in parts] == list(range(1, len(parts) + 1))

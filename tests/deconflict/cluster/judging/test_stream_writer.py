@@ -3,7 +3,7 @@
 import asyncio
 from pathlib import Path
 
-from deconflict.cluster.judging.stream_writer import Teller
+from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.stream_records import key_of
 from deconflict.cluster.nats.tasks import end_tasks
 from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server
@@ -16,13 +16,13 @@ OTHERS = ("0c5b4a7e-0000-4000-8000-00000000000a", "0c5b4a7e-0000-4000-8000-00000
 
 async def test_a_pair_that_meets_again_after_its_last_advisory_is_no_longer_kept_is_told_of(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1, KEPT_S / 86400) as (bus,), asyncio.timeout(300):
-        teller = Teller(bus)
-        assert await teller.tell(HOME, made(1)) is None
-        assert await teller.tell(HOME, cleared(1, revision=2)) is None
-        while await bus.last_told(key_of(made(1))):
+        writer = StreamWriter(bus.revisions)
+        assert await writer.write(HOME, made(1)) is None
+        assert await writer.write(HOME, cleared(1, revision=2)) is None
+        while await bus.revisions.last(key_of(made(1))):
             await asyncio.sleep(0.1)
-        assert await teller.tell(HOME, made(2)) is None
-        stands = await bus.last_told(key_of(made(2)))
+        assert await writer.write(HOME, made(2)) is None
+        stands = await bus.revisions.last(key_of(made(2)))
     assert stands
     assert stands.advisory == made(2)
 
@@ -30,11 +30,11 @@ async def test_a_pair_that_meets_again_after_its_last_advisory_is_no_longer_kept
 async def test_what_a_server_that_lost_its_store_has_not_is_told_anew(tmp_path: Path) -> None:
     broker = Broker(tmp_path / "nats")
     async with buses(broker, 1) as (bus,), asyncio.timeout(300):
-        teller = Teller(bus)
-        assert await teller.tell(HOME, made(1)) is None
+        writer = StreamWriter(bus.revisions)
+        assert await writer.write(HOME, made(1)) is None
         broker.empty()
-        assert await teller.tell(HOME, made(1, revision=2)) is None
-        stands = await bus.last_told(key_of(made(1)))
+        assert await writer.write(HOME, made(1, revision=2)) is None
+        stands = await bus.revisions.last(key_of(made(1)))
     assert stands
     assert (stands.seq, stands.advisory) == (1, made(1, revision=2))
 
@@ -42,37 +42,38 @@ async def test_what_a_server_that_lost_its_store_has_not_is_told_anew(tmp_path: 
 async def test_what_is_open_is_told_again_to_a_server_that_lost_its_store_by_whoever_knows_it(tmp_path: Path) -> None:
     broker = Broker(tmp_path / "nats")
     async with buses(broker, 2) as both, asyncio.timeout(300):
-        tellers = [Teller(bus) for bus in both]
-        for bus, teller in zip(both, tellers, strict=True):
-            await bus.hear_told(teller.know)
+        writers = [StreamWriter(bus.revisions) for bus in both]
+        for bus, writer in zip(both, writers, strict=True):
+            await bus.revisions.follow(writer.note)
         async with asyncio.TaskGroup() as keeping:
-            kept = [keeping.create_task(one.keep()) for one in tellers]
-            assert await tellers[0].tell(HOME, made(1)) is None
-            assert await tellers[0].tell(HOME, made(1, revision=2)) is None
-            assert await tellers[0].tell(HOME, made(2, robots=OTHERS)) is None
-            assert await tellers[0].tell(HOME, cleared(2, robots=OTHERS)) is None
-            while tellers[1].open() != [made(1, revision=2)]:
+            kept = [keeping.create_task(one.keep_complete()) for one in writers]
+            assert await writers[0].write(HOME, made(1)) is None
+            assert await writers[0].write(HOME, made(1, revision=2)) is None
+            assert await writers[0].write(HOME, made(2, robots=OTHERS)) is None
+            assert await writers[0].write(HOME, cleared(2, robots=OTHERS)) is None
+            while writers[1].open() != [made(1, revision=2)]:
                 await asyncio.sleep(0.05)
             broker.empty()
-            while not all(bus.streams for bus in both) or not await both[1].last_told(key_of(made(1))):
+            streams = [bus.revisions for bus in both]
+            while not all(stream.replacements for stream in streams) or not await streams[1].last(key_of(made(1))):
                 await asyncio.sleep(0.05)
-            assert await tellers[0].tell(HOME, cleared(1, revision=3)) is None
+            assert await writers[0].write(HOME, cleared(1, revision=3)) is None
             await end_tasks(*kept)
-        told = [await both[0].last_told(key_of(one)) for one in (made(1), made(2, robots=OTHERS))]
+        told = [await both[0].revisions.last(key_of(one)) for one in (made(1), made(2, robots=OTHERS))]
     assert [one and (one.seq, one.advisory) for one in told] == [(2, cleared(1, revision=3)), None]
 
 
 async def test_what_is_open_for_longer_than_is_kept_is_told_once_more_before_it_is_forgotten(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1, KEPT_S / 86400) as (bus,), asyncio.timeout(300):
-        teller = Teller(bus)
-        keeping = asyncio.create_task(teller.keep())
-        assert await teller.tell(HOME, made(1)) is None
-        assert await teller.tell(HOME, made(2, robots=OTHERS)) is None
-        assert await teller.tell(HOME, cleared(2, robots=OTHERS)) is None
-        while await bus.last_told(key_of(made(2, robots=OTHERS))):
+        writer = StreamWriter(bus.revisions)
+        keeping = asyncio.create_task(writer.keep_complete())
+        assert await writer.write(HOME, made(1)) is None
+        assert await writer.write(HOME, made(2, robots=OTHERS)) is None
+        assert await writer.write(HOME, cleared(2, robots=OTHERS)) is None
+        while await bus.revisions.last(key_of(made(2, robots=OTHERS))):
             await asyncio.sleep(0.05)
-        stands = await bus.last_told(key_of(made(1)))
-        assert await teller.tell(HOME, made(1, revision=2)) is None
+        stands = await bus.revisions.last(key_of(made(1)))
+        assert await writer.write(HOME, made(1, revision=2)) is None
         await end_tasks(keeping)
     assert stands
     assert (stands.seq > 3, stands.advisory) == (True, made(1))

@@ -12,12 +12,14 @@ from nats.errors import MaxPayloadError
 from nats.js.api import ConsumerConfig
 
 from deconflict.advisory import AdvisoryState
-from deconflict.cluster.engine_member import Member
-from deconflict.cluster.judging.stream_writer import Teller
-from deconflict.cluster.nats.bus import FEED, Bus, OverruledError
+from deconflict.cluster.engine_member import EngineMember
+from deconflict.cluster.judging.stream_writer import StreamWriter
+from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.revision_stream import OverruledError
+from deconflict.cluster.nats.shared_state import FEED
 from deconflict.cluster.nats.stream_records import key_of
-from deconflict.cluster.nats.subscriptions import BUS_ERRORS, lately
-from deconflict.cluster.nats.tasks import connected, end_tasks
+from deconflict.cluster.nats.subscriptions import BUS_ERRORS, since_lately
+from deconflict.cluster.nats.tasks import end_tasks, open_bus
 from deconflict.cluster.tiles.tiles import Tile
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site
@@ -33,12 +35,12 @@ pytestmark = needs_server
 
 async def test_a_revision_sent_again_is_not_doubled_but_another_in_its_place_is_refused(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 2) as (one, other):
-        first = await one.tell(HOME, made(1), 0)
-        second = await one.tell(HOME, made(1, revision=2), first)
-        assert await one.tell(HOME, made(1, revision=2), first) == second
+        first = await one.revisions.write(HOME, made(1), 0)
+        second = await one.revisions.write(HOME, made(1, revision=2), first)
+        assert await one.revisions.write(HOME, made(1, revision=2), first) == second
         with pytest.raises(OverruledError):
-            await other.tell(HOME, cleared(1, revision=2), first)
-        stands = await other.last_told(key_of(made(1)))
+            await other.revisions.write(HOME, cleared(1, revision=2), first)
+        stands = await other.revisions.last(key_of(made(1)))
     assert stands
     assert stands.advisory == made(1, revision=2)
 
@@ -46,16 +48,16 @@ async def test_a_revision_sent_again_is_not_doubled_but_another_in_its_place_is_
 async def test_an_engine_goes_on_with_what_another_tells_while_it_runs(tmp_path: Path) -> None:
     broker = Broker(tmp_path)
     async with buses(broker, 1) as (other,):
-        member = Member(
+        member = EngineMember(
             Site(reading=Reading(quiet_after_s=1.0, silent_after_s=2.0)), Cluster(nats=(broker.address,)), tmp_path
         )
         async with running(member), asyncio.timeout(300):
-            while member.name not in other.members():
+            while member.name not in other.state.members():
                 await asyncio.sleep(0.1)
-            await other.tell(HOME, made(1), 0)
+            await other.revisions.write(HOME, made(1), 0)
             ending = asyncio.create_task(ended(other))
             while not ending.done():
-                await other.beat("feed", {"roots": [str(Tile(HALL, 0, 0))]})
+                await other.state.beat("feed", {"roots": [str(Tile(HALL, 0, 0))]})
                 await asyncio.sleep(0.5)
     assert ending.result() == (2, "Tug 1 and Lift 2 left the floor")
 
@@ -63,7 +65,7 @@ async def test_an_engine_goes_on_with_what_another_tells_while_it_runs(tmp_path:
 async def ended(bus: Bus) -> tuple[int, str | None]:
     """Which revision clears the advisory, and why."""
     while True:
-        line = await bus.last_told(key_of(made(1)))
+        line = await bus.revisions.last(key_of(made(1)))
         if line and line.advisory and line.advisory.state is AdvisoryState.CLEARED:
             return line.advisory.revision, line.advisory.cleared_because
         await asyncio.sleep(0.2)
@@ -72,7 +74,7 @@ async def ended(bus: Bus) -> tuple[int, str | None]:
 async def test_a_role_ends_though_no_server_was_ever_there() -> None:
     stop = asyncio.Event()
     (port,) = free_ports(1)
-    opening = asyncio.create_task(connected(Bus(Cluster(nats=(f"nats://127.0.0.1:{port}",)), 1.0), stop))
+    opening = asyncio.create_task(open_bus(Bus(Cluster(nats=(f"nats://127.0.0.1:{port}",)), 1.0), stop))
     await asyncio.sleep(0.1)
     stop.set()
     async with asyncio.timeout(PATIENCE_S):
@@ -97,17 +99,17 @@ async def test_the_loss_of_one_server_of_three_costs_neither_rows_nor_advisories
     try:
         async with asyncio.timeout(300):
             for each in (one, other):
-                assert await connected(each, asyncio.Event())
-            await other.hear_rows("x", lambda parcel: heard.append(int(parcel)))
-            teller = Teller(one)
-            assert await teller.tell(HOME, made(1)) is None
+                assert await open_bus(each, asyncio.Event())
+            await other.follow_channel("x", lambda parcel: heard.append(int(parcel)))
+            writer = StreamWriter(one.revisions)
+            assert await writer.write(HOME, made(1)) is None
             await sent(one, heard, 0)
-            leader = (await one._js.stream_info(f"{one.name}-rows")).cluster
+            leader = (await one.connection.js.stream_info(f"{one.name}-rows")).cluster
             assert leader
             servers[str(leader.leader)].kill()
-            assert await teller.tell(HOME, made(1, revision=2)) is None
+            assert await writer.write(HOME, made(1, revision=2)) is None
             await sent(one, heard, 1000)
-            stands = await other.last_told(key_of(made(1)))
+            stands = await other.revisions.last(key_of(made(1)))
             assert stands
             assert stands.advisory == made(1, revision=2)
     finally:
@@ -122,7 +124,7 @@ async def sent(bus: Bus, heard: list[int], first: int) -> None:
     number = first
     while max(heard, default=-1) < first:
         with suppress(*BUS_ERRORS):
-            await bus.send_rows("x", str(number).encode())
+            await bus.send_parcel("x", str(number).encode())
         number += 1
         await asyncio.sleep(0.1)
 
@@ -137,12 +139,12 @@ async def test_what_was_left_while_the_connection_was_renewed_is_not_heard_again
             """Once it begins anew, both are left: itself on its way, the other before its turn."""
             if leaves:
                 leaving.extend(asyncio.create_task(_done(leaves.pop(name))) for name in ("a", "b"))
-            return lately()
+            return since_lately()
 
-        with patch("deconflict.cluster.nats.bus.lately", begins):
-            first = await bus.hear_rows("a", lambda _: None)
-        leaves |= {"a": first, "b": await bus.hear_rows("b", lambda _: None)}
-        await bus.hear_rows("c", lambda _: None)
+        with patch("deconflict.cluster.nats.bus.since_lately", begins):
+            first = await bus.follow_channel("a", lambda _: None)
+        leaves |= {"a": first, "b": await bus.follow_channel("b", lambda _: None)}
+        await bus.follow_channel("c", lambda _: None)
         broker.kill()
         broker.start()
         while not bus.renewals:
@@ -160,20 +162,20 @@ async def _done(ending: Callable[[], Awaitable[None]]) -> None:
 
 async def channels_heard(bus: Bus) -> set[str]:
     """Of whatever consumers of parcels the server still has."""
-    consumers = await bus._js.consumers_info(f"{bus.name}-rows")
+    consumers = await bus.connection.js.consumers_info(f"{bus.name}-rows")
     return {str(one.config.filter_subject).rsplit(".", 1)[1] for one in consumers}
 
 
 async def test_a_question_that_fails_or_is_given_up_leaves_nothing_behind(tmp_path: Path) -> None:
     (port,) = free_ports(1)
     async with buses(Broker(tmp_path, "-m", str(port)), 1) as (bus,), asyncio.timeout(300):
-        await bus.beat(f"{FEED}silent", {})
-        while not bus.members():
+        await bus.state.beat(f"{FEED}silent", {})
+        while not bus.state.members():
             await asyncio.sleep(0.05)
         before = await subscriptions(port)
         with pytest.raises(MaxPayloadError):
-            await bus.ask("a" * (bus._nats.max_payload + 1), 1.0)
-        given_up = asyncio.create_task(bus.ask("robots", 300.0))
+            await bus.requests.ask("a" * (bus.connection.client.max_payload + 1), 1.0)
+        given_up = asyncio.create_task(bus.requests.ask("robots", 300.0))
         while await subscriptions(port) == before:
             await asyncio.sleep(0.05)
         await end_tasks(given_up)

@@ -23,7 +23,7 @@ async def reaches(broker: Broker, **told: str) -> bool:
     bus = Bus(Cluster(nats=(broker.address,), **told), 1.0)
     async with asyncio.timeout(300):
         await bus.open()
-        table = await bus.table()
+        table = await bus.state.table()
     await bus.close()
     return table == (0, None)
 

@@ -3,15 +3,24 @@
 import numpy as np
 import pytest
 
-from deconflict.cluster.tiles.channels import EVERY, GONE, MOST_BYTES, Floors, Sorter, channel, pieces, wide_channel
+from deconflict.cluster.tiles.channels import (
+    EVERY,
+    GONE,
+    MOST_BYTES,
+    ChannelSorter,
+    FloorNumbers,
+    channel,
+    parcels_of,
+    wide_channel,
+)
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from ingest.batch import Batch
 from tests.deconflict.cluster.made_shards import REACH_M, SITE, Course, Ingests
 from tests.helpers.saying import HALL, LOFT, robot
 
 
-def sorter() -> Sorter:
-    return Sorter(Grid(20.0), SITE.conflict, REACH_M)
+def sorter() -> ChannelSorter:
+    return ChannelSorter(Grid(20.0), SITE.conflict, REACH_M)
 
 
 def batch_at(tick: int, **courses: Course) -> Batch:
@@ -59,7 +68,7 @@ def test_a_tile_is_asked_for_where_two_may_meet_though_no_robot_is_in_it() -> No
 def test_a_large_batch_comes_in_pieces_that_a_server_takes() -> None:
     some = batch_at(0, **{f"R-{number}": (lambda _: (0.0, 0.0, 0.0)) for number in range(40)})
     large = Batch.joined([some] * (4 * MOST_BYTES // len(some.to_bytes())))
-    told = pieces(large.take(np.arange(len(large)), ("gone",)))
+    told = parcels_of(large.take(np.arange(len(large)), ("gone",)))
     assert len(told) >= 3
     assert max(map(len, told)) <= MOST_BYTES
     parts = [Batch.from_bytes(one) for one in told]
@@ -79,7 +88,7 @@ def test_any_name_of_a_floor_makes_one_part_of_a_subject(name: str) -> None:
 
 
 def test_floors_that_two_ingests_number_otherwise_are_the_same() -> None:
-    floors, hall = Floors(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
+    floors, hall = FloorNumbers(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
     (loft, _) = Ingests({"A": lambda _: (1.0, 1.0, 0.0)}, {"A": LOFT}).batches(0)
     told = [floors.renumbered(one) for one in (hall, loft, hall)]
     assert [one.floors[one.forecasts.floor[0]] for one in told] == [HALL, LOFT, HALL]

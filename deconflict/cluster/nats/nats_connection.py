@@ -1,0 +1,161 @@
+"""One connection to the NATS servers: reconnects, renews its subscriptions, and reports problems to the log."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from math import inf
+
+import nats
+from nats.aio.msg import Msg
+from nats.js import JetStreamContext, api
+from nats.js.errors import BadRequestError, KeyNotFoundError
+from nats.js.kv import KeyValue
+
+from deconflict.cluster.nats.nats_credentials import credentials
+from deconflict.cluster.nats.subscriptions import BUS_ERRORS, Subscription
+from deconflict.settings.cluster_settings import Cluster
+
+log = logging.getLogger(__name__)
+
+CLOSE_TIMEOUT_S = 2.0
+PING_S = 5
+"""Interval of pings. The client reconnects if the server answers none of two in a row."""
+QUICK_TIMEOUT_S = 1.0
+"""Time limit for heartbeats of members: a later one would not count in time."""
+RETRY_S = 0.2
+WARN_AGAIN_S = 10.0
+"""The same warning is logged once in this time."""
+
+
+class NatsConnection:
+    """Calls raise one of `BUS_ERRORS` while no server answers. Subscriptions resume by themselves."""
+
+    def __init__(self, settings: Cluster) -> None:
+        """Raises `SecretError` and `CertificateError`."""
+        self.settings, self.name = settings, settings.name
+        self.renewals = 0
+        """Number of reconnects. Messages in flight at a reconnect may be lost."""
+        self.renewed_s = -inf
+        """When the last reconnect was complete, monotonic time."""
+        self._credentials = credentials(settings)
+        self._subscriptions: list[Subscription] = []
+        self._reconnected = asyncio.Event()
+        self._renewing: asyncio.Task[None] | None = None
+        self._warned_s: dict[str, float] = {}
+        """When each warning was logged last."""
+
+    async def connect(self) -> None:
+        self.client = await nats.connect(
+            list(self.settings.nats),
+            max_reconnect_attempts=-1,
+            reconnect_time_wait=0.2,
+            ping_interval=PING_S,
+            **self._credentials,
+            error_cb=self._on_error,
+            reconnected_cb=self._on_reconnect,
+        )
+        self.js: JetStreamContext = self.client.jetstream()
+        self.quick: JetStreamContext = self.client.jetstream(timeout=QUICK_TIMEOUT_S)
+
+    def renew_after_reconnects(self, restore: Callable[[], Awaitable[None]]) -> None:
+        """From now on call `restore` and then begin every subscription again after each reconnect."""
+        self._renewing = asyncio.create_task(self._renew(restore))
+
+    async def close(self) -> None:
+        if self._renewing:
+            self._renewing.cancel()
+        with suppress(*BUS_ERRORS):
+            async with asyncio.timeout(CLOSE_TIMEOUT_S):
+                await self.client.close()
+
+    def is_connected(self) -> bool:
+        return bool(self.client.is_connected)
+
+    async def subscribe(
+        self,
+        subject: str,
+        stream: str,
+        on_message: Callable[[Msg], Awaitable[None]],
+        config: Callable[[], api.ConsumerConfig],
+    ) -> tuple[Subscription, int]:
+        """Subscribe to a stream. Returns the subscription, and how many messages it already has."""
+        subscription = Subscription(subject, stream, on_message, config)
+        try:
+            waiting = await subscription.begin(self.js)
+        except BaseException:
+            await subscription.end()
+            raise
+        self._subscriptions.append(subscription)
+        return subscription, waiting
+
+    async def unsubscribe(self, subscription: Subscription) -> None:
+        self._subscriptions.remove(subscription)
+        await subscription.end()
+
+    async def ensure_stream(
+        self, kind: str, subjects: list[str], storage: api.StorageType, age_s: float, same_s: float
+    ) -> None:
+        """Create a stream, or change its settings. `same_s` is how long the server recognises a repeated message."""
+        config = api.StreamConfig(
+            name=f"{self.name}-{kind}",
+            subjects=subjects,
+            storage=storage,
+            max_age=age_s,
+            duplicate_window=min(same_s, age_s),
+            num_replicas=self.settings.copies,
+        )
+        try:
+            await self.js.add_stream(config)
+        except BadRequestError:  # it exists with other settings
+            await self.js.update_stream(config)
+
+    def fits(self, key: str, data: bytes) -> bool:
+        """Whether the server accepts a message of this size. Logs a warning if not."""
+        most_bytes = self.client.max_payload
+        if len(data) <= most_bytes:
+            return True
+        log.warning("%s takes %s bytes, and the NATS server accepts at most %s", key, len(data), most_bytes)
+        return False
+
+    def warn(self, text: str) -> None:
+        """Log a warning, but not again within `WARN_AGAIN_S`."""
+        now_s = time.monotonic()
+        self._warned_s = {text: at_s for text, at_s in self._warned_s.items() if now_s - at_s <= WARN_AGAIN_S}
+        if text not in self._warned_s:
+            self._warned_s[text] = now_s
+            log.warning("%s", text)
+
+    async def _on_reconnect(self) -> None:
+        self._reconnected.set()
+
+    async def _on_error(self, error: Exception) -> None:
+        """The client retries five times a second; `warn` limits the log."""
+        self.warn(f"the NATS server: {error or type(error).__name__}")
+
+    async def _renew(self, restore: Callable[[], Awaitable[None]]) -> None:
+        while True:
+            await self._reconnected.wait()
+            self._reconnected.clear()
+            try:
+                await restore()
+                for subscription in list(self._subscriptions):
+                    await subscription.begin(self.js)
+            except BUS_ERRORS as error:
+                log.warning("%s is not connected again yet: %s", self.name, error or type(error).__name__)
+                self._reconnected.set()
+                await asyncio.sleep(RETRY_S)
+            else:
+                self.renewed_s = time.monotonic()
+                self.renewals += 1
+                log.warning("%s is connected again", self.name)
+
+
+async def entry(bucket: KeyValue, key: str) -> tuple[int, bytes | None]:
+    """The revision number and the bytes under a key; 0 and None if there is no entry."""
+    try:
+        found = await bucket.get(key)
+    except KeyNotFoundError:
+        return 0, None
+    return found.revision or 0, found.value

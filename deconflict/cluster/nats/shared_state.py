@@ -1,0 +1,122 @@
+"""Buckets that all members of a cluster share: live members, owners of tiles, learned state, identity reports."""
+
+import json
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from nats.aio.msg import Msg
+from nats.js import api
+from nats.js.errors import KeyWrongLastSequenceError
+
+from deconflict.cluster.nats.nats_connection import NatsConnection, entry
+from deconflict.cluster.nats.subscriptions import newest_of_each
+from ingest.fleet.introductions import Introduction
+
+LEASE_S = 4.0
+"""A member that has sent no heartbeat for this long is gone."""
+CLOCK_WARNING_S = 5.0
+"""A warning is logged if a member's clock differs by more. A heartbeat is received within `LEASE_S`."""
+INTRODUCTION_BYTES = 1 << 26
+"""Size of the bucket for identity reports: enough for some hundred thousand robots."""
+FEED = "feed-"
+"""Prefix of the names of members that are ingests."""
+
+
+class SharedState:
+    """Buckets `NAME-members`, `NAME-table`, `NAME-learned` and `NAME-introduced`."""
+
+    def __init__(self, connection: NatsConnection) -> None:
+        self._connection, self._name = connection, connection.name
+        self._heartbeats: dict[str, tuple[float, dict[str, Any]]] = {}
+        """By member, when its last heartbeat came by this machine's clock, and its contents."""
+
+    async def ensure(self) -> None:
+        """Create the buckets that do not exist."""
+        name, js, copies = self._name, self._connection.js, self._connection.settings.copies
+        memory, disk = api.StorageType.MEMORY, api.StorageType.FILE
+        await js.create_key_value(bucket=f"{name}-members", ttl=LEASE_S, storage=memory, replicas=copies)
+        await js.create_key_value(bucket=f"{name}-table", storage=disk, replicas=copies)
+        self._learned = await js.create_key_value(bucket=f"{name}-learned", storage=disk, replicas=copies)
+        self._introduced = await js.create_key_value(
+            bucket=f"{name}-introduced", max_bytes=INTRODUCTION_BYTES, storage=disk, replicas=copies
+        )
+        self._table = await self._connection.quick.key_value(f"{name}-table")
+
+    async def follow_members(self) -> None:
+        bucket = f"{self._name}-members"
+        await self._connection.subscribe(f"$KV.{bucket}.*", f"KV_{bucket}", self._on_heartbeat, newest_of_each)
+
+    async def beat(self, member: str, document: dict[str, Any]) -> None:
+        """Send a member's heartbeat, with a document for the other members."""
+        data = json.dumps(document | {"at_s": time.time()}).encode()
+        await self._connection.quick.publish(f"$KV.{self._name}-members.{member}", data)
+
+    def members(self) -> dict[str, dict[str, Any]]:
+        """The last document of every member that has sent a heartbeat within `LEASE_S`."""
+        since_s = time.monotonic() - LEASE_S
+        self._heartbeats = {
+            member: heartbeat for member, heartbeat in self._heartbeats.items() if heartbeat[0] >= since_s
+        }
+        return {member: document for member, (_, document) in self._heartbeats.items()}
+
+    def ingests(self) -> set[str]:
+        """The members that are ingests."""
+        return {member for member in self.members() if member.startswith(FEED)}
+
+    def knows_members(self) -> bool:
+        """Whether every live member has had the time to send a heartbeat since the last reconnect."""
+        return time.monotonic() - self._connection.renewed_s > LEASE_S
+
+    async def _on_heartbeat(self, message: Msg) -> None:
+        member, document = message.subject.rsplit(".", 1)[1], json.loads(message.data or b"{}")
+        self._heartbeats[member] = time.monotonic(), document
+        off_s = document.get("at_s", now_s := time.time()) - now_s
+        if abs(off_s) > CLOCK_WARNING_S:
+            self._connection.warn(
+                f"the clock of {member} differs by {off_s:.0f} s from this machine's; synchronise both by NTP"
+            )
+
+    async def keep(self, name: str, data: bytes) -> None:
+        """Keep learned state for members that start later. Data that is too large for the server is not kept."""
+        if self._connection.fits(name, data):
+            await self._learned.put(name, data)
+
+    async def kept(self, name: str) -> bytes | None:
+        """The learned state under a name; None if there is none."""
+        return (await entry(self._learned, name))[1]
+
+    async def introduce(self, introduction: Introduction) -> None:
+        """Keep a robot's identity report, unless the bucket has it, a newer one, or another vendor's."""
+        data = json.dumps(introduction.document()).encode()
+        while self._connection.fits(introduction.uuid, data):
+            last, kept = await entry(self._introduced, introduction.uuid)
+            if not introduction.is_news_to(Introduction.of_document(json.loads(kept)) if kept else None):
+                return
+            with suppress(KeyWrongLastSequenceError):
+                await self._introduced.update(introduction.uuid, data, last=last)
+                return
+
+    async def follow_introductions(self, receive: Callable[[Introduction], None]) -> None:
+        """Receive the last identity report of each robot, and then each new one."""
+
+        async def on_message(message: Msg) -> None:
+            if message.data:
+                receive(Introduction.of_document(json.loads(message.data)))
+
+        bucket = f"{self._name}-introduced"
+        await self._connection.subscribe(f"$KV.{bucket}.*", f"KV_{bucket}", on_message, newest_of_each)
+
+    async def table(self) -> tuple[int, dict[str, Any] | None]:
+        """The revision number and the document of the owner table; 0 and None if there is none."""
+        last, data = await entry(self._table, "table")
+        return last, json.loads(data or b"null")
+
+    async def write_table(self, document: dict[str, Any], last: int) -> bool:
+        """Replace the owner table of revision `last`. False if it has changed in the meantime."""
+        try:
+            await self._table.update("table", json.dumps(document).encode(), last=last)
+        except KeyWrongLastSequenceError:
+            return False
+        return True
