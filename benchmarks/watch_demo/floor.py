@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.simulation.annex import split
-from deconflict.simulation.cast import Body, Member, VendorName, cast
+from deconflict.simulation.cast import BodySize, CastMember, VendorName, cast
 from deconflict.simulation.driving.traffic import World
-from deconflict.simulation.driving.true_stops import Stop, Stops
+from deconflict.simulation.driving.true_stops import Stops, TrueStop
 from deconflict.simulation.floor_layout import layout_for
-from deconflict.simulation.robot_state import Robot, some_robots
-from deconflict.simulation.truth import SAME_ENCOUNTER_S, Encounter, near_pairs
+from deconflict.simulation.robot_state import RobotState, some_robots
+from deconflict.simulation.truth import SAME_ENCOUNTER_S, TrueEncounter, near_pairs
 from deconflict.simulation.vendors.dialects import DIALECTS
 from deconflict.simulation.vendors.senders import OWN_PATH
 from ingest.batch import Floats, Ints
@@ -28,13 +28,13 @@ DELIVERY_S = (0.03, 0.2)
 class Truth:
     """What happened so far; robots are rows, those of the annex after those of the halls."""
 
-    encounters: list[Encounter] = field(default_factory=list)
+    encounters: list[TrueEncounter] = field(default_factory=list)
     envelopes: Floats = field(default_factory=lambda: np.empty((0, 5)))
     """(n, 5) x, y, yaw of each envelope's centre, its length and its width."""
     floor: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     stood_s: Floats = field(default_factory=lambda: np.empty(0))
     """(n,) how long each has stood."""
-    open: dict[tuple[int, int], Encounter] = field(default_factory=dict)
+    open: dict[tuple[int, int], TrueEncounter] = field(default_factory=dict)
 
 
 class Floor:
@@ -44,7 +44,7 @@ class Floor:
         rng = np.random.default_rng(seed)
         members, self._annex = split(cast(robots))
         self.world = World(layout_for(robots), members, rng)
-        self.members: tuple[Member, ...] = (*members, *self._annex.members)
+        self.members: tuple[CastMember, ...] = (*members, *self._annex.members)
         self.rows = {member.uuid: row for row, member in enumerate(self.members)}
         self._start_s, self._clearance_m = start_s, clearance_m
         self._delays = np.random.default_rng(seed + 1)
@@ -60,14 +60,14 @@ class Floor:
         return self._start_s + self.world.t_s
 
     @property
-    def stops(self) -> list[Stop]:
+    def stops(self) -> list[TrueStop]:
         return self._stops.found
 
     def step(self) -> Iterator[tuple[float, bytes, Connection]]:
         """Let a step pass; what is sent, and when it arrives."""
         before = np.floor((self.world.t_s + self._phase_s) / self._every_s)
         self.world.step(STEP_S)
-        self._stops.look(STEP_S)
+        self._stops.update(STEP_S)
         self._look()
         due = np.flatnonzero(np.floor((self.world.t_s + self._phase_s) / self._every_s) > before)
         for row, robot in zip(due.tolist(), self._robots(due), strict=True):
@@ -78,7 +78,7 @@ class Floor:
             for raw in DIALECTS[vendor].messages(robot, self.now_s, introduce=introduce):
                 yield at_s, raw, _connection(row, vendor)
 
-    def _robots(self, rows: Ints) -> list[Robot]:
+    def _robots(self, rows: Ints) -> list[RobotState]:
         halls = len(self.world)
         players = [self._annex.robot(row - halls, self.world.t_s) for row in rows.tolist() if row >= halls]
         return [*some_robots(self.world, rows[rows < halls]), *players]
@@ -95,7 +95,7 @@ class Floor:
             truth.stood_s = np.where(moved, 0.0, truth.stood_s + STEP_S)
         for pair, separation_m in near_pairs(truth.envelopes, truth.floor, self._clearance_m):
             if pair not in truth.open:
-                truth.open[pair] = Encounter(pair, t_s, t_s, separation_m)
+                truth.open[pair] = TrueEncounter(pair, t_s, t_s, separation_m)
                 truth.encounters.append(truth.open[pair])
             truth.open[pair].last_s = t_s
             truth.open[pair].separation_m = min(truth.open[pair].separation_m, separation_m)
@@ -103,8 +103,8 @@ class Floor:
             truth.open.pop(pair).ended = True
 
 
-def _envelope(robot: Robot) -> tuple[float, float, float, float, float]:
-    body: Body = robot.member.make.body
+def _envelope(robot: RobotState) -> tuple[float, float, float, float, float]:
+    body: BodySize = robot.member.make.body
     x_m = robot.x_m + body.ahead_m * np.cos(robot.yaw_rad)
     y_m = robot.y_m + body.ahead_m * np.sin(robot.yaw_rad)
     return x_m, y_m, robot.yaw_rad, body.length_m, body.width_m

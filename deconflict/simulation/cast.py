@@ -1,4 +1,4 @@
-"""Who takes part: four vendors' makes of robot, and a fleet of them."""
+"""The participants of the simulation: robots of four vendors, and the properties of each vendor's robots."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -16,20 +16,20 @@ class VendorName(StrEnum):
 
 
 class Protection(StrEnum):
-    """What a robot does about bodies on its way."""
+    """How a robot reacts to bodies on its path."""
 
     STOP = "stop"
-    """It brakes, and stands until they are gone."""
+    """It brakes, and stands until the path is clear."""
     SLOW = "slow"
-    """It goes the slower the nearer they are, and then stops."""
+    """It slows down as they come nearer, then stops."""
     SWERVE = "swerve"
-    """It goes past them where there is room, and else stops."""
+    """It drives around them if there is room, otherwise it stops."""
     ATTEND = "attend"
-    """A person: it sees where others go, and keeps off their way."""
+    """A person, who sees where others go and keeps clear of them."""
 
 
 @dataclass(frozen=True, slots=True)
-class Body:
+class BodySize:
     """An envelope: length along the heading, width across it, and its centre ahead of the reported location."""
 
     length_m: float
@@ -39,26 +39,26 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Make:
-    """What robots of one vendor are like and how they drive."""
+    """The properties of one vendor's robots."""
 
     vendor: VendorName
     model: str
-    body: Body
-    loaded: Body
+    body: BodySize
+    loaded: BodySize
     height_m: float
     max_speed_mps: float
     gain_mps2: float
     """Greatest acceleration."""
     brake_mps2: float
     stop_gap_m: float
-    """How much longer than its stopping distance the field of its protective stop is."""
+    """Length of the protective field beyond the stopping distance."""
     lane_m: float
-    """How far right of the middle of an aisle it keeps."""
+    """Distance of its path to the right of the middle of an aisle."""
     turn_radps: float
-    """Turning in place."""
+    """Turn rate when turning in place."""
     protection: Protection
     tells_waiting: bool = False
-    """Whether one that others keep standing says so; else it tells a path as if it went on at once."""
+    """Whether it reports that it waits for others. Otherwise it reports a path as if it continued at once."""
     report_every_s: float = 1.0
 
     @property
@@ -69,8 +69,8 @@ class Make:
 ALDER = Make(
     VendorName.ALDER,
     "A100",
-    Body(1.0, 0.7),
-    Body(1.0, 0.7),
+    BodySize(1.0, 0.7),
+    BodySize(1.0, 0.7),
     0.4,
     1.4,
     0.8,
@@ -83,8 +83,8 @@ ALDER = Make(
 CORVID = Make(
     VendorName.CORVID,
     "C20",
-    Body(1.4, 0.9),
-    Body(1.4, 0.9),
+    BodySize(1.4, 0.9),
+    BodySize(1.4, 0.9),
     2.1,
     1.0,
     0.5,
@@ -98,8 +98,8 @@ CORVID = Make(
 BASALT = Make(
     VendorName.BASALT,
     "B7",
-    Body(1.1, 0.8, 0.2),
-    Body(1.2, 1.0, 0.25),
+    BodySize(1.1, 0.8, 0.2),
+    BodySize(1.2, 1.0, 0.25),
     0.35,
     1.2,
     0.7,
@@ -109,12 +109,12 @@ BASALT = Make(
     turn_radps=1.0,
     protection=Protection.SWERVE,
 )
-"""Its location is that of its drive axle, behind the middle of its envelope; a load juts out."""
+"""Its reported location is its drive axle, behind the centre of its envelope. A load extends over the body."""
 WALKER = Make(
     VendorName.WALKERS,
     "H1",
-    Body(0.5, 0.5),
-    Body(0.5, 0.5),
+    BodySize(0.5, 0.5),
+    BodySize(0.5, 0.5),
     1.8,
     1.4,
     1.5,
@@ -130,11 +130,11 @@ MAKES = (ALDER, CORVID, BASALT, WALKER)
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
+class CastMember:
     """One robot, or one person with a device."""
 
     number: int
-    """From 1, within its vendor."""
+    """Number within its vendor, from 1."""
     make: Make
 
     @property
@@ -146,6 +146,6 @@ class Member:
         return str(uuid5(FLEET, self.name))
 
 
-def cast(robots: int) -> tuple[Member, ...]:
-    """So many participants, the vendors taking turns."""
-    return tuple(Member(1 + index // len(MAKES), MAKES[index % len(MAKES)]) for index in range(robots))
+def cast(robots: int) -> tuple[CastMember, ...]:
+    """A cast of `robots` participants, with the vendors in turn."""
+    return tuple(CastMember(1 + index // len(MAKES), MAKES[index % len(MAKES)]) for index in range(robots))

@@ -1,4 +1,4 @@
-"""The demo: the whole service, four simulated vendors that talk to it over real sockets, and a live table."""
+"""The demo: the whole service, four simulated vendors that connect to it over real sockets, and a live table."""
 
 import asyncio
 import json
@@ -37,20 +37,20 @@ COLOURS = {Severity.CAUTION: "cyan", Severity.WARNING: "yellow", Severity.CRITIC
 
 
 @dataclass(slots=True, eq=False)
-class Picture:
-    """What a person is shown: open advisories from the stream, counts from the service's own measures."""
+class DemoView:
+    """The displayed data: open advisories from the stream, and counts from the service's own measures."""
 
     open: dict[str, AnyAdvisory] = field(default_factory=dict)
     kinds: Counter[str] = field(default_factory=Counter)
-    """Advisories told of, by kind."""
+    """Number of raised advisories, by kind."""
     encounters: set[tuple[str, str, int]] = field(default_factory=set)
-    """Pairs and ordinals of the conflicts told of."""
+    """Pair and encounter number of each published conflict."""
     raised: int = 0
     cleared: int = 0
     values: dict[str, dict[tuple[str, ...], float]] = field(default_factory=dict)
     latency_p99_s: float = 0.0
 
-    def take(self, advisory: AnyAdvisory) -> None:
+    def add_advisory(self, advisory: AnyAdvisory) -> None:
         if isinstance(advisory, ConflictAdvisory):
             self.encounters.add((*advisory.robots, advisory.encounter))
         if advisory.state is AdvisoryState.CLEARED:
@@ -78,7 +78,7 @@ class Picture:
         return sums
 
     def result(self) -> dict[str, float]:
-        """The figures that the demo ends with."""
+        """The figures that the demo prints at its end."""
         return {
             "messages": self.total("deconflict_messages_total"),
             "rejected": self.total("deconflict_messages_total", label="rejected"),
@@ -94,7 +94,7 @@ class Picture:
 
 
 def demo(site: Site, robots: int, seconds: float | None, seed: int, data: Path | None) -> int:
-    """Run the demo; ends by itself after `seconds`, or after a minute where there is no terminal."""
+    """Run the demo. It ends after `seconds`, or after a minute if there is no terminal."""
     console = Console()
     if seconds is None and not console.is_terminal:
         seconds = SECONDS_WITHOUT_TERMINAL
@@ -106,16 +106,16 @@ def demo(site: Site, robots: int, seconds: float | None, seed: int, data: Path |
         supervisor = threading.Thread(target=Supervisor(site, kept, Path(runtime)).run, args=(stop,))
         supervisor.start()
         try:
-            picture = asyncio.run(_show(site, Path(runtime), console, robots, seconds, seed))
+            view = asyncio.run(_show(site, Path(runtime), console, robots, seconds, seed))
         finally:
             stop.set()
             supervisor.join()
-    sys.stdout.write(json.dumps(picture.result()) + "\n")
+    sys.stdout.write(json.dumps(view.result()) + "\n")
     return 0
 
 
 def _on_free_ports(site: Site, console: Console) -> Site:
-    """The site with any port that is taken replaced by a free one, and said so."""
+    """The site with every occupied port replaced by a free one. Prints each replacement."""
     changed = {}
     for name in ("receiver", "operator"):
         section = getattr(site, name)
@@ -127,34 +127,34 @@ def _on_free_ports(site: Site, console: Console) -> Site:
             except OSError:
                 probe.bind((section.host, 0))
                 port = probe.getsockname()[1]
-                console.print(f"Port {section.port} is taken; the {name} listens on {port} instead.")
+                console.print(f"Port {section.port} is in use. The {name} listens on {port} instead.")
         changed[name] = section.model_copy(update={"port": port})
     return site.model_copy(update=changed)
 
 
-async def _show(site: Site, runtime: Path, console: Console, robots: int, seconds: float | None, seed: int) -> Picture:
-    stop, loop, picture = asyncio.Event(), asyncio.get_running_loop(), Picture()
+async def _show(site: Site, runtime: Path, console: Console, robots: int, seconds: float | None, seed: int) -> DemoView:
+    stop, loop, view = asyncio.Event(), asyncio.get_running_loop(), DemoView()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
     operator = AsyncCaller(runtime, "operator")
     await _until_up(operator)
-    _tell_where(site, console, robots)
-    async with _background(_follow(site, picture, console), _measure(operator, picture)):
+    _print_addresses(site, console, robots)
+    async with _background(_follow(site, view, console), _measure(operator, view)):
         simulating = asyncio.create_task(simulate(_robots_url(site), robots, seconds, seed, stop=stop))
         if console.is_terminal:
             with Live(console=console, screen=False, auto_refresh=False) as live:
                 while not simulating.done():
-                    live.update(_tables(picture), refresh=True)
+                    live.update(_tables(view), refresh=True)
                     await asyncio.wait({simulating}, timeout=REFRESH_S)
         await simulating
         await asyncio.sleep(site.engine.tick_s)
-        picture.measure(json.loads(await operator.call("measures")))
-    return picture
+        view.measure(json.loads(await operator.call("measures")))
+    return view
 
 
 @asynccontextmanager
 async def _background(*work: Any) -> AsyncIterator[None]:
-    tasks = [asyncio.create_task(one) for one in work]
+    tasks = [asyncio.create_task(coroutine) for coroutine in work]
     try:
         yield
     finally:
@@ -164,7 +164,7 @@ async def _background(*work: Any) -> AsyncIterator[None]:
 
 
 async def _until_up(operator: AsyncCaller) -> None:
-    """Until every role answers, so that no message waits for an engine that is still starting."""
+    """Wait until every role answers, so that no message waits for an engine that is still starting."""
     async with asyncio.timeout(START_WITHIN_S):
         while True:
             with suppress(LinkDownError):
@@ -177,16 +177,16 @@ def _robots_url(site: Site) -> str:
     return f"ws://{site.receiver.host}:{site.receiver.port}"
 
 
-def _tell_where(site: Site, console: Console, robots: int) -> None:
+def _print_addresses(site: Site, console: Console, robots: int) -> None:
     face = f"{site.operator.host}:{site.operator.port}"
-    console.print(f"{site.name}: {robots} simulated robots of four vendors talk to {_robots_url(site)}")
-    console.print(f"Open http://{face}/ to see the floor and what is predicted", style="bold")
+    console.print(f"{site.name}: {robots} simulated robots of four vendors connect to {_robots_url(site)}")
+    console.print(f"Open http://{face}/ to see the floor and the predictions", style="bold")
     console.print(f"Advisories  http://{face}/advisories   stream ws://{face}/advisories/stream")
     console.print(f"Robots      http://{face}/robots       metrics http://{face}/metrics")
 
 
-async def _follow(site: Site, picture: Picture, console: Console) -> None:
-    """Follow the stream as a site service would: from the last number seen, again after every loss."""
+async def _follow(site: Site, view: DemoView, console: Console) -> None:
+    """Follow the stream as a site service does: from the last sequence number, again after every lost connection."""
     seen = 0
     while True:
         url = f"ws://{site.operator.host}:{site.operator.port}/advisories/stream?after={seen}"
@@ -195,17 +195,17 @@ async def _follow(site: Site, picture: Picture, console: Console) -> None:
                 async for message in stream:
                     advisory = ADVISORY.validate_json(message)
                     seen = advisory.seq
-                    picture.take(advisory)
+                    view.add_advisory(advisory)
                     if not console.is_terminal and advisory.state is not AdvisoryState.UPDATED:
                         console.print(_line(advisory), soft_wrap=True)
         except (OSError, ConnectionClosed):
             await asyncio.sleep(REFRESH_S)
 
 
-async def _measure(operator: AsyncCaller, picture: Picture) -> None:
+async def _measure(operator: AsyncCaller, view: DemoView) -> None:
     while True:
         with suppress(LinkDownError):
-            picture.measure(json.loads(await operator.call("measures")))
+            view.measure(json.loads(await operator.call("measures")))
         await asyncio.sleep(2 * REFRESH_S)
 
 
@@ -215,44 +215,44 @@ def _line(advisory: AnyAdvisory) -> str:
     return f"{advisory.state.value:8} {advisory.summary}"
 
 
-def _tables(picture: Picture) -> Group:
-    result = picture.result()
+def _tables(view: DemoView) -> Group:
+    result = view.result()
     counts = Text(
         f"{result['robots']} robots   {result['messages']} messages ({result['rejected']} rejected)   "
-        f"{picture.raised} advisories raised, {picture.cleared} cleared   "
+        f"{view.raised} advisories raised, {view.cleared} cleared   "
         f"message to advisory p99 {result['latency_p99_ms']:.0f} ms"
     )
-    return Group(counts, _advisories(picture), _vendors(picture), Text("Advisory, not safety rated. Ctrl-C ends."))
+    return Group(counts, _advisories(view), _vendors(view), Text("Advisory, not safety rated. Ctrl-C ends."))
 
 
-def _advisories(picture: Picture) -> Table:
+def _advisories(view: DemoView) -> Table:
     table = Table(title="Open advisories", expand=True)
     for column in ("severity", "in", "what", "separation", "vendors"):
         table.add_column(column)
-    for one in sorted(picture.open.values(), key=lambda advisory: advisory.predicted_at):
-        severity = Text(one.severity.value, style=COLOURS[one.severity])
+    for advisory in sorted(view.open.values(), key=lambda opened: opened.predicted_at):
+        severity = Text(advisory.severity.value, style=COLOURS[advisory.severity])
         table.add_row(
             severity,
-            f"{one.time_to_conflict_s:.0f} s",
-            one.summary,
-            f"{one.min_separation_m:.2f} m" if isinstance(one, ConflictAdvisory) else "",
-            " / ".join(one.vendors),
+            f"{advisory.time_to_conflict_s:.0f} s",
+            advisory.summary,
+            f"{advisory.min_separation_m:.2f} m" if isinstance(advisory, ConflictAdvisory) else "",
+            " / ".join(advisory.vendors),
         )
-    if not picture.open:
+    if not view.open:
         table.add_row("", "", "none", "", "")
     return table
 
 
-def _vendors(picture: Picture) -> Table:
+def _vendors(view: DemoView) -> Table:
     table = Table(title="Vendors", expand=True)
     for column in ("vendor", "robots", "messages", "deviations", "clock", "forecast age"):
         table.add_column(column)
     messages, deviations = (
-        picture.by_vendor("deconflict_messages_total"),
-        picture.by_vendor("deconflict_deviations_total"),
+        view.by_vendor("deconflict_messages_total"),
+        view.by_vendor("deconflict_deviations_total"),
     )
-    robots, clocks = picture.by_vendor("deconflict_robots"), picture.by_vendor("deconflict_clock_offset_seconds")
-    ages = picture.by_vendor("deconflict_forecast_age_seconds")
+    robots, clocks = view.by_vendor("deconflict_robots"), view.by_vendor("deconflict_clock_offset_seconds")
+    ages = view.by_vendor("deconflict_forecast_age_seconds")
     for vendor in sorted(robots):
         table.add_row(
             vendor,

@@ -1,4 +1,4 @@
-"""The bundled site of the demo."""
+"""The path of the demo's bundled site file."""
 
 from pathlib import Path
 

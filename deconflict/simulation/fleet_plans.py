@@ -1,6 +1,7 @@
-"""What robots mean to do, as their fleets know it: their own ways at their own pace, in the order of their own fleet.
+"""The plans of robots as their fleets know them: along their own paths, at their own speed, in the order of their
+fleet.
 
-Nobody of another fleet is in a plan. One that stands for such a robot means to go on at once.
+A plan ignores robots of other fleets. A robot that stands because of one plans to continue at once.
 """
 
 from dataclasses import dataclass
@@ -10,32 +11,32 @@ import numpy as np
 from deconflict.simulation.driving.braking import MOVING_MPS
 from deconflict.simulation.driving.protection import NOBODY
 from deconflict.simulation.driving.routes import SAMPLE_M
-from deconflict.simulation.driving.traffic import BACKING_MPS, RIDE_S, Doing, World
+from deconflict.simulation.driving.traffic import BACKING_MPS, RIDE_S, Activity, World
 from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.floor_layout import BayKind
 from ingest.batch import Floats, Ints
 
 FOLLOWS_S = 0.5
-"""How long after the one ahead of its own fleet a robot comes to where that was."""
+"""Time gap between a robot and the robot of its own fleet ahead of it."""
 BACKS_S = 3.0
-"""How long at the least a robot that does not drive is taken to stand."""
+"""A robot that does not drive is assumed to stand for at least this long."""
 HELD_UP_M = 3.0
-"""A robot that goes slowly for a reason does so for this long."""
+"""A robot that drives slowly for a reason plans to do so over this distance."""
 
-Waits = list[tuple[float, float]]
-"""Where a robot waits for others of its fleet: progress in metres, and for how many seconds."""
+PlannedWaits = list[tuple[float, float]]
+"""Where a robot waits for others of its fleet: progress in metres, and duration in seconds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
-    """Where a robot means to be, others or not: linear between knots, and standing after the last."""
+class FleetPlan:
+    """The planned motion of a robot: linear between knots, and standing after the last."""
 
     after_s: Floats
-    """(k,) from now, increasing; the first is 0."""
+    """(k,) seconds from now, increasing. The first is 0."""
     poses: Floats
     """(k, 3) x, y, yaw of the location, yaw not wrapped."""
     floors: Ints
-    """(k,) on which it is from that knot on."""
+    """(k,) floor from each knot on."""
 
     def at(self, after_s: Floats) -> tuple[Floats, Ints]:
         """Poses (m, 3) and floors (m,) at these times from now."""
@@ -45,67 +46,67 @@ class Plan:
         return np.where(changes[:, None], self.poses[last], along), self.floors[last]
 
 
-def plan_of(world: World, row: int, floor: int, here: Floats, waits: Waits) -> Plan:
-    """What a robot of the world, which is at `here`, means to do."""
+def plan_of(world: World, row: int, floor: int, here: Floats, waits: PlannedWaits) -> FleetPlan:
+    """The plan of a robot of the world whose location is `here`."""
     doing, left_s = world.doing[row], float(world.until_s[row] - world.t_s)
-    if doing == Doing.DRIVING:
+    if doing == Activity.DRIVING:
         return _driving(world, row, floor, here, waits)
-    if doing == Doing.BACKING:
+    if doing == Activity.BACKING:
         return _backing(world, row, floor, here)
-    if doing == Doing.HOLDING and left_s > 0:
+    if doing == Activity.HOLDING and left_s > 0:
         return _later(_driving(world, row, floor, here, waits), left_s)
-    if doing == Doing.STANDING and world.trips.beyond[row] != NOWHERE:
+    if doing == Activity.STANDING and world.trips.beyond[row] != NOWHERE:
         return _riding(world, row, np.zeros(1), here[None, :], floor, left_s)
-    return Plan(np.zeros(1), here[None, :], np.array([floor]))
+    return FleetPlan(np.zeros(1), here[None, :], np.array([floor]))
 
 
-def _later(plan: Plan, wait_s: float) -> Plan:
+def _later(plan: FleetPlan, wait_s: float) -> FleetPlan:
     after_s = np.concatenate([[0.0], plan.after_s + wait_s])
-    return Plan(after_s, np.vstack([plan.poses[:1], plan.poses]), np.concatenate([plan.floors[:1], plan.floors]))
+    return FleetPlan(after_s, np.vstack([plan.poses[:1], plan.poses]), np.concatenate([plan.floors[:1], plan.floors]))
 
 
-def _driving(world: World, row: int, floor: int, here: Floats, waits: Waits) -> Plan:
-    """To the end of its drive, catching up from its present speed to the one that its way allows."""
+def _driving(world: World, row: int, floor: int, here: Floats, waits: PlannedWaits) -> FleetPlan:
+    """A plan to the end of its drive. It accelerates from its present speed to the speed limit of the path."""
     x, y, yaw, limit_mps = world.tracks.samples(row)
     step_m, progress_m = world.tracks.step_m[row], world.progress_m[row]
     ahead = int(progress_m / step_m) + 1
     gaps_m = np.full(len(x) - ahead, step_m)
     if not len(gaps_m):
-        return Plan(np.zeros(1), here[None, :], np.array([floor]))
+        return FleetPlan(np.zeros(1), here[None, :], np.array([floor]))
     gaps_m[0] = max(ahead * step_m - progress_m, 1e-6)
-    gone_m = np.cumsum(gaps_m)
+    driven_m = np.cumsum(gaps_m)
     gain = world.members[row].make.gain_mps2
     now_mps = max(float(world.speed_mps[row]), MOVING_MPS)
-    most_mps = np.where(gone_m < HELD_UP_M, world.braking.top_of_mps(row, world.t_s), np.inf)
-    speeds = np.minimum(limit_mps[ahead:] * world.pace[row], np.sqrt(now_mps**2 + 2 * gain * gone_m))
+    most_mps = np.where(driven_m < HELD_UP_M, world.braking.top_of_mps(row, world.t_s), np.inf)
+    speeds = np.minimum(limit_mps[ahead:] * world.pace[row], np.sqrt(now_mps**2 + 2 * gain * driven_m))
     speeds = np.minimum(speeds, np.maximum(most_mps, MOVING_MPS))
     mean_mps = (np.concatenate([[now_mps], speeds[:-1]]) + speeds) / 2
     after_s = np.concatenate([[0.0], np.cumsum(gaps_m / mean_mps)])
-    after_s[1:] = _in_order(world, row, after_s[1:], gone_m, waits)
-    aside_m = world.passings.aside_ahead_m(row, float(world.aside_m[row]), float(progress_m), gone_m)
+    after_s[1:] = _in_order(world, row, after_s[1:], driven_m, waits)
+    aside_m = world.passings.aside_ahead_m(row, float(world.aside_m[row]), float(progress_m), driven_m)
     x, y = x[ahead:] - np.sin(yaw[ahead:]) * aside_m, y[ahead:] + np.cos(yaw[ahead:]) * aside_m
     poses = np.vstack([here, np.column_stack([x, y, yaw[ahead:]])])
     goal = world.trips.layout.bays[world.trips.goal[row]]
     if goal.kind is BayKind.LIFT:
         return _riding(world, row, after_s, poses, floor, float(after_s[-1]) + RIDE_S)
-    return Plan(after_s, poses, np.full(len(after_s), floor))
+    return FleetPlan(after_s, poses, np.full(len(after_s), floor))
 
 
-def _in_order(world: World, row: int, after_s: Floats, gone_m: Floats, waits: Waits) -> Floats:
-    """(k,) when it will have gone so far, with the order of its own fleet."""
+def _in_order(world: World, row: int, after_s: Floats, driven_m: Floats, waits: PlannedWaits) -> Floats:
+    """(k,) times at which it will have driven so far, given the order of its own fleet."""
     for at_m, wait_s in waits:
-        after_s = after_s + wait_s * (world.progress_m[row] + gone_m > at_m)
+        after_s = after_s + wait_s * (world.progress_m[row] + driven_m > at_m)
     leader = int(world.braking.behind[row])
     if leader == NOBODY or world.person[row]:
         return after_s
-    way_m = np.maximum(gone_m - world.braking.behind_m[row], 0.0)
-    return np.where(way_m > 0, np.maximum(after_s, _gone_s(world, leader, way_m) + FOLLOWS_S), after_s)
+    way_m = np.maximum(driven_m - world.braking.behind_m[row], 0.0)
+    return np.where(way_m > 0, np.maximum(after_s, _driven_s(world, leader, way_m) + FOLLOWS_S), after_s)
 
 
-def _gone_s(world: World, robot: int, way_m: Floats) -> Floats:
-    """(k,) when a robot that is to go on will have gone so far, if it stands until it may."""
+def _driven_s(world: World, robot: int, way_m: Floats) -> Floats:
+    """(k,) times at which a robot will have driven `way_m`. It stands until it may continue."""
     doing, make = world.doing[robot], world.members[robot].make
-    starts_s = 0.0 if doing == Doing.DRIVING else max(float(world.until_s[robot] - world.t_s), BACKS_S)
+    starts_s = 0.0 if doing == Activity.DRIVING else max(float(world.until_s[robot] - world.t_s), BACKS_S)
     now_mps = max(float(world.speed_mps[robot]), 0.0)
     gains_m = (make.max_speed_mps**2 - now_mps**2) / (2 * make.gain_mps2)
     gaining_s = (np.sqrt(now_mps**2 + 2 * make.gain_mps2 * np.minimum(way_m, gains_m)) - now_mps) / make.gain_mps2
@@ -113,15 +114,15 @@ def _gone_s(world: World, robot: int, way_m: Floats) -> Floats:
     return gone_s
 
 
-def _riding(world: World, row: int, after_s: Floats, poses: Floats, floor: int, out_s: float) -> Plan:
-    """And then the lift, out of which it comes after `out_s`."""
+def _riding(world: World, row: int, after_s: Floats, poses: Floats, floor: int, out_s: float) -> FleetPlan:
+    """A plan that continues with the lift, which it leaves after `out_s`."""
     out = world.trips.other_floor(row)
     pose = [*out.place, world.trips.layout.heading_rad(out)]
     floors = np.append(np.full(len(after_s), floor), out.floor)
-    return Plan(np.append(after_s, max(out_s, float(after_s[-1]) + 1e-3)), np.vstack([poses, pose]), floors)
+    return FleetPlan(np.append(after_s, max(out_s, float(after_s[-1]) + 1e-3)), np.vstack([poses, pose]), floors)
 
 
-def _backing(world: World, row: int, floor: int, here: Floats) -> Plan:
+def _backing(world: World, row: int, floor: int, here: Floats) -> FleetPlan:
     back_m = max(float(world.progress_m[row] - world.back_to_m[row]), 0.0)
     steps_m = np.linspace(0.0, back_m, max(2, int(back_m / SAMPLE_M)))
     x, y, yaw = world.tracks.poses(np.array(row), world.progress_m[row] - steps_m)
@@ -129,4 +130,4 @@ def _backing(world: World, row: int, floor: int, here: Floats) -> Plan:
     poses = np.column_stack([x - np.sin(yaw) * aside_m, y + np.cos(yaw) * aside_m, yaw])
     poses[0] = here
     after_s = np.linspace(0.0, max(back_m / BACKING_MPS, 1e-3), len(steps_m))
-    return Plan(after_s, poses, np.full(len(after_s), floor))
+    return FleetPlan(after_s, poses, np.full(len(after_s), floor))

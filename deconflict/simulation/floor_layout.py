@@ -1,6 +1,6 @@
 """Two floors of aisles that cross at right angles, with bays beside them where robots and people stop.
 
-A floor is made of like tiles, so that more robots get more floor and not a denser one.
+A floor consists of equal tiles, so that the floor grows with the number of robots and the density stays the same.
 """
 
 import heapq
@@ -14,7 +14,7 @@ from ingest.batch import Floats
 
 ROBOTS_PER_TILE = 24
 BAY_DEPTH_M = 2.5
-"""From the middle of the aisle to the middle of the bay."""
+"""Distance from the middle of the aisle to the middle of the bay."""
 LONG_AISLE_M = 7.8
 """Aisles between two crossings that are at least this long have bays."""
 
@@ -32,8 +32,8 @@ class BayKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Tile:
-    """The pattern a floor repeats: its size, and where aisles run along it and across it, metres."""
+class FloorTile:
+    """The pattern that a floor repeats: its size, and the positions of its aisles, in metres."""
 
     size_m: Place
     across_m: tuple[float, ...]
@@ -45,15 +45,15 @@ class Tile:
 
 
 TILES = (
-    Tile((40.0, 25.0), (5.0, 15.0, 25.0, 35.0), (4.0, 12.5, 21.0), cross_bays=True),
-    Tile((25.0, 15.0), (4.0, 12.5, 21.0), (4.0, 11.0), cross_bays=False),
+    FloorTile((40.0, 25.0), (5.0, 15.0, 25.0, 35.0), (4.0, 12.5, 21.0), cross_bays=True),
+    FloorTile((25.0, 15.0), (4.0, 12.5, 21.0), (4.0, 11.0), cross_bays=False),
 )
 """The ground hall and the mezzanine."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bay:
-    """A place to stop; a robot drives in head first."""
+    """A place to stop. A robot drives in forwards."""
 
     node: int
     floor: int
@@ -63,30 +63,31 @@ class Bay:
 
 @dataclass(slots=True, eq=False)
 class Layout:
-    """Nodes, and the lanes between them. Traffic keeps right: each aisle has a lane either way, and a bay opens on
-    the lane that passes it on the right, so nobody turns across a lane but at crossings.
+    """Nodes, and the lanes between them. Traffic keeps right: each aisle has a lane in each direction. A bay opens on
+    the lane that passes it on the right, so robots cross a lane only at crossings.
     """
 
     places: list[Place]
     floors: list[int]
     onward: list[dict[int, float]]
-    """By node, the nodes that a lane leads to, and its length in metres."""
+    """By node: the next nodes, with the length of the lane to each in metres."""
     bays: tuple[Bay, ...] = ()
     bay_nodes: frozenset[int] = frozenset()
     crossings: set[int] = field(default_factory=set)
     other_lift: dict[int, int] = field(default_factory=dict)
-    """Index of each lift bay to that of the same lift on the other floor."""
+    """By index of a lift bay: the index of the same lift's bay on the other floor."""
 
     def heading_rad(self, bay: Bay) -> float:
-        """Of a robot that has driven in head first."""
+        """Heading of a robot that has driven in forwards."""
         x, y = self.places[next(iter(self.onward[bay.node]))]
         return atan2(bay.place[1] - y, bay.place[0] - x)
 
     def route(self, start: int, goal: int, detours: Floats) -> list[int]:
-        """Nodes of a shortest way between two nodes of a floor that never turns back on itself.
+        """Nodes of a shortest path between two nodes of a floor, without U-turns.
 
-        `detours` (nodes,) makes the lanes from each node longer by that factor, at least 1. A* over lanes; aisles
-        are axis-parallel, so |dx| + |dy| never over-estimates what is left. Raises ValueError where there is none.
+        `detours` (nodes,) are factors of at least 1 for the length of the lanes from each node. A* over lanes: aisles
+        are axis-parallel, so |dx| + |dy| never overestimates the remaining length. Raises ValueError if there is no
+        path.
         """
         first = (start, start)
         best, came = {first: 0.0}, dict[_Lane, _Lane]()
@@ -95,16 +96,16 @@ class Layout:
             _, lane = heapq.heappop(queue)
             node = lane[1]
             if node == goal:
-                return [one[1] for one in _back(came, lane)][::-1]
+                return [node for _, node in _back(came, lane)][::-1]
             for after, length_m in self.onward[node].items():
                 so_far_m, further = best[lane] + length_m * detours[node], (node, after)
                 if not self._turns_back(*lane, after) and so_far_m < best.get(further, inf):
                     best[further], came[further] = so_far_m, lane
                     heapq.heappush(queue, (so_far_m + self._left_m(after, goal), further))
-        raise ValueError(f"no way from node {start} to node {goal}")
+        raise ValueError(f"no path from node {start} to node {goal}")
 
     def _turns_back(self, before: int, node: int, after: int) -> bool:
-        (ax, ay), (bx, by), (cx, cy) = (self.places[one] for one in (before, node, after))
+        (ax, ay), (bx, by), (cx, cy) = (self.places[number] for number in (before, node, after))
         return (bx - ax) * (cx - bx) + (by - ay) * (cy - by) < 0
 
     def _left_m(self, node: int, goal: int) -> float:
@@ -118,7 +119,7 @@ class Layout:
         return len(self.places) - 1
 
     def join(self, *nodes: int) -> None:
-        """A lane through `nodes`, in that direction."""
+        """Add a lane through `nodes`, in that direction."""
         for a, b in pairwise(nodes):
             self.onward[a][b] = self._left_m(a, b)
 
@@ -134,7 +135,7 @@ def _back(came: dict[_Lane, _Lane], lane: _Lane) -> Iterator[_Lane]:
 
 
 def layout_for(robots: int) -> Layout:
-    """Two floors large enough for so many robots."""
+    """Two floors that are large enough for this number of robots."""
     columns, rows = _tiles(ceil(robots / ROBOTS_PER_TILE))
     layout, bays = Layout([], [], []), list[Bay]()
     for floor, tile in enumerate(TILES):
@@ -152,14 +153,14 @@ def layout_for(robots: int) -> Layout:
 
 
 def _tiles(count: int) -> tuple[int, int]:
-    """Columns and rows of the most nearly square hall of at least so many tiles."""
+    """Columns and rows of the hall that is nearest to a square and has at least `count` tiles."""
     width_m, depth_m = TILES[GROUND].size_m
     columns = max(1, round((count * depth_m / width_m) ** 0.5))
     return columns, ceil(count / columns)
 
 
 def _add_floor(layout: Layout, floor: int, xs: list[float], ys: list[float], cross_bays: bool) -> Iterator[int]:
-    """Add crossings and the aisles between them; the nodes of the bays."""
+    """Add crossings and the aisles between them. Yields the nodes of the bays."""
     crossings = {(x, y): layout.add(floor, (x, y)) for x in xs for y in ys}
     layout.crossings |= set(crossings.values())
     for y in ys:
@@ -174,7 +175,7 @@ def _add_floor(layout: Layout, floor: int, xs: list[float], ys: list[float], cro
 
 
 def _add_aisle(layout: Layout, start: int, end: int, gates: list[Place]) -> Iterator[int]:
-    """Add a lane either way between two crossings, with a bay to the right of each at every gate."""
+    """Add two lanes between two crossings, one in each direction, with a bay to the right of each at every gate."""
     for a, b, way in ((start, end, gates), (end, start, gates[::-1])):
         (ax, ay), (bx, by) = layout.places[a], layout.places[b]
         length_m = abs(bx - ax) + abs(by - ay)
@@ -189,7 +190,7 @@ def _add_aisle(layout: Layout, start: int, end: int, gates: list[Place]) -> Iter
 
 
 def _named(layout: Layout, nodes: list[int], lifts: int) -> Iterator[Bay]:
-    """Bays at `nodes`; so many of them, evenly spread, are lifts."""
+    """Bays at `nodes`. `lifts` of them, evenly distributed, are lifts."""
     every = len(nodes) // lifts
     for rank, node in enumerate(nodes):
         kind = BayKind.LIFT if rank % every == 0 and rank // every < lifts else _kind(rank)

@@ -1,28 +1,28 @@
-"""What one robot knows of itself at a moment: all that its vendor's dialect can tell."""
+"""The state of one robot at a moment: everything that its vendor's dialect can report."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from deconflict.simulation.cast import Member
-from deconflict.simulation.crossing_schedule import Schedule
-from deconflict.simulation.driving.traffic import RIDE_S, Doing, World
+from deconflict.simulation.cast import CastMember
+from deconflict.simulation.crossing_schedule import CrossingSchedule
+from deconflict.simulation.driving.traffic import RIDE_S, Activity, World
 from deconflict.simulation.driving.trips import NOWHERE
-from deconflict.simulation.fleet_plans import Plan, plan_of
+from deconflict.simulation.fleet_plans import FleetPlan, plan_of
 from deconflict.simulation.floor_layout import BayKind
 from ingest.batch import Ints
 
 WAITING_AFTER_S = 3.0
-"""A robot that others have kept standing for so long says that it waits."""
+"""A robot reports that it waits if others have blocked it for this long."""
 BATTERY_LOW = 20.0
 FULL_RUN_H = 8.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Robot:
-    """One robot now; location in its floor's frame."""
+class RobotState:
+    """One robot at a moment. The location is in its floor's frame."""
 
-    member: Member
+    member: CastMember
     t_s: float
     """World time."""
     floor: int
@@ -30,36 +30,36 @@ class Robot:
     y_m: float
     yaw_rad: float
     linear_mps: float
-    """Along the heading; negative when it backs."""
+    """Speed along the heading; negative if it drives backwards."""
     turn_radps: float
     state: str
     """As the standard's schema spells it."""
     battery_pct: float
     load_pct: float
-    """Of its capacity in use."""
+    """Share of its capacity in use."""
     errors: tuple[str, ...]
-    plan: Plan
+    plan: FleetPlan
     destinations: tuple[tuple[float, int, float, float, float], ...]
-    """Seconds from now, floor, x, y, yaw of the stops ahead."""
+    """Seconds from now, floor, x, y and yaw of each stop ahead."""
 
     @property
     def run_time_h(self) -> float:
         return FULL_RUN_H * self.battery_pct / 100
 
 
-def robots(world: World) -> tuple[Robot, ...]:
-    """Everybody."""
+def robots(world: World) -> tuple[RobotState, ...]:
+    """The states of all members of the world."""
     return tuple(some_robots(world, np.arange(len(world))))
 
 
-def some_robots(world: World, rows: Ints) -> list[Robot]:
-    """The robots of these rows of the world."""
+def some_robots(world: World, rows: Ints) -> list[RobotState]:
+    """The states of the members in these rows of the world."""
     locations, velocities, floors = world.locations(), world.velocities(), world.floor
-    schedule, found = Schedule(world), []
+    schedule, found = CrossingSchedule(world), []
     for row in rows.tolist():
         plan = plan_of(world, row, int(floors[row]), locations[row], schedule.waits(row))
         found.append(
-            Robot(
+            RobotState(
                 member=world.members[row],
                 t_s=world.t_s,
                 floor=int(floors[row]),
@@ -79,8 +79,8 @@ def some_robots(world: World, rows: Ints) -> list[Robot]:
     return found
 
 
-def _destinations(world: World, row: int, plan: Plan) -> tuple[tuple[float, int, float, float, float], ...]:
-    """The bay it drives to, and the one beyond the lift, if any, at about a metre a second from there."""
+def _destinations(world: World, row: int, plan: FleetPlan) -> tuple[tuple[float, int, float, float, float], ...]:
+    """The bay it drives to, and the bay beyond the lift, if any. From there it needs about a second for each metre."""
     if world.trips.goal[row] == NOWHERE:
         return ()
     layout = world.trips.layout
@@ -96,12 +96,12 @@ def _destinations(world: World, row: int, plan: Plan) -> tuple[tuple[float, int,
 
 def _state(world: World, row: int) -> str:
     doing, kind = world.doing[row], world.trips.at(row).kind
-    if doing == Doing.STANDING:
+    if doing == Activity.STANDING:
         riding = world.trips.beyond[row] != NOWHERE
         return "navigating" if riding else _STANDING[kind]
-    if doing == Doing.HALTED:
+    if doing == Activity.HALTED:
         return "idle" if world.person[row] else "waitingHumanEvent"
-    waits = doing == Doing.HOLDING or world.waited_s[row] > WAITING_AFTER_S
+    waits = doing == Activity.HOLDING or world.waited_s[row] > WAITING_AFTER_S
     if waits and world.members[row].make.tells_waiting:
         return "waitingExternalEvent"
     return "navigating"
@@ -118,5 +118,5 @@ _STANDING = {
 def _errors(world: World, row: int) -> tuple[str, ...]:
     if world.person[row]:
         return ()
-    told = {"Robot Stuck": world.doing[row] == Doing.HALTED, "Battery Low": world.battery_pct[row] < BATTERY_LOW}
-    return tuple(code for code, holds in told.items() if holds)
+    codes = {"Robot Stuck": world.doing[row] == Activity.HALTED, "Battery Low": world.battery_pct[row] < BATTERY_LOW}
+    return tuple(code for code, holds in codes.items() if holds)

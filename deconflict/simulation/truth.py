@@ -1,4 +1,4 @@
-"""What really happened in a simulated span: the encounters of envelopes, to hold advisories against."""
+"""The true encounters of envelopes in a simulated time span, to compare advisories with."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,37 +10,37 @@ from deconflict.simulation.driving.traffic import World
 from ingest.batch import Floats, Ints
 
 SAME_ENCOUNTER_S = 1.0
-"""A pair that comes within the clearance again this soon has not parted."""
+"""If a pair is within the clearance again after at most this time, it is the same encounter."""
 
 
 @dataclass(slots=True)
-class Encounter:
-    """Two envelopes within the clearance. Times are the world's; times and separations are as fine as the steps."""
+class TrueEncounter:
+    """Two envelopes within the clearance. Times are the world's. The resolution is that of the steps."""
 
     robots: tuple[int, int]
     start_s: float
     last_s: float
-    """When they were within the clearance last."""
+    """When they were last within the clearance."""
     separation_m: float
-    """Smallest; 0 where they overlapped."""
+    """Smallest separation; 0 if they overlapped."""
     ended: bool = False
-    """Whether they parted before the span did."""
+    """Whether they separated before the end of the span."""
 
 
-def true_encounters(world: World, seconds: float, clearance_m: float, dt_s: float = 0.1) -> list[Encounter]:
-    """Let the world go on for so long; all encounters of any two robots, by start."""
-    found: list[Encounter] = []
-    open_now: dict[tuple[int, int], Encounter] = {}
+def true_encounters(world: World, seconds: float, clearance_m: float, dt_s: float = 0.1) -> list[TrueEncounter]:
+    """Advance the world by `seconds`. Returns all encounters of any two robots, by start."""
+    found: list[TrueEncounter] = []
+    open_now: dict[tuple[int, int], TrueEncounter] = {}
     for _ in range(round(seconds / dt_s)):
         world.step(dt_s)
         for pair, separation_m in near_pairs(world.envelopes(), world.floor, clearance_m):
             encounter = open_now.get(pair)
             if encounter is None:
-                encounter = open_now[pair] = Encounter(pair, world.t_s, world.t_s, separation_m)
+                encounter = open_now[pair] = TrueEncounter(pair, world.t_s, world.t_s, separation_m)
                 found.append(encounter)
             encounter.last_s = world.t_s
             encounter.separation_m = min(encounter.separation_m, separation_m)
-        for pair in [pair for pair, one in open_now.items() if world.t_s - one.last_s > SAME_ENCOUNTER_S]:
+        for pair in [pair for pair, encounter in open_now.items() if world.t_s - encounter.last_s > SAME_ENCOUNTER_S]:
             open_now.pop(pair).ended = True
     return found
 

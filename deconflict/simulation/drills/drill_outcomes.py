@@ -1,4 +1,4 @@
-"""What comes of drills: when each was told of, what was advised, what that was to cost and what it cost."""
+"""The outcomes of drills: when each advisory was raised, the advice, its predicted cost and its actual cost."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -9,86 +9,86 @@ from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
 from deconflict.simulation.drills.drill_scripts import Drill, Stage
 
 CLOSE_S = 3.0
-"""A promise is kept that is off by no more than this."""
+"""The greatest error of a predicted cost that counts as correct."""
 
 
 @dataclass(slots=True)
-class Outcome:
-    """Of one drill."""
+class DrillOutcome:
+    """The outcome of one drill. The fields are the keys of the JSON output."""
 
     drill: str
     kind: str
     told: str = ""
-    """The advisory of its kind, as it was raised."""
+    """Summary of the advisory of its kind when it was raised."""
     lead_s: float | None = None
-    """From then to what it warns of."""
+    """Time from then to the predicted event."""
     advised: str = ""
-    """The first revision of it that carries advice."""
+    """Summary of its first revision with advice."""
     passed_on: list[str] = field(default_factory=list)
-    """Of every advisory of which robots were told what it advises."""
+    """Summary of every advisory whose advice was passed on to robots."""
     promised_s: float = 0.0
-    """What that advice was to cost in all."""
+    """Total predicted cost of that advice."""
     late_s: float = 0.0
-    """By how much all its robots together were later than they meant to be at first."""
+    """Total delay of all its robots against their first plans."""
     worst: str = ""
-    """The highest severity of its advisory."""
+    """Highest severity of its advisory."""
     ended: str = ""
-    """Why its advisory was cleared; empty while it is open."""
+    """Why its advisory was cleared. Empty while it is open."""
     through: bool = False
-    """Whether all its robots are where they meant to go."""
+    """Whether all its robots have reached their goals."""
     kinds: list[str] = field(default_factory=list)
-    """Of all that was raised of its robots, in order."""
+    """Kinds of all advisories raised about its robots, in order."""
 
     @property
     def kept(self) -> bool:
-        """Whether following the advice ended it at the promised cost."""
+        """Whether following the advice ended the conflict at the predicted cost."""
         on_time = abs(self.late_s - self.promised_s) <= CLOSE_S
         return bool(self.lead_s) and bool(self.ended) and self.through and bool(self.passed_on) and on_time
 
 
-class Outcomes:
-    """Takes in every revision, in order."""
+class DrillOutcomes:
+    """Collects the outcomes of drills from every revision, in order."""
 
     def __init__(self, drills: Sequence[Drill], stages: Sequence[Stage]) -> None:
         self._stages = stages
-        self._all = [Outcome(one.name, one.kind) for one in drills]
+        self._all = [DrillOutcome(drill.name, drill.kind) for drill in drills]
         self._of = {
             errand.member.uuid: outcome
             for outcome, stage in zip(self._all, stages, strict=True)
             for errand in stage.errands
         }
-        self._first: dict[str, Outcome] = {}
-        """By id, the advisory that a drill is about."""
+        self._first: dict[str, DrillOutcome] = {}
+        """By id of the advisory that a drill should cause: its drill's outcome."""
 
-    def take(self, advisory: AnyAdvisory, *, passed_on: bool) -> None:
-        """One revision, and whether robots were told what it advises."""
-        one = self._of[advisory.robots[0]]
+    def add_revision(self, advisory: AnyAdvisory, *, passed_on: bool) -> None:
+        """Add one revision. `passed_on` is whether robots were told its advice."""
+        outcome = self._of[advisory.robots[0]]
         if advisory.state is AdvisoryState.RAISED:
-            one.kinds.append(advisory.kind)
-            if advisory.kind == one.kind and one.lead_s is None:
-                self._first[advisory.id] = one
-                one.told, one.lead_s = advisory.summary, advisory.time_to_conflict_s
+            outcome.kinds.append(advisory.kind)
+            if advisory.kind == outcome.kind and outcome.lead_s is None:
+                self._first[advisory.id] = outcome
+                outcome.told, outcome.lead_s = advisory.summary, advisory.time_to_conflict_s
         if advisory.id in self._first:
-            one.worst = max(one.worst or Severity.CAUTION, advisory.severity, key=SEVERITIES.index)
-            one.ended = advisory.cleared_because or ""
-            one.advised = one.advised or (advisory.summary if advisory.recommendation else "")
+            outcome.worst = max(outcome.worst or Severity.CAUTION, advisory.severity, key=SEVERITIES.index)
+            outcome.ended = advisory.cleared_because or ""
+            outcome.advised = outcome.advised or (advisory.summary if advisory.recommendation else "")
         if passed_on and advisory.recommendation:
-            one.passed_on.append(advisory.summary)
-            one.promised_s += advisory.recommendation.cost_s
+            outcome.passed_on.append(advisory.summary)
+            outcome.promised_s += advisory.recommendation.cost_s
 
-    def now(self) -> list[Outcome]:
-        """As things stand."""
-        for one, stage in zip(self._all, self._stages, strict=True):
-            one.late_s = round(sum(errand.late_s for errand in stage.errands), 1)
-            one.promised_s = round(one.promised_s, 1)
-            one.through = all(errand.through_s is not None for errand in stage.errands)
+    def now(self) -> list[DrillOutcome]:
+        """The outcomes so far."""
+        for outcome, stage in zip(self._all, self._stages, strict=True):
+            outcome.late_s = round(sum(errand.late_s for errand in stage.errands), 1)
+            outcome.promised_s = round(outcome.promised_s, 1)
+            outcome.through = all(errand.through_s is not None for errand in stage.errands)
         return self._all
 
     def over(self) -> bool:
-        """Whether all robots are through and every drill's advisory is cleared."""
-        return all(one.through and one.ended for one in self.now())
+        """Whether all robots have reached their goals and every drill's advisory is cleared."""
+        return all(outcome.through and outcome.ended for outcome in self.now())
 
 
-def documents(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """As JSON tells them."""
-    return [asdict(one) | {"kept": one.kept} for one in outcomes]
+def documents(outcomes: Sequence[DrillOutcome]) -> list[dict[str, Any]]:
+    """The outcomes as JSON documents."""
+    return [asdict(outcome) | {"kept": outcome.kept} for outcome in outcomes]

@@ -1,6 +1,6 @@
-"""Drills: short scripts, each of which leads to one kind of advisory, all at once on a floor of their own.
+"""Drills: short scripts, each of which leads to one kind of advisory. All run at the same time.
 
-Each lies in its own part of the demo's ground hall datum, south of the hall, out of reach of the others.
+Each has its own area in the datum of the demo's ground hall, south of the hall, far away from the others.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,31 +9,31 @@ from dataclasses import dataclass, field
 from deconflict.advisory import Kind
 from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site, load
-from deconflict.simulation.cast import ALDER, BASALT, CORVID, WALKER, Make, Member
+from deconflict.simulation.cast import ALDER, BASALT, CORVID, WALKER, CastMember, Make
 from deconflict.simulation.demo_site import demo_site
-from deconflict.simulation.drills.errands import Errand, Party, Visit
+from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit
 from deconflict.simulation.vendors.dialects import GROUND_ID
 
 APART_M = 50.0
-"""From one drill's origin to the next one's."""
+"""Distance from one drill's origin to the next."""
 NORTH_M = -60.0
 FIRST_NUMBER = 60
-"""Numbers of the robots begin here; a person whose number is a multiple of three has a device that knows its way."""
+"""First number of the robots. The device of a person knows its path if the number is a multiple of three."""
 
 EARLY = {"confirm": (2, 3), "raise_probability": 0.3}
-"""Drills tell early of conflicts, so that there is time to do as advised."""
+"""Drills raise conflicts early, so that there is time to follow the advice."""
 
 Spot = tuple[float, float]
 
 
 @dataclass
 class Stage:
-    """One drill as it is set up: places and robots around an origin."""
+    """The setup of one drill: places and robots around an origin."""
 
     origin: Spot
     number: int
     ignored: bool = False
-    """Whether nobody does as advised."""
+    """Whether all robots ignore advice."""
     resources: list[Resource] = field(default_factory=list)
     zones: list[Zone] = field(default_factory=list)
     errands: list[Errand] = field(default_factory=list)
@@ -41,9 +41,9 @@ class Stage:
     def at(self, x: float, y: float) -> Spot:
         return self.origin[0] + x, self.origin[1] + y
 
-    def resource(self, place: str, x: float, y: float, kind: str, size: Spot = (2.0, 2.0), **told: object) -> None:
+    def resource(self, place: str, x: float, y: float, kind: str, size: Spot = (2.0, 2.0), **settings: object) -> None:
         polygon = self._box(x, y, size)
-        whole = {"id": place, "datum": GROUND_ID, "kind": kind, "polygon": polygon} | told
+        whole = {"id": place, "datum": GROUND_ID, "kind": kind, "polygon": polygon} | settings
         self.resources.append(Resource.model_validate(whole))
 
     def aisle(self, place: str, west: float, east: float) -> None:
@@ -52,8 +52,8 @@ class Stage:
         self.zones.append(Zone(id=place, datum=GROUND_ID, kind="aisle", polygon=polygon, axis=axis, capacity=2))
 
     def robot(self, make: Make, start: Spot, *visits: Visit, deaf: bool = False) -> None:
-        moved = [Visit(*self.at(one.x_m, one.y_m), one.place, one.stay_s, one.state) for one in visits]
-        member = Member(self.number + len(self.errands), make)
+        moved = [Visit(*self.at(visit.x_m, visit.y_m), visit.place, visit.stay_s, visit.state) for visit in visits]
+        member = CastMember(self.number + len(self.errands), make)
         self.errands.append(Errand(member, self.at(*start), moved, deaf=deaf or self.ignored))
 
     def _box(self, x: float, y: float, size: Spot) -> tuple[Spot, Spot, Spot, Spot]:
@@ -62,14 +62,14 @@ class Stage:
 
 
 def aisle_head_on(stage: Stage) -> None:
-    """Two come into a single lane from both ends."""
+    """Two robots enter a single lane from both ends."""
     stage.aisle("aisle", 0.0, 8.0)
     stage.robot(ALDER, (-8, 0), Visit(17, 0))
     stage.robot(BASALT, (16, -8), Visit(9.2, 0), Visit(-3, 0))
 
 
 def swap(stage: Stage) -> None:
-    """Two at docks, each of which wants the other one's; there is parking nearby."""
+    """Two robots at docks, each of which needs the other's dock. There is parking nearby."""
     stage.resource("swap-west", 0, 0, "dock")
     stage.resource("swap-east", 12, 0, "dock")
     stage.resource("swap-parking", 6, -7, "parking")
@@ -78,7 +78,7 @@ def swap(stage: Stage) -> None:
 
 
 def ring_of_three(stage: Stage) -> None:
-    """Three at docks, each of which wants the next one's; there is parking nearby."""
+    """Three robots at docks, each of which needs the next one's dock. There is parking nearby."""
     spots = ((0.0, 0.0), (14.0, 0.0), (7.0, 11.0))
     for row, (x, y) in enumerate(spots):
         stage.resource(f"ring-{row}", x, y, "dock")
@@ -89,7 +89,7 @@ def ring_of_three(stage: Stage) -> None:
 
 
 def lift_with_a_twin(stage: Stage) -> None:
-    """One comes to a lift that is taken; its twin stands free."""
+    """A robot comes to an occupied lift whose twin is free."""
     stage.resource("lift-west", 0, 0, "lift", group="lifts", service_s=30.0)
     stage.resource("lift-east", 6, 0, "lift", group="lifts", service_s=30.0)
     stage.robot(ALDER, (0, 0), Visit(0, 0, "lift-west", 30), Visit(-8, 0))
@@ -97,7 +97,7 @@ def lift_with_a_twin(stage: Stage) -> None:
 
 
 def charger_queue(stage: Stage) -> None:
-    """Two come to a charger that is taken, the one that stays longer first."""
+    """Two robots come to an occupied charger. The one that stays longer comes first."""
     stage.resource("charger", 0, 0, "charger", service_s=12.0)
     stage.robot(ALDER, (0, 0), Visit(0, 0, "charger", 15, "charging"), Visit(0, 7))
     stage.robot(BASALT, (-13, 0), Visit(0, 0, "charger", 12, "charging"), Visit(-4, -5))
@@ -105,7 +105,7 @@ def charger_queue(stage: Stage) -> None:
 
 
 def dock_taken(stage: Stage) -> None:
-    """One comes to a dock where another one still stands."""
+    """A robot comes to a dock where another still stands."""
     stage.resource("dock", 0, 0, "dock", size=(6.0, 3.0))
     stage.robot(ALDER, (-1.5, 0), Visit(-1.5, 0, "dock", 24), Visit(-1.5, 7))
     stage.robot(BASALT, (14, 0), Visit(1.5, 0, "dock", 5), Visit(1.5, -5))
@@ -117,22 +117,22 @@ def crossing_of_four(stage: Stage) -> None:
         stage.robot(make, (13 * x + y, 13 * y - x), Visit(y - 13 * x, -x - 13 * y))
 
 
-def deaf_robot(stage: Stage) -> None:
-    """Two cross; they are told who should wait, and do not."""
+def ignoring_robots(stage: Stage) -> None:
+    """Two robots cross. They are advised who should wait, and ignore it."""
     stage.robot(ALDER, (-13, 0), Visit(13, 0), deaf=True)
     stage.robot(BASALT, (0, -13), Visit(0, 13), deaf=True)
 
 
 @dataclass(frozen=True, slots=True)
 class Drill:
-    """One script, and what it is told about it."""
+    """One script, and the advisory that it should cause."""
 
     name: str
     kind: Kind
-    """Of the advisory that it leads to."""
+    """Kind of that advisory."""
     script: Callable[[Stage], None]
     heeds: bool = True
-    """Whether its robots do as they are advised."""
+    """Whether its robots follow advice."""
 
 
 DRILLS = (
@@ -143,14 +143,14 @@ DRILLS = (
     Drill("charger queue", "contention", charger_queue),
     Drill("dock taken", "contention", dock_taken),
     Drill("crossing of four vendors", "conflict", crossing_of_four),
-    Drill("robots that ignore advice", "conflict", deaf_robot, heeds=False),
+    Drill("robots that ignore advice", "conflict", ignoring_robots, heeds=False),
 )
 
 
 def staged(drills: Sequence[Drill] = DRILLS, *, ignored: bool = False) -> tuple[Site, list[Stage]]:
-    """The demo's site on any free ports, with the places of these drills instead of its own, and the drills on it.
+    """The demo's site on free ports with the places of these drills, and the setup of each drill.
 
-    With `ignored` nobody does as advised.
+    With `ignored` all robots ignore advice.
     """
     stages = []
     for row, drill in enumerate(drills):
@@ -159,16 +159,16 @@ def staged(drills: Sequence[Drill] = DRILLS, *, ignored: bool = False) -> tuple[
         drill.script(stage)
         stages.append(stage)
     site = load(demo_site())
-    instead = {
+    changes = {
         "conflict": site.conflict.model_copy(update=EARLY),
-        "resources": tuple(one for stage in stages for one in stage.resources),
-        "zones": tuple(one for stage in stages for one in stage.zones),
+        "resources": tuple(resource for stage in stages for resource in stage.resources),
+        "zones": tuple(zone for stage in stages for zone in stage.zones),
         "receiver": site.receiver.model_copy(update={"port": 0}),
         "operator": site.operator.model_copy(update={"port": 0}),
     }
-    return site.model_copy(update=instead), stages
+    return site.model_copy(update=changes), stages
 
 
-def party(stages: Sequence[Stage]) -> Party:
-    """Everybody in these drills."""
-    return Party([one for stage in stages for one in stage.errands])
+def party(stages: Sequence[Stage]) -> ErrandGroup:
+    """The robots of all drills."""
+    return ErrandGroup([errand for stage in stages for errand in stage.errands])

@@ -1,7 +1,7 @@
-"""Robots on errands: from place to place in straight lines, each waiting or going elsewhere first where it is told to.
+"""Robots on errands: they drive from place to place in straight lines, and wait or go elsewhere first if told to.
 
-A robot tells its plan as it then is, waits included. It leaves a place only once the next one is free, and drives on
-only while the floor just ahead of it is.
+A robot reports its present plan, including waits. It leaves a place only once the next one is free. It drives only
+while the floor just ahead of it is free.
 """
 
 from collections.abc import Sequence
@@ -11,22 +11,22 @@ from math import atan2, copysign, cos, hypot, inf, pi, sin
 import numpy as np
 import shapely
 
-from deconflict.simulation.cast import Member
-from deconflict.simulation.fleet_plans import Plan
+from deconflict.simulation.cast import CastMember
+from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import GROUND
-from deconflict.simulation.robot_state import Robot
+from deconflict.simulation.robot_state import RobotState
 
 PACE_MPS = 1.0
 TURN_RADPS = 1.5
 SLACK_M, SLACK_RAD = 1e-6, 0.01
 STEP_S = 0.1
 GAP_M = 0.2
-"""A robot stops where another one is nearer than this ahead of it: less than the demo's clearance."""
+"""A robot stops if another is nearer than this ahead of it. Less than the demo's clearance."""
 
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """Somewhere that a robot goes to, and how long it stays; where it stays for no time it passes."""
+    """A position that a robot drives to, and how long it stays there. With no stay it drives through."""
 
     x_m: float
     y_m: float
@@ -34,12 +34,12 @@ class Visit:
     """Id of a resource."""
     stay_s: float = 0.0
     state: str = "waitingExternalEvent"
-    """What it says while it is there."""
+    """The state that it reports while it is there."""
 
 
 @dataclass(frozen=True, slots=True)
 class Knot:
-    """Where a robot will be so long from now; `visit` where it has just come to the place of one."""
+    """The planned pose of a robot after a time. `visit` is set if it has just arrived there."""
 
     after_s: float
     x_m: float
@@ -49,10 +49,10 @@ class Knot:
 
 
 class Errand:
-    """One robot. Time goes on only by `step`."""
+    """One robot. Its time advances only by `step`."""
 
-    def __init__(self, member: Member, start: tuple[float, float], visits: Sequence[Visit], *, deaf: bool = False):
-        """It stands at `start`, and heads for its first visit. One that is `deaf` does nothing that it is told."""
+    def __init__(self, member: CastMember, start: tuple[float, float], visits: Sequence[Visit], *, deaf: bool = False):
+        """It stands at `start`, heading for its first visit. With `deaf` it ignores all instructions."""
         self.member, self.visits, self.deaf = member, list(visits), deaf
         self.x_m, self.y_m = start
         self.yaw_rad = self._heading_rad(self.visits[0])
@@ -60,16 +60,16 @@ class Errand:
         self._stay_s, self._state = 0.0, "navigating"
         self._hold_s = 0.0
         self.at = ""
-        """Id of the place that it is at."""
+        """Id of the place where it is."""
         self.due_s = self._timetable()[-1].after_s
-        """When it means to be through, as long as nothing is in its way."""
+        """When it would finish without obstacles."""
         self.through_s: float | None = None
-        """When it was."""
+        """When it finished."""
         self.told_s = -inf
-        """When it last changed its plan because it was told to."""
+        """When it last changed its plan on an instruction."""
 
     def step(self, dt_s: float, *, free: bool) -> None:
-        """Let `dt_s` pass; without `free` it can't drive on."""
+        """Advance the time by `dt_s`. If not `free`, it can't drive."""
         left_s = dt_s
         while left_s > 1e-9:
             used_s = self._act(left_s, free)
@@ -77,7 +77,7 @@ class Errand:
             self.t_s += used_s
 
     def _act(self, most_s: float, free: bool) -> float:
-        """Do the next thing, for at most so long; how long it took."""
+        """Do the next action for at most `most_s`. Returns how long it took."""
         if self._hold_s + self._stay_s > 0:
             return self._stand(most_s)
         if not self.visits:
@@ -117,63 +117,63 @@ class Errand:
 
     @property
     def drives(self) -> bool:
-        """Whether it would drive on now."""
+        """Whether it would drive now."""
         return bool(self.visits) and self._hold_s <= 0 and self._stay_s <= 0
 
     @property
     def late_s(self) -> float:
-        """How much later it was through, or will be, than it meant to at first."""
+        """How much later than first planned it finished, or will finish."""
         ends_s = self.t_s + self._timetable()[-1].after_s if self.through_s is None else self.through_s
         return ends_s - self.due_s
 
     def wait(self, more_s: float) -> None:
-        """Stand so much longer before going on; if less than 0, so much shorter than it was told to."""
+        """Stand `more_s` longer before driving on. A negative value shortens an earlier wait."""
         if not self.deaf:
             self._hold_s = max(self._hold_s + more_s, 0.0)
             self.told_s = self.t_s
 
     def go(self, visits: Sequence[Visit]) -> None:
-        """Go to these first."""
+        """Go to these positions first."""
         if not self.deaf:
             self.visits[:0] = visits
             self.told_s = self.t_s
 
     def go_instead(self, visit: Visit) -> None:
-        """Go there instead of to the next place, for as long."""
+        """Go to the place of `visit` instead of the next place, for the same stay."""
         if not self.deaf:
-            row = next(row for row, one in enumerate(self.visits) if one.place)
+            row = next(row for row, planned in enumerate(self.visits) if planned.place)
             self.visits[row] = replace(self.visits[row], x_m=visit.x_m, y_m=visit.y_m, place=visit.place)
             self.told_s = self.t_s
 
     def comes_s(self, place: str) -> float | None:
-        """When it will be at a place; None where it does not go there."""
+        """When it will arrive at a place. None if it does not go there."""
         return next(
             (self.t_s + knot.after_s for knot in self._timetable() if knot.visit and knot.visit.place == place), None
         )
 
     def enters_s(self, outline: shapely.Polygon) -> float | None:
-        """When its front comes into an outline that it drives at; None where it does not come there."""
+        """When its front enters an outline. None if it does not."""
         knots, body = self._timetable(), self.member.make.body
         after_s = np.arange(0.0, knots[-1].after_s + STEP_S, STEP_S)
-        times_s = [one.after_s for one in knots]
-        x_m, y_m = (np.interp(after_s, times_s, [getattr(one, name) for one in knots]) for name in ("x_m", "y_m"))
+        times_s = [knot.after_s for knot in knots]
+        x_m, y_m = (np.interp(after_s, times_s, [getattr(knot, name) for knot in knots]) for name in ("x_m", "y_m"))
         apart_m = shapely.distance(shapely.points(x_m, y_m), outline)
         touching = np.flatnonzero(apart_m <= body.ahead_m + body.length_m / 2)
         return self.t_s + float(after_s[touching[0]]) if len(touching) else None
 
     def body(self, ahead_m: float = 0.0) -> shapely.Polygon:
-        """Its envelope, lengthened ahead."""
-        one = self.member.make.body
-        back, front = one.ahead_m - one.length_m / 2, one.ahead_m + one.length_m / 2 + ahead_m
-        c, s, wide = cos(self.yaw_rad), sin(self.yaw_rad), one.width_m / 2
+        """Its envelope, extended ahead."""
+        size = self.member.make.body
+        back, front = size.ahead_m - size.length_m / 2, size.ahead_m + size.length_m / 2 + ahead_m
+        c, s, wide = cos(self.yaw_rad), sin(self.yaw_rad), size.width_m / 2
         corners = [(back, -wide), (front, -wide), (front, wide), (back, wide)]
         return shapely.Polygon([(self.x_m + c * a - s * b, self.y_m + s * a + c * b) for a, b in corners])
 
-    def robot(self) -> Robot:
-        """All that its vendor's dialect can tell."""
+    def robot(self) -> RobotState:
+        """Everything that its vendor's dialect can report."""
         knots = self._timetable()
         moving = self.drives
-        return Robot(
+        return RobotState(
             member=self.member,
             t_s=self.t_s,
             floor=GROUND,
@@ -186,20 +186,20 @@ class Errand:
             battery_pct=50.0,
             load_pct=0.0,
             errors=(),
-            plan=Plan(
-                np.array([one.after_s for one in knots]),
-                np.array([(one.x_m, one.y_m, one.yaw_rad) for one in knots]),
+            plan=FleetPlan(
+                np.array([knot.after_s for knot in knots]),
+                np.array([(knot.x_m, knot.y_m, knot.yaw_rad) for knot in knots]),
                 np.full(len(knots), GROUND),
             ),
             destinations=tuple(
-                (one.after_s, GROUND, one.x_m, one.y_m, one.yaw_rad)
-                for one in knots
-                if one.visit and (one.visit.place or one.visit is self.visits[-1])
+                (knot.after_s, GROUND, knot.x_m, knot.y_m, knot.yaw_rad)
+                for knot in knots
+                if knot.visit and (knot.visit.place or knot.visit is self.visits[-1])
             ),
         )
 
     def _timetable(self) -> list[Knot]:
-        """Where it will be from now on, if nothing is in its way; the last one for ever."""
+        """Its planned poses from now on without obstacles. It stays at the last."""
         x_m, y_m, yaw_rad = self.x_m, self.y_m, self.yaw_rad
         after_s = self._hold_s + self._stay_s
         knots = [Knot(0.0, x_m, y_m, yaw_rad)]
@@ -225,26 +225,26 @@ class Errand:
 
 
 def _turn(from_rad: float, to_rad: float) -> float:
-    """The shorter way round."""
+    """The signed angle of the shorter turn."""
     return (to_rad - from_rad + pi) % (2 * pi) - pi
 
 
-class Party:
+class ErrandGroup:
     """Several robots on errands on one floor."""
 
     def __init__(self, errands: Sequence[Errand]) -> None:
         self.errands = tuple(errands)
-        self.by_uuid = {one.member.uuid: one for one in self.errands}
+        self.by_uuid = {errand.member.uuid: errand for errand in self.errands}
 
     def step(self, dt_s: float) -> None:
-        """Let time pass for everybody; each stops for those just ahead of it."""
-        bodies = [one.body() for one in self.errands]
+        """Advance all robots. Each stops for robots just ahead of it."""
+        bodies = [errand.body() for errand in self.errands]
         tree = shapely.STRtree(bodies)
-        for row, one in enumerate(self.errands):
-            ahead = set(tree.query(one.body(GAP_M), predicate="intersects").tolist()) - {row}
-            one.step(dt_s, free=not (ahead or self._taken(one)))
+        for row, errand in enumerate(self.errands):
+            ahead = set(tree.query(errand.body(GAP_M), predicate="intersects").tolist()) - {row}
+            errand.step(dt_s, free=not (ahead or self._taken(errand)))
 
-    def _taken(self, one: Errand) -> bool:
-        """Whether a robot that stands at a place wants one that another is still at."""
-        wants = next((visit.place for visit in one.visits if visit.place), "")
-        return bool(one.at and wants) and any(other.at == wants for other in self.errands if other is not one)
+    def _taken(self, errand: Errand) -> bool:
+        """Whether a robot that stands at a place needs a place where another still is."""
+        wants = next((visit.place for visit in errand.visits if visit.place), "")
+        return bool(errand.at and wants) and any(other.at == wants for other in self.errands if other is not errand)

@@ -1,4 +1,4 @@
-"""What a service of the site makes of advisories: it tells robots to wait, and where to go first or instead."""
+"""A site service that follows advisories: it tells robots to wait, and where to go first or instead."""
 
 from collections.abc import Iterable
 
@@ -6,76 +6,76 @@ import shapely
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Hold, Slot
 from deconflict.contention.robots.place_geometry import Geometry
-from deconflict.simulation.drills.errands import Errand, Party, Visit
+from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit
 
 STALE_S = 1.5
-"""Advice may rest on what a robot said so long before it was told."""
+"""Advice may be based on reports this much older than the advice."""
 WORTH_S = 0.3
-"""A change of a robot's time by less is not worth telling it."""
+"""A smaller change of a robot's arrival time is not passed on."""
 
 
 class SiteService:
-    """Tells the robots of a party what they are advised to do."""
+    """Passes advice on to the robots of a group."""
 
-    def __init__(self, party: Party, geometry: Geometry, start_s: float) -> None:
-        """The party's time 0 is `start_s`, seconds since the epoch."""
-        self._party, self._geometry, self._start_s = party, geometry, start_s
+    def __init__(self, group: ErrandGroup, geometry: Geometry, start_s: float) -> None:
+        """The group's time 0 is `start_s`, seconds since the epoch."""
+        self._group, self._geometry, self._start_s = group, geometry, start_s
         self._held: dict[str, tuple[Hold, ...]] = {}
-        """By advisory, the holds that were passed on last."""
+        """By advisory: the holds that were passed on last."""
 
-    def take(self, advisory: AnyAdvisory) -> bool:
-        """Pass on what a revision advises; whether any robot was told anything."""
+    def pass_on(self, advisory: AnyAdvisory) -> bool:
+        """Pass on the advice of a revision. Returns whether any robot was told anything."""
         advice = advisory.recommendation
         if advice is None or advisory.state is AdvisoryState.CLEARED:
             return False
         at_s = advisory.updated_at.timestamp() - self._start_s
         held, self._held[advisory.id] = self._held.get(advisory.id, ()), advice.holds
-        told = [self._hold(one, at_s) for one in advice.holds] if held != advice.holds else []
-        told += [self._serve(robot, slots, at_s) for robot, slots in _by_robot(advice.slots).items()]
-        return any(told)
+        changes = [self._hold(hold, at_s) for hold in advice.holds] if held != advice.holds else []
+        changes += [self._serve(robot, slots, at_s) for robot, slots in _by_robot(advice.slots).items()]
+        return any(changes)
 
     def _fresh(self, robot: str, at_s: float) -> Errand | None:
-        """A robot of the party that has not changed its plan since what advice of `at_s` rests on."""
-        one = self._party.by_uuid.get(robot)
-        return None if one is None or one.deaf or at_s - STALE_S < one.told_s else one
+        """The errand of a robot, if its plan has not changed since the reports on which advice of `at_s` is based."""
+        errand = self._group.by_uuid.get(robot)
+        return None if errand is None or errand.deaf or at_s - STALE_S < errand.told_s else errand
 
     def _hold(self, hold: Hold, at_s: float) -> bool:
-        """A hold comes on top of what the robot said that it would do."""
-        one = self._fresh(hold.robot, at_s)
-        if one:
-            one.wait(hold.hold_s)
-        return one is not None
+        """Pass on a hold. It is added to the plan that the robot reported."""
+        errand = self._fresh(hold.robot, at_s)
+        if errand:
+            errand.wait(hold.hold_s)
+        return errand is not None
 
     def _serve(self, robot: str, slots: list[Slot], at_s: float) -> bool:
-        """Have a robot come when its last slot begins; before, it stays where an earlier one is."""
-        one = self._fresh(robot, at_s)
-        if one is None:
+        """Make a robot arrive when its last slot begins. Before that it stays at the place of an earlier slot."""
+        errand = self._fresh(robot, at_s)
+        if errand is None:
             return False
         *first, last = slots
         start_s = last.start_at.timestamp() - self._start_s
         if zone := self._geometry.zones.get(last.resource):
-            return _come(one, one.enters_s(shapely.Polygon(zone.polygon)), start_s)
-        told = one.comes_s(last.resource) is None
-        if told:
-            one.go_instead(self._visit(last.resource))
-        elsewhere = [self._visit(slot.resource) for slot in first if one.comes_s(slot.resource) is None]
+            return _shift_arrival(errand, errand.enters_s(shapely.Polygon(zone.polygon)), start_s)
+        is_moved = errand.comes_s(last.resource) is None
+        if is_moved:
+            errand.go_instead(self._visit(last.resource))
+        elsewhere = [self._visit(slot.resource) for slot in first if errand.comes_s(slot.resource) is None]
         if elsewhere:
-            one.go(elsewhere)
-            comes_s = one.comes_s(last.resource) or start_s
-            one.visits[0] = self._visit(first[0].resource, max(start_s - comes_s, 0.0))
+            errand.go(elsewhere)
+            comes_s = errand.comes_s(last.resource) or start_s
+            errand.visits[0] = self._visit(first[0].resource, max(start_s - comes_s, 0.0))
             return True
-        return (not first and _come(one, one.comes_s(last.resource), start_s)) or told
+        return (not first and _shift_arrival(errand, errand.comes_s(last.resource), start_s)) or is_moved
 
     def _visit(self, place: str, stay_s: float = 0.0) -> Visit:
         _, x_m, y_m = self._geometry.middle(place)
         return Visit(x_m, y_m, place, stay_s)
 
 
-def _come(one: Errand, comes_s: float | None, start_s: float) -> bool:
-    """Shift a robot's time to come; whether that was worth telling it."""
+def _shift_arrival(errand: Errand, comes_s: float | None, start_s: float) -> bool:
+    """Shift a robot's arrival. Returns whether the change was large enough to be passed on."""
     if comes_s is None or abs(start_s - comes_s) < WORTH_S:
         return False
-    one.wait(start_s - comes_s)
+    errand.wait(start_s - comes_s)
     return True
 
 

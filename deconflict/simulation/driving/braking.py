@@ -1,58 +1,59 @@
-"""How fast each robot goes on, and for whom it brakes, slows down or swerves."""
+"""The speed of each robot, and for whom it brakes, slows down or swerves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from deconflict.simulation.cast import Member, Protection
+from deconflict.simulation.cast import CastMember, Protection
 from deconflict.simulation.driving.passing import SWERVING_MPS, Passings
-from deconflict.simulation.driving.protection import NOBODY, Bools, Free, Traffic, free_ways
+from deconflict.simulation.driving.protection import NOBODY, Bools, FreeWays, Traffic, free_ways
 from ingest.batch import Floats, Ints
 
 HELD_S = (0.8, 1.5)
-"""How long a robot's field must be clear before it goes on, by robot."""
+"""Range of the time for which a robot's field must be clear before it continues. Each robot has its own."""
 RESTART_M = 0.15
-"""A robot that stands goes on only where so much of its way is free."""
+"""A standing robot starts only if this much of its path is free."""
 CREEPING_MPS, CREEPING_S, CREEPING_GAP_M = 0.25, 8.0, 0.05
-"""One that has stood for long creeps on for so long, with so short a field."""
+"""A robot that has stood for long creeps on: its speed, for how long, and the length of its field."""
 GENTLY = 0.6
-"""Share of its greatest braking with which a robot slows down for what it sees or knows in time."""
+"""Share of its greatest deceleration that a robot uses if it sees or knows an obstacle in time."""
 YIELDS_SHARE = 0.5
-"""A robot that goes no faster than this share of its pace for another gives way to it."""
+"""A robot that another slows down to at most this share of its speed yields to it."""
 SWERVES_FROM_M = 2.0
-"""So far beyond its stopping distance a robot looks for one to go past."""
+"""How far beyond its stopping distance a robot looks for robots to pass."""
 SWERVE_AGAIN_S = 1.0
 ASIDE_M = 0.1
-"""One that is further off its way than this may not come into a bend."""
+"""A robot that is further off its path than this may not enter a bend."""
 MOVING_MPS, NEARLY_M = 0.03, 0.02
 
 Limit = tuple[Floats, Ints]
-"""(n,) metres that each may go, and (n,) for whom it may not go further."""
+"""(n,) metres that each robot may drive, and (n,) the robot that limits this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """What each of n robots does next."""
+    """The next motion of n robots."""
 
     wanted_mps: Floats
     kept: Bools
-    """Who may not go on at all."""
+    """(n,) whether it must not move."""
     by: Ints
-    """And for whom."""
+    """(n,) the robot for which it must not move."""
 
 
 class Braking:
     """The protective stops of n robots."""
 
-    def __init__(self, members: Sequence[Member], passings: Passings, rng: np.random.Generator) -> None:
+    def __init__(self, members: Sequence[CastMember], passings: Passings, rng: np.random.Generator) -> None:
         n, makes = len(members), [member.make for member in members]
         self.yields_to: Ints = np.full(n, NOBODY)
-        """(n,) for whom each brakes, slows down or swerves that is not of its own fleet."""
+        """(n,) the robot of another fleet for which each brakes, slows down or swerves."""
         self.behind: Ints = np.full(n, NOBODY)
-        """(n,) who of its own fleet is ahead of each, or in whose way it would come; of a person, anybody."""
+        """(n,) the robot of its own fleet that is ahead of it, or whose path it would enter; for a person, of any
+        fleet."""
         self.behind_m = np.full(n, np.inf)
-        """(n,) how far each can go until then."""
+        """(n,) how far it can drive until there."""
         self._passings = passings
         self._stop_gap_m = np.array([make.stop_gap_m for make in makes])
         self._held_s, self._held_until_s = rng.uniform(*HELD_S, n), np.zeros(n)
@@ -65,28 +66,29 @@ class Braking:
         )
 
     def top_mps(self, now_s: float) -> Floats:
-        """(n,) the most that each goes now, besides what its way allows; inf for most."""
+        """(n,) present speed limit of each robot besides that of its path; inf for most."""
         tops_mps: Floats = np.where(self._creeps_until_s > now_s, CREEPING_MPS, self._passings.top_mps)
         return tops_mps
 
     def top_of_mps(self, robot: int, now_s: float) -> float:
-        """The same of one robot."""
+        """`top_mps` of one robot."""
         return CREEPING_MPS if self._creeps_until_s[robot] > now_s else float(self._passings.top_mps[robot])
 
     def creep(self, robot: int, now_s: float) -> None:
-        """A robot that has stood for long goes on slowly, and nearer to others."""
+        """Let a robot that has stood for long continue slowly, and nearer to others."""
         self._creeps_until_s[robot] = now_s + CREEPING_S
 
     def let_go(self, robot: int) -> None:
-        """A robot no longer stands for what was in its field."""
+        """Let a robot ignore what was in its field."""
         self._held_until_s[robot] = -np.inf
 
     def course(
         self, seen: Traffic, pace_mps: Floats, crossing: Limit, line: Limit, now_s: float, dt_s: float
     ) -> Course:
-        """What everybody does next, who would go at `pace_mps` if nobody were in the way.
+        """The next motion of all robots. Without obstacles they would drive at `pace_mps`.
 
-        `crossing` is how far the own fleet lets each go, `line` how far each may come before a crossing that is taken.
+        `crossing` is how far their own fleet lets them drive, `line` how far they may drive before an occupied
+        crossing.
         """
         free = free_ways(seen)
         creeps = seen.backing | (self._creeps_until_s > now_s)
@@ -112,15 +114,15 @@ class Braking:
         return speed_mps
 
     def _own_order(self, seen: Traffic, known_m: Floats, known: Ints, crossing: Limit) -> Limit:
-        """How far the own fleet lets each go."""
+        """How far its own fleet lets each robot drive."""
         crossing_m = np.where(seen.backing, np.inf, crossing[0])
         off_way = ~seen.backing & (np.abs(seen.aside_m) > ASIDE_M)
         bend_m = np.where(off_way, self._passings.end_m - seen.progress_m, np.inf)
         open_m = np.minimum(np.minimum(known_m, crossing_m), bend_m)
         return np.maximum(open_m, 0.0), np.where(crossing_m < known_m, crossing[1], known)
 
-    def _hold(self, seen: Traffic, free: Free, sensed_m: Floats, creeps: Bools, now_s: float, dt_s: float) -> Bools:
-        """(n,) who brakes, or stands, since somebody is or was a moment ago in its field."""
+    def _hold(self, seen: Traffic, free: FreeWays, sensed_m: Floats, creeps: Bools, now_s: float, dt_s: float) -> Bools:
+        """(n,) whether a robot brakes or stands because another is, or was a moment ago, in its field."""
         speed_mps = np.abs(seen.speed_mps)
         restart_m = np.where(creeps, CREEPING_GAP_M, RESTART_M)
         stopping_m = np.abs(seen.braking_m()) + speed_mps * dt_s
@@ -130,16 +132,16 @@ class Braking:
         held: Bools = seen.going & (now_s < self._held_until_s)
         return held
 
-    def _note_yields(self, seen: Traffic, free: Free, held: Bools, slows: Bools, line: Limit) -> None:
+    def _note_yields(self, seen: Traffic, free: FreeWays, held: Bools, slows: Bools, line: Limit) -> None:
         nearest = np.where(seen.person, free.known, free.sensed)
         others = [self._held_for, nearest, line[1], self._passings.past]
         does = [held, slows, np.isfinite(line[0]), self._passings.past != NOBODY]
         foreign = [seen.fleet[other] != seen.fleet for other in others]
-        chosen = [one & other & seen.going for one, other in zip(does, foreign, strict=True)]
+        chosen = [yields & is_foreign & seen.going for yields, is_foreign in zip(does, foreign, strict=True)]
         self.yields_to = np.select(chosen, others, NOBODY)
 
-    def _swerve(self, seen: Traffic, free: Free, now_s: float) -> None:
-        """Those that swerve look for a way past whoever comes near."""
+    def _swerve(self, seen: Traffic, free: FreeWays, now_s: float) -> None:
+        """Robots that can swerve look for room to pass robots that come near."""
         others = np.where(seen.person, free.known, free.sensed)
         near = np.where(seen.person, free.known_m, free.sensed_m) < seen.braking_m() + SWERVES_FROM_M
         looks = near & self._swerves & seen.going & ~seen.backing & (self._swerve_at_s <= now_s)

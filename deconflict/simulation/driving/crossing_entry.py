@@ -1,7 +1,7 @@
-"""What a robot looks at before it comes into a crossing: who is in it, and whether there is room beyond.
+"""The check of a robot before it enters a crossing: who is in it, and whether there is room beyond.
 
-It waits at the line for somebody who stands in the crossing, or drives across it, and while somebody stands where it
-would leave it. Two that come to their lines at once do not see each other there.
+It waits at the line for a robot of another fleet that stands in the crossing or drives across it, and while a robot
+stands where it would leave the crossing. Two robots that reach their lines at the same time do not see each other.
 """
 
 import numpy as np
@@ -13,30 +13,30 @@ from deconflict.simulation.floor_layout import Layout
 from ingest.batch import Floats, Ints
 
 BOX_M = 1.9
-"""Half of the square in which others are in the crossing."""
+"""Half side of the square that counts as the crossing."""
 EXIT_M, NEAR_EXIT_M = 0.7, 1.1
-"""How far beyond the crossing a robot looks for room, and how near to there nobody may stand."""
+"""How far beyond the crossing a robot needs room, and the radius there in which nobody may stand."""
 LOOKS_FROM_M, LOOKS_TO_M = 1.4, -0.05
-"""A robot looks from so far before its line."""
+"""Range of the distance to its line in which a robot checks."""
 AROUND_M = 5.0
-"""Everybody in a crossing, or where a robot leaves it, is within this of its middle."""
+"""Robots in a crossing, or where another leaves it, are within this distance of its middle."""
 STANDING_MPS = 0.15
 ALONG_COS = 0.8
-"""Who drives along, either way, is not in the way."""
+"""A robot that drives in the same or the opposite direction is not in the way."""
 LONGEST_S = 12.0
-"""A robot that has stood at its line for so long comes in."""
+"""A robot that has waited at its line for this long enters."""
 
 
-class Lines:
-    """Where robots wait before crossings."""
+class CrossingEntry:
+    """The lines at which robots wait before crossings."""
 
     def __init__(self, crossings: Crossings, layout: Layout, robots: int) -> None:
         self._crossings, self._places = crossings, np.array(layout.places)
         self._passed_m = np.full(robots, -np.inf)
-        """(n,) the line that each has waited at for long enough."""
+        """(n,) progress of the line at which each has waited for long enough."""
 
-    def look(self, seen: Traffic, driving: Bools, waited_s: Floats) -> tuple[Floats, Ints]:
-        """(n,) how far each may go, inf where its crossing is clear, and (n,) for whom it waits."""
+    def limits(self, seen: Traffic, driving: Bools, waited_s: Floats) -> tuple[Floats, Ints]:
+        """(n,) how far each may drive, inf if its crossing is clear, and (n,) for whom it waits."""
         line_m, waits_for = np.full(len(driving), np.inf), np.full(len(driving), NOBODY)
         to_line_m = self._crossings.enter_m - seen.progress_m
         asks = driving & (to_line_m <= LOOKS_FROM_M) & (to_line_m >= LOOKS_TO_M)
@@ -51,21 +51,21 @@ class Lines:
         line_m[who[~tired]] = np.maximum(to_line_m[who[~tired]], 0.0)
         return line_m, waits_for
 
-    def leave(self, robot: int) -> None:
-        """A robot sets out on another drive."""
+    def reset(self, robot: int) -> None:
+        """Forget the line of a robot that starts another drive."""
         self._passed_m[robot] = -np.inf
 
     def _in_way(self, seen: Traffic, rows: Ints) -> tuple[Ints, Ints]:
-        """Pairs (p,) of robots at their lines and others for whom they wait."""
+        """(p,) robots at their lines, and (p,) the others for which they wait."""
         ahead = [self._crossings.next(robot) for robot in rows.tolist()]
-        middle = self._places[[one.node for one in ahead]].T
-        out = seen.tracks.poses(rows, np.array([one.leave_m for one in ahead]) + EXIT_M)[:2]
+        middle = self._places[[passage.node for passage in ahead]].T
+        out = seen.tracks.poses(rows, np.array([passage.leave_m for passage in ahead]) + EXIT_M)[:2]
         here = centres(seen, np.arange(len(seen.floor)), seen.progress_m)
         points = np.column_stack([here[0] + FLOOR_M * seen.floor, here[1]])
         asked = np.column_stack([middle[0] + FLOOR_M * seen.floor[rows], middle[1]])
         found = cKDTree(asked).query_ball_tree(cKDTree(points), AROUND_M)
-        which = np.repeat(np.arange(len(rows)), [len(one) for one in found])
-        whom = np.array([other for one in found for other in one], np.int64)
+        which = np.repeat(np.arange(len(rows)), [len(near) for near in found])
+        whom = np.array([other for near in found for other in near], np.int64)
         who = rows[which]
         standing = np.abs(seen.speed_mps[whom]) < STANDING_MPS
         along = np.abs(np.cos(here[2, whom] - here[2, who])) > ALONG_COS

@@ -1,6 +1,6 @@
-"""Right of way at crossings within a fleet: its manager opens only ways together that do not meet.
+"""Right of way at crossings within a fleet: its manager admits robots together only if their paths do not touch.
 
-Otherwise queues from four sides lock each other in. Fleets do not know of each other.
+Otherwise queues from four sides block each other. Fleets do not know of each other.
 """
 
 from collections.abc import Sequence
@@ -13,14 +13,14 @@ from deconflict.simulation.floor_layout import Layout
 from ingest.batch import Floats, Ints
 
 BEFORE_M, AFTER_M = 2.6, 2.2
-"""A crossing is entered and left so far from its middle."""
+"""Distances from the middle of a crossing at which it is entered and left."""
 ASK_M = 2.5
-"""A robot asks for its way so far ahead of a crossing."""
+"""A robot requests a crossing at this distance before it."""
 NOBODY = -1
 
 
 @dataclass(frozen=True, slots=True)
-class Passage:
+class CrossingPassage:
     """One crossing on a drive."""
 
     node: int
@@ -30,19 +30,20 @@ class Passage:
     """Direction in which it is entered, as signs of x and y."""
     left: bool
 
-    def meets(self, other: "Passage") -> bool:
-        """Whether two ways through one crossing touch: not those from one side, nor opposite ones but left turns."""
+    def meets(self, other: "CrossingPassage") -> bool:
+        """Whether two paths through one crossing touch. Paths from the same side do not, nor opposite ones without left
+        turns."""
         ahead = self.inward[0] * other.inward[0] + self.inward[1] * other.inward[1]
         return ahead == 0 or (ahead < 0 and (self.left or other.left))
 
 
-def passages(layout: Layout, nodes: Sequence[int], drive: Drive) -> list[Passage]:
-    """The crossings that a drive along `nodes` comes through, in order."""
+def passages(layout: Layout, nodes: Sequence[int], drive: Drive) -> list[CrossingPassage]:
+    """The crossings on a drive along `nodes`, in order."""
     found, leave = [], 0
     for before, node, after in zip(nodes, nodes[1:], nodes[2:], strict=False):
         if node not in layout.crossings:
             continue
-        (ax, ay), (x, y), (bx, by) = (layout.places[one] for one in (before, node, after))
+        (ax, ay), (x, y), (bx, by) = (layout.places[number] for number in (before, node, after))
         inward, outward = (_sign(x - ax), _sign(y - ay)), (_sign(bx - x), _sign(by - y))
         dx, dy = drive.x_m - x, drive.y_m - y
         close = np.hypot(dx, dy) < 2 * BEFORE_M
@@ -50,7 +51,7 @@ def passages(layout: Layout, nodes: Sequence[int], drive: Drive) -> list[Passage
         enter = int(np.argmax(close & (dx * inward[0] + dy * inward[1] > -BEFORE_M)))
         leave = enter + int(np.argmax(close[enter:] & ((dx * outward[0] + dy * outward[1])[enter:] > AFTER_M)))
         left = inward[0] * outward[1] - inward[1] * outward[0] > 0
-        found.append(Passage(node, drive.step_m * enter, drive.step_m * leave, inward, left))
+        found.append(CrossingPassage(node, drive.step_m * enter, drive.step_m * leave, inward, left))
     return found
 
 
@@ -59,65 +60,65 @@ def _sign(value: float) -> int:
 
 
 class Crossings:
-    """Who is in which crossing, and where everybody else of that fleet has to stop."""
+    """Which robots are in which crossing, and where other robots of their fleet have to stop."""
 
     def __init__(self, fleet: Ints) -> None:
-        """`fleet` is that of each of n robots."""
+        """`fleet` (n,) is the fleet of each robot."""
         robots = len(fleet)
         self._fleet = fleet.tolist()
-        self._ahead: list[list[Passage]] = [[] for _ in range(robots)]
-        self._inside: dict[tuple[int, int], dict[int, Passage]] = {}
+        self._ahead: list[list[CrossingPassage]] = [[] for _ in range(robots)]
+        self._inside: dict[tuple[int, int], dict[int, CrossingPassage]] = {}
         """By fleet and crossing."""
         self.stop_m = np.full(robots, np.inf)
         """(n,) progress at which each has to stop."""
         self.waits_for = np.full(robots, NOBODY)
-        """(n,) somebody in the crossing that a robot waits for."""
+        """(n,) a robot in the crossing for which each robot waits."""
         self.enter_m = np.full(robots, np.inf)
-        """(n,) progress at which each comes into the next crossing."""
+        """(n,) progress at which each enters the next crossing."""
         self._event_m = np.full(robots, np.inf)
-        """(n,) progress from which there is something to decide."""
+        """(n,) progress from which a decision is due."""
         self.back_to_m = np.zeros(robots)
-        """(n,) progress that a robot may back to without coming into a crossing that it has left."""
+        """(n,) progress to which a robot may back without entering a crossing that it has left."""
 
-    def put(self, robot: int, ahead: list[Passage]) -> None:
-        """A robot sets out on a drive with these crossings."""
+    def set_drive(self, robot: int, ahead: list[CrossingPassage]) -> None:
+        """Set the crossings of the drive that a robot starts."""
         self._ahead[robot], self.back_to_m[robot] = ahead, 0.0
         self._close(robot)
 
     def update(self, progress_m: Floats, going: Ints) -> None:
-        """Let robots in and note who is out; `going` are the rows of those that drive."""
+        """Admit robots to crossings, and remove those that have left. `going` are the rows of driving robots."""
         for robot in going[progress_m[going] >= self._event_m[going]]:
-            one = self._ahead[robot][0]
-            inside = self._holders(robot, one)
+            passage = self._ahead[robot][0]
+            inside = self._holders(robot, passage)
             if robot in inside:
                 del inside[robot], self._ahead[robot][0]
-                self.back_to_m[robot] = one.leave_m
+                self.back_to_m[robot] = passage.leave_m
                 self._close(robot)
-            elif in_way := [holder for holder, other in inside.items() if one.meets(other)]:
+            elif in_way := [holder for holder, other in inside.items() if passage.meets(other)]:
                 self.waits_for[robot] = in_way[0]
             else:
-                inside[int(robot)] = one
-                self.stop_m[robot], self.waits_for[robot], self._event_m[robot] = np.inf, NOBODY, one.leave_m
+                inside[int(robot)] = passage
+                self.stop_m[robot], self.waits_for[robot], self._event_m[robot] = np.inf, NOBODY, passage.leave_m
 
     def give_way(self, robot: int, progress_m: float) -> None:
-        """A robot that has backed out of a crossing asks again."""
+        """A robot that has backed out of a crossing must request it again."""
         if self._ahead[robot] and progress_m < self._ahead[robot][0].enter_m:
             self._holders(robot, self._ahead[robot][0]).pop(robot, None)
             self._close(robot)
 
-    def next(self, robot: int) -> Passage:
-        """The crossing that a robot is in or comes to; there is one where `enter_m` is finite."""
+    def next(self, robot: int) -> CrossingPassage:
+        """The crossing that a robot is in or approaches. It exists if `enter_m` is finite."""
         return self._ahead[robot][0]
 
-    def ahead(self, robot: int) -> list[Passage]:
-        """The crossings that a robot is in or has still to come through, in order."""
+    def ahead(self, robot: int) -> list[CrossingPassage]:
+        """The crossing that a robot is in and those still ahead, in order."""
         return self._ahead[robot]
 
     def is_inside(self, robot: int) -> bool:
-        """Whether its fleet has let a robot into the first of them."""
+        """Whether its fleet has admitted a robot to the first of them."""
         return bool(self._ahead[robot]) and robot in self._holders(robot, self._ahead[robot][0])
 
-    def _holders(self, robot: int, passage: Passage) -> dict[int, Passage]:
+    def _holders(self, robot: int, passage: CrossingPassage) -> dict[int, CrossingPassage]:
         return self._inside.setdefault((self._fleet[robot], passage.node), {})
 
     def _close(self, robot: int) -> None:

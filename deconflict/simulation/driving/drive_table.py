@@ -1,4 +1,4 @@
-"""The drives of all robots side by side, so that one lookup finds everybody's pose."""
+"""The drives of all robots in one table, so that one lookup finds all poses."""
 
 import numpy as np
 
@@ -6,17 +6,17 @@ from deconflict.simulation.driving.routes import Drive
 from ingest.batch import Floats, Ints
 
 
-class Tracks:
-    """One drive a robot, in padded arrays (n, longest)."""
+class DriveTable:
+    """One drive for each robot, in padded arrays (n, longest)."""
 
     def __init__(self, robots: int) -> None:
         self._columns = np.zeros((5, robots, 64))
-        """x, y, yaw, greatest speed, seconds from the start at that speed."""
+        """(5, n, longest) x, y, yaw, greatest speed, and seconds from the start at that speed."""
         self.step_m = np.ones(robots)
         self.last = np.zeros(robots, np.int64)
         """Index of each drive's last sample."""
 
-    def put(self, robot: int, drive: Drive) -> None:
+    def set_drive(self, robot: int, drive: Drive) -> None:
         """Replace a robot's drive."""
         samples = len(drive.x_m)
         if samples > self._columns.shape[2]:
@@ -34,21 +34,22 @@ class Tracks:
         return lengths
 
     def poses(self, robots: Ints, progress_m: Floats) -> Floats:
-        """(3, ...) x, y, yaw of `robots` at `progress_m`, which broadcast together; held at both ends."""
+        """(3, ...) x, y, yaw of `robots` at `progress_m`, which broadcast together. Clamped to the ends of the
+        drive."""
         return self._between(slice(0, 3), robots, progress_m)
 
     def speed_mps(self, robots: Ints, progress_m: Floats) -> Floats:
-        """Greatest speed of progress there."""
+        """Greatest speed of progress at `progress_m`."""
         speeds: Floats = self._between(slice(3, 4), robots, progress_m)[0]
         return speeds
 
     def seconds(self, robots: Ints, progress_m: Floats) -> Floats:
-        """From the start of its drive to there, for one that nobody is in the way of."""
+        """Seconds from the start of the drive to `progress_m`, without obstacles."""
         seconds: Floats = self._between(slice(4, 5), robots, progress_m)[0]
         return seconds
 
     def slope(self, robots: Ints, progress_m: Floats) -> Floats:
-        """(2, ...) metres moved and radians turned a metre of progress."""
+        """(2, ...) metres moved and radians turned per metre of progress."""
         low = np.clip((progress_m / self.step_m[robots]).astype(np.int64), 0, np.maximum(self.last[robots] - 1, 0))
         change = (self._columns[:3, robots, low + 1] - self._columns[:3, robots, low]) / self.step_m[robots]
         return np.stack([np.hypot(change[0], change[1]), change[2]])

@@ -1,9 +1,9 @@
-"""How far each robot can go on its way before its field would touch another, and who it would be.
+"""How far each robot can drive on its path before its protective field would touch another robot, and which one.
 
-A field is the body, a little wider, along the robot's own way. It has to stay clear of the bodies of others, and of
-what they would still cover if they braked now: so two that both brake never touch. Of its own fleet, or of everybody
-if it is a person, a robot knows more: of two, the one of the later rank keeps off the way that the other takes in the
-next second and a half.
+A field is the body, slightly wider, along the robot's own path. It must stay clear of the bodies of others and of the
+area that they would still cover if they braked now. So two robots that both brake never touch. A robot knows more of
+its own fleet, and a person of all robots: of two, the one with the higher rank number keeps clear of the path that the
+other takes in the next 1.5 s.
 """
 
 from dataclasses import dataclass, replace
@@ -12,76 +12,76 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from deconflict.simulation.driving.drive_table import Tracks
+from deconflict.simulation.driving.drive_table import DriveTable
 from ingest.batch import Floats, Ints
 
 NOBODY = -1
 LOOK_STEP_M = 0.2
 LOOK_M = np.arange(0.0, 3.05, LOOK_STEP_M)
-"""Places along a robot's way that are tried."""
+"""Distances along a robot's path that are checked."""
 BRAKING = np.array([0.0, 0.5, 1.0])
-"""Shares of the others' stopping distance at which their bodies are looked at."""
+"""Shares of the others' stopping distance at which their bodies are checked."""
 AHEAD_S = np.array([0.4, 0.9, 1.5])
-"""When the others' places are looked at, where they are known."""
+"""Times ahead at which the others' bodies are checked, if their motion is known."""
 MARGIN_M = 0.05
-"""Envelopes are not brought nearer than this."""
+"""Least gap between envelopes."""
 NO_NEARER_M = 0.002
-"""Two that are nearer already may go on where they come no nearer than by this."""
+"""Two that are already nearer may continue if they come nearer by at most this."""
 BESIDE_M = 0.05
-"""How much wider than its body a field is on each side."""
+"""Extra width of a field on each side of the body."""
 SIDESTEP_M = 0.12
-"""Nobody goes sideways to where another would be nearer than this."""
+"""Least gap to others after a sideways move."""
 REACH_M = 7.0
-"""Robots whose centres are further apart than this do not matter to each other."""
+"""Robots whose centres are further apart than this do not affect each other."""
 EARLY_M = 2.5
-"""How much further than its stopping distance a robot looks."""
+"""How far beyond its stopping distance a robot checks."""
 FLOOR_M = 1e5
-"""Apart by this, floors share one tree."""
+"""Offset between floors, so that all floors can share one tree."""
 
 Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traffic:
-    """n robots as the others meet them."""
+    """The present state of n robots, as the others see them. Arrays are (n,)."""
 
-    tracks: Tracks
+    tracks: DriveTable
     progress_m: Floats
     speed_mps: Floats
-    """Of progress; negative when backing."""
+    """Speed of progress; negative when backing."""
     brake_mps2: Floats
     backing: Bools
     going: Bools
-    """Who drives or backs: the others need no way."""
+    """Whether it drives or backs. The others need no free path."""
     aside_m: Floats
-    """To the left of the way."""
+    """Offset to the left of the path."""
     floor: Ints
     length_m: Floats
     width_m: Floats
     ahead_m: Floats
     """Centre of the envelope ahead of the location."""
     fleet: Ints
-    """Robots of one fleet are told of each other."""
+    """Robots of one fleet know of each other."""
     person: Bools
     rank: Ints
-    """The lower of two goes first."""
+    """Of two robots the one with the lower rank goes first."""
 
     def braking_m(self) -> Floats:
-        """(n,) progress until each would stand if it braked now; negative when backing."""
+        """(n,) stopping distance in progress if each braked now; negative when backing."""
         way_m: Floats = self.speed_mps * np.abs(self.speed_mps) / (2 * self.brake_mps2)
         return way_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Free:
-    """Metres of progress that are free ahead of each of n robots (behind, when it backs)."""
+class FreeWays:
+    """Free metres of progress ahead of each of n robots; behind it if it backs."""
 
     sensed_m: Floats
-    """(n,) before its field would touch somebody of another fleet; inf where nobody is near."""
+    """(n,) free path before its field would touch a robot of another fleet; inf if none is near."""
     sensed: Ints
-    """(n,) who that is; `NOBODY` where nobody is near."""
+    """(n,) that robot; `NOBODY` if none is near."""
     known_m: Floats
-    """(n,) the same of its own fleet; of everybody if it is a person."""
+    """(n,) the same for its own fleet; for a person, for all robots."""
     known: Ints
 
 
@@ -93,10 +93,10 @@ def centres(traffic: Traffic, robots: Ints, progress_m: Floats) -> Floats:
     return np.stack([x + c * ahead_m - s * aside_m, y + s * ahead_m + c * aside_m, yaw])
 
 
-def free_ways(traffic: Traffic) -> Free:
-    """How far everybody that is going can go."""
+def free_ways(traffic: Traffic) -> FreeWays:
+    """The free path of every moving robot."""
     n = len(traffic.progress_m)
-    free = Free(np.full(n, np.inf), np.full(n, NOBODY), np.full(n, np.inf), np.full(n, NOBODY))
+    free = FreeWays(np.full(n, np.inf), np.full(n, NOBODY), np.full(n, np.inf), np.full(n, NOBODY))
     who, whom = _near(traffic, traffic.going, EARLY_M)
     if not len(who):
         return free
@@ -118,7 +118,8 @@ def free_ways(traffic: Traffic) -> Free:
 
 
 def may_sidestep(traffic: Traffic, aside_m: Floats) -> Bools:
-    """(n,) whether nobody is beside those who mean to be at `aside_m` next, on all the way that braking takes."""
+    """(n,) whether each can move sideways to `aside_m`: no robot is beside it there, over its whole stopping
+    distance."""
     movers = traffic.aside_m != aside_m
     may = np.ones(len(movers), np.bool_)
     who, whom = _near(traffic, movers, SIDESTEP_M)
@@ -127,15 +128,15 @@ def may_sidestep(traffic: Traffic, aside_m: Floats) -> Bools:
     along_m = traffic.braking_m()[who, None] * BRAKING
     places = _braking_places(traffic, whom)
     before, after = (
-        _gaps_m(one, who, whom, _places(one, who, along_m), places)
-        for one in (traffic, replace(traffic, aside_m=aside_m))
+        _gaps_m(state, who, whom, _places(state, who, along_m), places)
+        for state in (traffic, replace(traffic, aside_m=aside_m))
     )
     may[who[np.any((after < SIDESTEP_M) & (after < before), axis=(0, 2))]] = False
     return may
 
 
 def _near(traffic: Traffic, asking: Bools, early_m: float) -> tuple[Ints, Ints]:
-    """Pairs (p,) of those who ask and others that they could come near to, both ways round."""
+    """(p,) asking robots, and (p,) the others that they could come near to."""
     here = centres(traffic, np.arange(len(asking)), traffic.progress_m)
     tree = cKDTree(np.column_stack([here[0] + FLOOR_M * traffic.floor, here[1]]))
     pairs = tree.query_pairs(REACH_M, output_type="ndarray")
@@ -150,7 +151,8 @@ def _near(traffic: Traffic, asking: Bools, early_m: float) -> tuple[Ints, Ints]:
 
 
 def _boxes_meet(traffic: Traffic, pairs: tuple[Ints, Ints], looks: Floats, places: Floats) -> Bools:
-    """(p,) whether boxes around all that each of a pair may cover touch; `looks` and `places` are (3, p, k)."""
+    """(p,) whether the bounding boxes of all that each of a pair may cover touch. `looks` and `places` are (3,
+    p, k)."""
     radius_m = np.hypot(traffic.length_m, traffic.width_m) / 2 + BESIDE_M + MARGIN_M
     reach_m = radius_m[pairs[0]] + radius_m[pairs[1]]
     before = looks[:2].min(axis=2) - reach_m < places[:2].max(axis=2)
@@ -169,12 +171,12 @@ def _braking_places(traffic: Traffic, whom: Ints) -> Floats:
 
 
 def _places(traffic: Traffic, robots: Ints, along_m: Floats) -> Floats:
-    """(3, p, k) centres of these robots so far along their ways from where they are; `along_m` is (p, k)."""
+    """(3, p, k) centres of these robots after `along_m` (p, k) more on their paths."""
     return centres(traffic, robots[:, None], traffic.progress_m[robots, None] + along_m)
 
 
 def _way_m(traffic: Traffic, who: Ints, whom: Ints, looks: Floats, places: Floats) -> Floats:
-    """(p,) progress that `who` has before it would come within the margin of `whom`, and nearer than it is."""
+    """(p,) free progress of `who` before it would be within the margin of `whom`, and nearer than now."""
     gap_m = _gaps_m(traffic, who, whom, looks, places, BESIDE_M)
     blocked: Bools = (gap_m < MARGIN_M) & (gap_m < gap_m[:1] - NO_NEARER_M)
     reached = np.argmax(blocked, axis=0)[None]
@@ -196,7 +198,7 @@ def _gaps_m(traffic: Traffic, who: Ints, whom: Ints, looks: Floats, places: Floa
 
 
 def _keep_nearest(who: Ints, whom: Ints, way_m: Floats, free_m: Floats, by: Ints) -> None:
-    """Write the shortest free way of each robot, and who ends it, into `free_m` and `by`."""
+    """Write the shortest free path of each robot, and the robot that ends it, into `free_m` and `by`."""
     order = np.lexsort((whom, way_m, who))
     rows, first = np.unique(who[order], return_index=True)
     nearest = order[first]
@@ -205,8 +207,8 @@ def _keep_nearest(who: Ints, whom: Ints, way_m: Floats, free_m: Floats, by: Ints
 
 
 def gaps(a: Floats, b: Floats, size_a: tuple[Floats, Floats], size_b: tuple[Floats, Floats]) -> Floats:
-    """Largest separation of rectangles along the directions of their sides: negative where they overlap,
-    else at most their distance (separating axes). `a` and `b` are (3, ...) x, y, yaw of the centres.
+    """Largest separation of rectangles along the directions of their sides (separating axes): negative if they overlap,
+    otherwise at most their distance. `a` and `b` are (3, ...) x, y, yaw of the centres.
     """
     dx, dy, turn = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))

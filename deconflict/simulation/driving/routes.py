@@ -1,7 +1,7 @@
-"""From the nodes of a way to a drive: poses and greatest speeds along it.
+"""Converts the nodes of a path to a drive: poses and greatest speeds along it.
 
-A drive is sampled by *progress*: metres along the way, and, where the robot turns in place, `TURN_M` for each
-radian. Speed is always that of progress, so one number says how far a robot has come, turns and all.
+A drive is sampled by *progress*: metres along the path, plus `TURN_M` for each radian of a turn in place. Speed is
+always speed of progress, so one number tells how far a robot has come, including turns.
 """
 
 from collections.abc import Sequence
@@ -18,18 +18,18 @@ from ingest.batch import Floats
 SAMPLE_M = 0.1
 TURN_M = 0.5
 CORNER_M = 0.8
-"""Radius of a corner where there is room for it."""
+"""Radius of a corner if there is room for it."""
 TIGHT_M = 0.3
-"""Corners that would have to be tighter are turned in place."""
+"""At a corner that would need a smaller radius, the robot turns in place."""
 SIDEWAYS_MPS2 = 0.6
 CREEP_MPS = 0.06
-"""A robot is never slower than this on its way, so that it passes the points where it must all but stop."""
+"""Least speed of a robot on its path, so that it passes the points where it must almost stop."""
 NEARLY_STRAIGHT_RAD = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """A way as samples (m,) at even steps of progress, m at least 2."""
+    """A path as samples (m,) at equal steps of progress; m is at least 2."""
 
     step_m: float
     x_m: Floats
@@ -37,7 +37,7 @@ class Drive:
     yaw_rad: Floats
     """Not wrapped."""
     speed_mps: Floats
-    """Greatest speed of progress with nobody in the way, starting and ending at rest."""
+    """Greatest speed of progress without obstacles, starting and ending at rest."""
 
     @property
     def length_m(self) -> float:
@@ -46,7 +46,7 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """Constant curvature: a straight (`bend` 0), an arc, or a turn in place (`forward` 0)."""
+    """A piece of constant curvature: a straight line (`bend` 0), an arc, or a turn in place (`forward` 0)."""
 
     length_m: float
     start: tuple[float, float, float]
@@ -58,7 +58,7 @@ class _Piece:
 
 
 def lane(layout: Layout, nodes: Sequence[int], offset_m: float) -> list[Place]:
-    """Corners of the way along `nodes`, `offset_m` right of the middle of aisles and in the middle of bays."""
+    """Corners of the path along `nodes`, `offset_m` right of the middle of aisles and in the middle of bays."""
     lines = []
     for a, b in pairwise(nodes):
         (x, y), (to_x, to_y) = layout.places[a], layout.places[b]
@@ -95,7 +95,7 @@ def drive(corners: Sequence[Place], yaw_rad: float, make: Make) -> Drive:
 
 
 def _reachable(progress_m: Floats, limit_mps: Floats, make: Make) -> Floats:
-    """The greatest speeds within the limits, at rest at both ends: v2^2 = v1^2 + 2 a s, forwards and back."""
+    """The greatest speeds within the limits, at rest at both ends: v2^2 = v1^2 + 2 a s, forwards and backwards."""
     squares = np.minimum(limit_mps, make.max_speed_mps) ** 2
     squares[[0, -1]] = 0.0
     gain, brake = 2 * make.gain_mps2 * progress_m, 2 * (make.brake_mps2 / 2) * progress_m
@@ -130,7 +130,7 @@ def _pieces(corners: Sequence[Place], yaw_rad: float, make: Make) -> list[_Piece
 
 
 def _corner(corners: Sequence[Place], index: int) -> tuple[float, float, float]:
-    """Radius, length cut off each leg, and angle of the corner after leg `index`; cut 0 to turn it in place."""
+    """Radius, length cut off each leg, and angle of the corner after leg `index`. The cut is 0 for a turn in place."""
     if index + 2 >= len(corners):
         return 0.0, 0.0, 0.0
     a, b, c = corners[index : index + 3]

@@ -1,8 +1,8 @@
-"""The moving world: robots and people drive from bay to bay, stop for each other, and sort out mutual waits.
+"""The simulated world: robots and people move from bay to bay, stop for each other, and resolve mutual waits.
 
-A robot drives its own way and knows the plans of its own fleet alone. For others it has a protective stop. Where it has
-stood for another for long, it goes past it or backs off along the way it came. Time goes on only by `World.step`; all
-chance is the given generator's.
+A robot drives its own path and knows only the plans of its own fleet. For others it has a protective stop. If it has
+stood for another for long, it passes it or backs off along its path. Time advances only by `World.step`. All randomness
+comes from the given generator.
 """
 
 from collections.abc import Sequence
@@ -11,12 +11,12 @@ from enum import IntEnum
 
 import numpy as np
 
-from deconflict.simulation.cast import Body, Member, VendorName
+from deconflict.simulation.cast import BodySize, CastMember, VendorName
 from deconflict.simulation.driving.braking import MOVING_MPS, Braking
-from deconflict.simulation.driving.crossing_entry import Lines
+from deconflict.simulation.driving.crossing_entry import CrossingEntry
 from deconflict.simulation.driving.crossings import Crossings, passages
-from deconflict.simulation.driving.drive_table import Tracks
-from deconflict.simulation.driving.mutual_waits import Waits
+from deconflict.simulation.driving.drive_table import DriveTable
+from deconflict.simulation.driving.mutual_waits import MutualWaits
 from deconflict.simulation.driving.passing import WALKING_MPS, Passings
 from deconflict.simulation.driving.protection import Bools, Traffic, centres, may_sidestep
 from deconflict.simulation.driving.routes import drive, lane, standing
@@ -26,7 +26,7 @@ from ingest.batch import Floats, Ints
 
 ARRIVED_M = 0.03
 RIDE_S = 6.0
-"""In a lift."""
+"""Time in a lift."""
 DWELL_S = {
     BayKind.DOCK: (15.0, 50.0),
     BayKind.PARKING: (15.0, 90.0),
@@ -34,66 +34,68 @@ DWELL_S = {
     BayKind.LIFT: (RIDE_S, RIDE_S),
 }
 SET_OUT_S = 12.0
-"""Everybody sets out within this."""
+"""All members set out within this time."""
 FULL_BAYS_S = 2.0
-"""How long a robot waits before it looks again for a bay to go to."""
+"""If all bays are taken, a robot waits this long before it looks again."""
 DETOUR = 0.6
-"""Not everybody takes the shortest way: aisles seem up to this share longer to each."""
+"""Robots do not all take the shortest path: for each trip, aisles count as up to this share longer."""
 BACKING_MPS = 0.35
 BACK_OFF_M = (1.2, 4.0)
 HOLD_S = (2.0, 6.0)
 CREEPS_SHARE = 0.4
-"""Of robots that have stood for long; the others back off."""
+"""Share of the robots that creep on after a long wait. The others back off."""
 STUCK_EVERY_S, STUCK_S = 900.0, (8.0, 15.0)
 PAUSE_EVERY_S, PAUSE_S = 25.0, (1.0, 4.0)
-"""Of people: they stop for a moment."""
+"""Short pauses of people."""
 PACE_DRIFT, SLOWEST_PACE = 0.15, 0.5
-"""How fast people change their pace."""
+"""How fast people change their speed, and their least share of the greatest speed."""
 SWAY_M, SWAY_S = 0.08, 2.0
-"""How far people stray to either side, and how soon they come back."""
+"""How far people stray to either side, and the time in which they return."""
 UNLOAD_SHARE = 0.4
-"""Of robots that come to a dock with a load, those that leave without."""
+"""Share of loaded robots that unload at a dock."""
 LOW_BATTERY = 25.0
 DRAIN_PER_S, CHARGE_PER_S = 0.04, 1.5
-"""Percent; faster than real ones, so that chargers are visited."""
+"""Percent per second. Faster than in reality, so that chargers are used."""
 
 
-class Doing(IntEnum):
+class Activity(IntEnum):
+    """What a robot or person does."""
+
     STANDING = 0
     """In a bay."""
     DRIVING = 1
     BACKING = 2
     HOLDING = 3
-    """After backing off."""
+    """Standing after backing off."""
     HALTED = 4
-    """Stuck, or a person who pauses."""
+    """A stuck robot, or a person who pauses."""
 
 
 class World:
-    """Everybody on both floors. Rows of every array are the members, in order."""
+    """All members on both floors. The rows of every array are the members, in order."""
 
-    def __init__(self, layout: Layout, members: Sequence[Member], rng: np.random.Generator) -> None:
-        """Everybody starts in a bay. Raises ValueError where there are more members than bays."""
+    def __init__(self, layout: Layout, members: Sequence[CastMember], rng: np.random.Generator) -> None:
+        """Every member starts in a bay. Raises ValueError if there are more members than bays."""
         self.members, self._rng = tuple(members), rng
         n, makes = len(self.members), [member.make for member in self.members]
         self.t_s = 0.0
         vendors = list(VendorName)
         self.fleet: Ints = np.array([vendors.index(make.vendor) for make in makes])
-        """(n,) robots of one fleet are told of each other."""
+        """(n,) fleet of each member. Robots of one fleet know of each other."""
         self.person = np.array([make.person for make in makes], np.bool_)
-        self.trips, self.tracks = Trips(layout, n, rng), Tracks(n)
+        self.trips, self.tracks = Trips(layout, n, rng), DriveTable(n)
         self.crossings = Crossings(np.where(self.person, -1 - np.arange(n), self.fleet))
-        self.doing = np.full(n, int(Doing.STANDING))
+        self.doing = np.full(n, int(Activity.STANDING))
         self.until_s = rng.uniform(0.0, SET_OUT_S, n)
         """When standing, holding or halting ends."""
         self.progress_m, self.speed_mps, self.aside_m = np.zeros(n), np.zeros(n), np.zeros(n)
         self.back_to_m = np.zeros(n)
         self.pace = np.ones(n)
-        """Share of its greatest speed that it likes to go at."""
+        """(n,) preferred speed as a share of the greatest."""
         self.load_pct = np.where(rng.random(n) < 0.75, rng.integers(20, 90, n), 0) * ~self.person
         self.battery_pct = np.where(rng.random(n) < 0.15, rng.uniform(22.0, 28.0, n), rng.uniform(35.0, 98.0, n))
-        self.waits = Waits(n, rng)
-        self.lines = Lines(self.crossings, layout, n)
+        self.waits = MutualWaits(n, rng)
+        self.lines = CrossingEntry(self.crossings, layout, n)
         self.passings = Passings(np.array([make.lane_m for make in makes]))
         self.braking = Braking(self.members, self.passings, rng)
         self._gain = np.array([make.gain_mps2 for make in makes])
@@ -101,19 +103,19 @@ class World:
         self._bodies = np.array([[_sizes(make.body), _sizes(make.loaded)] for make in makes])
         self._rank = np.argsort(np.lexsort((np.arange(n), self.person)))
         for robot in range(n):
-            self._put_in(self.trips.at(robot), robot)
+            self._place_in(self.trips.at(robot), robot)
 
     def __len__(self) -> int:
         return len(self.members)
 
     @property
     def waited_s(self) -> Floats:
-        """(n,) how long others have kept each from moving."""
+        """(n,) how long others have blocked each."""
         return self.waits.waited_s
 
     @property
     def yields_to(self) -> Ints:
-        """(n,) for whom each brakes, slows down or swerves that is not of its own fleet."""
+        """(n,) the robot of another fleet for which each brakes, slows down or swerves."""
         return self.braking.yields_to
 
     @property
@@ -124,11 +126,11 @@ class World:
     @property
     def charging(self) -> Bools:
         """(n,)"""
-        standing: Bools = self.doing == Doing.STANDING
+        standing: Bools = self.doing == Activity.STANDING
         return standing & self.trips.standing_at(BayKind.CHARGER)
 
-    def body(self, robot: int) -> Body:
-        """The envelope that holds now."""
+    def body(self, robot: int) -> BodySize:
+        """Its present envelope."""
         make = self.members[robot].make
         return make.loaded if self.load_pct[robot] else make.body
 
@@ -144,15 +146,15 @@ class World:
         return np.column_stack([*poses, seen.length_m, seen.width_m])
 
     def velocities(self) -> Floats:
-        """(n, 2) metres a second along the heading, and radians a second anticlockwise."""
+        """(n, 2) metres per second along the heading, and radians per second anticlockwise."""
         slope = self.tracks.slope(np.arange(len(self)), self.progress_m)
         return (slope * self.speed_mps).T
 
     def step(self, dt_s: float) -> None:
-        """Let `dt_s` pass: at most 0.2 s, for protective stops to be short enough."""
+        """Advance the time by `dt_s`, at most 0.2 s, so that protective stops are short enough."""
         self.t_s += dt_s
         self._end_waits()
-        self._interrupt(dt_s)
+        self._halt_some(dt_s)
         self._go_aside(dt_s)
         self._move(dt_s)
         self._arrive()
@@ -166,8 +168,8 @@ class World:
             progress_m=self.progress_m,
             speed_mps=self.speed_mps,
             brake_mps2=self._brake,
-            backing=self.doing == Doing.BACKING,
-            going=(self.doing == Doing.DRIVING) | (self.doing == Doing.BACKING),
+            backing=self.doing == Activity.BACKING,
+            going=(self.doing == Activity.DRIVING) | (self.doing == Activity.BACKING),
             aside_m=self.aside_m,
             floor=self.floor,
             length_m=length_m,
@@ -178,22 +180,22 @@ class World:
             rank=self._rank,
         )
 
-    def _put_in(self, bay: Bay, robot: int) -> None:
-        self.tracks.put(robot, standing(bay.place, self.trips.layout.heading_rad(bay)))
+    def _place_in(self, bay: Bay, robot: int) -> None:
+        self.tracks.set_drive(robot, standing(bay.place, self.trips.layout.heading_rad(bay)))
         self.progress_m[robot] = 0.0
 
     def _end_waits(self) -> None:
-        going = (self.doing == Doing.DRIVING) | (self.doing == Doing.BACKING)
+        going = (self.doing == Activity.DRIVING) | (self.doing == Activity.BACKING)
         for robot in np.flatnonzero(~going & (self.until_s <= self.t_s)):
-            if self.doing[robot] == Doing.STANDING:
+            if self.doing[robot] == Activity.STANDING:
                 self._leave(int(robot))
             else:
-                self.doing[robot] = Doing.DRIVING
+                self.doing[robot] = Activity.DRIVING
 
     def _leave(self, robot: int) -> None:
-        """Set out from a bay; where every other is taken, stand a little longer."""
+        """Set out from a bay. If every other is taken, stand a little longer."""
         if self.trips.beyond[robot] != NOWHERE:
-            self._put_in(self.trips.ride(robot), robot)
+            self._place_in(self.trips.ride(robot), robot)
         start, make = self.trips.at(robot), self.members[robot].make
         low = bool(self.battery_pct[robot] < LOW_BATTERY)
         goal = self.trips.choose(robot, needs_charge=low, may_ride=not make.person)
@@ -207,30 +209,30 @@ class World:
         detours = 1.0 + DETOUR * self._rng.random(len(layout.places))
         nodes = layout.route(start.node, goal.node, detours)
         way = drive(lane(layout, nodes, make.lane_m), layout.heading_rad(start), make)
-        self.tracks.put(robot, way)
-        self.crossings.put(robot, passages(layout, nodes, way))
-        self.lines.leave(robot)
-        self.progress_m[robot], self.doing[robot] = 0.0, Doing.DRIVING
-        self.waits.begin_anew(robot)
+        self.tracks.set_drive(robot, way)
+        self.crossings.set_drive(robot, passages(layout, nodes, way))
+        self.lines.reset(robot)
+        self.progress_m[robot], self.doing[robot] = 0.0, Activity.DRIVING
+        self.waits.restart(robot)
 
-    def _interrupt(self, dt_s: float) -> None:
-        """Now and then a robot is stuck and a person pauses."""
+    def _halt_some(self, dt_s: float) -> None:
+        """Sometimes a robot is stuck and a person pauses."""
         every_s = np.where(self.person, PAUSE_EVERY_S, STUCK_EVERY_S)
-        struck = (self._rng.random(len(self)) < dt_s / every_s) & (self.doing == Doing.DRIVING)
+        struck = (self._rng.random(len(self)) < dt_s / every_s) & (self.doing == Activity.DRIVING)
         for robot in np.flatnonzero(struck):
-            self.doing[robot] = Doing.HALTED
+            self.doing[robot] = Activity.HALTED
             self.until_s[robot] = self.t_s + self._rng.uniform(*(PAUSE_S if self.person[robot] else STUCK_S))
 
     def _go_aside(self, dt_s: float) -> None:
-        """People do not walk in a straight line; robots leave their way to go past others, where nobody is beside."""
+        """Move robots that pass others sideways, and let people stray, if no robot is beside them."""
         seen = self._traffic()
-        self.passings.go_on(seen, self.t_s)
+        self.passings.update(seen, self.t_s)
         aside_m = self.passings.next_aside_m(seen, dt_s) + self._stray_m(dt_s)
         may = may_sidestep(seen, aside_m)
         self.aside_m = np.where(may, aside_m, self.aside_m)
 
     def _stray_m(self, dt_s: float) -> Floats:
-        """(n,) how far people stray to the left; they change their pace too."""
+        """(n,) how far people stray to the left. Also changes their speed."""
         pushes = self._rng.normal(size=(2, len(self))) * np.sqrt(dt_s) * self.person
         self.pace = np.clip(self.pace + PACE_DRIFT * pushes[0], SLOWEST_PACE, 1.0)
         walking = self.person & (np.abs(self.speed_mps) > MOVING_MPS) & (np.abs(self.aside_m) <= SWAY_M)
@@ -241,8 +243,8 @@ class World:
 
     def _move(self, dt_s: float) -> None:
         seen = self._traffic()
-        self.crossings.update(self.progress_m, np.flatnonzero(self.doing == Doing.DRIVING))
-        line = self.lines.look(seen, self.doing == Doing.DRIVING, self.waited_s)
+        self.crossings.update(self.progress_m, np.flatnonzero(self.doing == Activity.DRIVING))
+        line = self.lines.limits(seen, self.doing == Activity.DRIVING, self.waited_s)
         planned_mps = self.tracks.speed_mps(np.arange(len(self)), self.progress_m + self.speed_mps * dt_s)
         pace_mps = np.where(
             seen.backing, BACKING_MPS, self.pace * np.minimum(planned_mps, self.braking.top_mps(self.t_s))
@@ -250,7 +252,7 @@ class World:
         order = self.crossings.stop_m - self.progress_m, self.crossings.waits_for
         course = self.braking.course(seen, pace_mps, order, line, self.t_s, dt_s)
         self._drive(np.where(seen.backing, -course.wanted_mps, course.wanted_mps), dt_s)
-        self.waits.keep(course.kept & (np.abs(self.speed_mps) < MOVING_MPS), course.by, dt_s)
+        self.waits.update(course.kept & (np.abs(self.speed_mps) < MOVING_MPS), course.by, dt_s)
 
     def _drive(self, signed_mps: Floats, dt_s: float) -> None:
         faster = np.where(self.speed_mps >= 0, self._gain, self._brake) * dt_s
@@ -259,37 +261,38 @@ class World:
         self.progress_m = np.clip(self.progress_m + self.speed_mps * dt_s, 0.0, self.tracks.length_m)
 
     def _arrive(self) -> None:
-        there = (self.doing == Doing.DRIVING) & (self.progress_m >= self.tracks.length_m - ARRIVED_M)
+        there = (self.doing == Activity.DRIVING) & (self.progress_m >= self.tracks.length_m - ARRIVED_M)
         for robot in np.flatnonzero(there):
             bay = self.trips.arrive(int(robot))
-            self.doing[robot], self.speed_mps[robot] = Doing.STANDING, 0.0
+            self.doing[robot], self.speed_mps[robot] = Activity.STANDING, 0.0
             self.until_s[robot] = self.t_s + self._rng.uniform(*DWELL_S[bay.kind])
-        back = self.doing == Doing.BACKING
+        back = self.doing == Activity.BACKING
         done = back & ((self.progress_m <= self.back_to_m) | (self.waited_s > 0.5))
         for robot in np.flatnonzero(done):
-            self.doing[robot] = Doing.HOLDING
+            self.doing[robot] = Activity.HOLDING
             self.crossings.give_way(int(robot), float(self.progress_m[robot]))
             self.until_s[robot] = self.t_s + self._rng.uniform(*HOLD_S)
 
     def _end_long_waits(self) -> None:
-        """Robots that have stood for others for long go past them or, of those that wait for each other, back off."""
+        """Robots that have stood too long pass the other robot. If they wait for each other, they creep on or
+        back off."""
         seen = self._traffic()
         for robot in self.waits.look_past(self.speed_mps, self.t_s):
             past = int(self.waits.blocker[robot])
-            driving = self.doing[robot] == Doing.DRIVING and robot not in self.passings
+            driving = self.doing[robot] == Activity.DRIVING and robot not in self.passings
             if driving and self.passings.begin(seen, robot, past, self.t_s, WALKING_MPS):
-                self.waits.begin_anew(robot)
-        for robot in self.waits.tired():
-            if self.doing[robot] != Doing.DRIVING:
+                self.waits.restart(robot)
+        for robot in self.waits.out_of_patience():
+            if self.doing[robot] != Activity.DRIVING:
                 continue
             self.braking.let_go(robot)
             if self._rng.random() < CREEPS_SHARE:
                 self.braking.creep(robot, self.t_s)
             else:
-                self.doing[robot] = Doing.BACKING
+                self.doing[robot] = Activity.BACKING
                 wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
                 self.back_to_m[robot] = max(self.crossings.back_to_m[robot], wanted_m)
-            self.waits.begin_anew(robot)
+            self.waits.restart(robot)
 
     def _use_batteries(self, dt_s: float) -> None:
         drain = np.where(self.person, 0.1, 1.0) * DRAIN_PER_S
@@ -297,5 +300,5 @@ class World:
         self.battery_pct = np.clip(self.battery_pct + change, 3.0, 100.0)
 
 
-def _sizes(body: Body) -> tuple[float, float, float]:
+def _sizes(body: BodySize) -> tuple[float, float, float]:
     return body.length_m, body.width_m, body.ahead_m

@@ -1,4 +1,4 @@
-"""Who stops where and goes where: bays are taken by one robot at a time, on the way there already."""
+"""The bays where robots stop and where they go. One robot at a time has a bay, from when it sets out for it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,17 +7,17 @@ from deconflict.simulation.floor_layout import Bay, BayKind, Layout
 from ingest.batch import Ints
 
 TRIP_M = (12.0, 70.0)
-"""Shortest and longest way between two stops, along aisles."""
+"""Shortest and longest path between two stops, along aisles."""
 LIFT_SHARE = 0.06
-"""Of trips that change floors."""
+"""Share of trips that change floors."""
 NOWHERE = -1
 
 
 class Trips:
-    """Bays are named by their index in the layout's."""
+    """The trips of n robots. Bays are given by their index in the layout."""
 
     def __init__(self, layout: Layout, robots: int, rng: np.random.Generator) -> None:
-        """Everybody starts in a bay. Raises ValueError where there are more robots than bays."""
+        """Every robot starts in a bay. Raises ValueError if there are more robots than bays."""
         self.layout, self._rng = layout, rng
         self._kinds = np.array([bay.kind.value for bay in layout.bays])
         self._floors = np.array([bay.floor for bay in layout.bays])
@@ -26,11 +26,11 @@ class Trips:
         if robots > len(open_bays):
             raise ValueError(f"{robots} robots do not fit in {len(open_bays)} bays; use a larger layout")
         self.bay: Ints = rng.permutation(open_bays)[:robots]
-        """(n,) where each robot is or was last."""
+        """(n,) present or last bay of each robot."""
         self.goal = np.full(robots, NOWHERE)
-        """(n,) where it goes."""
+        """(n,) bay to which it drives."""
         self.beyond = np.full(robots, NOWHERE)
-        """(n,) where it goes when it has changed floors."""
+        """(n,) bay to which it drives after it has changed floors."""
         self._taken = np.zeros(len(layout.bays), np.bool_)
         self._taken[self.bay] = True
 
@@ -44,12 +44,12 @@ class Trips:
         return self.layout.bays[int(self.bay[robot])]
 
     def standing_at(self, kind: BayKind) -> NDArray[np.bool_]:
-        """(n,) whose last bay is of that kind."""
+        """(n,) whether the last bay of each robot is of this kind."""
         of_kind: NDArray[np.bool_] = self._kinds[self.bay] == kind.value
         return of_kind
 
     def choose(self, robot: int, *, needs_charge: bool, may_ride: bool) -> Bay | None:
-        """Take the bay to go to next; None where every one that would do is taken."""
+        """Reserve the bay to go to next. None if every suitable bay is taken."""
         here = self.at(robot)
         if self.beyond[robot] != NOWHERE:
             goal, self.beyond[robot] = int(self.beyond[robot]), NOWHERE
@@ -66,25 +66,25 @@ class Trips:
         return self.layout.bays[goal]
 
     def arrive(self, robot: int) -> Bay:
-        """The robot stands in the bay that it went to, and only now leaves the one it came from to others."""
+        """The robot has arrived at its goal. Only now the bay that it came from becomes free."""
         self._taken[self.bay[robot]] = False
         self.bay[robot], self.goal[robot] = self.goal[robot], NOWHERE
         return self.at(robot)
 
     def other_floor(self, robot: int) -> Bay:
-        """Where the lift that the robot goes to, or rides in, will let it out."""
+        """The bay on the other floor of the lift that the robot drives to or rides in."""
         lift = self.goal[robot] if self.goal[robot] != NOWHERE else self.bay[robot]
         return self.layout.bays[self.layout.other_lift[int(lift)]]
 
     def ride(self, robot: int) -> Bay:
-        """Change floors."""
+        """Move the robot to the other floor of its lift."""
         below = int(self.bay[robot])
         self.bay[robot] = self.layout.other_lift[below]
         self._taken[below] = False
         return self.at(robot)
 
     def _may_ride(self, robot: int, here: Bay) -> bool:
-        """Take a bay on the other floor and the far side of a lift, where the near side is free too."""
+        """Reserve a bay on the other floor and both sides of a lift, if they are free. Returns whether they were."""
         lift = self._free(here, here.floor, BayKind.LIFT)
         if lift == NOWHERE or self._taken[self.layout.other_lift[lift]]:
             return False
@@ -97,7 +97,7 @@ class Trips:
         return True
 
     def _free(self, start: Bay, floor: int, *kinds: BayKind) -> int:
-        """Any free bay of these kinds a trip's length from `start`; of lifts and chargers, the nearest."""
+        """A random free bay of these kinds at a trip's length from `start`. For lifts and chargers, the nearest."""
         away_m = np.abs(self._places - start.place).sum(axis=1)
         fits = ~self._taken & (self._floors == floor) & np.isin(self._kinds, [kind.value for kind in kinds])
         if BayKind.DOCK not in kinds:

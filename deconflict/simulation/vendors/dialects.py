@@ -1,7 +1,7 @@
-"""How each vendor speaks: a robot's state to the bytes that it sends.
+"""The dialect of each vendor: converts a robot's state to the bytes that it sends.
 
-Alder conforms, but for a clock that is 3 s fast. Corvid speaks as the standard's official sample sender does.
-Basalt speaks in its own map. Walkers are people's devices, which mostly know no path.
+Alder conforms, except that its clock is 3 s fast. Corvid sends like the standard's official sample sender. Basalt uses
+its own map. Walkers are devices of people; most of them know no path.
 """
 
 import json
@@ -14,21 +14,21 @@ from typing import Any
 import numpy as np
 
 from deconflict.simulation.cast import VendorName
-from deconflict.simulation.robot_state import Robot
+from deconflict.simulation.robot_state import RobotState
 from ingest.batch import Floats
 
 GROUND_ID = "7d2b1c8e-3f64-4a95-9c1d-5e8f20a6b301"
 MEZZANINE_ID = "7d2b1c8e-3f64-4a95-9c1d-5e8f20a6b302"
 EVERY_SECOND_S = tuple(float(second) for second in range(1, 11))
 EVERY_TWO_S = tuple(2.0 * second for second in EVERY_SECOND_S)
-"""Fine enough for straight lines between the points not to cut corners."""
-PATH_OF_PEOPLE = 3
-"""Of so many people one has a device that knows its way."""
+"""Short enough that straight lines between the points do not cut corners."""
+PEOPLE_PER_PATH = 3
+"""One in this many people has a device that knows its path."""
 
 
 @dataclass(frozen=True, slots=True)
-class Map:
-    """A frame in which a vendor speaks of a floor: its datum, and the floor's frame turned and then shifted."""
+class VendorMap:
+    """A vendor's frame of a floor: its datum, and the floor's frame rotated and then shifted."""
 
     datum: str
     turn_rad: float = 0.0
@@ -53,31 +53,31 @@ def _to_the_second(t_s: float) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dialect:
-    """One vendor's way to say things."""
+    """How one vendor encodes its messages."""
 
-    maps: tuple[Map, Map]
-    """By floor."""
+    maps: tuple[VendorMap, VendorMap]
+    """The map of each floor."""
     clock_fast_s: float = 0.0
     stamp: Callable[[float], str] = _to_the_millisecond
     resolution_s: float = 0.0
-    """Of stamps; a path is true at the times that are sent."""
-    letters: Callable[[str], str] = str
-    """How UUIDs are spelt."""
+    """Resolution of timestamps. The points of a path are correct at the times that are sent."""
+    uuid_text: Callable[[str], str] = str
+    """How UUIDs are written."""
     path_s: tuple[float, ...] = EVERY_SECOND_S
-    """How far ahead a path's points lie."""
+    """Times ahead of the points of a path."""
     path_datum_key: str = "planarDatumUUID"
     path_names_datum: bool = False
-    """Whether each point names its datum even where it is the robot's own."""
+    """Whether each point names its datum even if it is the robot's own."""
 
-    def messages(self, robot: Robot, now_s: float, *, introduce: bool = False) -> list[bytes]:
-        """What is sent at `now_s`, seconds since the epoch: the status, after the identity where wanted."""
+    def messages(self, robot: RobotState, now_s: float, *, introduce: bool = False) -> list[bytes]:
+        """The messages at `now_s`, seconds since the epoch: the status; with `introduce` the identity before it."""
         reports = [self.identity(robot, now_s)] if introduce else []
         return [json.dumps(report, separators=(",", ":")).encode() for report in (*reports, self.status(robot, now_s))]
 
-    def identity(self, robot: Robot, now_s: float) -> dict[str, Any]:
+    def identity(self, robot: RobotState, now_s: float) -> dict[str, Any]:
         make, member = robot.member.make, robot.member
         report = {
-            "uuid": self.letters(member.uuid),
+            "uuid": self.uuid_text(member.uuid),
             "timestamp": self.stamp(now_s + self.clock_fast_s),
             "manufacturerName": make.vendor.value,
             "robotModel": make.model,
@@ -96,14 +96,14 @@ class Dialect:
             "cargoMaxWeight": "400",
         }
 
-    def status(self, robot: Robot, now_s: float) -> dict[str, Any]:
+    def status(self, robot: RobotState, now_s: float) -> dict[str, Any]:
         x, y, yaw = self.maps[robot.floor].pose(robot.x_m, robot.y_m, robot.yaw_rad)
         here = {"x": round(x, 4), "y": round(y, 4), "angle": _angle(yaw)}
         report: dict[str, Any] = {
-            "uuid": self.letters(robot.member.uuid),
+            "uuid": self.uuid_text(robot.member.uuid),
             "timestamp": self.stamp(now_s + self.clock_fast_s),
             "operationalState": robot.state,
-            "location": here | {"planarDatum": self.letters(self.maps[robot.floor].datum)},
+            "location": here | {"planarDatum": self.uuid_text(self.maps[robot.floor].datum)},
             "velocity": {"linear": round(robot.linear_mps, 3), "angular": _angle(robot.turn_radps)},
             "batteryPercentage": round(robot.battery_pct, 1),
         }
@@ -117,11 +117,11 @@ class Dialect:
                 self._point(now_s + after_s, robot.floor, floor_there, np.array(pose))
                 for after_s, floor_there, *pose in robot.destinations
             ]
-        if _knows_its_way(robot):
+        if _knows_its_path(robot):
             report["path"] = self._path(robot, now_s)
         return report
 
-    def _path(self, robot: Robot, now_s: float) -> list[dict[str, Any]]:
+    def _path(self, robot: RobotState, now_s: float) -> list[dict[str, Any]]:
         sent_s = floor(now_s / self.resolution_s) * self.resolution_s if self.resolution_s else now_s
         times_s = sent_s + np.array(self.path_s)
         poses, floors = robot.plan.at(times_s - now_s)
@@ -139,24 +139,24 @@ class Dialect:
             "angle": _angle(yaw),
         }
         if self.path_names_datum or floor_there != own_floor:
-            point[self.path_datum_key] = self.letters(self.maps[floor_there].datum)
+            point[self.path_datum_key] = self.uuid_text(self.maps[floor_there].datum)
         return point
 
 
-def _knows_its_way(robot: Robot) -> bool:
+def _knows_its_path(robot: RobotState) -> bool:
     person = robot.member.make.person
-    return robot.state == "navigating" and (not person or robot.member.number % PATH_OF_PEOPLE == 0)
+    return robot.state == "navigating" and (not person or robot.member.number % PEOPLE_PER_PATH == 0)
 
 
 def _angle(yaw_rad: float) -> dict[str, float]:
-    """As a quaternion; a turn rate in radians a second as the rotation made in one second."""
+    """An angle as a quaternion. A turn rate in radians per second is encoded as the rotation in one second."""
     return {"x": 0.0, "y": 0.0, "z": round(sin(yaw_rad / 2), 6), "w": round(cos(yaw_rad / 2), 6)}
 
 
-SITE_MAPS = (Map(GROUND_ID), Map(MEZZANINE_ID))
+SITE_MAPS = (VendorMap(GROUND_ID), VendorMap(MEZZANINE_ID))
 BASALT_MAPS = (
-    Map("c19e4f70-8a2d-4b36-b5f1-04d7e6a9c801", radians(27.3), (112.4, -38.7)),
-    Map("c19e4f70-8a2d-4b36-b5f1-04d7e6a9c802", radians(-61.8), (-14.9, 220.3)),
+    VendorMap("c19e4f70-8a2d-4b36-b5f1-04d7e6a9c801", radians(27.3), (112.4, -38.7)),
+    VendorMap("c19e4f70-8a2d-4b36-b5f1-04d7e6a9c802", radians(-61.8), (-14.9, 220.3)),
 )
 DIALECTS = {
     VendorName.ALDER: Dialect(SITE_MAPS, clock_fast_s=3.0),
@@ -164,7 +164,7 @@ DIALECTS = {
         SITE_MAPS,
         stamp=_to_the_second,
         resolution_s=1.0,
-        letters=str.upper,
+        uuid_text=str.upper,
         path_s=EVERY_TWO_S,
         path_datum_key="planarDatum",
         path_names_datum=True,

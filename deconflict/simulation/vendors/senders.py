@@ -1,4 +1,4 @@
-"""The simulated vendors' real sockets: everybody reports to a service as the world goes on, come what may."""
+"""The real sockets of the simulated vendors: all robots report to a service while the world advances."""
 
 import asyncio
 import time
@@ -13,7 +13,7 @@ from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from deconflict.simulation.annex import Annex, split
-from deconflict.simulation.cast import Member, VendorName, cast
+from deconflict.simulation.cast import CastMember, VendorName, cast
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.robot_state import some_robots
@@ -22,20 +22,20 @@ from ingest.batch import Ints
 
 STEP_S = 0.1
 BACKOFF_S = (0.25, 5.0)
-"""First and longest wait before a lost connection is sought again."""
+"""First and longest wait before a reconnection."""
 MOST_UNSENT = 2000
-"""Messages that wait for a slow connection; beyond them new ones are forgotten."""
+"""Messages that wait for a slow connection. Further messages are dropped."""
 LATE_S = 2.0
-"""A world that lags behind the clock by more than this does not try to catch up."""
+"""If the world lags behind the clock by more than this, it does not catch up."""
 SHY_S = 5.0
-"""How long every other person's device says nothing of who it is."""
+"""How long every second person's device does not send its identity."""
 OWN_PATH = (VendorName.CORVID, VendorName.WALKERS)
-"""Vendors that connect to a path of their name, so that they are known before any identity."""
+"""Vendors that connect to a URL path with their name, so that they are known before any identity."""
 PONG = 0x8A
 """First byte of a pong frame: final, opcode 10 (RFC 6455, 5.2)."""
 
 
-class Unanswering(ClientConnection):
+class PongLessClient(ClientConnection):
     """A client that never answers a ping, as the official sample sender does not."""
 
     def send_data(self) -> None:
@@ -43,13 +43,13 @@ class Unanswering(ClientConnection):
         super().send_data()
 
 
-class Line:
-    """What one connection, or one listening fleet manager, has to send."""
+class Sender:
+    """The messages of one connection, or of one listening fleet manager."""
 
     def __init__(self, vendor: VendorName) -> None:
         self.vendor = vendor
         self.introduced: set[int] = set()
-        """Rows that have said who they are on this connection; in Corvid's case, ever."""
+        """Rows whose identity was sent on this connection; for Corvid, on any connection."""
         self.sent = 0
         self._queues: set[asyncio.Queue[bytes]] = set()
 
@@ -57,24 +57,24 @@ class Line:
     def up(self) -> bool:
         return bool(self._queues)
 
-    def put(self, messages: Sequence[bytes]) -> None:
-        """Send these to whoever is connected."""
+    def enqueue(self, messages: Sequence[bytes]) -> None:
+        """Queue messages for every open connection."""
         for queue in self._queues:
             for message in messages[: max(MOST_UNSENT - queue.qsize(), 0)]:
                 queue.put_nowait(message)
 
     async def send_over(self, connection: Connection) -> None:
-        """Send all that comes until the connection is lost."""
+        """Send queued messages until the connection is lost."""
         queue: asyncio.Queue[bytes] = asyncio.Queue()
         self._queues.add(queue)
         if self.vendor is not VendorName.CORVID:
             self.introduced.clear()
         try:
-            async with asyncio.TaskGroup() as both:
-                heard = both.create_task(_hear(connection))
-                sending = both.create_task(self._send(queue, connection))
-                await asyncio.wait({heard, sending}, return_when=asyncio.FIRST_COMPLETED)
-                heard.cancel()
+            async with asyncio.TaskGroup() as tasks:
+                receiving = tasks.create_task(_discard_received(connection))
+                sending = tasks.create_task(self._send(queue, connection))
+                await asyncio.wait({receiving, sending}, return_when=asyncio.FIRST_COMPLETED)
+                receiving.cancel()
                 sending.cancel()
         finally:
             self._queues.discard(queue)
@@ -88,8 +88,8 @@ class Line:
             return
 
 
-async def _hear(connection: Connection) -> None:
-    """Until the other side closes; whatever it says is of no interest."""
+async def _discard_received(connection: Connection) -> None:
+    """Read and discard messages until the other side closes."""
     try:
         async for _ in connection:
             pass
@@ -97,10 +97,10 @@ async def _hear(connection: Connection) -> None:
         return
 
 
-async def call(url: str, line: Line, rng: np.random.Generator) -> None:
-    """Keep a line to a service; wait longer after each attempt that fails. Ends only when cancelled."""
+async def call(url: str, line: Sender, rng: np.random.Generator) -> None:
+    """Keep a connection to a service. Waits longer after each failed attempt. Ends only when cancelled."""
     wait_s = BACKOFF_S[0]
-    kind = Unanswering if line.vendor is VendorName.CORVID else ClientConnection
+    kind = PongLessClient if line.vendor is VendorName.CORVID else ClientConnection
     while True:
         try:
             async with connect(
@@ -118,8 +118,8 @@ async def call(url: str, line: Line, rng: np.random.Generator) -> None:
 
 
 @asynccontextmanager
-async def listening(line: Line, port: int) -> AsyncIterator[None]:
-    """A fleet manager that services dial."""
+async def listening(line: Sender, port: int) -> AsyncIterator[None]:
+    """A fleet manager that listens for services to connect."""
     async with serve(line.send_over, "127.0.0.1", port, compression=None, ping_interval=None):
         yield
 
@@ -134,53 +134,53 @@ async def simulate(
     fleet_port: int | None = None,
     stop: asyncio.Event,
 ) -> dict[str, int]:
-    """Run so many robots of four vendors against a service until `stop`, or for `seconds` of their own time.
+    """Run robots of four vendors against a service until `stop`, or for `seconds` of their own time.
 
-    `speed` is the world's seconds a second; other than at 1 the senders' clocks run fast or slow. With `fleet_port`
-    Basalt's fleet manager does not connect but waits there to be dialled. Returns messages sent by vendor.
+    `speed` is the world's time per real time. If it is not 1, the senders' clocks run fast or slow. With `fleet_port`
+    Basalt's fleet manager does not connect but listens on this port. Returns the number of sent messages by vendor.
     """
     rng = np.random.default_rng(seed)
     members, annex = split(cast(robots))
     world = World(layout_for(robots), members, rng)
-    lines = _lines([*members, *annex.members])
+    senders = _senders([*members, *annex.members])
     tasks: list[asyncio.Task[None]] = []
     async with AsyncExitStack() as servers:
-        for line in dict.fromkeys(lines):
-            if line.vendor is VendorName.BASALT and fleet_port is not None:
-                await servers.enter_async_context(listening(line, fleet_port))
+        for sender in dict.fromkeys(senders):
+            if sender.vendor is VendorName.BASALT and fleet_port is not None:
+                await servers.enter_async_context(listening(sender, fleet_port))
                 continue
-            path = f"/{line.vendor}" if line.vendor in OWN_PATH else ""
-            tasks.append(asyncio.create_task(call(url.rstrip("/") + path, line, rng)))
+            path = f"/{sender.vendor}" if sender.vendor in OWN_PATH else ""
+            tasks.append(asyncio.create_task(call(url.rstrip("/") + path, sender, rng)))
         try:
-            await _go_on(world, annex, lines, seconds, speed, stop)
+            await _run(world, annex, senders, seconds, speed, stop)
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
     sent = Counter({vendor.value: 0 for vendor in VendorName})
-    for line in dict.fromkeys(lines):
-        sent[line.vendor.value] += line.sent
+    for sender in dict.fromkeys(senders):
+        sent[sender.vendor.value] += sender.sent
     return dict(sent)
 
 
-def _lines(members: Sequence[Member]) -> list[Line]:
-    """The line of each row: Basalt's fleet manager speaks for all its robots, everybody else for themselves."""
-    fleet = Line(VendorName.BASALT)
+def _senders(members: Sequence[CastMember]) -> list[Sender]:
+    """The sender of each row. Basalt's fleet manager sends for all its robots; every other robot has its own sender."""
+    fleet = Sender(VendorName.BASALT)
     vendors = [member.make.vendor for member in members]
-    return [fleet if vendor is VendorName.BASALT else Line(vendor) for vendor in vendors]
+    return [fleet if vendor is VendorName.BASALT else Sender(vendor) for vendor in vendors]
 
 
-async def _go_on(
-    world: World, annex: Annex, lines: Sequence[Line], seconds: float | None, speed: float, stop: asyncio.Event
+async def _run(
+    world: World, annex: Annex, senders: Sequence[Sender], seconds: float | None, speed: float, stop: asyncio.Event
 ) -> None:
-    """Step the world by the clock and let everybody report in turn; the players of the annex come last."""
+    """Advance the world with the clock and let the robots report in turn. The robots of the annex come last."""
     every_s = np.array([member.make.report_every_s for member in (*world.members, *annex.members)])
     phase_s = every_s * (np.arange(len(every_s)) * 0.618 % 1.0)
     start_s = time.time() - world.t_s
     while not stop.is_set() and (seconds is None or world.t_s < seconds):
         late_s = (time.time() - start_s) * speed - world.t_s
         if late_s < STEP_S:
-            await _unless(stop, (STEP_S - late_s) / speed)
+            await _sleep_unless(stop, (STEP_S - late_s) / speed)
             continue
         if late_s > LATE_S:
             start_s += (late_s - STEP_S) / speed
@@ -188,11 +188,11 @@ async def _go_on(
         world.step(STEP_S)
         due = np.flatnonzero(np.floor((world.t_s + phase_s) / every_s) > before)
         now_s = start_s + world.t_s
-        _report(world, annex, due, lines, now_s)
+        _report(world, annex, due, senders, now_s)
         await asyncio.sleep(0)
 
 
-async def _unless(stop: asyncio.Event, seconds: float) -> None:
+async def _sleep_unless(stop: asyncio.Event, seconds: float) -> None:
     try:
         async with asyncio.timeout(seconds):
             await stop.wait()
@@ -200,14 +200,14 @@ async def _unless(stop: asyncio.Event, seconds: float) -> None:
         return
 
 
-def _report(world: World, annex: Annex, due: Ints, lines: Sequence[Line], now_s: float) -> None:
-    rows = np.array([row for row in due if lines[row].up], np.int64)
+def _report(world: World, annex: Annex, due: Ints, senders: Sequence[Sender], now_s: float) -> None:
+    rows = np.array([row for row in due if senders[row].up], np.int64)
     players = [annex.robot(row - len(world), world.t_s) for row in rows.tolist() if row >= len(world)]
     robots = [*some_robots(world, rows[rows < len(world)]), *players]
     for row, robot in zip(rows.tolist(), robots, strict=True):
-        line = lines[row]
-        shy = robot.member.make.person and robot.member.number % 2 == 0 and world.t_s < SHY_S
-        introduce = row not in line.introduced and not shy
+        sender = senders[row]
+        hides_identity = robot.member.make.person and robot.member.number % 2 == 0 and world.t_s < SHY_S
+        introduce = row not in sender.introduced and not hides_identity
         if introduce:
-            line.introduced.add(row)
-        line.put(DIALECTS[line.vendor].messages(robot, now_s, introduce=introduce))
+            sender.introduced.add(row)
+        sender.enqueue(DIALECTS[sender.vendor].messages(robot, now_s, introduce=introduce))

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from deconflict.simulation.cast import ALDER, CORVID, Make, Member
-from deconflict.simulation.crossing_schedule import Schedule
-from deconflict.simulation.driving.crossings import Passage
+from deconflict.simulation.cast import ALDER, CORVID, CastMember, Make
+from deconflict.simulation.crossing_schedule import CrossingSchedule
+from deconflict.simulation.driving.crossings import CrossingPassage
 from deconflict.simulation.driving.routes import drive
-from deconflict.simulation.driving.traffic import Doing, World
+from deconflict.simulation.driving.traffic import Activity, World
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.robot_state import robots
 
@@ -16,21 +16,21 @@ EAST, NORTH = (1, 0), (0, 1)
 
 def two_that_cross(second: Make) -> World:
     """One drives east through a crossing at x 10, the other north through it, a second later."""
-    one = World(layout_for(24), (Member(1, ALDER), Member(2, second)), np.random.default_rng(1))
+    one = World(layout_for(24), (CastMember(1, ALDER), CastMember(2, second)), np.random.default_rng(1))
     ways = (((0.0, 0.0), (30.0, 0.0), EAST), ((10.0, -11.4), (10.0, 20.0), NORTH))
     for robot, (start, end, inward) in enumerate(ways):
         make = one.members[robot].make
-        one.tracks.put(robot, drive([start, end], float(np.arctan2(end[1] - start[1], end[0] - start[0])), make))
+        one.tracks.set_drive(robot, drive([start, end], float(np.arctan2(end[1] - start[1], end[0] - start[0])), make))
         enter_m = 7.4 if robot == 0 else 8.8
-        one.crossings.put(robot, [Passage(7, enter_m, enter_m + 4.8, inward, left=False)])
+        one.crossings.set_drive(robot, [CrossingPassage(7, enter_m, enter_m + 4.8, inward, left=False)])
         one.trips.goal[robot] = one.trips.bay[robot]
-    one.doing[:] = Doing.DRIVING
+    one.doing[:] = Activity.DRIVING
     one.progress_m[:], one.speed_mps[:] = 1.0, 1.0
     return one
 
 
 def test_of_one_fleet_the_later_one_waits_until_the_other_is_out() -> None:
-    schedule = Schedule(two_that_cross(ALDER))
+    schedule = CrossingSchedule(two_that_cross(ALDER))
     assert schedule.waits(0) == []
     [(at_m, wait_s)] = schedule.waits(1)
     assert at_m == 8.8
@@ -38,7 +38,7 @@ def test_of_one_fleet_the_later_one_waits_until_the_other_is_out() -> None:
 
 
 def test_of_two_fleets_nobody_waits() -> None:
-    schedule = Schedule(two_that_cross(CORVID))
+    schedule = CrossingSchedule(two_that_cross(CORVID))
     assert [schedule.waits(robot) for robot in (0, 1)] == [[], []]
 
 

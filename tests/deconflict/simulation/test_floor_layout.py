@@ -75,5 +75,5 @@ def test_each_lift_has_its_other_end_on_the_other_floor(robots: int) -> None:
 
 def test_a_goal_on_the_other_floor_has_no_way(layout: Layout) -> None:
     start, goal = (next(bay.node for bay in layout.bays if bay.floor == floor) for floor in (GROUND, MEZZANINE))
-    with pytest.raises(ValueError, match=f"no way from node {start} to node {goal}"):
+    with pytest.raises(ValueError, match=f"no path from node {start} to node {goal}"):
         layout.route(start, goal, np.ones(len(layout.places)))

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from deconflict.simulation.cast import cast
-from deconflict.simulation.driving.traffic import RIDE_S, Doing, World
+from deconflict.simulation.driving.traffic import RIDE_S, Activity, World
 from deconflict.simulation.driving.trips import NOWHERE
-from deconflict.simulation.fleet_plans import Plan
+from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import BayKind, layout_for
-from deconflict.simulation.robot_state import Robot, robots
+from deconflict.simulation.robot_state import RobotState, robots
 
 STEP_S = 0.1
 STATES = {"navigating", "idle", "charging", "waitingHumanEvent", "waitingExternalEvent"}
@@ -19,14 +19,14 @@ def world(robots_in_all: int, seed: int = 1) -> World:
 
 
 def test_a_plan_is_linear_between_knots_and_stands_after_the_last() -> None:
-    plan = Plan(np.array([0.0, 2.0]), np.array([[0.0, 0.0, 0.0], [4.0, 2.0, 1.0]]), np.array([0, 0]))
+    plan = FleetPlan(np.array([0.0, 2.0]), np.array([[0.0, 0.0, 0.0], [4.0, 2.0, 1.0]]), np.array([0, 0]))
     poses, floors = plan.at(np.array([0.0, 1.0, 2.0, 9.0]))
     assert poses.tolist() == [[0.0, 0.0, 0.0], [2.0, 1.0, 0.5], [4.0, 2.0, 1.0], [4.0, 2.0, 1.0]]
     assert floors.tolist() == [0, 0, 0, 0]
 
 
 def test_a_robot_stands_in_the_lift_until_it_is_on_the_other_floor() -> None:
-    plan = Plan(np.array([0.0, 6.0]), np.array([[4.0, 5.0, 0.0], [20.0, 9.0, 1.0]]), np.array([0, 1]))
+    plan = FleetPlan(np.array([0.0, 6.0]), np.array([[4.0, 5.0, 0.0], [20.0, 9.0, 1.0]]), np.array([0, 1]))
     poses, floors = plan.at(np.array([5.9, 6.0]))
     assert poses.tolist() == [[4.0, 5.0, 0.0], [20.0, 9.0, 1.0]]
     assert floors.tolist() == [0, 1]
@@ -42,13 +42,13 @@ def test_alone_on_the_floor_a_robot_is_where_it_planned_to_be(row: int) -> None:
         for _ in range(round(2.0 / STEP_S)):
             one.step(STEP_S)
         told = robots(one)[row]
-        if one.doing[row] != Doing.DRIVING:
+        if one.doing[row] != Activity.DRIVING:
             continue
         for after_s in (1.0, 4.0):
             planned, floors = told.plan.at(np.array([after_s]))
             for _ in range(round((after_s if after_s == 1.0 else 3.0) / STEP_S)):
                 one.step(STEP_S)
-            if one.doing[row] == Doing.DRIVING and one.waited_s[row] == 0.0:
+            if one.doing[row] == Activity.DRIVING and one.waited_s[row] == 0.0:
                 assert one.floor[row] == floors[0]
                 assert np.hypot(*(one.locations()[row, :2] - planned[0, :2])) < 0.1 + 0.075 * after_s
                 compared += 1
@@ -57,7 +57,7 @@ def test_alone_on_the_floor_a_robot_is_where_it_planned_to_be(row: int) -> None:
 
 def test_a_plan_counts_the_time_that_gaining_speed_takes() -> None:
     one = world(1)
-    while one.doing[0] != Doing.DRIVING or one.progress_m[0] < 5.0:
+    while one.doing[0] != Activity.DRIVING or one.progress_m[0] < 5.0:
         one.step(STEP_S)
     fast, _ = robots(one)[0].plan.at(np.array([1.0]))
     one.speed_mps[0] = 0.0
@@ -67,8 +67,8 @@ def test_a_plan_counts_the_time_that_gaining_speed_takes() -> None:
     assert np.hypot(*(fast[0, :2] - here)) > gain
 
 
-def told_while(one: World, seconds: float) -> list[Robot]:
-    told: list[Robot] = []
+def told_while(one: World, seconds: float) -> list[RobotState]:
+    told: list[RobotState] = []
     for _ in range(round(seconds)):
         for _ in range(round(1.0 / STEP_S)):
             one.step(STEP_S)
@@ -91,7 +91,7 @@ def test_who_rides_the_lift_tells_the_floor_it_will_be_on() -> None:
     one = world(24, seed=3)
     for _ in range(3000):
         one.step(STEP_S)
-        riding = (one.doing == Doing.STANDING) & (one.trips.beyond != NOWHERE) & one.trips.standing_at(BayKind.LIFT)
+        riding = (one.doing == Activity.STANDING) & (one.trips.beyond != NOWHERE) & one.trips.standing_at(BayKind.LIFT)
         if riding.any():
             break
     row = int(np.flatnonzero(riding)[0])

@@ -20,7 +20,7 @@ def test_every_two_fleets_get_in_each_others_way(seed: int) -> None:
     stops = Stops(world)
     for _ in range(6000):
         world.step(0.1)
-        stops.look(0.1)
+        stops.update(0.1)
     met = {
         frozenset(world.members[robot].make.vendor for robot in (one.robot, one.other))
         for one in stops.found

@@ -10,7 +10,7 @@ import pytest
 from deconflict.contention.robots.place_geometry import Geometry
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
-from deconflict.simulation.drills.drill_outcomes import Outcome, Outcomes
+from deconflict.simulation.drills.drill_outcomes import DrillOutcome, DrillOutcomes
 from deconflict.simulation.drills.drill_scripts import DRILLS, party, staged
 from deconflict.simulation.drills.errands import STEP_S
 from deconflict.simulation.drills.site_service import SiteService
@@ -24,10 +24,10 @@ HEEDED = [one.name for one in DRILLS if one.heeds]
 
 
 @cache
-def played(*, ignored: bool) -> dict[str, Outcome]:
+def played(*, ignored: bool) -> dict[str, DrillOutcome]:
     """What comes of all drills at once, by name."""
     site, stages = staged(ignored=ignored)
-    everybody, outcomes = party(stages), Outcomes(DRILLS, stages)
+    everybody, outcomes = party(stages), DrillOutcomes(DRILLS, stages)
     fleet, engine = fleet_of(site, Measures()), Engine(site)
     service = SiteService(everybody, Geometry(site.resources, site.zones), NOW_S)
     lines = [Connection(row, vendor=one.member.make.vendor.value) for row, one in enumerate(everybody.errands)]
@@ -40,7 +40,7 @@ def played(*, ignored: bool) -> dict[str, Outcome]:
                     assert fleet.receive(message, now_s, lines[row]) is None
         engine.receive(fleet.next_batch(now_s))
         for advisory in engine.step(now_s):
-            outcomes.take(advisory, passed_on=service.take(advisory))
+            outcomes.add_revision(advisory, passed_on=service.pass_on(advisory))
         everybody.step(STEP_S)
     return {one.drill: one for one in outcomes.now()}
 

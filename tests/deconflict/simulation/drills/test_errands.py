@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 import shapely
 
-from deconflict.simulation.cast import ALDER, BASALT, Member
-from deconflict.simulation.drills.errands import PACE_MPS, STEP_S, TURN_RADPS, Errand, Party, Visit
+from deconflict.simulation.cast import ALDER, BASALT, CastMember
+from deconflict.simulation.drills.errands import PACE_MPS, STEP_S, TURN_RADPS, Errand, ErrandGroup, Visit
 
 ROUND = (Visit(5, 0), Visit(5, 5, "dock", 3.0), Visit(0, 5))
 QUARTER_S = pi / 2 / TURN_RADPS
 
 
 def errand(*, deaf: bool = False) -> Errand:
-    return Errand(Member(1, ALDER), (0.0, 0.0), ROUND, deaf=deaf)
+    return Errand(CastMember(1, ALDER), (0.0, 0.0), ROUND, deaf=deaf)
 
 
-def run(party: Party, seconds: float) -> None:
+def run(party: ErrandGroup, seconds: float) -> None:
     for _ in range(round(seconds / STEP_S)):
         party.step(STEP_S)
 
 
 def test_it_does_as_it_says() -> None:
     one = errand()
-    plan, party = one.robot().plan, Party([one])
+    plan, party = one.robot().plan, ErrandGroup([one])
     for step in range(1, 250):
         run(party, STEP_S)
         told, _ = plan.at(np.array([step * STEP_S]))
@@ -38,12 +38,12 @@ def test_what_it_is_told_is_in_its_plan_and_costs_what_it_takes() -> None:
     one = errand()
     comes_s = one.comes_s("dock") or 0.0
     assert comes_s == pytest.approx(10 / PACE_MPS + QUARTER_S)
-    run(Party([one]), 2.0)
+    run(ErrandGroup([one]), 2.0)
     one.wait(6.0)
     assert one.comes_s("dock") == pytest.approx(comes_s + 6.0)
     one.wait(-4.0)
     assert one.comes_s("dock") == pytest.approx(comes_s + 2.0)
-    run(Party([one]), 40.0)
+    run(ErrandGroup([one]), 40.0)
     assert one.late_s == pytest.approx(2.0)
 
 
@@ -51,7 +51,7 @@ def test_one_that_is_sent_elsewhere_goes_there_instead_for_as_long() -> None:
     one = errand()
     one.go_instead(Visit(5, 7, "twin"))
     assert one.comes_s("dock") is None
-    run(Party([one]), 40.0)
+    run(ErrandGroup([one]), 40.0)
     assert one.late_s == pytest.approx(2.0 + (5**2 + 2**2) ** 0.5 - 5.0, abs=0.3)
 
 
@@ -60,7 +60,7 @@ def test_one_that_is_deaf_does_nothing_that_it_is_told() -> None:
     one.wait(5.0)
     one.go_instead(Visit(9, 9, "twin"))
     one.go([Visit(9, 9, "parking")])
-    run(Party([one]), 40.0)
+    run(ErrandGroup([one]), 40.0)
     assert one.late_s == pytest.approx(0.0, abs=1e-6)
 
 
@@ -70,10 +70,10 @@ def test_it_says_when_its_front_comes_into_an_outline() -> None:
 
 
 def test_it_stops_for_one_that_stands_ahead_and_waits_for_a_place_that_is_taken() -> None:
-    ahead = Errand(Member(2, BASALT), (3.0, 0.0), [Visit(3, 0, "dock", 20.0), Visit(3, 9)])
-    behind = Errand(Member(1, ALDER), (0.0, 0.0), [Visit(9, 0)])
-    waits = Errand(Member(3, ALDER), (0.0, 20.0), [Visit(0, 20, "other", 2.0), Visit(3, 0, "dock", 1.0)])
-    party = Party([ahead, behind, waits])
+    ahead = Errand(CastMember(2, BASALT), (3.0, 0.0), [Visit(3, 0, "dock", 20.0), Visit(3, 9)])
+    behind = Errand(CastMember(1, ALDER), (0.0, 0.0), [Visit(9, 0)])
+    waits = Errand(CastMember(3, ALDER), (0.0, 20.0), [Visit(0, 20, "other", 2.0), Visit(3, 0, "dock", 1.0)])
+    party = ErrandGroup([ahead, behind, waits])
     run(party, 18.0)
     assert not ahead.body().intersects(behind.body())
     assert behind.x_m < 2.2

@@ -3,7 +3,7 @@
 import numpy as np
 
 from deconflict.simulation.cast import ALDER
-from deconflict.simulation.driving.drive_table import Tracks
+from deconflict.simulation.driving.drive_table import DriveTable
 from deconflict.simulation.driving.protection import Traffic
 from deconflict.simulation.driving.routes import drive
 from deconflict.simulation.floor_layout import Place
@@ -14,10 +14,10 @@ Way = tuple[Place, Place]
 def traffic(ways: list[Way], progress_m: list[float], speed_mps: list[float], fleet: list[int]) -> Traffic:
     """Robots on straight ways, the first of highest rank."""
     make = ALDER
-    tracks = Tracks(len(ways))
+    tracks = DriveTable(len(ways))
     for row, (start, end) in enumerate(ways):
         yaw = float(np.arctan2(end[1] - start[1], end[0] - start[0]))
-        tracks.put(row, drive([start, end], yaw, make))
+        tracks.set_drive(row, drive([start, end], yaw, make))
     n = len(ways)
     return Traffic(
         tracks=tracks,

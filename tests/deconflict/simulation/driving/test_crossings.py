@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from deconflict.simulation.cast import ALDER
-from deconflict.simulation.driving.crossings import Crossings, Passage, passages
+from deconflict.simulation.driving.crossings import CrossingPassage, Crossings, passages
 from deconflict.simulation.driving.routes import drive, lane
 from deconflict.simulation.floor_layout import layout_for
 
 EAST, WEST, NORTH = (1, 0), (-1, 0), (0, 1)
 
 
-def passage(inward: tuple[int, int], *, left: bool = False) -> Passage:
-    return Passage(7, 5.0, 9.0, inward, left)
+def passage(inward: tuple[int, int], *, left: bool = False) -> CrossingPassage:
+    return CrossingPassage(7, 5.0, 9.0, inward, left)
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def passage(inward: tuple[int, int], *, left: bool = False) -> Passage:
         (passage(EAST), passage(NORTH), True),
     ],
 )
-def test_which_ways_meet(one: Passage, other: Passage, meet: bool) -> None:
+def test_which_ways_meet(one: CrossingPassage, other: CrossingPassage, meet: bool) -> None:
     assert one.meets(other) is meet
     assert other.meets(one) is meet
 
@@ -34,7 +34,7 @@ def test_which_ways_meet(one: Passage, other: Passage, meet: bool) -> None:
 def test_the_second_waits_until_the_first_is_out() -> None:
     crossings = Crossings(np.zeros(2, np.int64))
     for robot, inward in enumerate((EAST, NORTH)):
-        crossings.put(robot, [passage(inward)])
+        crossings.set_drive(robot, [passage(inward)])
     both = np.arange(2)
     crossings.update(np.array([4.0, 4.0]), both)
     assert crossings.stop_m.tolist() == [np.inf, 5.0]
@@ -48,7 +48,7 @@ def test_the_second_waits_until_the_first_is_out() -> None:
 def test_fleets_do_not_know_of_each_other() -> None:
     crossings = Crossings(np.array([0, 1]))
     for robot, inward in enumerate((EAST, NORTH)):
-        crossings.put(robot, [passage(inward)])
+        crossings.set_drive(robot, [passage(inward)])
     crossings.update(np.array([4.0, 4.0]), np.arange(2))
     assert crossings.stop_m.tolist() == [np.inf, np.inf]
 
@@ -56,7 +56,7 @@ def test_fleets_do_not_know_of_each_other() -> None:
 def test_a_robot_that_has_backed_out_asks_again() -> None:
     crossings = Crossings(np.zeros(2, np.int64))
     for robot, inward in enumerate((EAST, NORTH)):
-        crossings.put(robot, [passage(inward)])
+        crossings.set_drive(robot, [passage(inward)])
     crossings.update(np.array([4.0, 4.0]), np.arange(2))
     crossings.give_way(0, 4.5)
     assert crossings.stop_m[0] == 5.0

@@ -45,10 +45,10 @@ def test_it_comes_back_once_it_is_past() -> None:
     assert passings.begin(seen, 0, 1, 0.0, 0.5)
     seen.aside_m[0] = passings.aside_to_m[0]
     seen.progress_m[0] = 9.0
-    passings.go_on(seen, 1.0)
+    passings.update(seen, 1.0)
     assert passings.aside_to_m[0] == 0.0
     seen.aside_m[0] = 0.0
-    passings.go_on(seen, 2.0)
+    passings.update(seen, 2.0)
     assert 0 not in passings
 
 

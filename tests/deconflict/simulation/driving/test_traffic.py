@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 from deconflict.simulation.cast import cast
 from deconflict.simulation.driving.protection import gaps
 from deconflict.simulation.driving.routes import drive
-from deconflict.simulation.driving.traffic import Doing, World
-from deconflict.simulation.driving.true_stops import Stop, Stops
+from deconflict.simulation.driving.traffic import Activity, World
+from deconflict.simulation.driving.true_stops import Stops, TrueStop
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.truth import near_pairs
 from ingest.batch import Floats
@@ -53,9 +53,9 @@ class Seen:
     trips: Floats
     charged: set[int] = field(default_factory=set)
     rode: set[int] = field(default_factory=set)
-    doing: set[Doing] = field(default_factory=set)
+    doing: set[Activity] = field(default_factory=set)
     touched: list[tuple[int, int]] = field(default_factory=list)
-    stops: list[Stop] = field(default_factory=list)
+    stops: list[TrueStop] = field(default_factory=list)
 
 
 @pytest.fixture(scope="module", params=[(12, 2), (24, 1), (60, 1)], ids=str)
@@ -67,16 +67,16 @@ def seen(request: pytest.FixtureRequest) -> Seen:
     for _ in range(round(MINUTES * 60 / STEP_S)):
         before, floor, doing = one.locations(), one.floor, one.doing.copy()
         one.step(STEP_S)
-        stops.look(STEP_S)
+        stops.update(STEP_S)
         same = one.floor == floor
         step_mps = np.hypot(*(one.locations() - before)[:, :2].T) / STEP_S
         found.fastest_mps = np.maximum(found.fastest_mps, np.where(same, step_mps, 0.0))
-        moved_s[(np.abs(one.speed_mps) > 0.03) | (one.doing == Doing.STANDING)] = one.t_s
+        moved_s[(np.abs(one.speed_mps) > 0.03) | (one.doing == Activity.STANDING)] = one.t_s
         found.still_s = np.maximum(found.still_s, one.t_s - moved_s)
-        found.trips += (doing == Doing.DRIVING) & (one.doing == Doing.STANDING)
+        found.trips += (doing == Activity.DRIVING) & (one.doing == Activity.STANDING)
         found.charged |= set(np.flatnonzero(one.charging).tolist())
         found.rode |= set(np.flatnonzero(~same).tolist())
-        found.doing |= {Doing(code) for code in np.unique(one.doing)}
+        found.doing |= {Activity(code) for code in np.unique(one.doing)}
         found.touched += touching(one)
     found.stops = stops.found
     return found
@@ -99,7 +99,7 @@ def test_bodies_never_touch(seen: Seen) -> None:
 
 
 def test_everything_that_robots_do_is_done(seen: Seen) -> None:
-    assert seen.doing >= {Doing.STANDING, Doing.DRIVING, Doing.HALTED}
+    assert seen.doing >= {Activity.STANDING, Activity.DRIVING, Activity.HALTED}
     assert seen.charged
     assert seen.rode or seen.robots < 24
 
@@ -120,7 +120,7 @@ def test_the_same_seed_is_the_same_world() -> None:
 def test_no_two_robots_stop_in_one_bay() -> None:
     one = world(2)
     for _ in states(one, 120.0):
-        taken = one.trips.bay[one.doing == Doing.STANDING]
+        taken = one.trips.bay[one.doing == Activity.STANDING]
         assert len(set(taken.tolist())) == len(taken)
 
 
@@ -129,7 +129,7 @@ def test_on_other_seeds_too_bodies_never_touch_and_nobody_freezes(robots: int, s
     one = world(seed, robots)
     moved_s = np.zeros(robots)
     for _ in states(one, 180.0):
-        moved_s[(np.abs(one.speed_mps) > 0.03) | (one.doing == Doing.STANDING)] = one.t_s
+        moved_s[(np.abs(one.speed_mps) > 0.03) | (one.doing == Activity.STANDING)] = one.t_s
         assert touching(one) == []
         assert (one.t_s - moved_s).max() < LONGEST_STILL_S
 
@@ -139,9 +139,9 @@ def head_on(seed: int) -> World:
     one = world(seed, 2)
     for robot, (start, end) in enumerate((((0.0, 12.0), (30.0, 12.0)), ((30.0, 12.0), (0.0, 12.0)))):
         yaw = float(np.arctan2(0.0, end[0] - start[0]))
-        one.tracks.put(robot, drive([start, end], yaw, one.members[robot].make))
+        one.tracks.set_drive(robot, drive([start, end], yaw, one.members[robot].make))
         one.trips.bay[robot] = 1
-    one.doing[:] = Doing.DRIVING
+    one.doing[:] = Activity.DRIVING
     return one
 
 

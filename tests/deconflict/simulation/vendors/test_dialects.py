@@ -13,9 +13,9 @@ from deconflict.settings import site
 from deconflict.simulation.cast import MAKES, VendorName, cast
 from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
-from deconflict.simulation.fleet_plans import Plan
+from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import layout_for
-from deconflict.simulation.robot_state import Robot, robots
+from deconflict.simulation.robot_state import RobotState, robots
 from deconflict.simulation.vendors.dialects import DIALECTS, SITE_MAPS
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.languages.massrobotics.parser import read
@@ -34,10 +34,10 @@ SAMPLE_FINDINGS = {
 
 
 @pytest.fixture(scope="module")
-def told() -> list[Robot]:
+def told() -> list[RobotState]:
     """Everybody's state at several moments of two minutes."""
     world = World(layout_for(24), cast(24), np.random.default_rng(1))
-    found: list[Robot] = []
+    found: list[RobotState] = []
     for _ in range(12):
         for _ in range(100):
             world.step(0.1)
@@ -45,12 +45,12 @@ def told() -> list[Robot]:
     return found
 
 
-def of(told: list[Robot], vendor: VendorName, *, moving: bool = False) -> list[Robot]:
+def of(told: list[RobotState], vendor: VendorName, *, moving: bool = False) -> list[RobotState]:
     mine = [one for one in told if one.member.make.vendor is vendor]
     return [one for one in mine if one.state == "navigating" and one.linear_mps > 0.3] if moving else mine
 
 
-def status(robot: Robot) -> dict[str, Any]:
+def status(robot: RobotState) -> dict[str, Any]:
     document: dict[str, Any] = json.loads(DIALECTS[robot.member.make.vendor].messages(robot, NOW_S)[-1])
     return document
 
@@ -59,7 +59,7 @@ def seconds(stamp: str) -> float:
     return datetime.fromisoformat(stamp).timestamp()
 
 
-def test_every_message_of_everybody_is_understood(told: list[Robot]) -> None:
+def test_every_message_of_everybody_is_understood(told: list[RobotState]) -> None:
     for robot in told:
         first, second = DIALECTS[robot.member.make.vendor].messages(robot, NOW_S, introduce=True)
         identity, now = read(first), read(second)
@@ -71,14 +71,14 @@ def test_every_message_of_everybody_is_understood(told: list[Robot]) -> None:
 
 
 @pytest.mark.parametrize("vendor", [VendorName.ALDER, VendorName.BASALT, VendorName.WALKERS])
-def test_three_vendors_keep_to_the_standard(told: list[Robot], vendor: VendorName) -> None:
+def test_three_vendors_keep_to_the_standard(told: list[RobotState], vendor: VendorName) -> None:
     for robot in of(told, vendor):
         for message in DIALECTS[vendor].messages(robot, NOW_S, introduce=True):
             reading = read(message)
             assert reading.findings == ()
 
 
-def test_alder_is_three_seconds_fast_in_all_it_says(told: list[Robot]) -> None:
+def test_alder_is_three_seconds_fast_in_all_it_says(told: list[RobotState]) -> None:
     for robot in of(told, VendorName.ALDER, moving=True):
         said = status(robot)
         assert seconds(said["timestamp"]) == pytest.approx(NOW_S + 3.0, abs=1e-3)
@@ -88,7 +88,7 @@ def test_alder_is_three_seconds_fast_in_all_it_says(told: list[Robot]) -> None:
         assert np.array([(point["x"], point["y"]) for point in said["path"]]) == pytest.approx(planned[:, :2], abs=1e-3)
 
 
-def test_corvid_speaks_as_the_sample_sender_does(told: list[Robot]) -> None:
+def test_corvid_speaks_as_the_sample_sender_does(told: list[RobotState]) -> None:
     for robot in of(told, VendorName.CORVID, moving=True):
         said = status(robot)
         assert said["uuid"] == robot.member.uuid.upper()
@@ -105,7 +105,7 @@ def test_corvid_speaks_as_the_sample_sender_does(told: list[Robot]) -> None:
         assert {"uuid-upper-case", "stamp-offset-no-colon", "datum-key", "path-too-far"} <= set(reading.findings)
 
 
-def test_basalt_lands_where_it_is_by_the_maps_of_the_bundled_site(told: list[Robot]) -> None:
+def test_basalt_lands_where_it_is_by_the_maps_of_the_bundled_site(told: list[RobotState]) -> None:
     bundled = site.load(demo_site())
     frames = FrameRegistry(bundled.datums, bundled.vendors)
     for robot in of(told, VendorName.BASALT):
@@ -119,7 +119,7 @@ def test_basalt_lands_where_it_is_by_the_maps_of_the_bundled_site(told: list[Rob
         assert np.hypot(reading.x - robot.x_m, reading.y - robot.y_m) > 10.0
 
 
-def test_people_seldom_know_their_way_but_always_their_speed(told: list[Robot]) -> None:
+def test_people_seldom_know_their_way_but_always_their_speed(told: list[RobotState]) -> None:
     walking = of(told, VendorName.WALKERS, moving=True)
     with_path = [robot for robot in walking if "path" in status(robot)]
     assert 0 < len(with_path) < len(walking) / 2
@@ -128,9 +128,9 @@ def test_people_seldom_know_their_way_but_always_their_speed(told: list[Robot]) 
 
 
 @pytest.mark.parametrize("vendor", [VendorName.ALDER, VendorName.BASALT])
-def test_a_path_to_the_other_floor_names_its_datum(told: list[Robot], vendor: VendorName) -> None:
+def test_a_path_to_the_other_floor_names_its_datum(told: list[RobotState], vendor: VendorName) -> None:
     below = next(robot for robot in of(told, vendor, moving=True) if robot.floor == 0)
-    plan = Plan(np.array([0.0, 4.5]), np.array([[9.0, 8.0, 0.0], [3.0, 2.0, 1.0]]), np.array([0, 1]))
+    plan = FleetPlan(np.array([0.0, 4.5]), np.array([[9.0, 8.0, 0.0], [3.0, 2.0, 1.0]]), np.array([0, 1]))
     path = status(replace(below, plan=plan))["path"]
     above = DIALECTS[vendor].maps[1]
     assert [point.get("planarDatumUUID") for point in path] == 4 * [None] + 6 * [above.datum]

@@ -16,7 +16,7 @@ from websockets.frames import Frame, Opcode
 from websockets.protocol import Event
 
 from deconflict.simulation.cast import VendorName
-from deconflict.simulation.vendors.senders import Line, call, simulate
+from deconflict.simulation.vendors.senders import Sender, call, simulate
 from tests.helpers.patience import PATIENCE_S
 
 
@@ -115,7 +115,7 @@ async def test_who_answers_pings(vendor: VendorName, answers: int) -> None:
 
     async with (
         serve(ping, "127.0.0.1", 0, ping_interval=None, create_connection=Watching) as server,
-        background(call(f"ws://127.0.0.1:{port_of(server)}", Line(vendor), np.random.default_rng(1))),
+        background(call(f"ws://127.0.0.1:{port_of(server)}", Sender(vendor), np.random.default_rng(1))),
         asyncio.timeout(PATIENCE_S),
     ):
         await closed.wait()
@@ -123,14 +123,14 @@ async def test_who_answers_pings(vendor: VendorName, answers: int) -> None:
 
 
 async def test_a_sender_that_never_answers_stays_while_it_is_pinged_in_vain() -> None:
-    line, service = Line(VendorName.CORVID), Service()
+    line, service = Sender(VendorName.CORVID), Service()
     async with (
         serve(service.take, "127.0.0.1", 0, ping_interval=0.02, ping_timeout=None) as server,
         background(call(f"ws://127.0.0.1:{port_of(server)}", line, np.random.default_rng(1))),
     ):
         await until(lambda: line.up)
         for number in range(20):
-            line.put([str(number).encode()])
+            line.enqueue([str(number).encode()])
             await service.until(partial(service.has, number + 1))
             await asyncio.sleep(0.02)
         assert len(service.connections) == 1
@@ -138,7 +138,7 @@ async def test_a_sender_that_never_answers_stays_while_it_is_pinged_in_vain() ->
 
 
 async def test_a_line_comes_back_when_the_service_does() -> None:
-    line, service = Line(VendorName.ALDER), Service()
+    line, service = Sender(VendorName.ALDER), Service()
     async with serve(service.take, "127.0.0.1", 0) as server:
         port = port_of(server)
         calling = asyncio.ensure_future(call(f"ws://127.0.0.1:{port}", line, np.random.default_rng(1)))
@@ -148,12 +148,12 @@ async def test_a_line_comes_back_when_the_service_does() -> None:
     async with serve(service.take, "127.0.0.1", port, reuse_address=True), background(calling):
         await until(lambda: line.up)
         assert not line.introduced
-        line.put([b"again"])
+        line.enqueue([b"again"])
         await service.until(lambda: service.messages["/"] == [b"again"])
 
 
 async def test_corvid_says_who_it_is_once_for_all_its_connections() -> None:
-    line, service = Line(VendorName.CORVID), Service()
+    line, service = Sender(VendorName.CORVID), Service()
     async with (
         serve(service.take, "127.0.0.1", 0) as server,
         background(call(f"ws://127.0.0.1:{port_of(server)}", line, np.random.default_rng(1))),
