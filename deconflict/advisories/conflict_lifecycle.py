@@ -289,7 +289,7 @@ class ConflictLifecycle:
             return self._clear_if_absent(watched, absent, now_s, scene)
         left = [uuid for uuid in watched.pair if scene.absence(uuid)]
         apart_m = scene.separation_m(watched.pair, now_s)
-        if not left and apart_m is not None and apart_m <= self.settings.clearance_m + self.settings.clear_margin_m:
+        if not left and apart_m is not None and apart_m <= self.settings.apart_m:
             return None
         self.pairs.mark_apart(watched)
         advisory = watched.advisory

@@ -238,7 +238,7 @@ def _thresholds(settings: Conflict) -> NDArray[Any]:
     thresholds = np.zeros(1, THRESHOLDS)
     for name, value in {
         "clearance_m": settings.clearance_m,
-        "apart_m": settings.clearance_m + settings.clear_margin_m,
+        "apart_m": settings.apart_m,
         "touching_m": TOUCHING_M,
         "raise_probability": settings.raise_probability,
         "held_probability": revision_rules.held_probability(settings),

@@ -79,7 +79,7 @@ class Engine:
         self._map_drift = MapDrift.at(site.resources)
         if learned:
             self._resume(learned)
-        self._trigger = NearMissTrigger(conflict.clearance_m, conflict.clear_margin_m)
+        self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self.near_misses: list[Pair] = []
         """Pairs that came within the clearance in the last pass while one of them moved."""
         self._updated: set[str] = set()

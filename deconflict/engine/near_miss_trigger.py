@@ -9,8 +9,9 @@ from ingest.batch import Pair
 class NearMissTrigger:
     """Gives each pair once, until it has drawn apart by the clearance and a margin."""
 
-    def __init__(self, clearance_m: float, margin_m: float) -> None:
-        self._clearance_m, self._apart_m = clearance_m, clearance_m + margin_m
+    def __init__(self, clearance_m: float, apart_m: float) -> None:
+        """A pair that is further apart than `apart_m` may come in again."""
+        self._clearance_m, self._apart_m = clearance_m, apart_m
         self._inside: set[Pair] = set()
 
     def new_pairs(self, conflicts: PairConflicts) -> list[Pair]:

@@ -62,6 +62,11 @@ class Conflict(Section):
     silent_growth_limit_m: Metres = 1.0
     """Where that growth ends. Too large and one silent robot is in conflict with a whole aisle."""
 
+    @property
+    def apart_m(self) -> float:
+        """A pair that comes no nearer than this has drawn apart: its encounter is over."""
+        return self.clearance_m + self.clear_margin_m
+
 
 class Advice(Section):
     """What is advised, and how much work goes into it."""

@@ -10,6 +10,7 @@ import numpy as np
 from numba import types
 
 from ingest.batch import Floats
+from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel
 
 WITHIN = 1e-12
@@ -30,6 +31,9 @@ Gone = tuple[int, int, bool, float, float, float, float, float, float, float]
 BY_PATH, BY_VELOCITY = 1, 2
 """Of `Basis`; other robots stand."""
 STRAIGHT_RADPS = 1e-3
+
+
+_turn_between = inner(turn_between)
 
 
 @inner
@@ -149,12 +153,6 @@ def _by_velocity(
         to_y = y - radius_m * (cos(yaw_rad) - cos(heading))
         _put(knots, step, at_s + t_s, to_x, to_y, yaw_rad, dx, dy)
     return steps + 1
-
-
-@inner
-def _turn_between(before_rad: float, after_rad: float) -> float:
-    """As in `ingest/frames/angles.py`."""
-    return (after_rad - before_rad + pi) % (2 * pi) - pi
 
 
 @inner

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, floor, inf, nan, pi
+from math import ceil, floor, inf, nan
 
 import numba
 import numpy as np
 
 from ingest.batch import Floats, Forecasts, Ints
-from ingest.kernels import kernel, ready
+from ingest.frames.angles import turn_between
+from ingest.kernels import inner, kernel, ready
 
 JOINED_S = 2.1
 
@@ -18,6 +19,9 @@ _LAST = ("t_s", "x", "y", "yaw", "floor", "since_s", "present_s", *_SIZE)
 _PRESENT = _LAST.index("present_s")
 
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
+
+
+_turn_between = inner(turn_between)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,7 +168,7 @@ def _joined(legs: Floats, robots: int, first: int, samples: int, step_s: float) 
     there = np.full((9, len(robot), samples), np.nan)
     for leg in range(len(legs)):
         who, begin_s, end_s, x0, y0, yaw0, x1, y1, yaw1, on, since_s = legs[leg, :11]
-        row, turn = row_of[int(who)], (yaw1 - yaw0 + pi) % (2 * pi) - pi
+        row, turn = row_of[int(who)], _turn_between(yaw0, yaw1)
         for sample in range(begins[leg], ends[leg] + 1):
             share = (sample * step_s - begin_s) / (end_s - begin_s) if end_s > begin_s else 0.0
             at = there[:, row, sample - first]

@@ -93,7 +93,7 @@ class RobotExtents:
             knots[begins],
             knots if none else np.minimum.reduceat(knots, begins),
             knots if none else np.maximum.reduceat(knots, begins),
-            half_m + grown_m + conflict.clearance_m + conflict.clear_margin_m + BAND_M,
+            half_m + grown_m + conflict.apart_m + BAND_M,
             forecasts.floor[begins],
         )
 

@@ -1,15 +1,17 @@
 """Poses of robots at given times, for many forecasts and many times at once."""
 
-from math import pi
-
 import numba
 import numpy as np
 
 from ingest.batch import Floats, Forecasts, Ints
-from ingest.kernels import kernel, ready
+from ingest.frames.angles import turn_between
+from ingest.kernels import inner, kernel, ready
 
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 _POSES = numba.float64[:, :, ::1]
+
+
+_turn_between = inner(turn_between)
 
 
 @kernel(_POSES(_INTS, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 2))
@@ -31,7 +33,7 @@ def _poses_at(
                 after = knot
             span = t_s[after] - t_s[knot]
             share = min(max((moment - t_s[knot]) / (span if span > 0.0 else 1.0), 0.0), 1.0)
-            turn = (yaw_rad[after] - yaw_rad[knot] + pi) % (2 * pi) - pi
+            turn = _turn_between(yaw_rad[knot], yaw_rad[after])
             pose = poses[row, at]
             pose[0] = x_m[knot] + share * (x_m[after] - x_m[knot])
             pose[1] = y_m[knot] + share * (y_m[after] - y_m[knot])

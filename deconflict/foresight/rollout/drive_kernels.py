@@ -7,7 +7,7 @@ The file is long because it holds the whole compiled simulation: `drive` calls i
 step, and `_overlap` takes plain numbers, as a record would have to be filled first for each of two turned rectangles.
 """
 
-from math import cos, hypot, pi, sin
+from math import cos, hypot, sin
 from typing import Any
 
 import numba
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.batch import Bools, Floats, Ints
+from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel
 
 STEP_S = 0.5
@@ -91,6 +92,9 @@ _EDGES, _BODIES = (numba.from_dtype(kind)[::1] for kind in (EDGE, BODY))
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 
 
+_turn_between = inner(turn_between)
+
+
 @inner
 def _overlap(
     ax: float,
@@ -129,7 +133,7 @@ def _legs_of(track: Floats) -> Any:
             leg.cos, leg.sin = cos(yaw), sin(yaw)
             after = min(at + 1, last)
             leg.by_x, leg.by_y = track[robot, after, 0] - leg.x, track[robot, after, 1] - leg.y
-            leg.turn = (track[robot, after, 2] - yaw + pi) % (2 * pi) - pi
+            leg.turn = _turn_between(yaw, track[robot, after, 2])
             leg.mps = hypot(leg.by_x, leg.by_y)
             moves = leg.mps > CREEPS_MPS
             leg.goes_x = leg.by_x / leg.mps if moves else leg.cos

@@ -6,7 +6,7 @@ while the floor just ahead of it is free.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import atan2, copysign, cos, hypot, inf, pi, sin
+from math import atan2, copysign, cos, hypot, inf, sin
 
 import numpy as np
 import shapely
@@ -15,6 +15,7 @@ from deconflict.simulation.cast import CastMember
 from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import GROUND
 from deconflict.simulation.robot_state import RobotState
+from ingest.frames.angles import turn_between
 
 PACE_MPS = 1.0
 TURN_RADPS = 1.5
@@ -88,7 +89,7 @@ class Errand:
             self.visits.pop(0)
             self._stay_s, self._state, self.at = visit.stay_s, visit.state, visit.place
             return 0.0
-        turn_rad = _turn(self.yaw_rad, self._heading_rad(visit))
+        turn_rad = turn_between(self.yaw_rad, self._heading_rad(visit))
         if abs(turn_rad) > SLACK_RAD:
             used_s = min(abs(turn_rad) / TURN_RADPS, most_s)
             self.yaw_rad += copysign(used_s * TURN_RADPS, turn_rad)
@@ -208,7 +209,7 @@ class Errand:
         for visit in self.visits:
             left_m = hypot(visit.x_m - x_m, visit.y_m - y_m)
             if left_m > SLACK_M:
-                turn_rad = _turn(yaw_rad, atan2(visit.y_m - y_m, visit.x_m - x_m))
+                turn_rad = turn_between(yaw_rad, atan2(visit.y_m - y_m, visit.x_m - x_m))
                 if abs(turn_rad) > SLACK_RAD:
                     after_s, yaw_rad = after_s + abs(turn_rad) / TURN_RADPS, yaw_rad + turn_rad
                     knots.append(Knot(after_s, x_m, y_m, yaw_rad))
@@ -222,11 +223,6 @@ class Errand:
 
     def _heading_rad(self, visit: Visit) -> float:
         return atan2(visit.y_m - self.y_m, visit.x_m - self.x_m)
-
-
-def _turn(from_rad: float, to_rad: float) -> float:
-    """The signed angle of the shorter turn."""
-    return (to_rad - from_rad + pi) % (2 * pi) - pi
 
 
 class ErrandGroup:

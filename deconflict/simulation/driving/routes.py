@@ -7,13 +7,14 @@ always speed of progress, so one number tells how far a robot has come, includin
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import atan2, ceil, cos, hypot, pi, sin, sqrt, tan
+from math import atan2, ceil, cos, hypot, sin, sqrt, tan
 
 import numpy as np
 
 from deconflict.simulation.cast import Make
 from deconflict.simulation.floor_layout import Layout, Place
 from ingest.batch import Floats
+from ingest.frames.angles import turn_between
 
 SAMPLE_M = 0.1
 TURN_M = 0.5
@@ -110,7 +111,7 @@ def _pieces(corners: Sequence[Place], yaw_rad: float, make: Make) -> list[_Piece
     heading, at = yaw_rad, corners[0]
     for index, (a, b) in enumerate(pairwise(corners)):
         towards = atan2(b[1] - a[1], b[0] - a[0])
-        turn = _wrapped(towards - heading)
+        turn = turn_between(heading, towards)
         if abs(turn) > NEARLY_STRAIGHT_RAD:
             bend = (1 if turn > 0 else -1) / TURN_M
             pieces.append(_Piece(abs(turn) * TURN_M, (*at, heading), bend, 0.0, make.turn_radps * TURN_M))
@@ -135,16 +136,12 @@ def _corner(corners: Sequence[Place], index: int) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     a, b, c = corners[index : index + 3]
     before, after = (b[0] - a[0], b[1] - a[1]), (c[0] - b[0], c[1] - b[1])
-    bends = _wrapped(atan2(after[1], after[0]) - atan2(before[1], before[0]))
+    bends = turn_between(atan2(before[1], before[0]), atan2(after[1], after[0]))
     half = tan(abs(bends) / 2)
     radius_m = min(CORNER_M, min(hypot(*before), hypot(*after)) / 2 / max(half, 1e-9))
     if radius_m < TIGHT_M or abs(bends) < NEARLY_STRAIGHT_RAD:
         return 0.0, 0.0, bends
     return radius_m, radius_m * half, bends
-
-
-def _wrapped(angle_rad: float) -> float:
-    return (angle_rad + pi) % (2 * pi) - pi
 
 
 def standing(place: Place, yaw_rad: float) -> Drive:

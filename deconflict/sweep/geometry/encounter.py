@@ -12,6 +12,7 @@ from deconflict.advisory import EncounterClass
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
 from deconflict.sweep.geometry.pose import envelope, pose_at
 from ingest.batch import Floats, Forecasts, Ints
+from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel
 
 STANDING_MPS = 0.05
@@ -48,6 +49,9 @@ _ROBOT = (_WHOLE, *[_REAL] * 4, _WHOLE, *[_REAL] * 2, numba.int64)
 
 _KNOWN = (*(numba.from_dtype(one)[::1] for one in (ROBOT, KNOT)), numba.float64[::1])
 """Robots and knots by slot, and how much longer and wider each robot is there than reported."""
+
+
+_turn_between = inner(turn_between)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +110,7 @@ def _moving(
     span_s = t_s[following] - t_s[knot]
     share = (at_s - t_s[knot]) / span_s
     dx, dy = x_m[following] - x, y_m[following] - y
-    turn = (yaw_rad[following] - yaw + pi) % (2 * pi) - pi
+    turn = _turn_between(yaw, yaw_rad[following])
     return x + share * dx, y + share * dy, yaw + share * turn, dx / span_s, dy / span_s, floor[knot]
 
 
@@ -162,7 +166,7 @@ def _class_of(a: Moving, b: Moving) -> int:
     """By the angle between the directions of travel, as surrogate safety measures do (SSAM, SUMO)."""
     if min(hypot(a[3], a[4]), hypot(b[3], b[4])) < STANDING_MPS:
         return _STANDING
-    angle = abs((atan2(b[4], b[3]) - atan2(a[4], a[3]) + pi) % (2 * pi) - pi)
+    angle = abs(_turn_between(atan2(a[4], a[3]), atan2(b[4], b[3])))
     if angle < FOLLOWING_RAD:
         return _FOLLOWING
     return _HEAD_ON if angle > pi - FOLLOWING_RAD else _CROSSING
