@@ -13,21 +13,22 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.contention.queues.queue_forecast import Request
-from deconflict.contention.queues.slot_scheduling import Queue, advise_slots
+from deconflict.contention.queues.place_group import PlaceQueue
+from deconflict.contention.queues.queue_forecast import ServiceRequest
+from deconflict.contention.queues.slot_scheduling import advise_slots
 
 NOW_S = 1_800_000_000.0
 RESOURCES = 50
 
 
-def queues(robots: int) -> list[Queue]:
+def queues(robots: int) -> list[PlaceQueue]:
     rng = np.random.default_rng(robots)
-    wanted: list[list[Request]] = [[] for _ in range(RESOURCES)]
+    wanted: list[list[ServiceRequest]] = [[] for _ in range(RESOURCES)]
     for number in range(robots):
         arrival_s, service_s = NOW_S + rng.uniform(0, 900), rng.uniform(30, 120)
-        request = Request(f"robot-{number:04d}", f"vendor-{number % 4}", arrival_s, service_s)
+        request = ServiceRequest(f"robot-{number:04d}", f"vendor-{number % 4}", arrival_s, service_s)
         wanted[int(rng.integers(RESOURCES))].append(request)
-    return [Queue(f"dock-{row:02d}", 1, tuple(one)) for row, one in enumerate(wanted)]
+    return [PlaceQueue(f"dock-{row:02d}", 1, tuple(requests)) for row, requests in enumerate(wanted)]
 
 
 def measured(robots: int) -> dict[str, Any]:

@@ -1,1 +1,1 @@
-"""Contention: who will want the same dock, lift or aisle, who waits for whom, and who stands in the way."""
+"""Contention: queues at shared places, deadlocks, and robots in the way of others."""

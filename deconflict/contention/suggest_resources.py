@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from deconflict.contention.robots.announced_arrivals import near
-from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.importers.plan_reader import section_lines
 from deconflict.settings.shared_places import Resource
@@ -25,10 +25,11 @@ from ingest.recording.log_reader import LogReader, Received, by_time
 DWELL_S = 10.0
 """A robot that stands for less than this only pauses."""
 STANDS_M = 0.2
+"""A robot that has moved no farther than this stands."""
 SAME_M = 0.6
-"""Dwells no further apart than this are at one place."""
+"""Dwells no farther apart than this are at one place."""
 FEWEST = 3
-"""Dwells that make a place."""
+"""This many dwells make a place."""
 LOOK_S = 1.0
 HEAD = """\
 # Where robots kept standing in {logs}: {dwells} stops of {least:g} s or longer, {places} places with {fewest} or more.
@@ -38,7 +39,7 @@ HEAD = """\
 
 @dataclass(frozen=True, slots=True)
 class Dwell:
-    """One robot's stop."""
+    """One robot stood at one place for a while."""
 
     vendor: str
     datum: str
@@ -52,7 +53,7 @@ class Dwell:
 
 @dataclass(slots=True)
 class _Stand:
-    """A robot that has not moved since it came."""
+    """A robot that stands."""
 
     spot: tuple[str, float, float]
     came_s: float
@@ -66,23 +67,24 @@ class _Stand:
 
 
 def suggested(logs: Iterable[Path], site: Site) -> str:
-    """Resources that the site file does not have yet, those with most stops first."""
+    """Resources that the site file does not have yet, as TOML; those with most stops first."""
     logs = list(logs)
     found = list(dwells(logs, site))
-    places = [one for one in clusters(found) if not _known(one, Geometry(site.resources, ()))]
-    told = ", ".join(path.name for path in logs)
-    head = HEAD.format(logs=told, dwells=len(found), least=DWELL_S, places=len(places), fewest=FEWEST)
+    geometry = PlaceGeometry(site.resources, ())
+    places = [members for members in clusters(found) if not _is_known(members, geometry)]
+    names = ", ".join(path.name for path in logs)
+    head = HEAD.format(logs=names, dwells=len(found), least=DWELL_S, places=len(places), fewest=FEWEST)
     lines = [head.rstrip("\n")]
     for number, members in enumerate(places, 1):
         first, *keys = section_lines("resources", _resource(number, members))
-        vendors = ", ".join(sorted({one.vendor for one in members}))
-        stay_s = median(one.dwell_s for one in members)
+        vendors = ", ".join(sorted({dwell.vendor for dwell in members}))
+        stay_s = median(dwell.dwell_s for dwell in members)
         lines += [f"\n# {len(members)} stops of {vendors}, {stay_s:.0f} s in the middle", first.lstrip("\n"), *keys]
     return "\n".join(lines) + "\n"
 
 
 def dwells(logs: Iterable[Path], site: Site) -> Iterator[Dwell]:
-    """Every stop in the logs; one that the log's end cuts off too."""
+    """Every dwell in the logs, also those that last until the logs end."""
     fleet, standing, cut_s = fleet_of(site, Measures()), dict[str, _Stand](), 0.0
     for event in LogReader().read(by_time(logs)):
         if not isinstance(event, Received) or event.refused:
@@ -96,11 +98,11 @@ def dwells(logs: Iterable[Path], site: Site) -> Iterator[Dwell]:
 
 
 def _ended(standing: dict[str, _Stand], batch: Batch) -> Iterator[Dwell]:
-    """Take in where robots are; the stops that this ends."""
-    sizes, start = batch.forecasts, batch.forecasts.start
-    for row, (uuid, datum) in enumerate(zip(batch.robots, batch.datums(sizes.floor[start[:-1]]), strict=True)):
+    """Update where robots are; yield the dwells that this ends."""
+    forecasts, start = batch.forecasts, batch.forecasts.start
+    for row, (uuid, datum) in enumerate(zip(batch.robots, batch.datums(forecasts.floor[start[:-1]]), strict=True)):
         knot, event_s = int(start[row]), float(batch.event_s[row])
-        spot = datum, float(sizes.x_m[knot]), float(sizes.y_m[knot])
+        spot = datum, float(forecasts.x_m[knot]), float(forecasts.y_m[knot])
         before = standing.get(uuid)
         if before and near(before.spot, spot, STANDS_M):
             before.last_s = event_s
@@ -108,37 +110,37 @@ def _ended(standing: dict[str, _Stand], batch: Batch) -> Iterator[Dwell]:
             continue
         if before:
             yield from _long([before.dwell()])
-        size_m = float(max(sizes.length_m[row], sizes.width_m[row]))
+        size_m = float(max(forecasts.length_m[row], forecasts.width_m[row]))
         states = Counter([batch.states[row]])
         standing[uuid] = _Stand(spot, event_s, event_s, batch.vendors[row], size_m, states)
 
 
 def _long(found: Iterable[Dwell]) -> Iterator[Dwell]:
-    return (one for one in found if one.dwell_s >= DWELL_S and one.datum)
+    return (dwell for dwell in found if dwell.dwell_s >= DWELL_S and dwell.datum)
 
 
 def clusters(found: Sequence[Dwell]) -> list[list[Dwell]]:
-    """Stops at one place, where there are enough of them; the places with most stops first."""
+    """Groups of enough dwells at one place, the largest first."""
     places: list[list[Dwell]] = []
-    for datum in sorted({one.datum for one in found}):
-        here = [one for one in found if one.datum == datum]
-        pairs = cKDTree([(one.x_m, one.y_m) for one in here]).query_pairs(SAME_M, output_type="ndarray")
+    for datum in sorted({dwell.datum for dwell in found}):
+        here = [dwell for dwell in found if dwell.datum == datum]
+        pairs = cKDTree([(dwell.x_m, dwell.y_m) for dwell in here]).query_pairs(SAME_M, output_type="ndarray")
         joined = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(here), len(here)))
         _, labels = connected_components(joined, directed=False)
         groups: dict[int, list[Dwell]] = {}
-        for label, one in zip(labels.tolist(), here, strict=True):
-            groups.setdefault(label, []).append(one)
+        for label, dwell in zip(labels.tolist(), here, strict=True):
+            groups.setdefault(label, []).append(dwell)
         places += [group for group in groups.values() if len(group) >= FEWEST]
     return sorted(places, key=lambda group: (-len(group), group[0].datum, group[0].x_m, group[0].y_m))
 
 
 def _resource(number: int, members: Sequence[Dwell]) -> Resource:
-    """A rectangle around the stops, half an envelope wider on every side, to the decimetre."""
-    x, y = [one.x_m for one in members], [one.y_m for one in members]
-    margin_m = max(one.size_m for one in members) / 2
+    """A rectangle around the dwells, half an envelope wider on every side, to the decimetre."""
+    x, y = [dwell.x_m for dwell in members], [dwell.y_m for dwell in members]
+    margin_m = max(dwell.size_m for dwell in members) / 2
     west, south = floor(10 * (min(x) - margin_m)) / 10, floor(10 * (min(y) - margin_m)) / 10
     east, north = ceil(10 * (max(x) + margin_m)) / 10, ceil(10 * (max(y) + margin_m)) / 10
-    state, _ = Counter(state for one in members for state in one.states).most_common(1)[0]
+    state, _ = Counter(state for dwell in members for state in dwell.states).most_common(1)[0]
     return Resource(
         id=f"place-{number}",
         kind="charger" if state == "charging" else "parking" if state == "idle" else "dock",
@@ -147,8 +149,8 @@ def _resource(number: int, members: Sequence[Dwell]) -> Resource:
     )
 
 
-def _known(members: Sequence[Dwell], geometry: Geometry) -> bool:
-    """Whether most of these stops are in a resource of the site already."""
-    x_m, y_m = np.array([one.x_m for one in members]), np.array([one.y_m for one in members])
-    inside = geometry.resources_at([one.datum for one in members], x_m, y_m)
-    return sum(one is not None for one in inside) > len(members) / 2
+def _is_known(members: Sequence[Dwell], geometry: PlaceGeometry) -> bool:
+    """Whether most of these dwells are in a resource of the site."""
+    x_m, y_m = np.array([dwell.x_m for dwell in members]), np.array([dwell.y_m for dwell in members])
+    inside = geometry.resources_at([dwell.datum for dwell in members], x_m, y_m)
+    return sum(resource is not None for resource in inside) > len(members) / 2

@@ -12,8 +12,8 @@ from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.revision_rules import held_probability
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
-from deconflict.contention.queues.charger_forecast import Need
-from deconflict.contention.queues.queue_forecast import Turns
+from deconflict.contention.queues.charger_forecast import ChargingNeed
+from deconflict.contention.queues.queue_forecast import QueueForecast
 from deconflict.engine.engine_advice import EngineAdvice
 from deconflict.engine.engine_metrics import EngineMetrics
 from deconflict.engine.live_scene import LiveScene
@@ -212,10 +212,10 @@ class Engine:
         """The probability of every examined pair to come within the clearance within the horizon, after `step`."""
         return self.foresight.probabilities()
 
-    def turns(self) -> Mapping[str, Turns]:
+    def turns(self) -> Mapping[str, QueueForecast]:
         """By resource or zone, who has it or will have it, and from when to when, by the last look."""
-        return self._shared.contention.turns
+        return self._shared.contention.queues
 
-    def needs(self) -> Sequence[Need]:
+    def needs(self) -> Sequence[ChargingNeed]:
         """Robots that may need a charger and have not announced that they go to one."""
         return self._shared.contention.needs

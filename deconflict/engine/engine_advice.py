@@ -10,7 +10,7 @@ from deconflict.advice.hold_desk import MOST_NEAR, NEAR_M, HoldDesk
 from deconflict.advice.priorities import Priorities
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
-from deconflict.contention.queues.queue_advice import Advising
+from deconflict.contention.queues.queue_advice import QueueAdvice
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import Sweeper
@@ -38,8 +38,8 @@ class EngineAdvice:
         self.burden = Burden(burdens_s)
         self._holds = HoldDesk(site, self.burden, measures, self._answers.submit)
         self.queue_advice = partial(
-            Advising,
-            account=self.burden,
+            QueueAdvice,
+            burden=self.burden,
             effort=site.advice.effort,
             submit=self._answers.submit,
             priority=self._priority,

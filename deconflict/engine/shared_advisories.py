@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterable, Mapping
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import AnyAdvisory, ClaimAdvisory, ConflictAdvisory
 from deconflict.contention.contention import Contention
-from deconflict.contention.queues.queue_advice import Advising
-from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.contention.queues.queue_advice import QueueAdvice
+from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.engine.claim_lifecycle import ClaimLifecycle
 from deconflict.engine.load_shedding import Effort
 from deconflict.foresight.presence import presence_batches
@@ -30,7 +30,7 @@ class SharedAdvisories:
         live: LiveRobots,
         measures: Measures,
         restored: Iterable[AnyAdvisory],
-        queue_advice: Callable[[Geometry], Advising],
+        queue_advice: Callable[[PlaceGeometry], QueueAdvice],
         *,
         enabled: bool,
     ) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import floor, inf
 from typing import Any
 
-from deconflict.contention.robots.batch_merging import Gathering
+from deconflict.contention.robots.batch_merging import BatchMerger
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.languages.massrobotics import timestamps
@@ -38,7 +38,7 @@ class LogScores:
             ClearanceScores(clearance_m, self.truth, self.interactions, self.absences) for clearance_m in clearances_m
         ]
         self.forecasts, self.arrivals, self.contention = ForecastScores(), ArrivalScores(), ContentionScores(site)
-        self._merging = Gathering(MERGED_ROBOTS)
+        self._merging = BatchMerger(MERGED_ROBOTS)
         self.vendor_of: dict[str, str] = {}
         """By robot that has reported its position."""
         self._name_of: dict[str, str] = {}
@@ -103,7 +103,7 @@ class LogScores:
         self.interactions.add_batch(batch, self.forecasts.usually_aside_m(makers))
 
     def _add_contention(self, batch: Batch, outputs: Sequence[EngineOutput], now_s: float) -> None:
-        for merged in self._merging.put(batch):
+        for merged in self._merging.add(batch):
             self._add_merged(merged.batch)
         revisions, place_forecast = (outputs[0].other_revisions, outputs[0].place_forecast) if outputs else ((), None)
         self.contention.add_output(now_s, revisions, place_forecast)
@@ -124,7 +124,7 @@ class LogScores:
 
     def _finish(self) -> None:
         """Process what is still held back."""
-        for merged in self._merging.rest():
+        for merged in self._merging.flush():
             self._add_merged(merged.batch)
         self.truth.finish()
         self.absences.finish()

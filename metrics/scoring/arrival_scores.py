@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.contention.robots.announced_arrivals import Promise, Promises
+from deconflict.contention.robots.announced_arrivals import AnnouncedArrivals, Announcement
 from ingest.batch import Batch, Destinations, Ints
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 from metrics.scoring.place_scores import AHEAD_S
@@ -20,7 +20,7 @@ class ArrivalScores:
     """Announcements whose robots have not arrived yet, and counts of errors by vendor."""
 
     def __init__(self) -> None:
-        self._promises = Promises()
+        self._announced = AnnouncedArrivals()
         self._errors: dict[str, Ints] = {}
         """By vendor (2, ahead, BINS): counts of early (0) and late (1) arrivals, by time ahead and size of the
         error."""
@@ -35,22 +35,22 @@ class ArrivalScores:
         reports = zip(batch.vendors, batch.event_s.tolist(), strict=True)
         self._last_reports.update(zip(batch.robots, reports, strict=True))
         floor, x_m, y_m = (getattr(batch.forecasts, name)[first] for name in ("floor", "x_m", "y_m"))
-        for row, announced in self._promises.hear(batch, batch.event_s, (floor, x_m, y_m), destinations):
+        for row, announced in self._announced.add_batch(batch, batch.event_s, (floor, x_m, y_m), destinations):
             for announcements in announced:
                 self._count(batch.vendors[row], float(batch.event_s[row]), announcements)
         for robot in batch.gone:
-            self._promises.forget(robot)
+            self._announced.forget(robot)
 
     def figures(self) -> list[dict[str, Any]]:
         """By vendor and time ahead: the number of announcements, their errors, and the share of late arrivals.
 
         Also counts the announcements of robots that have not arrived. Call it once, after the last batch.
         """
-        for robot, announcements in list(self._promises.waiting()):
+        for robot, announcements in list(self._announced.open()):
             vendor, heard_s = self._last_reports[robot]
-            past = [announcement for announcement in announcements if announcement.told_s < heard_s]
+            past = [announcement for announcement in announcements if announcement.announced_s < heard_s]
             self._count(vendor, heard_s, past, has_arrived=False)
-            self._promises.forget(robot)
+            self._announced.forget(robot)
         return [
             {
                 "vendor": vendor,
@@ -63,7 +63,7 @@ class ArrivalScores:
             if counts[:, column].any()
         ]
 
-    def _count(self, vendor: str, now_s: float, announcements: list[Promise], *, has_arrived: bool = True) -> None:
+    def _count(self, vendor: str, now_s: float, announcements: list[Announcement], *, has_arrived: bool = True) -> None:
         """Count announcements whose robot arrived at `now_s`, or had not arrived by then."""
         counts = self._errors.setdefault(vendor, np.zeros((2, len(AHEAD_S), BINS), np.int64))
         not_arrived = self._not_arrived.setdefault(vendor, np.zeros(len(AHEAD_S), np.int64))

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deconflict.contention.queues.charger_forecast import AHEAD_S as NEEDS_AHEAD_S
-from deconflict.contention.queues.charger_forecast import Need
-from deconflict.contention.queues.queue_forecast import Turns
+from deconflict.contention.queues.charger_forecast import ChargingNeed
+from deconflict.contention.queues.queue_forecast import QueueForecast
 from deconflict.settings.shared_places import Resource
 from ingest.batch import Bools, Floats, Ints
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
@@ -60,21 +60,23 @@ class PlannedArrival(NamedTuple):
     begin_s: float
 
 
-def forecast_of(turns: Mapping[str, Turns], needs: Iterable[Need], resources: Iterable[Resource]) -> PlaceForecast:
+def forecast_of(
+    turns: Mapping[str, QueueForecast], needs: Iterable[ChargingNeed], resources: Iterable[Resource]
+) -> PlaceForecast:
     """The forecast of an engine. `turns` are those of all places."""
     at_s, ahead_s = np.concatenate([[0.0], NEEDS_AHEAD_S]), AHEAD_S
     likely = {need.robot: np.interp(ahead_s, at_s, np.concatenate([[0.0], need.likely])) for need in needs}
     return PlaceForecast(planned_stays(turns, resources), likely)
 
 
-def planned_stays(turns: Mapping[str, Turns], resources: Iterable[Resource]) -> list[PlannedStay]:
+def planned_stays(turns: Mapping[str, QueueForecast], resources: Iterable[Resource]) -> list[PlannedStay]:
     """The current and predicted occupations of resources."""
     return [
         PlannedStay(resource.id, row.robot, row.coming, begin_s, end_s)
         for resource in resources
         if resource.id in turns
         for row, begin_s, end_s in zip(
-            turns[resource.id].rows, turns[resource.id].begin_s, turns[resource.id].end_s, strict=True
+            turns[resource.id].entries, turns[resource.id].begin_s, turns[resource.id].end_s, strict=True
         )
     ]
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from deconflict.contention.robots.bounding_boxes import grown, touching
+from deconflict.contention.robots.bounding_boxes import enlarged, touching_boxes
 from deconflict.contention.robots.lookahead import corners
 from deconflict.settings.shared_places import Place, Resource, Zone, outlines
 from deconflict.sweep.geometry.heights import heights_overlap, largest_group_at_one_height
@@ -275,7 +275,7 @@ class ResourceUse:
         middles = np.stack([x_m, y_m, x_m, y_m], axis=1)
         resources = self._resources.touched(floors, middles, lambda rows: shapely.points(middles[rows, :2]))
         poses = (x_m, y_m, forecasts.yaw_rad[first], forecasts.length_m, forecasts.width_m)
-        boxes_m = grown(middles, np.hypot(forecasts.length_m, forecasts.width_m) / 2)
+        boxes_m = enlarged(middles, np.hypot(forecasts.length_m, forecasts.width_m) / 2)
         zones = self._zones.touched(
             floors, boxes_m, lambda rows: shapely.polygons(corners(*(column[rows] for column in poses)))
         )
@@ -326,7 +326,7 @@ class _PlaceOutlines:
         self, datums: Sequence[str], boxes_m: Floats, shapes: Callable[[Ints], Any]
     ) -> dict[int, frozenset[str]]:
         """By row, the places that the shape in a box (n, 4) touches. `shapes` makes the shapes of the given rows."""
-        pairs = touching(boxes_m, self._boxes_m).tolist()
+        pairs = touching_boxes(boxes_m, self._boxes_m).tolist()
         near = np.array([pair for pair in pairs if datums[pair[0]] == self._datums[pair[1]]], np.int64).reshape(-1, 2)
         found: dict[int, frozenset[str]] = {}
         if len(near):

@@ -16,7 +16,7 @@ from deconflict.advisory import ClaimAdvisory
 from deconflict.cluster.judging.cross_ingest_claims import CrossIngestClaims
 from deconflict.cluster.tiles.channels import FloorNumbers, outdated
 from deconflict.contention.contention import Contention
-from deconflict.contention.queues.queue_advice import Advising
+from deconflict.contention.queues.queue_advice import QueueAdvice
 from deconflict.engine.claim_lifecycle import ClaimLifecycle
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
@@ -54,8 +54,8 @@ class GlobalJudge:
 
         restored = tuple(restored)
         advising = partial(
-            Advising,
-            account=self._account,
+            QueueAdvice,
+            burden=self._account,
             effort=site.advice.effort,
             submit=self._aside.submit,
             priority=priority,

@@ -1,1 +1,1 @@
-"""Queues at docks, chargers, lifts and zones: who waits how long, and in which order."""
+"""Queues at shared places: how long robots will wait, and in which order they should be served."""

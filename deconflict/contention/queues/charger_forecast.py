@@ -1,8 +1,8 @@
-"""Who will need a charger within a quarter of an hour before it says so, and whether there will be room.
+"""Which robots will need a charger within a quarter of an hour without having announced it, and whether there is room.
 
-How likely a robot comes to a charger by when follows from the level of its battery, from how fast that falls, and from
-the levels at which robots of its vendor came. It goes to any of the chargers of its floor at which its vendor's robots
-were charged; where none was yet, to any of its floor. Chargers among which some robot may choose are one pool.
+The probability that a robot comes to a charger follows from the level of its battery, from its drain, and from the
+levels at which robots of its vendor came. It may go to any charger of its floor at which robots of its vendor were
+charged, or to any charger of its floor if there is none. Chargers among which a robot may choose are one pool.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,89 +10,91 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.contention.queues.queue_forecast import Turns
-from deconflict.contention.robots.battery_use import LEVELS_PCT, Batteries
-from deconflict.contention.robots.place_geometry import Geometry
-from deconflict.contention.robots.robot_table import Robots
-from deconflict.contention.robots.robot_view import Seen
+from deconflict.contention.queues.queue_forecast import QueueForecast
+from deconflict.contention.robots.battery_use import LEVELS_PCT, BatteryUse
+from deconflict.contention.robots.place_geometry import PlaceGeometry
+from deconflict.contention.robots.robot_table import RobotTable
+from deconflict.contention.robots.robot_view import RobotView
 from ingest.batch import Floats, Ints
 
 AHEAD_S: Floats = np.arange(60.0, 901.0, 60.0)
-"""Up to a quarter of an hour: so far ahead robots may name destinations (standard 5.2.3)."""
+"""Up to a quarter of an hour: so far ahead robots may announce destinations (standard 5.2.3)."""
 LIKELY, HELD = 0.8, 0.6
-"""Chargers that will be full as likely as this are told of, and then for as long as it is as likely as the second."""
+"""Probability of full chargers from which a shortage is found, and down to which it then stands."""
 LEAST_LIKELY = 0.05
-"""Robots that need a charger within the time less likely than this are left out."""
+"""Robots that are less likely to need a charger within the time are left out."""
 FEWEST_BELOW = 0.05
-"""Of a vendor's robots this share at least is taken to come at lower levels still: one that is below nearly all of them
-goes by rules of its own, and is not expected at any moment."""
+"""At least this share of a vendor's robots is taken to come at lower levels still. A robot that is below nearly all
+others follows rules of its own, and is not expected at any moment."""
 SILENT_S = 60.0
-"""A robot that has not been heard of for so long tells nothing of its battery any more."""
+"""The battery of a robot that has been silent for longer is not known."""
 AT_REST = frozenset(("charging", "disabled", "offline"))
-"""States of robots that do not set out to be charged."""
+"""States of robots that do not drive to a charger."""
 
 
-class Need(NamedTuple):
+class ChargingNeed(NamedTuple):
     """A robot that may need a charger."""
 
     robot: str
     level_pct: float
     chargers: frozenset[str]
-    """To any of which it may go."""
+    """It may go to any of them."""
     likely: Floats
-    """(len(AHEAD_S),) how likely it is to have come by then."""
+    """(len(AHEAD_S),) the probability that it has come by then."""
 
 
-class Shortage(NamedTuple):
-    """Chargers that are likely to be full, so that one that needs one finds none."""
+class ChargerShortage(NamedTuple):
+    """Chargers that are likely to be full, so that a robot that needs one finds none free."""
 
     chargers: tuple[str, ...]
-    """Of one pool, in the order of the site file."""
+    """One pool, in the order of the site file."""
     capacity: int
     from_s: float
     """When that is first likely."""
     likely: float
-    """How likely it is then."""
-    there: tuple[str, ...]
-    """Robots that then have one or wait for it, by what they say."""
-    needs: tuple[Need, ...]
-    """Those that are expected besides, the likeliest first."""
+    """Its probability then."""
+    announced: tuple[str, ...]
+    """Robots that then have a charger or wait for one, by what they announced."""
+    needs: tuple[ChargingNeed, ...]
+    """Robots that are expected besides, the most likely first."""
     wait_s: float
-    """Until one of the chargers comes free."""
+    """Until one of the chargers is free."""
 
 
-def needs(robots: Robots, batteries: Batteries, geometry: Geometry, now_s: float) -> list[Need]:
-    """The robots that may need a charger by `AHEAD_S` and have not said that they come, by UUID."""
+def charging_needs(
+    robots: RobotTable, batteries: BatteryUse, geometry: PlaceGeometry, now_s: float
+) -> list[ChargingNeed]:
+    """The robots that may need a charger by `AHEAD_S` and have not announced that they come, by UUID."""
     slots, drains, vendors = _candidates(robots, batteries, now_s)
     level_pct = batteries.records["level_pct"][slots]
     found = []
     for vendor in sorted(set(vendors)):
-        rows = np.flatnonzero([one == vendor for one in vendors])
-        below = batteries.share_below(vendor)
-        likely = _likely(level_pct[rows], drains[rows], below)
+        rows = np.flatnonzero([other == vendor for other in vendors])
+        likely = _likely(level_pct[rows], drains[rows], batteries.share_below(vendor))
         for row, likely_by in zip(rows.tolist(), likely, strict=True):
-            one = robots[robots.uuids[slots[row]]]
-            chargers = _chargers(one, batteries, geometry)
-            if likely_by[-1] >= LEAST_LIKELY and chargers and not _is_settled(one, geometry):
-                found.append(Need(one.uuid, float(level_pct[row]), chargers, likely_by))
+            robot = robots[robots.uuids[slots[row]]]
+            chargers = _chargers(robot, batteries, geometry)
+            if likely_by[-1] >= LEAST_LIKELY and chargers and not _is_settled(robot, geometry):
+                found.append(ChargingNeed(robot.uuid, float(level_pct[row]), chargers, likely_by))
     return sorted(found, key=lambda need: need.robot)
 
 
-def _candidates(robots: Robots, batteries: Batteries, now_s: float) -> tuple[Ints, Floats, list[str]]:
-    """Slots of robots that may fall to a level at which their vendor's are charged; how fast theirs falls; vendors."""
+def _candidates(robots: RobotTable, batteries: BatteryUse, now_s: float) -> tuple[Ints, Floats, list[str]]:
+    """Slots of robots that may fall to a level at which their vendor's robots charge; their drains; their vendors."""
     heard = robots.records["known"] & (now_s - robots.records["event_s"] <= SILENT_S)
     slots = np.flatnonzero(heard & ~np.isnan(batteries.records["level_pct"][: len(heard)]))
     vendors = robots.vendors(slots)
-    drains, highest_pct = batteries.drains(slots, vendors), {one: batteries.highest_pct(one) for one in set(vendors)}
+    drains = batteries.drains(slots, vendors)
+    highest_pct = {vendor: batteries.highest_pct(vendor) for vendor in set(vendors)}
     lowest_pct = batteries.records["level_pct"][slots] - drains * AHEAD_S[-1]
     near = np.flatnonzero(lowest_pct <= np.array([highest_pct[vendor] for vendor in vendors]))
     return slots[near], drains[near], [vendors[row] for row in near.tolist()]
 
 
 def _likely(level_pct: Floats, drains: Floats, below: Floats) -> Floats:
-    """(n, len(AHEAD_S)) how likely robots (n,) that have not come yet will have come.
+    """(n, len(AHEAD_S)) the probability that robots (n,), which have not come yet, will have come.
 
-    `below` are the shares of their vendor's that come at `LEVELS_PCT` or lower.
+    `below` are the shares of their vendor's robots that come at `LEVELS_PCT` or lower.
     """
     now = np.interp(level_pct, LEVELS_PCT, below)[:, None]
     then = np.interp(level_pct[:, None] - drains[:, None] * AHEAD_S, LEVELS_PCT, below)
@@ -100,42 +102,42 @@ def _likely(level_pct: Floats, drains: Floats, below: Floats) -> Floats:
     return likely
 
 
-def _chargers(one: Seen, batteries: Batteries, geometry: Geometry) -> frozenset[str]:
-    here = frozenset(charger for charger in geometry.chargers if geometry.resources[charger].datum == one.datum)
-    return here & batteries.chargers_of(one.vendor) or here
+def _chargers(robot: RobotView, batteries: BatteryUse, geometry: PlaceGeometry) -> frozenset[str]:
+    here = frozenset(charger for charger in geometry.chargers if geometry.resources[charger].datum == robot.datum)
+    return here & batteries.chargers_of(robot.vendor) or here
 
 
-def _is_settled(one: Seen, geometry: Geometry) -> bool:
-    """Whether a robot has a charger, goes to one, or does not go anywhere."""
-    goals = {one.here, *(stop.resource for stop in one.stops)}
-    return one.state in AT_REST or not goals.isdisjoint(geometry.chargers)
+def _is_settled(robot: RobotView, geometry: PlaceGeometry) -> bool:
+    """Whether a robot has a charger, goes to one, or goes nowhere."""
+    goals = {robot.here, *(stop.resource for stop in robot.stops)}
+    return robot.state in AT_REST or not goals.isdisjoint(geometry.chargers)
 
 
-def shortages(
-    found: Sequence[Need],
-    turns: Mapping[str, Turns],
-    geometry: Geometry,
+def charger_shortages(
+    needs: Sequence[ChargingNeed],
+    queues: Mapping[str, QueueForecast],
+    geometry: PlaceGeometry,
     now_s: float,
     usual_s: Mapping[str, float],
     standing: Iterable[str] = (),
-) -> list[Shortage]:
-    """Pools that are likely to be full of robots of which not all have said that they come.
+) -> list[ChargerShortage]:
+    """Pools that are likely to be full, with robots of which not all have announced that they come.
 
-    `turns` are those of robots that have, `usual_s` how long robots keep each charger. Pools of which the first charger
-    is in `standing` were told of before.
+    `queues` are those of the robots that have, `usual_s` how long robots keep each charger. Pools whose first charger
+    is in `standing` were found short before.
     """
-    told = set(standing)
-    every = (_shortage(pool, found, turns, geometry, now_s, usual_s, told) for pool in pools(found, geometry))
-    return [one for one in every if one]
+    before = set(standing)
+    shortages = (_shortage(pool, needs, queues, geometry, now_s, usual_s, before) for pool in pools(needs, geometry))
+    return [shortage for shortage in shortages if shortage]
 
 
-def pools(found: Iterable[Need], geometry: Geometry) -> list[tuple[str, ...]]:
-    """Chargers among which some robot may choose, and all that others may choose besides one of them.
+def pools(needs: Iterable[ChargingNeed], geometry: PlaceGeometry) -> list[tuple[str, ...]]:
+    """Chargers among which a robot may choose, joined with all sets that share a charger with them.
 
     Pools and their chargers are in the order of the site file.
     """
     joined: list[frozenset[str]] = []
-    for need in found:
+    for need in needs:
         touching = [pool for pool in joined if not pool.isdisjoint(need.chargers)]
         joined = [pool for pool in joined if pool not in touching] + [need.chargers.union(*touching)]
     order = {charger: number for number, charger in enumerate(geometry.chargers)}
@@ -144,45 +146,47 @@ def pools(found: Iterable[Need], geometry: Geometry) -> list[tuple[str, ...]]:
 
 def _shortage(
     pool: tuple[str, ...],
-    found: Sequence[Need],
-    turns: Mapping[str, Turns],
-    geometry: Geometry,
+    needs: Sequence[ChargingNeed],
+    queues: Mapping[str, QueueForecast],
+    geometry: PlaceGeometry,
     now_s: float,
     usual_s: Mapping[str, float],
     standing: set[str],
-) -> Shortage | None:
-    some = [need for need in found if not need.chargers.isdisjoint(pool)]
-    told = [turns[charger] for charger in pool if charger in turns]
+) -> ChargerShortage | None:
+    expected = [need for need in needs if not need.chargers.isdisjoint(pool)]
+    known = [queues[charger] for charger in pool if charger in queues]
     capacity = sum(geometry.capacity(charger) for charger in pool)
-    there_by = [[robot for one in told for robot in one.there(now_s + ahead_s)] for ahead_s in AHEAD_S.tolist()]
-    rooms = [capacity - len(there) for there in there_by]
+    present_by = [
+        [robot for queue in known for robot in queue.present_at(now_s + ahead_s)] for ahead_s in AHEAD_S.tolist()
+    ]
+    rooms = [capacity - len(present) for present in present_by]
     likely = [
-        more_than(room, np.array([need.likely[column] for need in some])) if room >= 0 else 0.0
+        more_than(room, np.array([need.likely[column] for need in expected])) if room >= 0 else 0.0
         for column, room in enumerate(rooms)
     ]
     bound = LIKELY if max(likely) >= LIKELY or pool[0] not in standing else HELD
-    column = next((column for column, one in enumerate(likely) if one >= bound), None)
+    column = next((column for column, probability in enumerate(likely) if probability >= bound), None)
     if column is None:
         return None
     from_s = now_s + float(AHEAD_S[column])
-    ends_s = [end_s for one in told for end_s in one.end_s if end_s > from_s]
+    ends_s = [end_s for queue in known for end_s in queue.end_s if end_s > from_s]
     wait_s = min([*ends_s, from_s + min(usual_s[charger] for charger in pool)]) - from_s
-    there, named = tuple(sorted(there_by[column])), _named(some, column, rooms[column])
-    return Shortage(pool, capacity, from_s, likely[column], there, named, wait_s)
+    announced, named = tuple(sorted(present_by[column])), _named(expected, column, rooms[column])
+    return ChargerShortage(pool, capacity, from_s, likely[column], announced, named, wait_s)
 
 
-def _named(some: Sequence[Need], column: int, room: int) -> tuple[Need, ...]:
-    """Those that will more likely than not have come, the likeliest first; no fewer than do not find room."""
-    likeliest = sorted(some, key=lambda need: (-need.likely[column], need.robot))
-    expected = sum(need.likely[column] >= 0.5 for need in some)
+def _named(needs: Sequence[ChargingNeed], column: int, room: int) -> tuple[ChargingNeed, ...]:
+    """The robots that have come more likely than not, the most likely first; at least as many as find no room."""
+    likeliest = sorted(needs, key=lambda need: (-need.likely[column], need.robot))
+    expected = sum(need.likely[column] >= 0.5 for need in needs)
     return tuple(likeliest[: max(expected, room + 1)])
 
 
 def more_than(count: int, likely: Floats) -> float:
-    """How likely more than so many of some independent things happen, each of which is `likely` (n,)."""
+    """The probability that more than `count` of n independent events happen; `likely` (n,) are their probabilities."""
     exactly = np.zeros(len(likely) + 1)
     exactly[0] = 1.0
-    for one in likely.tolist():
-        exactly[1:] = exactly[1:] * (1 - one) + exactly[:-1] * one
-        exactly[0] *= 1 - one
+    for probability in likely.tolist():
+        exactly[1:] = exactly[1:] * (1 - probability) + exactly[:-1] * probability
+        exactly[0] *= 1 - probability
     return float(exactly[count + 1 :].sum())

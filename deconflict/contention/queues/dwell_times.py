@@ -1,4 +1,4 @@
-"""How long robots keep each resource: learned from what is seen, from a prior on."""
+"""How long robots stay at each resource, learned from past dwells and a prior."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -6,44 +6,45 @@ from collections.abc import Iterable
 from deconflict.settings.shared_places import PRIOR_SERVICE_S, Resource
 
 MOST_DWELLS = 50
-"""Kept of one resource; older ones are forgotten."""
+"""Kept for one resource; older ones are forgotten."""
 SHORTEST_S = 3.0
-"""A robot that is inside for less than this only passed through."""
+"""A robot that is inside for less than this only passes through."""
 PRIOR_WEIGHT = 3
 """The prior counts as so many dwells."""
 
 
-class Dwells:
-    """Of one resource."""
+class DwellTimes:
+    """The dwells at one resource."""
 
     def __init__(self, resource: Resource) -> None:
         self._given_s = resource.service_s
+        """The service time that the site gives; None if it gives none."""
         self._prior_s = PRIOR_SERVICE_S[resource.kind]
         self._seen_s: deque[float] = deque(maxlen=MOST_DWELLS)
 
-    def left_after(self, dwell_s: float) -> None:
-        """A robot has left that was inside for so long."""
+    def add(self, dwell_s: float) -> None:
+        """Add the dwell of a robot that has left."""
         if dwell_s >= SHORTEST_S:
             self._seen_s.append(dwell_s)
 
     def learned(self) -> list[float]:
-        """Stays seen, oldest first."""
+        """The dwells, the oldest first."""
         return list(self._seen_s)
 
     def resume(self, seen_s: Iterable[float]) -> None:
-        """Go on with stays that were seen before."""
+        """Continue from dwells that `learned` gave."""
         self._seen_s.extend(seen_s)
 
     @property
     def service_s(self) -> float:
-        """The middle of how long robots stay."""
+        """The median dwell."""
         known = self._known_s()
         return known[len(known) // 2]
 
     def remaining_s(self, elapsed_s: float) -> float:
-        """How much longer a robot stays that has been inside for so long: the middle of those dwells that were longer.
+        """How much longer a robot stays that has been inside for `elapsed_s`: by the median of the longer dwells.
 
-        One that has outstayed them all is expected to go on for a quarter of a usual stay.
+        A robot that has stayed longer than any before is expected to stay a quarter of a usual dwell more.
         """
         longer = [dwell_s for dwell_s in self._known_s() if dwell_s > elapsed_s]
         return longer[len(longer) // 2] - elapsed_s if longer else max(self.service_s / 4, SHORTEST_S)

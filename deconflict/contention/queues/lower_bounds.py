@@ -1,10 +1,10 @@
-"""Below what no order of service can cost, from two relaxations that take no search.
+"""Lower bounds of the cost of any order of service, from two relaxations that need no search.
 
-Both let jobs be interrupted. All places together serve as one that is as many times as fast: Goemans, Queyranne,
-Schulz, Skutella and Wang (2002), "Single machine scheduling with release dates", show that each job ends, on the mean
-of its weight, no sooner than the mean time at which it is served plus half of its length, where at every moment the
-job that weighs most for its length is served; Schulz and Skutella (2002) the same for several places. Where one place
-serves jobs of one weight, the shortest rest first ends them soonest of all (Schrage 1968).
+Both let jobs be interrupted. The first takes all places as one that is as many times as fast, and always serves the
+job with the most weight for its length: each job then ends, on the weighted mean, no sooner than the mean time at which
+it is served plus half its length (Goemans, Queyranne, Schulz, Skutella and Wang 2002, "Single machine scheduling with
+release dates"; for several places, Schulz and Skutella 2002). The second holds if one place serves jobs of one weight:
+shortest remaining time first ends them soonest (Schrage 1968).
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from math import ceil
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One job: whole milliseconds, weight by the millisecond."""
+    """One job, in whole milliseconds; its weight is for each millisecond."""
 
     release: int
     length: int
@@ -24,18 +24,18 @@ class Task:
 
 
 def least_weighted_ends(tasks: Sequence[Task], places: int) -> int:
-    """No schedule of `tasks` on so many like places has a smaller sum of weight times end."""
+    """No schedule of `tasks` on so many equal places has a smaller sum of weight times end."""
     bound = sum(
         task.weight * (busy + task.length / 2) for task, busy in zip(tasks, _mean_busy(tasks, places), strict=True)
     )
     weights = {task.weight for task in tasks}
     if places == 1 and len(weights) == 1:
-        bound = max(bound, weights.pop() * sum(_shortest_rest_first(tasks)))
+        bound = max(bound, weights.pop() * sum(_shortest_remaining_first(tasks)))
     return ceil(bound - 1e-6 * max(abs(bound), 1.0))
 
 
 def _mean_busy(tasks: Sequence[Task], speed: int) -> list[float]:
-    """When each is served, on the mean, where the one that weighs most for its length always goes first."""
+    """The mean time at which each task is served, if the one with the most weight for its length always goes first."""
     left = [float(task.length) for task in tasks]
     moments = [0.0] * len(tasks)
     for row, begin, end in _served(tasks, left, speed, [-task.weight / task.length for task in tasks]):
@@ -43,8 +43,8 @@ def _mean_busy(tasks: Sequence[Task], speed: int) -> list[float]:
     return [moment / task.length for moment, task in zip(moments, tasks, strict=True)]
 
 
-def _shortest_rest_first(tasks: Sequence[Task]) -> list[float]:
-    """When each ends, where the one with the least left to do always goes first."""
+def _shortest_remaining_first(tasks: Sequence[Task]) -> list[float]:
+    """When each task ends, if the one with the least left to do always goes first."""
     ends, now = [], 0.0
     waiting: list[float] = []
     releases = sorted((task.release, task.length) for task in tasks)
@@ -53,10 +53,10 @@ def _shortest_rest_first(tasks: Sequence[Task]) -> list[float]:
             now = max(now, releases[0][0])
         while releases and releases[0][0] <= now:
             heappush(waiting, releases.pop(0)[1])
-        rest = heappop(waiting)
-        until = min(now + rest, releases[0][0]) if releases else now + rest
-        if until < now + rest:
-            heappush(waiting, now + rest - until)
+        left = heappop(waiting)
+        until = min(now + left, releases[0][0]) if releases else now + left
+        if until < now + left:
+            heappush(waiting, now + left - until)
         else:
             ends.append(until)
         now = until
@@ -66,7 +66,7 @@ def _shortest_rest_first(tasks: Sequence[Task]) -> list[float]:
 def _served(
     tasks: Sequence[Task], left: list[float], speed: int, rank: Sequence[float]
 ) -> list[tuple[int, float, float]]:
-    """Which task is served from when to when, the lowest rank of those released first."""
+    """Which task is served from when to when; of the released tasks, the one with the lowest rank first."""
     order = sorted(range(len(tasks)), key=lambda row: tasks[row].release)
     waiting: list[tuple[float, int]] = []
     pieces, now, following = [], 0.0, 0

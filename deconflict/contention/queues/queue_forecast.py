@@ -1,4 +1,4 @@
-"""Demand for what robots share, served in the order of arrival: who waits, and how long."""
+"""Queues at shared places, forecast by first come, first served: who waits, and how long."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numba
 import numpy as np
 
-from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.sweep.geometry.heights import heights_overlap
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
@@ -19,103 +19,108 @@ _FLOATS, _INTS, _BOOLS = (
 )
 
 
-class Row(NamedTuple):
-    """One robot that has a place or will want it; rows sort as they are served. Times are seconds since the epoch."""
+class QueueEntry(NamedTuple):
+    """One robot that has a place or will want it. Entries sort in the order of service. Times are since the epoch."""
 
     coming: bool
-    """It is yet to come."""
+    """Whether it is yet to come."""
     arrival_s: float
     """When it comes, or came."""
     robot: str
     """UUID."""
     service_s: float
-    """How long it keeps the place, or how much longer from now on."""
+    """How long it keeps the place; if it is inside, how much longer from now on."""
     spread_s: float
-    """Half the width of the middle 80 % of when it may come."""
+    """Half the width of the interval that holds its arrival with 80 %."""
     bottom_m: float = -inf
-    """Heights that it reaches from and to."""
+    """The lowest height it reaches."""
     top_m: float = inf
+    """The highest height it reaches."""
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class ServiceRequest:
     """One robot that has a resource or will want it, as advice weighs it. Times are seconds since the epoch."""
 
     robot: str
+    """UUID."""
     vendor: str
     arrival_s: float
-    """When it comes; of one inside, when it came."""
+    """When it comes; if it is inside, when it came."""
     service_s: float
-    """How long it keeps the resource; of one inside, how much longer from now on."""
+    """How long it keeps the resource; if it is inside, how much longer from now on."""
     priority: float = 1.0
-    """What a second of its waiting counts."""
+    """Weight of a second of its waiting."""
     inside: bool = False
-    """It has the resource already, and keeps it until its service ends."""
+    """Whether it has the resource already, and keeps it until its service ends."""
 
 
 @dataclass(slots=True, eq=False)
-class Turns:
-    """Everybody's turn at one place, in the order served: those inside first, then by arrival, then by UUID."""
+class QueueForecast:
+    """The turns at one place, in the order of service: robots inside first, then by arrival, then by UUID."""
 
-    rows: list[Row]
+    entries: list[QueueEntry]
     inside: int
-    """How many: the first rows are theirs."""
+    """How many robots are inside: the first entries are theirs."""
     begin_s: list[float]
-    """Of those inside, when they came."""
+    """When each turn begins; for robots inside, when they came."""
     end_s: list[float]
-    longest_s: float
-    """The longest wait."""
-    queue: int
+    """When each turn ends."""
+    longest_wait_s: float
+    longest_queue: int
     """The most robots that wait at one time."""
 
     @property
-    def waiting(self) -> list[Row]:
-        """Those that find the place taken."""
-        first = self.inside
-        return [row for row, begin_s in zip(self.rows[first:], self.begin_s[first:], strict=True) if begin_s > row[1]]
+    def waiting(self) -> list[QueueEntry]:
+        """The entries of robots that have to wait."""
+        turns = zip(self.entries[self.inside :], self.begin_s[self.inside :], strict=True)
+        return [entry for entry, begin_s in turns if begin_s > entry.arrival_s]
 
     @property
-    def longest(self) -> Row:
-        """The first of those that wait longest."""
-        turns = zip(self.rows[self.inside :], self.begin_s[self.inside :], strict=True)
+    def longest_waiting(self) -> QueueEntry:
+        """The entry of the robot that waits longest; of several, the first."""
+        turns = zip(self.entries[self.inside :], self.begin_s[self.inside :], strict=True)
         return max(turns, key=lambda turn: turn[1] - turn[0].arrival_s)[0]
 
-    def at_height_of(self, one: Row) -> Self:
-        """Without the turns of those that pass above or below a robot."""
-        stays = [heights_overlap(row, one) for row in self.rows]
+    def at_height_of(self, entry: QueueEntry) -> Self:
+        """Without the turns of robots that pass above or below a robot."""
+        stays = [heights_overlap(other, entry) for other in self.entries]
         if all(stays):
             return self
         return replace(
             self,
-            rows=list(compress(self.rows, stays)),
+            entries=list(compress(self.entries, stays)),
             inside=sum(stays[: self.inside]),
             begin_s=list(compress(self.begin_s, stays)),
             end_s=list(compress(self.end_s, stays)),
         )
 
-    def there(self, at_s: float) -> list[str]:
-        """Who has come by then, and not left."""
-        turns = zip(self.rows, self.end_s, strict=True)
-        return [row.robot for row, end_s in turns if row.arrival_s <= at_s < end_s]
+    def present_at(self, at_s: float) -> list[str]:
+        """The robots that have come by `at_s` and not left."""
+        turns = zip(self.entries, self.end_s, strict=True)
+        return [entry.robot for entry, end_s in turns if entry.arrival_s <= at_s < end_s]
 
     def free_s(self, capacity: int, now_s: float) -> float:
-        """When a robot that came now, behind all that are inside, would find a place free."""
-        ends = sorted(self.end_s[: self.inside], reverse=True)
-        return max(ends[capacity - 1], now_s) if len(ends) >= capacity else now_s
+        """When a robot that came now, behind those inside, would find the place free."""
+        ends_s = sorted(self.end_s[: self.inside], reverse=True)
+        return max(ends_s[capacity - 1], now_s) if len(ends_s) >= capacity else now_s
 
 
-def first_come(wanted: Mapping[str, list[Row]], geometry: Geometry, now_s: float) -> dict[str, Turns]:
-    """Turns at every place that somebody has or wants, in the order of the places' ids.
+def forecast_queues(
+    wanted: Mapping[str, list[QueueEntry]], geometry: PlaceGeometry, now_s: float
+) -> dict[str, QueueForecast]:
+    """The turns at every place that a robot has or wants, by first come, first served, in the order of the ids.
 
-    Those inside beyond the capacity keep their turns; nobody else begins until fewer than `capacity` are left, nor
-    within the place's changeover of the turn before. Where one passes above another, neither takes the other any room.
+    Robots inside beyond the capacity keep their turns. No other turn begins until fewer than `capacity` robots are
+    left, nor within the place's changeover time of the turn before. Robots that pass above or below each other do not
+    take each other's room.
     """
     places = sorted(wanted)
-    rows = [sorted(wanted[place]) for place in places]
-    start = list(accumulate(map(len, rows), initial=0))
-    columns = zip(*chain.from_iterable(rows), strict=True) if rows else ((),) * len(Row._fields)
+    by_place = [sorted(wanted[place]) for place in places]
+    start = list(accumulate(map(len, by_place), initial=0))
+    columns = zip(*chain.from_iterable(by_place), strict=True) if by_place else ((),) * len(QueueEntry._fields)
     coming, arrival_s, _, service_s, _, bottom_m, top_m = columns
-    begin, end, longest_s, counts = _served(
+    begin, end, longest_wait_s, counts = _serve(
         np.array(start, np.int64),
         np.array(coming, np.bool_),
         np.array(arrival_s, np.float64),
@@ -127,18 +132,18 @@ def first_come(wanted: Mapping[str, list[Row]], geometry: Geometry, now_s: float
         now_s,
     )
     begin_s, end_s = begin.tolist(), end.tolist()
-    each = zip(places, rows, pairwise(start), longest_s.tolist(), *counts.tolist(), strict=True)
+    rows = zip(places, by_place, pairwise(start), longest_wait_s.tolist(), *counts.tolist(), strict=True)
     return {
-        place: Turns(told, inside, begin_s[a:b], end_s[a:b], wait_s, queue)
-        for place, told, (a, b), wait_s, inside, queue in each
+        place: QueueForecast(entries, inside, begin_s[a:b], end_s[a:b], wait_s, longest_queue)
+        for place, entries, (a, b), wait_s, inside, longest_queue in rows
     }
 
 
 @inner
-def _ends_before(row: int, first: int, until_s: Floats, bottom_m: Floats, top_m: Floats, free_s: Floats) -> None:
-    """Put off `free_s`, when each room of a place comes free for `row`, by those from `first` on that come before it.
+def _delay_by_earlier(row: int, first: int, until_s: Floats, bottom_m: Floats, top_m: Floats, free_s: Floats) -> None:
+    """Delay `free_s`, when each unit of a place's capacity is free for `row`, by the rows from `first` to it.
 
-    Those that pass above or below it take it no room; the others keep it until `until_s`.
+    Robots that pass above or below it take no room from it; the others take it until `until_s`.
     """
     for before in range(first, row):
         if bottom_m[before] <= top_m[row] and bottom_m[row] <= top_m[before]:
@@ -151,7 +156,7 @@ def _ends_before(row: int, first: int, until_s: Floats, bottom_m: Floats, top_m:
         _INTS, _BOOLS, *[_FLOATS] * 4, _INTS, _FLOATS, numba.float64
     )
 )
-def _served(
+def _serve(
     start: Ints,
     coming: Bools,
     arrival_s: Floats,
@@ -162,7 +167,10 @@ def _served(
     changeover_s: Floats,
     now_s: float,
 ) -> tuple[Floats, Floats, Floats, Ints]:
-    """When each turn begins and ends; at each place the longest wait, how many are inside and most wait at a time."""
+    """When each turn begins and ends; by place, the longest wait; by place, how many are inside and the longest queue.
+
+    `start` (places + 1,) are the first rows of each place; columns of robots are (rows,) in the order of service.
+    """
     begin_s, end_s, until_s = np.empty(len(arrival_s)), np.empty(len(arrival_s)), np.empty(len(arrival_s))
     longest_s, counts = np.zeros(len(capacity)), np.zeros((2, len(capacity)), np.int64)
     for place in range(len(capacity)):
@@ -174,7 +182,7 @@ def _served(
         for row in range(first, last):
             if not one_height:
                 free_s[:] = now_s
-                _ends_before(row, first, until_s, bottom_m, top_m, free_s)
+                _delay_by_earlier(row, first, until_s, bottom_m, top_m, free_s)
             soonest = np.argmin(free_s)
             begin_s[row] = max(free_s[soonest], arrival_s[row]) if coming[row] else arrival_s[row]
             end_s[row] = (begin_s[row] if coming[row] else now_s) + service_s[row]

@@ -1,1 +1,1 @@
-"""Where robots stand and where they go, as contention needs it."""
+"""Where robots stand and where they go, as contention asks for it."""

@@ -1,6 +1,6 @@
-"""What robots say of when they will be where, kept until they come, and given up where they plan otherwise."""
+"""Announced arrivals: when robots say they will be where, kept until they arrive or change their plan."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import dist, hypot, inf
 from typing import Any, NamedTuple
 
@@ -12,56 +12,64 @@ from ingest.batch import Batch, Destinations, Floats, Ints
 from ingest.kernels import inner, kernel, ready
 
 ARRIVED_M = 0.75
-"""A robot this near its destination has arrived."""
-SAY_AGAIN_S = 30.0
-"""A robot's word is kept anew after this time."""
-MOST_PROMISES = 32
-"""Kept of one destination: a quarter of an hour."""
+"""A robot this near to its destination has arrived."""
+REPEAT_S = 30.0
+"""A repeated announcement is kept again after this time."""
+MOST_ANNOUNCEMENTS = 32
+"""Kept for one destination: a quarter of an hour."""
 FORGET_S = 600.0
-"""A robot this late is not waited for. One that no longer names a destination that lies ahead has another plan."""
+"""An arrival that is later than this is given up."""
 ROUNDING_M = 1e-6
-"""What is nearer than this to having arrived, or not, is looked at again."""
+"""Margin for rounding errors."""
 
-Spot = tuple[str, float, float]
-"""Datum, x, y."""
-Spots = tuple[Ints, Floats, Floats]
-"""Floor, x, y of many."""
+DatumPoint = tuple[str, float, float]
+"""Datum, x and y."""
+FloorPoints = tuple[Ints, Floats, Floats]
+"""Floor, x and y of many points, in columns."""
 
-MOST_SPOTS = 10
-"""Destinations that a robot may tell by the standard; of one that tells more, everything counts."""
+MOST_POINTS = 10
+"""Destinations that a robot may announce by the standard; reports with more are always processed."""
 UNKNOWN = -1
-WORD = np.dtype(
-    [("told", np.int64), ("said_s", np.float64), ("free_m", np.float64), ("floor", np.int64, 1 + MOST_SPOTS)]
-    + [(name, np.float64, 1 + MOST_SPOTS) for name in ("x_m", "y_m")],
+LAST_REPORT = np.dtype(
+    [
+        ("count", np.int64),  # how many destinations it announced; `UNKNOWN` if its next report must be processed
+        ("said_s", np.float64),  # the earliest of the times at which each destination was last kept
+        ("free_m", np.float64),  # how far it can go without arriving at a destination or leaving one
+        ("floor", np.int64, 1 + MOST_POINTS),  # floors of the robot and of its destinations, and below their places
+        ("x_m", np.float64, 1 + MOST_POINTS),
+        ("y_m", np.float64, 1 + MOST_POINTS),
+    ],
     align=True,
 )
-"""What one robot has said: how many destinations, or `UNKNOWN` where it always counts what it says; the least of when
-each was promised last; how far it can go from where it was and come to none of them, and leave none; and where it was
-then, and its destinations."""
+"""A robot's last report that was processed. A report that differs in nothing from it need not be."""
 
-_WORDS = numba.types.Array(numba.from_dtype(WORD), 1, "C")
+_REPORTS = numba.types.Array(numba.from_dtype(LAST_REPORT), 1, "C")
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 
-class Promise(NamedTuple):
-    """When it was said, and the time that was told."""
+class Announcement(NamedTuple):
+    """One announced arrival."""
 
     said_s: float
-    told_s: float
+    """When it was announced."""
+    announced_s: float
+    """For when."""
 
 
 @inner
-def _note(word: Any, numbers: Ints, floor: Ints, x_m: Floats, y_m: Floats, to: int, first: int, count: int) -> None:
-    """Write so many spots of some into a word."""
+def _write_points(
+    report: Any, numbers: Ints, floor: Ints, x_m: Floats, y_m: Floats, to: int, first: int, count: int
+) -> None:
+    """Write `count` points from `first` on into a report, from place `to` on."""
     for k in range(count):
-        word.floor[to + k] = numbers[floor[first + k]] if floor[first + k] >= 0 else -1
-        word.x_m[to + k], word.y_m[to + k] = x_m[first + k], y_m[first + k]
+        report.floor[to + k] = numbers[floor[first + k]] if floor[first + k] >= 0 else -1
+        report.x_m[to + k], report.y_m[to + k] = x_m[first + k], y_m[first + k]
 
 
-@kernel(numba.int64(numba.int64, _WORDS, *[_INTS] * 2, _FLOATS, _INTS, *[_FLOATS] * 2, _INTS, _INTS, *[_FLOATS] * 2))
-def _first_that_counts(
+@kernel(numba.int64(numba.int64, _REPORTS, *[_INTS] * 2, _FLOATS, _INTS, *[_FLOATS] * 2, _INTS, _INTS, *[_FLOATS] * 2))
+def _next_new_report(
     row: int,
-    words: NDArray[Any],
+    reports: NDArray[Any],
     slots: Ints,
     numbers: Ints,
     now_s: Floats,
@@ -73,130 +81,146 @@ def _first_that_counts(
     to_x_m: Floats,
     to_y_m: Floats,
 ) -> int:
-    """The first from `row` on of a robot that says something else than before, or says it anew, comes or sets out."""
+    """The first row from `row` on whose report must be processed; its points are written into `reports`.
+
+    That is if it announces other destinations than before, or again after a while, or if the robot may have arrived.
+    """
     while row < len(slots):
-        first, count, word = start[row], start[row + 1] - start[row], words[slots[row]]
-        stands = count == word.told
-        if stands and count:
+        first, count, report = start[row], start[row + 1] - start[row], reports[slots[row]]
+        is_same = count == report.count
+        if is_same and count:
             on = numbers[floor[row]] if floor[row] >= 0 else -1
-            away_m = hypot(x_m[row] - word.x_m[0], y_m[row] - word.y_m[0])
-            stands = now_s[row] - word.said_s < SAY_AGAIN_S and on == word.floor[0] and away_m <= word.free_m
-            for k in range(count if stands else 0):
+            away_m = hypot(x_m[row] - report.x_m[0], y_m[row] - report.y_m[0])
+            is_same = now_s[row] - report.said_s < REPEAT_S and on == report.floor[0] and away_m <= report.free_m
+            for k in range(count if is_same else 0):
                 on = numbers[to_floor[first + k]] if to_floor[first + k] >= 0 else -1
-                stands = stands and on == word.floor[1 + k]
-                stands = stands and to_x_m[first + k] == word.x_m[1 + k] and to_y_m[first + k] == word.y_m[1 + k]
-        if not stands:
-            _note(words[slots[row]], numbers, floor, x_m, y_m, 0, row, 1)
-            _note(words[slots[row]], numbers, to_floor, to_x_m, to_y_m, 1, first, min(count, MOST_SPOTS))
-            words[slots[row]].told = count if count <= MOST_SPOTS else UNKNOWN
+                is_same = is_same and on == report.floor[1 + k]
+                is_same = is_same and to_x_m[first + k] == report.x_m[1 + k] and to_y_m[first + k] == report.y_m[1 + k]
+        if not is_same:
+            _write_points(reports[slots[row]], numbers, floor, x_m, y_m, 0, row, 1)
+            _write_points(reports[slots[row]], numbers, to_floor, to_x_m, to_y_m, 1, first, min(count, MOST_POINTS))
+            reports[slots[row]].count = count if count <= MOST_POINTS else UNKNOWN
             break
         row += 1
     return row
 
 
-class Promises:
-    """By robot."""
+class AnnouncedArrivals:
+    """The announced arrivals of all robots, until they arrive."""
 
     def __init__(self) -> None:
-        self._open: dict[str, dict[Spot, list[Promise]]] = {}
-        """Of robots that named destinations when they were heard last, or of which some of before are still promised;
-        by destination, to the decimetre."""
+        self._open: dict[str, dict[DatumPoint, list[Announcement]]] = {}
+        """By robot and destination, to the decimetre; empty for a robot that has arrived at all it announced."""
         self._floors = {"": -1}
-        """Numbers of floors in `_words`."""
+        """Numbers of floors in `_reports`."""
         self._slots: dict[str, int] = {}
-        self._words = np.zeros(0, WORD)
-        """By slot, and some to spare."""
+        self._reports = np.zeros(0, LAST_REPORT)
+        """By slot, with spare rows."""
         self._free: list[int] = []
 
-    def hear(
-        self, batch: Batch, now_s: Floats, here: Spots, told: Destinations
-    ) -> Iterator[tuple[int, list[list[Promise]]]]:
-        """Robots say where they go, as `told`, and are `here` (n,) by `now_s` (n,): rows of those that have come
-        somewhere, and what they had said of that."""
-        if not len(told.t_s) and not self._open:
+    def add_batch(
+        self, batch: Batch, now_s: Floats, here: FloorPoints, destinations: Destinations
+    ) -> Iterator[tuple[int, list[list[Announcement]]]]:
+        """Add the `destinations` of robots (n,) that are `here` at `now_s`.
+
+        Yields rows of robots that have arrived somewhere, and for each place what they had announced of it.
+        """
+        if not len(destinations.t_s) and not self._open:
             return
         numbers = np.array([self._number(floor) for floor in batch.floors], np.int64)
         floor, x_m, y_m = ready(here[0], np.int64), ready(here[1]), ready(here[2])
-        start, to_floor, to_x_m, to_y_m = told.start, told.floor, told.x_m, told.y_m
+        start, to_floor, to_x_m, to_y_m = destinations.start, destinations.floor, destinations.x_m, destinations.y_m
         columns = (floor, x_m, y_m, ready(start, np.int64), ready(to_floor, np.int64), ready(to_x_m), ready(to_y_m))
         slots = np.array([self._slots.get(robot, UNKNOWN) for robot in batch.robots], np.int64)
         if len(slots) and slots.min() == UNKNOWN:
             slots = np.array([self._slot(robot) for robot in batch.robots])
         row, now_s = -1, ready(now_s)
-        while (row := _first_that_counts(row + 1, self._words, slots, numbers, now_s, *columns)) < len(slots):
+        while (row := _next_new_report(row + 1, self._reports, slots, numbers, now_s, *columns)) < len(slots):
             stops = slice(start[row], start[row + 1])
-            spots = zip(batch.datums(to_floor[stops]), to_x_m[stops].tolist(), to_y_m[stops].tolist(), strict=True)
+            points = zip(batch.datums(to_floor[stops]), to_x_m[stops].tolist(), to_y_m[stops].tolist(), strict=True)
             at = batch.floors[floor[row]] if floor[row] >= 0 else "", float(x_m[row]), float(y_m[row])
-            if kept := self.heard(batch.robots[row], float(now_s[row]), at, list(spots), told.t_s[stops].tolist()):
-                yield row, kept
+            announced_s = destinations.t_s[stops].tolist()
+            if arrivals := self.add(batch.robots[row], float(now_s[row]), at, list(points), announced_s):
+                yield row, arrivals
 
-    def heard(
-        self, robot: str, now_s: float, here: Spot, spots: Sequence[Spot], told_s: Sequence[float]
-    ) -> list[list[Promise]]:
-        """A robot is at `here` and says when it will be at each of `spots`, of the same length as `told_s`.
+    def add(
+        self, robot: str, now_s: float, here: DatumPoint, points: Sequence[DatumPoint], announced_s: Sequence[float]
+    ) -> list[list[Announcement]]:
+        """Add the report of a robot that is at `here` and announces when it will be at each of `points`.
 
-        What it had said of each destination it has come to.
+        Returns what it had announced of each destination at which it has arrived.
         """
-        ahead = {(datum, round(x, 1), round(y, 1)): t_s for (datum, x, y), t_s in zip(spots, told_s, strict=True)}
-        promised = self._open.get(robot, {})
-        kept = []
-        for spot, said in list(promised.items()):
-            if near(spot, here):
-                kept.append(promised.pop(spot))
-            elif spot not in ahead and _is_over(said[-1], now_s):
-                del promised[spot]
-        for spot, t_s in ahead.items():
-            if spot not in promised and near(spot, here):
+        ahead = {(datum, round(x, 1), round(y, 1)): t_s for (datum, x, y), t_s in zip(points, announced_s, strict=True)}
+        open_points = self._open.get(robot, {})
+        arrived = []
+        for point, announcements in list(open_points.items()):
+            if near(point, here):
+                arrived.append(open_points.pop(point))
+            elif point not in ahead and _is_given_up(announcements[-1], now_s):
+                del open_points[point]
+        for point, t_s in ahead.items():
+            if point not in open_points and near(point, here):
                 continue
-            said = promised.setdefault(spot, [])
-            if len(said) < MOST_PROMISES and (not said or now_s - said[-1].said_s >= SAY_AGAIN_S):
-                said.append(Promise(now_s, t_s))
-        if promised or ahead:
-            self._open[robot] = promised
+            announcements = open_points.setdefault(point, [])
+            is_due = not announcements or now_s - announcements[-1].said_s >= REPEAT_S
+            if len(announcements) < MOST_ANNOUNCEMENTS and is_due:
+                announcements.append(Announcement(now_s, t_s))
+        if open_points or ahead:
+            self._open[robot] = open_points
         else:
             self._open.pop(robot, None)
-        if robot in self._slots:
-            word = self._words[self._slots[robot]]
-            word["said_s"] = min((said[-1].said_s for said in promised.values()), default=inf)
-            word["free_m"] = _free_m(here, ahead)
-            if not promised.keys() <= ahead.keys():
-                word["told"] = UNKNOWN
-        return kept
+        self._note_report(robot, here, ahead, open_points)
+        return arrived
 
-    def waiting(self) -> Iterator[tuple[str, list[Promise]]]:
-        """Robots, and what they said of each destination to which they have not come."""
-        for robot, promised in self._open.items():
-            for said in promised.values():
-                yield robot, said
+    def _note_report(
+        self,
+        robot: str,
+        here: DatumPoint,
+        ahead: Mapping[DatumPoint, float],
+        open_points: Mapping[DatumPoint, list[Announcement]],
+    ) -> None:
+        """Write into a robot's last report what decides whether its next one must be processed."""
+        if robot in self._slots:
+            report = self._reports[self._slots[robot]]
+            report["said_s"] = min((announcements[-1].said_s for announcements in open_points.values()), default=inf)
+            report["free_m"] = _free_m(here, ahead)
+            if not open_points.keys() <= ahead.keys():
+                report["count"] = UNKNOWN
+
+    def open(self) -> Iterator[tuple[str, list[Announcement]]]:
+        """Robots, and what they announced of each destination at which they have not arrived."""
+        for robot, open_points in self._open.items():
+            for announcements in open_points.values():
+                yield robot, announcements
 
     def forget(self, robot: str) -> None:
         self._open.pop(robot, None)
         if robot in self._slots:
             self._free.append(self._slots.pop(robot))
-            self._words["told"][self._free[-1]] = 0
+            self._reports["count"][self._free[-1]] = 0
 
     def _slot(self, robot: str) -> int:
         slot = self._slots.get(robot)
         if slot is None:
             slot = self._slots[robot] = self._free.pop() if self._free else len(self._slots)
-            if slot >= len(self._words):
-                self._words = np.pad(self._words, (0, slot + 1))
+            if slot >= len(self._reports):
+                self._reports = np.pad(self._reports, (0, slot + 1))
         return slot
 
     def _number(self, floor: str) -> int:
         return self._floors.setdefault(floor, len(self._floors))
 
 
-def near(a: Spot, b: Spot, within_m: float = ARRIVED_M) -> bool:
+def near(a: DatumPoint, b: DatumPoint, within_m: float = ARRIVED_M) -> bool:
     return a[0] == b[0] and hypot(a[1] - b[1], a[2] - b[2]) <= within_m
 
 
-def _free_m(here: Spot, spots: Iterable[Spot]) -> float:
-    """How far a robot can go and be near to the same spots as now."""
-    from_m = [abs(dist(spot[1:], here[1:]) - ARRIVED_M) for spot in spots if spot[0] == here[0]]
+def _free_m(here: DatumPoint, points: Iterable[DatumPoint]) -> float:
+    """How far a robot can go and still be near to the same points as now."""
+    from_m = [abs(dist(point[1:], here[1:]) - ARRIVED_M) for point in points if point[0] == here[0]]
     return min(from_m, default=inf) - ROUNDING_M
 
 
-def _is_over(last: Promise, now_s: float) -> bool:
-    """Whether a destination that is no longer named lay ahead, which is another plan, or is long past."""
-    return last.told_s > now_s or last.told_s + FORGET_S < now_s
+def _is_given_up(last: Announcement, now_s: float) -> bool:
+    """Whether a destination that is no longer announced is still ahead, so that the plan has changed, or long past."""
+    return last.announced_s > now_s or last.announced_s + FORGET_S < now_s

@@ -1,4 +1,4 @@
-"""Boxes around what may meet: what is asked of a few numbers first need not be asked of shapes."""
+"""Bounding boxes: few numbers decide which shapes need not be compared."""
 
 import numba
 import numpy as np
@@ -7,14 +7,14 @@ from ingest.batch import Floats, Ints
 from ingest.kernels import kernel
 
 ROUNDING_M = 1e-6
-"""So much more around what is as far away as it may be."""
+"""Margin for rounding errors."""
 
 _BOXES = numba.types.Array(numba.float64, 2, "C", readonly=True)
 
 
 @kernel(numba.int64[:, ::1](_BOXES, _BOXES))
-def touching(boxes: Floats, others: Floats) -> Ints:
-    """(k, 2) which of (n, 4) boxes touch which of (m, 4) others, by the first; each is west, south, east and north."""
+def touching_boxes(boxes: Floats, others: Floats) -> Ints:
+    """(k, 2) rows of `boxes` (n, 4) and `others` (m, 4) that touch, by the first; each is west, south, east, north."""
     order = np.argsort(others[:, 0])
     ranked, west_m = others[order], others[order, 0]
     widest_m = (others[:, 2] - others[:, 0]).max() if len(others) else 0.0
@@ -32,7 +32,7 @@ def touching(boxes: Floats, others: Floats) -> Ints:
     return found[:k].copy()
 
 
-def grown(boxes_m: Floats, by_m: Floats) -> Floats:
+def enlarged(boxes_m: Floats, by_m: Floats) -> Floats:
     """(n, 4) boxes around all that is within `by_m` (n,) of boxes."""
     return boxes_m + (by_m + ROUNDING_M)[:, None] * _OUTWARDS
 

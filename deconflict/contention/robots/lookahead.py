@@ -1,8 +1,7 @@
-"""Where robots will be in the next ten seconds, at even steps: many forecasts looked up at once."""
+"""Where robots will be in the next ten seconds, at even steps, for many forecasts at once."""
 
-from dataclasses import dataclass
 from math import atan2, cos, hypot, isfinite, sin
-from typing import Self
+from typing import NamedTuple, Self
 
 import numba
 import numpy as np
@@ -16,8 +15,7 @@ STEPS = 20
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Ahead:
+class Lookahead(NamedTuple):
     """n robots at `STEPS + 1` times. Arrays are (n, STEPS + 1)."""
 
     t_s: Floats
@@ -28,29 +26,28 @@ class Ahead:
     yaw_rad: Floats
     floor: Ints
 
-    def take(self, rows: Ints) -> Self:
+    def at_rows(self, rows: Ints) -> Self:
         columns = (self.t_s[rows], self.x_m[rows], self.y_m[rows], self.yaw_rad[rows])
         return type(self)(*columns, self.floor[rows])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Ways:
-    """Of n robots, on the floor that each is on now."""
+class PathsAhead(NamedTuple):
+    """The paths of n robots on the floors that they are on now."""
 
     lines_m: Floats
-    """(n, STEPS + 1, 2) where their envelopes' centres will be, as far as that is known."""
+    """(n, STEPS + 1, 2) where the centres of their envelopes will be, as far as that is known."""
     boxes_m: Floats
-    """(n, 4) west, south, east and north of that."""
+    """(n, 4) boxes around that: west, south, east and north."""
     way_m: Floats
-    """(n,) how far each gets, whether that is known or not."""
+    """(n,) how far each gets, also beyond what is known."""
 
-    def take(self, rows: Ints) -> Self:
+    def at_rows(self, rows: Ints) -> Self:
         return type(self)(self.lines_m[rows], self.boxes_m[rows], self.way_m[rows])
 
 
 @kernel(numba.float64[:, :, ::1](*[numba.types.Array(numba.float64, 1, "A", readonly=True)] * 5))
 def corners(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m: Floats) -> Floats:
-    """(n, 4, 2) of envelopes at poses, each of (n,)."""
+    """(n, 4, 2) the corners of envelopes at poses; all arguments are (n,)."""
     found = np.empty((len(x_m), 4, 2))
     for row in range(len(x_m)):
         c, s, end = cos(yaw_rad[row]), sin(yaw_rad[row]), found[row]
@@ -114,15 +111,24 @@ def _ahead(
     return times, x, y, yaw, on
 
 
-def ahead(forecasts: Forecasts, now_s: Floats) -> Ahead:
-    """Each robot from its `now_s` (n,) on, as `Forecasts` reads between knots; before its first knot, at the first.
+def look_ahead(forecasts: Forecasts, now_s: Floats) -> Lookahead:
+    """Each robot from its `now_s` (n,) on, interpolated as `Forecasts` says; before its first knot, at that knot.
 
-    One whose numbers are not finite is on floor -1.
+    A robot whose numbers are not finite is on floor -1.
     """
     f = forecasts
     t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
     start, floor = ready(f.start, np.int64), ready(f.floor, np.int64)
-    return Ahead(*_ahead(start, t_s, x_m, y_m, yaw_rad, floor, now_s, STEP_S, STEPS + 1))
+    return Lookahead(*_ahead(start, t_s, x_m, y_m, yaw_rad, floor, now_s, STEP_S, STEPS + 1))
+
+
+LOOKAHEAD = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
+    (*[numba.float64[:, ::1]] * 4, numba.int64[:, ::1]), Lookahead
+)
+PATHS_AHEAD = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
+    (numba.float64[:, :, ::1], numba.float64[:, ::1], numba.float64[::1]), PathsAhead
+)
+"""The types of `Lookahead` and `PathsAhead` in kernels."""
 
 
 @kernel(
@@ -130,7 +136,7 @@ def ahead(forecasts: Forecasts, now_s: Floats) -> Ahead:
         numba.float64[:, ::1], numba.float64[:, ::1], numba.int64[:, ::1], _INTS
     )
 )
-def _ways(x_m: Floats, y_m: Floats, floor: Ints, known: Ints) -> tuple[Floats, Floats, Floats]:
+def _paths(x_m: Floats, y_m: Floats, floor: Ints, known: Ints) -> tuple[Floats, Floats, Floats]:
     n, steps = x_m.shape
     lines_m, boxes_m, legs_m = np.empty((n, steps, 2)), np.empty((n, 4)), np.zeros((n, steps - 1))
     for row in range(n):
@@ -149,7 +155,7 @@ def _ways(x_m: Floats, y_m: Floats, floor: Ints, known: Ints) -> tuple[Floats, F
     return lines_m, boxes_m, legs_m
 
 
-def ways_ahead(view: Ahead, known: Ints) -> Ways:
-    """The ways of robots whose future is known until step `known` (n,); each is held where its way ends."""
-    lines_m, boxes_m, legs_m = _ways(view.x_m, view.y_m, view.floor, known)
-    return Ways(lines_m, boxes_m, legs_m.sum(axis=1))
+def paths_ahead(view: Lookahead, known: Ints) -> PathsAhead:
+    """The paths of robots whose future is known until step `known` (n,); each stays where its path ends."""
+    lines_m, boxes_m, legs_m = _paths(view.x_m, view.y_m, view.floor, known)
+    return PathsAhead(lines_m, boxes_m, legs_m.sum(axis=1))

@@ -1,9 +1,9 @@
-"""How much longer a robot takes that stands and is past the time it told: learned by vendor, from a prior on.
+"""How much longer an overdue robot takes that stands, learned by vendor from late arrivals and a prior.
 
-Each arrival that came late says by how much. Of those that were later than a robot is already, what was left to them is
-what may be left to it. The prior is that about as much is left as it is overdue (what has lasted long lasts long), but
-that waits also end at a constant rate, however long they have lasted. That rate is learned from the latest quarter of
-the arrivals, so that many short waits tell of long ones, of which few are seen.
+The time left to a robot is taken from arrivals that were later than it is already: it is what was left to them. By the
+prior, about as much time is left as the robot is overdue (what has lasted long lasts long), but waits also end at a
+constant rate. That rate is learned from the latest quarter of the arrivals, so that many short waits predict long ones,
+which are rare.
 """
 
 from collections import deque
@@ -15,38 +15,38 @@ from deconflict.runtime.learned_state import Part, numbers
 from ingest.batch import Floats
 
 MOST_ARRIVALS = 200
-"""Late ones, kept of one vendor."""
+"""Late arrivals that are kept for one vendor."""
 HALF_LIFE_S = 86400.0
 PRIOR_ARRIVALS, PRIOR_WAIT_S = 2.0, 600.0
-"""What is thought of the rate at which waits end of a vendor of which nothing has been seen."""
+"""The prior of the rate at which waits end: so many arrivals, with this mean wait."""
 LATER_FROM = 0.75
-"""It is learned from the arrivals that were later than this share of all."""
+"""The rate is learned from the arrivals that were later than this share of all."""
 LEAST_LATE_S, LEAST_WAIT_S = 10.0, 30.0
-"""Arrivals that were less late tell nothing of how long waits last; nor do waits end sooner on average."""
+"""Less late arrivals are not used for the rate; the mean wait is at least the second number."""
 PRIOR_LATER: Floats = np.array([0.9, 0.7, 0.5, 0.3, 0.1])
-"""The prior is five arrivals just seen: what is left is more than theirs with these chances."""
+"""The prior counts as five new arrivals; the time left exceeds theirs with these probabilities."""
 SHARES: Floats = np.array([0.1, 0.5, 0.9])
 OVERDUE_S: Floats = np.concatenate([[0.0], 2.5 * 2.0 ** np.arange(12)])
-"""Where the table is worked out: up to an hour and a half, in steps that double."""
+"""Rows of the table: up to an hour and a half, in steps that double."""
 
 
-class Overdue:
-    """By vendor, how late its robots came."""
+class OverdueTimes:
+    """How late the robots of each vendor came."""
 
     def __init__(self) -> None:
         self._seen: dict[str, deque[tuple[float, float]]] = {}
-        """When an arrival was seen, and how late it was."""
+        """By vendor: when a late arrival was, and how late it was."""
         self._tables: dict[str, Floats] = {}
-        """Those that were asked for, of vendors of whose robots none has come late since."""
+        """By vendor, the table that was asked for since its last late arrival."""
 
     def record(self, vendor: str, late_s: float, now_s: float) -> None:
-        """A robot has come, so late by what it had told last; in time where that is not above 0."""
+        """Record an arrival: how late it was by the last announcement; in time if that is not above 0."""
         if late_s > 0:
             self._seen.setdefault(vendor, deque(maxlen=MOST_ARRIVALS)).append((now_s, late_s))
             self._tables.pop(vendor, None)
 
     def table_s(self, vendor: str) -> Floats:
-        """(len(OVERDUE_S), len(SHARES)) quantiles of what is left to a robot that is so long overdue."""
+        """(len(OVERDUE_S), len(SHARES)) quantiles of the time left to a robot that is so long overdue."""
         if vendor not in self._tables:
             at_s, late_s = np.array(self._seen.get(vendor, ())).reshape(-1, 2).T
             weights = 0.5 ** ((at_s.max(initial=0.0) - at_s) / HALF_LIFE_S)
@@ -54,11 +54,11 @@ class Overdue:
         return self._tables[vendor]
 
     def learned(self) -> Part:
-        """By vendor, when late arrivals were seen, and how late they were."""
+        """By vendor, when late arrivals were, and how late they were."""
         return {vendor: list(seen) for vendor, seen in self._seen.items()}
 
     def resume(self, part: Part) -> None:
-        """Go on with what `learned` told. Raises `UnreadableError`."""
+        """Continue from what `learned` gave. Raises `UnreadableError`."""
         for vendor in part:
             rows = numbers(part, vendor, (None, 2)).tolist()
             self._seen[vendor] = deque(((at_s, late_s) for at_s, late_s in rows), maxlen=MOST_ARRIVALS)
@@ -66,9 +66,8 @@ class Overdue:
 
 
 def _left_s(late_s: Floats, weights: Floats) -> Floats:
-    """(len(OVERDUE_S), len(SHARES)) quantiles of what is left, by arrivals (n,) so late and of such weights, and by the
-    prior."""
-    seen_s, prior_s = late_s - OVERDUE_S[:, None], _prior_s(_end_rate(late_s, weights))
+    """(len(OVERDUE_S), len(SHARES)) quantiles of the time left, by late arrivals (n,), their weights, and the prior."""
+    seen_s, prior_s = late_s - OVERDUE_S[:, None], _prior_left_s(_end_rate(late_s, weights))
     left_s = np.concatenate([seen_s, prior_s], axis=1)
     counts = np.concatenate([weights * (seen_s > 0), np.ones_like(prior_s)], axis=1)
     order = np.argsort(left_s, axis=1)
@@ -78,10 +77,10 @@ def _left_s(late_s: Floats, weights: Floats) -> Floats:
     return found
 
 
-def _prior_s(end_rate: float) -> Floats:
-    """(len(OVERDUE_S), len(PRIOR_LATER)) what the prior says is left, where waits end at such a rate besides.
+def _prior_left_s(end_rate: float) -> Floats:
+    """(len(OVERDUE_S), len(PRIOR_LATER)) the time left by the prior, if waits also end at `end_rate`.
 
-    The chance to be later than t falls as exp(-rate t) / t; solved for t.
+    The probability to be later than t falls as exp(-rate t) / t; this is solved for t.
     """
     overdue_s = OVERDUE_S[:, None]
     grown = end_rate * overdue_s / PRIOR_LATER * np.exp(end_rate * overdue_s)
@@ -90,7 +89,7 @@ def _prior_s(end_rate: float) -> Floats:
 
 
 def _end_rate(late_s: Floats, weights: Floats) -> float:
-    """How many waits end in a second beyond those that would if the chance to be later than t fell as 1 / t."""
+    """How many more waits end in a second than if the probability to be later than t fell as 1 / t."""
     from_s = max(float(np.quantile(late_s, LATER_FROM)) if len(late_s) else 0.0, LEAST_LATE_S)
     is_later = late_s > from_s
     later_s, counts = late_s[is_later], weights[is_later]

@@ -1,4 +1,4 @@
-"""Where places lie: which resource a point is in, which zones an envelope sweeps through."""
+"""Geometry of places: which resource a point is in, which zones an envelope passes through."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -8,34 +8,34 @@ import numpy as np
 import shapely
 
 from deconflict.advisory import Location
-from deconflict.contention.robots.bounding_boxes import ROUNDING_M, grown, touching
-from deconflict.contention.robots.lookahead import STEPS, Ahead, Ways, corners
+from deconflict.contention.robots.bounding_boxes import ROUNDING_M, enlarged, touching_boxes
+from deconflict.contention.robots.lookahead import STEPS, Lookahead, PathsAhead, corners
 from deconflict.settings.shared_places import Place, Resource, Zone, outlines
 from ingest.batch import Bools, Floats, Ints
 
 CHANGEOVER_S = 4.0
-"""From when a robot sets out from a resource, or is out of a lane, until the next one can be there."""
+"""From when a robot leaves a resource or a lane until the next robot can be there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Passage:
-    """One robot's way through a zone, as it is forecast now."""
+class ZonePassage:
+    """One robot's way through a zone by its newest forecast."""
 
     zone: str
     enter_s: float
-    """The first time it is in the zone; now where it is in it already."""
+    """The first time at which it is in the zone; now if it is inside."""
     leave_s: float
-    """When it is out; inf where that lies beyond the forecast."""
+    """When it is out; inf if that is beyond the forecast."""
     t_s: Floats
     """(k,) times at which it is in the zone."""
     along_m: Floats
-    """(k,) where its centre then is along the aisle's axis; zeros where the zone has none."""
+    """(k,) position of its centre along the aisle's axis; zeros if the zone has no axis."""
     across_m: float = 0.0
-    """How far to the left of the axis its centre is, on the mean."""
+    """Mean distance of its centre to the left of the axis."""
 
     @property
     def direction(self) -> int:
-        """1 along the axis, -1 against it, 0 where it goes neither way."""
+        """1 along the axis, -1 against it, 0 if neither."""
         moved_m = float(self.along_m[-1] - self.along_m[0])
         return 0 if abs(moved_m) < 0.5 else 1 if moved_m > 0 else -1
 
@@ -46,42 +46,42 @@ class Passage:
 
     @property
     def reach_m(self) -> float:
-        """How far along the axis it goes: where it stops in the zone, else beyond either end."""
+        """How far along the axis it goes: where it stops in the zone; infinitely far if it does not stop."""
         stops = len(self.along_m) > 2 and abs(float(self.along_m[-1] - self.along_m[-3])) < 0.1
         return float(self.along_m[-1]) if stops else self.direction * inf
 
     def through_s(self, way_m: float) -> float:
-        """How long it takes through, over this way; beyond the forecast, at its mean speed so far."""
-        told_s = min(self.leave_s, float(self.t_s[-1])) - self.enter_s
+        """How long it takes for `way_m` through the zone; beyond the forecast, at its mean speed so far."""
+        forecast_s = min(self.leave_s, float(self.t_s[-1])) - self.enter_s
         if self.leave_s < inf or abs(self.reach_m) < inf:
-            return told_s
-        return max(told_s, way_m / max(abs(self.rate_mps), 0.1))
+            return forecast_s
+        return max(forecast_s, way_m / max(abs(self.rate_mps), 0.1))
 
     def at_m(self, t_s: float) -> float:
-        """Where along the axis its centre is, held at both ends of the passage."""
+        """Position of its centre along the axis; before and after the passage, at its ends."""
         return float(np.interp(t_s, self.t_s, self.along_m))
 
 
-class _Floor:
-    """The outlines of one floor, and whose they are."""
+class _FloorOutlines:
+    """The outlines of places on one floor."""
 
-    def __init__(self, datum: str, drawn: Sequence[tuple[str, Iterable[tuple[float, float]]]]) -> None:
+    def __init__(self, datum: str, outlines: Sequence[tuple[str, Iterable[tuple[float, float]]]]) -> None:
         self.datum = datum
-        self.ids = [place for place, _ in drawn]
-        self.outlines = np.array([shapely.Polygon(outline) for _, outline in drawn])
+        self.ids = [place for place, _ in outlines]
+        self.outlines = np.array([shapely.Polygon(outline) for _, outline in outlines])
         shapely.prepare(self.outlines)
         self.tree = shapely.STRtree(self.outlines)
         self.bounds_m: Floats = shapely.bounds(self.outlines)
 
     def near(self, datums: Sequence[str], boxes_m: Floats) -> Ints:
-        """(k,) rows of what is on this floor, in boxes (n, 4) of which some touch those around outlines."""
-        touched = dict.fromkeys(touching(boxes_m, self.bounds_m)[:, 0].tolist())
-        return np.array([row for row in touched if datums[row] == self.datum], np.int64)
+        """(k,) rows of `boxes_m` (n, 4) that are on this floor and touch a box around an outline."""
+        rows = dict.fromkeys(touching_boxes(boxes_m, self.bounds_m)[:, 0].tolist())
+        return np.array([row for row in rows if datums[row] == self.datum], np.int64)
 
-    def touched(self, index: Ints, view: Ahead, who: Ints, length_m: Floats, width_m: Floats) -> Bools:
-        """(pairs, STEPS + 1) whether the envelopes of robots touch the outlines, all else of (pairs,).
+    def touched(self, index: Ints, view: Lookahead, who: Ints, length_m: Floats, width_m: Floats) -> Bools:
+        """(pairs, STEPS + 1) whether the envelopes of the robots `who` touch the outlines `index`, both (pairs,).
 
-        Only where the middle is near enough for that is it asked of the shapes.
+        Shapes are compared only if the centre is near enough.
         """
         x_m, y_m, yaw_rad = view.x_m[who], view.y_m[who], view.yaw_rad[who]
         west, south, east, north = self.bounds_m[index].T[:, :, None]
@@ -94,19 +94,19 @@ class _Floor:
         return touched
 
 
-class Geometry:
+class PlaceGeometry:
     """The site's places, floor by floor."""
 
     def __init__(self, resources: Iterable[Resource], zones: Iterable[Zone]) -> None:
-        self.resources = {one.id: one for one in resources}
-        self.zones = {one.id: one for one in zones}
+        self.resources = {resource.id: resource for resource in resources}
+        self.zones = {zone.id: zone for zone in zones}
         places: list[Place] = [*self.resources.values(), *self.zones.values()]
-        self.chargers = tuple(one.id for one in self.resources.values() if one.kind == "charger")
+        self.chargers = tuple(resource.id for resource in self.resources.values() if resource.kind == "charger")
         self._middles = {place.id: _middle(place) for place in places}
         self._locations = {place: _location(*middle) for place, middle in self._middles.items()}
         self._groups: dict[str, list[str]] = {}
-        for one in self.resources.values():
-            self._groups.setdefault(one.group, []).append(one.id)
+        for resource in self.resources.values():
+            self._groups.setdefault(resource.group, []).append(resource.id)
         self._resources = _floors(self.resources.values())
         self._zones = _floors(self.zones.values())
 
@@ -119,11 +119,11 @@ class Geometry:
         return found.capacity if found else self.zones[place].capacity
 
     def changeover_s(self, place: str) -> float:
-        """From one robot's turn to the next one's; none at a zone, which is left when the last of a robot is out."""
+        """From the end of one turn to the next; 0 at a zone, which a robot has left once all of it is out."""
         return CHANGEOVER_S if place in self.resources else 0.0
 
     def lane_m(self, zone: str) -> float:
-        """Length of an aisle's axis; 0 of another zone."""
+        """Length of an aisle's axis; 0 for other zones."""
         axis = self.zones[zone].axis
         return dist(*axis) if axis else 0.0
 
@@ -132,16 +132,16 @@ class Geometry:
         return self._middles[place]
 
     def location(self, place: str) -> Location:
-        """The same as it is told, to the millimetre."""
+        """The middle as advisories give it, to the millimetre."""
         return self._locations[place]
 
     def group(self, place: str) -> list[str]:
-        """The places that can stand in for one another, this one among them, in the order of the site file."""
+        """The places that are interchangeable with this one, and itself, in the order of the site file."""
         found = self.resources.get(place)
         return self._groups[found.group] if found and found.group else [place]
 
     def resources_at(self, datums: Sequence[str], x_m: Floats, y_m: Floats) -> list[str | None]:
-        """The resource that each point lies in, the first in the site file where outlines overlap."""
+        """The resource that each point lies in; if outlines overlap, the first in the site file."""
         found: list[str | None] = [None] * len(datums)
         if not self._resources:
             return found
@@ -155,26 +155,27 @@ class Geometry:
         return found
 
     def resource_boxes(self) -> list[tuple[str, Floats]]:
-        """By datum, boxes (n, 4) around the resources there."""
+        """The datums with resources, and the boxes (n, 4) around these."""
         return [(floor.datum, floor.bounds_m) for floor in self._resources]
 
     def zone_boxes(self) -> list[tuple[str, Floats]]:
+        """The same for zones."""
         return [(floor.datum, floor.bounds_m) for floor in self._zones]
 
     def passages(
-        self, datums: Sequence[str], view: Ahead, ways: Ways, length_m: Floats, width_m: Floats
-    ) -> dict[int, dict[str, Passage]]:
-        """The zones that each envelope sweeps through while it stays on its floor: by row, by id of the zone."""
-        found: dict[int, dict[str, Passage]] = {}
+        self, datums: Sequence[str], view: Lookahead, paths: PathsAhead, length_m: Floats, width_m: Floats
+    ) -> dict[int, dict[str, ZonePassage]]:
+        """By row and zone, the passages of each envelope while it stays on its floor."""
+        found: dict[int, dict[str, ZonePassage]] = {}
         if not self._zones:
             return found
         reach_m = np.hypot(length_m, width_m) / 2
-        boxes_m = grown(ways.boxes_m, reach_m)
+        boxes_m = enlarged(paths.boxes_m, reach_m)
         for floor in self._zones:
             rows = floor.near(datums, boxes_m)
             if not len(rows):
                 continue
-            lines = shapely.linestrings(ways.lines_m[rows])
+            lines = shapely.linestrings(paths.lines_m[rows])
             near, index = floor.tree.query(lines, predicate="dwithin", distance=reach_m[rows])
             who = rows[near]
             inside = floor.touched(index, view, who, length_m[who], width_m[who])
@@ -186,21 +187,21 @@ class Geometry:
                 found.setdefault(row, {})[zone] = self._passage(zone, view, row, first, end)
         return found
 
-    def _passage(self, zone: str, one: Ahead, row: int, first: int, end: int) -> Passage:
-        """That is inside from step `first` to `end`."""
+    def _passage(self, zone: str, view: Lookahead, row: int, first: int, end: int) -> ZonePassage:
+        """The passage of a row that is inside from step `first` to before `end`."""
         axis = self.zones[zone].axis
         along_m, across_m = np.zeros(end - first), 0.0
         if axis:
             (ax, ay), (bx, by) = axis
             unit = np.array([bx - ax, by - ay]) / np.hypot(bx - ax, by - ay)
-            x_m, y_m = one.x_m[row, first:end] - ax, one.y_m[row, first:end] - ay
+            x_m, y_m = view.x_m[row, first:end] - ax, view.y_m[row, first:end] - ay
             along_m, across_m = x_m * unit[0] + y_m * unit[1], float((y_m * unit[0] - x_m * unit[1]).mean())
-        leave_s, t_s = float(one.t_s[row, end]) if end <= STEPS else inf, one.t_s[row, first:end]
-        return Passage(zone, float(t_s[0]), leave_s, t_s, along_m, across_m)
+        leave_s, t_s = float(view.t_s[row, end]) if end <= STEPS else inf, view.t_s[row, first:end]
+        return ZonePassage(zone, float(t_s[0]), leave_s, t_s, along_m, across_m)
 
 
 def _first_runs(inside: Bools) -> tuple[list[int], list[int]]:
-    """Where the first run of steps that are inside begins and ends; (n, steps), in each row there is one."""
+    """Where the first run of true steps begins and ends in each row of (n, steps); each row has one."""
     first = inside.argmax(axis=1)
     out = ~inside & (np.arange(inside.shape[1]) > first[:, None])
     return first.tolist(), np.where(out.any(axis=1), out.argmax(axis=1), inside.shape[1]).tolist()
@@ -215,9 +216,9 @@ def _location(datum: str, x_m: float, y_m: float) -> Location:
     return Location(datum=datum, x=round(x_m, 3), y=round(y_m, 3))
 
 
-def _floors(places: Iterable[Place]) -> list[_Floor]:
-    drawn: dict[str, list[tuple[str, Iterable[tuple[float, float]]]]] = {}
+def _floors(places: Iterable[Place]) -> list[_FloorOutlines]:
+    by_datum: dict[str, list[tuple[str, Iterable[tuple[float, float]]]]] = {}
     for place in places:
         for datum, outline in outlines(place):
-            drawn.setdefault(datum, []).append((place.id, outline))
-    return [_Floor(datum, one) for datum, one in drawn.items()]
+            by_datum.setdefault(datum, []).append((place.id, outline))
+    return [_FloorOutlines(datum, of_datum) for datum, of_datum in by_datum.items()]

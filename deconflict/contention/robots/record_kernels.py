@@ -1,26 +1,26 @@
-"""What contention keeps of each robot as numbers, a record each, and the kernels that write and read them."""
+"""The records that contention keeps of robots, field by field, and the kernels that write and read them."""
 
 from math import hypot
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.contention.robots.lookahead import STEP_S
+from deconflict.contention.robots.lookahead import LOOKAHEAD, PATHS_AHEAD, STEP_S, Lookahead, PathsAhead
 from ingest.batch import Basis, Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 STANDS_M = 0.1
-"""A robot that has moved no further than this stands."""
+"""A robot that has moved no farther than this stands."""
 STANDS_S = 3.0
-"""For so long, if it is forecast to move."""
+"""A robot that is forecast to move stands only after so long."""
 WAY_M = 0.5
-"""A way with less than this left is gone."""
+"""A path with less than this left has ended."""
 LEAST_M = 0.05
-"""What touches another one's way by less than this is not in it; nor is a way narrower than that on either side."""
+"""What reaches less than this into a robot's path does not block it; no path is narrower than this on either side."""
 STRAIGHT = int(3.0 / STEP_S)
-"""A robot that tells no path is taken to go straight on for so many steps; nobody knows its way beyond."""
+"""A robot without a path is taken to go straight on for so many steps; beyond, its way is not known."""
 
 Records = NDArray[Any]
 """Of `ROBOT`, by slot."""
@@ -28,80 +28,99 @@ Records = NDArray[Any]
 ROBOT = np.dtype(
     [
         ("event_s", np.float64),  # when its newest pose was true
-        ("x_m", np.float64),  # middle of its envelope then
+        ("x_m", np.float64),  # centre of its envelope then
         ("y_m", np.float64),
         ("length_m", np.float64),  # of its envelope, along the heading
         ("width_m", np.float64),  # across the heading
-        ("bottom_m", np.float64),  # heights that it reaches from and to; -inf and inf where they are unknown
-        ("top_m", np.float64),
+        ("bottom_m", np.float64),  # the lowest height it reaches; -inf if not known
+        ("top_m", np.float64),  # the highest height it reaches; inf if not known
         ("way_m", np.float64),  # how far it gets in the next ten seconds
         ("stood_s", np.float64),  # since when it stands where it is
         ("goes", np.bool_),  # it is forecast to move
-        ("stands", np.bool_),  # it is at rest, whatever it says
+        ("stands", np.bool_),  # it is at rest, whatever it reports
         ("floor", np.int64),  # number of the floor that it is on
-        ("stops", np.int64),  # how many destinations lie ahead
-        ("row", np.int64),  # of the batch that told this
-        ("stood_floor", np.int64),  # floor and place where it stands
+        ("stops", np.int64),  # how many stops lie ahead
+        ("row", np.int64),  # row of the batch that this comes from
+        ("stood_floor", np.int64),  # number of the floor where it stands, and below the place
         ("yaw_rad", np.float64),  # of its newest pose
         ("stood_x_m", np.float64),
         ("stood_y_m", np.float64),
-        ("west_m", np.float64),  # box around its way, or around the last one that it was on
+        ("west_m", np.float64),  # box around its path, or around the last path it was on
         ("south_m", np.float64),
         ("east_m", np.float64),
         ("north_m", np.float64),
-        ("known", np.bool_),  # it was heard before
+        ("known", np.bool_),  # the slot is in use
         ("here", np.bool_),  # it has a resource
-        ("waits", np.bool_),  # it has stopped on its way
-        ("beside", np.bool_),  # it lay beside or in a resource
-        ("passes", np.bool_),  # it had a zone near its way
-        ("bound", np.bool_),  # it had a stop at a resource
+        ("waits", np.bool_),  # it has stopped on its path
+        ("beside", np.bool_),  # it was in the box of a resource
+        ("passes", np.bool_),  # it had a zone near its path
+        ("bound", np.bool_),  # it has a stop in the box of a resource
     ],
     align=True,
 )
 
-SEEN = 1 + [*(ROBOT.names or ())].index("stops")
-"""So many fields, the first of a record, are what `Seen` tells of a robot."""
+VIEWED_FIELDS = 1 + [*(ROBOT.names or ())].index("stops")
+"""So many fields, the first of a record, are in `RobotView`."""
 
 STOP = np.dtype(
     [
-        ("told_s", np.float64),  # when the robot says that it is there; where its path ends, as forecast
-        ("t_s", np.float64),  # when it means to be there, and can
-        ("expected_s", np.float64),  # when it is expected there: later where it is overdue
-        ("spread_s", np.float64),  # half the width of the middle 80 % of that
+        ("announced_s", np.float64),  # when the robot announces to be there; at its path's end, as forecast
+        ("t_s", np.float64),  # that time corrected by its vendor's past errors
+        ("expected_s", np.float64),  # when it is expected there: later if it is overdue
+        ("spread_s", np.float64),  # half the width of the 80 % interval of that
         ("x_m", np.float64),  # where it is
         ("y_m", np.float64),
         ("floor", np.int64),  # number of its floor
-        ("resource", np.int64),  # number of the resource that it is in; -1 where it is in none
+        ("resource", np.int64),  # number of the resource that it is in; -1 if none
     ],
     align=True,
 )
-"""One destination ahead."""
+"""One stop ahead."""
 Stops = NDArray[Any]
 """Of `STOP`, by slot and in the order of their times."""
 
-BESIDE, PASSES, BOUND, ENDS, HALTS, MOVES, GOES_ON = (1 << bit for bit in range(7))
-"""What is asked of shapes about a robot that has reported: the resource that it has, the zones on its way, the
-resources that it goes to, the one that its way ends in. And what becomes of a way left: it begins, shrinks, is gone."""
+RESOURCE = 1 << 0
+"""Bit: which resource the robot has may have changed."""
+PASSAGES = 1 << 1
+"""Bit: which zones are on its way may have changed."""
+STOPS = 1 << 2
+"""Bit: which resources its stops are in may have changed."""
+PATH_END = 1 << 3
+"""Bit: its path may end in a resource."""
+HALTS = 1 << 4
+"""Bit: it has stopped on its path."""
+MOVES = 1 << 5
+"""Bit: it has moved since it stopped on its path."""
+WAIT_ENDS = 1 << 6
+"""Bit: it moves on, or rests."""
 
-Drawn = tuple[Ints, Floats]
-"""Floors (n,) of outlines, and boxes (n, 4) around them: west, south, east and north."""
+
+class Outlines(NamedTuple):
+    """Outlines of n places."""
+
+    floors: Ints
+    """(n,) numbers of their floors."""
+    boxes_m: Floats
+    """(n, 4) boxes around them: west, south, east and north."""
+
 
 _RECORDS = numba.types.Array(numba.from_dtype(ROBOT), 1, "C")
 _STOPS = numba.types.Array(numba.from_dtype(STOP), 2, "C")
 _FLOATS, _INTS, _BOOLS = (
     numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64, numba.boolean)
 )
-_TABLE, _INT_TABLE = (numba.types.Array(kind, 2, "C", readonly=True) for kind in (numba.float64, numba.int64))
-_LINES = numba.types.Array(numba.float64, 3, "C", readonly=True)
+OUTLINES = numba.types.NamedTuple((numba.int64[::1], numba.float64[:, ::1]), Outlines)  # type: ignore[no-untyped-call]
+"""The type of `Outlines` in kernels."""
 _STATIONARY, _VELOCITY = int(Basis.STATIONARY), int(Basis.VELOCITY)
 
 
 @inner
-def _touches(floor: int, west: float, south: float, east: float, north: float, floors: Ints, boxes_m: Floats) -> bool:
+def _touches(floor: int, west: float, south: float, east: float, north: float, outlines: Outlines) -> bool:
     """Whether a box touches any of those on its floor."""
-    for at in range(len(floors)):
-        beside = boxes_m[at, 0] > east or boxes_m[at, 2] < west or boxes_m[at, 1] > north or boxes_m[at, 3] < south
-        if floors[at] == floor and not beside:
+    boxes_m = outlines.boxes_m
+    for at in range(len(boxes_m)):
+        is_apart = boxes_m[at, 0] > east or boxes_m[at, 2] < west or boxes_m[at, 1] > north or boxes_m[at, 3] < south
+        if outlines.floors[at] == floor and not is_apart:
             return True
     return False
 
@@ -114,92 +133,85 @@ def _touches(floor: int, west: float, south: float, east: float, north: float, f
         _FLOATS,
         _BOOLS,
         _INTS,
-        *[_TABLE] * 3,
-        _INT_TABLE,
-        _LINES,
-        _TABLE,
-        *[_FLOATS] * 5,
+        LOOKAHEAD,
+        PATHS_AHEAD,
+        *[_FLOATS] * 4,
         _INTS,
         _BOOLS,
-        *[_INTS, _TABLE] * 2,
+        *[OUTLINES] * 2,
         numba.float64,
     )
 )
-def take_in(
+def update_records(
     robots: Records,
-    kept_ways: Floats,
+    kept_paths: Floats,
     slots: Ints,
-    numbers: Ints,
+    floor_numbers: Ints,
     event_s: Floats,
     resting: Bools,
     basis: Ints,
-    x_m: Floats,
-    y_m: Floats,
-    yaw_rad: Floats,
-    floor: Ints,
-    ways: Floats,
-    boxes_m: Floats,
-    way_m: Floats,
+    view: Lookahead,
+    paths: PathsAhead,
     length_m: Floats,
     width_m: Floats,
     bottom_m: Floats,
     top_m: Floats,
     stops: Ints,
     bound: Bools,
-    resource_floors: Ints,
-    resources_m: Floats,
-    zone_floors: Ints,
-    zones_m: Floats,
+    resources: Outlines,
+    zones: Outlines,
     spare_m: float,
 ) -> Ints:
-    """Write what n robots say into their records, and the ways of those that go; (n,) what is to be asked of shapes.
+    """Update the records of n robots, and the paths of those that move; (n,) bits of what has to be updated with them.
 
-    `x_m`, `y_m`, `yaw_rad` and `floor` are of `Ahead`, `ways`, `boxes_m` and `way_m` of `Ways`; `numbers` are of the
-    floors of the batch, `stops` are how many there are of each and `bound` whether any may be at a resource. Zones are
-    asked about where a way is no farther than the envelope reaches and `spare_m`.
+    `floor_numbers` are the table's numbers of the batch's floors. `stops` are how many stops each robot has, `bound`
+    whether any of them may be in a resource. A zone may be on a robot's way if the path comes as near to it as the
+    envelope reaches and `spare_m`.
     """
-    asked = np.zeros(len(slots), np.int64)
-    steps = x_m.shape[1]
+    stale = np.zeros(len(slots), np.int64)
+    last = view.x_m.shape[1] - 1
     for row in range(len(slots)):
-        one = robots[slots[row]]
-        on, x, y = numbers[floor[row, 0]] if floor[row, 0] >= 0 else -1, x_m[row, 0], y_m[row, 0]
-        went, moved = one.goes, on != one.floor or x != one.x_m or y != one.y_m
-        goes = basis[row] != _STATIONARY and way_m[row] > WAY_M
-        one.event_s, one.floor, one.x_m, one.y_m, one.yaw_rad = event_s[row], on, x, y, yaw_rad[row, 0]
-        one.length_m, one.width_m, one.way_m, one.goes = length_m[row], width_m[row], way_m[row], goes
-        one.bottom_m, one.top_m = bottom_m[row], top_m[row]
+        robot = robots[slots[row]]
+        floor, x, y = view.floor[row, 0], view.x_m[row, 0], view.y_m[row, 0]
+        on = floor_numbers[floor] if floor >= 0 else -1
+        went, moved = robot.goes, on != robot.floor or x != robot.x_m or y != robot.y_m
+        goes = basis[row] != _STATIONARY and paths.way_m[row] > WAY_M
+        robot.event_s, robot.floor, robot.x_m, robot.y_m, robot.yaw_rad = event_s[row], on, x, y, view.yaw_rad[row, 0]
+        robot.length_m, robot.width_m, robot.way_m, robot.goes = length_m[row], width_m[row], paths.way_m[row], goes
+        robot.bottom_m, robot.top_m = bottom_m[row], top_m[row]
         if goes:
-            one.west_m, one.south_m, one.east_m, one.north_m = boxes_m[row]
-            kept_ways[slots[row]] = ways[row]
+            robot.west_m, robot.south_m, robot.east_m, robot.north_m = paths.boxes_m[row]
+            kept_paths[slots[row]] = paths.lines_m[row]
         on_its_way = not goes and not resting[row]
         if not on_its_way:
-            asked[row] |= GOES_ON if one.waits else 0
+            stale[row] |= WAIT_ENDS if robot.waits else 0
         elif went:
-            asked[row] |= HALTS
-        elif one.waits and moved:
-            asked[row] |= MOVES
-        one.waits = on_its_way and (one.waits or went)
-        stood = one.known and on == one.stood_floor and hypot(x - one.stood_x_m, y - one.stood_y_m) <= STANDS_M
+            stale[row] |= HALTS
+        elif robot.waits and moved:
+            stale[row] |= MOVES
+        robot.waits = on_its_way and (robot.waits or went)
+        stood = robot.known and on == robot.stood_floor
+        stood = stood and hypot(x - robot.stood_x_m, y - robot.stood_y_m) <= STANDS_M
         if not stood:
-            one.stood_floor, one.stood_x_m, one.stood_y_m, one.stood_s = on, x, y, event_s[row]
-        one.stands = not goes or event_s[row] - one.stood_s >= STANDS_S
-        beside = _touches(on, x, y, x, y, resource_floors, resources_m)
-        if beside or one.beside:
-            asked[row] |= BESIDE
+            robot.stood_floor, robot.stood_x_m, robot.stood_y_m, robot.stood_s = on, x, y, event_s[row]
+        robot.stands = not goes or event_s[row] - robot.stood_s >= STANDS_S
+        beside = _touches(on, x, y, x, y, resources)
+        if beside or robot.beside:
+            stale[row] |= RESOURCE
         reach_m = hypot(length_m[row], width_m[row]) / 2 + spare_m
-        west, south, east, north = boxes_m[row]
-        passes = _touches(on, west - reach_m, south - reach_m, east + reach_m, north + reach_m, zone_floors, zones_m)
-        if passes or one.passes:
-            asked[row] |= PASSES
+        west, south, east, north = paths.boxes_m[row]
+        passes = _touches(on, west - reach_m, south - reach_m, east + reach_m, north + reach_m, zones)
+        if passes or robot.passes:
+            stale[row] |= PASSAGES
         if bound[row]:
-            asked[row] |= BOUND
-        if goes and basis[row] != _VELOCITY and floor[row, steps - 1] == floor[row, 0]:
-            x, y = x_m[row, steps - 1], y_m[row, steps - 1]
-            if _touches(on, x, y, x, y, resource_floors, resources_m):
-                asked[row] |= ENDS
-        one.known, one.beside, one.passes, one.bound, one.stops = True, beside, passes, bound[row], stops[row]
-        one.row = row
-    return asked
+            stale[row] |= STOPS
+        if goes and basis[row] != _VELOCITY and view.floor[row, last] == floor:
+            end_x, end_y = view.x_m[row, last], view.y_m[row, last]
+            if _touches(on, end_x, end_y, end_x, end_y, resources):
+                stale[row] |= PATH_END
+        robot.known, robot.beside, robot.passes, robot.bound = True, beside, passes, bound[row]
+        robot.stops, robot.row = stops[row], row
+    return stale
 
 
 @kernel(
@@ -207,37 +219,37 @@ def take_in(
         _RECORDS, _STOPS, numba.float64
     )
 )
-def around(robots: Records, stops: Stops, spare_m: float) -> tuple[Floats, Floats, Floats, Ints, Ints, Ints]:
-    """Boxes, and whose: the ends of legs that lie in no resource, robots that stand, ways of those that go or wait.
+def collect_boxes(robots: Records, stops: Stops, spare_m: float) -> tuple[Floats, Floats, Floats, Ints, Ints, Ints]:
+    """Boxes of stops that lie in no resource, of robots that stand, and of the paths of robots that move or wait.
 
-    The boxes are (n, 4), `spare_m` larger than they have to be; of an end is told the slot and which stop of the
-    robot's it is, of the others the slot. None where nobody stands.
+    Three times boxes (n, 4), each larger by `spare_m`; then (n, 2) slot and number of each stop, (n,) slot of each
+    standing robot, (n,) slot of each path. All are empty if no robot stands.
     """
     ends, standing, going = 0, 0, 0
     for slot in range(len(robots)):
-        one = robots[slot]
-        standing += one.known and one.stands and one.floor >= 0
+        robot = robots[slot]
+        standing += robot.known and robot.stands and robot.floor >= 0
     for slot in range(len(robots) if standing else 0):
-        one = robots[slot]
-        going += one.goes or one.waits
-        for k in range(one.stops):
+        robot = robots[slot]
+        going += robot.goes or robot.waits
+        for k in range(robot.stops):
             ends += stops[slot, k].resource < 0
     ends_m, standing_m, going_m = np.empty((ends, 4)), np.empty((standing, 4)), np.empty((going, 4))
     end, stander, goer = np.empty((ends, 2), np.int64), np.empty(standing, np.int64), np.empty(going, np.int64)
     ends, standing, going = 0, 0, 0
     for slot in range(len(robots) if len(stander) else 0):
-        one = robots[slot]
-        if one.known and one.stands and one.floor >= 0:
-            by_m = hypot(one.length_m, one.width_m) / 2 + spare_m
-            standing_m[standing] = one.x_m - by_m, one.y_m - by_m, one.x_m + by_m, one.y_m + by_m
+        robot = robots[slot]
+        if robot.known and robot.stands and robot.floor >= 0:
+            by_m = hypot(robot.length_m, robot.width_m) / 2 + spare_m
+            standing_m[standing] = robot.x_m - by_m, robot.y_m - by_m, robot.x_m + by_m, robot.y_m + by_m
             stander[standing] = slot
             standing += 1
-        if one.goes or one.waits:
-            by_m = one.width_m / 2 + LEAST_M + spare_m
-            going_m[going] = one.west_m - by_m, one.south_m - by_m, one.east_m + by_m, one.north_m + by_m
+        if robot.goes or robot.waits:
+            by_m = robot.width_m / 2 + LEAST_M + spare_m
+            going_m[going] = robot.west_m - by_m, robot.south_m - by_m, robot.east_m + by_m, robot.north_m + by_m
             goer[going] = slot
             going += 1
-        for k in range(one.stops):
+        for k in range(robot.stops):
             stop = stops[slot, k]
             if stop.resource < 0:
                 ends_m[ends] = stop.x_m, stop.y_m, stop.x_m, stop.y_m

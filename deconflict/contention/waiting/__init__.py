@@ -1,1 +1,1 @@
-"""Who waits for whom: blockages, deadlocks and ways out."""
+"""Which robot waits for which: blockages, deadlocks and ways out."""

@@ -1,48 +1,53 @@
-"""Robots that stand where others will pass, with everyone they hold up."""
+"""Robots that stand where others will pass, and all robots that they hold up."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from deconflict.contention.robots.robot_view import Seen
+from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.wait_graph import Hindrance
 
 
 @dataclass(frozen=True, slots=True)
-class Blocked:
-    """One blocker and those it holds up, soonest first, others behind them included."""
+class Blockage:
+    """One blocker and the robots that it holds up."""
 
     blocker: str
     since_s: float
+    """Since when it stands."""
     from_s: float
-    """When the first of them gets there."""
+    """When the first robot gets there."""
     holds_up: tuple[str, ...]
+    """The soonest first, with robots behind them."""
 
 
-def blockages(found: Iterable[Hindrance], robots: Mapping[str, Seen], now_s: float, stand_s: float) -> list[Blocked]:
-    """Who has stood for `stand_s` outside of every resource and waits for nobody, though others' ways lead there."""
+def blockages(
+    in_way: Iterable[Hindrance], robots: Mapping[str, RobotView], now_s: float, stand_s: float
+) -> list[Blockage]:
+    """Robots in the way of others that have stood for `stand_s` outside every resource and wait for nobody."""
     behind: dict[str, list[Hindrance]] = {}
     waits = set()
-    for one in found:
-        behind.setdefault(one.blocker, []).append(one)
-        waits.add(one.waiter)
-    told = []
+    for hindrance in in_way:
+        behind.setdefault(hindrance.blocker, []).append(hindrance)
+        waits.add(hindrance.waiter)
+    found = []
     for blocker in sorted(behind.keys() - waits):
-        seen = robots[blocker]
-        if seen.here is None and now_s - seen.stood_s >= stand_s:
-            held = _held(blocker, behind)
-            told.append(Blocked(blocker, seen.stood_s, min(held.values()), tuple(sorted(held, key=lambda u: held[u]))))
-    return told
+        robot = robots[blocker]
+        if robot.here is None and now_s - robot.stood_s >= stand_s:
+            from_s = _held_up_s(blocker, behind)
+            holds_up = tuple(sorted(from_s, key=from_s.__getitem__))
+            found.append(Blockage(blocker, robot.stood_s, min(from_s.values()), holds_up))
+    return found
 
 
-def _held(blocker: str, behind: Mapping[str, list[Hindrance]]) -> dict[str, float]:
-    """Everyone who waits for the blocker or for one who does, and from when."""
-    held: dict[str, float] = {}
+def _held_up_s(blocker: str, behind: Mapping[str, list[Hindrance]]) -> dict[str, float]:
+    """All robots that wait for the blocker, directly or through others, and from when."""
+    held_up_s: dict[str, float] = {}
     queue = [(blocker, 0.0)]
     while queue:
         holder, after_s = queue.pop(0)
-        for one in behind.get(holder, ()):
-            from_s = max(one.from_s, after_s)
-            if one.waiter != blocker and from_s < held.get(one.waiter, float("inf")):
-                held[one.waiter] = from_s
-                queue.append((one.waiter, from_s))
-    return held
+        for hindrance in behind.get(holder, ()):
+            waiter, from_s = hindrance.waiter, max(hindrance.from_s, after_s)
+            if waiter != blocker and from_s < held_up_s.get(waiter, float("inf")):
+                held_up_s[waiter] = from_s
+                queue.append((waiter, from_s))
+    return held_up_s

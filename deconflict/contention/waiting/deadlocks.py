@@ -1,7 +1,7 @@
 """Deadlocks: robots that wait for each other in a ring.
 
-Everybody wants things that others hold. A robot goes on once each of its wants has a holder that goes on: any one of
-the holders of a resource with several places will do. Those that never go on are locked, and among them is a ring.
+Robots want things that others hold. A robot moves on once each of its wants has a holder that moves on: of a resource
+with several places, any one of the holders. Robots that never move on are locked, and among them is a ring.
 """
 
 from collections.abc import Iterable
@@ -13,20 +13,20 @@ Node = tuple[str, int]
 
 @dataclass(frozen=True, slots=True)
 class Want:
-    """On one leg, something that others hold."""
+    """Something that a robot wants on one leg and that others hold."""
 
     waiter: Node
     holders: tuple[Node, ...]
-    """Any of them will do."""
+    """It is enough that one of them moves on."""
     where: str
     """Id of a resource or zone, or "path"."""
     from_s: float
-    """When it begins to wait."""
+    """When the waiter begins to wait."""
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
-    """One robot's place in a ring."""
+class RingLink:
+    """One robot of a ring, and the next one that it waits for."""
 
     waiter: str
     holder: str
@@ -34,22 +34,22 @@ class Link:
     from_s: float
 
 
-def rings(wants: Iterable[Want]) -> list[tuple[Link, ...]]:
-    """The rings among robots that can never go on, each from its first robot by UUID; none shares a robot's leg."""
+def rings(wants: Iterable[Want]) -> list[tuple[RingLink, ...]]:
+    """The rings among locked robots, each from its first robot by UUID; no two rings share a leg of a robot."""
     by_waiter: dict[Node, list[Want]] = {}
     for want in wants:
         by_waiter.setdefault(want.waiter, []).append(want)
     locked = _locked(by_waiter)
     waits_for: dict[Node, tuple[Want, Node]] = {}
     for node in sorted(locked):
-        hopeless = [one for one in by_waiter[node] if locked.issuperset(one.holders)]
-        want = min(hopeless, key=lambda one: (one.from_s, one.where, one.holders))
+        hopeless = [want for want in by_waiter[node] if locked.issuperset(want.holders)]
+        want = min(hopeless, key=lambda want: (want.from_s, want.where, want.holders))
         waits_for[node] = want, min(want.holders)
     return [_ring(nodes, waits_for) for nodes in _loops(waits_for)]
 
 
 def _locked(by_waiter: dict[Node, list[Want]]) -> set[Node]:
-    """Those that never go on."""
+    """The nodes that never move on."""
     locked = set(by_waiter)
     while True:
         free = {
@@ -63,7 +63,7 @@ def _locked(by_waiter: dict[Node, list[Want]]) -> set[Node]:
 
 
 def _loops(waits_for: dict[Node, tuple[Want, Node]]) -> list[list[Node]]:
-    """The loops of a graph in which every node leads to one other."""
+    """The loops of a graph in which every node leads to one other node."""
     done: set[Node] = set()
     loops = []
     for start in sorted(waits_for):
@@ -78,10 +78,10 @@ def _loops(waits_for: dict[Node, tuple[Want, Node]]) -> list[list[Node]]:
     return loops
 
 
-def _ring(nodes: list[Node], waits_for: dict[Node, tuple[Want, Node]]) -> tuple[Link, ...]:
+def _ring(nodes: list[Node], waits_for: dict[Node, tuple[Want, Node]]) -> tuple[RingLink, ...]:
     first = nodes.index(min(nodes))
     links = []
     for node in nodes[first:] + nodes[:first]:
         want, holder = waits_for[node]
-        links.append(Link(node[0], holder[0], want.where, want.from_s))
+        links.append(RingLink(node[0], holder[0], want.where, want.from_s))
     return tuple(links)

@@ -1,4 +1,4 @@
-"""What ends a ring where no order of waiting does: one robot goes elsewhere first, or backs out of a lane."""
+"""Ways out of a ring if no order of waiting ends it: one robot goes elsewhere first, or backs out of a lane."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,20 +6,20 @@ from math import hypot
 from operator import itemgetter
 
 from deconflict.advisory import Recommendation, Slot, moment
-from deconflict.contention.robots.destinations import Stop
+from deconflict.contention.robots.destinations import PlannedStop
 from deconflict.contention.robots.place_geometry import CHANGEOVER_S
-from deconflict.contention.robots.robot_view import Seen
-from deconflict.contention.waiting.deadlocks import Link
+from deconflict.contention.robots.robot_view import RobotView
+from deconflict.contention.waiting.deadlocks import RingLink
 
-PACE_MPS = 1.0
-"""At which robots are taken to drive from place to place, in a straight line."""
+SPEED_MPS = 1.0
+"""Robots are taken to drive from place to place in a straight line at this speed."""
 CLEAR_S = 2.0
-"""From when a robot sets out until the next one may set out for its place."""
+"""From when a robot departs until the next one may depart for its place."""
 
 
 @dataclass(frozen=True, slots=True)
 class Refuge:
-    """A free place that nobody wants."""
+    """A resource with room left."""
 
     resource: str
     datum: str
@@ -28,34 +28,38 @@ class Refuge:
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
-    """One robot of a ring, as it means to go on."""
+class RingMove:
+    """One robot of a ring, and where it goes next."""
 
     robot: str
     at: tuple[float, float]
-    to: Stop
+    """x and y in metres."""
+    to: PlannedStop
     leaves_s: float
+    """When it means to depart."""
     priority: float
+    """Weight of a second of its delay."""
 
     @property
     def way_s(self) -> float:
-        return hypot(self.to.x_m - self.at[0], self.to.y_m - self.at[1]) / PACE_MPS
+        """How long it drives to its stop."""
+        return hypot(self.to.x_m - self.at[0], self.to.y_m - self.at[1]) / SPEED_MPS
 
 
 def detour(
-    ring: Sequence[Link],
-    robots: Mapping[str, Seen],
+    ring: Sequence[RingLink],
+    robots: Mapping[str, RobotView],
     refuges: Sequence[Refuge],
     now_s: float,
     priority: Callable[[str], float],
     standing: Recommendation | None = None,
     switch_s: float = 2.0,
 ) -> Recommendation | None:
-    """The cheapest way in which one robot goes to a refuge and the others go on one after the other, then itself.
+    """The cheapest plan in which one robot goes to a refuge, the others move on one after another, and then itself.
 
-    The cost is how much later than they mean to they all come to what they want, weighted by priority. What `standing`
-    sent somewhere is sent there again, unless another saves `switch_s`. None where the ring is of more than places,
-    or nothing is free.
+    The cost is the sum of delays at what the robots want, weighted by priority. The robot that `standing` sent to a
+    refuge is sent there again, unless another plan saves `switch_s`. None if robots of the ring wait for more than
+    places, or no refuge is on their floor.
     """
     moves = _moves(ring, robots, now_s, priority)
     if not moves:
@@ -69,25 +73,30 @@ def detour(
     ]
     if not plans:
         return None
-    best = min(plans, key=lambda one: (one.cost_s, _sent(one)))
-    kept = [one for one in plans if standing and standing.slots and _sent(one) == _sent(standing)]
+    best = min(plans, key=lambda plan: (plan.cost_s, _first_move(plan)))
+    kept = [plan for plan in plans if standing and standing.slots and _first_move(plan) == _first_move(standing)]
     return kept[0] if kept and kept[0].cost_s <= best.cost_s + switch_s else best
 
 
 def back_out(
-    ring: Sequence[Link], robots: Mapping[str, Seen], lane_m: float, now_s: float, priority: Callable[[str], float]
+    ring: Sequence[RingLink],
+    robots: Mapping[str, RobotView],
+    lane_m: float,
+    now_s: float,
+    priority: Callable[[str], float],
 ) -> tuple[Recommendation, str, float]:
-    """Of two in a lane towards each other, the one for which it costs least backs out and comes again; who, how far.
+    """For two robots towards each other in a lane: the one for which it costs less backs out and comes again.
 
-    It waits before the lane until the other one is out of it, and then has the way back to go.
+    It waits before the lane until the other robot is out of it, and then drives the way back. Returns the advice, the
+    robot that backs out, and how far.
     """
     plans = []
     for link in ring:
-        one, other = robots[link.waiter], robots[link.holder]
-        back_m, other_m = (_depth_m(each, link.where, lane_m, now_s) for each in (one, other))
-        out_s = max(lane_m + other.length_m - other_m, back_m) / PACE_MPS
+        robot, other = robots[link.waiter], robots[link.holder]
+        back_m, other_m = (_depth_m(each, link.where, lane_m, now_s) for each in (robot, other))
+        out_s = max(lane_m + other.length_m - other_m, back_m) / SPEED_MPS
         starts_s = now_s + out_s + CHANGEOVER_S
-        cost_s = priority(one.uuid) * (starts_s - now_s + back_m / PACE_MPS)
+        cost_s = priority(robot.uuid) * (starts_s - now_s + back_m / SPEED_MPS)
         first = Slot(
             robot=other.uuid,
             resource=link.where,
@@ -96,65 +105,65 @@ def back_out(
             wait_s=0.0,
         )
         second = first.model_copy(
-            update={"robot": one.uuid, "wait_s": round(starts_s - now_s, 3), "start_at": moment(starts_s)}
+            update={"robot": robot.uuid, "wait_s": round(starts_s - now_s, 3), "start_at": moment(starts_s)}
         )
-        second = second.model_copy(update={"end_at": moment(starts_s + lane_m / PACE_MPS)})
+        second = second.model_copy(update={"end_at": moment(starts_s + lane_m / SPEED_MPS)})
         advice = Recommendation(
             slots=(first, second),
             cost_s=round(cost_s, 3),
             bound_s=0.0,
             proven_optimal=False,
         )
-        plans.append((cost_s, one.uuid, back_m, advice))
-    _, robot, back_m, advice = min(plans, key=itemgetter(0, 1))
-    return advice, robot, back_m
+        plans.append((cost_s, robot.uuid, back_m, advice))
+    _, uuid, back_m, advice = min(plans, key=itemgetter(0, 1))
+    return advice, uuid, back_m
 
 
-def _depth_m(one: Seen, lane: str, lane_m: float, now_s: float) -> float:
-    """How far its back has to go until its front is out where it came in."""
-    passage = one.passages[lane]
+def _depth_m(robot: RobotView, lane: str, lane_m: float, now_s: float) -> float:
+    """How far a robot has to back up until its front is out of the lane where it came in."""
+    passage = robot.passages[lane]
     along_m = passage.at_m(now_s)
-    return max((along_m if passage.direction > 0 else lane_m - along_m) + one.length_m / 2, 0.0)
+    return max((along_m if passage.direction > 0 else lane_m - along_m) + robot.length_m / 2, 0.0)
 
 
-def _sent(advice: Recommendation) -> tuple[str, str]:
-    """Who goes where first."""
+def _first_move(advice: Recommendation) -> tuple[str, str]:
+    """The robot that moves first, and where to."""
     return advice.slots[0].robot, advice.slots[0].resource
 
 
 def _moves(
-    ring: Sequence[Link], robots: Mapping[str, Seen], now_s: float, priority: Callable[[str], float]
-) -> list[Move]:
-    """In the order of the ring; empty where somebody waits for more than the place that the next one has now."""
+    ring: Sequence[RingLink], robots: Mapping[str, RobotView], now_s: float, priority: Callable[[str], float]
+) -> list[RingMove]:
+    """In the order of the ring; empty if a robot waits for more than the place that the next robot has now."""
     moves = []
     for link in ring:
-        one, holder = robots[link.waiter], robots[link.holder]
-        if not one.stops or one.stops[0].resource != link.where or holder.here != link.where:
+        robot, holder = robots[link.waiter], robots[link.holder]
+        if not robot.stops or robot.stops[0].resource != link.where or holder.here != link.where:
             return []
-        to = one.stops[0]
-        away_s = hypot(to.x_m - one.x_m, to.y_m - one.y_m) / PACE_MPS
-        moves.append(Move(one.uuid, (one.x_m, one.y_m), to, max(to.t_s - away_s, now_s), priority(one.uuid)))
+        to, at = robot.stops[0], (robot.x_m, robot.y_m)
+        away_s = hypot(to.x_m - robot.x_m, to.y_m - robot.y_m) / SPEED_MPS
+        moves.append(RingMove(robot.uuid, at, to, max(to.t_s - away_s, now_s), priority(robot.uuid)))
     return moves
 
 
-def _plan(chain: Sequence[Move], refuge: Refuge) -> Recommendation:
-    """The first of a chain goes to the refuge; each of the others wants the place of the one before it."""
+def _plan(chain: Sequence[RingMove], refuge: Refuge) -> Recommendation:
+    """The plan in which the first of a chain goes to the refuge; each other robot wants the place of the one before."""
     first, *others = chain
-    at_refuge_s = first.leaves_s + hypot(refuge.x_m - first.at[0], refuge.y_m - first.at[1]) / PACE_MPS
+    at_refuge_s = first.leaves_s + hypot(refuge.x_m - first.at[0], refuge.y_m - first.at[1]) / SPEED_MPS
     left_s, cost_s, slots = first.leaves_s, 0.0, []
     for move in others:
         leaves_s = max(move.leaves_s, left_s + CLEAR_S)
         late_s = leaves_s - move.leaves_s
         slots.append(_slot(move, leaves_s + move.way_s, late_s))
         cost_s, left_s = cost_s + move.priority * late_s, leaves_s
-    goes_on_s = max(at_refuge_s, left_s + CLEAR_S)
-    arrives_s = goes_on_s + hypot(first.to.x_m - refuge.x_m, first.to.y_m - refuge.y_m) / PACE_MPS
+    moves_on_s = max(at_refuge_s, left_s + CLEAR_S)
+    arrives_s = moves_on_s + hypot(first.to.x_m - refuge.x_m, first.to.y_m - refuge.y_m) / SPEED_MPS
     late_s = max(arrives_s - first.leaves_s - first.way_s, 0.0)
     stay = Slot(
         robot=first.robot,
         resource=refuge.resource,
         start_at=moment(at_refuge_s),
-        end_at=moment(goes_on_s),
+        end_at=moment(moves_on_s),
         wait_s=0.0,
     )
     return Recommendation(
@@ -165,6 +174,6 @@ def _plan(chain: Sequence[Move], refuge: Refuge) -> Recommendation:
     )
 
 
-def _slot(move: Move, arrives_s: float, late_s: float) -> Slot:
+def _slot(move: RingMove, arrives_s: float, late_s: float) -> Slot:
     at = moment(arrives_s)
     return Slot(robot=move.robot, resource=move.to.resource or "", start_at=at, end_at=at, wait_s=round(late_s, 3))

@@ -1,7 +1,7 @@
-"""Robots' journeys as legs: what each has, what it wants next, and for how long it keeps what it has.
+"""Journeys of robots as legs, and what robots want on each leg that others hold.
 
-A robot keeps its place until it sets out for the next, and what it wants must be free by then: robots that each want
-the other's place would otherwise need somewhere to pass each other, of which the service knows nothing.
+A robot keeps its place until it departs for the next, and what it wants must be free by then. Otherwise robots that
+each want the other's place would have to pass each other somewhere, which the service can't plan.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,117 +13,123 @@ import numpy as np
 import shapely
 
 from deconflict.contention.robots import record_kernels
-from deconflict.contention.robots.bounding_boxes import ROUNDING_M, touching
+from deconflict.contention.robots.bounding_boxes import ROUNDING_M, touching_boxes
 from deconflict.contention.robots.record_kernels import LEAST_M
-from deconflict.contention.robots.robot_table import Robots
-from deconflict.contention.robots.robot_view import Seen
+from deconflict.contention.robots.robot_table import RobotTable
+from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import Node, Want
 from deconflict.sweep.geometry.heights import heights_overlap, heights_overlap_each
 from ingest.batch import Bools, Floats, Ints
 
 WAY_M = 1.0
-"""A robot that stands with less than this left to what is in its way waits for it."""
+"""A robot that stands this near to what is in its way waits for it."""
 AT = "at "
-"""Prefix of the name of a place that nobody drew: where a robot stands."""
+"""Prefix of the name of a place outside every resource, where a robot stands."""
 PATH = "path"
 
 
-class Around(NamedTuple):
-    """Boxes (n, 4), and whose they are, of what may be where a robot stands."""
+class NearbyBoxes(NamedTuple):
+    """Boxes of robots that stand, and of what may be near them."""
 
     ends_m: Floats
+    """(e, 4) boxes of stops outside every resource."""
     standing_m: Floats
+    """(s, 4) boxes of robots that stand."""
     going_m: Floats
+    """(g, 4) boxes of the paths of robots that move or wait."""
     ends: Ints
-    """(n, 2) slot of a robot, and which of its stops."""
+    """(e, 2) slot of a robot, and number of the stop."""
     standing: Ints
-    """Slots."""
+    """(s,) slots."""
     going: Ints
-    """Slots."""
+    """(g,) slots."""
 
     @classmethod
-    def of(cls, robots: Robots) -> Self:
-        return cls(*record_kernels.around(robots.records, robots.stops, ROUNDING_M))
+    def of(cls, robots: RobotTable) -> Self:
+        return cls(*record_kernels.collect_boxes(robots.records, robots.stops, ROUNDING_M))
 
-    def stood_on(self, robots: Robots) -> list[tuple[tuple[int, int], int]]:
-        """Ends of legs, by slot and stop, that are near a robot which stands outside of every resource; its slot."""
-        row, at = touching(self.ends_m, self.standing_m).T
-        ends, standing, one = self.ends[row], self.standing[at], robots.records
-        near = (ends[:, 0] != standing) & ~one["here"][standing] & _beside(robots, ends[:, 0], standing)
+    def stood_on(self, robots: RobotTable) -> list[tuple[tuple[int, int], int]]:
+        """Stops, by slot and number, that are near a robot which stands outside every resource, and its slot."""
+        row, at = touching_boxes(self.ends_m, self.standing_m).T
+        ends, standing = self.ends[row], self.standing[at]
+        is_free = ~robots.records["here"][standing]
+        near = (ends[:, 0] != standing) & is_free & _at_one_height(robots, ends[:, 0], standing)
         return list(zip(map(tuple, ends[near].tolist()), standing[near].tolist(), strict=True))
 
-    def in_way(self, robots: Robots) -> list[tuple[int, int]]:
-        """Slots of robots with one that stands near their way, and its slot."""
-        row, at = touching(self.going_m, self.standing_m).T
+    def in_way(self, robots: RobotTable) -> list[tuple[int, int]]:
+        """Slots of robots that have another standing near their path, and its slot."""
+        row, at = touching_boxes(self.going_m, self.standing_m).T
         going, standing, floor = self.going[row], self.standing[at], robots.records["floor"]
-        near = (going != standing) & (floor[going] == floor[standing]) & _beside(robots, going, standing)
+        near = (going != standing) & (floor[going] == floor[standing]) & _at_one_height(robots, going, standing)
         return list(zip(going[near].tolist(), standing[near].tolist(), strict=True))
 
 
-def _beside(robots: Robots, slots: Ints, others: Ints) -> Bools:
-    """(n,) whether neither of two robots passes above the other."""
+def _at_one_height(robots: RobotTable, slots: Ints, others: Ints) -> Bools:
+    """(n,) whether neither robot of a pair passes above the other."""
     bottom_m, top_m = robots.records["bottom_m"], robots.records["top_m"]
     return heights_overlap_each(bottom_m[slots], top_m[slots], bottom_m[others], top_m[others])
 
 
 class Leg(NamedTuple):
-    """One robot keeps `place` from `since_s` to `until_s`, and is at `wants` from `arrives_s` on."""
+    """A robot keeps `place` from `since_s` to `until_s`, and is at `wants` from `arrives_s` on."""
 
     node: Node
     place: str
     since_s: float
     until_s: float
     bottom_m: float
-    """Heights that the robot reaches from and to."""
+    """The lowest height that the robot reaches."""
     top_m: float
+    """The highest height that it reaches."""
     wants: str | None = None
     arrives_s: float = inf
 
 
-def legs(robots: Robots, around: Around, now_s: float) -> list[Leg]:
-    """The legs, as far as they reach, of robots that have or want something that another may have or want.
+def legs(robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Leg]:
+    """The legs of robots that have or want something that another robot may have or want.
 
-    That is a resource, or the place where a robot stands that another goes to: whoever else stands is where nobody
-    goes. A robot that has nothing and goes to one place only has a leg where another wants that place.
+    That is a resource, or the place of a standing robot to which another robot goes. A robot that has nothing and goes
+    to one place only has a leg only if another robot wants that place.
     """
-    stood_on = _stood_on(robots, around)
-    met = {one.uuid: one for one in (*robots.placed(), *robots.bound(), *stood_on.values())}
-    met |= {uuid: robots[uuid] for uuid, _ in stood_on}
-    having = {uuid: one for uuid, one in met.items() if one.here or one.stands or len(one.stops) > 1}
-    found = [leg for one in having.values() for leg in _legs(one, stood_on, now_s)]
+    stood_on = _stood_on(robots, nearby)
+    views = {robot.uuid: robot for robot in (*robots.placed(), *robots.bound(), *stood_on.values())}
+    views |= {uuid: robots[uuid] for uuid, _ in stood_on}
+    having = {uuid: robot for uuid, robot in views.items() if robot.here or robot.stands or len(robot.stops) > 1}
+    found = [leg for robot in having.values() for leg in _legs(robot, stood_on, now_s)]
     wanted = {leg.wants for leg in found if leg.wants}
-    for uuid in met.keys() - having.keys():
-        one = met[uuid]
-        if one.stops and (one.stops[0].resource in wanted or (uuid, 0) in stood_on):
-            found += _legs(one, stood_on, now_s)
+    for uuid in views.keys() - having.keys():
+        robot = views[uuid]
+        if robot.stops and (robot.stops[0].resource in wanted or (uuid, 0) in stood_on):
+            found += _legs(robot, stood_on, now_s)
     return found
 
 
-def _legs(one: Seen, stood_on: Mapping[Node, Seen], now_s: float) -> Iterable[Leg]:
-    place = one.here or (AT + one.uuid if one.stands else None)
-    since_s, datum, x_m, y_m = one.came_s if one.here else one.stood_s, one.datum, one.x_m, one.y_m
-    for number, stop in enumerate(one.stops):
-        node = one.uuid, number
+def _legs(robot: RobotView, stood_on: Mapping[Node, RobotView], now_s: float) -> Iterable[Leg]:
+    """The legs of one robot."""
+    place = robot.here or (AT + robot.uuid if robot.stands else None)
+    since_s, datum, x_m, y_m = robot.came_s if robot.here else robot.stood_s, robot.datum, robot.x_m, robot.y_m
+    for number, stop in enumerate(robot.stops):
+        node = robot.uuid, number
         wants = stop.resource or (AT + stood_on[node].uuid if node in stood_on else None)
         away_s = hypot(stop.x_m - x_m, stop.y_m - y_m) if stop.datum == datum else 0.0
         if place:
             until_s = max(stop.t_s - away_s, since_s, now_s)
-            yield Leg(node, place, since_s, until_s, one.bottom_m, one.top_m, wants, stop.t_s)
+            yield Leg(node, place, since_s, until_s, robot.bottom_m, robot.top_m, wants, stop.t_s)
         place, since_s, datum, x_m, y_m = wants, stop.t_s, stop.datum, stop.x_m, stop.y_m
     if place:
-        yield Leg((one.uuid, len(one.stops)), place, since_s, inf, one.bottom_m, one.top_m)
+        yield Leg((robot.uuid, len(robot.stops)), place, since_s, inf, robot.bottom_m, robot.top_m)
 
 
-def _stood_on(robots: Robots, around: Around) -> dict[Node, Seen]:
-    """By leg, the robot that now stands where the leg ends, outside of every resource."""
-    pairs = around.stood_on(robots)
+def _stood_on(robots: RobotTable, nearby: NearbyBoxes) -> dict[Node, RobotView]:
+    """By leg, the robot that now stands where the leg ends, outside every resource."""
+    pairs = nearby.stood_on(robots)
     if not pairs:
         return {}
     ends = list(dict.fromkeys(end for end, _ in pairs))
     standing = sorted({slot for _, slot in pairs}, key=lambda slot: robots.uuids[slot])
     stops = robots.stops[[slot for slot, _ in ends], [number for _, number in ends]]
     points = shapely.points(stops["x_m"], stops["y_m"])
-    found: dict[Node, Seen] = {}
+    found: dict[Node, RobotView] = {}
     may_meet = set(pairs)
     for row, index in sorted(shapely.STRtree(robots.outlines(standing)).query(points, "intersects").T.tolist()):
         (slot, number), other = ends[row], standing[index]
@@ -132,17 +138,17 @@ def _stood_on(robots: Robots, around: Around) -> dict[Node, Seen]:
     return found
 
 
-def place_wants(every: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]:
-    """Who wants a place that is full when it sets out for it, and of whom.
+def place_wants(legs: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]:
+    """The wants of robots for places that are full when they depart for them.
 
-    One who means to be gone by then, to a place that it wants itself, may be there still: it goes only if it can.
+    A holder that means to leave before, for a place that it wants itself, may still be there: it leaves only if it can.
     """
     by_place: dict[str, list[Leg]] = {}
-    every = list(every)
-    for leg in every:
+    legs = list(legs)
+    for leg in legs:
         by_place.setdefault(leg.place, []).append(leg)
     wants = []
-    for leg in every:
+    for leg in legs:
         if leg.wants is None:
             continue
         robot = leg.node[0]
@@ -155,17 +161,18 @@ def place_wants(every: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]
             and (other.until_s >= leg.until_s or other.wants is not None)
         ]
         if len({holder for holder, _ in holders}) >= capacity.get(leg.wants, 1):
-            wants.append(Want(leg.node, tuple(sorted(holders)), _public(leg.wants), leg.until_s))
+            wants.append(Want(leg.node, tuple(sorted(holders)), _where(leg.wants), leg.until_s))
     return wants
 
 
-def _public(place: str) -> str:
+def _where(place: str) -> str:
+    """A place as `Want.where` names it."""
     return PATH if place.startswith(AT) else place
 
 
 @dataclass(frozen=True, slots=True)
 class Hindrance:
-    """A standing robot in another one's way."""
+    """A standing robot in the way of another."""
 
     waiter: str
     blocker: str
@@ -173,49 +180,51 @@ class Hindrance:
     """When the waiter gets there."""
 
 
-def hindrances(robots: Robots, around: Around, now_s: float) -> list[Hindrance]:
-    """Which of those that stand are in others' way, by waiter and time."""
-    near = around.in_way(robots)
+def hindrances(robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Hindrance]:
+    """The standing robots in the way of others, by waiter and time."""
+    near = nearby.in_way(robots)
     if not near:
         return []
     going, standing = (list(dict.fromkeys(slots)) for slots in zip(*near, strict=True))
-    all_ways, outlines = robots.ways(going), robots.outlines(standing)
+    paths, outlines = robots.paths(going), robots.outlines(standing)
     reach = np.maximum(robots.records["width_m"][going] / 2 - LEAST_M, LEAST_M)
-    pairs = shapely.STRtree(outlines).query(all_ways, predicate="dwithin", distance=reach).T.tolist()
-    met = [(all_ways[row], going[row], standing[column]) for row, column in pairs]
+    pairs = shapely.STRtree(outlines).query(paths, predicate="dwithin", distance=reach).T.tolist()
+    met = [(paths[row], going[row], standing[column]) for row, column in pairs]
     may_meet = set(near)
-    met = [(way, slot, other) for way, slot, other in met if (slot, other) in may_meet]
+    met = [(path, slot, other) for path, slot, other in met if (slot, other) in may_meet]
     if not met:
         return []
-    ones = [(robots[robots.uuids[slot]], robots[robots.uuids[other]]) for _, slot, other in met]
-    middles = shapely.points([(other.x_m, other.y_m) for _, other in ones])
-    along_m = shapely.line_locate_point([way for way, _, _ in met], middles).tolist()
-    found = [_hindrance(one, other, to_m, now_s) for (one, other), to_m in zip(ones, along_m, strict=True)]
-    return sorted(found, key=lambda each: (each.waiter, each.from_s, each.blocker))
+    views = [(robots[robots.uuids[slot]], robots[robots.uuids[other]]) for _, slot, other in met]
+    centres = shapely.points([(blocker.x_m, blocker.y_m) for _, blocker in views])
+    along_m = shapely.line_locate_point([path for path, _, _ in met], centres).tolist()
+    found = [_hindrance(waiter, blocker, to_m, now_s) for (waiter, blocker), to_m in zip(views, along_m, strict=True)]
+    return sorted(found, key=lambda hindrance: (hindrance.waiter, hindrance.from_s, hindrance.blocker))
 
 
-def _hindrance(one: Seen, other: Seen, along_m: float, now_s: float) -> Hindrance:
-    """From when a robot comes to where it has to stop, or since when it stands there; the other is so far ahead."""
-    to_go_m = along_m - (one.length_m + min(other.length_m, other.width_m)) / 2
-    since_s = one.stood_s if one.stands and to_go_m < WAY_M else now_s + max(to_go_m, 0.0) / one.speed_mps
-    return Hindrance(one.uuid, other.uuid, max(since_s, now_s))
+def _hindrance(waiter: RobotView, blocker: RobotView, along_m: float, now_s: float) -> Hindrance:
+    """A blocker that is `along_m` ahead on the waiter's path: from when the waiter comes to where it has to stop."""
+    to_go_m = along_m - (waiter.length_m + min(blocker.length_m, blocker.width_m)) / 2
+    is_there = waiter.stands and to_go_m < WAY_M
+    from_s = waiter.stood_s if is_there else now_s + max(to_go_m, 0.0) / waiter.speed_mps
+    return Hindrance(waiter.uuid, blocker.uuid, max(from_s, now_s))
 
 
-def way_wants(found: Iterable[Hindrance]) -> list[Want]:
-    return [Want((one.waiter, 0), ((one.blocker, 0),), PATH, one.from_s) for one in found]
+def way_wants(in_way: Iterable[Hindrance]) -> list[Want]:
+    """The wants of robots for their paths."""
+    return [Want((each.waiter, 0), ((each.blocker, 0),), PATH, each.from_s) for each in in_way]
 
 
-def aisle_wants(robots: Iterable[Seen], aisles: Iterable[str]) -> list[Want]:
-    """Robots that go through a single lane towards each other at one height, of each other."""
+def aisle_wants(robots: Iterable[RobotView], aisles: Iterable[str]) -> list[Want]:
+    """The wants of robots for a lane, towards each other at one height."""
     wanted = set(aisles)
-    by_aisle: dict[str, list[Seen]] = {}
-    for one in robots:
-        for zone in one.passages.keys() & wanted:
-            by_aisle.setdefault(zone, []).append(one)
+    by_aisle: dict[str, list[RobotView]] = {}
+    for robot in robots:
+        for zone in robot.passages.keys() & wanted:
+            by_aisle.setdefault(zone, []).append(robot)
     wants = []
     for zone, inside in sorted(by_aisle.items()):
-        forth = [one for one in inside if one.passages[zone].direction > 0]
-        back = [one for one in inside if one.passages[zone].direction < 0]
+        forth = [robot for robot in inside if robot.passages[zone].direction > 0]
+        back = [robot for robot in inside if robot.passages[zone].direction < 0]
         for a in forth:
             for b in back:
                 meet_s = _meet_s(a, b, zone) if heights_overlap(a, b) else None
@@ -225,10 +234,10 @@ def aisle_wants(robots: Iterable[Seen], aisles: Iterable[str]) -> list[Want]:
     return wants
 
 
-def _meet_s(forth: Seen, back: Seen, zone: str) -> float | None:
-    """When two that drive towards each other in a lane are nose to nose; None where they do not come to that.
+def _meet_s(forth: RobotView, back: RobotView, zone: str) -> float | None:
+    """When two robots that drive towards each other in a lane are nose to nose; None if they will not be.
 
-    Nor do they where the lane is wide enough for their ways to pass each other.
+    They will not be if the lane is wide enough for their paths beside each other.
     """
     a, b = forth.passages[zone], back.passages[zone]
     first_s, noses_m = max(a.enter_s, b.enter_s), (forth.length_m + back.length_m) / 2

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from deconflict.client import Client
-from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.operator.http.api_sources import Exposition
 from deconflict.roles.service import run_in_one_process
 from deconflict.simulation.drills.drill_outcomes import DrillOutcome, DrillOutcomes, documents
@@ -53,7 +53,7 @@ async def played(
     errands, outcomes = party(stages), DrillOutcomes(drills, stages)
     async with run_in_one_process(site, data, exposition) as (receiver, operator):
         start_s = time.time()
-        service = SiteService(errands, Geometry(site.resources, site.zones), start_s)
+        service = SiteService(errands, PlaceGeometry(site.resources, site.zones), start_s)
         robots_url, url = f"ws://127.0.0.1:{receiver.receiver.port}", f"http://127.0.0.1:{operator.port}"
         playing = asyncio.create_task(_play(errands, robots_url, start_s))
         following = asyncio.create_task(_follow(url, service, outcomes))

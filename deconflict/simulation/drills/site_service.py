@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import shapely
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Hold, Slot
-from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit
 
 STALE_S = 1.5
@@ -17,7 +17,7 @@ WORTH_S = 0.3
 class SiteService:
     """Passes advice on to the robots of a group."""
 
-    def __init__(self, group: ErrandGroup, geometry: Geometry, start_s: float) -> None:
+    def __init__(self, group: ErrandGroup, geometry: PlaceGeometry, start_s: float) -> None:
         """The group's time 0 is `start_s`, seconds since the epoch."""
         self._group, self._geometry, self._start_s = group, geometry, start_s
         self._held: dict[str, tuple[Hold, ...]] = {}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from deconflict.advisory import ContentionAdvisory
-from deconflict.contention.queues.charger_forecast import AHEAD_S, Need, more_than, pools, shortages
-from deconflict.contention.queues.queue_forecast import Row, first_come
-from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.contention.queues.charger_forecast import AHEAD_S, ChargingNeed, charger_shortages, more_than, pools
+from deconflict.contention.queues.queue_forecast import QueueEntry, forecast_queues
+from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.settings.shared_places import Resource
 from tests.deconflict.contention.queues.made_driver import Driver, Levels
 from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
@@ -125,8 +125,8 @@ def test_where_a_vendor_is_charged_at_one_of_two_it_needs_that_one() -> None:
     batteries = scene.engine._shared.contention.robots.batteries
     scene.run(1)
     slot = scene.engine._shared.contention.robots._slots[robot("A")]
-    batteries.came(slot, 24.0)
-    batteries.left(slot, "Alder", "c1", 90.0)
+    batteries.arrive_at_charger(slot, 24.0)
+    batteries.leave_charger(slot, "Alder", "c1", 90.0)
     (one,) = told_of(scene, 30)
     assert one.resources == ("c1",)
 
@@ -151,12 +151,12 @@ def test_how_likely_more_than_some_are_is_what_all_cases_tell(likely: tuple[floa
         assert more_than(count, np.array(likely)) == pytest.approx(expected)
 
 
-def need(name: str, likely: float, *chargers: str) -> Need:
-    return Need(name, 25.0, frozenset(chargers), np.full(len(AHEAD_S), likely))
+def need(name: str, likely: float, *chargers: str) -> ChargingNeed:
+    return ChargingNeed(name, 25.0, frozenset(chargers), np.full(len(AHEAD_S), likely))
 
 
 def test_chargers_among_which_some_robot_may_choose_are_one_pool() -> None:
-    geometry = Geometry([charger(name, 6.0 * row) for row, name in enumerate("abcd")], ())
+    geometry = PlaceGeometry([charger(name, 6.0 * row) for row, name in enumerate("abcd")], ())
     assert pools([need("r", 1.0, "a", "c"), need("s", 1.0, "b")], geometry) == [("a", "c"), ("b",)]
     assert pools([need("r", 1.0, "d", "c"), need("s", 1.0, "b"), need("t", 1.0, "b", "c")], geometry) == [
         ("b", "c", "d")
@@ -169,9 +169,9 @@ def test_chargers_among_which_some_robot_may_choose_are_one_pool() -> None:
 def test_many_that_may_come_fill_chargers_as_likely_as_more_of_them_come_than_there_is_room_for(
     robots: int, likely: float, told: bool
 ) -> None:
-    geometry = Geometry([C1, C2], ())
+    geometry = PlaceGeometry([C1, C2], ())
     found = [need(f"r{number}", likely, "c1", "c2") for number in range(robots)]
-    shortage = shortages(found, {}, geometry, 0.0, {"c1": 900.0, "c2": 900.0})
+    shortage = charger_shortages(found, {}, geometry, 0.0, {"c1": 900.0, "c2": 900.0})
     assert bool(shortage) is told
     if shortage:
         (one,) = shortage
@@ -179,19 +179,19 @@ def test_many_that_may_come_fill_chargers_as_likely_as_more_of_them_come_than_th
 
 
 def test_those_who_say_that_they_come_take_room_until_they_leave() -> None:
-    geometry = Geometry([C1], ())
+    geometry = PlaceGeometry([C1], ())
     found = [need("r", 0.9, "c1")]
-    leaving = first_come({"c1": [Row(False, -9.0, "s", 30.0, 0.0)]}, geometry, 0.0)
-    staying = first_come({"c1": [Row(False, -9.0, "s", 400.0, 0.0)]}, geometry, 0.0)
-    assert shortages(found, leaving, geometry, 0.0, {"c1": 900.0}) == []
-    (one,) = shortages(found, staying, geometry, 0.0, {"c1": 900.0})
-    assert (one.there, one.wait_s) == (("s",), 340.0)
+    leaving = forecast_queues({"c1": [QueueEntry(False, -9.0, "s", 30.0, 0.0)]}, geometry, 0.0)
+    staying = forecast_queues({"c1": [QueueEntry(False, -9.0, "s", 400.0, 0.0)]}, geometry, 0.0)
+    assert charger_shortages(found, leaving, geometry, 0.0, {"c1": 900.0}) == []
+    (one,) = charger_shortages(found, staying, geometry, 0.0, {"c1": 900.0})
+    assert (one.announced, one.wait_s) == (("s",), 340.0)
 
 
 def test_what_was_told_of_stands_while_it_is_still_likely() -> None:
-    geometry = Geometry([C1], ())
-    turns = first_come({"c1": [Row(False, -9.0, "s", 400.0, 0.0)]}, geometry, 0.0)
+    geometry = PlaceGeometry([C1], ())
+    turns = forecast_queues({"c1": [QueueEntry(False, -9.0, "s", 400.0, 0.0)]}, geometry, 0.0)
     for likely, anew, still in ((0.85, True, True), (0.7, False, True), (0.5, False, False)):
         found = [need("r", likely, "c1")]
-        assert bool(shortages(found, turns, geometry, 0.0, {"c1": 900.0})) is anew
-        assert bool(shortages(found, turns, geometry, 0.0, {"c1": 900.0}, ["c1"])) is still
+        assert bool(charger_shortages(found, turns, geometry, 0.0, {"c1": 900.0})) is anew
+        assert bool(charger_shortages(found, turns, geometry, 0.0, {"c1": 900.0}, ["c1"])) is still

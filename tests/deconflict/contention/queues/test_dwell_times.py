@@ -2,50 +2,50 @@
 
 import pytest
 
-from deconflict.contention.queues.dwell_times import Dwells
+from deconflict.contention.queues.dwell_times import DwellTimes
 from tests.deconflict.contention.scenes import resource
 
 
 def test_a_prior_holds_until_enough_has_been_seen() -> None:
-    dwells = Dwells(resource("c", 0, 0, kind="charger"))
+    dwells = DwellTimes(resource("c", 0, 0, kind="charger"))
     assert dwells.service_s == 900.0
     for _ in range(2):
-        dwells.left_after(120.0)
+        dwells.add(120.0)
     assert dwells.service_s == 900.0
     for _ in range(2):
-        dwells.left_after(120.0)
+        dwells.add(120.0)
     assert dwells.service_s == 120.0
 
 
 def test_passing_through_is_no_dwell() -> None:
-    dwells = Dwells(resource("d", 0, 0))
+    dwells = DwellTimes(resource("d", 0, 0))
     for _ in range(20):
-        dwells.left_after(1.0)
+        dwells.add(1.0)
     assert dwells.service_s == 45.0
 
 
 def test_what_the_site_file_says_is_not_learned_over() -> None:
-    dwells = Dwells(resource("d", 0, 0, service_s=30.0))
+    dwells = DwellTimes(resource("d", 0, 0, service_s=30.0))
     for _ in range(20):
-        dwells.left_after(300.0)
+        dwells.add(300.0)
     assert dwells.service_s == 30.0
 
 
 @pytest.mark.parametrize(("elapsed_s", "remaining_s"), [(0.0, 30.0), (25.0, 5.0), (40.0, 7.5), (400.0, 7.5)])
 def test_one_that_outstays_all_others_goes_on_for_a_quarter_of_a_stay(elapsed_s: float, remaining_s: float) -> None:
-    assert Dwells(resource("d", 0, 0, service_s=30.0)).remaining_s(elapsed_s) == remaining_s
+    assert DwellTimes(resource("d", 0, 0, service_s=30.0)).remaining_s(elapsed_s) == remaining_s
 
 
 def test_who_has_stayed_long_is_compared_with_those_who_stayed_longer() -> None:
-    dwells = Dwells(resource("d", 0, 0))
+    dwells = DwellTimes(resource("d", 0, 0))
     for dwell_s in (10.0, 10.0, 10.0, 10.0, 10.0, 100.0, 100.0):
-        dwells.left_after(dwell_s)
+        dwells.add(dwell_s)
     assert dwells.remaining_s(50.0) == 50.0
 
 
 def test_stays_that_were_seen_count_after_a_restart() -> None:
-    dwells, resumed = Dwells(resource("c", 0, 0, kind="charger")), Dwells(resource("c", 0, 0, kind="charger"))
+    dwells, resumed = DwellTimes(resource("c", 0, 0, kind="charger")), DwellTimes(resource("c", 0, 0, kind="charger"))
     for _ in range(9):
-        dwells.left_after(120.0)
+        dwells.add(120.0)
     resumed.resume(dwells.learned())
     assert resumed.service_s == 120.0

@@ -7,40 +7,40 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deconflict.contention.queues.queue_forecast import Row, Turns, first_come
-from deconflict.contention.robots.place_geometry import CHANGEOVER_S, Geometry
+from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast, forecast_queues
+from deconflict.contention.robots.place_geometry import CHANGEOVER_S, PlaceGeometry
 from tests.deconflict.contention.scenes import aisle, resource
 
 
-def served(*wanted: Row, capacity: int = 1) -> Turns:
+def served(*wanted: QueueEntry, capacity: int = 1) -> QueueForecast:
     """At a lane, where there is no changeover, at 0."""
     lane = aisle("lane", 0, 9).model_copy(update={"capacity": capacity})
-    return first_come({"lane": list(wanted)}, Geometry((), [lane]), 0.0)["lane"]
+    return forecast_queues({"lane": list(wanted)}, PlaceGeometry((), [lane]), 0.0)["lane"]
 
 
-def coming(robot: str, arrival_s: float, service_s: float = 60.0) -> Row:
-    return Row(True, arrival_s, robot, service_s, 0.0)
+def coming(robot: str, arrival_s: float, service_s: float = 60.0) -> QueueEntry:
+    return QueueEntry(True, arrival_s, robot, service_s, 0.0)
 
 
-def inside(robot: str, since_s: float, service_s: float) -> Row:
-    return Row(False, since_s, robot, service_s, 0.0)
+def inside(robot: str, since_s: float, service_s: float) -> QueueEntry:
+    return QueueEntry(False, since_s, robot, service_s, 0.0)
 
 
-def robots(rows: list[Row]) -> list[str]:
+def robots(rows: list[QueueEntry]) -> list[str]:
     return [row[2] for row in rows]
 
 
 def test_one_place_serves_one_after_the_other() -> None:
     turns = served(coming("b", 20.0), coming("a", 10.0), coming("c", 200.0))
-    assert robots(turns.rows) == ["a", "b", "c"]
+    assert robots(turns.entries) == ["a", "b", "c"]
     assert turns.begin_s == [10.0, 70.0, 200.0]
     assert robots(turns.waiting) == ["b"]
-    assert turns.longest_s == 50.0
+    assert turns.longest_wait_s == 50.0
 
 
 def test_the_next_one_begins_when_the_one_before_is_out_of_its_way() -> None:
     wanted = [inside("in", -9.0, 10.0), coming("a", 0.0), coming("b", 0.0), coming("c", 500.0)]
-    turns = first_come({"c1": wanted}, Geometry([resource("c1", 0, 0)], ()), 0.0)["c1"]
+    turns = forecast_queues({"c1": wanted}, PlaceGeometry([resource("c1", 0, 0)], ()), 0.0)["c1"]
     assert turns.begin_s[1:] == [10.0 + CHANGEOVER_S, 70.0 + 2 * CHANGEOVER_S, 500.0]
 
 
@@ -50,11 +50,11 @@ def test_two_places_serve_two_at_once() -> None:
 
 def test_a_robot_inside_keeps_its_place_for_the_rest_of_its_service() -> None:
     turns = served(coming("late", 5.0), inside("in", -100.0, 30.0))
-    assert (robots(turns.rows), turns.inside) == (["in", "late"], 1)
-    assert turns.longest_s == 25.0
+    assert (robots(turns.entries), turns.inside) == (["in", "late"], 1)
+    assert turns.longest_wait_s == 25.0
     assert turns.free_s(1, 0.0) == 30.0
-    assert turns.there(5.0) == ["in", "late"]
-    assert turns.there(30.0) == ["late"]
+    assert turns.present_at(5.0) == ["in", "late"]
+    assert turns.present_at(30.0) == ["late"]
 
 
 def test_two_inside_where_one_fits_make_others_wait_for_the_later_one() -> None:
@@ -64,15 +64,15 @@ def test_two_inside_where_one_fits_make_others_wait_for_the_later_one() -> None:
 
 @pytest.mark.parametrize(("arrivals", "longest"), [((0, 100, 200), 0), ((0, 1, 2), 2), ((0, 10, 70), 1)])
 def test_the_longest_queue_counts_those_that_wait_together(arrivals: tuple[float, ...], longest: int) -> None:
-    assert served(*(coming(f"r{at}", float(at)) for at in arrivals)).queue == longest
+    assert served(*(coming(f"r{at}", float(at)) for at in arrivals)).longest_queue == longest
 
 
 def test_a_free_place_is_free_now() -> None:
-    assert Turns([], 0, [], [], 0.0, 0).free_s(1, 7.0) == 7.0
+    assert QueueForecast([], 0, [], [], 0.0, 0).free_s(1, 7.0) == 7.0
 
 
 def test_where_nobody_wants_anything_there_are_no_turns() -> None:
-    assert first_come({}, Geometry((), ()), 0.0) == {}
+    assert forecast_queues({}, PlaceGeometry((), ()), 0.0) == {}
 
 
 HEIGHTS = st.sampled_from([(0.0, 1.0), (0.5, 6.0), (5.0, 6.0), (-inf, inf)])
@@ -88,23 +88,25 @@ WANTED = st.lists(
 def test_many_places_are_served_as_each_alone_by_hand(
     lists: list[tuple[list[tuple[bool, float, float, tuple[float, float]]], int]],
 ) -> None:
-    wanted: dict[str, list[Row]] = {}
+    wanted: dict[str, list[QueueEntry]] = {}
     for number, (told, _) in enumerate(lists):
         wanted[f"d{number}"] = [
-            Row(coming, arrival_s, f"r{row:02}", service_s, 0.0, *heights_m)
+            QueueEntry(coming, arrival_s, f"r{row:02}", service_s, 0.0, *heights_m)
             for row, (coming, arrival_s, service_s, heights_m) in enumerate(told)
         ]
     places = [resource(f"d{number}", 9.0 * number, 0, capacity=most) for number, (_, most) in enumerate(lists)]
-    found = first_come(wanted, Geometry(places, ()), 0.0)
+    found = forecast_queues(wanted, PlaceGeometry(places, ()), 0.0)
     for place in places:
         turns, begin_s = found[place.id], by_hand(sorted(wanted[place.id]), place.capacity)
         assert turns.begin_s == begin_s
-        waits = [(row[1], start) for row, start in zip(turns.rows, begin_s, strict=True) if row[0] and start > row[1]]
-        assert turns.longest_s == max((start - came for came, start in waits), default=0.0)
-        assert turns.queue == max((sum(a <= at < b for a, b in waits) for at, _ in waits), default=0)
+        waits = [
+            (row[1], start) for row, start in zip(turns.entries, begin_s, strict=True) if row[0] and start > row[1]
+        ]
+        assert turns.longest_wait_s == max((start - came for came, start in waits), default=0.0)
+        assert turns.longest_queue == max((sum(a <= at < b for a, b in waits) for at, _ in waits), default=0)
 
 
-def by_hand(rows: list[Row], capacity: int) -> list[float]:
+def by_hand(rows: list[QueueEntry], capacity: int) -> list[float]:
     """When each begins, with a heap of when room comes free to it from those that are not above or below it."""
     began: list[float] = []
     for number, row in enumerate(rows):

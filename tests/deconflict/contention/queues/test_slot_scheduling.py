@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deconflict.advisory import Recommendation
-from deconflict.contention.queues.queue_forecast import Request
-from deconflict.contention.queues.slot_scheduling import TIE_S, Group, Queue, advise_slots
+from deconflict.contention.queues.place_group import PlaceGroup, PlaceQueue
+from deconflict.contention.queues.queue_forecast import ServiceRequest
+from deconflict.contention.queues.slot_scheduling import TIE_S, advise_slots
 
 NOW_S = 1_790_000_000.0
 
@@ -21,22 +22,22 @@ def request(
     vendor: str = "acme",
     priority: float = 1.0,
     inside: bool = False,
-) -> Request:
-    return Request(robot, vendor, NOW_S + arrival_s, service_s, priority, inside)
+) -> ServiceRequest:
+    return ServiceRequest(robot, vendor, NOW_S + arrival_s, service_s, priority, inside)
 
 
-def cheapest_s(places: list[Queue]) -> float:
+def cheapest_s(places: list[PlaceQueue]) -> float:
     """The least cost over every order and every choice of places."""
-    group = Group(places, NOW_S)
+    group = PlaceGroup(places, NOW_S)
     return min(
-        sum(turn.cost for turn in group.served(list(zip(order, chosen, strict=True))))
+        sum(turn.cost for turn in group.schedule(list(zip(order, chosen, strict=True))))
         for order in permutations(group.jobs)
         for chosen in product(range(len(places)), repeat=len(order))
     ) / (1000 * 100)
 
 
 @st.composite
-def groups(draw: st.DrawFn, most: int) -> list[Queue]:
+def groups(draw: st.DrawFn, most: int) -> list[PlaceQueue]:
     places, changeover_s = [], draw(st.sampled_from([0.0, 4.0]))
     for row in range(draw(st.integers(1, 2))):
         requests = tuple(
@@ -50,13 +51,13 @@ def groups(draw: st.DrawFn, most: int) -> list[Queue]:
             )
             for number in range(draw(st.integers(0, most)))
         )
-        places.append(Queue(f"dock-{row}", draw(st.integers(1, 2)), requests, changeover_s))
+        places.append(PlaceQueue(f"dock-{row}", draw(st.integers(1, 2)), requests, changeover_s))
     return places
 
 
 @settings(max_examples=40, deadline=None)
 @given(groups(2))
-def test_small_cases_are_as_cheap_as_any(places: list[Queue]) -> None:
+def test_small_cases_are_as_cheap_as_any(places: list[PlaceQueue]) -> None:
     advice = advise_slots(places, NOW_S)
     assert advice.proven_optimal
     assert advice.cost_s == pytest.approx(cheapest_s(places), abs=TIE_S)
@@ -65,7 +66,7 @@ def test_small_cases_are_as_cheap_as_any(places: list[Queue]) -> None:
 @settings(max_examples=25, deadline=None)
 @given(groups(7), st.sampled_from([1e-4, 0.02]), st.sampled_from([{}, {"acme": 30.0}]))
 def test_never_dearer_than_first_come_and_the_same_again(
-    places: list[Queue], effort: float, burdens_s: dict[str, float]
+    places: list[PlaceQueue], effort: float, burdens_s: dict[str, float]
 ) -> None:
     advice = advise_slots(places, NOW_S, effort=effort, burdens_s=burdens_s)
     assert advice.first_come_cost_s is not None
@@ -78,7 +79,7 @@ def test_never_dearer_than_first_come_and_the_same_again(
 def test_a_long_queue_is_known_to_be_near_the_least_that_it_can_cost() -> None:
     """Thirty robots in a quarter of an hour: too many to try every order, and more than one place can serve."""
     queue = tuple(request(f"r{row}", 37 * row % 900, 30 + 53 * row % 90) for row in range(30))
-    advice = advise_slots([Queue("dock", 1, queue, 4.0)], NOW_S, effort=1e-4)
+    advice = advise_slots([PlaceQueue("dock", 1, queue, 4.0)], NOW_S, effort=1e-4)
     assert advice.first_come_cost_s is not None
     assert advice.cost_s < 0.9 * advice.first_come_cost_s
     assert 0.95 * advice.cost_s < advice.bound_s <= advice.cost_s
@@ -87,13 +88,13 @@ def test_a_long_queue_is_known_to_be_near_the_least_that_it_can_cost() -> None:
 def test_what_costs_no_more_than_arrivals_are_known_is_not_searched() -> None:
     """The bound is a millionth short, so that it is one whatever is rounded; to prove the rest took longest of all."""
     queue = [request(f"r{row}", 20.0 * row, 40.0) for row in range(8)]
-    advice = advise_slots([Queue("dock", 1, (request("in", -5.0, 30.0, inside=True), *queue))], NOW_S, effort=0.0)
+    advice = advise_slots([PlaceQueue("dock", 1, (request("in", -5.0, 30.0, inside=True), *queue))], NOW_S, effort=0.0)
     assert advice.cost_s == advice.first_come_cost_s == sum(30.0 + 20.0 * row for row in range(8))
     assert advice.proven_optimal
 
 
 def test_a_short_visit_goes_before_a_long_one() -> None:
-    charger = Queue(
+    charger = PlaceQueue(
         "charger", 1, (request("long", 0, 600), request("short", 1, 30), request("in", -5, 20, inside=True))
     )
     advice = advise_slots([charger], NOW_S)
@@ -105,20 +106,20 @@ def test_a_short_visit_goes_before_a_long_one() -> None:
 
 def test_a_twin_that_stands_free_is_used() -> None:
     both = (request("a", 5, 60), request("b", 6, 60))
-    advice = advise_slots([Queue("lift-1", 1, both), Queue("lift-2", 1, ())], NOW_S)
+    advice = advise_slots([PlaceQueue("lift-1", 1, both), PlaceQueue("lift-2", 1, ())], NOW_S)
     assert {slot.resource for slot in advice.slots} == {"lift-1", "lift-2"}
     assert advice.cost_s == 0
     assert advice.expected_saving_s == 59
 
 
 def test_priority_goes_first() -> None:
-    dock = Queue("dock", 1, (request("a", 0, 60), request("b", 0, 60, priority=3.0)))
+    dock = PlaceQueue("dock", 1, (request("a", 0, 60), request("b", 0, 60, priority=3.0)))
     assert [slot.robot for slot in advise_slots([dock], NOW_S).slots] == ["b", "a"]
 
 
 @pytest.mark.parametrize(("burdened", "first"), [("acme", "a"), ("bolt", "b")])
 def test_a_tie_goes_against_the_least_burdened(burdened: str, first: str) -> None:
-    dock = Queue("dock", 1, (request("a", 0, 60, vendor="acme"), request("b", 0, 60, vendor="bolt")))
+    dock = PlaceQueue("dock", 1, (request("a", 0, 60, vendor="acme"), request("b", 0, 60, vendor="bolt")))
     advice = advise_slots([dock], NOW_S, burdens_s={burdened: 120.0})
     assert advice.slots[0].robot == first
 
@@ -130,7 +131,7 @@ def test_advice_stands_until_another_is_worth_the_change() -> None:
     def advised(b_s: float, standing: Recommendation | None = None) -> Recommendation:
         waiting = (request("long", 0, 300), request("a", 0, 60), request("b", 0, b_s))
         came_first = request("longer", -1, 600)
-        return advise_slots([Queue("dock", 1, (came_first, *waiting))], NOW_S, standing=standing)
+        return advise_slots([PlaceQueue("dock", 1, (came_first, *waiting))], NOW_S, standing=standing)
 
     standing = advised(59)
     assert order(59) == ["b", "a", "long", "longer"]
@@ -140,11 +141,11 @@ def test_advice_stands_until_another_is_worth_the_change() -> None:
 
 def test_more_inside_than_there_is_room_for_are_waited_for() -> None:
     inside = tuple(request(f"in-{end}", -9, end, inside=True) for end in (10, 20, 30))
-    advice = advise_slots([Queue("dock", 2, (*inside, request("next", 0, 5)))], NOW_S)
+    advice = advise_slots([PlaceQueue("dock", 2, (*inside, request("next", 0, 5)))], NOW_S)
     assert [slot.wait_s for slot in advice.slots] == [20.0]
 
 
 def test_nobody_waits_for_nothing() -> None:
-    advice = advise_slots([Queue("dock", 1, ())], NOW_S)
+    advice = advise_slots([PlaceQueue("dock", 1, ())], NOW_S)
     assert advice.slots == ()
     assert advice.proven_optimal

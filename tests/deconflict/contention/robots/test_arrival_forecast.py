@@ -5,27 +5,29 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from deconflict.contention.robots.announced_arrivals import Promise, Promises, Spot
-from deconflict.contention.robots.arrival_forecast import MOST_RATIOS, Arrivals, Corrections
-from deconflict.contention.robots.destinations import set_out
-from deconflict.contention.robots.lookahead import ahead
-from deconflict.contention.robots.record_kernels import STOP
+from deconflict.contention.robots.announced_arrivals import AnnouncedArrivals, Announcement, DatumPoint
+from deconflict.contention.robots.arrival_forecast import MOST_RATIOS, ArrivalCorrections, ArrivalForecast
+from deconflict.contention.robots.destinations import write_stops
+from deconflict.contention.robots.lookahead import look_ahead
+from deconflict.contention.robots.record_kernels import STOP, Outlines
 from ingest.batch import Batch, Destinations, Forecasts
 
-DOCK: Spot = ("hall", 10.0, 0.0)
-AWAY: Spot = ("hall", 0.0, 0.0)
+DOCK: DatumPoint = ("hall", 10.0, 0.0)
+AWAY: DatumPoint = ("hall", 0.0, 0.0)
 
 
-def trip(arrivals: Arrivals, robot: str, begins_s: float, takes_s: float, told_s: float) -> None:
-    arrivals.heard(robot, "Alder", begins_s, AWAY, [DOCK], [begins_s + told_s])
-    arrivals.heard(robot, "Alder", begins_s + takes_s, DOCK, [DOCK], [begins_s + told_s])
+def trip(arrivals: ArrivalForecast, robot: str, begins_s: float, takes_s: float, told_s: float) -> None:
+    arrivals.add(robot, "Alder", begins_s, AWAY, [DOCK], [begins_s + told_s])
+    arrivals.add(robot, "Alder", begins_s + takes_s, DOCK, [DOCK], [begins_s + told_s])
 
 
-def says(robot: str, now_s: float, here: Spot, spots: Sequence[Spot], told_s: Sequence[float]) -> Batch:
+def report_of(
+    robot: str, now_s: float, here: DatumPoint, points: Sequence[DatumPoint], told_s: Sequence[float]
+) -> Batch:
     """Of one robot."""
-    floors = tuple(sorted({floor for floor, _, _ in (here, *spots)} - {""}))
+    floors = tuple(sorted({floor for floor, _, _ in (here, *points)} - {""}))
     numbers = {floor: number for number, floor in enumerate(floors)} | {"": -1}
-    rows = np.array([(numbers[floor], x_m, y_m) for floor, x_m, y_m in (here, *spots)])
+    rows = np.array([(numbers[floor], x_m, y_m) for floor, x_m, y_m in (here, *points)])
     floor, x_m, y_m, zero, one = rows[:, 0].astype(np.int64), rows[:, 1], rows[:, 2], np.zeros(1), np.ones(1)
     return Batch(
         now_s=now_s,
@@ -44,38 +46,38 @@ def says(robot: str, now_s: float, here: Spot, spots: Sequence[Spot], told_s: Se
         battery_pct=zero * np.nan,
         run_time_left_s=zero * np.nan,
         forecasts=Forecasts(np.arange(2), np.array([now_s]), x_m[:1], y_m[:1], zero, floor[:1], one, one, zero, one),
-        destinations=Destinations(np.array([0, len(spots)]), np.array(told_s, float), x_m[1:], y_m[1:], floor[1:]),
+        destinations=Destinations(np.array([0, len(points)]), np.array(told_s, float), x_m[1:], y_m[1:], floor[1:]),
         gone=(),
     )
 
 
-def hears(promises: Promises, batch: Batch) -> list[tuple[int, list[list[Promise]]]]:
+def arrivals_of(announced: AnnouncedArrivals, batch: Batch) -> list[tuple[int, list[list[Announcement]]]]:
     at = (batch.forecasts.floor, batch.forecasts.x_m, batch.forecasts.y_m)
-    return list(promises.hear(batch, batch.event_s, at, batch.destinations))
+    return list(announced.add_batch(batch, batch.event_s, at, batch.destinations))
 
 
-def expected(arrivals: Arrivals, vendor: str, now_s: float, told_s: float) -> tuple[float, float]:
+def expected(arrivals: ArrivalForecast, vendor: str, now_s: float, told_s: float) -> tuple[float, float]:
     """Of one robot that goes to another floor."""
     batch, at_s, stops = (
-        says("r", now_s, AWAY, [("loft", 10.0, 0.0)], [told_s]),
+        report_of("r", now_s, AWAY, [("loft", 10.0, 0.0)], [told_s]),
         np.array([now_s]),
         np.zeros((1, 1), STOP),
     )
-    nothing = np.empty(0, np.int64), np.empty((0, 4))
-    known = Corrections(np.zeros(1, np.int64), np.array([arrivals.quantiles(vendor)]), np.zeros((1, 1, 3)))
-    view = ahead(batch.forecasts, at_s)
-    set_out(stops, np.zeros(1, np.int64), np.arange(2), batch.destinations, at_s, view, known, nothing)
+    nothing = Outlines(np.empty(0, np.int64), np.empty((0, 4)))
+    known = ArrivalCorrections(np.zeros(1, np.int64), np.array([arrivals.quantiles(vendor)]), np.zeros((1, 1, 3)))
+    view = look_ahead(batch.forecasts, at_s)
+    write_stops(stops, np.zeros(1, np.int64), np.arange(2), batch.destinations, at_s, view, known, nothing)
     return float(stops["t_s"][0, 0]), float(stops["spread_s"][0, 0])
 
 
 def test_nothing_seen_means_that_the_robot_is_believed() -> None:
-    expected_s, spread_s = expected(Arrivals(), "Alder", 100.0, 160.0)
+    expected_s, spread_s = expected(ArrivalForecast(), "Alder", 100.0, 160.0)
     assert expected_s == 160.0
     assert 0 < spread_s < 30
 
 
 def test_a_vendor_that_is_always_late_is_expected_late() -> None:
-    arrivals = Arrivals()
+    arrivals = ArrivalForecast()
     for number in range(20):
         trip(arrivals, "r", 1000.0 * number, takes_s=90.0, told_s=60.0)
     expected_s, spread_s = expected(arrivals, "Alder", 0.0, 100.0)
@@ -85,58 +87,58 @@ def test_a_vendor_that_is_always_late_is_expected_late() -> None:
 
 
 def test_a_time_that_is_past_is_now() -> None:
-    assert expected(Arrivals(), "Alder", 100.0, 60.0) == (100.0, 0.0)
+    assert expected(ArrivalForecast(), "Alder", 100.0, 60.0) == (100.0, 0.0)
 
 
 def test_a_plan_that_is_given_up_teaches_nothing() -> None:
-    arrivals = Arrivals()
-    arrivals.heard("r", "Alder", 0.0, AWAY, [DOCK], [60.0])
-    arrivals.heard("r", "Alder", 10.0, AWAY, [("hall", 50.0, 0.0)], [60.0])
-    arrivals.heard("r", "Alder", 300.0, DOCK, [], [])
-    assert arrivals.seen().get("Alder", 0) == 0
+    arrivals = ArrivalForecast()
+    arrivals.add("r", "Alder", 0.0, AWAY, [DOCK], [60.0])
+    arrivals.add("r", "Alder", 10.0, AWAY, [("hall", 50.0, 0.0)], [60.0])
+    arrivals.add("r", "Alder", 300.0, DOCK, [], [])
+    assert arrivals.counts().get("Alder", 0) == 0
 
 
 def test_a_robot_that_stands_at_its_destination_teaches_nothing() -> None:
-    arrivals = Arrivals()
+    arrivals = ArrivalForecast()
     for t in range(100):
-        arrivals.heard("r", "Alder", float(t), DOCK, [DOCK], [500.0])
-    assert arrivals.seen().get("Alder", 0) == 0
+        arrivals.add("r", "Alder", float(t), DOCK, [DOCK], [500.0])
+    assert arrivals.counts().get("Alder", 0) == 0
 
 
 def test_what_is_kept_is_bounded() -> None:
-    arrivals = Arrivals()
+    arrivals = ArrivalForecast()
     for number in range(2 * MOST_RATIOS):
         trip(arrivals, "r", 1000.0 * number, takes_s=60.0, told_s=60.0)
-    assert arrivals.seen() == {"Alder": MOST_RATIOS}
+    assert arrivals.counts() == {"Alder": MOST_RATIOS}
 
 
 def test_what_was_learned_goes_on_after_a_restart() -> None:
-    arrivals, resumed = Arrivals(), Arrivals()
+    arrivals, resumed = ArrivalForecast(), ArrivalForecast()
     for number in range(20):
         trip(arrivals, "r", 1000.0 * number, takes_s=90.0, told_s=60.0)
     resumed.resume(arrivals.learned())
     assert resumed.quantiles("Alder") == arrivals.quantiles("Alder")
-    assert resumed.seen() == {"Alder": 20}
+    assert resumed.counts() == {"Alder": 20}
 
 
 def test_a_word_that_is_repeated_is_kept_every_half_minute_and_held_against_the_arrival() -> None:
-    arrivals = Arrivals()
+    arrivals = ArrivalForecast()
     for t in range(101):
-        arrivals.heard("r", "Alder", float(t), DOCK if t == 100 else AWAY, [DOCK], [110.0])
-    assert arrivals.seen() == {"Alder": 4}
+        arrivals.add("r", "Alder", float(t), DOCK if t == 100 else AWAY, [DOCK], [110.0])
+    assert arrivals.counts() == {"Alder": 4}
 
 
 def test_where_a_robot_comes_and_whence_it_sets_out_again_is_seen_as_if_all_that_it_says_counted() -> None:
-    rng, spots = np.random.default_rng(1), [DOCK, ("hall", 10.0, 2.04), ("yard", 10.0, 0.0), ("", 10.0, 0.0)]
-    again, anew, came = Promises(), Promises(), 0
+    rng, points = np.random.default_rng(1), [DOCK, ("hall", 10.0, 2.04), ("yard", 10.0, 0.0), ("", 10.0, 0.0)]
+    again, anew, came = AnnouncedArrivals(), AnnouncedArrivals(), 0
     for trip_number in range(20):
         robot = f"r{trip_number % 3}"
         way_m = np.array([9.0, 0.0]) + np.cumsum(rng.normal(scale=0.2, size=(400, 2)), axis=0)
         for t, (x_m, y_m) in enumerate(way_m.tolist()):
             told = slice(t // 100 % 2, 3 + t // 150 % 2)
-            at, to, told_s = ("hall", x_m, y_m), spots[told], [t + 40.0, t + 60.0, t + 90.0, t + 99.0][told]
-            found = hears(again, says(robot, float(t), at, to, told_s))
-            kept = anew.heard(robot, float(t), at, to, told_s)
+            at, to, told_s = ("hall", x_m, y_m), points[told], [t + 40.0, t + 60.0, t + 90.0, t + 99.0][told]
+            found = arrivals_of(again, report_of(robot, float(t), at, to, told_s))
+            kept = anew.add(robot, float(t), at, to, told_s)
             assert found == ([(0, kept)] if kept else [])
             came += len(kept)
         again.forget(robot)
@@ -145,13 +147,13 @@ def test_where_a_robot_comes_and_whence_it_sets_out_again_is_seen_as_if_all_that
 
 
 def test_a_robot_that_is_in_a_batch_twice_is_heard_in_the_order_of_its_reports() -> None:
-    batches = [says("r", t, ("hall", t, 0.0), [DOCK], [12.0]) for t in (0.0, 9.0, 10.0, 11.0)]
-    assert hears(Promises(), Batch.joined(batches)) == [(2, [[Promise(0.0, 12.0)]])]
+    batches = [report_of("r", t, ("hall", t, 0.0), [DOCK], [12.0]) for t in (0.0, 9.0, 10.0, 11.0)]
+    assert arrivals_of(AnnouncedArrivals(), Batch.joined(batches)) == [(2, [[Announcement(0.0, 12.0)]])]
 
 
 def test_a_slot_that_a_robot_has_left_knows_nothing_of_it() -> None:
-    promises = Promises()
-    hears(promises, says("r", 0.0, AWAY, [DOCK], [60.0]))
-    promises.forget("r")
-    assert hears(promises, says("s", 1.0, AWAY, [DOCK], [60.0])) == []
-    assert hears(promises, says("s", 2.0, DOCK, [DOCK], [60.0])) == [(0, [[Promise(1.0, 60.0)]])]
+    announced = AnnouncedArrivals()
+    arrivals_of(announced, report_of("r", 0.0, AWAY, [DOCK], [60.0]))
+    announced.forget("r")
+    assert arrivals_of(announced, report_of("s", 1.0, AWAY, [DOCK], [60.0])) == []
+    assert arrivals_of(announced, report_of("s", 2.0, DOCK, [DOCK], [60.0])) == [(0, [[Announcement(1.0, 60.0)]])]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from deconflict.contention.robots.batch_merging import ENOUGH, Gathered, Gathering
+from deconflict.contention.robots.batch_merging import ENOUGH, BatchMerger, MergedBatch
 from ingest.batch import Batch
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, aisle, resource, site
 from tests.helpers.saying import LOFT, robot
@@ -18,34 +18,34 @@ def cut(scene: Scene, t: float) -> Batch:
     return scene.fleet.next_batch(NOW_S + t)
 
 
-def heard(due: list[Gathered]) -> list[tuple[str, float]]:
+def heard(due: list[MergedBatch]) -> list[tuple[str, float]]:
     return [pair for one in due for pair in zip(one.batch.robots, one.now_s.tolist(), strict=True)]
 
 
 def test_robots_wait_until_there_are_enough_of_them_and_each_keeps_its_own_tick() -> None:
-    scene, gathering = floor_of(ENOUGH // 2 - 1), Gathering()
+    scene, gathering = floor_of(ENOUGH // 2 - 1), BatchMerger()
     batches = [cut(scene, t) for t in (0.0, 1.0, 2.0)]
-    assert [len(gathering.put(one)) for one in batches[:2]] == [0, 0]
-    assert heard(gathering.put(batches[2])) == [(name, one.now_s) for one in batches for name in one.robots]
-    assert gathering.rest() == []
+    assert [len(gathering.add(one)) for one in batches[:2]] == [0, 0]
+    assert heard(gathering.add(batches[2])) == [(name, one.now_s) for one in batches for name in one.robots]
+    assert gathering.flush() == []
 
 
 def test_robots_that_are_gone_are_so_before_anything_later() -> None:
-    scene, gathering = floor_of(2), Gathering()
+    scene, gathering = floor_of(2), BatchMerger()
     here = cut(scene, 0.0)
     left = here.take(np.array([1]), gone=(robot("R-0"),))
-    assert gathering.put(here) == []
-    (one,) = gathering.put(left)
+    assert gathering.add(here) == []
+    (one,) = gathering.add(left)
     assert (one.batch.robots, one.batch.gone) == ((*here.robots, here.robots[1]), left.gone)
 
 
 def test_batches_that_number_floors_otherwise_are_not_joined() -> None:
-    gathering = Gathering()
+    gathering = BatchMerger()
     first, second = cut(floor_of(2), 0.0), cut(Scene(site(), {"L": Script([(0, 0, 0)], datum=LOFT)}), 0.0)
-    assert gathering.put(first) == []
-    (one,) = gathering.put(second)
+    assert gathering.add(first) == []
+    (one,) = gathering.add(second)
     assert one.batch is first
-    (rest,) = gathering.rest()
+    (rest,) = gathering.flush()
     assert rest.batch.floors == second.floors != first.floors
 
 

@@ -5,32 +5,32 @@ from math import nan
 import numpy as np
 import pytest
 
-from deconflict.contention.robots.battery_use import LEVELS_PCT, PRIOR_DRAIN_PCT_PER_S, Batteries
+from deconflict.contention.robots.battery_use import LEVELS_PCT, PRIOR_DRAIN_PCT_PER_S, BatteryUse
 
 
-def batteries(slots: int = 1) -> Batteries:
-    made = Batteries()
+def batteries(slots: int = 1) -> BatteryUse:
+    made = BatteryUse()
     made.make_room(slots)
     return made
 
 
 def tell(
-    made: Batteries, t_s: float, level_pct: float, left_s: float = nan, slot: int = 0, vendor: str = "Alder"
+    made: BatteryUse, t_s: float, level_pct: float, left_s: float = nan, slot: int = 0, vendor: str = "Alder"
 ) -> float:
     """One report; the level before it."""
     told = (np.array([t_s]), np.array([level_pct]), np.array([left_s]))
-    return float(made.take_in(np.array([slot]), [vendor], *told)[0])
+    return float(made.add_levels(np.array([slot]), [vendor], *told)[0])
 
 
-def drain(made: Batteries, slot: int = 0, vendor: str = "Alder") -> float:
+def drain(made: BatteryUse, slot: int = 0, vendor: str = "Alder") -> float:
     return float(made.drains(np.array([slot]), [vendor])[0])
 
 
 def charge(
-    made: Batteries, came_pct: float, left_pct: float = 90.0, charger: str = "c1", vendor: str = "Alder"
+    made: BatteryUse, came_pct: float, left_pct: float = 90.0, charger: str = "c1", vendor: str = "Alder"
 ) -> None:
-    made.came(0, came_pct)
-    made.left(0, vendor, charger, left_pct)
+    made.arrive_at_charger(0, came_pct)
+    made.leave_charger(0, vendor, charger, left_pct)
 
 
 def test_of_a_robot_that_tells_its_level_alone_eight_hours_are_assumed() -> None:

@@ -2,23 +2,23 @@
 
 import pytest
 
-from deconflict.contention.robots.batch_merging import Gathering
-from deconflict.contention.robots.destinations import QUICKEST_MPS, Stop
-from deconflict.contention.robots.place_geometry import Geometry
-from deconflict.contention.robots.robot_table import Robots
+from deconflict.contention.robots.batch_merging import BatchMerger
+from deconflict.contention.robots.destinations import FASTEST_MPS, PlannedStop
+from deconflict.contention.robots.place_geometry import PlaceGeometry
+from deconflict.contention.robots.robot_table import RobotTable
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, Spot, resource, site
 
 DOCK = resource("d1", 40, 0)
 
 
-def told(at: Spot, *stops: tuple[float, float, float]) -> tuple[Stop, ...]:
+def told(at: Spot, *stops: tuple[float, float, float]) -> tuple[PlannedStop, ...]:
     """By one robot that stands at `at`, beside one that tells nothing."""
     scene = Scene(site(DOCK), {"a": Script([(0, *at)], stops), "b": Script([(0, 90, 90)])})
     for name, script in scene.robots.items():
         scene.fleet.receive(script.says(name, 0.0), NOW_S, LINE)
-    robots, gathering = Robots(Geometry([DOCK], ())), Gathering()
-    for due in [*gathering.put(scene.fleet.next_batch(NOW_S)), *gathering.rest()]:
-        robots.look(due)
+    robots, merger = RobotTable(PlaceGeometry([DOCK], ())), BatchMerger()
+    for due in [*merger.add(scene.fleet.next_batch(NOW_S)), *merger.flush()]:
+        robots.update(due)
     one, other = sorted(robots.values(), key=lambda seen: seen.y_m)
     assert other.stops == ()
     return one.stops
@@ -38,7 +38,7 @@ def test_a_stop_is_expected_as_told_but_no_sooner_than_the_robot_can_be_there() 
     late, soon = told((0, 0), (60, 40, 0), (61, 300, 0))
     assert (late.t_s, late.resource) == (NOW_S + 60, "d1")
     assert late.spread_s == pytest.approx(12.0)
-    assert soon.t_s == pytest.approx(NOW_S + 300 / QUICKEST_MPS)
+    assert soon.t_s == pytest.approx(NOW_S + 300 / FASTEST_MPS)
     assert soon.resource is None
 
 

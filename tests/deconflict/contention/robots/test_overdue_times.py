@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from deconflict.advisory import ContentionAdvisory
-from deconflict.contention.robots.arrival_forecast import Arrivals
-from deconflict.contention.robots.batch_merging import Gathering
-from deconflict.contention.robots.overdue_times import MOST_ARRIVALS, OVERDUE_S, Overdue
-from deconflict.contention.robots.place_geometry import Geometry
-from deconflict.contention.robots.robot_table import Robots
+from deconflict.contention.robots.arrival_forecast import ArrivalForecast
+from deconflict.contention.robots.batch_merging import BatchMerger
+from deconflict.contention.robots.overdue_times import MOST_ARRIVALS, OVERDUE_S, OverdueTimes
+from deconflict.contention.robots.place_geometry import PlaceGeometry
+from deconflict.contention.robots.robot_table import RobotTable
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, raised, resource, site
 from tests.helpers.saying import robot
 
@@ -19,7 +19,7 @@ def waits(*_: float) -> str:
     return "waitingExternalEvent"
 
 
-def left_s(overdue: Overdue, late_s: float) -> list[float]:
+def left_s(overdue: OverdueTimes, late_s: float) -> list[float]:
     """Quantiles of what is left to a robot of Alder that is so late."""
     return [float(np.interp(late_s, OVERDUE_S, column)) for column in overdue.table_s("Alder").T]
 
@@ -30,7 +30,7 @@ def left_s(overdue: Overdue, late_s: float) -> list[float]:
 def test_of_an_unknown_vendor_as_much_is_left_as_it_is_overdue_but_not_for_ever(
     late_s: float, expected_s: float
 ) -> None:
-    low_s, middle_s, high_s = left_s(Overdue(), late_s)
+    low_s, middle_s, high_s = left_s(OverdueTimes(), late_s)
     assert middle_s == pytest.approx(expected_s, rel=0.03)
     assert late_s / 30 <= low_s <= late_s / 9
     assert middle_s <= high_s <= 9 * late_s
@@ -39,7 +39,7 @@ def test_of_an_unknown_vendor_as_much_is_left_as_it_is_overdue_but_not_for_ever(
 @pytest.mark.parametrize("wait_s", [60.0, 120.0])
 def test_many_short_waits_tell_of_a_long_one_of_which_none_was_seen(wait_s: float) -> None:
     """Waits that end at a constant rate: of one that has lasted as long as none before, as much is left as of any."""
-    overdue, arrivals = Overdue(), 100
+    overdue, arrivals = OverdueTimes(), 100
     for number in range(arrivals):
         overdue.record("Alder", -wait_s * float(np.log((number + 0.5) / arrivals)), 100.0 * number)
     for late_s in (2 * wait_s, 8 * wait_s):
@@ -47,7 +47,7 @@ def test_many_short_waits_tell_of_a_long_one_of_which_none_was_seen(wait_s: floa
 
 
 def test_waits_that_last_the_longer_the_longer_they_have_lasted_are_learned_too() -> None:
-    overdue, arrivals = Overdue(), 100
+    overdue, arrivals = OverdueTimes(), 100
     for number in range(arrivals):
         overdue.record("Alder", 10.0 * arrivals / (number + 0.5), 100.0 * number)
     assert left_s(overdue, 300.0)[1] == pytest.approx(300.0, rel=0.25)
@@ -55,7 +55,7 @@ def test_waits_that_last_the_longer_the_longer_they_have_lasted_are_learned_too(
 
 
 def test_of_a_vendor_that_is_known_as_much_is_left_as_was_left_to_those_that_were_as_late() -> None:
-    overdue = Overdue()
+    overdue = OverdueTimes()
     for number in range(60):
         overdue.record("Alder", (4.0, 200.0)[number % 2], 100.0 * number)
     assert left_s(overdue, 2.5)[1] <= 10.0
@@ -65,14 +65,14 @@ def test_of_a_vendor_that_is_known_as_much_is_left_as_was_left_to_those_that_wer
 
 
 def test_arrivals_in_time_teach_nothing_of_those_that_are_late() -> None:
-    overdue = Overdue()
+    overdue = OverdueTimes()
     for late_s in (0.0, -30.0):
         overdue.record("Alder", late_s, 100.0)
     assert overdue.learned() == {}
 
 
 def test_old_arrivals_weigh_less_and_only_so_many_are_kept() -> None:
-    overdue = Overdue()
+    overdue = OverdueTimes()
     for number in range(MOST_ARRIVALS):
         overdue.record("Alder", 500.0, float(number))
     for number in range(20):
@@ -82,7 +82,7 @@ def test_old_arrivals_weigh_less_and_only_so_many_are_kept() -> None:
 
 
 def test_what_was_learned_goes_on_after_a_restart() -> None:
-    overdue, resumed = Overdue(), Overdue()
+    overdue, resumed = OverdueTimes(), OverdueTimes()
     for number in range(20):
         overdue.record("Alder", 30.0 + number, 100.0 * number)
     resumed.resume(overdue.learned())
@@ -90,24 +90,24 @@ def test_what_was_learned_goes_on_after_a_restart() -> None:
 
 
 def test_an_arrival_teaches_by_how_much_it_was_later_than_told_last() -> None:
-    arrivals = Arrivals()
+    arrivals = ArrivalForecast()
     dock, away = ("hall", 10.0, 0.0), ("hall", 0.0, 0.0)
-    arrivals.heard("r", "Alder", 0.0, away, [dock], [60.0])
-    arrivals.heard("r", "Alder", 40.0, away, [dock], [90.0])
-    arrivals.heard("r", "Alder", 150.0, dock, [dock], [90.0])
+    arrivals.add("r", "Alder", 0.0, away, [dock], [60.0])
+    arrivals.add("r", "Alder", 40.0, away, [dock], [90.0])
+    arrivals.add("r", "Alder", 150.0, dock, [dock], [90.0])
     assert arrivals.overdue.learned() == {"Alder": [(150.0, 60.0)]}
 
 
 def expected(at_s: float, stands: bool, *stops: tuple[float, float, float]) -> tuple[list[float], list[float]]:
     """In how long a robot is expected at its stops, and how surely; it has stood at x = 50 or drives towards 0."""
     script = Script([(0, 50, 0)] if stands else [(0, 50 + at_s, 0), (at_s + 50, 0, 0)], stops)
-    scene, robots, gathering = Scene(site(DOCK), {"a": script}), Robots(Geometry([DOCK], ())), Gathering()
+    scene, robots, merger = Scene(site(DOCK), {"a": script}), RobotTable(PlaceGeometry([DOCK], ())), BatchMerger()
     for second in range(int(at_s) + 1):
         scene.fleet.receive(script.says("a", float(second)), NOW_S + second, LINE)
-        for due in gathering.put(scene.fleet.next_batch(NOW_S + second)):
-            robots.look(due)
-    for due in gathering.rest():
-        robots.look(due)
+        for due in merger.add(scene.fleet.next_batch(NOW_S + second)):
+            robots.update(due)
+    for due in merger.flush():
+        robots.update(due)
     found = robots[robot("a")].stops
     return [one.expected_s - NOW_S - at_s for one in found], [one.spread_s for one in found]
 

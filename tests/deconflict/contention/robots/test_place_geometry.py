@@ -5,8 +5,8 @@ from math import inf
 import numpy as np
 import pytest
 
-from deconflict.contention.robots.lookahead import STEPS, Ahead, ahead, corners, ways_ahead
-from deconflict.contention.robots.place_geometry import Geometry, Passage
+from deconflict.contention.robots.lookahead import STEPS, Lookahead, corners, look_ahead, paths_ahead
+from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
 from ingest.batch import Forecasts
 from tests.deconflict.contention.scenes import aisle, box, resource
 from tests.helpers.saying import HALL, LOFT
@@ -33,20 +33,20 @@ def forecast(*knots: tuple[float, float, float, int], yaw_rad: float = 0.0) -> F
     )
 
 
-def passage(of: Forecasts, geometry: Geometry) -> Passage | None:
-    view = ahead(of, np.array([NOW_S]))
-    ways = ways_ahead(view, np.full(1, STEPS))
+def passage(of: Forecasts, geometry: PlaceGeometry) -> ZonePassage | None:
+    view = look_ahead(of, np.array([NOW_S]))
+    ways = paths_ahead(view, np.full(1, STEPS))
     return geometry.passages([HALL], view, ways, of.length_m, of.width_m).get(0, {}).get("lane")
 
 
 def test_the_sampling_reads_between_knots_and_stands_after_the_last() -> None:
-    view: Ahead = ahead(forecast((-1, 0, 0, 0), (1, 4, 0, 0), (3, 4, 2, 0)), np.array([NOW_S]))
+    view: Lookahead = look_ahead(forecast((-1, 0, 0, 0), (1, 4, 0, 0), (3, 4, 2, 0)), np.array([NOW_S]))
     assert view.x_m[0, :5].tolist() == pytest.approx([2.0, 3.0, 4.0, 4.0, 4.0])
     assert view.y_m[0, [2, 4, 6, 20]].tolist() == pytest.approx([0.0, 1.0, 2.0, 2.0])
 
 
 def test_the_envelope_and_not_its_middle_is_in_a_zone() -> None:
-    found = passage(forecast((0, 0, 0, 0), (20, 20, 0, 0)), Geometry([], [LANE]))
+    found = passage(forecast((0, 0, 0, 0), (20, 20, 0, 0)), PlaceGeometry([], [LANE]))
     assert found
     assert found.enter_s == pytest.approx(NOW_S + 3.5, abs=0.01)
     assert found.direction == 1
@@ -55,29 +55,29 @@ def test_the_envelope_and_not_its_middle_is_in_a_zone() -> None:
 
 
 def test_a_robot_that_passes_beside_a_zone_is_not_in_it() -> None:
-    geometry = Geometry([], [LANE])
+    geometry = PlaceGeometry([], [LANE])
     assert passage(forecast((0, 0, 1.1, 0), (20, 20, 1.1, 0)), geometry) is None
     assert passage(forecast((0, 0, 1.0, 0), (20, 20, 1.0, 0)), geometry) is not None
 
 
 def test_a_robot_that_changes_floors_first_is_not_in_it() -> None:
-    assert passage(forecast((0, 0, 0, 0), (2, 2, 0, 1), (20, 20, 0, 1)), Geometry([], [LANE])) is None
+    assert passage(forecast((0, 0, 0, 0), (2, 2, 0, 1), (20, 20, 0, 1)), PlaceGeometry([], [LANE])) is None
 
 
 def test_numbers_that_are_not_finite_are_nowhere() -> None:
-    assert ahead(forecast((0, float("nan"), 0, 0)), np.array([NOW_S])).floor[0, 0] == -1
+    assert look_ahead(forecast((0, float("nan"), 0, 0)), np.array([NOW_S])).floor[0, 0] == -1
 
 
 def test_a_lift_is_one_resource_on_all_its_floors() -> None:
     lift = resource("l1", 0, 0, kind="lift", floors=({"datum": LOFT, "polygon": box(50, 0)},))
-    found = Geometry([lift], []).resources_at(
+    found = PlaceGeometry([lift], []).resources_at(
         [HALL, LOFT, LOFT, "elsewhere"], np.array([0.5, 50.5, 0.5, 0.5]), np.zeros(4)
     )
     assert found == ["l1", "l1", None, None]
 
 
 def test_where_outlines_overlap_the_first_in_the_site_file_counts() -> None:
-    both = Geometry([resource("b", 0.5, 0), resource("a", 0, 0)], [])
+    both = PlaceGeometry([resource("b", 0.5, 0), resource("a", 0, 0)], [])
     assert both.resources_at([HALL, HALL], np.array([0.4, -0.9]), np.zeros(2)) == ["b", "a"]
 
 
@@ -86,7 +86,7 @@ def test_ways_are_held_where_a_robot_leaves_its_floor_or_its_future_is_unknown()
     x_m, y_m = rng.normal(size=(2, 200, STEPS + 1)).cumsum(axis=2)
     floor, known = np.zeros_like(x_m, np.int64), rng.choice([6, STEPS], 200)
     floor[50:, 9:], floor[100:, 12:], floor[150:, 1:] = 1, 0, 2
-    found = ways_ahead(Ahead(x_m, x_m, y_m, x_m, floor), known)
+    found = paths_ahead(Lookahead(x_m, x_m, y_m, x_m, floor), known)
     last = np.repeat([STEPS, 8, 8, 0], 50)
     there = np.minimum(np.arange(STEPS + 1), last[:, None])
     legs_m = np.hypot(*(np.diff(np.take_along_axis(one, there, 1), axis=1) for one in (x_m, y_m)))

@@ -5,11 +5,11 @@ from math import hypot
 
 import numpy as np
 
-from deconflict.contention.robots.batch_merging import Gathered
+from deconflict.contention.robots.batch_merging import MergedBatch
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M
-from deconflict.contention.robots.place_geometry import Geometry
-from deconflict.contention.robots.record_kernels import LEAST_M, STANDS_M, STANDS_S, WAY_M, around
-from deconflict.contention.robots.robot_table import RESTING, Robots
+from deconflict.contention.robots.place_geometry import PlaceGeometry
+from deconflict.contention.robots.record_kernels import LEAST_M, STANDS_M, STANDS_S, WAY_M, collect_boxes
+from deconflict.contention.robots.robot_table import RESTING, RobotTable
 from ingest.batch import Basis, Batch
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, aisle, resource, site
 
@@ -43,15 +43,15 @@ def batches(seconds: int) -> list[Batch]:
     return found
 
 
-def gathered(parts: list[Batch]) -> Gathered:
-    return Gathered(Batch.joined(parts), np.repeat([one.now_s for one in parts], [len(one) for one in parts]))
+def gathered(parts: list[Batch]) -> MergedBatch:
+    return MergedBatch(Batch.joined(parts), np.repeat([one.now_s for one in parts], [len(one) for one in parts]))
 
 
-def known(robots: Robots) -> dict[str, list[str]]:
+def known(robots: RobotTable) -> dict[str, list[str]]:
     """All that is told of each robot, and the way that it has left."""
     told = {uuid: [repr(getattr(one, each.name)) for each in fields(one)] for uuid, one in robots.items()}
     waiting = np.flatnonzero(robots.records["waits"]).tolist()
-    left = zip(waiting, robots.ways(waiting), strict=True)
+    left = zip(waiting, robots.paths(waiting), strict=True)
     return {uuid: list(one) for uuid, one in told.items()} | {
         f"way of {robots.uuids[slot]}": [way.wkt] for slot, way in left
     }
@@ -59,21 +59,21 @@ def known(robots: Robots) -> dict[str, list[str]]:
 
 def test_batches_taken_in_together_leave_what_they_leave_one_by_one() -> None:
     said, waited = batches(60), 0
-    each, many = (Robots(Geometry([DOCK], [LANE])) for _ in range(2))
+    each, many = (RobotTable(PlaceGeometry([DOCK], [LANE])) for _ in range(2))
     for first in range(0, 60, 5):
-        left = [one for part in said[first : first + 5] for one in each.look(gathered([part]))]
-        assert sorted(left) == sorted(many.look(gathered(said[first : first + 5])))
+        left = [one for part in said[first : first + 5] for one in each.update(gathered([part]))]
+        assert sorted(left) == sorted(many.update(gathered(said[first : first + 5])))
         assert known(each) == known(many)
         waited += sum("way" in name for name in known(each))
     assert waited > 10
 
 
 def test_who_stands_and_since_when_is_as_its_reports_tell() -> None:
-    robots = Robots(Geometry([DOCK], [LANE]))
+    robots = RobotTable(PlaceGeometry([DOCK], [LANE]))
     stood: dict[str, tuple[float, float, float]] = {}
     stands = 0
     for batch in batches(60):
-        robots.look(gathered([batch]))
+        robots.update(gathered([batch]))
         first = batch.forecasts.start[:-1]
         poses = zip(batch.robots, batch.forecasts.x_m[first], batch.forecasts.y_m[first], batch.event_s, strict=True)
         for row, (uuid, x_m, y_m, event_s) in enumerate(poses):
@@ -91,10 +91,10 @@ def test_who_stands_and_since_when_is_as_its_reports_tell() -> None:
 
 
 def test_what_is_asked_of_shapes_lies_in_boxes_around_those_that_stand_and_go() -> None:
-    robots = Robots(Geometry([DOCK], [LANE]))
+    robots = RobotTable(PlaceGeometry([DOCK], [LANE]))
     for batch in batches(30):
-        robots.look(gathered([batch]))
-    ends_m, standing_m, going_m, ends, standing, going = around(robots.records, robots.stops, ROUNDING_M)
+        robots.update(gathered([batch]))
+    ends_m, standing_m, going_m, ends, standing, going = collect_boxes(robots.records, robots.stops, ROUNDING_M)
     uuid = robots.uuids.__getitem__
     told = [(one.uuid, number) for one in robots.values() for number, stop in enumerate(one.stops) if not stop.resource]
     assert sorted((uuid(slot), number) for slot, number in ends.tolist()) == sorted(told)
@@ -107,7 +107,7 @@ def test_what_is_asked_of_shapes_lies_in_boxes_around_those_that_stand_and_go() 
         one = robots[uuid(slot)]
         by_m = hypot(one.length_m, one.width_m) / 2 + ROUNDING_M
         np.testing.assert_allclose(box_m, [one.x_m - by_m, one.y_m - by_m, one.x_m + by_m, one.y_m + by_m])
-    for box_m, slot, way in zip(going_m, going.tolist(), robots.ways(going.tolist()), strict=True):
+    for box_m, slot, way in zip(going_m, going.tolist(), robots.paths(going.tolist()), strict=True):
         by_m = robots[uuid(slot)].width_m / 2 + LEAST_M
         west, south, east, north = way.bounds
         assert (box_m[:2] < [west - by_m, south - by_m]).all()

@@ -5,7 +5,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deconflict.contention.waiting.deadlocks import Link, Node, Want, rings
+from deconflict.contention.waiting.deadlocks import Node, RingLink, Want, rings
 
 ROBOTS = [(name, 0) for name in "abcdef"]
 
@@ -14,7 +14,7 @@ def want(waiter: str, *holders: str, at_s: float = 0.0) -> Want:
     return Want((waiter, 0), tuple((one, 0) for one in holders), "path", at_s)
 
 
-def who(found: list[tuple[Link, ...]]) -> list[str]:
+def who(found: list[tuple[RingLink, ...]]) -> list[str]:
     return ["".join(link.waiter for link in ring) for ring in found]
 
 

@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from deconflict.contention.robots.place_geometry import Geometry
+from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.simulation.drills.drill_outcomes import DrillOutcome, DrillOutcomes
@@ -29,7 +29,7 @@ def played(*, ignored: bool) -> dict[str, DrillOutcome]:
     site, stages = staged(ignored=ignored)
     everybody, outcomes = party(stages), DrillOutcomes(DRILLS, stages)
     fleet, engine = fleet_of(site, Measures()), Engine(site)
-    service = SiteService(everybody, Geometry(site.resources, site.zones), NOW_S)
+    service = SiteService(everybody, PlaceGeometry(site.resources, site.zones), NOW_S)
     lines = [Connection(row, vendor=one.member.make.vendor.value) for row, one in enumerate(everybody.errands)]
     for step in range(round(SECONDS / STEP_S)):
         now_s = NOW_S + step * STEP_S
