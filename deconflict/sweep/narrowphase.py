@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from deconflict.sweep.broadphase import BOX, PAIR, Pairs
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
+from deconflict.sweep.geometry.rectangles import nearest_corner
 from ingest.batch import Floats, Ints
 from ingest.kernels import inner, kernel
 
@@ -57,26 +58,6 @@ _MOTION, _FOUND = numba.from_dtype(MOTION), numba.from_dtype(FOUND)
 
 
 @inner
-def _nearest_corner(
-    cx: float, cy: float, c: float, s: float, length: float, width: float, other_length: float, other_width: float
-) -> tuple[float, float, float]:
-    """The corner of a rectangle at (cx, cy), turned by (c, s), that is nearest to the upright other one.
-
-    Squared distance, and the vector from the upright rectangle to the corner, in its frame.
-    """
-    best, best_x, best_y = inf, 0.0, 0.0
-    for i in (length, -length):
-        for j in (width, -width):
-            px, py = cx + i * c - j * s, cy + i * s + j * c
-            ex = copysign(max(abs(px) - other_length, 0.0), px)
-            ey = copysign(max(abs(py) - other_width, 0.0), py)
-            squared = ex * ex + ey * ey
-            if squared < best:
-                best, best_x, best_y = squared, ex, ey
-    return best, best_x, best_y
-
-
-@inner
 def _turned(m: Any, into: float) -> tuple[float, float, float, float]:
     """Cosine and sine of A's heading, and of B's, so long after `begin`."""
     ca, sa, cb, sb = m.cos_a, m.sin_a, m.cos_b, m.sin_b
@@ -110,8 +91,8 @@ def _between(
         and abs(by) <= width_b + length_a * abs(s) + width_a * abs(c)
     ):
         return 0.0, 0.0, 0.0
-    of_b, px, py = _nearest_corner(ax, ay, c, s, length_b, width_b, length_a, width_a)
-    of_a, qx, qy = _nearest_corner(bx, by, c, -s, length_a, width_a, length_b, width_b)
+    of_b, px, py = nearest_corner(ax, ay, c, s, length_b, width_b, length_a, width_a)
+    of_a, qx, qy = nearest_corner(bx, by, c, -s, length_a, width_a, length_b, width_b)
     distance = sqrt(min(of_b, of_a))
     if distance == 0.0:
         return 0.0, 0.0, 0.0

@@ -1,6 +1,6 @@
 """Rectangles in the plane, many pairs at once: their exact distance. What happened is told by it, not by the sweep."""
 
-from math import cos, inf, sin, sqrt
+from math import copysign, cos, inf, sin, sqrt
 
 import numba
 import numpy as np
@@ -12,17 +12,23 @@ _MATRIX = numba.types.Array(numba.float64, 2, "C", readonly=True)
 
 
 @inner
-def _nearest_corner_m2(
+def nearest_corner(
     cx: float, cy: float, c: float, s: float, length: float, width: float, other_length: float, other_width: float
-) -> float:
-    """Squared distance from an upright rectangle to the nearest corner of one at (cx, cy) that is turned by (c, s)."""
-    best = inf
+) -> tuple[float, float, float]:
+    """The corner of a rectangle at (cx, cy), turned by (c, s), that is nearest to the upright other one.
+
+    Squared distance, and the vector from the upright rectangle to the corner, in its frame.
+    """
+    best, best_x, best_y = inf, 0.0, 0.0
     for i in (length, -length):
         for j in (width, -width):
             px, py = cx + i * c - j * s, cy + i * s + j * c
-            ex, ey = max(abs(px) - other_length, 0.0), max(abs(py) - other_width, 0.0)
-            best = min(best, ex * ex + ey * ey)
-    return best
+            ex = copysign(max(abs(px) - other_length, 0.0), px)
+            ey = copysign(max(abs(py) - other_width, 0.0), py)
+            squared = ex * ex + ey * ey
+            if squared < best:
+                best, best_x, best_y = squared, ex, ey
+    return best, best_x, best_y
 
 
 @inner
@@ -53,8 +59,8 @@ def _signed_gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Fl
             across_b = abs(by) - width_b - length_a * abs(s) - width_a * abs(c)
             widest = max(along_a, across_a, along_b, across_b)
             if widest > 0.0:
-                of_b = _nearest_corner_m2(ax, ay, c, s, length_b, width_b, length_a, width_a)
-                of_a = _nearest_corner_m2(bx, by, c, -s, length_a, width_a, length_b, width_b)
+                of_b, _, _ = nearest_corner(ax, ay, c, s, length_b, width_b, length_a, width_a)
+                of_a, _, _ = nearest_corner(bx, by, c, -s, length_a, width_a, length_b, width_b)
                 widest = sqrt(min(of_a, of_b))
             apart[row, at] = widest
     return apart
