@@ -1,43 +1,70 @@
-"""The forecast of a robot whose status repeats its last, in one kernel.
+"""The forecast of a robot whose status repeats its last one, in one kernel.
 
-`ingest/fleet/prediction/forecast.py` computes the same forecast, knot by knot. The kernel gives up on times
-that are past or out of order, on a path that contradicts the robot's motion, and on motion that needs a correction.
+`ingest/fleet/prediction` computes the same forecast knot by knot. The kernel leaves a status to it if a time is past or
+out of order, if the path contradicts the robot's motion, or if the motion needs a correction.
 """
 
 from math import atan2, ceil, cos, inf, isnan, pi, sin
+from typing import Any
 
 import numpy as np
 from numba import types
 
-from ingest.batch import Floats
+from ingest.batch import Basis, Floats
 from ingest.frames.angles import turn_between
+from ingest.frames.transforms import WITHIN
 from ingest.kernels import inner, kernel
 
-WITHIN = 1e-12
-"""As in `ingest/frames/transforms.py`."""
 NEARLY = 1 - 1e-9
-"""Share of the farthest way that is no jump for certain, however lengths are rounded."""
-_NUMBER, _ROWS = types.float64, types.float64[:, ::1]
-AS_IT_IS = np.empty((0, 12))
-"""The table of no transformation."""
-Placed = tuple[float, float, float, float, float, float]
-_GONE = types.Tuple((*[types.int64] * 2, types.boolean, *[_NUMBER] * 7))  # type: ignore[no-untyped-call]
-Gone = tuple[int, int, bool, float, float, float, float, float, float, float]
-(BASIS, LOADED, MIRRORED, STOPS_FLOOR, CENTRE_X, CENTRE_Y, MOST_MPS, LEEWAY_M, HORIZON_S, QUIET_S, STOPS_AHEAD_S) = (
-    range(11)
-)
-(MOST_POINTS, PATH_S, STOPS_S, SLACK_S, COMPARABLE_S, SHOWING_M, JUMP_M, MOST_TURN, SLOW_TURN) = range(11, 20)
-"""What `go_on` is told of the robot and of the rules, by place in `limits`."""
-BY_PATH, BY_VELOCITY = 1, 2
-"""Of `Basis`; other robots stand."""
+"""Share of the longest possible move that is certainly no jump, whatever the rounding of lengths."""
 STRAIGHT_RADPS = 1e-3
+"""A slower turn is straight, as in `forecast._by_velocity`."""
+BY_PATH, BY_VELOCITY = int(Basis.PATH), int(Basis.VELOCITY)
+"""The bases of forecasts that move. All other robots stand."""
+NO_TRANSFORM = np.empty((0, 12))
+"""The table of a frame without transform."""
+LIMITS = np.dtype(
+    [
+        ("basis", np.float64),  # `Basis` of the robot's forecasts
+        ("loaded", np.float64),  # whether the robot is loaded
+        ("mirrored", np.float64),  # whether its frame is left-handed
+        ("stops_floor", np.float64),  # floor index of its destinations
+        ("centre_x_m", np.float64),  # envelope centre before the location, along the heading
+        ("centre_y_m", np.float64),  # envelope centre to the left of the location
+        ("jump_mps", np.float64),  # a path that needs a higher speed than this contradicts the motion
+        ("jump_slack_m", np.float64),  # length that a path may jump in addition
+        ("horizon_s", np.float64),  # `Reading.horizon_s`
+        ("quiet_after_s", np.float64),  # `Reading.quiet_after_s`
+        ("destination_horizon_s", np.float64),  # `Reading.destination_horizon_s`
+        ("most_points", np.float64),  # `path_points.MOST_POINTS`
+        ("path_s", np.float64),  # `path_points.PATH_S`
+        ("destinations_s", np.float64),  # `path_points.DESTINATIONS_S`
+        ("slack_s", np.float64),  # `path_points.SLACK_S`
+        ("comparable_s", np.float64),  # `plausibility.COMPARABLE_S`
+        ("moved_m", np.float64),  # `plausibility.MOVED_M`
+        ("robot_jump_m", np.float64),  # `ownership_claims.JUMP_M`
+        ("max_turn_radps", np.float64),  # `plausibility.MAX_TURN_RADPS`
+        ("slow_turn_rad", np.float64),  # `plausibility.SLOW_TURN_RAD`
+    ]
+)
+"""What the kernel needs to know of a robot and of the rules, all of one type.
 
-
+It gets them as an array of floats and views them as this record: numba takes twice as long to accept a record array.
+"""
+Limits = Any
+"""One record of `LIMITS`."""
+Correction = tuple[float, float, float, float, float, float]
+"""By how much a point moves, x and y, and the slope of that by rows."""
+Pose = tuple[float, float, float, float]
+"""t_s, x_m, y_m, yaw_rad"""
+Result = tuple[int, int, bool, float, float, float, float, float, float, float]
+_NUMBER, _ROWS = types.float64, types.float64[:, ::1]
+_RESULT = types.Tuple((*[types.int64] * 2, types.boolean, *[_NUMBER] * 7))  # type: ignore[no-untyped-call]
 _turn_between = inner(turn_between)
 
 
 @inner
-def _beside(x: float, y: float, rim: Floats) -> Placed:
+def _beside(x: float, y: float, rim: Floats) -> Correction:
     """As `Adjusted._beside`."""
     least, at, nearest = inf, 0.0, 0
     for i in range(len(rim)):
@@ -57,7 +84,7 @@ def _beside(x: float, y: float, rim: Floats) -> Placed:
 
 
 @inner
-def _correction(x: float, y: float, triangles: Floats, rim: Floats) -> Placed:
+def _correction(x: float, y: float, triangles: Floats, rim: Floats) -> Correction:
     """As `Adjusted._correction`."""
     for i in range(len(triangles)):
         dx, dy = x - triangles[i, 4], y - triangles[i, 5]
@@ -70,7 +97,7 @@ def _correction(x: float, y: float, triangles: Floats, rim: Floats) -> Placed:
 
 @inner
 def placed(x: float, y: float, yaw_rad: float, table: Floats) -> tuple[float, float, float]:
-    """As `transforms._Map.pose`; an empty table leaves everything as it is."""
+    """As `Map.pose`, for the `table` of a map. An empty table leaves the pose as it is."""
     if len(table) == 0:
         return x, y, yaw_rad
     base, rim = table[0], table[1 + int(table[0, 8]) :]
@@ -86,8 +113,9 @@ def placed(x: float, y: float, yaw_rad: float, table: Floats) -> tuple[float, fl
 
 
 @inner
-def _put(knots: Floats, row: int, t_s: float, x: float, y: float, yaw_rad: float, dx: float, dy: float) -> None:
-    """A knot of the envelope's centre, which lies `dx` before the location and `dy` to its left."""
+def _write_knot(knots: Floats, row: int, t_s: float, x: float, y: float, yaw_rad: float, limits: Limits) -> None:
+    """Write the knot of the envelope centre for a location into `knots[row]`."""
+    dx, dy = limits.centre_x_m, limits.centre_y_m
     if dx != 0.0 or dy != 0.0:
         c, s = cos(yaw_rad), sin(yaw_rad)
         x, y = x + c * dx - s * dy, y + s * dx + c * dy
@@ -95,22 +123,14 @@ def _put(knots: Floats, row: int, t_s: float, x: float, y: float, yaw_rad: float
 
 
 @inner
-def _along(
-    points: Floats,
-    here: tuple[float, float, float, float],
-    clock_offset_s: float,
-    until_s: float,
-    most_mps: float,
-    first_slack_m: float,
-    slack_m: float,
-    dx: float,
-    dy: float,
-    table: Floats,
-    knots: Floats,
-) -> int:
-    """How many knots there are from `here` on, at most one more than `points`; 0 where they are left to others."""
+def _by_path(points: Floats, here: Pose, clock_offset_s: float, limits: Limits, table: Floats, knots: Floats) -> int:
+    """Write the knots from `here` along the path. Returns their number, at most one more than `points`.
+
+    As `path_forecast.route_by_path`. Returns 0 if the path has to be retimed or jumps.
+    """
     t_s, x, y, yaw_rad = here
-    _put(knots, 0, t_s, x, y, yaw_rad, dx, dy)
+    until_s = t_s + limits.horizon_s + limits.quiet_after_s
+    _write_knot(knots, 0, t_s, x, y, yaw_rad, limits)
     count, before_s, last_s = 1, -inf, t_s
     for i in range(len(points)):
         at_s = points[i, 0] + clock_offset_s
@@ -120,30 +140,24 @@ def _along(
         if at_s <= t_s or last_s >= until_s:
             continue
         to_x, to_y, to_rad = placed(points[i, 1], points[i, 2], points[i, 3], table)
-        way_m = most_mps * (at_s - last_s) + (first_slack_m if count == 1 else slack_m)
-        if not (to_x - x) * (to_x - x) + (to_y - y) * (to_y - y) < way_m * way_m * NEARLY:
+        reach_m = limits.jump_mps * (at_s - last_s) + limits.jump_slack_m
+        if not (to_x - x) * (to_x - x) + (to_y - y) * (to_y - y) < reach_m * reach_m * NEARLY:
             return 0
-        _put(knots, count, at_s, to_x, to_y, to_rad, dx, dy)
+        _write_knot(knots, count, at_s, to_x, to_y, to_rad, limits)
         count, last_s, x, y = count + 1, at_s, to_x, to_y
     return count if count > 1 else 0
 
 
 @inner
-def _by_velocity(
-    here: tuple[float, float, float, float],
-    speed_mps: float,
-    turn_radps: float,
-    horizon_s: float,
-    dx: float,
-    dy: float,
-    knots: Floats,
-) -> int:
-    """As `forecast._by_velocity`; how many knots there are."""
+def _by_velocity(here: Pose, speed_mps: float, turn_radps: float, limits: Limits, knots: Floats) -> int:
+    """Write the knots at constant speed and turn rate, as `forecast._by_velocity`. Returns their number."""
     at_s, x, y, heading = here
-    _put(knots, 0, at_s, x, y, heading, dx, dy)
+    horizon_s: float = limits.horizon_s
+    _write_knot(knots, 0, at_s, x, y, heading, limits)
     if abs(turn_radps) <= STRAIGHT_RADPS:
         reach_m = speed_mps * horizon_s
-        _put(knots, 1, at_s + horizon_s, x + reach_m * cos(heading), y + reach_m * sin(heading), heading, dx, dy)
+        end_x, end_y = x + reach_m * cos(heading), y + reach_m * sin(heading)
+        _write_knot(knots, 1, at_s + horizon_s, end_x, end_y, heading, limits)
         return 2
     steps, radius_m = ceil(horizon_s), speed_mps / turn_radps
     for step in range(steps + 1):
@@ -151,41 +165,35 @@ def _by_velocity(
         yaw_rad = heading + turn_radps * t_s
         to_x = x + radius_m * (sin(yaw_rad) - sin(heading))
         to_y = y - radius_m * (cos(yaw_rad) - cos(heading))
-        _put(knots, step, at_s + t_s, to_x, to_y, yaw_rad, dx, dy)
+        _write_knot(knots, step, at_s + t_s, to_x, to_y, yaw_rad, limits)
     return steps + 1
 
 
 @inner
-def _bears_out(
-    before: tuple[float, float, float, float],
-    now: tuple[float, float, float, float],
-    speed: float,
-    turn: float,
-    limits: Floats,
-) -> bool:
-    """Whether `watch.reconcile` has nothing to mend or to find, and `claims.Claims.seen` no jump, for certain."""
+def _is_plausible(before: Pose, now: Pose, speed_mps: float, turn_radps: float, limits: Limits) -> bool:
+    """Whether `plausibility.reconcile` certainly corrects and finds nothing, and no claim sees a jump."""
     gap_s, dx, dy = now[0] - before[0], now[1] - before[1], now[2] - before[2]
-    moved2, showing_m = dx * dx + dy * dy, limits[SHOWING_M]
-    if not 0.0 < gap_s <= limits[COMPARABLE_S] or not moved2 < limits[JUMP_M] * limits[JUMP_M] * NEARLY:
+    moved2 = dx * dx + dy * dy
+    if not 0.0 < gap_s <= limits.comparable_s:
         return False
-    turned, told = _turn_between(before[3], now[3]), turn * gap_s
-    if (
-        isnan(speed)
-        or not abs(turn) <= limits[MOST_TURN]
-        or not abs(told - turned) <= limits[SLOW_TURN] + abs(told) / 2
-    ):
+    if not moved2 < limits.robot_jump_m * limits.robot_jump_m * NEARLY:
         return False
-    if speed == 0.0 or moved2 < showing_m * showing_m * NEARLY:
+    observed_rad, reported_rad = _turn_between(before[3], now[3]), turn_radps * gap_s
+    if isnan(speed_mps) or not abs(turn_radps) <= limits.max_turn_radps:
+        return False
+    if not abs(reported_rad - observed_rad) <= limits.slow_turn_rad + abs(reported_rad) / 2:
+        return False
+    if speed_mps == 0.0 or moved2 < limits.moved_m * limits.moved_m * NEARLY:
         return True
-    astray = abs(_turn_between(now[3], atan2(dy, dx)))
-    return bool(astray <= pi / 4 or (astray >= 3 * pi / 4 and speed < 0.0))
+    off_heading_rad = abs(_turn_between(now[3], atan2(dy, dx)))
+    return bool(off_heading_rad <= pi / 4 or (off_heading_rad >= 3 * pi / 4 and speed_mps < 0.0))
 
 
 @inner
-def _stops_ahead(
+def _write_stops(
     points: Floats, clock_offset_s: float, latest_s: float, floor: float, table: Floats, rows: Floats
 ) -> int:
-    """How many of the destinations are not later than that: `forecast.stops`, all on one floor, into `rows`."""
+    """Write the destinations up to `latest_s`, all on one floor, as `forecast.stops`. Returns their number."""
     count = 0
     for i in range(len(points)):
         at_s = points[i, 0] + clock_offset_s
@@ -197,27 +205,28 @@ def _stops_ahead(
 
 
 @inner
-def _is_odd(stamp_s: float, points: Floats, stops: Floats, limits: Floats) -> bool:
-    """Whether `paths` finds something in the number and the times of a path or of destinations."""
-    slack_s, most = limits[SLACK_S], limits[MOST_POINTS]
+def _breaks_a_rule(stamp_s: float, points: Floats, stops: Floats, limits: Limits) -> bool:
+    """Whether `path_points` finds something in the number or the times of a path or of destinations."""
+    slack_s, most = limits.slack_s, limits.most_points
     if len(points) and (
         len(points) > most
-        or points[len(points) - 1, 0] > stamp_s + limits[PATH_S] + slack_s
+        or points[len(points) - 1, 0] > stamp_s + limits.path_s + slack_s
         or points[0, 0] < stamp_s - slack_s
     ):
         return True
     if len(stops) == 0:
         return False
     latest_s = stops[len(stops) - 1, 0]
-    return bool(len(stops) > most or latest_s > stamp_s + limits[STOPS_S] + slack_s or latest_s < stamp_s - slack_s)
+    too_far = latest_s > stamp_s + limits.destinations_s + slack_s
+    return bool(len(stops) > most or too_far or latest_s < stamp_s - slack_s)
 
 
-@kernel(_GONE(*[_ROWS] * 3, types.float64[::1], *[types.int64] * 4, *[_NUMBER] * 5))
-def go_on(
-    told: Floats,
+@kernel(_RESULT(*[_ROWS] * 3, types.float64[::1], *[types.int64] * 4, *[_NUMBER] * 5))
+def forecast_repeat(
+    scanned: Floats,
     rows: Floats,
     table: Floats,
-    limits: Floats,
+    limits_row: Floats,
     first_point: int,
     end_of_path: int,
     first_stop: int,
@@ -227,46 +236,33 @@ def go_on(
     before_y: float,
     before_rad: float,
     event_s: float,
-) -> Gone:
-    """The forecast of a robot whose status repeats its last, from the rows `told` of `scanner_kernels`.
+) -> Result:
+    """The forecast of a robot whose status repeats its last one, from the rows that `scanner_kernels` made of it.
 
-    Into `rows` go the knots of its forecast, and behind room for all of them the stops ahead. Returns how many of each
-    there are, no knots where it is left to others; whether its points are odd; and what is seen: x_m, y_m, yaw_rad,
-    speed and turn, and with them its height and stamp.
+    Writes the knots into the first `rows`, and the destinations ahead behind the room for all knots. Returns the number
+    of knots, 0 if the status is left to the slow path; the number of destinations ahead; whether the points break a
+    rule; and x_m, y_m, yaw_rad, speed, turn rate, height and stamp.
     """
-    points, stops = told[first_point:end_of_path], told[first_stop:end_of_stops]
-    stamp_s, speed, z_m, turn = told[0, 0], told[1, 1], told[1, 0], told[1, 2]
-    x, y, yaw_rad = placed(told[0, 1], told[0, 2], told[0, 3], table)
-    if isnan(turn) or turn == 0.0:
-        turn = 0.0
-    elif limits[MIRRORED] != 0.0:
-        turn = -turn
-    here, offset_s, knots = (event_s, x, y, yaw_rad), event_s - stamp_s, 0
-    loaded = not isnan(told[2, 2]) and told[2, 2] != 100.0
-    if loaded == (limits[LOADED] != 0.0) and _bears_out(
-        (before_s, before_x, before_y, before_rad), here, speed, turn, limits
-    ):
-        dx, dy = limits[CENTRE_X], limits[CENTRE_Y]
-        if limits[BASIS] == BY_VELOCITY:
-            knots = _by_velocity(here, speed, turn, limits[HORIZON_S], dx, dy, rows)
-        elif limits[BASIS] == BY_PATH:
-            until_s = event_s + limits[HORIZON_S] + limits[QUIET_S]
-            knots = _along(
-                points,
-                here,
-                offset_s,
-                until_s,
-                limits[MOST_MPS],
-                limits[LEEWAY_M],
-                limits[LEEWAY_M],
-                dx,
-                dy,
-                table,
-                rows,
-            )
+    limits: Limits = limits_row.view(LIMITS)[0]
+    points, stops = scanned[first_point:end_of_path], scanned[first_stop:end_of_stops]
+    stamp_s, speed_mps, z_m, turn_radps = scanned[0, 0], scanned[1, 1], scanned[1, 0], scanned[1, 2]
+    x, y, yaw_rad = placed(scanned[0, 1], scanned[0, 2], scanned[0, 3], table)
+    if isnan(turn_radps) or turn_radps == 0.0:
+        turn_radps = 0.0
+    elif limits.mirrored != 0.0:
+        turn_radps = -turn_radps
+    before, here = (before_s, before_x, before_y, before_rad), (event_s, x, y, yaw_rad)
+    offset_s, knots = event_s - stamp_s, 0
+    loaded = not isnan(scanned[2, 2]) and scanned[2, 2] != 100.0
+    if loaded == (limits.loaded != 0.0) and _is_plausible(before, here, speed_mps, turn_radps, limits):
+        if limits.basis == BY_VELOCITY:
+            knots = _by_velocity(here, speed_mps, turn_radps, limits, rows)
+        elif limits.basis == BY_PATH:
+            knots = _by_path(points, here, offset_s, limits, table, rows)
         else:
-            _put(rows, 0, event_s, x, y, yaw_rad, dx, dy)
+            _write_knot(rows, 0, event_s, x, y, yaw_rad, limits)
             knots = 1
-    latest_s = event_s + limits[STOPS_AHEAD_S]
-    ahead = _stops_ahead(stops, offset_s, latest_s, limits[STOPS_FLOOR], table, rows[len(points) + 1 :])
-    return knots, ahead, _is_odd(stamp_s, points, stops, limits), x, y, yaw_rad, speed, turn, z_m, stamp_s
+    latest_s = event_s + limits.destination_horizon_s
+    ahead = _write_stops(stops, offset_s, latest_s, limits.stops_floor, table, rows[len(points) + 1 :])
+    breaks_a_rule = _breaks_a_rule(stamp_s, points, stops, limits)
+    return knots, ahead, breaks_a_rule, x, y, yaw_rad, speed_mps, turn_radps, z_m, stamp_s

@@ -1,8 +1,8 @@
 """Fast path for a status that differs from the robot's last only in motion.
 
-One kernel does with it what `ingest/fleet/fleet.py` does with any status in many steps. Connection, texts and load must
-be those of the last status, and the motion must need no correction. What can't have changed then is prepared once, in a
-`RepeatReader`. The fleet reads any other status in full.
+One kernel does what `ingest/fleet/placement.py` does in many steps for any status. It needs a status with the
+connection, texts and load of the last one, and a motion that needs no correction. What stays the same then is prepared
+once, in a `RepeatReader`. The fleet reads any other status in full.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 
 from ingest.batch import Basis, Floats
-from ingest.fast_path.path_kernels import AS_IT_IS, go_on
+from ingest.fast_path.path_kernels import NO_TRANSFORM, forecast_repeat
 from ingest.fast_path.scanner_kernels import OF_DESTINATIONS, OF_PATH
 from ingest.fast_path.status_scanner import ScannedStatus, StatusTexts
 from ingest.fleet.owners import ownership_claims
@@ -39,18 +39,18 @@ class RepeatReader:
     texts: StatusTexts
     context: ForecastContext
     context_key: tuple[bool, str]
-    """As the robot's: another load may be read in the same view."""
+    """The robot's key. It may change while the context stays, since another load may share the context."""
     basis: Basis
-    """Of its forecasts: stationary, or by path or velocity."""
+    """The basis of its forecasts: stationary, path or velocity."""
     most_knots: int
-    """Of a forecast that is not by path."""
+    """Knots of a forecast that is not by path."""
     floor: int
     table: Floats
-    """Of the transformation to its floor."""
+    """Table of the transform to its floor."""
     limits: Floats
-    """As `go_on` has them."""
-    found: tuple[str, ...]
-    """In each of its messages, whatever their times and the number of their points."""
+    """The values of a `path_kernels.LIMITS` record."""
+    findings: tuple[str, ...]
+    """Findings on each of its statuses, except those on times and the number of points."""
 
     def is_valid(self, connection: Connection) -> bool:
         """Whether the robot still reports over this connection and is read by the same settings."""
@@ -58,15 +58,15 @@ class RepeatReader:
         return self.connection is connection and robot.context is self.context and robot.context_key is self.context_key
 
     def read(self, scanned: ScannedStatus, event_s: float) -> tuple[str, ...] | None:
-        """Update the robot and its forecast. Returns the findings; None, and no change, for any other status."""
-        robot, before, at = self.robot, self.robot.seen, scanned.at
+        """Update the robot and its forecast. Returns the findings. None, without any change, for any other status."""
+        robot, before, marks = self.robot, self.robot.seen, scanned.marks
         if before is None or before.floor != self.floor:
             return None
-        first_point, end_of_path = at[OF_PATH], at[_PATH_END]
-        first_stop, end_of_stops = at[OF_DESTINATIONS], at[_STOPS_END]
+        first_point, end_of_path = marks[OF_PATH], marks[_PATH_END]
+        first_stop, end_of_stops = marks[OF_DESTINATIONS], marks[_STOPS_END]
         room = max(end_of_path - first_point + 1, self.most_knots)
         rows = np.empty((room + end_of_stops - first_stop, 4))
-        knots, ahead, odd, x_m, y_m, yaw_rad, linear_mps, turn_radps, z_m, stamp_s = go_on(
+        knots, ahead, breaks_a_rule, x_m, y_m, yaw_rad, linear_mps, turn_radps, z_m, stamp_s = forecast_repeat(
             scanned.rows,
             rows,
             self.table,
@@ -89,15 +89,15 @@ class RepeatReader:
         robot.seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
         robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.context.body, z_m))
         robot.stops = rows[room : room + ahead] if ahead else NO_STOPS
-        return self._found_in(scanned, stamp_s) if odd else self.found
+        return self._findings_with_points(scanned, stamp_s) if breaks_a_rule else self.findings
 
-    def _found_in(self, scanned: ScannedStatus, stamp_s: float) -> tuple[str, ...]:
-        findings: Findings = dict.fromkeys(self.found)
-        at, (first_s, last_s, _, latest_s) = scanned.at, scanned.rows[3].tolist()
+    def _findings_with_points(self, scanned: ScannedStatus, stamp_s: float) -> tuple[str, ...]:
+        findings: Findings = dict.fromkeys(self.findings)
+        marks, (first_s, last_s, _, latest_s) = scanned.marks, scanned.rows[3].tolist()
         if self.texts.path:
-            path_points.check_path(at[_PATH_END] - at[OF_PATH], (first_s, last_s), stamp_s, findings)
+            path_points.check_path(marks[_PATH_END] - marks[OF_PATH], (first_s, last_s), stamp_s, findings)
         if self.texts.destinations:
-            stops = at[_STOPS_END] - at[OF_DESTINATIONS]
+            stops = marks[_STOPS_END] - marks[OF_DESTINATIONS]
             path_points.check_destinations(stops, latest_s, stamp_s, findings)
         return tuple(findings)
 
@@ -105,7 +105,7 @@ class RepeatReader:
 def repeat_reader(
     robot: Robot, scanned: ScannedStatus, connection: Connection, names_as_uuid: str | None
 ) -> RepeatReader | None:
-    """For a robot whose last status was scanned; None where each of its statuses has to be read in full."""
+    """A reader for a robot whose last status was scanned. None if each of its statuses has to be read in full."""
     texts, context = scanned.texts, robot.context
     basis = _basis(texts)
     if context is None or robot.context_key[1] != texts.datum or basis is None:
@@ -113,19 +113,19 @@ def repeat_reader(
     frame, floor = context.frame_of("")
     path_frame, path_floor = context.frame_of(texts.path[0]) if basis is Basis.PATH and texts.path else (frame, floor)
     stops_frame, stops_floor = context.frame_of(texts.destinations[0]) if texts.destinations else (frame, floor)
-    if floor == NOWHERE or path_floor != floor or not _alike(frame, path_frame, stops_frame):
+    if floor == NOWHERE or path_floor != floor or not _same_transform(frame, path_frame, stops_frame):
         return None
     limits = np.array([basis, robot.context_key[0], frame.mirrored, stops_floor, *_limits(context)], np.float64)
-    table = frame.transform.table if frame.transform else AS_IT_IS
+    table = frame.transform.table if frame.transform else NO_TRANSFORM
     most_knots = ceil(context.reading.horizon_s) + 1 if basis is Basis.VELOCITY else 1
-    found = _found(scanned, frame, names_as_uuid)
+    findings = _constant_findings(scanned, frame, names_as_uuid)
     return RepeatReader(
-        robot, connection, texts, context, robot.context_key, basis, most_knots, floor, table, limits, found
+        robot, connection, texts, context, robot.context_key, basis, most_knots, floor, table, limits, findings
     )
 
 
 def _basis(texts: StatusTexts) -> Basis | None:
-    """Of the forecasts of a robot that sends its speed too; None where its statuses have to be read in full."""
+    """The basis of the forecasts of a robot that sends its speed. None if its statuses have to be read in full."""
     if texts.state == "navigating" and not texts.path:
         return None if texts.destinations else Basis.VELOCITY
     if texts.state == "manualOverride" or (texts.state == "idle" and texts.path):
@@ -133,14 +133,14 @@ def _basis(texts: StatusTexts) -> Basis | None:
     return Basis.PATH if texts.state == "navigating" else Basis.STATIONARY
 
 
-def _alike(frame: Frame, *others: Frame) -> bool:
-    return frame.projection is None and all(
-        one.projection is None and one.transform is frame.transform for one in others
-    )
+def _same_transform(*frames: Frame) -> bool:
+    """Whether all frames have the same transform and none is projected."""
+    first = frames[0].transform
+    return all(frame.projection is None and frame.transform is first for frame in frames)
 
 
 def _limits(context: ForecastContext) -> tuple[float, ...]:
-    """Those of `go_on` that the view and the rules give."""
+    """The fields of `LIMITS` from `centre_x_m` on."""
     body, reading = context.body, context.reading
     return (
         *body.offset_m,
@@ -161,12 +161,13 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
     )
 
 
-def _found(scanned: ScannedStatus, frame: Frame, names_as_uuid: str | None) -> tuple[str, ...]:
+def _constant_findings(scanned: ScannedStatus, frame: Frame, names_as_uuid: str | None) -> tuple[str, ...]:
+    """The findings on each status of the robot, except those on times and the number of points."""
     findings: Findings = {}
     vocabulary.robot_uuid(scanned.uuid.decode(), names_as_uuid, findings)
     texts = scanned.texts
-    for found in (texts.found, *(part[1] for part in (texts.destinations, texts.path) if part)):
-        findings.update(dict.fromkeys(found))
+    for part in (texts.findings, *(part[1] for part in (texts.destinations, texts.path) if part)):
+        findings.update(dict.fromkeys(part))
     if not frame.known:
         findings["datum-unknown"] = None
     return tuple(findings)

@@ -1,6 +1,6 @@
-"""Reads a plain status from its bytes with `scanner_kernels`.
+"""Reads plain statuses from their bytes with `scanner_kernels`.
 
-`ingest/languages/massrobotics/parser.py` reads the same from it, but slower.
+`ingest/languages/massrobotics/parser.py` gives the same results, but slower.
 """
 
 from collections.abc import Sequence
@@ -13,11 +13,13 @@ import numpy as np
 from ingest.batch import Floats
 from ingest.fast_path.scanner_kernels import (
     HEAD_ROWS,
-    LEAST_LETTERS,
+    LEAST_POINT_LENGTH,
     MARKS,
-    MOST,
     OF_DESTINATIONS,
     OF_PATH,
+    STAMP_DIGITS,
+    UUID_BEGIN,
+    UUID_END,
     read_status,
 )
 from ingest.languages.massrobotics import path_points, vocabulary
@@ -27,24 +29,27 @@ from ingest.languages.massrobotics.parser import rejection
 from ingest.languages.massrobotics.timestamps import digit_resolution_s
 from ingest.languages.model import NO_PATH, Path, Rejection, Status
 
-_OF_STAMPS = (), ("stamp-no-offset",), ("stamp-offset-no-colon",)
-"""Findings, by how a stamp departs."""
+_STAMP_FINDINGS = (), ("stamp-no-offset",), ("stamp-offset-no-colon",)
+"""By the deviation of a stamp that `scanner_kernels` notes."""
 _RESOLUTIONS_S = [digit_resolution_s(digits) for digits in range(10)]
-_REMEMBERED = 1024
-"""Combinations of texts that are kept: robots send the same few again and again."""
+_CACHED = 1024
+"""Combinations of texts that are cached: robots send the same few again and again."""
+PointTexts = tuple[str, tuple[str, ...]]
+"""The datum of points, and the findings on their stamps and their datum."""
 
 
 class StatusTexts(msgspec.Struct, frozen=True, gc=False, eq=False):
-    """What the texts of a status mean, except its UUID. Statuses with the same texts share one object."""
+    """The meaning of the texts of a status, except its UUID. Statuses with the same texts share one object."""
 
     state: str
     known_state: bool
     datum: str
-    found: tuple[str, ...]
-    """Findings on its stamp and on these."""
-    path: tuple[str, tuple[str, ...]] | None
-    """The datum, and the findings on stamps and datum; None where there are no points."""
-    destinations: tuple[str, tuple[str, ...]] | None
+    findings: tuple[str, ...]
+    """Findings on its stamp, state and datum."""
+    path: PointTexts | None
+    """None if there are no points."""
+    destinations: PointTexts | None
+    """None if there are none."""
 
 
 class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -52,15 +57,15 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
 
     raw: bytes
     rows: Floats
-    """(r, 4) numbers, as `ingest/fast_path/scanner_kernels.py` has them."""
-    at: list[int]
-    """Where things are, as it marks them."""
+    """(r, 4) numbers of the status, as `scanner_kernels` writes them."""
+    marks: list[int]
+    """Where its texts and points are, as `scanner_kernels` writes them."""
     texts: StatusTexts
 
     @property
     def uuid(self) -> bytes:
         """As it was sent."""
-        return self.raw[self.at[0] : self.at[1]]
+        return self.raw[self.marks[UUID_BEGIN] : self.marks[UUID_END]]
 
     @property
     def stamp_s(self) -> float:
@@ -68,10 +73,10 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
 
     @property
     def stamp_resolution_s(self) -> float:
-        return _RESOLUTIONS_S[self.at[4]]
+        return _RESOLUTIONS_S[self.marks[STAMP_DIGITS]]
 
     def message(self, names_as_uuid: str | None) -> Status | Rejection:
-        """The status, or a rejection where its UUID can't be read."""
+        """The same as `parser.read`: the status, or a rejection if its UUID can't be read."""
         findings: Findings = {}
         try:
             uuid = vocabulary.robot_uuid(self.uuid.decode(), names_as_uuid, findings)
@@ -80,20 +85,20 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
         return self._status(uuid, findings)
 
     def _status(self, uuid: str, findings: Findings) -> Status:
-        rows, at, texts = self.rows, self.at, self.texts
+        rows, marks, texts = self.rows, self.marks, self.texts
         pose, (z, linear_mps, turn_rad, _), (battery_pct, run_time_left_h, available_pct, _), ends_s = rows[
             :HEAD_ROWS
         ].tolist()
         stamp_s, x, y, yaw_rad = pose
-        if texts.found:
-            findings.update(dict.fromkeys(texts.found))
+        if texts.findings:
+            findings.update(dict.fromkeys(texts.findings))
         path = destinations = NO_PATH
         if texts.destinations:
-            read = _path(texts.destinations, rows, at[OF_DESTINATIONS:], ends_s[2:], findings)
-            destinations = path_points.checked_destinations(read, len(read.datums), stamp_s, findings)
+            points = _points(texts.destinations, rows, marks[OF_DESTINATIONS:], ends_s[2:], findings)
+            destinations = path_points.checked_destinations(points, len(points.datums), stamp_s, findings)
         if texts.path:
-            read = _path(texts.path, rows, at[OF_PATH:], ends_s[:2], findings)
-            path = path_points.checked_path(read, len(read.datums), stamp_s, findings)
+            points = _points(texts.path, rows, marks[OF_PATH:], ends_s[:2], findings)
+            path = path_points.checked_path(points, len(points.datums), stamp_s, findings)
         return Status(
             uuid,
             stamp_s,
@@ -118,68 +123,72 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
 
 
 def scan(raw: bytes) -> ScannedStatus | None:
-    """A status that is plain; None for any other message."""
-    rows, marks = np.empty((HEAD_ROWS + min(len(raw) // LEAST_LETTERS, MOST), 4)), np.empty(MARKS, np.int64)
+    """The status of a message. None if it is not a plain status."""
+    most_points = min(len(raw) // LEAST_POINT_LENGTH, path_points.MOST_POINTS_USED)
+    rows, marks = np.empty((HEAD_ROWS + most_points, 4)), np.empty(MARKS, np.int64)
     if not read_status(raw, rows, marks):
         return None
     at = marks.tolist()
+    _, _, state, state_end, _, deviation, place_uuid, place_uuid_end, place, place_end = at[:OF_PATH]
+    _, _, path_uuid, path_uuid_end, path, path_end, path_deviation = at[OF_PATH:OF_DESTINATIONS]
+    _, _, stops_uuid, stops_uuid_end, stops, stops_end, stops_deviation = at[OF_DESTINATIONS:]
     texts = _texts(
-        raw[at[2] : at[3]],
-        at[5],
-        raw[at[8] : at[9]] if at[8] >= 0 else None,
-        raw[at[6] : at[7]] if at[6] >= 0 else None,
-        at[16],
-        raw[at[12] : at[13]] if at[12] >= 0 else None,
-        raw[at[14] : at[15]] if at[14] >= 0 else None,
-        at[23],
-        raw[at[19] : at[20]] if at[19] >= 0 else None,
-        raw[at[21] : at[22]] if at[21] >= 0 else None,
+        raw[state:state_end],
+        deviation,
+        raw[place:place_end] if place >= 0 else None,
+        raw[place_uuid:place_uuid_end] if place_uuid >= 0 else None,
+        path_deviation,
+        raw[path_uuid:path_uuid_end] if path_uuid >= 0 else None,
+        raw[path:path_end] if path >= 0 else None,
+        stops_deviation,
+        raw[stops_uuid:stops_uuid_end] if stops_uuid >= 0 else None,
+        raw[stops:stops_end] if stops >= 0 else None,
     )
     return ScannedStatus(raw, rows, at, texts)
 
 
-def _path(
-    said: tuple[str, tuple[str, ...]], rows: Floats, at: Sequence[int], ends_s: Sequence[float], findings: Findings
-) -> Path:
-    """The points from the first row of `at` to the second, at least one, with what their words say."""
-    datum, found = said
-    begin, end = at[:2]
-    if found:
-        findings.update(dict.fromkeys(found))
+def _points(texts: PointTexts, rows: Floats, marks: Sequence[int], ends_s: Sequence[float], findings: Findings) -> Path:
+    """The points, at least one, in the rows from `marks[0]` to `marks[1]`."""
+    datum, of_texts = texts
+    begin, end = marks[:2]
+    if of_texts:
+        findings.update(dict.fromkeys(of_texts))
     return Path(tuple(map(tuple, rows[begin:end].tolist())), (datum,) * (end - begin), True, (ends_s[0], ends_s[1]))
 
 
-@lru_cache(_REMEMBERED)
+@lru_cache(_CACHED)
 def _texts(
     state: bytes,
-    departs: int,
-    right: bytes | None,
-    other: bytes | None,
-    path_departs: int,
-    path_right: bytes | None,
-    path_other: bytes | None,
-    destinations_depart: int,
-    destinations_right: bytes | None,
-    destinations_other: bytes | None,
+    stamp_deviation: int,
+    datum: bytes | None,
+    misplaced_datum: bytes | None,
+    path_deviation: int,
+    path_datum: bytes | None,
+    misplaced_path_datum: bytes | None,
+    destinations_deviation: int,
+    destinations_datum: bytes | None,
+    misplaced_destinations_datum: bytes | None,
 ) -> StatusTexts:
-    """Of times that depart so, negative where there are no points, and such a state and datums."""
-    findings: Findings = dict.fromkeys(_OF_STAMPS[departs])
+    """The meaning of texts as they were sent. A misplaced datum is under the key of the other kind of location.
+
+    Deviations are those of stamps; negative if there are no points.
+    """
+    findings: Findings = dict.fromkeys(_STAMP_FINDINGS[stamp_deviation])
     name, known = vocabulary.state(state.decode(), findings)
-    datum = vocabulary.datum(_decoded(right), _decoded(other), findings, empty="datum-missing")
+    place = vocabulary.datum(_decoded(datum), _decoded(misplaced_datum), findings, empty="datum-missing")
     path = destinations = None
-    if path_departs >= 0:
-        path = _datum_of_points(path_departs, path_right, path_other)
-    if destinations_depart >= 0:
-        destinations = _datum_of_points(destinations_depart, destinations_right, destinations_other)
-    return StatusTexts(name, known, datum, tuple(findings), path, destinations)
+    if path_deviation >= 0:
+        path = _point_texts(path_deviation, path_datum, misplaced_path_datum)
+    if destinations_deviation >= 0:
+        destinations = _point_texts(destinations_deviation, destinations_datum, misplaced_destinations_datum)
+    return StatusTexts(name, known, place, tuple(findings), path, destinations)
 
 
-@lru_cache(_REMEMBERED)
-def _datum_of_points(departs: int, right: bytes | None, other: bytes | None) -> tuple[str, tuple[str, ...]]:
-    """The datum of points, with the findings on their stamps and on that."""
-    findings: Findings = dict.fromkeys(_OF_STAMPS[departs])
-    return path_points.datum(_decoded(right), _decoded(other), findings), tuple(findings)
+@lru_cache(_CACHED)
+def _point_texts(deviation: int, datum: bytes | None, misplaced_datum: bytes | None) -> PointTexts:
+    findings: Findings = dict.fromkeys(_STAMP_FINDINGS[deviation])
+    return path_points.datum(_decoded(datum), _decoded(misplaced_datum), findings), tuple(findings)
 
 
-def _decoded(letters: bytes | None) -> str | None:
-    return None if letters is None else letters.decode()
+def _decoded(text: bytes | None) -> str | None:
+    return None if text is None else text.decode()
