@@ -1,7 +1,7 @@
-"""Batches: what the receiving half hands to the engine, as one numpy layout.
+"""Batches: the data that goes from the receiving half to the engine, as numpy arrays.
 
-A `Batch` holds every robot that changed since the last one, its forecast normalised to timed poses in the frame
-of its floor. Nothing else passes from the vendors' sockets to the engine.
+A `Batch` holds every robot that changed since the last one, with its forecast as timed poses in the frame of its floor.
+Nothing else goes from the vendors' sockets to the engine.
 """
 
 from collections.abc import Iterable, Sequence
@@ -22,7 +22,7 @@ Pair = tuple[str, str]
 
 
 class Basis(IntEnum):
-    """What a forecast rests on."""
+    """What a forecast is derived from."""
 
     STATIONARY = 0
     PATH = 1
@@ -34,14 +34,14 @@ class Basis(IntEnum):
 class Forecasts:
     """Timed poses of n robots, k knots in all; knots of robot i are rows `start[i]:start[i + 1]`.
 
-    Between two knots x, y and yaw are linear in time, yaw along the shorter arc. Before its first knot a robot
-    is not there; after its last it stands where that knot left it. A robot is on a knot's floor from that knot to
-    the next; where the next knot lies on another floor it stands at the first knot's pose until then. Floor -1
-    is a frame that is compared with nothing.
+    Between two knots x, y and yaw are linear in time, yaw along the shorter arc. A robot is absent before its first
+    knot, and stands at its last knot after that. A robot is on a knot's floor from that knot to the next one. If the
+    next knot is on another floor, the robot stands at the first knot's pose until then. Floor -1 means a frame that is
+    compared with nothing.
     """
 
     start: Ints
-    """(n + 1,) first knot of each robot, and k."""
+    """(n + 1,) first knot of each robot, and k at the end."""
     t_s: Floats
     """(k,) seconds since the epoch, increasing within a robot."""
     x_m: Floats
@@ -57,7 +57,7 @@ class Forecasts:
     width_m: Floats
     """(n,) envelope across the heading."""
     bottom_m: Floats
-    """(n,) height range of the robot; -inf and inf where the height is unknown."""
+    """(n,) height range of the robot: -inf and inf if the height is unknown."""
     top_m: Floats
     """(n,)"""
 
@@ -66,13 +66,13 @@ class Forecasts:
 
     @classmethod
     def empty(cls) -> Self:
-        none, no_int = np.empty(0), np.empty(0, np.int64)
-        return cls(np.zeros(1, np.int64), none, none, none, none, no_int, none, none, none, none)
+        floats, ints = np.empty(0), np.empty(0, np.int64)
+        return cls(np.zeros(1, np.int64), floats, floats, floats, floats, ints, floats, floats, floats, floats)
 
     def take(self, rows: Sequence[int] | Ints) -> Self:
         """The forecasts of `rows`, in that order."""
         rows = np.asarray(rows, np.int64)
-        start, knots = _taken(self.start, rows)
+        start, knots = _rows_of_parts(self.start, rows)
         by_knot = {name: getattr(self, name)[knots] for name in _BY_KNOT}
         return type(self)(start=start, **by_knot, **{name: getattr(self, name)[rows] for name in _BY_ROBOT})
 
@@ -91,18 +91,18 @@ class Forecasts:
         if len(all_parts) < 2:
             return all_parts[0] if all_parts else cls.empty()
         start, *columns = zip(*map(_FORECASTS, all_parts), strict=True)
-        return cls(_one_after_another(start), *map(np.concatenate, columns))
+        return cls(_joined_starts(start), *map(np.concatenate, columns))
 
 
-def _taken(start: Ints, rows: Ints) -> tuple[Ints, Ints]:
-    """Of parts that begin at `start`, the chosen ones: where each begins among them, and the rows that they had."""
+def _rows_of_parts(start: Ints, rows: Ints) -> tuple[Ints, Ints]:
+    """For the parts `rows` of those that begin at `start`: where each begins among them, and all their rows."""
     counts = np.diff(start)[rows]
     begins = np.concatenate([[0], np.cumsum(counts)])
     return begins, np.repeat(start[rows] - begins[:-1], counts) + np.arange(begins[-1])
 
 
-def _one_after_another(starts: Sequence[Ints]) -> Ints:
-    """Where each begins of what begins at `starts` in its own part, and where the last ends."""
+def _joined_starts(starts: Sequence[Ints]) -> Ints:
+    """The starts of several layouts that are joined one after the other."""
     moved, n = [starts[0]], starts[0][-1]
     for start in starts[1:]:
         moved.append(start[1:] + n)
@@ -118,42 +118,42 @@ _DESTINATIONS = attrgetter("start", "t_s", "x_m", "y_m", "floor")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Destinations:
-    """Where n robots go next, m stops in all, with times: stops of robot i are rows `start[i]:start[i + 1]`."""
+    """The next stops of n robots with their times, m stops in all. Robot i has rows `start[i]:start[i + 1]`."""
 
     start: Ints
-    """(n + 1,) first stop of each robot, and m."""
+    """(n + 1,) first stop of each robot, and m at the end."""
     t_s: Floats
-    """(m,) when the robot says it will be there, seconds since the epoch; not decreasing within a robot."""
+    """(m,) when the robot expects to be there, seconds since the epoch, not decreasing within a robot."""
     x_m: Floats
-    """(m,) of the robot's location, in the floor's frame."""
+    """(m,) position of the robot's location in the floor's frame."""
     y_m: Floats
     """(m,)"""
     floor: Ints
-    """(m,) index into the batch's floors; -1 where it is compared with nothing."""
+    """(m,) index into the batch's floors; -1 for a frame that is compared with nothing."""
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """The stops of all the robots of `parts`, in order."""
         start, *columns = zip(*map(_DESTINATIONS, parts), strict=True)
-        return cls(_one_after_another(start), *map(np.concatenate, columns))
+        return cls(_joined_starts(start), *map(np.concatenate, columns))
 
     def take(self, rows: Sequence[int] | Ints) -> Self:
         """The stops of `rows`, in that order."""
-        start, stops = _taken(self.start, np.asarray(rows, np.int64))
+        start, stops = _rows_of_parts(self.start, np.asarray(rows, np.int64))
         return type(self)(start, self.t_s[stops], self.x_m[stops], self.y_m[stops], self.floor[stops])
 
 
 class Claim(NamedTuple):
-    """Robots of one vendor that another one reports; where both are the same, that are reported from two places."""
+    """Robots of one vendor that another vendor reports. If both are the same: robots reported from two places."""
 
     owner: str
     claimant: str
     robots: tuple[str, ...]
-    """UUIDs in the order in which they were claimed, the first few."""
+    """The first few UUIDs, in the order in which they were claimed."""
     claimed: int
-    """How many there are in all."""
+    """How many robots are claimed in all."""
     since_s: float
-    """When the first report of it arrived."""
+    """When the first such report arrived."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,19 +162,19 @@ class Batch:
 
     now_s: float
     floors: tuple[str, ...]
-    """Floor ids by index; grows, never reorders."""
+    """Floor ids by index. Ids are added at the end and never reordered."""
     robots: tuple[str, ...]
     """(n,) UUIDs."""
     vendors: tuple[str, ...]
     """(n,)"""
     models: tuple[str, ...]
-    """(n,) as the vendor names it; "" where the robot has not identified itself."""
+    """(n,) as the vendor names it; "" if the robot has not identified itself."""
     names: tuple[str, ...]
     """(n,) what a person calls the robot."""
     states: tuple[str, ...]
-    """(n,) operational state as the standard spells it, or the sender's own word."""
+    """(n,) operational state as the standard spells it, or as the sender does if the standard does not have it."""
     statuses: Ints
-    """(n,) how many statuses came since the robot was last in a batch; 0 where it is only told again."""
+    """(n,) how many statuses came since the robot was last in a batch; 0 if the robot is only repeated."""
     first_arrival_s: Floats
     """(n,) when the first of them arrived."""
     arrival_s: Floats
@@ -186,9 +186,9 @@ class Batch:
     doubt_m: Floats
     """(n,) how far off the position may be as reported."""
     battery_pct: Floats
-    """(n,) level of the battery; nan where the robot does not tell it."""
+    """(n,) level of the battery; nan if the robot does not report it."""
     run_time_left_s: Floats
-    """(n,) how much longer the battery lasts, as the robot tells; nan where it does not."""
+    """(n,) how much longer the battery lasts; nan if the robot does not report it."""
     forecasts: Forecasts
     """n robots, in the same order."""
     destinations: Destinations
@@ -196,80 +196,80 @@ class Batch:
     gone: tuple[str, ...]
     """UUIDs of robots that were forgotten."""
     claims: tuple[Claim, ...] = ()
-    """All that stand at the tick."""
+    """The claims that stand at the tick."""
 
     def __len__(self) -> int:
         return len(self.robots)
 
     def datums(self, floor: Ints) -> list[str]:
-        """The ids of floors by index; "" for what is compared with nothing."""
-        return [self.floors[one] if one >= 0 else "" for one in floor.tolist()]
+        """The ids of floors by index; "" for a frame that is compared with nothing."""
+        return [self.floors[index] if index >= 0 else "" for index in floor.tolist()]
 
     def take(self, rows: Ints, gone: tuple[str, ...] = ()) -> Self:
         """The robots of `rows` (m,), in that order, and those that are gone."""
         chosen = rows.tolist()
-        words: dict[str, Any] = {name: tuple(getattr(self, name)[row] for row in chosen) for name in _ROBOT_WORDS}
+        texts: dict[str, Any] = {name: tuple(getattr(self, name)[row] for row in chosen) for name in _ROBOT_TEXTS}
         arrays: dict[str, Any] = {name: getattr(self, name)[rows] for name in _ARRAYS}
         parts: dict[str, Any] = {part: getattr(self, part).take(rows) for part in _PARTS}
-        return replace(self, gone=gone, **words, **arrays, **parts)
+        return replace(self, gone=gone, **texts, **arrays, **parts)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """All the robots of one or more batches with the same floors, in order, as of the last one's tick."""
         if len(parts) == 1:
             return parts[0]
-        words: dict[str, Any] = {name: _strung(map(attrgetter(name), parts)) for name in _ROBOT_WORDS}
+        texts: dict[str, Any] = {name: _concatenated(map(attrgetter(name), parts)) for name in _ROBOT_TEXTS}
         arrays: dict[str, Any] = {name: np.concatenate([*map(attrgetter(name), parts)]) for name in _ARRAYS}
         joint: dict[str, Any] = {
-            part: kind.joined([getattr(one, part) for one in parts]) for part, kind in _PARTS.items()
+            part: kind.joined([getattr(batch, part) for batch in parts]) for part, kind in _PARTS.items()
         }
-        return replace(parts[-1], gone=_strung(one.gone for one in parts), **words, **arrays, **joint)
+        return replace(parts[-1], gone=_concatenated(batch.gone for batch in parts), **texts, **arrays, **joint)
 
     def to_bytes(self) -> bytes:
-        """A line of JSON with the words and the layout of the arrays, then the arrays' bytes in that order."""
+        """A line of JSON with the texts and the layout of the arrays, then the bytes of the arrays in that order."""
         arrays: dict[str, Any] = {name: np.ascontiguousarray(getattr(self, name)) for name in _ARRAYS}
         for part, kind in _PARTS.items():
-            arrays |= {f"{part}.{one.name}": getattr(getattr(self, part), one.name) for one in fields(kind)}
-        head = {name: getattr(self, name) for name in _WORDS}
+            arrays |= {f"{part}.{field.name}": getattr(getattr(self, part), field.name) for field in fields(kind)}
+        head = {name: getattr(self, name) for name in _HEAD_KEYS}
         head["layout"] = [(name, array.dtype.str, len(array)) for name, array in arrays.items()]
         body = [np.ascontiguousarray(array).tobytes() for array in arrays.values()]
         return b"".join([msgspec.json.encode(head), b"\n", *body])
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Self:
-        """The batch that `to_bytes` wrote. The arrays are views of `data` and can't be written to."""
+        """The batch that `to_bytes` wrote. The arrays are read-only views of `data`."""
         head, _, body = data.partition(b"\n")
-        words: dict[str, Any] = msgspec.json.decode(head)
+        document: dict[str, Any] = msgspec.json.decode(head)
         arrays: dict[str, Any] = {}
         offset = 0
-        for name, kind, length in words.pop("layout"):
+        for name, kind, length in document.pop("layout"):
             arrays[name] = np.frombuffer(body, kind, length, offset)
             offset += arrays[name].nbytes
         parts: dict[str, Any] = {
-            part: kind(**{one.name: arrays.pop(f"{part}.{one.name}") for one in fields(kind)})
+            part: kind(**{field.name: arrays.pop(f"{part}.{field.name}") for field in fields(kind)})
             for part, kind in _PARTS.items()
         }
         for name in _ADDED:
             arrays.setdefault(name, np.full(len(arrays["event_s"]), np.nan))
-        now_s = words.pop("now_s")
+        now_s = document.pop("now_s")
         claims = tuple(
-            Claim(owner, claimant, tuple(robots), *told) for owner, claimant, robots, *told in words.pop("claims")
+            Claim(owner, claimant, tuple(robots), *rest) for owner, claimant, robots, *rest in document.pop("claims")
         )
-        told: dict[str, Any] = {name: tuple(value) for name, value in words.items()}
-        return cls(now_s=now_s, claims=claims, **parts, **arrays, **told)
+        texts: dict[str, Any] = {name: tuple(value) for name, value in document.items()}
+        return cls(now_s=now_s, claims=claims, **parts, **arrays, **texts)
 
 
-def _strung(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
-    """All the words of `parts`; a chain of them would hand over each by itself."""
-    every: list[str] = []
+def _concatenated(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
+    """All texts of `parts`. `itertools.chain` would be slower, since it passes each text on by itself."""
+    texts: list[str] = []
     for part in parts:
-        every += part
-    return tuple(every)
+        texts += part
+    return tuple(texts)
 
 
-_ROBOT_WORDS = ("robots", "vendors", "models", "names", "states")
-_WORDS = ("now_s", "floors", *_ROBOT_WORDS, "gone", "claims")
+_ROBOT_TEXTS = ("robots", "vendors", "models", "names", "states")
+_HEAD_KEYS = ("now_s", "floors", *_ROBOT_TEXTS, "gone", "claims")
 _ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "battery_pct", "run_time_left_s")
 _ADDED = ("battery_pct", "run_time_left_s")
-"""Of arrays those that a batch of an earlier release lacks."""
+"""Arrays that a batch of an earlier release does not have."""
 _PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

@@ -1,7 +1,7 @@
 """Settings of the receiving half: datums, vendors and their maps, sockets, clocks, recording.
 
 Each is a frozen section of the site file (`deconflict/settings/site.py` composes and loads the file). An unknown key is
-an error. Every field has a unit in its name or a word on what it means.
+an error. Every field has a unit in its name, and a sentence that says what it means.
 """
 
 from typing import Annotated, Literal
@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 UNKNOWN = "unknown"
-"""The vendor of a robot that has not identified itself and that nothing else gives away."""
+"""The vendor of a robot if neither its identity nor its connection nor the site file names one."""
 NIL_DATUM = "00000000-0000-0000-0000-000000000000"
 
 Metres = Annotated[float, Field(ge=0, allow_inf_nan=False)]

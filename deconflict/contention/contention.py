@@ -76,7 +76,7 @@ class Contention:
         self._rings: list[tuple[RingLink, ...]] = []
         self._needs: list[ChargingNeed] = []
         self._shortages: list[ChargerShortage] = []
-        measures.ask(self._measure)
+        measures.call_before_reading(self._measure)
 
     def open(self) -> list[FindingAdvisory]:
         """The newest revision of every open advisory."""

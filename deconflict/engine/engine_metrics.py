@@ -26,7 +26,7 @@ class EngineMetrics:
         self._foresight, self._map_drift = foresight, map_drift
         self._conflicts = 0
         """Pairs in predicted conflict at the last pass."""
-        measures.ask(self._set_levels)
+        measures.call_before_reading(self._set_levels)
 
     def count_pass(
         self, conflicts: PairConflicts, near_misses: Sequence[Pair], revisions: Iterable[AnyAdvisory]

@@ -1,8 +1,8 @@
 """Fits from a vendor's readings of datum reference points to the site's frame (standard, section 3).
 
-Two points give a rotation, a translation and one scale; three an affine map; more the ADJUST method of the `warp`
-tool the standard points to: a global least-squares fit (first order, as that tool's default), then the local
-correction of `ingest/frames/transforms.py`.
+Two points give a rotation, a translation and one scale. Three points give an affine map. More points give the ADJUST
+method of the `warp` tool to which the standard refers: a global least-squares fit (first order, the tool's default),
+and then the local correction of `ingest/frames/transforms.py`.
 """
 
 from collections.abc import Sequence
@@ -16,15 +16,15 @@ from ingest.batch import Floats
 from ingest.frames.transforms import Adjusted, Affine, Transform
 
 COLLINEAR_SHARE = 0.02
-"""Points whose spread across their main line is less than this share of that along it are collinear."""
+"""Points are collinear if their spread across their main line is less than this share of the spread along it."""
 COINCIDENT_SHARE = 1e-6
-"""Two points nearer to each other than this share of the spread of all are the same point."""
+"""Two points are the same if they are closer than this share of the extent of all points."""
 COINCIDENT_M = 1e-3
-"""The same for reference points, metres."""
+"""Two reference points are the same if they are closer than this."""
 NEAREST, FARTHEST = 1e-9, 1e12
-"""Points nearer to each other are the same, and coordinates beyond are nowhere, in any unit: sums of them overflow."""
+"""In any unit: closer points are the same, and coordinates beyond are invalid, since their sums overflow."""
 FLATTENED_SHARE = 0.01
-"""A global fit that squeezes one direction to less than this share of another joins points that don't belong."""
+"""If a global fit shrinks one direction to less than this share of another, its points are paired wrongly."""
 
 
 class Method(StrEnum):
@@ -34,7 +34,7 @@ class Method(StrEnum):
 
 
 class FitError(ValueError):
-    """Readings that fit nothing; the message says what to change."""
+    """Readings to which nothing can be fitted. The message says what to change."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,16 +46,16 @@ class Fit:
     affine: Affine
     """The global part."""
     residuals_m: Floats
-    """(points,) distance of each point from where the global fit puts it; 0 by construction up to three points."""
+    """(points,) distance of each point from its place by the global fit; 0 by construction for up to three points."""
     left_out_m: Floats
-    """(points,) the same, with the point left out of the fit; nan where the rest can't be fitted."""
+    """(points,) the same distance with the point left out of the fit; nan if the others can't be fitted."""
 
 
 def fit(readings: Floats, reference: Floats, names: Sequence[str], *, mirrored: bool = False) -> Fit:
-    """The transform that takes `readings` (p, 2) to `reference` (p, 2), metres.
+    """The transform from `readings` (p, 2) to `reference` (p, 2), metres.
 
-    `names` are the points', for messages. `mirrored` is taken for a fact with two points, which can't show it, and
-    ignored with more, which do. Raises `FitError` for fewer than two points, and coincident, collinear or absurd ones.
+    `names` are the names of the points for messages. `mirrored` is used with two points, which can't show it, and
+    ignored with more. Raises `FitError` for fewer than two points, and for coincident, collinear or absurd points.
     """
     if len(readings) < 2:
         raise FitError(f"readings of at least two reference points are needed, found {len(readings)}")
@@ -94,7 +94,7 @@ def _collinear(points: Floats) -> bool:
 
 
 def _global(readings: Floats, reference: Floats, mirrored: bool) -> Affine:
-    """About the centroids, so that far origins lose no digits."""
+    """The least-squares fit, computed relative to the centroids so that distant origins lose no digits."""
     from_centre, to_centre = readings.mean(axis=0), reference.mean(axis=0)
     centred, wanted = readings - from_centre, reference - to_centre
     if len(readings) == 2:
@@ -105,14 +105,14 @@ def _global(readings: Floats, reference: Floats, mirrored: bool) -> Affine:
 
 
 def _similarity(reading: Floats, wanted: Floats, mirrored: bool) -> Floats:
-    """The rotation and scale that take one vector to another, as the quotient of two complex numbers."""
+    """The rotation and scale from one vector to another, as the quotient of two complex numbers."""
     flip = np.diag([1.0, -1.0 if mirrored else 1.0])
     turn = complex(*wanted) / complex(*(flip @ reading))
     return np.array([[turn.real, -turn.imag], [turn.imag, turn.real]]) @ flip
 
 
 def _left_out(readings: Floats, reference: Floats, mirrored: bool) -> Floats:
-    """How far each point lies from where a global fit of all the others puts it, metres (points,)."""
+    """(points,) distance of each point from its place by a global fit of all others, metres."""
     missed_m = np.full(len(readings), np.nan)
     if len(readings) < 3:
         return missed_m

@@ -1,4 +1,4 @@
-"""Datums in latitude and longitude: x north in degrees, y east in degrees, a left-handed frame."""
+"""Datums in latitude and longitude: x is north and y is east, in degrees. This frame is left-handed."""
 
 from collections.abc import Sequence
 from math import pi
@@ -11,10 +11,10 @@ from ingest.settings import Datum
 
 
 class Projection:
-    """Degrees on a datum to metres east and north of its reference location, and yaws with them.
+    """Projects degrees on a datum to metres east and north of its reference location, and yaws likewise.
 
-    An azimuthal equidistant projection on WGS 84 about the reference location: distances from it are true, and a
-    floor is far too small for those between other points to differ by a millimetre.
+    It is an azimuthal equidistant projection on WGS 84 about the reference location. Distances from that are true. On
+    an area as small as a floor, distances between other points are true to less than a millimetre.
     """
 
     def __init__(self, datum: Datum) -> None:
@@ -26,17 +26,17 @@ class Projection:
         self._to_metres = Transformer.from_crs("EPSG:4326", local, always_xy=False)
 
     def points(self, degrees: Floats) -> Floats:
-        """`(p, 2)` latitude, longitude to `(p, 2)` metres east, north."""
+        """`(p, 2)` latitude and longitude to `(p, 2)` metres east and north."""
         metres = degrees.copy()
         latitudes, longitudes = degrees[:, 0] + self._base[0], degrees[:, 1] + self._base[1]
         metres[:, 0], metres[:, 1] = self._to_metres.transform(latitudes, longitudes)
         return metres
 
     def poses(self, poses: Sequence[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
-        """Latitude, longitude and yaw from north towards east, to metres east and north and yaw from east to north."""
+        """Latitude, longitude and yaw clockwise from north to metres east and north and yaw anticlockwise from east."""
         placed = self.points(np.array(poses).reshape(-1, 3)[:, :2]).tolist()
         return [(x, y, self.yaw(yaw_rad)) for (x, y), (_, _, yaw_rad) in zip(placed, poses, strict=True)]
 
     def yaw(self, yaw_rad: float) -> float:
-        """From north towards east, to anticlockwise from east."""
+        """A yaw from north towards east to one anticlockwise from east."""
         return pi / 2 - yaw_rad

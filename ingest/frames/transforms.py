@@ -1,9 +1,9 @@
-"""Maps of the plane: an affine one, and one corrected by a triangulation, as ESRI's ADJUST transformation is.
+"""Maps of the plane: an affine one, and one corrected by a triangulation, like ESRI's ADJUST transformation.
 
-ADJUST takes each reference point exactly to its place and is linear in each triangle of them. ESRI leaves open what
-holds outside the triangles; here it is the correction at the nearest point of their rim. Flat triangles at the rim,
-such as three points along a wall make, are left out: across their little height the residuals of their points would
-turn headings about.
+ADJUST maps each reference point exactly and is linear in each triangle of reference points. ESRI does not say what
+applies outside the triangles. Here it is the correction at the nearest point of their rim. Flat triangles at the rim,
+for example of three points along a wall, are left out: over their small height the residuals of their points would
+give wrong headings.
 """
 
 from abc import ABC, abstractmethod
@@ -19,28 +19,33 @@ from scipy.spatial import Delaunay
 from ingest.batch import Floats, Ints
 
 WITHIN = 1e-12
-"""Share of a triangle's height by which a point beyond it still counts as on its side."""
+"""A point that is outside a triangle by at most this share of its height counts as inside."""
 FLAT_SHARE = 0.1
 """A triangle whose height is less than this share of its longest side is flat."""
 
 
 Placed = tuple[float, float, float, float, float, float]
-"""Where a point comes to lie, x and y, and the linear part there by rows."""
+"""The mapped x and y of a point, and the linear part of the map there by rows."""
 
 
-class _Map(ABC):
-    """Points one at a time, since messages bring few at once; arrays of them for those that have many."""
+class Map(ABC):
+    """Maps points one at a time, since a message has few of them, or as an array."""
 
     @abstractmethod
-    def at(self, x: float, y: float) -> Placed: ...
+    def at(self, x: float, y: float) -> Placed:
+        """The mapped point."""
 
     @property
     @abstractmethod
     def table(self) -> Floats:
-        """For compiled code (1 + t + e, 12): map by rows, shift, middle and t (9); triangles; the rim (e, 9)."""
+        """The map for compiled code, (1 + t + e, 12).
+
+        The first row has the matrix by rows, the shift, the middle and t; then come t rows of `_Triangle` and e rows of
+        `_Edge`, filled up with zeros.
+        """
 
     def pose(self, x: float, y: float, yaw_rad: float) -> tuple[float, float, float]:
-        """Where a pose comes to lie. Its heading goes through the linear part there; an unknown one stays nan."""
+        """The mapped pose. Its heading is mapped by the linear part there; an unknown heading stays nan."""
         to_x, to_y, a, b, c, d = self.at(x, y)
         along, across = cos(yaw_rad), sin(yaw_rad)
         return to_x, to_y, atan2(c * along + d * across, a * along + b * across)
@@ -50,13 +55,13 @@ class _Map(ABC):
         return self.place(points)[0]
 
     def place(self, points: Floats) -> tuple[Floats, Floats]:
-        """Where `points` (p, 2) come to lie (p, 2), and the linear part at each (p, 2, 2)."""
+        """The mapped `points` (p, 2), and the linear part of the map at each (p, 2, 2)."""
         placed = np.array([self.at(x, y) for x, y in points.tolist()], np.float64).reshape(-1, 6)
         return placed[:, :2], placed[:, 2:].reshape(-1, 2, 2)
 
 
 @dataclass(frozen=True, eq=False)
-class Affine(_Map):
+class Affine(Map):
     """x -> matrix x + shift."""
 
     matrix: Floats
@@ -91,31 +96,31 @@ class Affine(_Map):
 
     @property
     def distortion(self) -> float:
-        """By what share the direction stretched most exceeds the one stretched least; 0 for a similarity."""
+        """By what share the greatest stretch of a direction exceeds the least; 0 for a similarity."""
         large, small = np.linalg.svd(self.matrix, compute_uv=False)
         return float(large / small - 1) if small > 0 else inf
 
     @property
     def rotation_rad(self) -> float:
-        """Of the vendor's x axis, anticlockwise from the floor's."""
+        """The angle of the vendor's x axis, anticlockwise from the floor's."""
         return float(np.arctan2(self.matrix[1, 0], self.matrix[0, 0]))
 
     @property
     def shear_rad(self) -> float:
-        """How far the vendor's axes are from square on the floor; 0 for a similarity."""
+        """How far the vendor's axes are from perpendicular on the floor; 0 for a similarity."""
         along_x, along_y = self.scales
         return float(np.arcsin(np.clip(self.matrix[:, 0] @ self.matrix[:, 1] / (along_x * along_y), -1, 1)))
 
 
-class Adjusted(_Map):
-    """A global fit, its residuals corrected by triangles of the reference points.
+class Adjusted(Map):
+    """A global fit whose residuals are corrected by triangles of the reference points.
 
-    Continuous, but for steps where two sides of a notch left by a flat triangle are equally near; each is smaller
-    than what the correction changes by along the notch.
+    It is continuous, except where two sides of a notch left by a flat triangle are equally near. A step there is
+    smaller than the change of the correction along the notch.
     """
 
     def __init__(self, base: Affine, readings: Floats, residuals: Floats) -> None:
-        """`residuals` (points, 2) are what `base` misses at `readings` (points, 2), in the site's frame."""
+        """`residuals` (points, 2) are the errors of `base` at `readings` (points, 2), in the site's frame."""
         self._base = base
         middle = readings.mean(axis=0)
         self._middle = float(middle[0]), float(middle[1])
@@ -140,7 +145,7 @@ class Adjusted(_Map):
         return to_x + by_x, to_y + by_y, a + more_a, b + more_b, c + more_c, d + more_d
 
     def _correction(self, x: float, y: float) -> Placed:
-        """By how much a point moves, and the slope of that; outside, what holds at the nearest point of the rim."""
+        """By how much a point moves, and the slope of that. Outside all triangles, as at the nearest rim point."""
         for t00, t01, t10, t11, corner_x, corner_y, by_x, by_y, a, b, c, d in self._inner:
             dx, dy = x - corner_x, y - corner_y
             first, second = t00 * dx + t01 * dy, t10 * dx + t11 * dy
@@ -149,7 +154,7 @@ class Adjusted(_Map):
         return self._beside(x, y)
 
     def _beside(self, x: float, y: float) -> Placed:
-        """The correction at the nearest point of the rim and its slope: that along its edge, none at its ends."""
+        """The correction at the nearest point of the rim, and its slope: along the edge, or 0 at the edge's ends."""
         least, at, nearest = inf, 0.0, self._rim[0]
         for edge in self._rim:
             edge_x, edge_y, dx, dy, length2, _, _, _, _ = edge
@@ -178,7 +183,7 @@ class Adjusted(_Map):
     def bend(self) -> tuple[float, tuple[int, ...]]:
         """The largest share by which the correction of a triangle changes a length or, in radians, a heading.
 
-        With it the rows of that triangle's points. Reaches 1 where the correction folds the map.
+        With it the rows of that triangle's points. It is 1 or more if the correction folds the map.
         """
         bends = np.linalg.norm(np.linalg.inv(self._base.matrix) @ self._slopes, ord=2, axis=(1, 2))
         worst = int(np.argmax(bends))
@@ -186,7 +191,10 @@ class Adjusted(_Map):
 
 
 class _Triangle(NamedTuple):
-    """A triangle of reference points, about their middle: its barycentric map, its last corner, its correction."""
+    """A triangle of reference points, relative to their middle.
+
+    It has its barycentric map by rows, its last corner, and the correction there with its slope by rows.
+    """
 
     t00: float
     t01: float
@@ -203,7 +211,10 @@ class _Triangle(NamedTuple):
 
 
 class _Edge(NamedTuple):
-    """An edge of the rim, about the middle of the points, the correction at its start and how it changes along it."""
+    """An edge of the rim, relative to the middle of the points.
+
+    It has its start, its vector, the correction at its start, and the change of the correction along it.
+    """
 
     x: float
     y: float
@@ -221,12 +232,13 @@ Transform = Affine | Adjusted
 
 
 def _shares(corners: Floats) -> Floats:
-    """What takes a point, about the last of a triangle's `corners` (t, 3, 2), to its shares in the other two (t, 2, 2).
+    """The barycentric maps (t, 2, 2) of triangles with `corners` (t, 3, 2).
 
-    `Delaunay` knows it too, but to be asked for it wakes threads of LAPACK that then spin for a tenth of a second.
+    Each maps a point relative to the last corner to its weights of the first two. `Delaunay` has them too, but
+    computing them there wakes threads of LAPACK that then spin for a tenth of a second.
     """
     first, second = corners[:, 0] - corners[:, 2], corners[:, 1] - corners[:, 2]
-    # elimination by the side that is longer along x, as LAPACK does it
+    # elimination with the side that is longer along x as pivot, as in LAPACK
     swapped = np.abs(second[:, :1]) > np.abs(first[:, :1])
     (x, y), (other_x, other_y) = np.where(swapped, second, first).T, np.where(swapped, first, second).T
     per_x = 1 / x
@@ -239,9 +251,9 @@ def _shares(corners: Floats) -> Floats:
 
 
 def _without_flat_rim(triangles: Delaunay) -> tuple[NDArray[np.bool_], Ints]:
-    """Which triangles to keep (t,), and the edges round them as rows of two points (e, 2).
+    """Which triangles to keep (t,), and the edges of their rim as rows of two points (e, 2).
 
-    A flat triangle goes if only its longest side is at the rim: each of its points then belongs to another.
+    A flat triangle is removed if only its longest side is at the rim: each of its points then belongs to another one.
     """
     corners = triangles.points[triangles.simplices]
     sides = np.stack([corners[:, k - 2] - corners[:, k - 1] for k in range(3)], axis=1)

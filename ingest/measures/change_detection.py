@@ -1,8 +1,9 @@
-"""Whether something that is measured again and again has changed, since when, and by how much.
+"""Detects whether a repeated measurement has changed, since when, and by how much.
 
-A two-sided CUSUM test (Page 1954, Continuous inspection schemes, Biometrika 41) on values less what is usual, over how
-much they usually vary. What is usual is learned from the first values and follows the later ones over days, but not
-while a change is suspected. A change is over once values are usual again; one that lasts a day is the new usual.
+It uses a two-sided CUSUM test (Page 1954, Continuous inspection schemes, Biometrika 41) on the deviations of values
+from the usual level, divided by the usual spread. Level and spread are learned from the first values and follow later
+values over days, but not while a change is suspected. A change is over once values are usual again. A change that lasts
+a day becomes the usual level.
 """
 
 from dataclasses import dataclass, field
@@ -13,21 +14,21 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 from pydantic import ConfigDict, Field, TypeAdapter
 
 LEARNED = 15
-"""Values that make the first usual one."""
+"""Values from which the first usual level is learned."""
 HALF_LIFE_S = 86_400.0
-"""In which what is usual goes half the way to what is."""
+"""Time in which the usual level goes half the way to the present values."""
 SLACK, ALARM = 1.0, 16.0
-"""A deviation counts beyond so many usual ones; so many in all are an alarm."""
+"""In usual deviations: a deviation counts beyond `SLACK`, and a sum beyond `ALARM` is an alarm."""
 FARTHEST = 4.0
-"""A single value counts as no more than so many usual deviations."""
+"""A single value counts as at most this many usual deviations."""
 NEWEST = 15
-"""Values of which the middle says by how much."""
+"""The size of a change is the median of this many newest values."""
 WORTH = 2.0
-"""A change by less than so many usual deviations is none."""
+"""A change must be at least this many usual deviations."""
 CALM, CALM_WITHIN = 5, 1.5
-"""A change is over after so many values in a row within so many usual deviations."""
+"""A change is over after `CALM` values in a row within `CALM_WITHIN` usual deviations."""
 ADOPTED_S = 86_400.0
-"""A change that lasts so long is the new usual."""
+"""A change that lasts this long becomes the usual level."""
 UP, DOWN = 0, 1
 
 
@@ -35,43 +36,48 @@ Sides = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class LevelChange(NamedTuple):
-    """What is no longer as it was."""
+    """A detected change of a level."""
 
     since_s: float
     by: float
-    """By how much the level is above what was usual."""
+    """By how much the level is above the usual one; negative if it is below."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChangeLimits:
-    """What counts as a change; both in the units of the values."""
+    """What counts as a change, in the unit of the values."""
 
     least_spread: float
-    """Values are never thought to vary less."""
+    """The usual spread is at least this."""
     least_change: float
-    """Less than this is of no interest."""
+    """Smaller changes are ignored."""
     rises_only: bool = False
+    """Whether falls are ignored."""
 
 
 @dataclass(slots=True)
 class ChangeDetector:
-    """One thing that is measured."""
+    """Detects changes of one measured quantity."""
 
     __pydantic_config__: ClassVar = ConfigDict(allow_inf_nan=False)
     limits: ChangeLimits
     seen: int = 0
+    """Values so far."""
     usual: float = 0.0
+    """The usual level."""
     variance: Annotated[float, Field(ge=0)] = 0.0
     at_s: float = 0.0
-    """Of the newest value."""
+    """The time of the newest value."""
     sums: Sides = field(default_factory=lambda: [0.0, 0.0])
-    """Of what the newest values lay above what is usual, and below it, in usual deviations."""
+    """CUSUM sums of deviations above and below the usual level, in usual deviations."""
     began_s: Sides = field(default_factory=lambda: [0.0, 0.0])
-    """When the values began that each sum is of."""
+    """The time of the first value in each sum."""
     newest: Annotated[list[tuple[float, float]], Field(max_length=NEWEST)] = field(default_factory=list)
-    """Times and values."""
+    """The newest values with their times."""
     change: LevelChange | None = None
+    """The change that stands; None if there is none."""
     calm: int = 0
+    """Usual values in a row since the change."""
 
     @property
     def spread(self) -> float:
@@ -79,7 +85,7 @@ class ChangeDetector:
         return max(sqrt(self.variance), self.limits.least_spread)
 
     def add(self, value: float, at_s: float) -> None:
-        """One more value, of the time from `at_s` on; times may go back where a clock is set back."""
+        """Add a value that holds from `at_s` on. Times may go back if a clock is set back."""
         self.newest = [*self.newest[1 - NEWEST :], (at_s, value)]
         if self.seen < LEARNED:
             self._begin()
@@ -90,16 +96,16 @@ class ChangeDetector:
         self.at_s = at_s
 
     def learned(self) -> dict[str, Any]:
-        """All of it, JSON-ready."""
-        told: dict[str, Any] = _STATE.dump_python(self, mode="json")
-        return told
+        """The whole state, JSON-ready."""
+        state: dict[str, Any] = _STATE.dump_python(self, mode="json")
+        return state
 
     @classmethod
-    def resumed(cls, limits: ChangeLimits, told: object) -> "ChangeDetector":
-        """The level that `learned` told. Raises `ValueError`."""
-        level = _STATE.validate_python(told)
-        level.limits = limits
-        return level
+    def resumed(cls, limits: ChangeLimits, state: object) -> "ChangeDetector":
+        """The detector with a state that `learned` returned. Raises `ValueError`."""
+        detector = _STATE.validate_python(state)
+        detector.limits = limits
+        return detector
 
     def _begin(self) -> None:
         self.seen += 1
@@ -129,20 +135,20 @@ class ChangeDetector:
 
     def _alarm(self, side: int) -> None:
         since_s, self.sums = self.began_s[side], [0.0, 0.0]
-        by = self._above(since_s)
+        by = self._change_since(since_s)
         if abs(by) >= max(self.limits.least_change, WORTH * self.spread) and (side == UP or not self.limits.rises_only):
             self.change, self.calm = LevelChange(since_s, by), 0
 
     def _follow(self, value: float, change: LevelChange, at_s: float) -> None:
         usual = abs(value - self.usual) <= max(CALM_WITHIN * self.spread, self.limits.least_change / 2)
         self.calm = self.calm + 1 if usual else 0
-        self.change = LevelChange(change.since_s, self._above(change.since_s))
+        self.change = LevelChange(change.since_s, self._change_since(change.since_s))
         if self.calm >= CALM:
             self.change = None
         elif at_s - change.since_s >= ADOPTED_S:
             self.change, self.seen, self.newest = None, 0, []
 
-    def _above(self, since_s: float) -> float:
+    def _change_since(self, since_s: float) -> float:
         later = [value for at_s, value in self.newest if at_s >= since_s]
         return median(later or [value for _, value in self.newest]) - self.usual
 

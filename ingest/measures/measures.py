@@ -1,7 +1,7 @@
-"""Counts, levels and distributions that a role keeps of itself, by metric name.
+"""Counts, levels and distributions of a role, by metric name.
 
-State lives here once; `metrics/monitoring/exposition.py` derives the Prometheus text from it. A role sends its measures
-to another process as the dictionary of `as_document`.
+`metrics/monitoring/exposition.py` derives the Prometheus text from them. A role sends its measures to another process
+as the dictionary of `as_document`.
 """
 
 from collections import defaultdict
@@ -35,15 +35,15 @@ LARGEST = frozenset(
         "deconflict_build_info",
     }
 )
-"""Levels that are not shares of a whole: of what several roles or machines tell, the largest is meant."""
+"""Levels that do not add up: of the values of several roles or machines the largest counts."""
 FURTHEST = frozenset(
     {"deconflict_clock_offset_seconds", "deconflict_clock_change_seconds", "deconflict_host_clock_off_seconds"}
 )
-"""Those of either sign: the one furthest from 0. All else adds up."""
+"""Levels of either sign: the value furthest from 0 counts. All other counts and levels add up."""
 
 
 class Histogram:
-    """Observations counted by upper bound, as Prometheus counts them."""
+    """Observations counted by upper bound, as in Prometheus."""
 
     def __init__(self, bounds: tuple[float, ...] = LATENCY_BOUNDS_S) -> None:
         self.bounds = bounds
@@ -52,7 +52,7 @@ class Histogram:
 
     @classmethod
     def joined(cls, rows: Sequence[Sequence[Any]]) -> Self:
-        """The rows of one name in `Measures.as_document`, at least one, together."""
+        """The sum of one or more rows of one name in `Measures.as_document`."""
         histogram = cls(tuple(rows[0][1]))
         histogram.counts = [sum(counts) for counts in zip(*(row[2] for row in rows), strict=True)]
         histogram.total = sum(row[3] for row in rows)
@@ -66,7 +66,7 @@ class Histogram:
         self.total += float(values.sum())
 
     def quantile(self, share: float) -> float:
-        """The `share` quantile, interpolated within its bucket; the last bound where it lies beyond."""
+        """The `share` quantile, interpolated within its bucket. The last bound if it lies beyond."""
         wanted, seen, low = share * sum(self.counts), 0, 0.0
         for bound, count in zip(self.bounds, self.counts, strict=False):
             if count and seen + count >= wanted:
@@ -75,11 +75,11 @@ class Histogram:
         return low
 
 
-def together(name: str, one: float, other: float) -> float:
-    """What two roles or machines come to that tell the same series of a count or level."""
+def combined(name: str, a: float, b: float) -> float:
+    """The value of a count or level for two roles or machines that have it in the same series."""
     if name in FURTHEST:
-        return max(one, other, key=abs)
-    return max(one, other) if name in LARGEST else one + other
+        return max(a, b, key=abs)
+    return max(a, b) if name in LARGEST else a + b
 
 
 def joined_values(documents: Iterable[dict[str, Any]]) -> dict[str, dict[Labels, float]]:
@@ -88,42 +88,42 @@ def joined_values(documents: Iterable[dict[str, Any]]) -> dict[str, dict[Labels,
     for document in documents:
         for name, rows in document["values"].items():
             series = values.setdefault(name, {})
-            for told, value in rows:
-                labels = tuple(told)
-                series[labels] = together(name, series[labels], value) if labels in series else value
+            for label_list, value in rows:
+                labels = tuple(label_list)
+                series[labels] = combined(name, series[labels], value) if labels in series else value
     return values
 
 
 class Measures:
-    """One role's measures. Label values are bounded sets: vendors, rules, states, never robots."""
+    """The measures of one role. The values of labels are limited in number: vendors, rules, states, never robots."""
 
     def __init__(self) -> None:
         self.values: dict[str, dict[Labels, float]] = defaultdict(dict)
         self.histograms: dict[str, dict[Labels, Histogram]] = defaultdict(dict)
-        self._asked: list[Callable[[], None]] = []
+        self._updates: list[Callable[[], None]] = []
 
-    def ask(self, tell: Callable[[], None]) -> None:
-        """Have `tell` bring its levels up to date each time that the measures are told of."""
-        self._asked.append(tell)
+    def call_before_reading(self, update: Callable[[], None]) -> None:
+        """Call `update` before each `as_document`, so that it can set its levels."""
+        self._updates.append(update)
 
     def count(self, name: str, *labels: str, by: float = 1) -> None:
         series = self.values[name]
         series[labels] = series.get(labels, 0) + by
 
-    def count_each(self, name: str, label: str, others: Iterable[str]) -> None:
-        """Count by one label and each of some others."""
+    def count_each(self, name: str, label: str, second_labels: Iterable[str]) -> None:
+        """Count 1 for the first label with each of the second labels."""
         series = self.values[name]
-        for other in others:
-            labels = label, other
+        for second in second_labels:
+            labels = label, second
             series[labels] = series.get(labels, 0) + 1
 
     def begin(self, *names: str) -> None:
-        """Count from 0: a counter that first appears with its first event can't be seen to rise."""
+        """Begin counters at 0. If a counter appears only with its first event, its rise can't be seen."""
         for name in names:
             self.count(name, by=0)
 
     def level(self, name: str, series: dict[Labels, float]) -> None:
-        """Replace every series of a gauge, so that what no longer exists is no longer shown."""
+        """Replace all series of a level, so that series that no longer exist disappear."""
         self.values[name] = dict(series)
 
     def observe(self, name: str, values: ArrayLike, *labels: str) -> None:
@@ -131,8 +131,8 @@ class Measures:
 
     def as_document(self) -> dict[str, Any]:
         """JSON-ready: `values` and `histograms`, each name to a list of `[labels, ...]` rows."""
-        for tell in self._asked:
-            tell()
+        for update in self._updates:
+            update()
         return {
             "values": {
                 name: [[list(labels), value] for labels, value in sorted(series.items())]
@@ -140,8 +140,8 @@ class Measures:
             },
             "histograms": {
                 name: [
-                    [list(labels), list(one.bounds), list(one.counts), one.total]
-                    for labels, one in sorted(series.items())
+                    [list(labels), list(histogram.bounds), list(histogram.counts), histogram.total]
+                    for labels, histogram in sorted(series.items())
                 ]
                 for name, series in sorted(self.histograms.items())
             },

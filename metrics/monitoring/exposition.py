@@ -13,7 +13,7 @@ from prometheus_client.metrics_core import (
     Metric,
 )
 
-from ingest.measures.measures import Labels, together
+from ingest.measures.measures import Labels, combined
 from metrics.monitoring.catalogue import CATALOGUE, UNCATALOGUED, UNCATALOGUED_HELP, CatalogueEntry
 
 
@@ -44,7 +44,7 @@ class CombinedSeries:
         if known is None:
             series[labels] = value
         else:
-            series[labels] = together(name, known, value)
+            series[labels] = combined(name, known, value)
 
     def add_histogram(self, name: str, labels: Labels, buckets: HistogramBuckets) -> None:
         entry = CATALOGUE.get(name)

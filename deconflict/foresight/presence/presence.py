@@ -77,7 +77,7 @@ class Presence:
         self._next_s: dict[str, float] = {}
         """The next check of each silent robot. An entry of the heap with another time is void."""
         self._exits: tuple[float, list[UsualExit]] = (-EXITS_EVERY_S, [])
-        measures.ask(self._measure)
+        measures.call_before_reading(self._measure)
 
     def receive(self, batch: Batch) -> Batch:
         """Take in the reports of a batch. Returns the batch without the robots that are still removed. Robots that are

@@ -83,7 +83,7 @@ class ProbabilityEstimator:
         self._rollouts = PairRollouts(clearance_m, horizon_s, self._robots, self._pending)
         self._pairs = np.zeros(0, PAIR)
         self._looked_s = float("-inf")
-        measures.ask(self._measure)
+        measures.call_before_reading(self._measure)
 
     @property
     def calibration(self) -> Calibration:
