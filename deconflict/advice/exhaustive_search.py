@@ -1,4 +1,7 @@
-"""The cheapest plan of a few robots by trying all: exact, and faster than a solver reads the question."""
+"""The cheapest plan of a few robots by trying all: exact, and faster than a solver reads the question.
+
+`_search` is long because it is one loop: its state would be passed to every part of it.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple

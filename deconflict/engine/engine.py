@@ -40,7 +40,7 @@ COARSE_M = 0.25
 
 
 class Engine:
-    """LiveRobots robots, their sweep and forecasts of conflicts, and the open advisories. Keeps its own `measures`."""
+    """Live robots, their sweep and forecasts of conflicts, and the open advisories. Keeps its own `measures`."""
 
     def __init__(
         self,
@@ -53,32 +53,29 @@ class Engine:
         *,
         conflicts_only: bool = False,
     ) -> None:
-        """`learned` comes from `learned()` of an earlier engine. Raises `UnreadableError` if it can't.
+        """`restored` are advisories that were open before, `ordinals` how many encounters each pair has had.
 
-        `restored` are advisories that were open before, `ordinals` how many encounters each pair has had, `submit`
-        has advice worked out, `burdens_s` are the seconds that each vendor has waited by now. With `conflicts_only`
-        there are no advisories on queues, deadlocks, blockages and claims.
+        `submit` has advice worked out, `burdens_s` are the seconds that each vendor has waited so far, `learned` is
+        what `learned()` of an earlier engine gave. With `conflicts_only` there are no advisories on queues, deadlocks,
+        blockages and claims. Raises `UnreadableError` if `learned` has another form.
         """
         self.site, self._conflicts_only = site, conflicts_only
         restored, conflict = tuple(restored), site.conflict
         self.measures = Measures()
         self.live = LiveRobots()
         self.presence = Presence(self.live, self.measures)
-        self.foresight = ProbabilityEstimator(
-            conflict.clearance_m, conflict.clear_margin_m, conflict.horizon_s, self.measures
-        )
+        distances_m = conflict.clearance_m, conflict.clear_margin_m
+        self.foresight = ProbabilityEstimator(*distances_m, conflict.horizon_s, self.measures)
         self._sweep = RobotSweep(site, self.live, self.measures)
         place_names = PlaceNames(site.datums, (*site.resources, *site.zones))
         self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, place_names)
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
         self._conflicts.restore(advisory for advisory in restored if isinstance(advisory, ConflictAdvisory))
         self._advice = EngineAdvice(site, self.live, self._sweep.sweeper, self.measures, submit, burdens_s)
-        self._shared = SharedAdvisories(
-            site, self.live, self.measures, restored, self._advice.queue_advice, enabled=not conflicts_only
-        )
+        shared = site, self.live, self.measures, restored, self._advice.queue_advice
+        self._shared = SharedAdvisories(*shared, enabled=not conflicts_only)
         self._map_drift = MapDrift.at(site.resources)
-        if learned:
-            self._resume(learned)
+        self._resume(learned or {})
         self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self.near_misses: list[Pair] = []
         """Pairs that came within the clearance in the last pass while one of them moved."""
@@ -116,6 +113,8 @@ class Engine:
         return self.foresight.learned() | shared | {"rests": self._map_drift.learned()}
 
     def _resume(self, learned: Mapping[str, Part]) -> None:
+        if not learned:
+            return
         self.foresight.resume(learned)
         self._shared.resume(learned)
         self._map_drift.resume(learned.get("rests", {}))

@@ -18,7 +18,7 @@ AT_M = 1.5
 """Nearer than this a person says "at"."""
 
 
-class FloorPoint(NamedTuple):
+class MapPoint(NamedTuple):
     """A point in the frame of a floor."""
 
     datum: str
@@ -60,7 +60,7 @@ class PlaceNames:
         }
         """By floor, what a point can be inside of, the smallest first."""
 
-    def describe(self, points: Sequence[FloorPoint]) -> list[str]:
+    def describe(self, points: Sequence[MapPoint]) -> list[str]:
         """Where each point is, such as "3 m from Column C3 on Ground hall".
 
         The smallest place that holds the point, or else the nearest mark or place and its distance, or else the

@@ -1,4 +1,7 @@
-"""The records that contention keeps of robots, field by field, and the kernels that write and read them."""
+"""The records that contention keeps of robots, field by field, and the kernels that write and read them.
+
+`update_records` is long because it is one loop that copies many columns into the fields of a record.
+"""
 
 from math import hypot
 from typing import Any, NamedTuple
@@ -125,6 +128,44 @@ def _touches(floor: int, west: float, south: float, east: float, north: float, o
     return False
 
 
+@inner
+def _update_waiting(robot: Any, was_moving: bool, has_moved: bool, is_resting: bool) -> int:
+    """Update whether a robot waits on its path; the bits of how that changed."""
+    is_on_its_way = not robot.goes and not is_resting
+    bits = 0
+    if not is_on_its_way:
+        bits = WAIT_ENDS if robot.waits else 0
+    elif was_moving:
+        bits = HALTS
+    elif robot.waits and has_moved:
+        bits = MOVES
+    robot.waits = is_on_its_way and (robot.waits or was_moving)
+    return bits
+
+
+@inner
+def _update_standing(robot: Any, event_s: float) -> None:
+    """Update where and since when a robot stands, from its newest pose."""
+    has_stood = robot.known and robot.floor == robot.stood_floor
+    has_stood = has_stood and hypot(robot.x_m - robot.stood_x_m, robot.y_m - robot.stood_y_m) <= STANDS_M
+    if not has_stood:
+        robot.stood_floor, robot.stood_x_m, robot.stood_y_m = robot.floor, robot.x_m, robot.y_m
+        robot.stood_s = event_s
+    robot.stands = not robot.goes or event_s - robot.stood_s >= STANDS_S
+
+
+@inner
+def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Outlines, spare_m: float) -> int:
+    """Update whether a robot is near a resource and its path near a zone; bits if it is, or was before."""
+    was_beside, passed = robot.beside, robot.passes
+    floor, x, y = robot.floor, robot.x_m, robot.y_m
+    reach_m = hypot(robot.length_m, robot.width_m) / 2 + spare_m
+    west, south, east, north = path_box_m
+    robot.beside = _touches(floor, x, y, x, y, resources)
+    robot.passes = _touches(floor, west - reach_m, south - reach_m, east + reach_m, north + reach_m, zones)
+    return (RESOURCE if robot.beside or was_beside else 0) | (PASSAGES if robot.passes or passed else 0)
+
+
 @kernel(
     numba.int64[::1](
         _RECORDS,
@@ -174,7 +215,8 @@ def update_records(
         robot = robots[slots[row]]
         floor, x, y = view.floor[row, 0], view.x_m[row, 0], view.y_m[row, 0]
         on = floor_numbers[floor] if floor >= 0 else -1
-        went, moved = robot.goes, on != robot.floor or x != robot.x_m or y != robot.y_m
+        was_moving = robot.goes
+        has_moved = on != robot.floor or x != robot.x_m or y != robot.y_m
         goes = basis[row] != _STATIONARY and paths.way_m[row] > WAY_M
         robot.event_s, robot.floor, robot.x_m, robot.y_m, robot.yaw_rad = event_s[row], on, x, y, view.yaw_rad[row, 0]
         robot.length_m, robot.width_m, robot.way_m, robot.goes = length_m[row], width_m[row], paths.way_m[row], goes
@@ -182,35 +224,16 @@ def update_records(
         if goes:
             robot.west_m, robot.south_m, robot.east_m, robot.north_m = paths.boxes_m[row]
             kept_paths[slots[row]] = paths.lines_m[row]
-        on_its_way = not goes and not resting[row]
-        if not on_its_way:
-            stale[row] |= WAIT_ENDS if robot.waits else 0
-        elif went:
-            stale[row] |= HALTS
-        elif robot.waits and moved:
-            stale[row] |= MOVES
-        robot.waits = on_its_way and (robot.waits or went)
-        stood = robot.known and on == robot.stood_floor
-        stood = stood and hypot(x - robot.stood_x_m, y - robot.stood_y_m) <= STANDS_M
-        if not stood:
-            robot.stood_floor, robot.stood_x_m, robot.stood_y_m, robot.stood_s = on, x, y, event_s[row]
-        robot.stands = not goes or event_s[row] - robot.stood_s >= STANDS_S
-        beside = _touches(on, x, y, x, y, resources)
-        if beside or robot.beside:
-            stale[row] |= RESOURCE
-        reach_m = hypot(length_m[row], width_m[row]) / 2 + spare_m
-        west, south, east, north = paths.boxes_m[row]
-        passes = _touches(on, west - reach_m, south - reach_m, east + reach_m, north + reach_m, zones)
-        if passes or robot.passes:
-            stale[row] |= PASSAGES
+        stale[row] |= _update_waiting(robot, was_moving, has_moved, resting[row])
+        _update_standing(robot, event_s[row])
+        stale[row] |= _update_near(robot, paths.boxes_m[row], resources, zones, spare_m)
         if bound[row]:
             stale[row] |= STOPS
         if goes and basis[row] != _VELOCITY and view.floor[row, last] == floor:
             end_x, end_y = view.x_m[row, last], view.y_m[row, last]
             if _touches(on, end_x, end_y, end_x, end_y, resources):
                 stale[row] |= PATH_END
-        robot.known, robot.beside, robot.passes, robot.bound = True, beside, passes, bound[row]
-        robot.stops, robot.row = stops[row], row
+        robot.known, robot.bound, robot.stops, robot.row = True, bound[row], stops[row], row
     return stale
 
 
