@@ -1,8 +1,8 @@
-"""What slots cost to work out, and what they save: `python -m benchmarks.contention [--json FILE]`.
+"""The time to compute slot advice, and the waiting that it saves: `python -m benchmarks.contention [--json FILE]`.
 
-50 resources of one place each; robots come within 15 minutes and stay half a minute to two; each resource is one solve.
-The gap is the share of first come, first served's waiting that the advice saves; the open share is what may still lie
-between the advice and the bound.
+There are 50 resources with a capacity of one. Robots arrive within 15 minutes and stay 30 to 120 s. Each resource is
+one problem. `gap` is the share of the waiting under first come, first served that the advice saves. `open` is the
+remaining share between the advice and the lower bound.
 """
 
 import argparse
@@ -37,8 +37,8 @@ def measured(robots: int) -> dict[str, Any]:
         begin = perf_counter()
         advice.append(advise_slots([queue], NOW_S))
         taken_ms.append(1e3 * (perf_counter() - begin))
-    first_come_s = sum(one.first_come_cost_s or 0.0 for one in advice)
-    cost_s, bound_s = sum(one.cost_s for one in advice), sum(one.bound_s for one in advice)
+    first_come_s = sum(answer.first_come_cost_s or 0.0 for answer in advice)
+    cost_s, bound_s = sum(answer.cost_s for answer in advice), sum(answer.bound_s for answer in advice)
     return {
         "robots": robots,
         "resources": RESOURCES,
@@ -49,7 +49,7 @@ def measured(robots: int) -> dict[str, Any]:
         "advised_s": cost_s,
         "gap": 1 - cost_s / first_come_s if first_come_s else 0.0,
         "open": 1 - bound_s / cost_s if cost_s else 0.0,
-        "proven": sum(one.proven_optimal for one in advice),
+        "proven": sum(answer.proven_optimal for answer in advice),
     }
 
 

@@ -1,7 +1,7 @@
 """The whole service under load: `python -m benchmarks.endtoend [--robots 100 1000] [--seconds 60] [--json OUT]`.
 
-The service runs as `deconflict serve` would, a process a role, everything on; the load comes from a process of its
-own over real sockets. Where there are two cores, the load and the service share them.
+The service runs as with `deconflict serve`: one process for each role, with everything switched on. The load comes from
+its own process over real sockets. On a machine with two cores, the load and the service share them.
 """
 
 import argparse
@@ -33,7 +33,7 @@ LATE_S = 1.0
 
 @dataclass(frozen=True)
 class Usage:
-    """What one role has used so far."""
+    """The resources that one role has used so far."""
 
     core_s: float
     memory_mb: float
@@ -42,7 +42,7 @@ class Usage:
 
 @dataclass(frozen=True)
 class Row:
-    """The figures of one run or of one stretch of it."""
+    """The figures of one run or of a part of it."""
 
     robots: int
     seconds: float
@@ -50,15 +50,15 @@ class Row:
     accepted: float
     rejected: float
     overtaken: float
-    """Statuses that the receiver did not read, since a newer one had come."""
+    """Statuses that the receiver did not read because a newer one had arrived."""
     superseded: float
-    """Statuses replaced by a newer one before the engine read them, those overtaken included."""
+    """Statuses that a newer one replaced before the engine read them, including overtaken ones."""
     shed: float
-    """Messages given up because their vendor sent more than its share."""
+    """Messages dropped because their vendor exceeded its rate limit."""
     missed: float
     """Passes of the engine that missed their deadline."""
     late: float
-    """Messages that took more than `LATE_S` to an advisory, or to there being none."""
+    """Messages that took more than `LATE_S` until the advisories reflected them."""
     p50_ms: float
     p99_ms: float
     slowest_ms: float
@@ -70,7 +70,7 @@ class Row:
 
 
 class Running:
-    """A service that is being measured."""
+    """A running service that is measured."""
 
     def __init__(self, supervisor: Supervisor, runtime: Path, data: Path, robots_port: int, operator_port: int) -> None:
         self.roles, self._caller = supervisor.roles, Caller(runtime, "operator")
@@ -78,7 +78,7 @@ class Running:
         self._at_s, self._before, self._used = time.monotonic(), self.measures(), self.usage()
 
     def measures(self) -> dict[str, Any]:
-        """Sums by metric name, counts by (metric, second label) and the latency histogram, of all roles."""
+        """Of all roles: sums by metric name, counts by metric and second label, and the latency histogram."""
         sums: dict[str, Any] = {}
         rows: list[Any] = []
         for document in self._answer():
@@ -92,7 +92,7 @@ class Running:
         return sums
 
     def usage(self) -> dict[str, Usage]:
-        return {one.role: _usage(one.process.pid) for one in self.roles if one.process}
+        return {role.role: _usage(role.process.pid) for role in self.roles if role.process}
 
     def row(self, robots: int) -> Row:
         """The figures since the last row."""
@@ -115,10 +115,10 @@ class Running:
             p99_ms=round(waits.quantile(0.99) * 1000, 1),
             slowest_ms=_slowest_s(waits) * 1000,
             core_s_a_second={
-                role: round((one.core_s - self._used[role].core_s) / seconds, 3) for role, one in used.items()
+                role: round((usage.core_s - self._used[role].core_s) / seconds, 3) for role, usage in used.items()
             },
-            memory_mb={role: round(one.memory_mb, 1) for role, one in used.items()},
-            files={role: one.files for role, one in used.items()},
+            memory_mb={role: round(usage.memory_mb, 1) for role, usage in used.items()},
+            files={role: usage.files for role, usage in used.items()},
             advisories=_rise(before, after, "deconflict_advisories_stored_total"),
         )
         self._at_s, self._before, self._used = now_s, after, used
@@ -139,37 +139,37 @@ class Running:
 
 @contextmanager
 def service(docks_for: int = 0) -> Iterator[Running]:
-    """The service on a floor with docks for so many robots, with a process a role, until the end of the block."""
+    """Run the service on a floor with docks for `docks_for` robots, one process for each role, until the block ends."""
     stop, (robots_port, operator_port) = threading.Event(), _free_ports()
     with tempfile.TemporaryDirectory(prefix="benchmark-") as data, runtime_directory() as runtime:
         supervisor = Supervisor(benchmark_site(robots_port, operator_port, docks_for), Path(data), Path(runtime))
         running = threading.Thread(target=supervisor.run, args=(stop,))
         running.start()
         try:
-            one = Running(supervisor, Path(runtime), Path(data), robots_port, operator_port)
+            measured_service = Running(supervisor, Path(runtime), Path(data), robots_port, operator_port)
             _wait_for(robots_port)
-            yield one
+            yield measured_service
         finally:
             stop.set()
             running.join()
 
 
 class Load:
-    """The load, in a process of its own."""
+    """The load, in its own process."""
 
     def __init__(self, url: str, robots: int, seconds: float, core: int | None = None, *, docks: bool = False) -> None:
         spawn = multiprocessing.get_context("spawn")
         self._pipe, child = spawn.Pipe()
-        asked = (child, url, robots, seconds, core)
-        self._process = spawn.Process(target=offer.serve, args=asked, kwargs={"docks": docks})
+        arguments = (child, url, robots, seconds, core)
+        self._process = spawn.Process(target=offer.serve, args=arguments, kwargs={"docks": docks})
         self._process.start()
         child.close()
 
     def result(self) -> dict[str, float]:
-        """What it did, once it is over."""
-        told: dict[str, float] = self._pipe.recv()
+        """Wait for its end. Returns what it did."""
+        result: dict[str, float] = self._pipe.recv()
         self._process.join()
-        return told
+        return result
 
     def stop(self) -> dict[str, float]:
         self._pipe.send("stop")
@@ -179,14 +179,14 @@ class Load:
 def measured(
     robots: int, seconds: float, settle_s: float = 10.0, load_core: int | None = None, *, docks: bool = False
 ) -> tuple[Row, dict[str, float]]:
-    """The figures of a run after `settle_s`, and what the load says of itself."""
-    with service(robots if docks else 0) as one:
-        offering = Load(one.url, robots, settle_s + seconds, load_core, docks=docks)
+    """The figures of a run after `settle_s`, and the figures of the load."""
+    with service(robots if docks else 0) as running:
+        load = Load(running.url, robots, settle_s + seconds, load_core, docks=docks)
         time.sleep(settle_s)
-        one.row(robots)
+        running.row(robots)
         time.sleep(seconds - 1)
-        row = one.row(robots)
-        return row, offering.result()
+        row = running.row(robots)
+        return row, load.result()
 
 
 def print_row(row: Row, load: dict[str, float] | None = None) -> None:
@@ -210,29 +210,29 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--robots", type=int, nargs="+", default=[100, 1000, 3000, 10000])
     arguments.add_argument("--seconds", type=float, default=60.0)
-    arguments.add_argument("--load-core", type=int, help="the core that the load is kept to")
-    arguments.add_argument("--docks", action="store_true", help="with a dock and a crossing for each ten robots")
+    arguments.add_argument("--load-core", type=int, help="pin the load to this core")
+    arguments.add_argument("--docks", action="store_true", help="add a dock and a crossing for every ten robots")
     arguments.add_argument("--json", type=Path)
     args = arguments.parse_args()
-    told = []
+    runs = []
     for robots in args.robots:
-        row, offered = measured(robots, args.seconds, load_core=args.load_core, docks=args.docks)
-        print_row(row, offered)
-        told.append(asdict(row) | {"load": offered})
-    if len(told) > 1:
-        print(f"growth exponent of core seconds: {_exponent(told):.2f}")
+        row, load = measured(robots, args.seconds, load_core=args.load_core, docks=args.docks)
+        print_row(row, load)
+        runs.append(asdict(row) | {"load": load})
+    if len(runs) > 1:
+        print(f"growth exponent of core seconds: {_exponent(runs):.2f}")
     if args.json:
-        args.json.write_text(json.dumps(told, indent=2) + "\n")
+        args.json.write_text(json.dumps(runs, indent=2) + "\n")
 
 
-def _exponent(told: list[dict[str, Any]]) -> float:
-    first, last = told[0], told[-1]
-    cores = [sum(one["core_s_a_second"].values()) for one in (first, last)]
+def _exponent(runs: list[dict[str, Any]]) -> float:
+    first, last = runs[0], runs[-1]
+    cores = [sum(run["core_s_a_second"].values()) for run in (first, last)]
     return math.log(cores[1] / cores[0]) / math.log(last["robots"] / first["robots"])
 
 
 def benchmark_site(robots_port: int, operator_port: int, docks_for: int = 0) -> Site:
-    """A hall, with docks and crossings for so many robots."""
+    """A hall with docks and crossings for `docks_for` robots."""
     docks, crossings = offer.places(docks_for)
     return DEFAULT.model_copy(
         update={
@@ -247,8 +247,8 @@ def benchmark_site(robots_port: int, operator_port: int, docks_for: int = 0) -> 
 
 
 def _free_ports() -> tuple[int, int]:
-    with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
-        return one.getsockname()[1], other.getsockname()[1]
+    with socket.create_server(("127.0.0.1", 0)) as first, socket.create_server(("127.0.0.1", 0)) as second:
+        return first.getsockname()[1], second.getsockname()[1]
 
 
 def _wait_for(port: int) -> None:
@@ -265,7 +265,7 @@ def _wait_for(port: int) -> None:
 
 
 def _usage(pid: int) -> Usage:
-    """From /proc (Linux): processor time, resident memory and open files."""
+    """Processor time, resident memory and open files from /proc (Linux)."""
     of = Path("/proc") / str(pid)
     ticks = (of / "stat").read_text().rsplit(")", 1)[1].split()
     pages = int((of / "statm").read_text().split()[1])
@@ -292,7 +292,7 @@ def _slowest_s(waits: Histogram) -> float:
 
 
 def _by_bound(waits: Histogram) -> list[tuple[float, int]]:
-    """Upper bound of each bucket, and how many are in it."""
+    """Upper bound and count of each bucket."""
     return list(zip((*waits.bounds, math.inf), waits.counts, strict=True))
 
 

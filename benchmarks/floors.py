@@ -1,4 +1,5 @@
-"""Made-up floors for the benchmarks: robots that do not avoid each other, so far more conflicts than on a real one."""
+"""Synthetic floors for the benchmarks. Robots do not avoid each other, so there are more conflicts than on real
+floors."""
 
 from dataclasses import dataclass, replace
 
@@ -8,12 +9,12 @@ from ingest.batch import Floats, Forecasts, Ints
 
 NOW_S = 1_790_000_000.0
 KNOTS = 11
-"""Ten seconds of path, a point a second, as the standard asks for."""
+"""The present pose and ten seconds of path with one point per second, as the standard requires."""
 
 
 @dataclass(frozen=True)
 class World:
-    """n robots that each go on as they began. Arrays are (n,)."""
+    """n robots that keep their first speed and turn rate. Arrays are (n,)."""
 
     x: Floats
     y: Floats
@@ -26,7 +27,7 @@ class World:
     width: Floats
 
     def pose(self, t: Floats) -> tuple[Floats, Floats, Floats]:
-        """Poses (n, k) at `t` (n, k), seconds since the beginning: along a circle, or straight on."""
+        """Poses (n, k) at `t` (n, k), seconds since the start: on a circle or a straight line."""
         yaw = self.yaw[:, None] + self.turn[:, None] * t
         turning = np.where(self.turn == 0, 1.0, self.turn)[:, None]
         chord = np.where(self.turn[:, None] == 0, t, 2 * np.sin(self.turn[:, None] * t / 2) / turning)
@@ -34,7 +35,7 @@ class World:
         return self.x[:, None] + way * np.cos(middle), self.y[:, None] + way * np.sin(middle), yaw
 
     def forecasts(self, at_s: float) -> Forecasts:
-        """What all have reported by `at_s`, seconds since the beginning: a present pose and ten points of path."""
+        """The newest reports at `at_s`, seconds since the start: a present pose and ten points of path."""
         n = len(self.x)
         reported = np.floor(at_s - self.phase) + self.phase
         t = reported[:, None] + np.arange(KNOTS, dtype=np.float64)
@@ -52,8 +53,8 @@ class World:
             top_m=np.full(n, np.inf),
         )
 
-    def told(self, t: Floats) -> tuple[Floats, Floats, Floats]:
-        """Poses (n, k) at `t` (k,) by the forecasts of second 0, which go straight from point to point."""
+    def forecast_poses(self, t: Floats) -> tuple[Floats, Floats, Floats]:
+        """Poses (n, k) at `t` (k,) by the forecasts of second 0, which are straight between points."""
         reported = (np.floor(-self.phase) + self.phase)[:, None]
         before = np.minimum(np.floor(t - reported), KNOTS - 2)
         share = t - reported - before
@@ -67,7 +68,7 @@ class World:
 
 
 def crowd(robots: int, area_m2: float, *, moving: float = 0.8, seed: int = 1) -> World:
-    """Robots anywhere on a square with `area_m2` for each, `moving` of them under way, a third of those turning."""
+    """Robots at random on a square with `area_m2` for each. A share `moving` of them drives; a third of these turn."""
     rng = np.random.default_rng(seed)
     side = np.sqrt(robots * area_m2)
     under_way = rng.random(robots) < moving
@@ -84,7 +85,7 @@ def crowd(robots: int, area_m2: float, *, moving: float = 0.8, seed: int = 1) ->
 
 
 def lanes(robots: int, area_m2: float, *, seed: int = 1) -> World:
-    """Robots in parallel lanes at one speed a lane, a few of them standing: conflicts are rare, as on a site."""
+    """Robots in parallel lanes with one speed for each lane. A few stand. Conflicts are rare, as on a real site."""
     made = crowd(robots, area_m2, seed=seed)
     rng = np.random.default_rng([seed, 1])
     gap_m = 2.0

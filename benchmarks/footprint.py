@@ -1,6 +1,7 @@
-"""What the sweep takes besides time: `python -m benchmarks.footprint [ROBOTS]`, as one line of JSON.
+"""Memory and import time of the sweep, as one line of JSON: `python -m benchmarks.footprint [ROBOTS]`.
 
-Memory is the peak of the whole process, libraries included, over five seconds of a floor that is told anew each second.
+Memory is the peak of the whole process, including libraries, over five seconds of a floor on which all robots report
+every second.
 """
 
 import json
@@ -14,14 +15,14 @@ AREA_M2, SECONDS = 25.0, 5
 
 
 def peak_mb() -> float:
-    """By Linux's own count of this process; `getrusage` counts what a parent held as well."""
+    """Linux's own count for this process. `getrusage` would include memory of the parent."""
     status = Path("/proc/self/status").read_text()
     return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
 def measured(robots: int) -> dict[str, float]:
     begin, numpy_mb = perf_counter(), peak_mb()
-    from deconflict.sweep.incremental import Sweeper  # noqa: PLC0415 - its import is what is timed
+    from deconflict.sweep.incremental import Sweeper  # noqa: PLC0415 - the import is timed
 
     import_s, idle_mb = perf_counter() - begin, peak_mb()
     if robots:

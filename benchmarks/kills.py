@@ -1,8 +1,8 @@
 """Kill a random role at random moments under load: `python -m benchmarks.kills [--kills 100] [--robots 200]`.
 
-A subscriber follows the stream all the while and resumes with `after`. At the end: was any number lost, doubled or
-out of order, is every advisory's life whole, was any cleared because its robots "left" though they never did, and can
-the whole log be read.
+A subscriber follows the stream during the run and resumes with `after`. At the end the benchmark checks: is any number
+missing, repeated or out of order; is every advisory's lifecycle complete; was any advisory cleared because its robots
+"left" although they did not; and can the whole log be read.
 """
 
 import argparse
@@ -30,14 +30,14 @@ from ingest.recording.log_reader import LogReader, segments
 
 @dataclass
 class Follower:
-    """One subscriber, and every revision that it was told, in order."""
+    """One subscriber, and every revision that it received, in order."""
 
     url: str
-    told: list[dict[str, Any]] = field(default_factory=list)
+    received: list[dict[str, Any]] = field(default_factory=list)
     resumed: int = 0
 
     async def follow(self, stop: asyncio.Event) -> None:
-        """Follow until `stop`, again and again from the last number."""
+        """Follow until `stop`. After every loss it resumes from the last number."""
         stopping = asyncio.create_task(stop.wait())
         while not stop.is_set():
             following = asyncio.create_task(self._listen())
@@ -48,37 +48,37 @@ class Follower:
             await asyncio.sleep(0.05)
 
     async def _listen(self) -> None:
-        seen = self.told[-1]["seq"] if self.told else 0
+        seen = self.received[-1]["seq"] if self.received else 0
         try:
             async with connect(f"{self.url}?after={seen}") as stream:
                 async for message in stream:
-                    self.told.append(json.loads(message))
+                    self.received.append(json.loads(message))
         except (OSError, WebSocketException):
             return
 
 
-def faults(told: Iterable[dict[str, Any]]) -> list[str]:
-    """What is wrong with a stream as a subscriber saw it, a sentence each."""
-    found, seq, revisions = [], 0, dict[str, int]()
-    for one in told:
-        if one["seq"] != seq + 1:
-            found.append(f"number {one['seq']} follows {seq}")
-        seq = one["seq"]
-        expected = revisions.get(one["id"], 0) + 1
-        if one["revision"] != expected:
-            found.append(f"revision {one['revision']} of {one['id']} came where {expected} was due")
-        revisions[one["id"]] = one["revision"]
-        if "left the floor" in (one["cleared_because"] or ""):
-            found.append(f"{one['id']} was cleared because {one['cleared_because']}, and nobody left")
+def faults(revisions: Iterable[dict[str, Any]]) -> list[str]:
+    """The faults in a stream as a subscriber received it, one sentence each."""
+    found, seq, counts = [], 0, dict[str, int]()
+    for revision in revisions:
+        if revision["seq"] != seq + 1:
+            found.append(f"number {revision['seq']} follows {seq}")
+        seq = revision["seq"]
+        expected = counts.get(revision["id"], 0) + 1
+        if revision["revision"] != expected:
+            found.append(f"revision {revision['revision']} of {revision['id']} came where {expected} was due")
+        counts[revision["id"]] = revision["revision"]
+        if "left the floor" in (revision["cleared_because"] or ""):
+            found.append(f"{revision['id']} was cleared because {revision['cleared_because']}, and nobody left")
     return found
 
 
-def kill_at_random(one: Running, face: str, kills: int, rng: random.Random) -> list[float]:
-    """Kill `kills` times; how long each time until the service was whole again, seconds."""
+def kill_at_random(running: Running, face: str, kills: int, rng: random.Random) -> list[float]:
+    """Kill `kills` times. Returns the seconds until the service was complete again, for each time."""
     took_s = []
     for _ in range(kills):
         time.sleep(rng.uniform(0.3, 2.0))
-        victim: RoleProcess = rng.choice(one.roles)
+        victim: RoleProcess = rng.choice(running.roles)
         if victim.process is None:
             continue
         restarts = victim.restarts
@@ -88,7 +88,7 @@ def kill_at_random(one: Running, face: str, kills: int, rng: random.Random) -> l
 
 
 def _until_whole(face: str, role: str, restarts: int) -> float:
-    """Seconds until the role was started anew and the service says that it is whole."""
+    """Seconds until the role was restarted and the service reports that it is complete."""
     began_s = time.monotonic()
     while time.monotonic() < began_s + 60:
         try:
@@ -102,30 +102,30 @@ def _until_whole(face: str, role: str, restarts: int) -> float:
 
 
 def run(kills: int, robots: int, seed: int) -> dict[str, Any]:
-    """The whole run, and what was found."""
-    with service() as one:
-        follower, stop = Follower(f"ws://{one.face}/advisories/stream"), asyncio.Event()
+    """Run the benchmark. Returns its figures and the faults."""
+    with service() as running:
+        follower, stop = Follower(f"ws://{running.face}/advisories/stream"), asyncio.Event()
         loop = asyncio.new_event_loop()
         threading.Thread(target=loop.run_forever, daemon=True).start()
         following: Future[None] = asyncio.run_coroutine_threadsafe(follower.follow(stop), loop)
-        offering = Load(one.url, robots, kills * 60.0)
+        load = Load(running.url, robots, kills * 60.0)
         time.sleep(10)
-        took_s = sorted(kill_at_random(one, f"http://{one.face}", kills, random.Random(seed)))
+        took_s = sorted(kill_at_random(running, f"http://{running.face}", kills, random.Random(seed)))
         time.sleep(5)
         loop.call_soon_threadsafe(stop.set)
         following.result()
-        offered = offering.stop()
+        offered = load.stop()
         reader = LogReader()
-        lines = sum(1 for _ in reader.read(segments(one.data / "log")))
+        lines = sum(1 for _ in reader.read(segments(running.data / "log")))
     return {
         "kills": len(took_s),
-        "revisions": len(follower.told),
+        "revisions": len(follower.received),
         "resumed": follower.resumed,
         "whole_again_s": {"median": took_s[len(took_s) // 2], "most": took_s[-1]},
         "load": offered,
         "log_events": lines,
         "log_unreadable": reader.unreadable,
-        "faults": faults(follower.told),
+        "faults": faults(follower.received),
     }
 
 
@@ -136,10 +136,10 @@ def main() -> None:
     arguments.add_argument("--seed", type=int, default=1)
     arguments.add_argument("--json", type=Path)
     args = arguments.parse_args()
-    told = run(args.kills, args.robots, args.seed)
-    print(json.dumps(told, indent=2))
+    result = run(args.kills, args.robots, args.seed)
+    print(json.dumps(result, indent=2))
     if args.json:
-        args.json.write_text(json.dumps(told, indent=2) + "\n")
+        args.json.write_text(json.dumps(result, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""What reading one message costs: `python -m benchmarks.messages`.
+"""The processor time to read one message: `python -m benchmarks.messages`.
 
-Shown is reading alone, the whole way from bytes to a row of a batch (forecast, counters and the batches of four ticks a
-second included), and the document that people see. Best of many short runs, so that a busy machine shows as little as
-it can. The ratios are to pydantic's validation alone of a conforming message in the same run.
+It measures three things: reading alone; everything from bytes to a row of a batch, including forecast, counters and
+four batches per second; and the document for people. Each is the best of many short runs, so that other load on the
+machine has little effect. The ratios compare with pydantic's validation of a conforming message in the same run.
 """
 
 import json
@@ -36,7 +36,7 @@ SITE = Site(
         Datum(
             id=DATUM,
             name="Hall",
-            reference_points=tuple(ReferencePoint(id=one, x=x, y=y) for one, (x, y) in MARKS.items()),
+            reference_points=tuple(ReferencePoint(id=mark, x=x, y=y) for mark, (x, y) in MARKS.items()),
         ),
     ),
     vendors=(
@@ -44,7 +44,7 @@ SITE = Site(
             name="Mapped",
             maps=(
                 VendorMap(
-                    datum=DATUM, site_datum=DATUM, readings={one: (y + 3, 9 - x) for one, (x, y) in MARKS.items()}
+                    datum=DATUM, site_datum=DATUM, readings={mark: (y + 3, 9 - x) for mark, (x, y) in MARKS.items()}
                 ),
             ),
         ),
@@ -53,7 +53,7 @@ SITE = Site(
 
 
 def conforming() -> dict[str, Any]:
-    """A status with ten path points, nothing of it against the standard."""
+    """A conforming status with ten path points."""
     path = [{"timestamp": T.format(20 + i), "x": 12.345 + i, "y": 6.789, "angle": dict(ANGLE)} for i in range(10)]
     return {
         "uuid": "6b2f3f0a-54a2-4d6e-9b0e-6c1f0a7d9e11",
@@ -69,7 +69,7 @@ def conforming() -> dict[str, Any]:
 
 
 def official() -> dict[str, Any]:
-    """The same as the official sample sender would spell it: upper case, no colon, the other datum key."""
+    """The same status as the official sample sender writes it: upper case, no colon, the other datum key."""
     report = conforming()
     report["uuid"] = report["uuid"].upper()
     report["location"]["planarDatum"] = DATUM.upper()
@@ -85,7 +85,7 @@ def _no_colon(timestamp: str) -> str:
 
 
 def identity(uuid: str) -> dict[str, Any]:
-    """Who the robot is."""
+    """The identity report of a robot."""
     return {
         "uuid": uuid,
         "timestamp": T.format(20),
@@ -102,7 +102,7 @@ def us(call: Callable[[], object]) -> float:
 
 
 def batch_us(report: dict[str, Any], vendor: str | None = None) -> float:
-    """Processor time of one message from bytes to a row of a batch: the best second of many robots' messages."""
+    """Processor time of one message from bytes to a row of a batch, in the best second of many robots' messages."""
     fleet, connection, best_s = fast_fleet_of(SITE, Measures()), Connection(1, vendor=vendor), float("inf")
     robots = [{**report, "uuid": f"6b2f3f0a-54a2-4d6e-9b0e-{robot:012x}"} for robot in range(ROBOTS)]
     for robot in robots:
@@ -121,7 +121,7 @@ def batch_us(report: dict[str, Any], vendor: str | None = None) -> float:
 
 
 def _later(report: dict[str, Any], by_s: int) -> dict[str, Any]:
-    """The same report, its stamps moved."""
+    """The same report with all timestamps moved."""
     path = [point | {"timestamp": _moved(point["timestamp"], by_s)} for point in report["path"]]
     return report | {"timestamp": _moved(report["timestamp"], by_s), "path": path}
 

@@ -1,13 +1,14 @@
 """A load: robots of several vendors that report once a second with ten points of path, over real sockets.
 
-Where the floor has docks, each robot also tells when it will be at one, which it shares with nine others; it drives on
-all the same and tells another time then. Each tenth circle then touches its neighbour in a crossing for one robot.
+If the floor has docks, each robot also announces when it will be at a dock, which it shares with nine others. It drives
+on in any case, and then announces another time. Every tenth circle then touches its neighbour in a crossing for one
+robot.
 
-Open loop: a message is sent when it is due whether or not the service keeps up. The generator's own lateness is told,
-so that a figure of the service is not one of the generator. It is cheap, since it may share the service's cores: every
-frame has the same length, masked with zeros, and of all that are due only the digits that have changed are written, at
-once; a frame is then one call of `send`. Messages of one connection are nevertheless sent each on its own, when it is
-due, as they come from robots.
+The load is open loop: a message is sent when it is due, even if the service is late. The generator reports its own
+lateness, so that it is not mistaken for that of the service. The generator uses little processor time, because it may
+share the cores of the service: every frame has the same length and is masked with zeros; for all due messages together
+only the changed digits are written; and each frame is one call of `send`. Each message is sent on its own when it is
+due, as from real robots.
 """
 
 import asyncio
@@ -36,9 +37,9 @@ SPACING_M, RADIUS_M, MARGIN_M = 6.8, 3.0, 10.0
 SLICE_S = 0.02
 ROBOTS_A_CONNECTION = 10
 ROBOTS_A_DOCK, DOCK_EVERY_S, DOCKED_S = 10, 600.0, 30.0
-"""How many robots a dock has, how often each goes there, and for how long."""
+"""Number of robots for each dock, how often each goes there, and for how long."""
 CROSSING_M = 1.2
-"""Half a side."""
+"""Half side of a crossing."""
 RETRY_S, HANDSHAKE_S = 0.2, 10.0
 HANDSHAKE = (
     "GET {path} HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -57,7 +58,7 @@ STATUS = (
     b'"velocity":{"linear":%b},"path":[%b],"destinations":[%b]}'
     % (bytes(36), STAMP, _POSE, DATUM.encode(), METRES, b",".join([_POINT] * POINTS), _POINT)
 )
-"""The text of every status; what differs is written over it, of the same length."""
+"""The text of every status. Values that differ are written over it with the same length."""
 _TEXT = np.frombuffer(STATUS, np.uint8)
 _TEXT_WITHOUT_DOCKS = np.append(_TEXT[: STATUS.index(b',"destinations"')], _TEXT[-1])
 _THREE = np.array([list(b"%03d" % n) for n in range(1000)], np.uint8)
@@ -65,7 +66,7 @@ _LEADING = np.array([list(b"%3d" % n) for n in range(1000)], np.uint8)
 
 
 def _places(of: bytes) -> NDArray[np.int64]:
-    """(f, w) columns of the status where the text `of`, w letters long, stands f times."""
+    """(f, w) columns of the f places in the status at which the text `of` stands, w characters long."""
     found, at = [], STATUS.find(of)
     while at >= 0:
         found.append(range(at, at + len(of)))
@@ -82,29 +83,30 @@ _DOCK_STAMP_AT, _STAMPS_AT = _STAMPS_AT[-1], _STAMPS_AT[:-1]
 
 
 def vendor_of(robot: int) -> str:
-    """Every connection is of one vendor's robots and names it, so that each vendor has a share of its own."""
+    """The vendor of a robot. Each connection is of one vendor's robots and names it, so each vendor has its own
+    limit."""
     return VENDORS[robot // ROBOTS_A_CONNECTION % len(VENDORS)]
 
 
 @dataclass(slots=True)
 class Offered:
-    """What a load did. Times in seconds."""
+    """The figures of a load. Times are in seconds."""
 
     connections: int = 0
     sent: int = 0
     broken: int = 0
-    """Connections that the service ended; each is opened again."""
+    """Connections that the service closed. Each is opened again."""
     unsent: int = 0
-    """Messages due while their connection was down."""
+    """Messages that were due while their connection was closed."""
     late_s: float = 0.0
-    """The most that a message was sent after it was due."""
+    """The greatest delay of a message after it was due."""
     core_s: float = 0.0
     seconds: float = 0.0
-    """From the first message that was due."""
+    """Duration from the first due message."""
 
 
 class Circling:
-    """n robots, each round a circle of its own; neighbours' circles nearly touch, so some meet at every moment."""
+    """n robots, each on its own circle. The circles of neighbours nearly touch, so some robots always meet."""
 
     def __init__(self, robots: int, seed: int = 1, *, docks: bool = False) -> None:
         rng = np.random.default_rng(seed)
@@ -112,21 +114,21 @@ class Circling:
         self.turn_radps = rng.uniform(0.15, 0.4, robots) * rng.choice([-1, 1], robots)
         self.angle = rng.uniform(0, 2 * np.pi, robots)
         self.due_s = rng.uniform(0, 1, robots)
-        """When within each second a robot reports."""
+        """(n,) time within each second at which a robot reports."""
         self.uuids = [str(uuid5(ROBOTS, str(i))) for i in range(robots)]
         self._docks = docks
         self._texts = (_TEXT if docks else _TEXT_WITHOUT_DOCKS)[None, :].repeat(robots, axis=0)
         self.length = self._texts.shape[1]
-        """Of a status."""
+        """Length of a status in bytes."""
         self._texts[:, _UUID_AT[0]] = [list(uuid.encode()) for uuid in self.uuids]
         self._texts[:, _SPEED_AT] = _metres(RADIUS_M * np.abs(self.turn_radps))[:, None]
         if docks:
             self._texts[:, _DOCK_POSITION_AT] = _metres(docks_m(robots)[np.arange(robots) // ROBOTS_A_DOCK])
             self._texts[:, _DOCK_UNITS_AT] = _units(np.array([0.0, 1.0]))
         self._docks_s = rng.uniform(0, DOCK_EVERY_S, robots)
-        """When each robot will be at its dock, from the beginning."""
-        self._untold = np.ones(robots, bool)
-        """Whether that is not in its text."""
+        """(n,) when each robot will be at its dock, since the start."""
+        self._unwritten = np.ones(robots, bool)
+        """(n,) whether that time is not in its text yet."""
 
     def poses(self, robots: NDArray[np.int64], t_s: Floats) -> tuple[Floats, Floats, Floats]:
         """x, y and yaw of `robots` (m,) at `t_s` (k,), each (m, k)."""
@@ -152,9 +154,9 @@ class Circling:
         ahead_s = np.arange(POINTS + 1, dtype=np.float64)
         x, y, yaw = self.poses(robots, now_s - began_s + ahead_s)
         if self._docks:
-            self._tell_docks(robots, began_s, now_s)
+            self._write_docks(robots, began_s, now_s)
         texts = self._texts[robots]
-        texts[:, _STAMPS_AT] = [list(_stamp(now_s + one).encode()) for one in ahead_s]
+        texts[:, _STAMPS_AT] = [list(_stamp(now_s + after_s).encode()) for after_s in ahead_s]
         texts[:, _POSITIONS_AT] = _metres(np.stack([x, y], axis=2).reshape(len(robots), 2 * (POINTS + 1)))
         texts[:, _UNITS_AT] = _units(
             np.stack([np.sin(yaw / 2), np.cos(yaw / 2)], axis=2).reshape(len(robots), 2 * (POINTS + 1))
@@ -162,20 +164,20 @@ class Circling:
         every, length = texts.tobytes(), self.length
         return [every[at : at + length] for at in range(0, len(every), length)]
 
-    def _tell_docks(self, robots: NDArray[np.int64], began_s: float, now_s: float) -> None:
-        """Write when robots will be at their docks, where that is new."""
+    def _write_docks(self, robots: NDArray[np.int64], began_s: float, now_s: float) -> None:
+        """Write the times at which robots will be at their docks, if they are new."""
         late = robots[began_s + self._docks_s[robots] <= now_s]
         self._docks_s[late] += DOCK_EVERY_S
-        self._untold[late] = True
-        new = robots[self._untold[robots]]
-        self._untold[new] = False
+        self._unwritten[late] = True
+        new = robots[self._unwritten[robots]]
+        self._unwritten[new] = False
         if len(new):
-            said = [list(_stamp(began_s + docks_s).encode()) for docks_s in self._docks_s[new].tolist()]
-            self._texts[new[:, None], _DOCK_STAMP_AT] = said
+            stamps = [list(_stamp(began_s + docks_s).encode()) for docks_s in self._docks_s[new].tolist()]
+            self._texts[new[:, None], _DOCK_STAMP_AT] = stamps
 
 
 def places(robots: int) -> tuple[tuple[Resource, ...], tuple[Zone, ...]]:
-    """The docks and crossings of a floor of so many robots."""
+    """The docks and crossings of a floor for `robots` robots."""
     docks = tuple(
         Resource(id=f"dock-{n}", kind="dock", datum=DATUM, polygon=_square(x, y, 0.25), service_s=DOCKED_S)
         for n, (x, y) in enumerate(docks_m(robots).tolist())
@@ -189,14 +191,14 @@ def places(robots: int) -> tuple[tuple[Resource, ...], tuple[Zone, ...]]:
 
 
 def middles(robots: int) -> Floats:
-    """(robots, 2) of their circles."""
+    """(robots, 2) centres of their circles."""
     across, every = int(np.ceil(np.sqrt(robots))), np.arange(robots)
     middles_m: Floats = MARGIN_M + SPACING_M * np.column_stack([every % across, every // across]).astype(np.float64)
     return middles_m
 
 
 def docks_m(robots: int) -> Floats:
-    """(docks, 2) along one wall."""
+    """(docks, 2) positions of the docks along one wall."""
     count = -(-robots // ROBOTS_A_DOCK)
     return np.column_stack([np.linspace(1.0, MARGIN_M + SPACING_M * np.sqrt(robots), count), np.full(count, 2.0)])
 
@@ -206,49 +208,52 @@ def _square(x: float, y: float, half_m: float) -> tuple[tuple[float, float], ...
 
 
 async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool], *, docks: bool) -> Offered:
-    """Connect, identify, then send for `seconds` or until `ended`."""
-    world, told, began_core_s = Circling(robots, docks=docks), Offered(), time.process_time()
+    """Connect, send the identities, then send statuses for `seconds` or until `ended`."""
+    world, offered, began_core_s = Circling(robots, docks=docks), Offered(), time.process_time()
     groups = np.array_split(np.arange(robots), -(-robots // ROBOTS_A_CONNECTION))
-    lines = [
-        Line(f"{url}/{vendor_of(group[0])}", [world.identity(robot) for robot in group.tolist()], told)
+    connections = [
+        RobotConnection(f"{url}/{vendor_of(group[0])}", [world.identity(robot) for robot in group.tolist()], offered)
         for group in groups
     ]
-    line_of = [line for line, group in zip(lines, groups, strict=True) for _ in group]
-    for line in lines:
-        await line.open()
-    told.connections = len(lines)
+    connection_of = [connection for connection, group in zip(connections, groups, strict=True) for _ in group]
+    for connection in connections:
+        await connection.open()
+    offered.connections = len(connections)
     began_s, done_s, head = time.time(), 0.0, _head(world.length)
     while done_s < seconds and not ended():
         await asyncio.sleep(max(began_s + done_s + SLICE_S - time.time(), 0.0))
         now_s = time.time()
         elapsed_s = min(now_s - began_s, seconds)
         due = np.flatnonzero(np.floor(elapsed_s - world.due_s) > np.floor(done_s - world.due_s))
-        told.late_s = max(told.late_s, elapsed_s - done_s)
+        offered.late_s = max(offered.late_s, elapsed_s - done_s)
         for robot, status in zip(due.tolist(), world.statuses(due, began_s, now_s), strict=True):
-            line_of[robot].send(head + status)
+            connection_of[robot].send(head + status)
         done_s = elapsed_s
-    for line in lines:
-        line.close()
-    told.core_s, told.seconds = time.process_time() - began_core_s, time.time() - began_s
-    return told
+    for connection in connections:
+        connection.close()
+    offered.core_s, offered.seconds = time.process_time() - began_core_s, time.time() - began_s
+    return offered
 
 
-class Line:
-    """One connection, opened again when it breaks, each time with the identities of its robots."""
+class RobotConnection:
+    """One connection. It is opened again after every loss, each time with the identities of its robots."""
 
-    def __init__(self, url: str, identities: list[str], told: Offered) -> None:
+    def __init__(self, url: str, identities: list[str], offered: Offered) -> None:
         parts = urlsplit(url)
         self._address = parts.hostname or "", parts.port or 0
         hello = HANDSHAKE.format(path=parts.path, host=parts.netloc).encode()
-        self._hello, self._identities = hello, b"".join(_head(len(one)) + one.encode() for one in identities)
-        self._told = told
+        self._hello, self._identities = (
+            hello,
+            b"".join(_head(len(identity)) + identity.encode() for identity in identities),
+        )
+        self._offered = offered
         self._socket: socket.socket | None = None
         self._held = b""
-        """What the other end had no room for yet."""
+        """Bytes that the other end has not accepted yet."""
         self._opening: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
-        """Connect and identify, however often that takes."""
+        """Connect and send the identities, with as many attempts as needed."""
         while self._socket is None:
             new = socket.socket()
             new.setblocking(False)
@@ -264,7 +269,7 @@ class Line:
 
     def send(self, frame: bytes) -> None:
         if self._socket is None:
-            self._told.unsent += 1
+            self._offered.unsent += 1
             return
         data = self._held + frame if self._held else frame
         try:
@@ -272,11 +277,11 @@ class Line:
         except BlockingIOError:
             self._held = data
         except OSError:
-            self._told.broken += 1
+            self._offered.broken += 1
             self.close()
             self._opening = asyncio.create_task(self.open())
             return
-        self._told.sent += 1
+        self._offered.sent += 1
 
     def close(self) -> None:
         if self._opening:
@@ -297,14 +302,14 @@ class Line:
 def serve(
     parent: PipeConnection, url: str, robots: int, seconds: float, core: int | None = None, *, docks: bool = False
 ) -> None:
-    """The load in this process, to the end or until `parent` says anything; tells it what was done."""
+    """Run the load in this process, to the end or until `parent` sends anything. Sends it the figures."""
     if core is not None:
         os.sched_setaffinity(0, {core})
     parent.send(asdict(asyncio.run(offer(url, robots, seconds, parent.poll, docks=docks))))
 
 
 def _head(length: int) -> bytes:
-    """Of a text frame as a client sends it, masked with zeros, which changes nothing."""
+    """The head of a client's text frame. The mask is zero, which leaves the text unchanged."""
     return struct.pack("!BBH4x", 0x81, 0x80 | 126, length)
 
 
@@ -313,17 +318,17 @@ def _stamp(t_s: float) -> str:
 
 
 def _metres(values: Floats) -> Bytes:
-    """(..., 7) letters of `values`, 0 to 999.999, with three decimals."""
+    """(..., 7) characters of `values`, 0 to 999.999, with three decimals."""
     thousandths = np.rint(values * 1000).astype(np.int64)
     point = np.full((*values.shape, 1), ord("."), np.uint8)
     return np.concatenate([_LEADING[thousandths // 1000], point, _THREE[thousandths % 1000]], axis=-1)
 
 
 def _units(values: Floats) -> Bytes:
-    """(..., 9) letters of `values`, -1 to 1, with six decimals."""
+    """(..., 9) characters of `values`, -1 to 1, with six decimals."""
     millionths = np.rint(np.abs(values) * 1e6).astype(np.int64)
-    letters = np.empty((*values.shape, 9), np.uint8)
-    letters[..., 0] = np.where(values < 0, ord("-"), ord(" "))
-    letters[..., 1], letters[..., 2] = ord("0") + millionths // 1_000_000, ord(".")
-    letters[..., 3:6], letters[..., 6:] = _THREE[millionths // 1000 % 1000], _THREE[millionths % 1000]
-    return letters
+    characters = np.empty((*values.shape, 9), np.uint8)
+    characters[..., 0] = np.where(values < 0, ord("-"), ord(" "))
+    characters[..., 1], characters[..., 2] = ord("0") + millionths // 1_000_000, ord(".")
+    characters[..., 3:6], characters[..., 6:] = _THREE[millionths // 1000 % 1000], _THREE[millionths % 1000]
+    return characters

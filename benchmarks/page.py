@@ -1,8 +1,8 @@
 """How fast the operator's page draws in headless Chromium: `python -m benchmarks.page [ROBOTS ...]`.
 
-The real face, stream and page; made robots on one floor, each with a path, a hundred of which say something new each
-tick of 0.1 s. Shown are the frames a second that the page drew and the longest time between two; the service shares
-the machine.
+The operator's HTTP server, stream and page are real. The robots are synthetic, on one floor, each with a path; a
+hundred of them report at each tick of 0.1 s. Results are the frames per second that the page drew, and the longest time
+between two frames. The service shares the machine.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ from ingest.port.connection import Connection
 from tests.deconflict.operator.http.served_face import Served, served
 from tests.helpers.saying import points, status
 
-TICK_S, TOLD, SECONDS = 0.1, 100, 12
+TICK_S, REPORTS_PER_TICK, SECONDS = 0.1, 100, 12
 WATCH = """seconds => new Promise((done) => {
     const root = document.documentElement, times = [], began = performance.now();
     new MutationObserver(() => times.push(performance.now())).observe(root, { attributeFilter: ["data-frames"] });
@@ -33,8 +33,8 @@ WATCH = """seconds => new Promise((done) => {
 })"""
 
 
-def say(fleet: Fleet, row: int, robots: int, now_s: float) -> None:
-    """One robot's status: somewhere on a square floor of 16 m² a robot, with a path of ten seconds."""
+def feed_status(fleet: Fleet, row: int, robots: int, now_s: float) -> None:
+    """Feed one robot's status, with a path of ten seconds. The floor is a square with 16 m² for each robot."""
     wide = round(robots**0.5)
     x, y = 4.0 * (row % wide), 4.0 * (row // wide)
     path = points(*((now_s + t, x + 0.3 * t, y + 0.1 * t, 0.3) for t in (2, 4, 6, 8, 10)))
@@ -45,8 +45,8 @@ async def tick(face: Served, fleet: Fleet, robots: int, start_s: float) -> None:
     step = 0
     while True:
         now_s = time.time()
-        for row in range(step % max(1, robots // TOLD), robots, max(1, robots // TOLD)):
-            say(fleet, row, robots, now_s)
+        for row in range(step % max(1, robots // REPORTS_PER_TICK), robots, max(1, robots // REPORTS_PER_TICK)):
+            feed_status(fleet, row, robots, now_s)
         face.sources.recent.add(now_s, fleet.next_batch(now_s).to_bytes())
         step += 1
         await asyncio.sleep(max(0.0, start_s + step * TICK_S - time.time()))
@@ -57,7 +57,7 @@ async def measured(page: Page, robots: int) -> tuple[float, float]:
         async with served(Path(folder)) as face:
             fleet, start_s = fleet_of(Site(), Measures()), time.time()
             for row in range(robots):
-                say(fleet, row, robots, start_s)
+                feed_status(fleet, row, robots, start_s)
             face.sources.whole = fleet.snapshot(start_s)
             ticking = asyncio.create_task(tick(face, fleet, robots, start_s))
             await page.goto(face.http)
@@ -80,4 +80,4 @@ async def main(sizes: list[int]) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main([int(one) for one in sys.argv[1:]] or [100, 1000, 10_000]))
+    asyncio.run(main([int(robots) for robots in sys.argv[1:]] or [100, 1000, 10_000]))

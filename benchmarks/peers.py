@@ -1,7 +1,7 @@
-"""Other engines on the same floors, where they are installed beside this one: `pip install .[peers]`.
+"""Other engines on the same floors, if they are installed: `pip install .[peers]`.
 
-None of them answers quite the same question; each is run as its own documentation says, with its shapes as close to
-the robots' as it allows, and its answers are held against the oracle pair by pair.
+None of them answers exactly the same question. Each is used as its documentation says, with shapes as close to the
+robots as it allows. Its answers are compared with the oracle pair by pair.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -23,13 +23,13 @@ PairList = Sequence[tuple[int, int]]
 
 @dataclass(frozen=True)
 class Peer:
-    """Another engine: how it sees a floor as a whole, and single pairs."""
+    """Another engine: its pass over a whole floor, and its answer for single pairs."""
 
     name: str
     module: str
     how: str
     look: Callable[[World], float] | None
-    """Milliseconds of one core for one pass over a floor."""
+    """Runs one pass over a floor. Returns milliseconds of one core. None if it has no such pass."""
     touches: Callable[[World, PairList], Iterator[bool]]
     """Whether each pair touches within the horizon."""
 
@@ -45,11 +45,11 @@ def _milliseconds(call: Callable[[], object]) -> float:
 
 
 def _hulls(world: World, rows: Sequence[int], step_s: float = 1.0) -> list[Any]:
-    """Each robot as a chain of boxes, one around its poses at both ends of each step."""
+    """Each robot as a chain of boxes. Each box encloses its poses at both ends of a step."""
     from commonroad_dc import pycrcc  # noqa: PLC0415
     from commonroad_dc.collision.trajectory_queries import trajectory_queries  # noqa: PLC0415
 
-    x, y, yaw = world.told(np.arange(0.0, HORIZON_S + step_s / 2, step_s))
+    x, y, yaw = world.forecast_poses(np.arange(0.0, HORIZON_S + step_s / 2, step_s))
     made = []
     for row in rows:
         chain = pycrcc.TimeVariantCollisionObject(0)
@@ -64,11 +64,12 @@ def _hulls(world: World, rows: Sequence[int], step_s: float = 1.0) -> list[Any]:
 
 
 def _commonroad_pass(world: World) -> float:
-    """Each robot against all others, for its first hit.
+    """Check each robot against all others for its first collision.
 
-    The batch check holds trajectories against obstacles, and a robot must not be both, or it hits itself. So the
-    robots are split by each digit of their binary number, and either half is held against the other: any two differ
-    in some digit. The hulls are built beforehand and the fastest of its three methods is taken, both in its favour.
+    The batch check compares trajectories with obstacles. A robot must not be both, or it collides with itself. So for
+    each digit of the robots' binary numbers, the robots are split in two halves that are checked against each other:
+    any two robots differ in some digit. The hulls are built before, and the fastest of its three methods is used; both
+    favour the other engine.
     """
     from commonroad_dc.collision.trajectory_queries import trajectory_queries  # noqa: PLC0415
 
@@ -97,7 +98,7 @@ def _of_pairs(world: World, pairs: PairList) -> tuple[list[int], list[Any]]:
 
 
 def _traffic(world: World, rows: Sequence[int]) -> tuple[SimpleNamespace, Floats]:
-    """The robots as BlueSky's aircraft, and the diameter of each: of a pair it takes the larger as their distance."""
+    """The robots as BlueSky's aircraft, and the diameter of each. For a pair it uses the larger one as the distance."""
     metres = 180 / np.pi / 6371000.0
     index = np.asarray(rows)
     zeros = np.zeros(len(index))
@@ -137,10 +138,10 @@ def _bluesky_pairs(world: World, pairs: PairList) -> Iterator[bool]:
 
 
 def _coal_pairs(world: World, pairs: PairList) -> Iterator[bool]:
-    """Its Python side has no continuous check, so poses are tried one after another."""
+    """Its Python interface has no continuous check, so poses are checked one after another."""
     import coal  # noqa: PLC0415
 
-    x, y, yaw = world.told(np.arange(0.0, HORIZON_S + STEP_S / 2, STEP_S))
+    x, y, yaw = world.forecast_poses(np.arange(0.0, HORIZON_S + STEP_S / 2, STEP_S))
     boxes = {row: coal.Box(float(world.length[row]), float(world.width[row]), 1.0) for pair in pairs for row in pair}
     request = coal.CollisionRequest()
 

@@ -1,9 +1,9 @@
-"""What taking in messages costs: `python -m benchmarks.receive`.
+"""The processor time to receive one message: `python -m benchmarks.receive`.
 
-A process of its own sends status reports with ten path points over real sockets at a steady rate. Shown is the
-processor time that the receiving process spends on one of them: receiving alone; with the recording; with the reading,
-the forecast and the batches of four ticks a second as well; statuses that were overtaken, where that is too much, count
-as messages too. Then the memory of this process that one more connection takes.
+Another process sends status reports with ten path points over real sockets at a constant rate. Results are the
+processor times of the receiving process for one report: for receiving alone; with the recording; and with reading, the
+forecast and four batches per second as well. Overtaken statuses count as messages too. Last, the memory of one more
+connection in this process.
 """
 
 import argparse
@@ -46,17 +46,17 @@ HANDSHAKE = (
 
 @dataclass(frozen=True)
 class Load:
-    """What is offered."""
+    """A load of messages."""
 
     rate: int
-    """Messages a second."""
+    """Messages per second."""
     connections: int
     robots: int
     seconds: float
 
 
 def template() -> bytes:
-    """A frame as a client sends it, masked with zeros, with places for the UUID and eleven stamps."""
+    """A frame of a client, masked with zeros, with places for the UUID and eleven timestamps."""
     report = conforming() | {"uuid": "%s", "timestamp": "%s"}
     report["path"] = [point | {"timestamp": "%s"} for point in report["path"]]
     payload = json.dumps(report)
@@ -67,22 +67,22 @@ def template() -> bytes:
 def opened(port: int, connections: int) -> list[socket.socket]:
     sockets = []
     for _ in range(connections):
-        one = socket.create_connection(("127.0.0.1", port))
-        one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        one.sendall(HANDSHAKE)
-        one.recv(4096)
-        sockets.append(one)
+        connection = socket.create_connection(("127.0.0.1", port))
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.sendall(HANDSHAKE)
+        connection.recv(4096)
+        sockets.append(connection)
     return sockets
 
 
 def stamps_at(now_s: float) -> list[bytes]:
     now = datetime.fromtimestamp(now_s, UTC)
     later = [now, *(now + timedelta(seconds=i) for i in range(1, 11))]
-    return [one.isoformat(timespec="milliseconds").replace("+00:00", "Z").encode() for one in later]
+    return [moment.isoformat(timespec="milliseconds").replace("+00:00", "Z").encode() for moment in later]
 
 
 def send(port: int, load: Load) -> None:
-    """Send at a steady rate, each robot in turn, until the time is over."""
+    """Send at a constant rate, each robot in turn, until the time is over."""
     max_open_files()
     frame, sockets = template(), opened(port, load.connections)
     uuids = [str(UUID(int=0xA << 76 | 0x8 << 60 | i)).encode() for i in range(load.robots)]
@@ -99,7 +99,7 @@ def send(port: int, load: Load) -> None:
 
 @asynccontextmanager
 async def sending(port: int, load: Load) -> AsyncIterator[None]:
-    """A sender whose connections are open, until it is done."""
+    """Run a sender process from when its connections are open until it has finished."""
     arguments = [str(load.rate), str(load.connections), str(load.robots), str(load.seconds)]
     command = [sys.executable, "-m", "benchmarks.receive", "--send-to", str(port), *arguments]
     sender = await asyncio.create_subprocess_exec(*command, stdout=PIPE)
@@ -116,12 +116,12 @@ async def measure(port: int, load: Load, delivered: Callable[[], int]) -> dict[s
         await asyncio.sleep(load.seconds)
         count, cpu_s, at_s = delivered() - count, time.process_time() - cpu_s, time.monotonic() - at_s
     if not count:
-        raise SystemExit("nothing arrived; see what the sender says above")
+        raise SystemExit("no message arrived; see the output of the sender above")
     return {"messages_per_s": count / at_s, "us_per_message": cpu_s / count * 1e6, "core_share": cpu_s / at_s}
 
 
 async def run(load: Load, *, recorded: bool, read: bool) -> dict[str, float]:
-    """Figures of one receiver that does this much with each message."""
+    """The figures of one receiver with the given processing of each message."""
     site, measures = Site(name="Benchmark", datums=(Datum(id=_datum(), name="Hall"),)), Measures()
     fleet, total = fast_fleet_of(site, measures), 0
     with tempfile.TemporaryDirectory() as directory:
@@ -161,7 +161,7 @@ async def run(load: Load, *, recorded: bool, read: bool) -> dict[str, float]:
 
 
 async def connection_bytes(connections: int) -> float:
-    """Resident memory of the receiving side of one open connection, its client being another process."""
+    """Resident memory of the receiving side of one open connection. The client is another process."""
     receiver = _receiver(lambda *_: None, Measures(), lambda *_: None)
     await receiver.start()
     before = _resident()
@@ -214,7 +214,7 @@ def main() -> None:
         send(int(port), Load(int(rate), int(connections), int(robots), float(seconds)))
         return
     load = Load(args.rate, args.connections, args.robots, args.seconds)
-    print(f"{load.rate} messages a second offered over {load.connections} connections by {load.robots} robots")
+    print(f"{load.rate} messages per second over {load.connections} connections from {load.robots} robots")
     print(f"{'':<36}{'messages/s':>12}{'us/message':>12}{'of a core':>11}")
     results: dict[str, dict[str, float]] = {}
     for name, recorded, read in (

@@ -1,9 +1,10 @@
-"""How fast a recorded log is replayed and scored, and where the time goes: `python -m benchmarks.replay`.
+"""The speed of replaying and scoring a recorded log, and the time of each stage: `python -m benchmarks.replay`.
 
-The log is made by the demo's simulated vendors, each in its own dialect, a status a second from most; with `--circles`
-by the robots of `benchmarks.endtoend`, a status a second from each; or give a log of your own. One clearance, one core;
-garbage is searched for as by the command. Processor time, so that a busy machine changes it little. The log is replayed
-twice: how fast is told of the run without timers, shares of the one with them.
+The log comes from the demo's simulated vendors, each in its own dialect, most with one status per second. With
+`--circles` it comes from the robots of `benchmarks.endtoend`, each with one status per second. Or give another log.
+It uses one clearance and one core, and the garbage collection settings of the command. Times are processor times, so
+that other load on the machine has little effect. The log is replayed twice: the total time is from the run without
+timers, the shares are from the run with timers.
 """
 
 import argparse
@@ -52,9 +53,9 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "read messages": ((Fleet, "receive"),),
     "cut batches": ((Fleet, "next_batch"), (LiveRobots, "update")),
     "sweep": ((Sweeper, "update"), (Sweeper, "find_conflicts")),
-    "who is still there": ((Presence, "receive"), (Presence, "advance")),
+    "presence": ((Presence, "receive"), (Presence, "advance")),
     "probabilities": ((ProbabilityEstimator, "receive"), (ProbabilityEstimator, "estimate")),
-    "life of advisories": ((ConflictLifecycle, "revise"),),
+    "lifecycle of advisories": ((ConflictLifecycle, "revise"),),
     "advice on conflicts": ((HoldDesk, "step"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
     "truth, arrivals": (
@@ -69,11 +70,11 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
 
 
 _within: list[str] = []
-"""The stage that is under way, if any: advice sweeps too."""
+"""The stage in progress, if any. Advice also sweeps, so a stage may call another."""
 
 
 def write_log(path: Path, robots: int, seconds: float) -> int:
-    """What simulated robots of four vendors send in so many seconds; how many messages that is."""
+    """Write what simulated robots of four vendors send in `seconds`. Returns the number of messages."""
     rng, messages = np.random.default_rng(1), 0
     world = World(layout_for(robots), cast(robots), rng)
     every_s = np.array([member.make.report_every_s for member in world.members])
@@ -86,16 +87,18 @@ def write_log(path: Path, robots: int, seconds: float) -> int:
             due = np.flatnonzero(np.floor((world.t_s + phase_s) / every_s) > before)
             now_s = START_S + world.t_s
             for row, robot in zip(due.tolist(), some_robots(world, due), strict=True):
-                said = DIALECTS[robot.member.make.vendor].messages(robot, now_s, introduce=row not in introduced)
+                messages_of_robot = DIALECTS[robot.member.make.vendor].messages(
+                    robot, now_s, introduce=row not in introduced
+                )
                 introduced.add(row)
-                for raw in said:
+                for raw in messages_of_robot:
                     _write(out, now_s + 0.05, raw.decode())
                     messages += 1
     return messages
 
 
 def write_circles(path: Path, robots: int, seconds: float) -> None:
-    """What robots on circles send in so many seconds."""
+    """Write what robots on circles send in `seconds`."""
     circling = Circling(robots)
     with path.open("w") as out:
         for robot in range(robots):
@@ -113,10 +116,10 @@ def _write(out: TextIO, received_s: float, message: str) -> None:
 
 @contextmanager
 def timed(spent: dict[str, float], stage: str, owner: Any, name: str) -> Iterator[None]:
-    """Add what every call of `owner.name` takes to the stage, but for calls within another stage."""
+    """Add the time of every call of `owner.name` to the stage, except calls within another stage."""
     call = getattr(owner, name)
 
-    def told(*args: Any, **named: Any) -> Any:
+    def timed_call(*args: Any, **named: Any) -> Any:
         if _within:
             return call(*args, **named)
         _within.append(stage)
@@ -127,7 +130,7 @@ def timed(spent: dict[str, float], stage: str, owner: Any, name: str) -> Iterato
             _within.pop()
             spent[stage] += time.process_time() - began
 
-    setattr(owner, name, told)
+    setattr(owner, name, timed_call)
     try:
         yield
     finally:
@@ -135,7 +138,7 @@ def timed(spent: dict[str, float], stage: str, owner: Any, name: str) -> Iterato
 
 
 def replayed(log: Path, site: Site) -> tuple[dict[str, Any], float]:
-    """The result, and the seconds that it took."""
+    """The result, and the seconds that the replay took."""
     began = time.process_time()
     reader = LogReader()
     result = replay(reader, reader.read([log]), site, [site.conflict.clearance_m])
@@ -143,7 +146,7 @@ def replayed(log: Path, site: Site) -> tuple[dict[str, Any], float]:
 
 
 def stages(log: Path, site: Site) -> tuple[dict[str, float], float]:
-    """Seconds by stage, and in all."""
+    """Seconds by stage, and in total."""
     spent = dict.fromkeys(STAGES, 0.0)
     with ExitStack() as timers:
         for stage, calls in STAGES.items():
@@ -162,7 +165,7 @@ def read_alone(log: Path) -> float:
 
 
 def peak_mb() -> float:
-    """The most memory that this process has had, in megabytes; Linux tells kilobytes."""
+    """Peak memory of this process in megabytes. Linux reports kilobytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
@@ -189,7 +192,7 @@ def main() -> None:
     print(f"{span_s / took_s:.0f} times real time, {messages / took_s:.0f} messages a second")
     for stage, stage_s in spent.items():
         print(f"{stage:<20}{stage_s / watched_s:>6.0%}{stage_s / messages * 1e6:>9.1f} us a message")
-    print(f"before that, {loading_s:.1f} s to load what is compiled; {most_mb:.0f} MB at the most")
+    print(f"before that, {loading_s:.1f} s to load compiled code; peak memory {most_mb:.0f} MB")
     json.dump({name: result["scores"][0][name] for name in ("encounters", "alerts")}, sys.stdout)
     print()
 

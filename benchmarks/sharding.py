@@ -1,7 +1,7 @@
-"""What sharing a floor out costs: how many robots engines see besides their own, and what goes over the broker.
+"""The cost of dividing a floor among engines: how many foreign robots each engine sees, and the traffic on the broker.
 
-Positions and forecasts are made up, tiles, channels and ownership are the product's own; nothing is sent. Run as
-`python -m benchmarks.sharding`, or with `--sites 300 --robots 100000 1000000` for sites of many sizes together.
+Positions and forecasts are synthetic. Tiles, channels and ownership are those of the product. Nothing is sent. Run it
+as `python -m benchmarks.sharding`, or with `--sites 300 --robots 100000 1000000` for many sites of different sizes.
 """
 
 import argparse
@@ -21,9 +21,9 @@ from ingest.batch import Basis, Batch, Destinations, Forecasts
 FASTEST_MPS = 2.0
 TICKS_PER_S = 10
 ROBOTS_AN_ENGINE = 5000
-"""Of a site with more than one engine."""
+"""Robots for each engine on a site with several engines."""
 ROUNDS = 400
-"""After so many revisions of the table the load is shared out."""
+"""After this many revisions of the table the load is balanced."""
 
 
 def batch_of(forecasts: Forecasts) -> Batch:
@@ -53,7 +53,7 @@ def batch_of(forecasts: Forecasts) -> Batch:
 
 
 def shared(batch: Batch, grid: Grid, reach: float, engines: int) -> OwnerTable:
-    """The table once every tile has an owner and the load is even."""
+    """The table when every tile has an owner and the load is balanced."""
     sorter = ChannelSorter(grid, Conflict(), reach)
     sorter.sort(batch)
     roots, table = sorter.roots(), OwnerTable()
@@ -62,7 +62,7 @@ def shared(batch: Batch, grid: Grid, reach: float, engines: int) -> OwnerTable:
     load = {Tile(batch.floors[0], *cell): float(count) for cell, count in zip(cells.tolist(), counts, strict=True)}
     members = [f"engine-{number:03d}" for number in range(engines)]
     for _ in range(ROUNDS):
-        loads = {one: {tile: load.get(tile, 0.0) for tile in table.of(one)} for one in members}
+        loads = {member: {tile: load.get(tile, 0.0) for tile in table.of(member)} for member in members}
         before, table = table, revised_table(table, loads, roots, grid.side_m, float("inf"))
         if table == before:
             break
@@ -70,17 +70,17 @@ def shared(batch: Batch, grid: Grid, reach: float, engines: int) -> OwnerTable:
 
 
 def blocks(table: OwnerTable) -> OwnerTable:
-    """The same tiles, each engine's side by side."""
+    """The same tiles, with those of each engine side by side."""
     members = sorted(set(table.owners.values()))
     tiles = sorted(table.owners)
     return OwnerTable({tile: members[number * len(members) // len(tiles)] for number, tile in enumerate(tiles)})
 
 
 def seen(batch: Batch, grid: Grid, reach: float, table: OwnerTable) -> list[int]:
-    """How many robots each engine judges."""
+    """The number of robots that each engine judges."""
     extents = RobotExtents.of(batch, Conflict())
-    areas = [Area(grid, table.of(one)) for one in sorted(set(table.owners.values()))]
-    return [int(one.within(batch.floors[0], extents.at, extents.at, reach).sum()) for one in areas]
+    areas = [Area(grid, table.of(member)) for member in sorted(set(table.owners.values()))]
+    return [int(area.within(batch.floors[0], extents.at, extents.at, reach).sum()) for area in areas]
 
 
 def measured(robots: int, side_m: float, engines: int) -> str:
@@ -88,7 +88,7 @@ def measured(robots: int, side_m: float, engines: int) -> str:
     table = shared(batch, grid, reach, engines)
     parts = ChannelSorter(grid, Conflict(), reach).sort(batch.take(np.arange(0, robots, TICKS_PER_S)))
     sent = sum(len(part.to_bytes()) for part in parts.values()) * TICKS_PER_S
-    scattered, compact = (max(seen(batch, grid, reach, one)) * engines / robots for one in (table, blocks(table)))
+    scattered, compact = (max(seen(batch, grid, reach, owners)) * engines / robots for owners in (table, blocks(table)))
     return (
         f"| {robots:,} | {side_m:g} | {engines} | {len(table.owners)} | {scattered:.2f} | {compact:.2f} "
         f"| {len(parts) * TICKS_PER_S:,} | {sent / 1e6:.1f} | {sent / robots:,.0f} |"
@@ -97,26 +97,28 @@ def measured(robots: int, side_m: float, engines: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What one site, or all of them together, asks of a broker and of engines in a second."""
+    """The load of one site, or of all together, on a broker and on engines per second."""
 
     robots: int
     engines: int
     judged: int
-    """Robots that engines judge, each as often as one does."""
+    """Robots that engines judge. A robot counts once for each engine that judges it."""
     busiest: int
-    """Of these, those of one engine, at the most."""
+    """The largest number for one engine."""
     parcels: int
     bytes_in: int
     bytes_out: int
 
     def __add__(self, other: "Shared") -> "Shared":
         mine, others = astuple(self), astuple(other)
-        summed = dict(zip([one.name for one in fields(self)], map(sum, zip(mine, others, strict=True)), strict=True))
+        summed = dict(
+            zip([field.name for field in fields(self)], map(sum, zip(mine, others, strict=True)), strict=True)
+        )
         return Shared(**summed | {"busiest": max(self.busiest, other.busiest)})
 
 
 def site(robots: int, side_m: float, seed: int) -> Shared:
-    """A site of so many robots, with as many engines as it needs."""
+    """The load of a site with `robots` robots and as many engines as it needs."""
     grid, reach, engines = Grid(side_m), reach_m(FASTEST_MPS, Conflict()), -(-robots // ROBOTS_AN_ENGINE)
     batch = batch_of(crowd(robots, 25.0, seed=seed).forecasts(0.0))
     judged = seen(batch, grid, reach, shared(batch, grid, reach, engines))
@@ -124,29 +126,29 @@ def site(robots: int, side_m: float, seed: int) -> Shared:
     sent = {name: len(part.to_bytes()) * TICKS_PER_S for name, part in parts.items()}
     whole = sent[EVERY]
     by_tile = sum(sent.values()) - whole
-    heard = round(by_tile * sum(judged) / robots) + whole
-    return Shared(robots, engines, sum(judged), max(judged), len(parts) * TICKS_PER_S, by_tile + whole, heard)
+    received = round(by_tile * sum(judged) / robots) + whole
+    return Shared(robots, engines, sum(judged), max(judged), len(parts) * TICKS_PER_S, by_tile + whole, received)
 
 
 def sizes(robots: int, sites: int, seed: int = 1) -> list[int]:
-    """How many robots each of so many sites has: a few have many, most have few."""
+    """The number of robots of each site: a few sites have many, most have few."""
     share = np.random.default_rng(seed).lognormal(sigma=1.0, size=sites)
-    return [max(round(robots * one), TICKS_PER_S) for one in (share / share.sum()).tolist()]
+    return [max(round(robots * part), TICKS_PER_S) for part in (share / share.sum()).tolist()]
 
 
 def group(robots: int, sites: int, side_m: float) -> str:
     of_sites = sizes(robots, sites)
-    one = reduce(add, (site(size, side_m, seed) for seed, size in enumerate(of_sites)))
+    total = reduce(add, (site(size, side_m, seed) for seed, size in enumerate(of_sites)))
     return (
-        f"| {one.robots:,} | {max(of_sites):,} | {one.engines} | {one.judged / one.robots:.2f} | {one.busiest:,} "
-        f"| {one.parcels:,} | {one.bytes_in / 1e6:,.0f} | {one.bytes_out / 1e6:,.0f} |"
+        f"| {total.robots:,} | {max(of_sites):,} | {total.engines} | {total.judged / total.robots:.2f} "
+        f"| {total.busiest:,} | {total.parcels:,} | {total.bytes_in / 1e6:,.0f} | {total.bytes_out / 1e6:,.0f} |"
     )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, nargs="*", default=[3000, 10_000])
-    parser.add_argument("--sites", type=int, help="robots are those of so many sites together")
+    parser.add_argument("--sites", type=int, help="distribute the robots over this many sites")
     args = parser.parse_args()
     if args.sites:
         print("| robots | largest site | engines | judged | busiest engine | parcels/s | MB/s in | MB/s out |")
@@ -154,7 +156,7 @@ def main() -> None:
         for robots in args.robots:
             print(group(robots, args.sites, 64.0), flush=True)
         return
-    print("| robots | tile, m | engines | tiles | judged | in strips | parcels/s | MB/s | bytes a status |")
+    print("| robots | tile, m | engines | tiles | judged | in strips | parcels/s | MB/s | bytes per status |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for robots in args.robots:
         for side_m in (32.0, 64.0, 128.0):

@@ -1,8 +1,9 @@
-"""Who is warned of robots that have fallen silent, and who of robots that have left: `python -m benchmarks.silences`.
+"""Warnings about silent robots, and false warnings about robots that have left: `python -m benchmarks.silences`.
 
-Three ways: all robots heard throughout, as far as they are there; silent ones taken to be there for ever; and as the
-service has it, so that they fade. On made-up floors (`benchmarks.silent_floor`) it is known who was there. With a
-folder of recordings in `DECONFLICT_RECORDINGS` also on zara02, and on random.blind with robots muted for 10 to 60 s.
+It compares three cases: all robots report all the time while they are there; silent robots are assumed to stay for
+ever; and the service, in which the probability that they are there decreases. On synthetic floors
+(`benchmarks.silent_floor`) it is known which robots were there. With a folder of recordings in
+`DECONFLICT_RECORDINGS` it also uses zara02, and random.blind with robots muted for 10 to 60 s.
 """
 
 import argparse
@@ -32,19 +33,19 @@ from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
 
 TOLD_S = 2.0
-"""An advisory is told in time so long before the meeting, if it stands then."""
+"""An advisory is in time if it was raised at least this long before the encounter, and is open at the encounter."""
 MUTED_S, HEARD_S = (10.0, 60.0), (40.0, 100.0)
-"""For how long a robot is muted, and heard in between."""
+"""Ranges of the time for which a robot is muted, and of the time between."""
 MOVED_M = 0.3
-"""A muted robot that has moved less stands where it was heard last."""
+"""A muted robot that has moved less than this stands where it last reported."""
 STANDS_M, STANDS_S = 0.02, (0.9, 2.1)
-"""A robot that has moved less for so long has come to stand."""
+"""A robot that has moved less than this for this time has stopped."""
 FRESH_MPS, FRESH_S = 0.3, 1.0
-"""A protective stop counts from such a speed, and where the robot then stands for so long."""
+"""A protective stop counts if the robot was faster than this, and then stands for this long."""
 
 Span = tuple[float, float]
 Line = tuple[float, str, bool, str]
-"""When it arrived, of which robot, whether it is a status, and the line of the log."""
+"""Arrival, robot, whether it is a status, and the line of the log."""
 Figures = dict[str, Any]
 
 
@@ -58,7 +59,7 @@ class Alert:
 
 
 class Staying(Presence):
-    """Silent robots are there for ever."""
+    """A baseline in which silent robots stay for ever."""
 
     def receive(self, batch: Batch) -> Batch:
         return batch
@@ -68,47 +69,47 @@ class Staying(Presence):
 
 
 def alerts_of(lines: Iterable[str], kind: type[Presence] = Presence) -> tuple[list[Alert], Figures]:
-    """The advisories that a replay of the lines tells, and its scores."""
-    told: dict[str, Alert] = {}
+    """The advisories of a replay of the lines, and its scores."""
+    alerts: dict[str, Alert] = {}
 
-    def tell(line: dict[str, Any]) -> None:
+    def add_line(line: dict[str, Any]) -> None:
         at_s = datetime.fromisoformat(line["at"]).timestamp()
         if line["event"] == "raised":
-            told[line["id"]] = Alert(tuple(line["robots"]), at_s, inf)
+            alerts[line["id"]] = Alert(tuple(line["robots"]), at_s, inf)
         elif line["event"] == "cleared":
-            told[line["id"]] = Alert(tuple(line["robots"]), told[line["id"]].raised_s, at_s)
+            alerts[line["id"]] = Alert(tuple(line["robots"]), alerts[line["id"]].raised_s, at_s)
 
     with TemporaryDirectory() as folder, patch.object(engine, "Presence", kind):
         path = Path(folder) / "log.jsonl"
         path.write_text("".join(lines))
         reader = LogReader()
-        scores = replay(reader, reader.read([path]), Site(), [0.3], on_line=tell)["scores"][0]
-    return list(told.values()), scores
+        scores = replay(reader, reader.read([path]), Site(), [0.3], on_line=add_line)["scores"][0]
+    return list(alerts.values()), scores
 
 
-def is_told(alerts: Sequence[Alert], one: Meeting) -> bool:
+def has_warning(alerts: Sequence[Alert], one: Meeting) -> bool:
     pair = tuple(sorted((one.silent, one.other)))
     return any(a.pair == pair and a.raised_s <= one.at_s - TOLD_S and a.cleared_s >= one.at_s for a in alerts)
 
 
 def on_floor(seed: int, seconds: float) -> Iterator[Figures]:
-    """What is told on one made-up floor, each way."""
+    """The figures of one synthetic floor, in each case."""
     floor = SilentFloor(seed, seconds)
     meetings, gone = floor.meetings(), floor.gone_s()
-    broken = {one.uuid for one in floor.robots if one.breaks_s < inf}
-    ways = {"all heard": (False, Staying), "for ever": (True, Staying), "fading": (True, Presence)}
-    for way, (muted, kind) in ways.items():
+    broken = {robot.uuid for robot in floor.robots if robot.breaks_s < inf}
+    cases = {"all heard": (False, Staying), "for ever": (True, Staying), "fading": (True, Presence)}
+    for case, (muted, kind) in cases.items():
         alerts, _ = alerts_of(floor.log(muted=muted), kind)
-        told = [one for one in meetings if is_told(alerts, one)]
+        warned = [one for one in meetings if has_warning(alerts, one)]
         yield {
             "floor": f"made {seed}",
-            "way": way,
+            "way": case,
             "advisories": len(alerts),
             "about_gone": sum(_is_about_gone(one, gone) for one in alerts),
             "meetings": len(meetings),
-            "told_of": len(told),
+            "told_of": len(warned),
             "with_broken": sum(one.silent in broken for one in meetings),
-            "with_broken_told_of": sum(one.silent in broken for one in told),
+            "with_broken_told_of": sum(one.silent in broken for one in warned),
         }
 
 
@@ -117,7 +118,7 @@ def _is_about_gone(alert: Alert, gone: Mapping[str, Sequence[Span]]) -> bool:
 
 
 def on_people(log: Path) -> Iterator[Figures]:
-    """What is told of people who walk out of view, each way, by the replay's own figures."""
+    """The replay's own figures about people who walk out of view, in each case."""
     lines = [line for _, _, _, line in _lines(log)]
     for way, kind in {"for ever": Staying, "fading": Presence}.items():
         _, scores = alerts_of(lines, kind)
@@ -133,7 +134,7 @@ def on_people(log: Path) -> Iterator[Figures]:
 
 
 class Tracks:
-    """Where the robots of a log were."""
+    """The positions of the robots of a log."""
 
     def __init__(self, lines: Iterable[Line]) -> None:
         self._of: dict[str, list[tuple[float, float, float]]] = {}
@@ -157,7 +158,7 @@ class Tracks:
         return begin[0] + share * (end[0] - begin[0]), begin[1] + share * (end[1] - begin[1])
 
     def comes_to_stand(self, uuid: str) -> list[float]:
-        """When it has stood for about a second and a half."""
+        """Times at which it has stood for about 1.5 s."""
         found, since = [], self._of[uuid][0]
         for one in self._of[uuid][1:]:
             if hypot(one[1] - since[1], one[2] - since[2]) > STANDS_M:
@@ -168,7 +169,7 @@ class Tracks:
 
 
 def muted_spans(tracks: Tracks, rng: Generator) -> dict[str, list[Span]]:
-    """When each robot is muted; half of the times from where it has come to stand."""
+    """When each robot is muted. Half of these times begin after it has stopped."""
     spans: dict[str, list[Span]] = {}
     for uuid in tracks:
         begin_s, end_s = tracks.span(uuid)
@@ -183,7 +184,7 @@ def muted_spans(tracks: Tracks, rng: Generator) -> dict[str, list[Span]]:
 
 
 def on_muted(log: Path, stops: Path, seeds: int) -> Iterator[Figures]:
-    """Of stops for silent robots that stand where they were heard last: how many are told of, each way."""
+    """How many stops for silent robots that stand at their last reported position had a warning, in each case."""
     lines, fresh = list(_lines(log)), _fresh(stops)
     tracks = Tracks(lines)
     heard, _ = alerts_of((line for *_, line in lines), Presence)
@@ -191,30 +192,32 @@ def on_muted(log: Path, stops: Path, seeds: int) -> Iterator[Figures]:
     for seed in range(seeds):
         spans = muted_spans(tracks, np.random.default_rng(seed))
         left = [line for at_s, uuid, is_status, line in lines if not (is_status and _within(spans[uuid], at_s))]
-        met = [one for one in fresh if _is_standing(one, spans, tracks)]
+        met = [meeting for meeting in fresh if _is_standing(meeting, spans, tracks)]
         for_ever, fading = (alerts_of(left, kind)[0] for kind in (Staying, Presence))
         totals["meetings"] += len(met)
         for way, alerts in (("all heard", heard), ("for ever", for_ever), ("fading", fading)):
-            totals[way] += sum(is_told(alerts, one) for one in met)
-        totals["heard and fading"] += sum(is_told(heard, one) and is_told(fading, one) for one in met)
+            totals[way] += sum(has_warning(alerts, meeting) for meeting in met)
+        totals["heard and fading"] += sum(
+            has_warning(heard, meeting) and has_warning(fading, meeting) for meeting in met
+        )
         yield {"floor": f"random.blind, muted, seeds to {seed}", **totals}
 
 
-def _fresh(stops: Path) -> list[Meeting]:
-    """Protective stops: who stopped is the other one."""
-    told = json.loads(gzip.decompress(stops.read_bytes()))
-    fresh = [one for one in told if one["v0"] > FRESH_MPS and one["standing_s"] >= FRESH_S]
-    return [Meeting(one["by"], one["robot"], one["start"]) for one in fresh]
+def _fresh(file: Path) -> list[Meeting]:
+    """Protective stops as encounters. `other` is the robot that stopped."""
+    stops = json.loads(gzip.decompress(file.read_bytes()))
+    fresh = [stop for stop in stops if stop["v0"] > FRESH_MPS and stop["standing_s"] >= FRESH_S]
+    return [Meeting(stop["by"], stop["robot"], stop["start"]) for stop in fresh]
 
 
-def _is_standing(one: Meeting, spans: Mapping[str, Sequence[Span]], tracks: Tracks) -> bool:
-    """Whether the robot that was stopped for is silent by then, and stands where it was heard last; and the other one
-    is heard."""
-    if any(begin_s <= one.at_s and one.at_s - 2 * TOLD_S < end_s for begin_s, end_s in spans[one.other]):
+def _is_standing(meeting: Meeting, spans: Mapping[str, Sequence[Span]], tracks: Tracks) -> bool:
+    """Whether the robot that caused the stop is silent then and stands at its last reported position, and the other
+    robot reports."""
+    if any(begin_s <= meeting.at_s and meeting.at_s - 2 * TOLD_S < end_s for begin_s, end_s in spans[meeting.other]):
         return False
-    for begin_s, end_s in spans[one.silent]:
-        if begin_s + GRACE_S < one.at_s < end_s:
-            heard, now = tracks.at(one.silent, begin_s), tracks.at(one.silent, one.at_s)
+    for begin_s, end_s in spans[meeting.silent]:
+        if begin_s + GRACE_S < meeting.at_s < end_s:
+            heard, now = tracks.at(meeting.silent, begin_s), tracks.at(meeting.silent, meeting.at_s)
             return hypot(now[0] - heard[0], now[1] - heard[1]) < MOVED_M
     return False
 
@@ -226,8 +229,8 @@ def _within(spans: Sequence[Span], t_s: float) -> bool:
 def _lines(log: Path) -> Iterator[Line]:
     with gzip.open(log, "rt", encoding="utf-8") as file:
         for line in filter(str.strip, file):
-            told = json.loads(line)
-            yield _time_s(told["received"]), told["message"]["uuid"], "location" in told["message"], line
+            entry = json.loads(line)
+            yield _time_s(entry["received"]), entry["message"]["uuid"], "location" in entry["message"], line
 
 
 def _time_s(stamp: str) -> float:
@@ -237,22 +240,22 @@ def _time_s(stamp: str) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--seconds", type=float, default=600.0, help="of each made-up floor")
+    parser.add_argument("--seconds", type=float, default=600.0, help="length of each synthetic floor")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     found: list[Figures] = []
 
-    def tell(rows: Iterable[Figures]) -> None:
+    def add_rows(rows: Iterable[Figures]) -> None:
         for row in rows:
             found.append(row)
             print(json.dumps(row), flush=True)
 
     for seed in range(args.seeds):
-        tell(on_floor(seed, args.seconds))
+        add_rows(on_floor(seed, args.seconds))
     if recordings := os.environ.get("DECONFLICT_RECORDINGS"):
         folder = Path(recordings)
-        tell(on_people(folder / "zara02.cv.jsonl.gz"))
-        tell(on_muted(folder / "random.blind.plan.jsonl.gz", folder / "random.blind.stops.json.gz", args.seeds))
+        add_rows(on_people(folder / "zara02.cv.jsonl.gz"))
+        add_rows(on_muted(folder / "random.blind.plan.jsonl.gz", folder / "random.blind.stops.json.gz", args.seeds))
     if args.json:
         args.json.write_text(json.dumps(found, indent=1) + "\n")
 

@@ -1,9 +1,9 @@
-"""A made-up floor on which robots fall silent for two reasons: they have left by an exit, or their radio drops out.
+"""A synthetic floor on which robots become silent for two reasons: they left by an exit, or their radio failed.
 
-Lanes lead from the west to an exit each. Robots drive along them one after the other, tell their paths once a second,
-and say nothing any more once they are through. Beside the lanes others are parked, so near that who passes comes within
-0.15 m of some of them. Their radios drop out for 10 to 60 s, and those of some that drive for 10 to 20 s. One robot
-breaks down on its lane, for good; those behind it drive around it, as near.
+Each lane leads from the west to an exit. Robots drive along the lanes one after another. They report their paths once a
+second, until they have left. Beside the lanes other robots are parked; some are so near that passing robots come within
+0.15 m. The radios of parked robots fail for 10 to 60 s, and those of some driving robots for 10 to 20 s. One robot
+breaks down on its lane permanently. The robots behind it drive around it at the same distance.
 """
 
 import json
@@ -23,16 +23,16 @@ HALL = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
 LENGTH_M, WIDTH_M = 1.0, 0.6
 LANES, LANE_M, EXIT_M = 8, 4.0, 40.0
 PASSES_M = WIDTH_M + 0.15
-"""From the middle of a lane to that of a robot that those in the lane nearly touch."""
+"""Distance from the middle of a lane to a robot that robots in the lane nearly touch."""
 SPEED_MPS = 1.0
 EVERY_S = 14.0
-"""Between robots of one lane, on the mean; at least half of it."""
+"""Mean time between robots of one lane. The least time is half of it."""
 PATH_S = 10
 BROKEN_LANE, BROKEN_M = 2, 22.0
 GRACE_S = 5.0
 
 Span = tuple[float, float]
-"""From when to when, seconds since the beginning."""
+"""Begin and end, seconds since the start."""
 
 
 @dataclass(slots=True, eq=False)
@@ -50,7 +50,7 @@ class Robot:
     breaks_s: float = np.inf
     """When it breaks down."""
     around_s: float = np.inf
-    """From when on it drives around the one that has."""
+    """From when it drives around the robot that broke down."""
     silent: list[Span] = field(default_factory=list)
 
     @property
@@ -59,11 +59,11 @@ class Robot:
 
     @property
     def ends_s(self) -> float:
-        """When it is through its exit."""
+        """When it has left through its exit."""
         return self.begins_s + EXIT_M / SPEED_MPS if self.drives and self.breaks_s == np.inf else np.inf
 
     def at(self, t_s: float) -> tuple[float, float]:
-        """Where it is."""
+        """Its position."""
         if not self.drives:
             return self.x_m, self.y_m
         x_m = self.x_m + SPEED_MPS * (min(t_s, self.breaks_s) - self.begins_s)
@@ -76,7 +76,7 @@ class Robot:
 
 @dataclass(frozen=True, slots=True)
 class Meeting:
-    """A robot that comes within the clearance of one that is silent, stands, and is there."""
+    """A robot that comes within the clearance of a silent robot that stands there."""
 
     silent: str
     other: str
@@ -84,7 +84,7 @@ class Meeting:
 
 
 class SilentFloor:
-    """The floor of one seed, for so long."""
+    """The floor of one seed, for `seconds`."""
 
     def __init__(self, seed: int, seconds: float) -> None:
         self.seconds = seconds
@@ -92,7 +92,7 @@ class SilentFloor:
         self.robots = [*_parked(rng, seconds), *_driving(rng, seconds)]
 
     def log(self, *, muted: bool = True) -> Iterator[str]:
-        """The lines of what is heard, by arrival; with all that was not, where not `muted`."""
+        """The lines of the log, by arrival. If not `muted`, silent robots report too."""
         lines = []
         for robot in self.robots:
             lines.append((robot.begins_s, _identity(robot)))
@@ -101,26 +101,28 @@ class SilentFloor:
                 if not (muted and robot.is_silent(t_s)):
                     lines.append((t_s + 0.1, _status(robot, t_s)))
                 t_s += 1.0
-        for arrival_s, message in sorted(lines, key=lambda one: one[0]):
+        for arrival_s, message in sorted(lines, key=lambda line: line[0]):
             yield json.dumps({"received": write(START_S + arrival_s), "message": message}) + "\n"
 
     def meetings(self) -> list[Meeting]:
-        """Those after the grace, in order."""
+        """The encounters with silent robots after the grace period, in order."""
         found = []
-        for one in self.robots:
-            standing = [(one.breaks_s + 1.0, self.seconds)] if one.breaks_s < np.inf else one.silent
-            for begin_s, end_s in () if one.drives and one.breaks_s == np.inf else standing:
+        for robot in self.robots:
+            standing = [(robot.breaks_s + 1.0, self.seconds)] if robot.breaks_s < np.inf else robot.silent
+            for begin_s, end_s in () if robot.drives and robot.breaks_s == np.inf else standing:
                 for other in self.robots:
-                    if other.lane == one.lane and other.drives and other is not one:
-                        at_s = _passes_s(one, other)
+                    if other.lane == robot.lane and other.drives and other is not robot:
+                        at_s = _passes_s(robot, other)
                         if at_s is not None and begin_s + GRACE_S < at_s < end_s and not other.is_silent(at_s):
-                            found.append(Meeting(one.uuid, other.uuid, START_S + at_s))
-        return sorted(found, key=lambda one: one.at_s)
+                            found.append(Meeting(robot.uuid, other.uuid, START_S + at_s))
+        return sorted(found, key=lambda meeting: meeting.at_s)
 
     def gone_s(self) -> dict[str, list[Span]]:
-        """By robot, when it has been gone for the grace: it is through its exit."""
+        """By robot, the time from when it counts as gone: the grace period after it left."""
         return {
-            one.uuid: [(START_S + one.ends_s + GRACE_S, np.inf)] for one in self.robots if one.ends_s < self.seconds
+            robot.uuid: [(START_S + robot.ends_s + GRACE_S, np.inf)]
+            for robot in self.robots
+            if robot.ends_s < self.seconds
         }
 
 
@@ -160,12 +162,12 @@ def _vendor(rng: Generator) -> str:
     return str(rng.choice(["Alder", "Corvid"]))
 
 
-def _passes_s(one: Robot, other: Robot) -> float | None:
-    """When a robot on a lane first comes within 0.3 m of one that stands; None where it does not."""
+def _passes_s(robot: Robot, other: Robot) -> float | None:
+    """When a robot on a lane first comes within 0.3 m of a standing robot. None if it does not."""
     for t_s in np.arange(other.begins_s, other.begins_s + EXIT_M / SPEED_MPS, 0.1):
-        (x_m, y_m), (other_x_m, other_y_m) = one.at(t_s), other.at(t_s)
+        (x_m, y_m), (other_x_m, other_y_m) = robot.at(t_s), other.at(t_s)
         beside_m = max(abs(other_x_m - x_m) - LENGTH_M, 0.0), max(abs(other_y_m - y_m) - WIDTH_M, 0.0)
-        if t_s > one.begins_s and np.hypot(*beside_m) < 0.3:
+        if t_s > robot.begins_s and np.hypot(*beside_m) < 0.3:
             return float(t_s)
     return None
 
@@ -185,7 +187,7 @@ def _status(robot: Robot, t_s: float) -> dict[str, Any]:
     x_m, y_m = robot.at(t_s)
     angle = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
     drives = robot.drives and t_s < robot.breaks_s
-    told: dict[str, Any] = {
+    report: dict[str, Any] = {
         "uuid": robot.uuid,
         "timestamp": write(START_S + t_s),
         "operationalState": "navigating" if robot.drives else "idle",
@@ -193,7 +195,7 @@ def _status(robot: Robot, t_s: float) -> dict[str, Any]:
         "velocity": {"linear": SPEED_MPS if drives else 0.0, "angular": angle},
     }
     if drives:
-        told["path"] = [
+        report["path"] = [
             {
                 "timestamp": write(START_S + t_s + second),
                 "x": round(min(x_m + SPEED_MPS * second, EXIT_M), 3),
@@ -203,4 +205,4 @@ def _status(robot: Robot, t_s: float) -> dict[str, Any]:
             for second in range(1, PATH_S + 1)
             if x_m + SPEED_MPS * (second - 1) < EXIT_M
         ]
-    return told
+    return report

@@ -1,7 +1,7 @@
 """The whole service for a long time: `python -m benchmarks.soak [--robots 1000] [--minutes 30] [--table OUT.md]`.
 
-Prints two tables in Markdown: what was told minute by minute, and what grew. Growth is the slope of a line through the
-memory and open files of each role over the second half, when all that is kept has been filled, with its standard error.
+Prints two tables in Markdown: the figures by minute, and the growth of memory and open files of each role. Growth is
+the slope of a line through the second half of the run, when all caches are full, with its standard error.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from benchmarks.endtoend import LATE_S, Load, Row, print_row, service
 
 MINUTE_S = 60.0
 CERTAIN = 2.0
-"""A slope is told from none where it is so many of its standard errors."""
+"""A slope differs from 0 if it is larger than this many of its standard errors."""
 
 HEAD = (
     *("minutes", "messages/s", "p50, ms", "p99, ms", "slowest below, ms", f"over {LATE_S:g} s", "superseded", "shed"),
@@ -27,43 +27,43 @@ HEAD = (
 
 
 def soak(robots: int, minutes: int) -> tuple[list[Row], dict[str, float]]:
-    """A row for each minute, and what the load says of itself."""
-    with service() as one:
-        offering = Load(one.url, robots, (minutes + 1) * MINUTE_S)
+    """A row for each minute, and the figures of the load."""
+    with service() as running:
+        load = Load(running.url, robots, (minutes + 1) * MINUTE_S)
         time.sleep(MINUTE_S / 4)
-        one.row(robots)
+        running.row(robots)
         rows = []
         for _ in range(minutes):
             time.sleep(MINUTE_S)
-            rows.append(one.row(robots))
+            rows.append(running.row(robots))
             print_row(rows[-1])
-        return rows, offering.stop()
+        return rows, load.stop()
 
 
-def table(rows: Sequence[Row], offered: dict[str, float]) -> str:
+def table(rows: Sequence[Row], load: dict[str, float]) -> str:
     """The run in Markdown."""
     accepted, rejected, shed = (sum(getattr(row, name) for row in rows) for name in ("accepted", "rejected", "shed"))
     run = (
         f"{rows[0].robots} robots, {len(rows)} minutes: {accepted:.0f} messages accepted, {rejected:.0f} rejected, "
-        f"{shed:.0f} shed, {offered['broken']:.0f} connections broken. "
-        f"The load itself was at most {offered['late_s'] * 1000:.0f} ms late."
+        f"{shed:.0f} shed, {load['broken']:.0f} connections broken. "
+        f"The load itself was at most {load['late_s'] * 1000:.0f} ms late."
     )
-    told = [
+    lines = [
         run,
         "",
         f"| {' | '.join(HEAD)} |",
         f"|{' --- |' * len(HEAD)}",
-        *map(_line, _stretches(rows)),
+        *map(_line, _parts(rows)),
         "",
-        "| role | memory, MB, first and last | MB an hour | files, first and last | files an hour |",
+        "| role | memory, MB, first and last | MB per hour | files, first and last | files per hour |",
         f"|{' --- |' * 5}",
         *_growth(rows),
     ]
-    return "\n".join(told) + "\n"
+    return "\n".join(lines) + "\n"
 
 
-def _stretches(rows: Sequence[Row], most: int = 10) -> Iterator[tuple[int, Sequence[Row]]]:
-    """The run in at most so many equal stretches: the first minute of each, and its rows."""
+def _parts(rows: Sequence[Row], most: int = 10) -> Iterator[tuple[int, Sequence[Row]]]:
+    """The run in at most `most` equal parts: the first minute of each, and its rows."""
     length = -(-len(rows) // most)
     for first in range(0, len(rows), length):
         yield first + 1, rows[first : first + length]
@@ -97,13 +97,13 @@ def _growth(rows: Sequence[Row]) -> Iterator[str]:
         memory = [row.memory_mb[role] for row in half if role in row.memory_mb]
         files = [float(row.files[role]) for row in half if role in row.files]
         yield (
-            f"| {role} | {rows[0].memory_mb[role]:.0f}, {rows[-1].memory_mb[role]:.0f} | {_told(memory)} "
-            f"| {rows[0].files[role]}, {rows[-1].files[role]} | {_told(files)} |"
+            f"| {role} | {rows[0].memory_mb[role]:.0f}, {rows[-1].memory_mb[role]:.0f} | {_growth_text(memory)} "
+            f"| {rows[0].files[role]}, {rows[-1].files[role]} | {_growth_text(files)} |"
         )
 
 
 def slope(values: Sequence[float]) -> tuple[float, float]:
-    """Of a line through values a minute apart: its slope an hour, and the standard error of that."""
+    """The slope per hour of a line through values that are a minute apart, and its standard error."""
     minutes = np.arange(len(values)) - (len(values) - 1) / 2
     spread = float((minutes**2).sum())
     rise = float((minutes * values).sum()) / spread
@@ -112,7 +112,7 @@ def slope(values: Sequence[float]) -> tuple[float, float]:
     return rise * MINUTE_S, error * MINUTE_S
 
 
-def _told(values: Sequence[float]) -> str:
+def _growth_text(values: Sequence[float]) -> str:
     if len(values) < 3:
         return "too short"
     rise, error = slope(values)

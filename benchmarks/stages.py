@@ -1,8 +1,8 @@
-"""What a message costs from its bytes to advisories, stage by stage: `python -m benchmarks.stages [--robots 100 1000]`.
+"""The processor time of a message from its bytes to advisories, by stage: `python -m benchmarks.stages --robots 100`.
 
-The load of `benchmarks.offer` without its sockets, through a fleet and an engine in this process, ten passes a second.
-Processor time of one core, microseconds a message, after the first half of the run. Advice is worked out within the
-step here, in a thread of the engine in the service.
+The load of `benchmarks.offer` without its sockets passes through a fleet and an engine in this process, with ten passes
+per second. Results are microseconds of one core per message, in the second half of the run. Here advice is computed
+within the pass; in the service a thread of the engine computes it.
 """
 
 import argparse
@@ -47,7 +47,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
 
 @dataclass
 class Floor:
-    """Robots that report once a second, and all that follows in the service."""
+    """Robots that report once a second, with the fleet and the engine of the service."""
 
     robots: int
     world: Circling = field(init=False)
@@ -58,21 +58,23 @@ class Floor:
     def __post_init__(self) -> None:
         self.world, site = Circling(self.robots), benchmark_site(0, 0)
         self.fleet, self.engine = fast_fleet_of(site, Measures()), Engine(site)
-        self.lines = [
+        self.connections = [
             Connection(n + 1, f"10.0.{n // 250}.{n % 250}", "/", vendor_of(n * ROBOTS_A_CONNECTION))
             for n in range(-(-self.robots // ROBOTS_A_CONNECTION))
         ]
         for robot in range(self.robots):
-            self.fleet.receive(self.world.identity(robot).encode(), START_S, self.lines[robot // ROBOTS_A_CONNECTION])
+            self.fleet.receive(
+                self.world.identity(robot).encode(), START_S, self.connections[robot // ROBOTS_A_CONNECTION]
+            )
 
     def run(self, ticks: Floats) -> None:
-        """Every message that is due from tick to tick, and a pass at each."""
+        """Feed every message that is due between ticks, and make a pass at each tick."""
         for before_s, now_s in pairwise(ticks.tolist()):
             due_s = self.world.due_s
             due = np.flatnonzero(np.floor(now_s - due_s) > np.floor(before_s - due_s))
-            said = self.world.statuses(due, START_S, START_S + now_s)
-            for robot, status in zip(due.tolist(), said, strict=True):
-                self.fleet.receive(status, START_S + now_s, self.lines[robot // ROBOTS_A_CONNECTION])
+            statuses = self.world.statuses(due, START_S, START_S + now_s)
+            for robot, status in zip(due.tolist(), statuses, strict=True):
+                self.fleet.receive(status, START_S + now_s, self.connections[robot // ROBOTS_A_CONNECTION])
             batch = Batch.from_bytes(self.fleet.next_batch(START_S + now_s).to_bytes())
             began_s = process_time()
             self.engine.receive(batch)
@@ -82,7 +84,7 @@ class Floor:
 
 
 def measured(robots: int, seconds: float) -> tuple[dict[str, float], list[float]]:
-    """Microseconds a message by stage, and the processor time of each pass."""
+    """Microseconds per message by stage, and the processor time of each pass."""
     floor, ticks = Floor(robots), np.arange(0.0, seconds, TICK_S)
     floor.run(ticks[: len(ticks) // 2 + 1])
     floor.messages, floor.passes_s = 0, []
@@ -108,10 +110,11 @@ def main() -> None:
     for robots in args.robots:
         spent, passes_s = measured(robots, args.seconds)
         sums.append(sum(spent.values()))
-        told = "  ".join(f"{stage} {us:.0f}" for stage, us in spent.items())
+        stages_text = "  ".join(f"{stage} {us:.0f}" for stage, us in spent.items())
         slowest_ms = np.percentile(passes_s, 99) * 1000
         print(
-            f"{robots:6} robots, us a message: {told}, in all {sums[-1]:.0f}; p99 of a pass {slowest_ms:.0f} ms",
+            f"{robots:6} robots, us per message: {stages_text}, total {sums[-1]:.0f}; "
+            f"p99 of a pass {slowest_ms:.0f} ms",
             flush=True,
         )
     if len(sums) > 1:

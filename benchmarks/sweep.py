@@ -1,7 +1,7 @@
-"""What a sweep costs, beside other engines: `python -m benchmarks.sweep [--json FILE] [--repeats N]`.
+"""The time of a sweep, compared with other engines: `python -m benchmarks.sweep [--json FILE] [--repeats N]`.
 
-Times are of one core, as the system counts them. Every ratio is of two times measured in the same run.
-`--compare A.json B.json` sets two saved runs side by side.
+Times are processor times of one core. The two times of a ratio are from the same run. `--compare A.json B.json`
+compares two saved runs.
 """
 
 import argparse
@@ -33,7 +33,7 @@ CLEARANCE_M = 0.3
 FLOORS = [(robots, area_m2) for area_m2 in (25.0, 8.0) for robots in (1_000, 3_000, 10_000)]
 PEER_FLOOR = (3_000, 25.0)
 PEER_GOALS = {"commonroad-drivability-checker": 1 / 8, "bluesky-simulator": 1 / 25}
-"""A full pass should take no more of theirs."""
+"""A full pass should take at most this share of theirs."""
 FLOOR_KINDS = {"crowd": crowd, "lanes": lanes}
 OWN = "this sweep"
 CHANGED = (0, 1, 10, 100, 1_000)
@@ -45,7 +45,7 @@ def keys_of(world: World) -> list[str]:
 
 
 class Running:
-    """A floor that is swept as time goes on."""
+    """A floor that is swept while the time advances."""
 
     def __init__(self, world: World, clearance_m: float = CLEARANCE_M) -> None:
         self.world, self.keys = world, keys_of(world)
@@ -53,7 +53,7 @@ class Running:
         self.last: PairConflicts | None = None
 
     def pass_ms(self, at_s: float, rows: Ints | None = None) -> float:
-        """Milliseconds of one core to take in what `rows` (everybody, by default) report by `at_s`, and to sweep."""
+        """Milliseconds of one core to add the reports of `rows` (by default all) at `at_s`, and to sweep."""
         forecasts = self.world.forecasts(at_s)
         keys = self.keys if rows is None else [self.keys[row] for row in rows.tolist()]
         part = forecasts if rows is None else forecasts.take(rows)
@@ -117,7 +117,7 @@ def _full_line(row: Row) -> str:
 
 
 def partial_passes(repeats: int, robots: int) -> list[Row]:
-    """A few robots changed among many, as time moves on; full passes in between, of which each is a share."""
+    """Passes in which a few of many robots change, while the time advances. Full passes in between for comparison."""
     rows = []
     for name, made in FLOOR_KINDS.items():
         world = made(robots, 25.0)
@@ -150,10 +150,10 @@ def _partial_line(row: Row) -> str:
 
 
 def growth(area_m2: float, repeats: int) -> float:
-    """The power with which a full pass grows: ten floors of 1,000 robots, and one of 10,000, by turns; a median.
+    """The growth exponent of a full pass: the median over ten floors of 1,000 robots and one of 10,000 in turn.
 
-    Ten different floors, since one that is swept over and over is learnt by heart, by caches and branch predictors that
-    a floor ten times as large does not fit into.
+    The ten floors differ, because caches and branch predictors would adapt to one floor that is swept repeatedly, but
+    a floor ten times as large does not fit into them.
     """
     small, large = [crowd(1_000, area_m2, seed=seed) for seed in range(1, 11)], crowd(10_000, area_m2)
     ratios = []
@@ -164,7 +164,8 @@ def growth(area_m2: float, repeats: int) -> float:
 
 
 def footprint(robots: int) -> Row:
-    """Peak memory of a process that sweeps so many robots, and what the import takes, kernels from disk and anew."""
+    """Peak memory of a process that sweeps `robots` robots, and import times with and without compiled kernels
+    on disk."""
     footprint_of(0)
     kept = footprint_of(robots)
     with TemporaryDirectory() as empty:
@@ -179,7 +180,7 @@ def footprint_of(robots: int, **environment: str) -> Row:
 
 
 def beside_peers(repeats: int, pairs: int) -> list[Row]:
-    """The same floor and question, clearance 0, for every engine that is installed."""
+    """The same floor and question, with clearance 0, for every installed engine."""
     world = crowd(*PEER_FLOOR)
     own_ms = timed(lambda: Running(world, 0.0).pass_ms(0.0), 2 * repeats)["min_ms"]
     forecasts = world.forecasts(0.0)
@@ -187,7 +188,7 @@ def beside_peers(repeats: int, pairs: int) -> list[Row]:
     true = truth(forecasts, candidates, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=0.0).closest_m
     found = sweep(forecasts, now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=0.0)
     own = {tuple(pair) for pair in found.pairs.tolist()}
-    rows = [{"engine": OWN, "pass_ms": own_ms} | _held([pair in own for pair in candidates], true)]
+    rows = [{"engine": OWN, "pass_ms": own_ms} | _wrong_answers([pair in own for pair in candidates], true)]
     print(_peer_line(rows[0], own_ms), flush=True)
     for peer in PEERS:
         rows.append(_measured(peer, world, candidates, true, repeats))
@@ -196,7 +197,7 @@ def beside_peers(repeats: int, pairs: int) -> list[Row]:
 
 
 def near_pairs(world: World, count: int) -> list[tuple[int, int]]:
-    """Pairs whose ways of the horizon, one circle each, overlap; the first so many in a shuffled order."""
+    """The first `count` pairs in random order whose paths within the horizon overlap, each enclosed in a circle."""
     middle_x, middle_y, _ = world.pose(np.full((len(world.x), 1), HORIZON_S / 2))
     reach = world.speed * HORIZON_S / 2 + np.hypot(world.length, world.width) / 2
     places = np.column_stack([middle_x[:, 0], middle_y[:, 0]])
@@ -214,15 +215,15 @@ def _measured(peer: Peer, world: World, pairs: list[tuple[int, int]], true: Any,
     if peer.look is not None:
         row["pass_ms"] = timed(lambda: peer.look(world), repeats)["min_ms"]  # type: ignore[misc]
     begin = process_time()
-    said = list(peer.touches(world, pairs))
-    return row | {"us_a_pair": 1e6 * (process_time() - begin) / len(pairs)} | _held(said, true)
+    answers = list(peer.touches(world, pairs))
+    return row | {"us_a_pair": 1e6 * (process_time() - begin) / len(pairs)} | _wrong_answers(answers, true)
 
 
-def _held(said: list[bool], closest_m: Any) -> Row:
-    """Wrong answers, of pairs that overlap or stay apart by more than a millimetre."""
-    touch, apart, told = closest_m <= 0, closest_m > 1e-3, np.array(said)
-    return {"pairs": len(said), "touching": int(touch.sum()), "missed": int((touch & ~told).sum())} | {
-        "false": int((apart & told).sum())
+def _wrong_answers(answers: list[bool], closest_m: Any) -> Row:
+    """Counts of wrong answers. Only pairs that overlap, or stay apart by more than a millimetre, count."""
+    touch, apart, touches = closest_m <= 0, closest_m > 1e-3, np.array(answers)
+    return {"pairs": len(answers), "touching": int(touch.sum()), "missed": int((touch & ~touches).sum())} | {
+        "false": int((apart & touches).sum())
     }
 
 
@@ -248,7 +249,7 @@ def machine() -> Row:
 
 
 def compare(paths: Sequence[Path]) -> None:
-    """Minimum times of two saved runs, and the second as a share of the first."""
+    """Print the minimum times of two saved runs, and the second as a share of the first."""
     runs = [json.loads(path.read_text()) for path in paths]
     for before, after in zip(*(run["full"] for run in runs), strict=False):
         for kind in ("cold", "steady"):
@@ -260,7 +261,7 @@ def compare(paths: Sequence[Path]) -> None:
 
 
 def goals(found: Row) -> list[Row]:
-    """What was aimed at, and what this run reached. `share` is below 1 where the goal is met."""
+    """The goals, and what this run reached. `share` is at most 1 if the goal is met."""
     full = {(row["robots"], row["area_m2"]): row for row in found["full"]}
     changed = {(row["floor"], row["changed"]): row["median_ms"] / row["full_ms"] for row in found["partial"]}
     peers = {row["engine"]: row["pass_ms"] for row in found["peers"] if "pass_ms" in row}
@@ -314,9 +315,9 @@ def run(repeats: int, pairs: int) -> Row:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.sweep", description=__doc__)
     parser.add_argument("--json", type=Path, default=Path("build/sweep.json"), help="where to save the run")
-    parser.add_argument("--compare", type=Path, nargs=2, metavar="RUN", help="two saved runs, side by side")
+    parser.add_argument("--compare", type=Path, nargs=2, metavar="RUN", help="compare two saved runs")
     parser.add_argument("--repeats", type=int, default=7, help="passes of each kind")
-    parser.add_argument("--pairs", type=int, default=5_000, help="pairs held against the oracle")
+    parser.add_argument("--pairs", type=int, default=5_000, help="pairs that are compared with the oracle")
     chosen = parser.parse_args(arguments)
     if chosen.compare:
         compare(chosen.compare)

@@ -1,7 +1,7 @@
-"""What a person is told in the demo, and what came of it: `python -m benchmarks.watch_demo --minutes 10 --robots 12`.
+"""The advisories of the demo, and their true outcomes: `python -m benchmarks.watch_demo --minutes 10 --robots 12`.
 
-The demo's robots and the service, by a simulated clock and without sockets. One line an advisory: when it was raised,
-who, the probability, what became of it by what truly happened, and how it ended.
+It runs the demo's robots and the service with a simulated clock and without sockets. It prints one line for each
+advisory: when it was raised, the robots, the probability, its true outcome, and how it ended.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from benchmarks.watch_demo.watching import Watch
 
 
 def line(row: dict[str, Any]) -> str:
-    """One advisory."""
+    """One advisory as a line of text."""
     clock = f"{row['raised_s'] // 60:3.0f}:{row['raised_s'] % 60:04.1f}"
     if row["kind"] != "conflict":
         return f"{clock}  {row['kind']}: {row['summary']}"
@@ -37,8 +37,8 @@ def main() -> None:
     options.add_argument("--minutes", type=float, default=10.0)
     options.add_argument("--robots", type=int, default=12)
     options.add_argument("--seed", type=int, default=1)
-    options.add_argument("--site", type=Path, help="the demo's if absent")
-    options.add_argument("--json", type=Path, help="where to write the same as data")
+    options.add_argument("--site", type=Path, help="by default the demo's")
+    options.add_argument("--json", type=Path, help="also write the results to this file")
     args = options.parse_args()
     began, seconds = time.perf_counter(), args.minutes * 60
     watch = Watch(args.robots, args.seed, args.site)

@@ -1,4 +1,4 @@
-"""The demo's floor by a simulated clock: what its robots send, and what truly happens to them."""
+"""The demo's floor with a simulated clock: the messages of its robots, and what truly happens to them."""
 
 from bisect import insort
 from collections.abc import Iterator
@@ -21,12 +21,12 @@ from ingest.port.connection import Connection
 
 STEP_S = 0.1
 DELIVERY_S = (0.03, 0.2)
-"""Of a message, at the least and at the most."""
+"""Shortest and longest delivery time of a message."""
 
 
 @dataclass(slots=True)
 class Truth:
-    """What happened so far; robots are rows, those of the annex after those of the halls."""
+    """The truth so far. Robots are rows; those of the annex follow those of the halls."""
 
     encounters: list[TrueEncounter] = field(default_factory=list)
     envelopes: Floats = field(default_factory=lambda: np.empty((0, 5)))
@@ -38,7 +38,7 @@ class Truth:
 
 
 class Floor:
-    """So many robots; `step` lets time pass. Time 0 is `start_s`, seconds since the epoch."""
+    """A floor with robots. `step` advances the time. Time 0 is `start_s`, seconds since the epoch."""
 
     def __init__(self, robots: int, seed: int, start_s: float, clearance_m: float) -> None:
         rng = np.random.default_rng(seed)
@@ -64,11 +64,11 @@ class Floor:
         return self._stops.found
 
     def step(self) -> Iterator[tuple[float, bytes, Connection]]:
-        """Let a step pass; what is sent, and when it arrives."""
+        """Advance by one step. Yields the sent messages with their arrival times."""
         before = np.floor((self.world.t_s + self._phase_s) / self._every_s)
         self.world.step(STEP_S)
         self._stops.update(STEP_S)
-        self._look()
+        self._update_truth()
         due = np.flatnonzero(np.floor((self.world.t_s + self._phase_s) / self._every_s) > before)
         for row, robot in zip(due.tolist(), self._robots(due), strict=True):
             vendor = robot.member.make.vendor
@@ -83,8 +83,8 @@ class Floor:
         players = [self._annex.robot(row - halls, self.world.t_s) for row in rows.tolist() if row >= halls]
         return [*some_robots(self.world, rows[rows < halls]), *players]
 
-    def _look(self) -> None:
-        """Take in where everybody is, and who is near whom."""
+    def _update_truth(self) -> None:
+        """Update the truth: the positions of all robots, and the near pairs."""
         players = self._robots(np.arange(len(self.world), len(self.members)))
         before, truth, t_s = self.truth.envelopes, self.truth, self.world.t_s
         played = np.array([_envelope(player) for player in players]).reshape(-1, 5)
@@ -117,7 +117,7 @@ def _connection(row: int, vendor: VendorName) -> Connection:
 
 
 class Post:
-    """Messages on their way, by arrival."""
+    """Messages in transit, by arrival."""
 
     def __init__(self) -> None:
         self._on_way: list[tuple[float, int, bytes, Connection]] = []

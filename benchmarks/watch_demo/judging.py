@@ -1,4 +1,4 @@
-"""What came of each alert, by what truly happened, and the figures of a run."""
+"""The true outcome of each alert, and the figures of a run."""
 
 from collections import Counter
 from dataclasses import asdict, dataclass
@@ -9,15 +9,15 @@ from typing import Any
 from benchmarks.watch_demo.watching import Alert, Watch
 
 WITHIN_S = 10.0
-"""An alert is true where what it warns of begins within this, or while it stands."""
+"""An alert is true if its event begins while it is open, or within this time after that."""
 AHEAD_S = 2.0
 FAR_M, LONG_STOOD_S, REPEATED_S = 12.0, 3.0, 60.0
 Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Came:
-    """What happened to a pair."""
+class PairEvent:
+    """An event of a pair."""
 
     onset_s: float
     end_s: float
@@ -25,31 +25,31 @@ class Came:
     """`met`, `yielded` or `ordered`."""
 
 
-def came_of(watch: Watch) -> dict[Pair, list[Came]]:
-    """By pair, all that happened, by onset."""
-    found: dict[Pair, list[Came]] = {}
+def events_by_pair(watch: Watch) -> dict[Pair, list[PairEvent]]:
+    """All events by pair, ordered by onset."""
+    found: dict[Pair, list[PairEvent]] = {}
     for meeting in watch.floor.truth.encounters:
-        found.setdefault(meeting.robots, []).append(Came(meeting.start_s, meeting.last_s, "met"))
+        found.setdefault(meeting.robots, []).append(PairEvent(meeting.start_s, meeting.last_s, "met"))
     for stop in watch.floor.stops:
         pair = (min(stop.robot, stop.other), max(stop.robot, stop.other))
         found.setdefault(pair, []).append(
-            Came(stop.start_s, stop.last_s, "ordered" if stop.ordered else "yielded"),
+            PairEvent(stop.start_s, stop.last_s, "ordered" if stop.ordered else "yielded"),
         )
     return {pair: sorted(every) for pair, every in found.items()}
 
 
-def verdict(alert: Alert, came: list[Came], end_s: float) -> tuple[str, float | None]:
-    """What became of an alert, and when that began."""
+def verdict(alert: Alert, events: list[PairEvent], end_s: float) -> tuple[str, float | None]:
+    """The outcome of an alert, and when its event began."""
     until_s = min(alert.cleared_s, end_s) + WITHIN_S
-    true = [event for event in came if event.what != "ordered" and alert.raised_s <= event.onset_s <= until_s]
-    lasting = [event for event in came if event.what != "ordered" and event.onset_s < alert.raised_s <= event.end_s]
+    true = [event for event in events if event.what != "ordered" and alert.raised_s <= event.onset_s <= until_s]
+    lasting = [event for event in events if event.what != "ordered" and event.onset_s < alert.raised_s <= event.end_s]
     if lasting:
         return f"in progress ({lasting[0].what})", lasting[0].onset_s
     if true:
         return f"true ({true[0].what})", true[0].onset_s
     ordered = [
         event
-        for event in came
+        for event in events
         if event.what == "ordered" and event.onset_s <= until_s and event.end_s >= alert.raised_s
     ]
     if ordered:
@@ -58,12 +58,12 @@ def verdict(alert: Alert, came: list[Came], end_s: float) -> tuple[str, float | 
 
 
 def rows_of(watch: Watch, end_s: float) -> list[dict[str, Any]]:
-    """Every alert with what became of it and what is odd about it, as it was raised."""
-    came, rows = came_of(watch), []
+    """Every alert with its outcome and its oddities, in the order in which they were raised."""
+    events, rows = events_by_pair(watch), []
     before: dict[tuple[int, ...], list[float]] = {}
     for alert in sorted(watch.alerts.values(), key=lambda alert: alert.raised_s):
         pair = (min(alert.rows[:2]), max(alert.rows[:2]))
-        became, onset_s = verdict(alert, came.get(pair, []), end_s) if alert.kind == "conflict" else ("", None)
+        became, onset_s = verdict(alert, events.get(pair, []), end_s) if alert.kind == "conflict" else ("", None)
         earlier = before.setdefault((*sorted(alert.rows), hash(alert.kind)), [])
         odd = _odd(alert, earlier) if alert.kind == "conflict" else []
         earlier.append(alert.raised_s)
@@ -91,7 +91,7 @@ def summary(watch: Watch, rows: list[dict[str, Any]], robots: int, seconds: floa
     became = Counter(row["became"].split(" (")[0] for row in conflicts)
     hours, known = robots * seconds / 3600, became["true"] + became["in vain"] + became["ordered"]
     fresh = [stop for stop in watch.floor.stops if stop.counts]
-    warned = [stop for stop in fresh if _is_told(stop.robot, stop.other, stop.start_s, conflicts)]
+    warned = [stop for stop in fresh if _is_warned(stop.robot, stop.other, stop.start_s, conflicts)]
     return {
         "robots": robots,
         "seconds": seconds,
@@ -114,7 +114,7 @@ def summary(watch: Watch, rows: list[dict[str, Any]], robots: int, seconds: floa
 
 
 def stops_of(watch: Watch, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Every fresh stop, with how long before an advisory that stood at it had been raised; None where none did."""
+    """Every fresh stop, with the lead time of an advisory that was open then; None if there was none."""
     found = []
     for stop in watch.floor.stops:
         if stop.counts:
@@ -134,8 +134,8 @@ def _lasted_s(row: dict[str, Any], end_s: float) -> float:
     return float((end_s if row["cleared_s"] is None else row["cleared_s"]) - row["raised_s"])
 
 
-def _is_told(robot: int, other: int, onset_s: float, conflicts: list[dict[str, Any]]) -> bool:
-    """Whether an alert of the pair had been raised 2 s before, and stands."""
+def _is_warned(robot: int, other: int, onset_s: float, conflicts: list[dict[str, Any]]) -> bool:
+    """Whether an alert of the pair was raised at least 2 s before, and is open."""
     return any(
         {robot, other} == set(row["rows"])
         and row["raised_s"] <= onset_s - AHEAD_S

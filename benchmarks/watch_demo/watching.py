@@ -1,4 +1,4 @@
-"""The service on the demo's floor: every advisory as a person sees it, with how things really stood."""
+"""The service on the demo's floor: every advisory as a person sees it, with the true state of its robots."""
 
 from dataclasses import dataclass, field
 from math import hypot, inf
@@ -32,15 +32,15 @@ class Alert:
     basis: tuple[str, ...]
     summary: str
     separation_m: float | None
-    """The smallest that was predicted when it was raised."""
+    """The smallest separation that was predicted when it was raised."""
     gap_m: float
-    """Between the first two's middles when it was raised; inf on different floors."""
+    """Distance between the centres of the first two robots when it was raised; inf if on different floors."""
     stood_s: tuple[float, ...]
-    """How long each had stood then."""
+    """How long each robot had stood when it was raised."""
     cleared_s: float = inf
     ended: str = ""
     stands_s: list[float] = field(default_factory=list)
-    """For each robot, how long it stood in all while this was open."""
+    """For each robot, how long it stood in total while this was open."""
     revisions: int = 1
 
 

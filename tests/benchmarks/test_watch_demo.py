@@ -1,14 +1,14 @@
-"""What became of alerts in the demo, and a short run of all of it."""
+"""The verdicts on alerts of the demo, and a short run of the whole benchmark."""
 
 import json
 from math import inf
 
 import pytest
 
-from benchmarks.watch_demo.judging import Came, rows_of, summary, verdict
+from benchmarks.watch_demo.judging import PairEvent, rows_of, summary, verdict
 from benchmarks.watch_demo.watching import Alert, Watch
 
-YIELDED, MET, ORDERED = Came(20.0, 24.0, "yielded"), Came(40.0, 41.0, "met"), Came(20.0, 24.0, "ordered")
+YIELDED, MET, ORDERED = PairEvent(20.0, 24.0, "yielded"), PairEvent(40.0, 41.0, "met"), PairEvent(20.0, 24.0, "ordered")
 
 
 def alert(raised_s: float, cleared_s: float) -> Alert:
@@ -32,7 +32,7 @@ def alert(raised_s: float, cleared_s: float) -> Alert:
 
 
 @pytest.mark.parametrize(
-    ("raised_s", "cleared_s", "came", "became"),
+    ("raised_s", "cleared_s", "events", "became"),
     [
         (15.0, 18.0, [YIELDED], ("true (yielded)", 20.0)),
         (9.0, 9.5, [YIELDED], ("in vain", None)),
@@ -42,13 +42,13 @@ def alert(raised_s: float, cleared_s: float) -> Alert:
         (95.0, inf, [], ("unknown", None)),
     ],
 )
-def test_what_became_of_an_alert(
-    raised_s: float, cleared_s: float, came: list[Came], became: tuple[str, float | None]
+def test_the_verdict_on_an_alert(
+    raised_s: float, cleared_s: float, events: list[PairEvent], became: tuple[str, float | None]
 ) -> None:
-    assert verdict(alert(raised_s, cleared_s), came, end_s=100.0) == became
+    assert verdict(alert(raised_s, cleared_s), events, end_s=100.0) == became
 
 
-def test_a_short_run_tells_of_what_happens() -> None:
+def test_a_short_run_reports_what_happened() -> None:
     watch = Watch(robots=16, seed=1)
     watch.run(30.0)
     rows = rows_of(watch, 30.0)

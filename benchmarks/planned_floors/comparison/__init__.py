@@ -1,1 +1,1 @@
-"""The service over floors of many kinds and seeds, beside the believer of paths."""
+"""The service and the path believer on floors of many kinds and seeds."""

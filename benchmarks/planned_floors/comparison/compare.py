@@ -1,4 +1,4 @@
-"""Floors of several kinds and seeds through the service, without some of its parts, and the believer of paths."""
+"""Compares the service, the service without some of its parts, and the path believer on floors of several kinds."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,49 +26,49 @@ ByService = dict[str, dict[str, Figure]]
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What is compared, and how it is scored."""
+    """The compared floors and services, and how they are scored."""
 
     kinds: Sequence[str]
     seeds: Sequence[int]
     floors: Path
-    """Where floors are kept; those that are there already are not made again."""
+    """Directory of the floors. Existing floors are not made again."""
     clearance_m: float
     seconds: float | None = None
-    """Length of each floor, where it is not its kind's own."""
+    """Length of each floor. None for that of its kind."""
     report_every_s: Sequence[float | None] = (None,)
-    """Times between a robot's reports, each compared for itself; None for the kind's own."""
+    """Times between a robot's reports. Each is compared separately. None for that of the kind."""
     after_s: float = 0.0
-    """What happens sooner after the beginning of a floor is not scored."""
+    """Events earlier than this after the start of a floor are not scored."""
     parts: Sequence[str] = ()
     """Parts of the service to switch off, one by one."""
 
 
 class Setting(NamedTuple):
-    """Floors that are scored together: all seeds of it."""
+    """A setting whose floors are scored together, over all seeds."""
 
     kind: str
     report_every_s: float | None
 
     @property
     def name(self) -> str:
-        """For files."""
+        """The name of its files."""
         return self.kind if self.report_every_s is None else f"{self.kind}-every-{self.report_every_s:g}s"
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """What was found on the floors of one setting."""
+    """The figures of the floors of one setting."""
 
     setting: Setting
     whole: ByService
-    """Over all seeds."""
+    """The figures over all seeds."""
     by_seed: dict[int, ByService]
 
     def markdown(self) -> str:
         return f"{self.setting.name}, {len(self.by_seed)} floors\n\n{table(self.whole)}\n"
 
     def document(self) -> dict[str, Any]:
-        """For a JSON file."""
+        """The comparison as a JSON document."""
         by_seed = {str(seed): by_service for seed, by_service in self.by_seed.items()}
         return {**self.setting._asdict(), "whole": self.whole, "seeds": by_seed}
 
@@ -80,7 +80,7 @@ class Comparison:
 
 
 def compared(plan: Plan, jobs: int) -> Iterator[Comparison]:
-    """One of each kind and time between reports, as soon as all its seeds are scored."""
+    """Yields a comparison for each kind and report interval, as soon as all its seeds are scored."""
     settings = [Setting(kind, every_s) for kind in plan.kinds for every_s in plan.report_every_s]
     with ProcessPoolExecutor(jobs) as pool:
         due = {
@@ -102,7 +102,7 @@ def floor_cases(plan: Plan, setting: Setting, seed: int) -> dict[str, Cases]:
 
 
 def site_with(clearance_m: float) -> Site:
-    """The defaults of the service, but for the clearance."""
+    """The default settings of the service with this clearance."""
     return DEFAULT.model_copy(update={"conflict": DEFAULT.conflict.model_copy(update={"clearance_m": clearance_m})})
 
 

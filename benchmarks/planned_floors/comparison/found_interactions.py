@@ -1,4 +1,4 @@
-"""Who gave way to whom as the service finds it in a log, held against the truth of the floor."""
+"""The interactions that the service finds in a log, compared with the truth of the floor."""
 
 from itertools import chain
 from math import nan
@@ -20,9 +20,9 @@ from metrics.truth.interactions import Interactions, YieldEvent
 EARLY_S, LATE_S = 2.5, 1.0
 """An interaction belongs to a stop if it begins at most `EARLY_S` before the stop, or `LATE_S` after its end."""
 FOUND_WITHIN_S = 5.0
-"""A stop is found if an interaction of its pair begins at most so long before or after the onset of the stop."""
+"""A stop is found if an interaction of its pair begins at most this long before or after the onset of the stop."""
 MET_WITHIN_S = 3.0
-"""A pair has met if its encounter ends at most so long before the stop, or begins at most so long after its end."""
+"""A pair has met if its encounter ends at most this long before the stop, or begins at most this long after its end."""
 
 
 def interactions(log: Path, site: Site) -> Interactions:

@@ -1,4 +1,4 @@
-"""Parts of the service that a comparison switches off one by one: a name, and what it changes in a new engine."""
+"""Parts of the service that a comparison switches off one at a time: by name, the change to a new engine."""
 
 from collections.abc import Callable, Mapping
 
@@ -15,14 +15,14 @@ Change = Callable[[Engine], None]
 
 
 class _Unlearning(Calibration):
-    """Stays with its prior."""
+    """A calibration that keeps its prior."""
 
     def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:
-        """Nothing is learned."""
+        """Learn nothing."""
 
 
 class _AllAlike(Calibration):
-    """Knows one pair of vendors."""
+    """A calibration that does not distinguish pairs of vendors."""
 
     def estimate(self, features: Floats, vendors: Ints) -> Estimate:
         return Calibration.estimate(self, features, np.zeros_like(vendors))
@@ -32,7 +32,7 @@ class _AllAlike(Calibration):
 
 
 class _Blind(Calibration):
-    """Does not see some of the features."""
+    """A calibration without some of the features."""
 
     hidden: slice
 
@@ -93,4 +93,4 @@ PARTS: Mapping[str, Change] = {
 
 
 def unchanged(_engine: Engine) -> None:
-    """The service as it is."""
+    """The unchanged service."""

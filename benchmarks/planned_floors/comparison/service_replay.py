@@ -34,7 +34,7 @@ class Published:
 
 
 def replayed(log: Path, site: Site, changes: Mapping[str, Change]) -> dict[str, Published]:
-    """What the service published with each change, by name; each engine begins with nothing learned."""
+    """What the service published with each change, by name. Each engine starts without learned state."""
     reader = PassReader(site)
     engines = {name: EngineRun(site, site.conflict.clearance_m, StartState()) for name in changes}
     for name, change in changes.items():
