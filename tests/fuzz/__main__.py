@@ -1,7 +1,7 @@
 """`python -m tests.fuzz TARGET CORPUS`: coverage-guided fuzzing of one target with atheris (the extra `fuzz`).
 
-What it finds is written beside the corpus and raised. Options of libFuzzer may follow, such as `-runs=1000000`. One
-input in eight is mutated as a document, the others as bytes.
+An input that fails is written beside the corpus, and the error is raised. Options of libFuzzer may follow, such as
+`-runs=1000000`. One input in eight is mutated as a document, the others as bytes.
 """
 
 import sys

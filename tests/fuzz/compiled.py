@@ -1,4 +1,4 @@
-"""What is left as it is while the rest is fuzzed: numba can't compile what atheris has marked."""
+"""The modules that atheris must not instrument, since numba can't compile instrumented code."""
 
 from itertools import chain
 from pathlib import Path
@@ -7,7 +7,7 @@ PRODUCT = Path(__file__).parents[2]
 
 
 def compiled_modules() -> list[str]:
-    """The modules with compiled kernels, by name, and the one that compiles them."""
+    """The names of the modules with kernels, and of the module that compiles them."""
     every = chain.from_iterable((PRODUCT / package).rglob("*.py") for package in ("ingest", "deconflict"))
-    paths = (one.relative_to(PRODUCT) for one in every if "ingest.kernels" in one.read_text())
-    return ["ingest.kernels", *(".".join(one.with_suffix("").parts) for one in paths)]
+    paths = (path.relative_to(PRODUCT) for path in every if "ingest.kernels" in path.read_text())
+    return ["ingest.kernels", *(".".join(path.with_suffix("").parts) for path in paths)]

@@ -1,4 +1,4 @@
-"""Inputs made of other inputs: a document with a part replaced, moved or taken away, or its bytes damaged."""
+"""Makes inputs from other inputs: replaces, moves or removes a part of a document, or damages its bytes."""
 
 import json
 import tomllib
@@ -42,45 +42,45 @@ HOSTILE: tuple[Any, ...] = (
     [[]],
     [0.0, 0.0],
 )
-"""What no sender should say, or only in another place."""
+"""Values that no sender should send, or only in another place."""
 SCALES = (0.0, -1.0, 1e-6, 0.5, 2.0, 1000.0, 1e15)
 Format = tuple[Callable[[bytes], Any], Callable[[Any], bytes]]
-JSON: Format = (json.loads, lambda told: json.dumps(told).encode())
+JSON: Format = (json.loads, lambda document: json.dumps(document).encode())
 TOML: Format = (
     lambda raw: tomllib.loads(raw.decode()),
-    lambda told: toml(told).encode("utf-8", "surrogatepass"),
+    lambda document: toml(document).encode("utf-8", "surrogatepass"),
 )
 
 
 def mutated(raw: bytes, random: Random, form: Format) -> bytes:
-    """`raw` changed in one to four places: as a document where it is one, else as bytes."""
+    """`raw` changed in one to four places: as a document if it is one, else as bytes."""
     read, write = form
     try:
-        told = read(raw)
+        document = read(raw)
         for _ in range(random.randint(1, 4)):
-            told = _changed(told, random)
-        written = write(told)
+            document = _changed(document, random)
+        written = write(document)
     except (ValueError, RecursionError):
         return _damaged(raw, random)
     return _damaged(written, random) if random.random() < 0.1 else written
 
 
-def _changed(told: Any, random: Random) -> Any:
-    places = list(_places(told))
+def _changed(document: Any, random: Random) -> Any:
+    places = list(_places(document))
     if not places:
-        return told
+        return document
     holder, key = random.choice(places)
     change = random.choice((_replace, _remove, _exchange, _scale, _repeat, _rename))
     change(holder, key, places, random)
-    return told
+    return document
 
 
-def _places(told: Any) -> Iterator[tuple[Any, Any]]:
-    """Every holder and key of a document."""
-    keys = list(told) if isinstance(told, dict) else range(len(told)) if isinstance(told, list) else ()
+def _places(document: Any) -> Iterator[tuple[Any, Any]]:
+    """All containers of a document with each of their keys."""
+    keys = list(document) if isinstance(document, dict) else range(len(document)) if isinstance(document, list) else ()
     for key in keys:
-        yield told, key
-        yield from _places(told[key])
+        yield document, key
+        yield from _places(document[key])
 
 
 def _replace(holder: Any, key: Any, _: list[tuple[Any, Any]], random: Random) -> None:
@@ -102,7 +102,7 @@ def _scale(holder: Any, key: Any, _: list[tuple[Any, Any]], random: Random) -> N
 
 
 def _repeat(holder: Any, key: Any, _: list[tuple[Any, Any]], random: Random) -> None:
-    """The same item again, or a text as many times."""
+    """Repeat an item of a list, or double a text."""
     if isinstance(holder, list):
         holder.extend(deepcopy(holder[key]) for _ in range(random.choice((1, 2, 12))))
     elif isinstance(holder[key], str):
@@ -116,16 +116,16 @@ def _rename(holder: Any, key: Any, places: list[tuple[Any, Any]], random: Random
 
 
 def _damaged(raw: bytes, random: Random) -> bytes:
-    """Bytes changed, put in, taken out or cut off."""
-    told = bytearray(raw or b"{}")
-    at = random.randrange(len(told))
+    """Bytes changed, inserted, removed or cut off."""
+    damaged = bytearray(raw or b"{}")
+    at = random.randrange(len(damaged))
     match random.randrange(4):
         case 0:
-            told[at] ^= 1 << random.randrange(8)
+            damaged[at] ^= 1 << random.randrange(8)
         case 1:
-            told[at:at] = random.randbytes(random.randint(1, 4))
+            damaged[at:at] = random.randbytes(random.randint(1, 4))
         case 2:
-            del told[at : at + random.randint(1, 16)]
+            del damaged[at : at + random.randint(1, 16)]
         case _:
-            del told[at:]
-    return bytes(told)
+            del damaged[at:]
+    return bytes(damaged)

@@ -1,4 +1,4 @@
-"""What is fuzzed: each target takes any bytes and raises where a promise is broken."""
+"""The fuzz targets. Each takes any bytes and raises if a promise is broken."""
 
 import json
 from collections.abc import Callable
@@ -41,22 +41,22 @@ SPEAKERS = (Connection(1, path="/Alder", vendor="Alder"), Connection(2, path="/B
 TICKS = 3
 TICK_S = 0.5
 ENDS_S = ((0.0, 0.5), (0.0, 40.0), (0.0, 90_000.0), (0.5, 40.0, 90_000.0))
-"""How long after the last message an engine looks: at once, when robots have fallen silent, and a day later."""
+"""How long after the last message the engine runs: at once, when robots have fallen silent, and a day later."""
 
 
 def message(raw: bytes) -> None:
-    """One message gets one of three answers, and one that is accepted can be told again as JSON."""
-    told = read(raw, names_as_uuid="Basalt" if len(raw) % 2 else None)
-    assert set(told.findings) <= RULES.keys(), told.findings
-    if isinstance(told, Rejection):
-        assert RULES[told.rule].rejects, told.rule
-        assert told.reason
+    """A message gives an identity, a status or a rejection. An accepted one can be written as JSON."""
+    message = read(raw, names_as_uuid="Basalt" if len(raw) % 2 else None)
+    assert set(message.findings) <= RULES.keys(), message.findings
+    if isinstance(message, Rejection):
+        assert RULES[message.rule].rejects, message.rule
+        assert message.reason
     else:
         json.dumps(message_document(raw), allow_nan=False)
 
 
 def floor(raw: bytes) -> None:
-    """What several speakers say, a message a line, goes all the way to advisories; ticks fall between them."""
+    """Messages of several senders, one per line, go all the way to advisories, with ticks between them."""
     fleet = Fleet(VendorRegistry(SITE.vendors), FRAMES, SITE.reading, Measures(), Quarantine())
     engine = Engine(SITE)
     lines = raw.split(b"\n")[:12]
@@ -78,18 +78,25 @@ def _step(engine: Engine, batch: Batch) -> None:
     batch = Batch.from_bytes(batch.to_bytes())
     _sound(batch)
     engine.receive(batch)
-    for told in engine.step(batch.now_s):
-        assert ADVISORY.validate_json(told.model_dump_json()).id == told.id
+    for revision in engine.step(batch.now_s):
+        assert ADVISORY.validate_json(revision.model_dump_json()).id == revision.id
     assert all(0 <= probability <= 1 for _, probability in engine.probabilities())
 
 
 def _sound(batch: Batch) -> None:
-    one = batch.forecasts
-    for column in (one.t_s, one.x_m, one.y_m, one.yaw_rad, one.length_m, one.width_m):
+    forecasts = batch.forecasts
+    for column in (
+        forecasts.t_s,
+        forecasts.x_m,
+        forecasts.y_m,
+        forecasts.yaw_rad,
+        forecasts.length_m,
+        forecasts.width_m,
+    ):
         assert np.isfinite(column).all(), column
-    assert (np.abs(one.x_m) < 1e8).all()
-    assert all(_increasing(one.t_s[a:b]) for a, b in zip(one.start, one.start[1:], strict=False))
-    assert (one.floor < len(batch.floors)).all()
+    assert (np.abs(forecasts.x_m) < 1e8).all()
+    assert all(_increasing(forecasts.t_s[a:b]) for a, b in zip(forecasts.start, forecasts.start[1:], strict=False))
+    assert (forecasts.floor < len(batch.floors)).all()
     json.dumps([batch.vendors, batch.names, batch.states])
 
 
@@ -98,24 +105,24 @@ def _increasing(t_s: Floats) -> bool:
 
 
 def site(raw: bytes) -> None:
-    """A site file is taken, or refused with what to change."""
-    told: Site | SiteError
+    """A site file is accepted, or refused with a message that says what to change."""
+    result: Site | SiteError
     try:
-        told = site_from_toml(raw, Path("site.toml"))
+        result = site_from_toml(raw, Path("site.toml"))
     except SiteError as error:
-        told = error
-    if isinstance(told, SiteError):
-        assert all(told.problems)
-        assert told.problems
+        result = error
+    if isinstance(result, SiteError):
+        assert all(result.problems)
+        assert result.problems
         return
-    assert Site.model_validate_json(told.model_dump_json()) == told
-    if not fit_problems(told):
-        FrameRegistry(told.datums, told.vendors)
+    assert Site.model_validate_json(result.model_dump_json()) == result
+    if not fit_problems(result):
+        FrameRegistry(result.datums, result.vendors)
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A function to fuzz, what its input is, and inputs to begin with."""
+    """A function to fuzz, the format of its input, and inputs to start from."""
 
     run: Callable[[bytes], None]
     form: Format
@@ -123,21 +130,23 @@ class Target:
 
 
 def _meeting() -> bytes:
-    """Two robots that identify themselves and are about to meet, a line each message."""
-    told = [identity("A-1", T), identity("B-1", T, manufacturerName="Basalt")]
+    """Messages of two robots that identify themselves and are about to meet, one per line."""
+    messages = [identity("A-1", T), identity("B-1", T, manufacturerName="Basalt")]
     for i in range(4):
         t_s = T + i
-        told.append(
+        messages.append(
             status("A-1", t_s, -3.0 + i, 0.0, path=points(*((t_s + k, -3.0 + i + k, 0.0, 0.0) for k in (1, 9))))
         )
-        told.append(status("B-1", t_s, 3.0 - i, 0.0, path=points(*((t_s + k, 3.0 - i - k, 0.0, 3.14) for k in (1, 9)))))
-    return b"\n".join(told)
+        messages.append(
+            status("B-1", t_s, 3.0 - i, 0.0, path=points(*((t_s + k, 3.0 - i - k, 0.0, 3.14) for k in (1, 9))))
+        )
+    return b"\n".join(messages)
 
 
 _MESSAGES = tuple(vector.raw for vector in VECTORS)
 _LINES: Format = (
     lambda raw: [json.loads(line) for line in raw.split(b"\n")],
-    lambda told: b"\n".join(json.dumps(line).encode() for line in told),
+    lambda documents: b"\n".join(json.dumps(document).encode() for document in documents),
 )
 TARGETS = {
     "message": Target(message, JSON, _MESSAGES),

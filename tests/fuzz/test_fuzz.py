@@ -1,4 +1,4 @@
-"""A short run of each target; `python -m tests.fuzz` is the long one."""
+"""A short run of each target. `python -m tests.fuzz` makes a long one."""
 
 import sys
 from random import Random
@@ -24,22 +24,22 @@ def test_no_mutated_input_breaks_a_promise(name: str) -> None:
         target.run(mutated(random.choice(target.seeds), random, target.form))
 
 
-def test_mutation_reaches_what_is_read_and_what_is_refused() -> None:
+def test_mutated_messages_are_partly_accepted_and_partly_rejected() -> None:
     target, random = TARGETS["message"], Random(2)
-    told = [read(mutated(random.choice(target.seeds), random, target.form)) for _ in range(1000)]
-    rules = {one.rule for one in told if isinstance(one, Rejection)}
-    assert 300 < sum(not isinstance(one, Rejection) for one in told) < 900
+    messages = [read(mutated(random.choice(target.seeds), random, target.form)) for _ in range(1000)]
+    rules = {message.rule for message in messages if isinstance(message, Rejection)}
+    assert 300 < sum(not isinstance(message, Rejection) for message in messages) < 900
     assert len(rules) > 8
-    assert len({rule for one in told for rule in one.findings}) > 30
+    assert len({rule for message in messages for rule in message.findings}) > 30
 
 
-def test_what_numba_compiles_is_left_unmarked() -> None:
+def test_modules_with_kernels_are_not_instrumented() -> None:
     ours = {name: module for name, module in sys.modules.items() if name.startswith(("ingest", "deconflict"))}
     compiled = {
-        one.py_func.__module__
+        value.py_func.__module__
         for module in ours.values()
-        for one in vars(module).values()
-        if isinstance(one, Dispatcher)
+        for value in vars(module).values()
+        if isinstance(value, Dispatcher)
     }
     assert len(compiled) > 3
     assert compiled <= set(compiled_modules())

@@ -18,7 +18,7 @@ ROBOTS = ("0c5b4a7e-0000-4000-8000-000000000001", "0c5b4a7e-0000-4000-8000-00000
 
 
 def made(number: int, revision: int = 1, **fields: Any) -> ConflictAdvisory:
-    """Revision of the advisory with this number; revision 1 is raised, others updated a second later each."""
+    """A revision of the advisory with this number. Revision 1 is raised; each later one is updated a second later."""
     updated_at = START + timedelta(minutes=number, seconds=revision - 1)
     state = AdvisoryState.RAISED if revision == 1 else AdvisoryState.UPDATED
     whole: dict[str, Any] = {

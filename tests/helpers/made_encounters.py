@@ -1,4 +1,4 @@
-"""Seeded encounters of two robots, by family. Each maker takes a generator and gives the two forecasts."""
+"""Random encounters of two robots, by family. Each maker gets a generator and returns the two forecasts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -46,7 +46,7 @@ def size(rng: Generator) -> Floats:
 
 
 def wanderer(rng: Generator, *, speed_mps: float = 2.0, spread_m: float = 4.0, knots: int = 0) -> Forecasts:
-    """Knots at odd times before and after `NOW_S`, headings that turn as the path does, or otherwise."""
+    """Knots at irregular times before and after `NOW_S`, with headings along the path or random ones."""
     k = knots or int(rng.integers(2, 13))
     t = np.sort(rng.uniform(-1.0, 12.0, k))
     t[0] = -rng.uniform(0.1, 1.0)
@@ -67,7 +67,7 @@ def random(rng: Generator) -> Pair:
 
 
 def graze(rng: Generator, clearance_m: float = 0.0) -> Pair:
-    """Passes a standing robot side by side, above or below the clearance by 1e-2 to 1e-6 m."""
+    """One passes a standing robot side by side, 1e-2 to 1e-6 m above or below the clearance."""
     (la, wa), (lb, wb) = size(rng), size(rng)
     off = rng.choice([-1, 1]) * 10.0 ** -int(rng.integers(2, 7))
     yaw, speed = rng.uniform(-np.pi, np.pi), rng.uniform(0.3, 2)
@@ -79,7 +79,7 @@ def graze(rng: Generator, clearance_m: float = 0.0) -> Pair:
 
 
 def near_miss(rng: Generator, clearance_m: float = 0.0) -> Pair:
-    """Corner to corner, turning by each other a few millimetres to centimetres off."""
+    """They turn on the spot, corner to corner, up to two centimetres above or below the clearance."""
     (la, wa), (lb, wb) = size(rng), size(rng)
     apart = (np.hypot(la, wa) + np.hypot(lb, wb)) / 2 + clearance_m + rng.uniform(-0.02, 0.02)
     t = np.arange(0.0, 11.0)
@@ -110,7 +110,7 @@ def stationary(rng: Generator) -> Pair:
 
 
 def spinning(rng: Generator) -> Pair:
-    """On the spot, up to 3 rad/s, beside a wanderer or another one that spins."""
+    """One spins on the spot at up to 3 rad/s, beside a wanderer or another spinning one."""
 
     def spins() -> Forecasts:
         t = np.arange(-0.5, 11.0, 0.9)
@@ -150,7 +150,7 @@ def fast(rng: Generator) -> Pair:
 
 
 def full_turns(rng: Generator) -> Pair:
-    """Several turns while driving, in knots of less than half a turn."""
+    """Both make several turns while driving, with less than half a turn between knots."""
 
     def turns() -> Forecasts:
         t = np.linspace(-0.2, 10.5, 16)
@@ -162,7 +162,7 @@ def full_turns(rng: Generator) -> Pair:
 
 
 def zero_length_segments(rng: Generator) -> Pair:
-    """Pauses, and knots a few microseconds apart."""
+    """Pauses, and knots only microseconds apart."""
 
     def pauses() -> Forecasts:
         w = wanderer(rng, spread_m=2.5, knots=6)
@@ -176,7 +176,7 @@ def zero_length_segments(rng: Generator) -> Pair:
 
 
 def knots_on_the_second(rng: Generator) -> Pair:
-    """Knots on the edges of slabs for one, two to three hundred of them in between for the other."""
+    """One has knots on the edges of slabs, the other two to three hundred knots in between."""
     t = np.arange(-1.0, 12.0) + 0.7
     a = robot(t, rng.uniform(-1, 1) * t, np.cumsum(rng.normal(0, 0.7, 13)), rng.uniform(-3, 3, 13), size(rng))
     t = np.cumsum(rng.uniform(1e-4, 0.1, int(rng.integers(200, 300)))) - 0.5
@@ -186,7 +186,7 @@ def knots_on_the_second(rng: Generator) -> Pair:
 
 
 def late_or_early(rng: Generator) -> Pair:
-    """Appears within the horizon, or stands from within it on, or said its last long ago."""
+    """Each appears within the horizon, stops within it, or has a forecast that ended long ago."""
 
     def one() -> Forecasts:
         w = wanderer(rng, spread_m=1.0)
@@ -249,19 +249,19 @@ FAMILIES: dict[str, Maker] = {
 
 
 def encounters(family: str, count: int, seed: int, clearance_m: float) -> Forecasts:
-    """`count` pairs, rows 2 i and 2 i + 1, each on floors of its own, so that one sweep answers for all."""
+    """`count` pairs in rows 2 i and 2 i + 1. Each pair has its own floors, so that one sweep handles all."""
     rng = np.random.default_rng(seed)
     return Forecasts.joined(
-        replace(one, floor=np.where(one.floor >= 0, one.floor + 4 * number, -1))
+        replace(forecast, floor=np.where(forecast.floor >= 0, forecast.floor + 4 * number, -1))
         for number in range(count)
-        for one in FAMILIES[family](rng, clearance_m)
+        for forecast in FAMILIES[family](rng, clearance_m)
     )
 
 
 def grazing(family: str, count: int, seed: int, clearance_m: float) -> Forecasts:
-    """Encounters of a family, drawn apart until their smallest distance is 1e-2 to 1e-6 m off the clearance.
+    """Encounters of a family, moved apart until their smallest distance is 1e-2 to 1e-6 m off the clearance.
 
-    Where they can't be that far from a clearance of 0 to its inside, they overlap by about a micrometre.
+    If that distance would be negative, they overlap by about a micrometre.
     """
     rng = np.random.default_rng(seed)
     start = _meeting_at(encounters(family, count, seed, clearance_m), rng.uniform(0.5, 9.5, count))
@@ -285,7 +285,7 @@ def grazing(family: str, count: int, seed: int, clearance_m: float) -> Forecasts
 
 
 def _meeting_at(forecasts: Forecasts, into_s: Floats) -> Forecasts:
-    """Every second robot put where the one before it is `into_s` after `NOW_S`."""
+    """The forecasts with every second robot moved to where the one before it is `into_s` after `NOW_S`."""
     x, y = forecasts.x_m.copy(), forecasts.y_m.copy()
     for (first, second), t in zip(rows_of_pairs(len(into_s)), NOW_S + into_s, strict=True):
         a, b = (slice(*forecasts.start[row : row + 2]) for row in (first, second))

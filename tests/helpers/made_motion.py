@@ -1,4 +1,4 @@
-"""Random motions of one rectangle about another, and their distances by the oracle's means."""
+"""Random motions of one rectangle relative to another, and their distances computed as in the oracle."""
 
 import numpy as np
 from numpy.random import Generator
@@ -24,16 +24,16 @@ def motions(rng: Generator, n: int, *, turning: bool = True, least_m: float = 0.
 
 
 def completed(made: Motions) -> Motions:
-    """With what follows from the rest filled in."""
+    """The motions with the derived fields filled in."""
     made["swing"] = 0.0
-    for one in ("a", "b"):
-        made[f"cos_{one}"], made[f"sin_{one}"] = np.cos(made[f"yaw_{one}"]), np.sin(made[f"yaw_{one}"])
-        made["swing"] += np.abs(made[f"turn_{one}"]) * np.hypot(made[f"length_{one}"], made[f"width_{one}"])
+    for robot in ("a", "b"):
+        made[f"cos_{robot}"], made[f"sin_{robot}"] = np.cos(made[f"yaw_{robot}"]), np.sin(made[f"yaw_{robot}"])
+        made["swing"] += np.abs(made[f"turn_{robot}"]) * np.hypot(made[f"length_{robot}"], made[f"width_{robot}"])
     return made
 
 
 def true_distance(motion: Motions, t: Floats) -> Floats:
-    """(n,) at `t` (n,)."""
+    """(n,) distances at the times `t` (n,)."""
     into = t - motion["begin"]
     zero = np.zeros(len(motion))
     x, y = motion["dx"] + motion["vx"] * into, motion["dy"] + motion["vy"] * into

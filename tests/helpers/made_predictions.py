@@ -1,4 +1,4 @@
-"""Predictions in columns, as the life of conflict advisories takes them."""
+"""Predictions in columns, as the lifecycle of conflict advisories reads them."""
 
 from collections.abc import Sequence
 from typing import Any

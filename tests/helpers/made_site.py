@@ -1,4 +1,4 @@
-"""A site file that holds, to be spoiled one key at a time."""
+"""A valid site file, of which tests change one key at a time."""
 
 import json
 from copy import deepcopy
@@ -14,7 +14,7 @@ _SOUND: dict[str, Any] = {
         {
             "id": HALL,
             "name": "Hall",
-            "reference_points": [{"id": one, "x": x, "y": y} for one, (x, y) in MARKS.items()],
+            "reference_points": [{"id": mark, "x": x, "y": y} for mark, (x, y) in MARKS.items()],
         },
         {
             "id": "yard",
@@ -34,7 +34,7 @@ _SOUND: dict[str, Any] = {
                 {
                     "datum": "own",
                     "site_datum": HALL,
-                    "readings": {one: [y, -x] for one, (x, y) in MARKS.items()},
+                    "readings": {mark: [y, -x] for mark, (x, y) in MARKS.items()},
                 }
             ],
         },
@@ -46,11 +46,11 @@ def sound() -> dict[str, Any]:
     return deepcopy(_SOUND)
 
 
-def put(told: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
-    """`told` with what lies at a path such as `vendors.1.name` set; None takes it away."""
-    *way, last = [int(part) if part.isdigit() else part for part in path.split(".")]
-    at: Any = told
-    for part in way:
+def put(document: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
+    """Set the value at a path such as `vendors.1.name` of a document. None removes it. Returns the document."""
+    *parents, last = [int(part) if part.isdigit() else part for part in path.split(".")]
+    at: Any = document
+    for part in parents:
         at = at.setdefault(part, {}) if isinstance(at, dict) else at[part]
     if value is None:
         del at[last]
@@ -58,25 +58,25 @@ def put(told: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
         at.append(value)
     else:
         at[last] = value
-    return told
+    return document
 
 
-def written(told: dict[str, Any], folder: Path) -> Path:
+def written(document: dict[str, Any], folder: Path) -> Path:
     path = folder / "site.toml"
-    path.write_text(toml(told), encoding="utf-8")
+    path.write_text(toml(document), encoding="utf-8")
     return path
 
 
-def toml(told: dict[str, Any]) -> str:
-    """A document as TOML, a line each of its own keys."""
-    return "".join(f"{json.dumps(key)} = {_toml(value)}\n" for key, value in told.items())
+def toml(document: dict[str, Any]) -> str:
+    """A document as TOML, one line for each of its top-level keys."""
+    return "".join(f"{json.dumps(key)} = {_toml(value)}\n" for key, value in document.items())
 
 
 def _toml(value: Any) -> str:
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(key)} = {_toml(one)}" for key, one in value.items()) + "}"
+        return "{" + ", ".join(f"{json.dumps(key)} = {_toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(one) for one in value) + "]"
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
     if isinstance(value, bool):
         return str(value).lower()
     return json.dumps(value) if isinstance(value, str) else repr(value)

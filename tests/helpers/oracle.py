@@ -1,9 +1,9 @@
-"""What truly happens between two robots, by a method that shares nothing with the engine but the layout of its input.
+"""The true distances between two robots, by a method that shares only the layout of its input with the engine.
 
-Distances are those of GEOS polygons (through shapely). Each stretch of time between two knots is sampled, and halved
-where its ends leave room for a smaller distance: nothing moves faster than L = |v| + |wA| rA + |wB| rB, so over a
-stretch of length h the distance stays above (f0 + f1 - L h) / 2. A witness, a time at which the robots are that close,
-stands behind each claim that they touch.
+Distances are those of GEOS polygons (through shapely). Each interval between two knots is sampled, and halved if its
+ends leave room for a smaller distance: nothing moves faster than L = |v| + |wA| rA + |wB| rB, so over an interval of
+length h the distance stays above (f0 + f1 - L h) / 2. For each touch there is a witness: a time at which the robots are
+that close.
 """
 
 from collections.abc import Sequence
@@ -25,18 +25,18 @@ GOLDEN = (5**0.5 - 1) / 2
 
 @dataclass(frozen=True)
 class Truth:
-    """Of c pairs. Arrays are (c,); inf where the robots never share a floor, or never come so close."""
+    """The results for c pairs. Arrays are (c,): inf if the robots never share a floor, or never come so close."""
 
     closest_m: Floats
-    """A distance that is reached; none is smaller by more than `RESOLUTION_M`, as far as it is near the clearance."""
+    """A distance that is reached. Near the clearance, no distance is smaller by more than `RESOLUTION_M`."""
     touch_s: Floats
-    """The first witness of a distance within the clearance, since `now_s`; a dip of less than `RESOLUTION_M` below
-    it may come earlier."""
+    """The first witness of a distance within the clearance, since `now_s`. A dip of less than `RESOLUTION_M` below the
+    clearance may come earlier."""
 
 
 @dataclass(frozen=True)
 class Stretches:
-    """n stretches of even motion of both robots on one floor. Poses are (n, 2 robots, 3): x, y, yaw."""
+    """n intervals in which both robots move evenly on one floor. Poses are (n, 2 robots, 3): x, y, yaw."""
 
     pair: Ints
     begin: Floats
@@ -53,14 +53,14 @@ class Stretches:
         return rectangle_distance(pose[:, 0], pose[:, 1], self.size[rows, 0], self.size[rows, 1])
 
     def fastest(self) -> Floats:
-        """The most by which a distance can change in a second."""
+        """The greatest change of a distance in a second."""
         rate = (self.pose1 - self.pose0) / (self.end - self.begin)[:, None, None]
         speed = np.hypot(*(rate[:, 1, :2] - rate[:, 0, :2]).T)
         return np.asarray(speed + (np.abs(rate[:, :, 2]) * np.hypot(*np.moveaxis(self.size, -1, 0)) / 2).sum(axis=1))
 
 
 def rectangle_distance(pose_a: Floats, pose_b: Floats, size_a: Floats, size_b: Floats) -> Floats:
-    """Of rectangles at poses (n, 3) with sizes (n, 2); A is put at the origin, so nothing is lost far from it."""
+    """(n,) distances of rectangles at poses (n, 3) with sizes (n, 2). A is moved to the origin, to lose no digits."""
     placed = pose_b[:, :2] - pose_a[:, :2]
     distance = shapely.distance(
         _polygons(np.zeros_like(placed), pose_a[:, 2], size_a), _polygons(placed, pose_b[:, 2], size_b)
@@ -76,7 +76,7 @@ def _polygons(centre: Floats, yaw: Floats, size: Floats) -> NDArray[np.object_]:
 
 
 class Track:
-    """One robot of `forecasts`, as the layout's own words say it moves."""
+    """The motion of one robot, as the docstring of `Forecasts` defines it."""
 
     def __init__(self, forecasts: Forecasts, row: int) -> None:
         knots = slice(forecasts.start[row], forecasts.start[row + 1])
@@ -86,7 +86,7 @@ class Track:
         self.height = forecasts.bottom_m[row], forecasts.top_m[row]
 
     def between(self, begin: Floats, end: Floats) -> tuple[Ints, Floats, Floats]:
-        """Floor and poses at the ends of stretches that no knot cuts; floor -1 before the first knot."""
+        """Floor, and poses at both ends, of intervals without a knot inside. Floor -1 before the first knot."""
         knot = np.searchsorted(self.t, begin, "right") - 1
         floor = np.where(knot < 0, -1, self.floor[knot])
         knot = np.maximum(knot, 0)
@@ -127,7 +127,7 @@ def stretches(forecasts: Forecasts, pairs: Sequence[tuple[int, int]], now_s: flo
 def truth(
     forecasts: Forecasts, pairs: Sequence[tuple[int, int]], *, now_s: float, horizon_s: float, clearance_m: float
 ) -> Truth:
-    """What happens between the rows of `pairs` in [`now_s`, `now_s + horizon_s`]."""
+    """The truth for the rows of `pairs` in [`now_s`, `now_s + horizon_s`]."""
     s = stretches(forecasts, pairs, now_s, horizon_s)
     search = _Search(s, len(pairs), clearance_m)
     search.run()
@@ -139,7 +139,7 @@ class _Search:
         self.s, self.clearance_m, self.fastest = s, clearance_m, s.fastest()
         self.closest, self.touch = np.full(pairs, np.inf), np.full(pairs, np.inf)
         self.nearest = np.full((pairs, 3), np.nan)
-        """Of each pair's closest sample: stretch, time, and how far from others the sample was."""
+        """The closest sample of each pair: interval, time, and distance in time to the next samples."""
 
     def run(self) -> None:
         count = len(self.s.pair)
@@ -162,7 +162,7 @@ class _Search:
         self._polish()
 
     def _open(self, row: Ints, low: Floats, high: Floats, f0: Floats, f1: Floats) -> NDArray[np.bool_]:
-        """Whether a part may hold a smaller distance, or an earlier touch."""
+        """Whether a part of an interval may have a smaller distance or an earlier touch."""
         pair, room = self.s.pair[row], self.fastest[row] * (high - low)
         bound = (f0 + f1 - room) / 2
         worth = bound < np.minimum(self.closest[pair] - RESOLUTION_M, self.clearance_m + 0.005)
@@ -181,7 +181,7 @@ class _Search:
         self.nearest[pair[order]] = np.stack([row, t, high - low], -1)[order]
 
     def _polish(self) -> None:
-        """Golden sections around each pair's closest sample: a dip too small to be halved for is witnessed too."""
+        """Golden-section search around each pair's closest sample, to find dips that halving does not reach."""
         pair = np.flatnonzero(np.isfinite(self.closest) & (self.closest > 0))
         row, at, room = self.nearest[pair, 0].astype(np.int64), self.nearest[pair, 1], self.nearest[pair, 2]
         low, high = np.maximum(at - room, self.s.begin[row]), np.minimum(at + room, self.s.end[row])
@@ -195,7 +195,7 @@ class _Search:
 
 
 def distance_at(forecasts: Forecasts, pair: tuple[int, int], t_s: float) -> float:
-    """Of the rows of `pair` at `t_s`, heights aside; inf where they don't share a floor then."""
+    """The distance of the rows of `pair` at `t_s`, without regard to heights. inf if they are on different floors."""
     at = np.array([t_s])
     (floor_a, a, _), (floor_b, b, _) = (Track(forecasts, row).between(at, at) for row in pair)
     if floor_a[0] != floor_b[0] or floor_a[0] < 0:

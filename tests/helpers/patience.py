@@ -1,4 +1,4 @@
-"""How long tests wait for what comes by itself."""
+"""How long tests wait for an event."""
 
 PATIENCE_S = 180.0
-"""Enough on a machine many times slower than any that is used; only what never comes takes so long."""
+"""Enough for a machine many times slower than any in use. Only an event that never comes takes this long."""

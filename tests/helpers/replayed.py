@@ -1,4 +1,4 @@
-"""What an engine says of a recording, pass by pass as it was recorded."""
+"""The advisories of an engine for a recording, pass by pass as it was recorded."""
 
 from pathlib import Path
 
@@ -12,8 +12,8 @@ from ingest.recording.log_reader import EngineStarted, LogReader, Received, Tick
 
 
 def replayed(log: Path, site: Site) -> list[AnyAdvisory]:
-    """Every revision, with the effort and the answers that the recorded passes had."""
-    fleet, engine, told = fleet_of(site, Measures()), Engine(site), list[AnyAdvisory]()
+    """All revisions, with the effort and the answers that the recorded passes had."""
+    fleet, engine, revisions = fleet_of(site, Measures()), Engine(site), list[AnyAdvisory]()
     everything = False
     for event in LogReader().read([log]):
         if isinstance(event, Received):
@@ -23,5 +23,5 @@ def replayed(log: Path, site: Site) -> list[AnyAdvisory]:
         elif isinstance(event, Tick):
             engine.receive(fleet.next_batch(event.now_s, everything))
             everything = False
-            told += engine.step(event.now_s, Effort(event.effort), event.pending)
-    return told
+            revisions += engine.step(event.now_s, Effort(event.effort), event.pending)
+    return revisions

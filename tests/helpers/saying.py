@@ -1,4 +1,4 @@
-"""What robots say, for tests: conforming reports in the standard's JSON, with any key replaced."""
+"""Messages of robots for tests: conforming reports in the standard's JSON, with any key replaced."""
 
 import json
 from datetime import UTC, datetime
@@ -52,5 +52,5 @@ def status(name: str, t_s: float, x: float = 0.0, y: float = 0.0, yaw_rad: float
 
 
 def _bytes(report: dict[str, Any]) -> bytes:
-    """Keys given as None are left out."""
+    """The report as JSON. Keys with the value None are left out."""
     return json.dumps({key: value for key, value in report.items() if value is not None}).encode()

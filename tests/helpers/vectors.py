@@ -1,4 +1,4 @@
-"""One message or more for each rule that a message by itself can break: what it is, and how it is to be read."""
+"""One or more messages for each rule that a message by itself can break, with the expected results."""
 
 import json
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ NIL = "00000000-0000-0000-0000-000000000000"
 
 @dataclass(frozen=True, slots=True)
 class Vector:
-    """A message, the rules it breaks, and what it is read as: attribute to value."""
+    """A message, the rules that it breaks, and the attributes that it is read as."""
 
     name: str
     raw: bytes
